@@ -35,6 +35,7 @@ def sensor(folder: Path, found: MeasuredProfile | None, text: str = "", index: f
 class PointByPoint(Lens):
     """Lens whose face goes through every point of a noisy profile."""
 
+    cut: Curve
     distance_mm, half_width_mm, depth_mm = 1.0, 2.0, LENS.depth_mm
     front = Spline.through(np.column_stack([X, profile(noise_um(0.5), 0.0005).z_mm]))
 
@@ -115,11 +116,12 @@ def test_a_lens_cut_for_another_index_is_that_lens(tmp_path: Path) -> None:
 class Placed(Lens):
     """The exact oval moved as a whole and cut at the lens's edges: what a measured one shall be the same as."""
 
+    cut: Curve
     distance_mm, half_width_mm, depth_mm = 1.0, 2.0, LENS.depth_mm
 
     def __init__(self, motion: Rigid, scale: float = 1.0) -> None:
         whole = OvalLens(scale, 20.0 * scale, 2.2 * scale, 1.44).front.moved(motion)
-        self.cut = whole.part(_reached(whole, -2.0), _reached(whole, 2.0))
+        object.__setattr__(self, "cut", whole.part(_reached(whole, -2.0), _reached(whole, 2.0)))
 
     @property
     def front(self) -> Curve:

@@ -20,24 +20,20 @@ from solen.lens import FlatFace, Lens, MeasuredLens, lens_of
 from solen.material import Optical, optical
 from solen.parts import Light, light_of
 from solen.scene import Scene, sensor_scene
-from solen.sensor.differences import difference
 from solen.sensor.response import Response, Sensitivity, contrast_slope, powers
 from solen.spec import Design, load, value_at, with_values
 from solen.trace import Derivative, Mode, Slope, Trace, derivative, integrate, trace
 from solen.trace.adaptive import POINT_TOLERANCE, is_extended, usual_tolerance, why_not
-from solen.trace.derivative import EXTENDED_TOLERANCE, MOST_LEGS
+from solen.trace.derivative import EXTENDED_TOLERANCE, MOST_LEGS, SPACE_TOLERANCE
 from solen.trace.derivative import TOLERANCE as DERIVATIVE_TOLERANCE
 from solen.trace.result import Detected
 
 FAILURES = 2
 """After so many angles of a sweep at which integration failed, it is not tried at the others."""
-DENSE_TOLERANCE = 1e-4
 SAMPLED_TOLERANCE, FIRST_SAMPLED, MOST_SAMPLED = 2e-4, 2**15, 2**19
 """To what standard error rays in space and scattered light are sampled, and their least and largest number."""
 RECENT_SCENES = 64
 """Scenes that a sensor remembers."""
-FIRST_RAYS, MOST_RAYS = 2**13, 2**18
-"""What ever denser fans are driven to where integration fails, and their least and largest number of rays."""
 SLOPE_DEG, WIDE_SLOPE_DEG = 0.04, 0.2
 """Angle over which a slope is taken: of a point in the plane, whose response is steep, and of any other light."""
 FEW_ANGLES, MOST_ANGLES = 5, 129
@@ -227,8 +223,6 @@ class Sensor:
             other = Sensor.of(with_values(self.design, {key: value}))
             return (replace(other, cut=self.cut) if self.is_measured else other).scene(angle_deg)  # it is as it is
 
-        if self.design.trace.dimension == "extruded":
-            return difference(scene_at, value, self.tolerance(key)[0], mode)
         return derivative(scene_at, value, mode=mode)
 
     def sensitivity(
@@ -260,12 +254,12 @@ class Sensor:
         values = {key: self.number(key) for key in chosen}
         scene = self.scene(angle_deg)
         if why := why_not(scene):
-            limit = "derivatives are known of light that is integrated"
+            limit = "derivatives need light from points that nothing scatters by chance"
             raise DesignError("sensitivity", value=why, limit=limit, remedy="compare two designs by solen trace")
+        in_space = scene.extrusion is not None
         tolerance = EXTENDED_TOLERANCE if is_extended(scene) else DERIVATIVE_TOLERANCE
-        if scene.extrusion is not None:
-            tolerance = usual_tolerance(scene)
-        base = integrate(scene, "power", tolerance, most_legs=MOST_LEGS)
+        tolerance = SPACE_TOLERANCE if in_space else tolerance
+        base = integrate(scene, "power", tolerance, most_legs=None if in_space else MOST_LEGS)
         if not base.reached:
             limit = f"the integral must reach {tolerance:g}"
             raise DesignError(f"light at {angle_deg:g} deg", value=base.why, limit=limit, remedy="try another angle")
@@ -314,29 +308,11 @@ class Sensor:
         bare = [wall for wall in self.design.wall if wall.gap_um is None and not wall.coating]
         return any(wall.index == self.material.index for wall in bare)
 
-    def doubled(self, angle_deg: float = 0.0, tolerance: float = DENSE_TOLERANCE) -> tuple[Trace, float]:
-        """Power by fans of twice as many rays until no receiver changes by more than ``tolerance``.
-
-        For light whose ways part too often for `integrate`. Returns the last trace and its uncertainty: the last
-        change, or the share of one ray where that is more, because two fans can agree by chance; above ``tolerance``
-        where `MOST_RAYS` rays do not reach it.
-        """
-        rays = FIRST_RAYS
-        before = self.trace(angle_deg, "power", rays)
-        while True:
-            rays *= 2
-            after = self.trace(angle_deg, "power", rays)
-            changes = [abs(after.detectors[name].power - before.detectors[name].power) for name in after.detectors]
-            u = max(*changes, 1.0 / min(rays, after.rays))
-            if u <= tolerance or rays >= MOST_RAYS:
-                return after, u
-            before = after
-
     def sampled(self, angle_deg: float = 0.0, tolerance: float = SAMPLED_TOLERANCE) -> tuple[Trace, float]:
         """Power by ever more Sobol' samples until every receiver's standard error is within ``tolerance``.
 
-        For rays in space and for light that is scattered by chance. Returns the last trace and the largest error; above
-        ``tolerance`` where `MOST_SAMPLED` rays do not reach it.
+        For light that is scattered by chance, and where `integrate` does not do. Returns the last trace and the largest
+        error; above ``tolerance`` where `MOST_SAMPLED` rays do not reach it.
         """
         rays = FIRST_SAMPLED
         while True:
@@ -395,10 +371,10 @@ class Sensor:
         standard_error: float = SAMPLED_TOLERANCE,
         tolerance: float | None = None,
     ) -> Response:
-        """Response in power, integrated at every angle; by ever denser fans where that does not reach its tolerance.
+        """Response in power, integrated at every angle; sampled where that does not reach its tolerance.
 
-        The tolerance is that of `integrate`. Where light in space cannot be integrated, and where it is scattered, it
-        is sampled to the standard error. Of a symmetric sensor one of two opposite angles is traced.
+        The tolerance is that of `integrate`; scattered light is sampled to the standard error. Of symmetric sensors one
+        of two opposite angles is traced.
         """
         failed: list[float] = []
         done: dict[float, Reading] = {}
@@ -467,20 +443,18 @@ class Sensor:
         tolerance: float | None = None,
         standard_error: float = SAMPLED_TOLERANCE,
     ) -> Reading:
-        """Powers at an angle with their uncertainty: integrated, or by ever denser fans where that does not reach.
+        """Powers at an angle with their uncertainty: integrated, or sampled where that is better.
 
-        What is drawn by chance is sampled, and what flies in space where its integration does not reach.
+        What is drawn by chance is sampled.
         """
-        scene = self.scene(angle_deg)
-        integrates = integrates and not why_not(scene)
+        integrates = integrates and not why_not(self.scene(angle_deg))
         whole = self.integrate(angle_deg, tolerance=tolerance) if integrates else None
-        if whole is not None and whole.reached:
+        if whole is not None and (whole.reached or whole.u_power <= standard_error):
             return whole, powers(whole), whole.u_power
-        if scene.is_random or scene.extrusion is not None:
-            reading, u = self.sampled(angle_deg, standard_error)
-            return reading, powers(reading), u
-        dense, u = self.doubled(angle_deg)
-        return dense, powers(dense), u
+        sampled, u = self.sampled(angle_deg, standard_error)
+        if whole is not None and whole.u_power <= u:
+            return whole, powers(whole), whole.u_power
+        return sampled, powers(sampled), u
 
     def _sweep(
         self,

@@ -12,7 +12,7 @@ import math
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -22,14 +22,16 @@ from solen.curve import check_count
 from solen.errors import DesignError
 from solen.scene import Scene, Source
 from solen.scene.sources import Emission, Emitter
-from solen.trace.cone import COARSE, COARSE_TOLERANCE, MOST_LEGS, RULE, Cone, Integral, weighted_sum
+from solen.trace.cone import COARSE, COARSE_TOLERANCE, RULE, Cone, Integral, weighted_sum
 from solen.trace.kernel import adapt
+from solen.trace.kernel.prism import MORE_COLUMNS, FamilyInSpace
 from solen.trace.kernel.step import Rules
 from solen.trace.kernel.surface import SPLITTING
 from solen.trace.kernel.tree import Family
 from solen.trace.result import Detected, Ledger, Limits, Mode, Trace, check_mode
-from solen.trace.space import LightInSpace, why_not_in_space
+from solen.trace.space import LAST_LEVELS, LightInSpace, why_not_in_space
 from solen.trace.tables import Tables, compile_scene
+from solen.trace.tail import Tail
 
 INNER_SHARE, OUTER_SHARE = 0.2, 0.6
 """Shares of the tolerance for the integral at one place of a source, and for the one over its places."""
@@ -38,6 +40,16 @@ MOST_PLACES = 3000
 CHANGE_SHARE = 0.5
 """Least error of half a panel, as a share of what halving it has changed."""
 LEAST_SHARE = 0.01
+EXACT_SHARE, NEGLIGIBLE = 0.7, 0.02
+"""Shares of the tolerance: for the exact part beside a sampled tail; of light that is not worth sampling."""
+FEWEST_LEGS, MOST_LEGS, LEGS_TOLERANCE, GREATEST_LEGS = 200_000, 1_000_000, 1e-4, 20_000_000
+"""Straight stretches of light at least, for a tolerance, and at most: their number grows as its root falls."""
+FINE_LEVELS = ((1e-2, 24), *LAST_LEVELS)
+"""Least weights and most hits: over one coordinate many branches can be followed; over several, what a trapped ray
+gives is chaos, and samples serve better."""
+ROUGH = 3e-5
+"""Tolerance from which on samples do for a source with a size."""
+TAIL_LEGS, LAST_EFFORT, MANY_HITS = 60_000_000, 5, 10
 LEAST_TOLERANCE, MOST_TOLERANCE = 1e-12, 0.1
 POINT_TOLERANCE, EXTENDED_TOLERANCE = 1e-6, 1e-4
 """Default tolerance of powers: for a point of the plane in one wavelength, and for any other source."""
@@ -49,7 +61,7 @@ def integrate(
     tolerance: float = 1e-6,
     limits: Limits | None = None,
     *,
-    most_legs: int = MOST_LEGS,
+    most_legs: int | None = None,
 ) -> Trace:
     """Power at every receiver of a scene, over the angles, places and colours of its sources.
 
@@ -64,14 +76,18 @@ def integrate(
         What the uncertainty of every power shall not exceed, as a fraction of the emitted power; 1e-12 to 0.1. For a
         source with a size 1e-4 takes some hundred points of it.
     limits
-        Where following a ray ends; by default the least weight is a hundredth of the tolerance.
+        Where following a branch exactly ends; by default the least weight is a hundredth of the tolerance. What is left
+        then is sampled, for ``max_hits`` interfaces at most (`solen.trace.tail`). Where the tolerance is not reached
+        so, less is followed exactly and more is sampled.
     most_legs
-        After so many straight stretches of light from one point the integration ends, whatever its uncertainty.
+        After so many straight stretches of light from one point, and of samples, the integration ends, whatever its
+        uncertainty. By default their number grows as the tolerance falls.
 
     Returns
     -------
     Trace
-        With method ``"adaptive"``: values, one estimate of their error, and whether it is within the tolerance.
+        With method ``"adaptive"``: values, one estimate of their error, and whether it is within the tolerance. Light
+        that is trapped for more than ``max_hits`` counts as truncated and is part of the uncertainty.
 
     Raises
     ------
@@ -88,7 +104,7 @@ def integrate_many(
     tolerance: float = 1e-6,
     limits: Limits | None = None,
     *,
-    most_legs: int = MOST_LEGS,
+    most_legs: int | None = None,
     threads: int | None = None,
 ) -> list[Trace]:
     """`integrate` for many scenes, the positions of a motion or the variants of a design, on several threads."""
@@ -139,8 +155,8 @@ class Points:
         """
         rows = []
         for place in places:
-            found = self._light.point(float(place), self._tolerance, MOST_LEGS)
-            if not (found.ended and found.u <= self._tolerance):
+            found = self._light.point(float(place), self._tolerance, most_legs_for(self._tolerance))
+            if found.u > self._tolerance:
                 limit = f"the light of a point must be integrated to {self._tolerance:g}, and its paths split too often"
                 raise DesignError("emitter", value=f"place {place:.4g}", limit=limit, remedy="trace a fan")
             rows.append(found.share[: self._receivers])
@@ -154,6 +170,7 @@ class Light:
     ``family`` is what all its rays share, ``colours`` are wavelengths by their place in the tables, with their shares.
     """
 
+    source: Source
     tables: Tables
     ends: np.ndarray
     columns: int
@@ -177,7 +194,7 @@ class Light:
         )
         whole = math.fsum(weight for _, weight in source.spectrum)
         colours = [(scene.wavelengths_nm.index(nm), weight / whole) for nm, weight in source.spectrum] or [(0, 1.0)]
-        return cls(tables, ends, len(scene.receivers) + 2, emission, family, tuple(colours))
+        return cls(source, tables, ends, len(scene.receivers) + 2, emission, family, tuple(colours))
 
     def cone(self, place: float = 0.5, colour: int = 0) -> Cone:
         """The point at a place from 0 to 1, in one colour."""
@@ -186,12 +203,32 @@ class Light:
         families = tuple(here._replace(**stretch._asdict()) for stretch in self.emission.stretches)
         return Cone(self.tables, self.ends, self.columns, families, self.emission.whole)
 
-    def integral(self, tolerance: float, most_legs: int) -> Integral:
+    def integral(self, tolerance: float, rules: Rules, most_legs: int) -> Integral:
         """Integrate over angles, places and colours."""
+        light = replace(self, family=self.family._replace(rules=rules))
         if not self.emission.panels:
-            return self.point(0.5, tolerance, most_legs)
+            return light.point(0.5, tolerance, most_legs)
+        middle = light.point(0.5, INNER_SHARE * tolerance, most_legs)
+        if middle.error + middle.gaps > tolerance:  # nor will other places do
+            return middle._replace(share=0.0 * middle.share, gaps=1.0)
         return over_places(
-            lambda place: self.point(place, INNER_SHARE * tolerance, most_legs), self.emission.panels, tolerance
+            lambda place: light.point(place, INNER_SHARE * tolerance, most_legs), self.emission.panels, tolerance
+        )
+
+    def levels(self, tolerance: float) -> Sequence[tuple[float, int]]:
+        """Least weights and most hits of what is followed exactly where following all of it does not do."""
+        return LAST_LEVELS if self.emission.panels and tolerance >= ROUGH else FINE_LEVELS
+
+    def tail(self, rules: Rules) -> Tail:
+        """What is left beyond the rules: rays of the plane are rays in space that do not rise."""
+        f, nothing = self.family, np.empty(0)
+        family = FamilyInSpace(
+            f.x, f.z, 0.0, 0.0, f.axis, 0.0, 0.0, 0.0, 0.0, 0.0, f.s, f.p, f.colour, rules, f.far, 1.0, 1.0, 1.0,
+            f.low, f.high, 0.0, nothing, nothing,
+        )  # fmt: skip
+        columns = self.columns - 2 + MORE_COLUMNS
+        return Tail(
+            self.tables, self.source, False, columns, lambda line: family._replace(colour=self.colours[line][0])
         )
 
     def point(self, place: float, tolerance: float, most_legs: int) -> Integral:
@@ -225,6 +262,18 @@ def usual_tolerance(scene: Scene) -> float:
     return EXTENDED_TOLERANCE if in_space or is_extended(scene) else POINT_TOLERANCE
 
 
+def most_legs_for(tolerance: float) -> int:
+    """Straight stretches of light after which an integration ends."""
+    return int(min(max(MOST_LEGS * math.sqrt(LEGS_TOLERANCE / tolerance), FEWEST_LEGS), GREATEST_LEGS))
+
+
+def cause(found: Integral) -> str:
+    """Why an uncertainty is not smaller."""
+    if found.unfinished > found.error + found.gaps:
+        return f"{found.unfinished:.1e} of the light is trapped beyond the most hits; raise max_hits"
+    return "light is trapped or divided too often; ask for a larger tolerance, or for more legs"
+
+
 class Panel(NamedTuple):
     """A stretch of places from 0 to 1, and its part of the integral over all of them."""
 
@@ -240,9 +289,9 @@ def over_places(at: Callable[[float], Integral], panels: int, tolerance: float) 
     cuts, rule = np.linspace(0.0, 1.0, panels + 1).tolist(), COARSE if tolerance >= COARSE_TOLERANCE else RULE
     done = [_panel(at, rule, low, high)._replace(error=math.inf) for low, high in pairwise(cuts)]
     points, most = panels * len(rule.nodes), MOST_PLACES * panels
-    while points < most and all(panel.found.ended for panel in done):
-        if math.fsum(panel.error for panel in done) <= OUTER_SHARE * tolerance:
-            break
+    while points < most and math.fsum(panel.error for panel in done) > OUTER_SHARE * tolerance:
+        if math.fsum(panel.found.error + panel.found.gaps for panel in done) > tolerance:
+            break  # halving panels would not help
         worst = max(range(len(done)), key=lambda i: done[i].error)
         panel = done.pop(worst)
         middle = 0.5 * (panel.low + panel.high)
@@ -269,6 +318,7 @@ class Lights:
 
     scene: Scene
     mode: Mode
+    rules: Rules
     each: tuple[Light | LightInSpace, ...]
 
     @classmethod
@@ -283,6 +333,7 @@ class Lights:
         return cls(
             scene,
             mode,
+            rules,
             tuple(
                 LightInSpace.of(scene, source, tables, rules)
                 if in_space and isinstance(source, Emitter)
@@ -292,6 +343,11 @@ class Lights:
         )
 
     @property
+    def has_tails(self) -> bool:
+        """Whether what is left can be sampled: not behind an ideal lens."""
+        return all(interface.behaviour != "lens" for interface in self.scene.interfaces)
+
+    @property
     def in_plane(self) -> Light:
         """The first light, of a scene of the plane."""
         light = self.each[0]
@@ -299,9 +355,30 @@ class Lights:
             raise DesignError("source", value="in space", limit="this is known in the plane", remedy="leave it flat")
         return light
 
-    def trace(self, tolerance: float, most_legs: int) -> Trace:
+    def trace(self, tolerance: float, most_legs: int | None = None) -> Trace:
         """Integrate over all sources."""
-        return self.trace_of([light.integral(tolerance, most_legs) for light in self.each], tolerance)
+        legs = most_legs_for(tolerance) if most_legs is None else most_legs
+        return self.trace_of([self._followed(light, tolerance, legs) for light in self.each], tolerance)
+
+    def _followed(self, light: Light | LightInSpace, tolerance: float, most_legs: int) -> Integral:
+        """Integral of one light and its tail: the first within the tolerance, or else the best."""
+        best: Integral | None = None
+        for weight, hits in ((0.0, self.rules.max_hits), *light.levels(tolerance)):
+            if hits > self.rules.max_hits or 0.0 < weight <= self.rules.min_weight:
+                continue
+            rules = self.rules._replace(min_weight=max(weight, self.rules.min_weight), max_hits=hits)
+            share, effort = (1.0, 1) if best is None else (EXACT_SHARE, LAST_EFFORT if hits < MANY_HITS else 1)
+            found = light.integral(share * tolerance, rules, effort * most_legs)
+            within = found.error + found.gaps <= tolerance or (hits < MANY_HITS and found.gaps < 1.0)
+            if found.unfinished > NEGLIGIBLE * tolerance and within and self.has_tails:
+                left = max(math.sqrt(max(tolerance**2 - found.error**2, 0.0)) - found.gaps, 0.5 * tolerance)
+                found = light.tail(rules).added(found, left, self.rules.max_hits, TAIL_LEGS)
+            best = found if best is None or found.u < best.u else best
+            if best.u <= tolerance:
+                break
+        if best is None:
+            raise AssertionError("the first level is always taken")
+        return best
 
     def trace_of(self, integrals: Sequence[Integral], tolerance: float) -> Trace:
         """Result of what was found for each source."""
@@ -312,10 +389,8 @@ class Lights:
             1.0 - math.fsum(detected) - escaped - absorbed, 0.0
         )  # the gaps, and what was cut off on the way
         rays, legs, undefined, pieces = (int(count) for count in whole.counts)
-        by_source = (
-            np.array([weight * part.share for part, weight in zip(integrals, weights, strict=True)]) * whole.ended
-        )
-        why = f"{rays} rays reach {whole.u:.1e}: their paths split too often; trace a fan, or raise the least weight"
+        by_source = np.array([weight * part.share for part, weight in zip(integrals, weights, strict=True)])
+        why = f"{rays} rays reach {whole.u:.1e} and not {tolerance:g}: {cause(whole)}"
         return Trace(
             mode=self.mode,
             method="adaptive",

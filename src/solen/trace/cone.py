@@ -125,29 +125,35 @@ class Integral(NamedTuple):
     error: float
     gaps: float
     counts: np.ndarray
-    ended: bool
     missed: float = 0.0
     leaked: float = 0.0
 
     @property
+    def missing(self) -> float:
+        """Power that is at no receiver, did not escape and was not absorbed."""
+        return max(1.0 - math.fsum(self.share.tolist()), 0.0)
+
+    @property
+    def unfinished(self) -> float:
+        """Power of branches that were not followed to their ends."""
+        return max(self.missing - self.gaps, 0.0)
+
+    @property
     def u(self) -> float:
         """Uncertainty of every power: errors, and gaps or anything else that was not followed."""
-        missing = 1.0 - math.fsum(self.share[:-2]) - float(self.share[-2]) - float(self.share[-1])
-        return self.error + max(self.gaps, missing, 0.0) if self.ended else 1.0
+        return min(self.error + max(self.gaps, self.missing), 1.0)
 
 
 def weighted_sum(integrals: Sequence[Integral], weights: Sequence[float]) -> Integral:
-    """Weighted sum of what was found; nothing where one of them has not come to an end."""
-    ended = all(part.ended for part in integrals)
+    """Weighted sum of what was found."""
     pairs = list(zip(integrals, weights, strict=True))
     return Integral(
-        share=np.sum([weight * part.share for part, weight in pairs], axis=0) * ended,
-        error=math.fsum(weight * part.error for part, weight in pairs) if ended else math.inf,
+        share=np.sum([weight * part.share for part, weight in pairs], axis=0),
+        error=math.fsum(weight * part.error for part, weight in pairs),
         gaps=math.fsum(weight * part.gaps for part, weight in pairs),
         counts=np.sum([part.counts for part in integrals], axis=0),
-        ended=ended,
-        missed=math.fsum(weight * one.missed for one, weight in pairs),
-        leaked=math.fsum(weight * one.leaked for one, weight in pairs),
+        missed=math.fsum(weight * part.missed for part, weight in pairs),
+        leaked=math.fsum(weight * part.leaked for part, weight in pairs),
     )
 
 
@@ -179,7 +185,7 @@ class Cone:
         here = family.high - family.low
         most = max(abs(family.base + family.slope * family.low), abs(family.base + family.slope * family.high))
         density, share = 0.25 * tolerance * (self.whole / width), here / width
-        error, gaps, parts, ended = adapt.integrate_cone(
+        error, gaps, parts = adapt.integrate_cone(
             DOUBLE, self.tables, family, samples, pieces, self.ends, RULE, density,
             max(GAP_SHARE * tolerance * self.whole / most, narrowest), narrowest,
             0.5 * tolerance * self.whole * share / most, max(math.ceil(FIRST_STRETCHES * share), LEAST_STRETCHES),
@@ -188,7 +194,7 @@ class Cone:
         if kept is not None:
             kept.append(Parts.of(pieces, int(samples.counts[adapt.PIECES]), parts, SLIVER * here))
         counts = samples.counts[[adapt.RAYS, adapt.ALL_LEGS, adapt.UNDEFINED, adapt.PIECES]]
-        return Integral(total / self.whole * ended, error / self.whole, gaps * most / self.whole, counts, ended)
+        return Integral(total / self.whole, error / self.whole, gaps * most / self.whole, counts)
 
     def again(self, before: Sequence[Parts]) -> np.ndarray | None:
         """Powers (D + 2,) of this point over the pieces of another one that differs a little; None if they are lost."""

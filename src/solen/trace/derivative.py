@@ -9,7 +9,8 @@ in which what the quadrature leaves out cancels. Two steps, one half the other, 
 far they are apart bounds the error.
 
 What a source with a size gives is smooth where that of its points is not, so that plain differences of its integral
-serve: over larger steps, and to the error of the integral over the step.
+serve: over larger steps, and to the error of the integral over the step. In space both ends of a difference are
+integrated over the same cells, and the cells are halved by what the rules find of the difference.
 """
 
 import math
@@ -26,11 +27,14 @@ from solen.scene import Scene
 from solen.trace.adaptive import LEAST_SHARE, Lights, is_extended
 from solen.trace.cone import Parts
 from solen.trace.result import Limits, Mode
+from solen.trace.space import LightInSpace
 
-TOLERANCE, EXTENDED_TOLERANCE = 1e-9, 1e-6
-RELATIVE_STEP, EXTENDED_STEP = 2e-4, 1e-2
+TOLERANCE, EXTENDED_TOLERANCE, SPACE_TOLERANCE = 1e-9, 1e-6, 1e-4
+RELATIVE_STEP, EXTENDED_STEP, POINT_STEP_IN_SPACE = 2e-4, 1e-2, 1e-3
 MOST_HALVINGS = 6
-MOST_LEGS = 400_000
+MOST_LEGS, SPACE_LEGS = 400_000, 4_000_000
+ROUGH = 1e-2
+"""Tolerance that light in space reaches at once, unless it is trapped."""
 
 
 @dataclass(frozen=True)
@@ -73,10 +77,11 @@ def derivative(
         Where the derivative is taken.
     step
         Largest change of the parameter; by default 2e-4 of ``value`` or, at 0, 2e-4; for sources with a size or several
-        colours 1e-2. For a point source it is halved, up to six times, where the light's ways change within it.
+        colours 1e-2, and for a point in space 1e-3. For a point source in the plane it is halved, up to six times,
+        where the light's ways change within it.
     mode, tolerance, limits
-        As in `solen.trace.integrate`, for the integral at ``value``; by default a tolerance of 1e-9, or of 1e-6 for
-        sources with a size or several colours.
+        As in `solen.trace.integrate`, for the integral at ``value``; by default a tolerance of 1e-9, of 1e-6 for
+        sources with a size or several colours, and of 1e-4 in space.
 
     Returns
     -------
@@ -90,20 +95,20 @@ def derivative(
     """
     check_numbers("parameter", value)
     scene = scene_at(value)
-    if scene.extrusion is not None:
-        raise DesignError(
-            "derivative", value="rays in space", limit="is known in the plane", remedy="trace two designs"
-        )
-    point = not is_extended(scene)
-    step = (RELATIVE_STEP if point else EXTENDED_STEP) * (abs(value) or 1.0) if step is None else step
+    point = not is_extended(scene) and scene.extrusion is None
+    if step is None:
+        small = POINT_STEP_IN_SPACE if not is_extended(scene) else EXTENDED_STEP
+        step = (RELATIVE_STEP if point else small) * (abs(value) or 1.0)
     check_range("step", step, above=0.0)
     if tolerance is None:
-        tolerance = TOLERANCE if point else EXTENDED_TOLERANCE
+        tolerance = TOLERANCE if point else EXTENDED_TOLERANCE if scene.extrusion is None else SPACE_TOLERANCE
     limits = limits or Limits(min_weight=LEAST_SHARE * tolerance)
 
     def at(value: float) -> Lights:
         return Lights.of(scene_at(value), mode, limits)
 
+    if scene.extrusion is not None:
+        return _in_space(at, value, step, tolerance)
     return _of_a_point(at, value, step, tolerance) if point else _of_integrals(at, value, step, tolerance)
 
 
@@ -154,6 +159,24 @@ def _of_integrals(at: At, value: float, step: float, tolerance: float) -> Deriva
         differences.append((powers[1] - powers[0]) / (2.0 * half))
         u = (low.u_power + high.u_power) / (2.0 * half)
     return Derivative(_slopes(tuple(low.detectors), differences[0], differences[1], 5.0 / 3.0 * u), step, reached=True)
+
+
+def _in_space(at: At, value: float, step: float, tolerance: float) -> Derivative:
+    """Derivative in space: two differences over the same cells; of whole integrals where light is trapped."""
+    ends = {sign: at(value + sign * step) for sign in (-1.0, -0.5, 0.5, 1.0)}
+    each = list(zip(*(ends[sign].each for sign in ends), strict=True))
+    weights = [source.power / ends[1.0].scene.emitted for source in ends[1.0].scene.sources]
+    names, rules = ends[1.0].scene.receivers, ends[1.0].rules
+    wide, close, u = np.zeros(len(names)), np.zeros(len(names)), 0.0
+    for (low, half_low, half_high, high), weight in zip(each, weights, strict=True):
+        lights = [light for light in (low, half_low, half_high, high) if isinstance(light, LightInSpace)]
+        if len(lights) < 4 or lights[3].integral(ROUGH, rules, MOST_LEGS).u > ROUGH:
+            return _of_integrals(at, value, step, tolerance)
+        slopes = lights[3].slopes(lights[0], step, rules, SPACE_LEGS)
+        wide += weight * slopes.value[: len(names)]
+        close += weight * lights[2].slopes_again(lights[1], 0.5 * step, rules, slopes)[: len(names)]
+        u += weight * slopes.u
+    return Derivative(_slopes(names, wide, close, u), step, reached=True)
 
 
 def _slopes(names: tuple[str, ...], wide: FloatArray, close: FloatArray, noise: float) -> dict[str, Slope]:

@@ -13,7 +13,7 @@ changes.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
@@ -28,17 +28,19 @@ from solen.scene.sources import Ambient, Emitter
 from solen.scene.sources.pattern import CosinePower, Isotropic, PatternTable
 from solen.trace.cone import COARSE, COARSE_TOLERANCE, DOUBLE, RULE, Integral, weighted_sum
 from solen.trace.kernel import adapt, paths
-from solen.trace.kernel.prism import STACK_IN_SPACE, WIDTH_IN_SPACE, FamilyInSpace
+from solen.trace.kernel.prism import MORE_COLUMNS, FamilyInSpace
 from solen.trace.kernel.step import Rules
 from solen.trace.tables import Tables
+from solen.trace.tail import Tail
 
 FIRST_CELLS, FIRST_LINES = 4, 6
 """Cells along the angle in projection to begin with; of a point, stretches of the angle out of the plane."""
-MOST_PATHS = 400_000
-"""Paths after which the integration ends, with whatever it has reached."""
-KEPT_RAYS, KEPT_LEGS, KEPT_STRETCHES = 4096, 400_000, 2048
 LEARNED, PRIOR_RATIO = 4.0, 0.35
 """Weight and value of what is assumed of error over difference before any cell was halved."""
+LAST_LEVELS = ((0.5, 3), (0.5, 1))
+"""Least weight and most hits of what is followed exactly where following all of it does not do; then all is sampled."""
+TRAPPED = 0.3
+"""Share of the legs that the first cells may take: with more, light is trapped and halving cells does not help."""
 SPARE, FUTILE = 0.8, 0.1
 """Shares of the tolerance: where cells are halved no further; where what is lacking was not lost between cells."""
 CAUTION = 3.5
@@ -46,6 +48,9 @@ CAUTION = 3.5
 CHANGE_SHARE, LEAST_SHARE = 0.5, 0.05
 """Least difference of a half: shares of what halving changed, and of the difference before; rules agree by chance."""
 CHIP_TOLERANCE = 1e-4
+DIFFERENCE_CLOSENESS, DIFFERENCE_SHARE, DIFFERENCE_FLOOR = 0.01, 3e-4, 1e-6
+"""Of derivatives: how much closer paths are followed; what an error may be, as a share of the largest one, and as a
+change of a power over the step."""
 FLATNESS = 1e-3
 """Second difference of the powers along a chip's width that Simpson's rule is trusted with, times six."""
 NARROW, SOFT = 1e-3, 0.51
@@ -66,20 +71,38 @@ def why_not_in_space(scene: Scene) -> str:
 class Cell(NamedTuple):
     """A part of the domain with its integral.
 
-    ``errors`` are differences of two rules along each coordinate, ``inner`` is the error of the paths.
+    ``apart`` are differences of two rules along each coordinate and ``errors`` the largest of each, ``inner`` is the
+    error of the paths.
     """
 
     bounds: tuple[float, ...]
     value: FloatArray
+    apart: tuple[FloatArray, ...]
     errors: tuple[float, ...]
     inner: float
     paths: int
-    ended: bool
 
     @property
     def error(self) -> float:
         """Differences of both rules."""
         return sum(self.errors)
+
+    def minus(self, other: "Cell", scale: float) -> "Cell":
+        """Difference of two integrals over the same part, times ``scale``."""
+        apart = tuple(scale * (mine - its) for mine, its in zip(self.apart, other.apart, strict=True))
+        value, inner = scale * (self.value - other.value), scale * math.hypot(self.inner, other.inner)
+        return Cell(self.bounds, value, apart, tuple(map(_most, apart)), inner, self.paths + other.paths)
+
+
+Over = Callable[[tuple[float, ...]], Cell]
+
+
+class Slopes(NamedTuple):
+    """Changes of powers per unit of a parameter, what they may be off by, and the cells of each colour."""
+
+    value: FloatArray
+    u: float
+    cells: list[list[tuple[float, ...]]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,6 +118,8 @@ class LightInSpace:
     weights: tuple[float, ...]
     mirrored: bool
     """whether light that goes up and light that goes down do the same"""
+    jumps: bool
+    """whether it is a sharp function of the angle out of the plane, light from one height on receivers of another"""
 
     @classmethod
     def of(cls, scene: Scene, source: Emitter, tables: Tables, rules: Rules) -> "LightInSpace":
@@ -122,11 +147,12 @@ class LightInSpace:
         return cls(
             tables,
             ends,
-            len(scene.receivers) + 4,
+            len(scene.receivers) + MORE_COLUMNS,
             source,
             tuple(family._replace(colour=colour) for colour, _ in colours),
             tuple(weight for _, weight in colours),
             even and all(low == -high for low, high in heights),
+            not source.height_mm > 0.0 and bool(heights),
         )
 
     @property
@@ -134,12 +160,38 @@ class LightInSpace:
         """Integral of the relative intensity over all directions, in sr."""
         return self.source.pattern.space_integral_sr(self.source.half_rad)
 
-    def integral(self, tolerance: float, _: int = 0) -> Integral:
-        """Integrate over all colours."""
-        found = [self._colour(family, tolerance) for family in self.families]
+    def integral(self, tolerance: float, rules: Rules, most_legs: int) -> Integral:
+        """Integrate over all colours; each ends after so many straight stretches."""
+        if self.jumps and rules.max_hits > 1:
+            return Integral(np.zeros(self.columns + 2 - MORE_COLUMNS), 0.0, 1.0, np.zeros(4, np.int64))
+        families = [family._replace(rules=rules) for family in self.families]
+        found = [self._colour(family, tolerance, most_legs) for family in families]
         return found[0] if len(found) == 1 else weighted_sum(found, list(self.weights))
 
-    def _colour(self, family: FamilyInSpace, tolerance: float) -> Integral:
+    def levels(self, _: float) -> Sequence[tuple[float, int]]:
+        """Least weight and most hits of what is followed exactly where following all of it does not do."""
+        return LAST_LEVELS
+
+    def tail(self, rules: Rules) -> Tail:
+        """What is left beyond the rules."""
+        families = [family._replace(rules=rules) for family in self.families]
+        return Tail(self.tables, self.source, True, self.columns, families.__getitem__)
+
+    def _colour(self, family: FamilyInSpace, tolerance: float, most_legs: int) -> Integral:
+        room = paths.path_room(self.columns)
+        return _integrated(self.over(family, tolerance, room), self.first_cells, tolerance, most_legs, room)
+
+    @property
+    def first_cells(self) -> list[tuple[float, ...]]:
+        """What the domain is divided into to begin with."""
+        sides = [(0.0, 0.5 * math.pi)] if self.mirrored else [(-0.5 * math.pi, 0.0), (0.0, 0.5 * math.pi)]
+        if self.source.width_mm > 0.0:
+            strips = pairwise(np.linspace(-1.0, 1.0, FIRST_CELLS + 1).tolist())
+            return [(*strip, *side) for strip in strips for side in sides]
+        return [part for low, high in sides for part in pairwise(np.linspace(low, high, FIRST_LINES + 1).tolist())]
+
+    def over(self, family: FamilyInSpace, tolerance: float, room: paths.PathRoom, closeness: float = 1.0) -> Over:
+        """Integral over a cell in one colour; the smaller ``closeness``, the closer are the paths followed."""
         half = self.source.half_rad
         domain = Domain(
             self.tables,
@@ -148,16 +200,59 @@ class LightInSpace:
             (math.cos(half), math.sin(min(half, 0.5 * math.pi))),
             COARSE if tolerance >= COARSE_TOLERANCE else RULE,
             (2.0 if self.mirrored else 1.0) / self.whole,
-            _room(self.columns),
+            room,
         )
-        sides = [(0.0, 0.5 * math.pi)] if self.mirrored else [(-0.5 * math.pi, 0.0), (0.0, 0.5 * math.pi)]
-        if self.source.width_mm > 0.0:
-            strips = pairwise(np.linspace(-1.0, 1.0, FIRST_CELLS + 1).tolist())
-            cells = [(*strip, *side) for strip in strips for side in sides]
-            return _integrated(partial(domain.chip, width=self.source.width_mm), cells, tolerance, domain.room)
-        halves = [part for low, high in sides for part in pairwise(np.linspace(low, high, FIRST_LINES + 1).tolist())]
-        steps = (0.05 * tolerance * self.whole, NARROW_RAD * tolerance / CHIP_TOLERANCE, SOFT_RAD)
-        return _integrated(partial(domain.point, steps=steps), halves, tolerance, domain.room)
+        width = self.source.width_mm
+        if width > 0.0:
+            return partial(
+                domain.chip, width=width, steps=(closeness * FLATNESS, closeness * NARROW * width, SOFT * width)
+            )
+        narrow = NARROW_RAD * tolerance / CHIP_TOLERANCE
+        return partial(domain.point, steps=(closeness * 0.05 * tolerance * self.whole, closeness * narrow, SOFT_RAD))
+
+    def slopes(self, lower: "LightInSpace", step: float, rules: Rules, most_legs: int) -> Slopes:
+        """Change of the powers (D + 5,) per unit of a parameter, from the ``lower`` scene to this one in two ``step``.
+
+        Both scenes are integrated over the same cells, halved by what the rules find of the difference: an error that
+        both have alike drops out. They begin with the cells of one of them, which are small where the light parts: a
+        difference may be nothing anywhere else.
+        """
+        value, squares, cells_of = np.zeros(self.columns), 0.0, []
+        for mine, its, weight in zip(self.families, lower.families, self.weights, strict=True):
+            room = paths.path_room(self.columns)
+            room.counts[:] = 0
+            pair = [
+                light.over(family._replace(rules=rules), CHIP_TOLERANCE, room, DIFFERENCE_CLOSENESS)
+                for light, family in ((self, mine), (lower, its))
+            ]
+
+            def over(bounds: tuple[float, ...], pair: list[Over] = pair) -> Cell:
+                return pair[0](bounds).minus(pair[1](bounds), 0.5 / step)
+
+            floor = DIFFERENCE_FLOOR / step
+            plain = self.over(mine._replace(rules=rules), CHIP_TOLERANCE, room)
+            begun, _ = divided(plain, self.first_cells, CHIP_TOLERANCE, most_legs, room)
+            first = [over(cell.bounds) for cell in begun]
+            for cells, u in refined(over, first, floor):
+                most = _most(np.sum([cell.value for cell in cells], axis=0))
+                if u <= max(DIFFERENCE_SHARE * most, floor) or room.counts[1] >= most_legs:
+                    break
+            value += weight * np.sum([cell.value for cell in cells], axis=0)
+            squares += (weight * u) ** 2
+            cells_of.append([cell.bounds for cell in cells])
+        return Slopes(value, math.sqrt(squares), cells_of)
+
+    def slopes_again(self, lower: "LightInSpace", step: float, rules: Rules, before: Slopes) -> FloatArray:
+        """As `slopes`, over the cells found before."""
+        value = np.zeros(self.columns)
+        for i, weight in enumerate(self.weights):
+            room = paths.path_room(self.columns)
+            for light, sign in ((self, 1.0), (lower, -1.0)):
+                family = light.families[i]._replace(rules=rules)
+                over = light.over(family, CHIP_TOLERANCE, room, DIFFERENCE_CLOSENESS)
+                for bounds in before.cells[i]:
+                    value += sign * 0.5 / step * weight * over(bounds).value
+        return value
 
 
 class Domain(NamedTuple):
@@ -172,55 +267,84 @@ class Domain(NamedTuple):
     scale: float
     room: paths.PathRoom
 
-    def chip(self, bounds: tuple[float, ...], width: float) -> Cell:
+    def chip(self, bounds: tuple[float, ...], width: float, steps: tuple[float, float, float]) -> Cell:
         """Cell of the angle in projection (a share of the largest one) and t, over the width of a chip."""
         nodes, kronrod, gauss = self.rule.nodes, self.rule.kronrod, self.rule.gauss
         columns = self.room.value.shape[1]
         grid = np.empty((len(nodes), len(nodes), columns))
-        off, ended = paths.over_places(
-            DOUBLE, self.tables, self.family, self.room, self.ends, self.cone, nodes, np.array(bounds),
-            (FLATNESS, NARROW * width, SOFT * width), np.empty(columns), grid,
+        off = paths.over_places(
+            DOUBLE, self.tables, self.family, self.room, self.ends, self.cone, nodes, np.array(bounds), steps,
+            np.empty(columns), grid,
         )  # fmt: skip
         scale = 0.25 * (bounds[1] - bounds[0]) * (bounds[3] - bounds[2]) * self.scale / width
         inner = np.einsum("ijd,j->id", grid, kronrod)
         value = scale * (kronrod @ inner)
         across = value - scale * (kronrod @ np.einsum("ijd,j->id", grid, gauss))
-        errors = (_most(across), _most(value - scale * (gauss @ inner)))
-        return Cell(bounds, value, errors, scale * off * 4.0 / len(nodes) ** 2, len(nodes) ** 2, ended)
+        along = value - scale * (gauss @ inner)
+        errors = (_most(across), _most(along))
+        return Cell(bounds, value, (across, along), errors, scale * off * 4.0 / len(nodes) ** 2, len(nodes) ** 2)
 
     def point(self, bounds: tuple[float, ...], steps: tuple[float, float, float]) -> Cell:
         """Cell of t alone, over the angle in projection."""
         nodes, columns = self.rule.nodes, self.room.value.shape[1]
         grid = np.empty((len(nodes), columns))
-        off, ended = paths.over_angles(
+        off = paths.over_angles(
             DOUBLE, self.tables, self.family, self.room, self.ends, self.cone, nodes, np.array(bounds), steps,
             np.empty(columns), grid,
         )  # fmt: skip
         scale = 0.5 * (bounds[1] - bounds[0]) * self.scale
         value = scale * (self.rule.kronrod @ grid)
-        error = _most(value - scale * (self.rule.gauss @ grid))
-        return Cell(bounds, value, (error,), scale * off * 2.0 / len(nodes), len(nodes), ended)
+        apart = value - scale * (self.rule.gauss @ grid)
+        return Cell(bounds, value, (apart,), (_most(apart),), scale * off * 2.0 / len(nodes), len(nodes))
 
 
 def _integrated(
-    over: Callable[[tuple[float, ...]], Cell],
+    over: Over,
     first: Sequence[tuple[float, ...]],
     tolerance: float,
+    most_legs: int,
     room: paths.PathRoom,
 ) -> Integral:
     """Sum over cells, halved until the error is within the tolerance."""
     room.counts[:] = 0
-    cells = [over(bounds) for bounds in first]
-    paths_so_far, changes, differences, u = sum(cell.paths for cell in cells), 0.0, 0.0, math.inf
-    while all(cell.ended for cell in cells):
-        ratio = math.sqrt((changes + LEARNED * PRIOR_RATIO**2 * tolerance**2) / (differences + LEARNED * tolerance**2))
-        of_cells = _u(cells, CAUTION * ratio)
-        whole = math.fsum(math.fsum(cell.value[:-2]) for cell in cells)
+    cells, u = divided(over, first, tolerance, most_legs, room)
+    rays, legs, undefined = (int(count) for count in room.counts[:3])
+    counts = np.array([rays, legs, undefined, sum(cell.paths for cell in cells)])
+    if not cells:
+        return Integral(np.zeros(room.value.shape[1] + 2 - MORE_COLUMNS), 0.0, 1.0, counts)
+    value = np.sum([cell.value for cell in cells], axis=0)
+    whole = math.fsum(accounted(value))
+    value /= max(whole, 1.0)  # more than all light is an error of the quadrature
+    error = max(u - max(1.0 - whole, 0.0), 0.0)  # what is lacking is in u already
+    share, missed, leaked = value[: 2 - MORE_COLUMNS], float(value[-3]), float(value[-2])
+    return Integral(share, error, max(1.0 - whole, 0.0), counts, missed, leaked)
+
+
+def divided(
+    over: Over, first: Sequence[tuple[float, ...]], tolerance: float, most_legs: int, room: paths.PathRoom
+) -> tuple[list[Cell], float]:
+    """Cells of the domain for a tolerance, and the error of their sum; none where light is trapped."""
+    beginning: list[Cell] = []
+    for bounds in first:
+        beginning.append(over(bounds))
+        if room.counts[1] > TRAPPED * most_legs:
+            return [], 1.0
+    for cells, of_cells in refined(over, beginning, tolerance):
+        whole = math.fsum(math.fsum(accounted(cell.value)) for cell in cells)
         u = max(of_cells, abs(1.0 - whole))  # all light goes somewhere: what the sum lacks is an error that is known
-        if u <= SPARE * tolerance or of_cells <= FUTILE * tolerance or paths_so_far >= MOST_PATHS:
+        if u <= SPARE * tolerance or of_cells <= FUTILE * tolerance or room.counts[1] >= most_legs:
             break
+    return cells, u
+
+
+def refined(over: Over, cells: list[Cell], unit: float) -> Iterator[tuple[list[Cell], float]]:
+    """Cells and the error of their sum, the cell of the largest error halved each time; ``unit`` is a usual error."""
+    changes, differences = 0.0, 0.0
+    while True:
+        ratio = math.sqrt((changes + LEARNED * PRIOR_RATIO**2 * unit**2) / (differences + LEARNED * unit**2))
+        yield cells, _u(cells, CAUTION * ratio)
         worst = max(range(len(cells)), key=lambda i: cells[i].error)
-        cell = cells.pop(worst)
+        cell, cells = cells[worst], cells[:worst] + cells[worst + 1 :]
         along = 2 * int(np.argmax(cell.errors))
         middle = 0.5 * (cell.bounds[along] + cell.bounds[along + 1])
         lower, upper = list(cell.bounds), list(cell.bounds)
@@ -232,16 +356,11 @@ def _integrated(
         least = [LEAST_SHARE * error for error in cell.errors]
         least[along // 2] = max(least[along // 2], CHANGE_SHARE * change)
         cells += [half._replace(errors=tuple(map(max, half.errors, least))) for half in halves]
-        paths_so_far += sum(half.paths for half in halves)
-    ended = all(cell.ended for cell in cells)
-    value = np.sum([cell.value for cell in cells], axis=0)
-    value /= max(math.fsum(value[:-2]), 1.0)  # more than all light is an error of the quadrature
-    missing = 1.0 - math.fsum(value[:-2])  # cut off on the way, or an error that is in u already
-    rays, legs, undefined = (int(count) for count in room.counts[:3])
-    error = max(u - max(missing, 0.0), 0.0) if ended else math.inf
-    counts = np.array([rays, legs, undefined, paths_so_far])
-    value *= ended
-    return Integral(value[:-2], error, 0.0, counts, ended, float(value[-2]), float(value[-1]))
+
+
+def accounted(value: FloatArray) -> FloatArray:
+    """Powers of a ray that add up to all of it: those of receivers, escaped, absorbed, and what is unfinished."""
+    return np.append(value[: 2 - MORE_COLUMNS], value[-1])
 
 
 def _u(cells: list[Cell], ratio: float) -> float:
@@ -263,19 +382,3 @@ def _pattern(source: Emitter) -> tuple[float, FloatArray, FloatArray]:
             return exponent, nothing, nothing
         case PatternTable(angle_deg=angle_deg, relative=relative):
             return 0.0, np.radians(angle_deg), np.array(relative)
-
-
-def _room(columns: int) -> paths.PathRoom:
-    n = KEPT_RAYS
-    return paths.PathRoom(
-        u=np.empty(n),
-        tree=np.empty(n, np.uint64),
-        path=np.empty(n, np.uint64),
-        value=np.empty((n, columns)),
-        first=np.empty(n, np.int64),
-        many=np.empty(n, np.int64),
-        legs=np.empty((KEPT_LEGS, 6)),
-        waiting=np.empty((KEPT_STRETCHES, 2), np.int64),
-        stack=np.empty((STACK_IN_SPACE, WIDTH_IN_SPACE)),
-        counts=np.zeros(4, np.int64),
-    )

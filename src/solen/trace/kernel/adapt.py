@@ -134,7 +134,14 @@ def is_whole(samples: Samples, i: int, j: int, ends: FloatArray) -> bool:
 
 @called
 def cut(
-    k: Precision, tables: Tables, family: Family, samples: Samples, ends: FloatArray, opened: int, narrow: float
+    k: Precision,
+    tables: Tables,
+    family: Family,
+    samples: Samples,
+    ends: FloatArray,
+    opened: int,
+    narrow: float,
+    most_legs: int,
 ) -> int:
     """Halve the first ``opened`` stretches in ``samples.open`` until each is whole or narrow; FULL where room ends."""
     while opened > 0:
@@ -144,7 +151,7 @@ def cut(
         samples.whole[i] = is_whole(samples, i, j, ends)
         if samples.whole[i] or samples.angle[j] - samples.angle[i] <= narrow:
             continue
-        if opened + 2 > len(samples.open):
+        if opened + 2 > len(samples.open) or samples.counts[ALL_LEGS] > most_legs:
             return FULL
         middle = samples.angle[i] + 0.5 * (samples.angle[j] - samples.angle[i])
         new = add_sample(k, tables, family, samples, middle)
@@ -182,8 +189,8 @@ def gather(samples: Samples, pieces: Pieces) -> float:
         while samples.after[i] >= 0 and samples.whole[i]:
             i = samples.after[i]
         if n == len(pieces.low):
-            samples.counts[PIECES] = n
-            return math.inf
+            gaps += samples.angle[i] - samples.angle[first]
+            continue
         pieces.low[n], pieces.high[n] = samples.angle[first], samples.angle[i]
         pieces.tree[n], pieces.first[n] = samples.tree[first], first
         n += 1
@@ -218,13 +225,14 @@ def integrate_pieces(  # noqa: C901  pieces, parts and nodes: three loops of one
     most_legs: int,
     work: FloatArray,
     total: FloatArray,
-) -> tuple[float, int, int]:
+) -> tuple[float, float, int, int]:
     """Integrate over all pieces, each halved until its error per width is at most ``density``.
 
     ``work`` is (16, D + 2): values at the nodes, then their sum. ``total`` (D + 2,) becomes the integral. Returns
-    the error, how many parts, and how many strays were put into the chain; a piece with strays is left out.
+    the error, the width that was left out when the room or ``most_legs`` ended, how many parts, and how many strays
+    were put into the chain; a piece with strays is left out.
     """
-    error, parts, strays, columns = 0.0, 0, 0, len(total)
+    error, left_out, parts, strays, columns = 0.0, 0.0, 0, 0, len(total)
     for d in range(columns):
         total[d] = 0.0
     for piece in range(samples.counts[PIECES]):
@@ -234,7 +242,10 @@ def integrate_pieces(  # noqa: C901  pieces, parts and nodes: three loops of one
             waiting -= 1
             low, high = pieces.waiting[waiting, 0], pieces.waiting[waiting, 1]
             middle, half = 0.5 * (low + high), 0.5 * (high - low)
-            clean = True
+            if samples.counts[ALL_LEGS] > most_legs or parts == len(pieces.part_low):
+                left_out += high - low
+                continue
+            clean, room = True, True
             for node in range(len(rule.nodes)):
                 angle = middle + half * rule.nodes[node]
                 kept = samples.counts[LEGS]
@@ -244,15 +255,23 @@ def integrate_pieces(  # noqa: C901  pieces, parts and nodes: three loops of one
                 samples.counts[RAYS] += 1
                 samples.counts[ALL_LEGS] += max(many, 0)
                 samples.counts[UNDEFINED] += 1 if undefined else 0
-                if many == NO_ROOM or samples.counts[ALL_LEGS] > most_legs:
-                    return math.inf, parts, 0
+                if many == NO_ROOM:
+                    room = False
+                    break
                 weigh(family, angle, work[node])
                 if tree != pieces.tree[piece]:
                     clean = False
                     if insert_stray(k, tables, family, samples, pieces.first[piece], angle) == NO_ROOM:
-                        return math.inf, parts, 0
+                        room = False
+                        break
                     strays += 1
+            if not room:
+                left_out += high - low
+                continue
             if not clean:
+                left_out += high - low
+                for i in range(waiting):
+                    left_out += pieces.waiting[i, 1] - pieces.waiting[i, 0]
                 break
             worst = 0.0
             for d in range(columns):
@@ -268,8 +287,6 @@ def integrate_pieces(  # noqa: C901  pieces, parts and nodes: three loops of one
                     apart = spread * min(1.0, (200.0 * apart / spread) ** 1.5)
                 worst = max(worst, half * apart)
             if worst <= density * (high - low) or high - low <= narrow:
-                if parts == len(pieces.part_low):
-                    return math.inf, parts, 0
                 for d in range(columns):
                     total[d] += work[15, d]
                 error += worst
@@ -277,11 +294,12 @@ def integrate_pieces(  # noqa: C901  pieces, parts and nodes: three loops of one
                 parts += 1
             else:
                 if waiting + 2 > len(pieces.waiting):
-                    return math.inf, parts, 0
+                    left_out += high - low
+                    continue
                 pieces.waiting[waiting, 0], pieces.waiting[waiting, 1] = middle, high
                 pieces.waiting[waiting + 1, 0], pieces.waiting[waiting + 1, 1] = low, middle
                 waiting += 2
-    return error, parts, strays
+    return error, left_out, parts, strays
 
 
 @called
@@ -301,35 +319,35 @@ def integrate_cone(
     most_legs: int,
     work: FloatArray,
     total: FloatArray,
-) -> tuple[float, float, int, bool]:
+) -> tuple[float, float, int]:
     """Integral over the family's angles of all that one ray gives, to an error of ``density`` per angle.
 
     Gaps are cut on down to ``narrow`` at first, and further where they are wider than ``widest`` together, down to
-    ``narrowest``. Returns the error, the width of all gaps, how many parts, and whether it came to an end.
+    ``narrowest``. Returns the error, the width of all gaps and of all that was left out when room or ``most_legs``
+    ended, and how many parts.
     """
     middle, half = 0.5 * (family.low + family.high), 0.5 * (family.high - family.low)
     for i in range(len(samples.counts)):
         samples.counts[i] = 0
     for i in range(first_stretches + 1):
         if add_sample(k, tables, family, samples, middle + half * (2.0 * i / first_stretches - 1.0)) == NO_ROOM:
-            return math.inf, 2.0 * half, 0, False
+            return 0.0, 2.0 * half, 0
         if i > 0:
             samples.after[i - 1] = i
-    if samples.counts[ALL_LEGS] * 200 > most_legs:
-        return math.inf, 2.0 * half, 0, False
+    if samples.counts[ALL_LEGS] * 1000 > most_legs:
+        return 0.0, 2.0 * half, 0
     while True:
         opened = open_gaps(samples, narrow)
-        if cut(k, tables, family, samples, ends, opened, narrow) == FULL:
-            return math.inf, 2.0 * half, 0, False
+        full = cut(k, tables, family, samples, ends, opened, narrow, most_legs) == FULL
         gaps = gather(samples, pieces)
-        if gaps > widest and narrow > narrowest:
+        if gaps > widest and narrow > narrowest and not full:
             narrow = max(0.1 * narrow, narrowest)
             continue
-        error, parts, strays = integrate_pieces(
+        error, left_out, parts, strays = integrate_pieces(
             k, tables, family, samples, pieces, rule, density, narrowest, most_legs, work, total
         )
-        if strays == 0:
-            return error, gaps, parts, error < math.inf
+        if strays == 0 or full:
+            return error, gaps + left_out, parts
 
 
 @called

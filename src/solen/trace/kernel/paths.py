@@ -14,13 +14,20 @@ from numpy.typing import NDArray
 from solen.arrays import FloatArray, IntArray
 from solen.trace.kernel.adapt import holds
 from solen.trace.kernel.compiled import called, compiled
-from solen.trace.kernel.prism import FamilyInSpace, intensity_in_space, trace_prism
+from solen.trace.kernel.prism import (
+    NO_DRAW,
+    STACK_IN_SPACE,
+    WIDTH_IN_SPACE,
+    FamilyInSpace,
+    intensity_in_space,
+    trace_prism,
+)
 from solen.trace.kernel.rows import Floats, Precision
-from solen.trace.kernel.tree import NO_ROOM
+from solen.trace.kernel.space import Vector
 from solen.trace.tables import Tables
 
 MOST_LEGS = 300
-"""Straight stretches of one ray with its branches, after which it counts as trapped."""
+"""Straight stretches of one ray with its branches, after which what goes on is left to the tail."""
 FIRST, FIRST_ANGLES = 2, 32
 """Stretches that a path begins with: over the places of a chip, over the angles of a point."""
 
@@ -32,7 +39,7 @@ class PathRoom(NamedTuple):
     tree: NDArray[np.uint64]
     path: NDArray[np.uint64]
     value: FloatArray
-    """(N, D + 4) weighed powers"""
+    """(N, D + 5) weighed powers"""
     first: IntArray
     many: IntArray
     legs: FloatArray
@@ -43,23 +50,79 @@ class PathRoom(NamedTuple):
     """(4,) rays, legs, undefined, kept legs"""
 
 
+KEPT_RAYS, KEPT_LEGS, KEPT_STRETCHES = 4096, 400_000, 2048
+
+
+def path_room(columns: int) -> PathRoom:
+    """New room; untouched memory costs nothing."""
+    n = KEPT_RAYS
+    return PathRoom(
+        u=np.empty(n),
+        tree=np.empty(n, np.uint64),
+        path=np.empty(n, np.uint64),
+        value=np.empty((n, columns)),
+        first=np.empty(n, np.int64),
+        many=np.empty(n, np.int64),
+        legs=np.empty((KEPT_LEGS, 6)),
+        waiting=np.empty((KEPT_STRETCHES, 2), np.int64),
+        stack=np.empty((STACK_IN_SPACE, WIDTH_IN_SPACE)),
+        counts=np.zeros(4, np.int64),
+    )
+
+
+@compiled
+def start(family: FamilyInSpace, u: float) -> tuple[float, float, Vector]:
+    """Place and direction of the ray at a parameter."""
+    angle = family.axis + family.angle + u * family.turn
+    flat = math.sqrt(1.0 - family.rise * family.rise)
+    d = Vector(-flat * math.sin(angle), family.rise, flat * math.cos(angle))
+    return family.x + u * family.along_x, family.z + u * family.along_z, d
+
+
 @called
-def add_ray(k: Precision, tables: Tables, family: FamilyInSpace, room: PathRoom, n: int, u: float) -> bool:
-    """Trace the ray at a parameter and keep it as number n; False where there is no room."""
+def add_ray(k: Precision, tables: Tables, family: FamilyInSpace, room: PathRoom, n: int, u: float) -> None:
+    """Trace the ray at a parameter and keep it as number n."""
     first = room.counts[3]
-    legs = room.legs[first : first + MOST_LEGS]
-    many, tree, path, undefined = trace_prism(k, tables, family, u, room.value[n], legs, room.stack)
+    x, z, d = start(family, u)
+    many, tree, path, undefined = trace_prism(
+        k, tables, family, x, z, d, NO_DRAW, 0, MOST_LEGS, room.value[n], room.legs[first:], room.stack
+    )
     room.counts[0] += 1
-    if many == NO_ROOM:
-        return False
     room.counts[1] += many
     room.counts[2] += 1 if undefined else 0
     room.counts[3] += many
     weight = intensity_in_space(family, u)
-    for d in range(room.value.shape[1]):
-        room.value[n, d] *= weight
+    for column in range(room.value.shape[1]):
+        room.value[n, column] *= weight
     room.u[n], room.tree[n], room.path[n], room.first[n], room.many[n] = u, tree, path, first, many
-    return True
+
+
+@called
+def sample_tails(
+    k: Precision,
+    tables: Tables,
+    family: FamilyInSpace,
+    starts: FloatArray,
+    first: int,
+    most_hits: int,
+    room: PathRoom,
+    total: FloatArray,
+) -> int:
+    """Sum of the tails (D + 5,) of rays that start at ``starts`` (N, 5): x, z and the direction x, y, z.
+
+    They are samples from the number ``first`` on. Returns how many straight stretches that took.
+    """
+    steps = 0
+    for i in range(len(starts)):
+        d = Vector(starts[i, 2], starts[i, 3], starts[i, 4])
+        many, _, _, _ = trace_prism(
+            k, tables, family, starts[i, 0], starts[i, 1], d, first + i, most_hits, MOST_LEGS, room.value[0],
+            room.legs, room.stack,
+        )  # fmt: skip
+        steps += many
+        for column in range(len(total)):
+            total[column] += room.value[0, column]
+    return steps
 
 
 @called
@@ -125,21 +188,20 @@ def integrate_path(  # noqa: C901  one loop over stretches
     narrow: float,
     soft: float,
     total: FloatArray,
-) -> tuple[float, bool]:
-    """Integral of the powers from ``family.low`` to ``family.high``, into ``total`` (D + 4,).
+) -> float:
+    """Integral of the powers from ``family.low`` to ``family.high``, into ``total`` (D + 5,).
 
     The path begins as ``first`` stretches. ``density`` is the error allowed per parameter; an edge is left at a width
-    of ``narrow``, and a stretch that may hide one, its rays' paths being different, at ``soft``. Returns what it may be
-    off by, and whether it came to its end: else the mean of what is known stands for the rest.
+    of ``narrow``, and a stretch that may hide one, its rays' paths being different, at ``soft``. Where the room ends
+    the mean of what is known stands for the rest. Returns what the integral may be off by.
     """
     low, high = family.low, family.high
-    n, waiting, error, whole, columns = 0, 0, 0.0, True, len(total)
+    n, waiting, error, columns = 0, 0, 0.0, len(total)
     room.counts[3] = 0
     for d in range(columns):
         total[d] = 0.0
     for s in range(first + 1):
-        if not add_ray(k, tables, family, room, n, low + (high - low) * s / first):
-            return math.inf, False
+        add_ray(k, tables, family, room, n, low + (high - low) * s / first)
         n += 1
     for s in range(first):
         room.waiting[waiting, 0], room.waiting[waiting, 1] = s, s + 1
@@ -150,15 +212,14 @@ def integrate_path(  # noqa: C901  one loop over stretches
         a, b = room.u[i], room.u[j]
         width = b - a
         hard = room.tree[i] != room.tree[j]
-        done = hard and width <= narrow
         full = n + 2 > len(room.u) or waiting + 4 > len(room.waiting)
-        if done or full:
+        full = full or room.counts[3] + 2 * MOST_LEGS > len(room.legs)
+        if full or (hard and width <= narrow):
             apart = 0.0
             for d in range(columns):
                 total[d] += 0.5 * width * (room.value[i, d] + room.value[j, d])
                 apart = max(apart, abs(room.value[i, d] - room.value[j, d]))
-            error += 0.25 * width * apart
-            whole = whole and done
+            error += (0.5 if full else 0.25) * width * apart
             continue
         if hard:
             share = predicted_edge(room, i, j, ends)
@@ -167,15 +228,13 @@ def integrate_path(  # noqa: C901  one loop over stretches
                 left, right = max(edge - 0.45 * narrow, a), min(edge + 0.45 * narrow, b)
                 m = i
                 if left > a:
-                    if not add_ray(k, tables, family, room, n, left):
-                        return math.inf, False
+                    add_ray(k, tables, family, room, n, left)
                     m = n
                     n += 1
                     room.waiting[waiting, 0], room.waiting[waiting, 1] = i, m
                     waiting += 1
                 if right < b:
-                    if not add_ray(k, tables, family, room, n, right):
-                        return math.inf, False
+                    add_ray(k, tables, family, room, n, right)
                     room.waiting[waiting, 0], room.waiting[waiting, 1] = m, n
                     room.waiting[waiting + 1, 0], room.waiting[waiting + 1, 1] = n, j
                     waiting += 2
@@ -184,8 +243,7 @@ def integrate_path(  # noqa: C901  one loop over stretches
                     room.waiting[waiting, 0], room.waiting[waiting, 1] = m, j
                     waiting += 1
                 continue
-        if not add_ray(k, tables, family, room, n, 0.5 * (a + b)):
-            return math.inf, False
+        add_ray(k, tables, family, room, n, 0.5 * (a + b))
         m = n
         n += 1
         if (
@@ -204,7 +262,7 @@ def integrate_path(  # noqa: C901  one loop over stretches
         room.waiting[waiting, 0], room.waiting[waiting, 1] = i, m
         room.waiting[waiting + 1, 0], room.waiting[waiting + 1, 1] = m, j
         waiting += 2
-    return error, whole
+    return error
 
 
 @compiled
@@ -230,12 +288,12 @@ def over_places(
     steps: tuple[float, float, float],
     total: FloatArray,
     grid: FloatArray,
-) -> tuple[float, bool]:
-    """Integrals over the places of a chip at the nodes of a ``cell`` of angles: ``grid`` (N, N, D + 4).
+) -> float:
+    """Integrals over the places of a chip at the nodes of a ``cell`` of angles: ``grid`` (N, N, D + 5).
 
     The angle out of the plane is asin(sine sin t), the one in projection a share q of the largest within the ``cone``
     (cosine, sine) there; a cell reaches from q to q, from t to t. ``steps`` are density, narrow and soft of
-    `integrate_path`. Returns the root of the sum of squares of their errors, and whether all came to their ends.
+    `integrate_path`. Returns the root of the sum of squares of their errors.
     """
     off = 0.0
     for i in range(len(nodes)):
@@ -246,13 +304,11 @@ def over_places(
         for j in range(len(nodes)):
             q = 0.5 * (cell[0] + cell[1]) + 0.5 * (cell[1] - cell[0]) * nodes[j]
             here = at_angles(family, most * q, 0.0, rise, family.low, family.high)
-            error, ended = integrate_path(k, tables, here, room, ends, FIRST, steps[0], steps[1], steps[2], total)
+            error = integrate_path(k, tables, here, room, ends, FIRST, steps[0], steps[1], steps[2], total)
             for d in range(len(total)):
                 grid[i, j, d] = weight * total[d]
-            if not ended:
-                return math.inf, False
             off += (weight * error) ** 2
-    return math.sqrt(off), True
+    return math.sqrt(off)
 
 
 @called
@@ -268,19 +324,17 @@ def over_angles(
     steps: tuple[float, float, float],
     total: FloatArray,
     grid: FloatArray,
-) -> tuple[float, bool]:
-    """Integrals over the angles in projection of a point at the nodes between two t: ``grid`` (N, D + 4); see above."""
+) -> float:
+    """Integrals over the angles in projection of a point at the nodes between two t: ``grid`` (N, D + 5); see above."""
     off = 0.0
     for i in range(len(nodes)):
         t = 0.5 * (cell[0] + cell[1]) + 0.5 * (cell[1] - cell[0]) * nodes[i]
         rise = cone[1] * math.sin(t)
         most = math.acos(min(max(cone[0] / math.sqrt(1.0 - rise * rise), -1.0), 1.0))
         here = at_angles(family, 0.0, 1.0, rise, -most, most)
-        error, ended = integrate_path(k, tables, here, room, ends, FIRST_ANGLES, steps[0], steps[1], steps[2], total)
+        error = integrate_path(k, tables, here, room, ends, FIRST_ANGLES, steps[0], steps[1], steps[2], total)
         weight = cone[1] * math.cos(t)
         for d in range(len(total)):
             grid[i, d] = weight * total[d]
-        if not ended:
-            return math.inf, False
         off += (weight * error) ** 2
-    return math.sqrt(off), True
+    return math.sqrt(off)

@@ -5,6 +5,10 @@ in projection place it; the heights at which the source emits are not sampled: a
 all with the same path in projection. Where a part of the interval passes above or below a body, meets a receiver or is
 reflected once more at top or bottom than the rest, the interval is divided there. So the integral over the height of a
 source is exact.
+
+Branches are followed exactly down to a least weight and up to so many hits. What is left of the power then, the *tail*,
+is followed one way only, each interface drawing what it does (Russian roulette): so it is sampled without bias, at a
+cost that grows with the number of hits and not with that of branches.
 """
 
 import math
@@ -19,15 +23,22 @@ from solen.trace.kernel.nearest import nearest
 from solen.trace.kernel.rows import RECEIVER, REFRACTING, SEGMENT, TREATED, Floats, Precision
 from solen.trace.kernel.space import Coherency, Vector, bare, divided, scaled, upright
 from solen.trace.kernel.step import Rules, corner_step, escape, meet
-from solen.trace.kernel.surface import COUNT, end_fate, scrambled
+from solen.trace.kernel.surface import COUNT, chance, end_fate, scrambled
 from solen.trace.kernel.treated import acting
-from solen.trace.kernel.tree import NO_ROOM
 from solen.trace.result import DETECTED, ESCAPED, GOES_ON, TRUNCATED
 from solen.trace.tables import Tables
 
 STACK_IN_SPACE = 256
-WIDTH_IN_SPACE = 22
-X, Z, LOW, HIGH, DX, DY, DZ, EX, EY, EZ, I1, I2, CR, CI, REGION, LAST, HIT, AT, SILENT, LEAST = range(20)
+WIDTH_IN_SPACE = 19
+X, Z, LOW, HIGH, DX, DY, DZ, EX, EY, EZ, I1, I2, CR, CI, REGION, LAST, HIT, AT, STATE = range(19)
+SEEN, SILENT, TAIL = range(3)
+"""States of a branch: its legs tell one path from another, they do not, it is followed one way only."""
+MORE_COLUMNS = 5
+"""Numbers of a ray beside its power by receiver: escaped, absorbed, missed, leaked and unfinished."""
+FAINT = 1e-12
+"""Weight at which the tail ends."""
+NO_DRAW = -1
+"""No sample: the exact part."""
 
 
 class FamilyInSpace(NamedTuple):
@@ -102,76 +113,96 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
     k: Precision,
     tables: Tables,
     family: FamilyInSpace,
-    u: float,
+    x: float,
+    z: float,
+    d: Vector,
+    draw: int,
+    most_hits: int,
+    most_legs: int,
     value: NDArray[np.float64],
     legs: NDArray[np.float64],
     stack: Floats,
 ) -> tuple[int, np.uint64, np.uint64, bool]:
-    """Trace the ray at a parameter with all its branches, as `solen.trace.kernel.tree.trace_tree` does in the plane.
+    """Trace a ray with all its branches, as `solen.trace.kernel.tree.trace_tree` does in the plane.
 
-    Returns how many legs (−1: no room), the tree of all that changes powers, the path with every hit, and whether a
-    branch was undefined. ``value`` (D + 4,) becomes the power by receiver, escaped, absorbed, and of what escaped the
-    part that missed the bodies above or below and the part that leaked from them. ``legs`` (capacity, 6) are in
-    projection: start, end, 1 where it ends on a curved face, owner.
+    Returns how many legs, the tree of all that changes powers, the path with every hit, and whether a
+    branch was undefined. ``value`` (D + 5,) becomes the power by receiver, escaped, absorbed; of what escaped the
+    part that missed the bodies above or below and the part that leaked from them; and what is left unfinished.
+    ``legs`` (``most_legs`` or more, 6) are in projection: start, end, 1 where it ends on a curved face, owner.
+
+    With a ``draw``, the number of a sample, ``value`` is that of the tail alone, followed for ``most_hits``, and its
+    last entry all that was left to the tail; no legs are kept then.
     """
-    receivers = len(value) - 4
-    missed, leaked = receivers + 2, receivers + 3
+    receivers = len(value) - MORE_COLUMNS
+    missed, leaked, unfinished = receivers + 2, receivers + 3, receivers + 4
+    sampling, tail, draws = draw >= 0, False, 0
+    gain = 0.0 if sampling else 1.0
     for i in range(len(value)):
         value[i] = 0.0
     rules, half, colour = family.rules, family.half, family.colour
-    tree, way_hash, many, waiting, undefined = np.uint64(0), np.uint64(0), 0, 0, False
-    x, z = family.x + u * family.along_x, family.z + u * family.along_z
-    angle = family.angle + u * family.turn
-    flat = math.sqrt(1.0 - family.rise * family.rise)
-    d = Vector(-flat * math.sin(family.axis + angle), family.rise, flat * math.cos(family.axis + angle))
+    tree, way_hash, many, waiting, undefined, steps = np.uint64(0), np.uint64(0), 0, 0, False, 0
     e = upright(d)
     light = Coherency(family.s, family.p, 0.0, 0.0)
     ya, yb = family.y_low, family.y_high
-    wide = yb > ya
     least = rules.min_weight * (family.s + family.p)
-    if wide:
+    if yb > ya:
         low, high = max(ya, -half), min(yb, half)
         if not high > low:
-            value[receivers] += family.s + family.p
-            value[missed] += family.s + family.p
+            value[receivers] += gain * (family.s + family.p)
+            value[missed] += gain * (family.s + family.p)
             return 0, tree, way_hash, False
         light = scaled(light, (high - low) / (yb - ya))
-        value[receivers] += (family.s + family.p) * (1.0 - (high - low) / (yb - ya))
-        value[missed] += (family.s + family.p) * (1.0 - (high - low) / (yb - ya))
+        past = gain * (family.s + family.p) * (1.0 - (high - low) / (yb - ya))
+        value[receivers] += past
+        value[missed] += past
         ya, yb = low, high
     elif abs(ya) > half:
-        value[receivers] += family.s + family.p
-        value[missed] += family.s + family.p
+        value[receivers] += gain * (family.s + family.p)
+        value[missed] += gain * (family.s + family.p)
         return 0, tree, way_hash, False
     region, last, hits, at, silent = -1, -1, 0, k.zero, False
     running = True
     while True:
         if not running:
             if waiting == 0:
-                return many, tree, way_hash, undefined
+                return steps if sampling else many, tree, way_hash, undefined
             waiting -= 1
             w = stack[waiting]
             x, z, ya, yb = w[X], w[Z], w[LOW], w[HIGH]
             d, e = Vector(w[DX], w[DY], w[DZ]), Vector(w[EX], w[EY], w[EZ])
             light = Coherency(w[I1], w[I2], w[CR], w[CI])
-            region, last, hits, at, silent = int(w[REGION]), int(w[LAST]), int(w[HIT]), w[AT], w[SILENT] > 0.0
-            running = True
-        if many == len(legs) or waiting + 4 > len(stack):
-            return NO_ROOM, tree, way_hash, undefined
+            region, last, hits, at = int(w[REGION]), int(w[LAST]), int(w[HIT]), w[AT]
+            silent, tail = w[STATE] != SEEN, w[STATE] == TAIL
+            gain, running = 1.0 if tail or not sampling else 0.0, True
+        if not tail and (many == most_legs or waiting + 4 > len(stack)):
+            # all that still goes on is left to the tail
+            value[unfinished] += light.i1 + light.i2
+            for i in range(waiting):
+                value[unfinished] += stack[i, I1] + stack[i, I2] if stack[i, STATE] != TAIL else 0.0
+                stack[i, STATE] = TAIL
+            if not sampling:
+                return many, tree, way_hash, undefined
+            tail, gain = True, 1.0
+        if tail and yb > ya:  # one height by chance
+            ya += chance(rules.seed, draw, draws) * (yb - ya)
+            yb, draws = ya, draws + 1
+        wide, most, lowest = yb > ya, most_hits if tail else rules.max_hits, FAINT if tail else least
         flat = math.sqrt(d.x * d.x + d.z * d.z)
         power = light.i1 + light.i2
         if flat < 1e-12:
+            value[unfinished] += power if not sampling else 0.0
             running = False
             continue
         ux, uz = d.x / flat, d.z / flat
         length, c, place = nearest(k, tables, x, z, ux, uz, last, at)
         if c < 0:
             _, fate = escape(k, tables, rules, region, colour)
-            value[receivers + (0 if fate == ESCAPED else 1)] += power
-            if not silent:
-                legs[many, 0], legs[many, 1] = x, z
-                legs[many, 2], legs[many, 3], legs[many, 4] = x + family.far * ux, z + family.far * uz, 0.0
-                legs[many, 5] = -1.0
+            value[receivers + (0 if fate == ESCAPED else 1)] += gain * power
+            if not (silent or tail):
+                if not sampling:
+                    legs[many, 0], legs[many, 1] = x, z
+                    legs[many, 2], legs[many, 3], legs[many, 4] = x + family.far * ux, z + family.far * uz, 0.0
+                    legs[many, 5] = -1.0
                 many += 1
                 tree = scrambled(tree ^ np.uint64(8 + fate))
                 way_hash = scrambled(way_hash ^ np.uint64(8 + fate))
@@ -188,7 +219,7 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
         mark = np.uint64(0)
         n1, way = tables.refractive_index[colour, here], length / flat
         rise = way * d.y
-        ended, bounces = stray, 0
+        ended, bounces, steps = stray, 0, steps + 1
         if rise != 0.0 and not stray:
             n2 = family.above if rise > 0.0 else family.below
             upwards = 1.0 if rise > 0.0 else -1.0
@@ -204,7 +235,7 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                 if share < 1.0:
                     first_low, first_high = (ya, yb) if rise > 0.0 else (-yb, -ya)
                     farthest = min((half - first_low) / abs(d.y), way)
-                    passing = (1.0 - share) * power
+                    passing = gain * (1.0 - share) * power
                     leaves = passing * mean_kept(loss, max((half - first_high) / abs(d.y), 0.0), farthest)
                     value[receivers] += leaves
                     value[missed] += leaves
@@ -216,12 +247,12 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                 power = light.i1 + light.i2
             else:
                 a, b = (ya + rise, yb + rise) if rise > 0.0 else (-ya - rise, -yb - rise)
-                most = max(a, b)
+                highest = max(a, b)
                 bounces = math.floor((min(a, b) + half) / (2.0 * half))
                 bounces = max(bounces, 0)
                 edge = half * (2.0 * bounces + 1.0)
                 leaky = n1 * n1 * (1.0 - d.y * d.y) < n2 * n2  # top and bottom do not reflect all
-                if wide and most > edge:
+                if wide and highest > edge:
                     # the part that is reflected once more waits at the start of this leg
                     cut = (edge - rise) if rise > 0.0 else -(edge + rise)
                     outer = (yb - cut) if rise > 0.0 else (cut - ya)
@@ -237,9 +268,8 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                         else:
                             put(w, x, z, ya, cut - tip, d, e, scaled(light, share))
                             ya = cut
-                        w[REGION], w[LAST], w[HIT], w[AT], w[SILENT] = region, last, hits, at, 0.0 if leaky else 1.0
-                        if silent:
-                            w[SILENT] = 1.0
+                        w[REGION], w[LAST], w[HIT], w[AT] = region, last, hits, at
+                        w[STATE] = SEEN if leaky and not silent else SILENT
                         waiting += 1
                         light = scaled(light, 1.0 - share)
                 power, gone, kept = light.i1 + light.i2, 0.0, 1.0
@@ -254,20 +284,25 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                     all_leaves = n1 == n2 or (rules.splitting == COUNT and leaves > 0.0)
                     leaves = kept * (light.i1 + light.i2 if all_leaves else leaves)
                     gone += leaves
-                    value[receivers] += leaves
-                    value[missed if n1 == n2 else leaked] += leaves
+                    value[receivers] += gain * leaves
+                    value[missed if n1 == n2 else leaked] += gain * leaves
                     if all_leaves:
                         light, ended = scaled(light, 0.0), True
                         break
                     d, e, light = parts.back, parts.s, parts.back_light
                     hits += 1
-                    if kept * (light.i1 + light.i2) < least or hits + 1 >= rules.max_hits:
-                        ended = True
-                        break
+                    left = kept * (light.i1 + light.i2)
+                    if left < lowest or hits + 1 >= most:
+                        if tail or not sampling:
+                            ended = True
+                            break
+                        tail, gain, most, lowest = True, 1.0, most_hits, FAINT
+                        value[unfinished] += left
+                        power, gone = left, 0.0
                     kept *= math.exp(-loss * 2.0 * half / abs(d.y))
                 if loss > 0.0:
                     light = scaled(light, kept if ended else math.exp(-loss * way))
-                    value[receivers + 1] += max(power - gone - light.i1 - light.i2, 0.0)
+                    value[receivers + 1] += gain * max(power - gone - light.i1 - light.i2, 0.0)
                     loss = 0.0
                 za, zb = ya + rise, yb + rise
                 if bounces > 0:
@@ -283,13 +318,16 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                 power = light.i1 + light.i2
         if loss > 0.0 and not ended:
             kept = math.exp(-loss * way)
-            value[receivers + 1] += (1.0 - kept) * power
+            value[receivers + 1] += gain * (1.0 - kept) * power
             light = scaled(light, kept)
             power *= kept
+        if tail and wide:
+            ya += chance(rules.seed, draw, draws) * (yb - ya)
+            yb, draws, wide = ya, draws + 1, False
         from_right = ux * nx + uz * nz > 0.0
         behaviour = tables.behaviour[c]
         acts = acting(tables, c, colour) if behaviour >= TREATED else behaviour
-        worn_out = hits + 1 >= rules.max_hits or power < least
+        worn_out = hits + 1 >= most or power < lowest
         lower, upper, above, above_low, above_high = -math.inf, math.inf, 0.0, 0.0, 0.0
         if acts == RECEIVER and not ended:
             lower, upper = tables.height[c, 0], tables.height[c, 1]
@@ -299,8 +337,7 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
             else:
                 share = 1.0 if lower <= ya <= upper else 0.0
             if share < 1.0:
-                value[tables.receiver[c]] += share * power if not from_right else 0.0
-                value[receivers + 1] += share * power if from_right else 0.0
+                value[tables.receiver[c] if not from_right else receivers + 1] += gain * share * power
                 light = scaled(light, 1.0 - share)
                 power = light.i1 + light.i2
                 mark = mark ^ np.uint64(256 if share > 0.0 else 512)
@@ -318,9 +355,18 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                     else:
                         yb = lower
         fate = TRUNCATED if ended else end_fate(acts, from_right, worn_out)
-        if not silent:
-            legs[many, 0], legs[many, 1], legs[many, 2], legs[many, 3] = x, z, px, pz
-            legs[many, 4], legs[many, 5] = 0.0 if tables.kind[c] == SEGMENT else 1.0, tables.owner[c]
+        if fate == TRUNCATED and sampling and not (tail or ended):
+            tail, gain, fate = True, 1.0, GOES_ON
+            value[unfinished] += (1.0 + above) * power
+            if above > 0.0:  # one of both parts by chance
+                if chance(rules.seed, draw, draws) * (1.0 + above) < above:
+                    ya, yb = above_low, above_high
+                light, above, draws = scaled(light, 1.0 + above), 0.0, draws + 1
+            power = light.i1 + light.i2
+        if not (silent or tail):
+            if not sampling:
+                legs[many, 0], legs[many, 1], legs[many, 2], legs[many, 3] = x, z, px, pz
+                legs[many, 4], legs[many, 5] = 0.0 if tables.kind[c] == SEGMENT else 1.0, tables.owner[c]
             many += 1
             event = np.uint64((tables.owner[c] + 2) * 8 + fate)
             way_hash = scrambled(way_hash ^ event ^ (np.uint64(hits) << np.uint64(40)))
@@ -332,9 +378,11 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                 tree = scrambled(tree ^ (mark << np.uint64(20)))
         if fate != GOES_ON:
             if fate == DETECTED:
-                value[tables.receiver[c]] += power
+                value[tables.receiver[c]] += gain * power
             elif fate != TRUNCATED:
-                value[receivers + 1] += power
+                value[receivers + 1] += gain * power
+            elif not (sampling or stray):
+                value[unfinished] += (1.0 + above) * power
             running = False
             continue
         normal = Vector(-nx, 0.0, -nz) if from_right else Vector(nx, 0.0, nz)
@@ -345,37 +393,54 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
         on = parts.on_light.i1 + parts.on_light.i2
         back = parts.back_light.i1 + parts.back_light.i2
         if behaviour >= TREATED:
-            value[receivers + 1] += (1.0 + above) * max(power - on - back, 0.0)
+            value[receivers + 1] += gain * (1.0 + above) * max(power - on - back, 0.0)
         for goes_on in (True, False):
-            if above > 0.0 and above * (on if goes_on else back) >= least:
+            other = above * (on if goes_on else back)
+            if other > 0.0 and (other >= least or sampling):
                 w = stack[waiting]
                 if goes_on:
                     put(w, px, pz, above_low, above_high, parts.on, on_e, scaled(parts.on_light, above))
                 else:
                     put(w, px, pz, above_low, above_high, parts.back, back_e, scaled(parts.back_light, above))
                 w[REGION], w[LAST], w[HIT], w[AT] = there if goes_on else here, c, hits + 1, place
-                w[SILENT] = 1.0 if silent else 0.0
+                w[STATE] = TAIL if other < least else SILENT if silent else SEEN
                 waiting += 1
-        both = on >= least and back >= least
-        if not silent and behaviour == REFRACTING and on > 0.0 and not both:
-            tree = scrambled(tree ^ np.uint64(34))
-        if not (on >= least or back >= least):
+            value[unfinished] += other if other < least else 0.0
+        if not on + back > 0.0:
             running = False
             continue
+        both, one_way, scale = on >= least and back >= least and not tail, tail, 1.0
+        if not silent and behaviour == REFRACTING and on > 0.0 and not both:
+            tree = scrambled(tree ^ np.uint64(34))
         goes_back = back <= on if both else back >= least
-        if both:
-            w = stack[waiting]
-            if goes_back:
-                put(w, px, pz, ya, yb, parts.on, on_e, parts.on_light)
-            else:
-                put(w, px, pz, ya, yb, parts.back, back_e, parts.back_light)
-            w[REGION], w[LAST], w[HIT], w[AT] = there if goes_back else here, c, hits + 1, place
-            w[SILENT] = 1.0 if silent else 0.0
-            waiting += 1
-            if not silent:
-                tree = scrambled(tree ^ np.uint64(32 if goes_back else 33))
+        if not tail:
+            value[unfinished] += (on if on < least else 0.0) + (back if back < least else 0.0)
+            if not (on >= least or back >= least):
+                one_way = sampling and on + back > 0.0
+                if not one_way:
+                    running = False
+                    continue
+            weak = 0.0 if both or one_way or not sampling else on if goes_back else back
+            if weak > 0.0:
+                goes_back = not goes_back  # the strong part waits until the weak one has ended
+            if both or weak > 0.0:
+                w = stack[waiting]
+                if goes_back:
+                    put(w, px, pz, ya, yb, parts.on, on_e, parts.on_light)
+                else:
+                    put(w, px, pz, ya, yb, parts.back, back_e, parts.back_light)
+                w[REGION], w[LAST], w[HIT], w[AT] = there if goes_back else here, c, hits + 1, place
+                w[STATE] = SILENT if silent else SEEN
+                waiting += 1
+                if not silent:
+                    tree = scrambled(tree ^ np.uint64(32 if goes_back else 33))
+            if one_way or weak > 0.0:
+                tail, gain = True, 1.0
+        if one_way:
+            goes_back = chance(rules.seed, draw, draws) * (on + back) < back
+            scale, draws = (on + back) / (back if goes_back else on), draws + 1
         if goes_back:
-            d, e, light, region = parts.back, back_e, parts.back_light, here
+            d, e, light, region = parts.back, back_e, scaled(parts.back_light, scale), here
         else:
-            d, e, light, region = parts.on, on_e, parts.on_light, there
+            d, e, light, region = parts.on, on_e, scaled(parts.on_light, scale), there
         x, z, last, at, hits = px, pz, c, place, hits + 1

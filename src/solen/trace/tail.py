@@ -1,0 +1,90 @@
+"""What exact integration leaves unfinished: sampled.
+
+Integration follows branches down to a least weight and up to so many hits. Beyond that, light that is trapped or split
+many times is no smooth function of where it starts; but it is little, and so it is sampled: every sample takes the very
+branches that were left, each of them one way by chance, from scrambled Sobol' points. The mean of independent
+scramblings is without bias, and how far they are apart is its uncertainty. What was left is known from the integration,
+so only its division among the receivers is sampled: a ratio of two means.
+"""
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from solen.arrays import FloatArray
+from solen.scene.sources import Source
+from solen.scene.sources.points import sample
+from solen.trace.cone import DOUBLE, Integral
+from solen.trace.kernel import paths
+from solen.trace.kernel.prism import FamilyInSpace
+from solen.trace.tables import Tables
+
+SCRAMBLINGS, SEED = 16, 20260
+FIRST_SAMPLES, MOST_SAMPLES = 32, 1 << 20
+"""Samples of each scrambling, at first and at most."""
+WIDENED = 1.07
+"""Standard deviation of Student's t with 15 degrees of freedom."""
+
+
+class Tail(NamedTuple):
+    """Light of a source whose tail can be sampled: ``family_of`` gives its rays in one colour of its spectrum."""
+
+    tables: Tables
+    source: Source
+    in_space: bool
+    columns: int
+    family_of: Callable[[int], FamilyInSpace]
+
+    def added(self, found: Integral, tolerance: float, most_hits: int, most_legs: int) -> Integral:
+        """What was found with what it left unfinished, to an uncertainty of the ``tolerance`` or after so many legs.
+
+        Where these will not do, a tenth of them is all that is spent.
+        """
+        room = paths.path_room(self.columns)
+        dimensions = self.source.dimensions(self.in_space)
+        points = [sample(dimensions, (SEED, copy)) for copy in range(SCRAMBLINGS)]
+        totals, done, many, legs = np.zeros((SCRAMBLINGS, self.columns)), 0, FIRST_SAMPLES, 0
+        while True:
+            for copy, at in enumerate(points):
+                legs += self._sum(at(done, many), copy * MOST_SAMPLES + done, most_hits, room, totals[copy])
+            share, u = divided(totals / many, found.unfinished)
+            hopeless = legs * (u / tolerance) ** 2 > 4.0 * most_legs
+            if u <= tolerance or 2 * many > MOST_SAMPLES or 2 * legs > (0.1 if hopeless else 1.0) * most_legs:
+                break
+            done, many = many, 2 * many
+        rays = np.array([SCRAMBLINGS * many, legs, 0, 0])
+        return found._replace(
+            share=found.share + share[: len(found.share)],
+            error=math.hypot(found.error, u),
+            counts=found.counts + rays,
+            missed=found.missed + float(share[-2]),
+            leaked=found.leaked + float(share[-1]),
+        )
+
+    def _sum(self, u: FloatArray, first: int, most_hits: int, room: paths.PathRoom, total: FloatArray) -> int:
+        """Add the tails of samples at points ``u`` (N, dimensions) of the unit cube; returns how many legs."""
+        launch = self.source.launch_at(u, len(u), self.in_space)
+        rise = np.zeros(len(launch)) if launch.dy is None else launch.dy
+        starts = np.column_stack([launch.x_mm, launch.z_mm, launch.dx, rise, launch.dz])
+        legs = 0
+        for line in np.unique(launch.line).tolist():
+            chosen = np.ascontiguousarray(starts[launch.line == line])
+            legs += paths.sample_tails(DOUBLE, self.tables, self.family_of(line), chosen, first, most_hits, room, total)
+        return legs
+
+
+def divided(means: FloatArray, unfinished: float) -> tuple[FloatArray, float]:
+    """Division of what is unfinished by the means (R, columns) of R scramblings, the last column being all of it.
+
+    Returns the shares (columns − 1,) and their uncertainty, that of a ratio of means (Cochran, Sampling Techniques,
+    3rd ed., 1977, section 6.4); all of it where hardly a sample found any.
+    """
+    parts, all_of_it = means[:, :-1], means[:, -1]
+    if np.count_nonzero(all_of_it) < len(means):
+        return np.zeros(parts.shape[1]), unfinished
+    ratio = parts.mean(axis=0) / all_of_it.mean()
+    apart = (parts - ratio * all_of_it[:, None]) / all_of_it.mean()
+    u = np.sqrt(np.sum(apart**2, axis=0) / (len(means) * (len(means) - 1)))
+    return unfinished * ratio, float(WIDENED * unfinished * u.max())
