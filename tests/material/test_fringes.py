@@ -94,6 +94,7 @@ def test_the_papers_layer_is_recognised_and_its_index_found() -> None:
     assert found.fit is not None
     assert found.fit.model.index(650.0) == pytest.approx(float(np.interp(650.0, film.nm, film.n)), abs=0.003)
     assert "fringes were detected" in found.warnings[0]
+    assert found.repeats_lossless_n is None  # a sum of powers of a wave is no index
 
 
 def test_the_result_is_printed_drawn_and_kept_by_a_resin(tmp_path: Path) -> None:

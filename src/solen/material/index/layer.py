@@ -153,7 +153,7 @@ def index_of_layer(recording: Recording, options: IndexOptions = IndexOptions())
     literature, literature_warnings = _literature(spectrum, options)
     at = [lines([nm], [1.0]) for nm in options.at_nm]
     led = None if options.led is None else named_light(options.led)
-    repeats_nm, repeats_n = _repeats(spectra)
+    repeats_nm, repeats_n = _repeats(spectra) if spectrum.mode not in {MODE, JOINT} else (None, None)
     repeats = (
         []
         if repeats_n is None
