@@ -169,7 +169,7 @@ def trial(seed: int) -> tuple[float, float, bool, str]:
     found = index_of_layer(recorded(film, rng, NOISE, OFFSET), given)
     low, high = found.interval95_n.T
     wave = np.diff(np.percentile(film.clean["T"] - film.clean["T"].mean(), [1, 99]))[0] / 2.0
-    off = float(np.median(np.abs(found.n - film.n)))
+    off = float(np.nanmedian(np.abs(found.n - film.n)))
     covered = float(np.mean((low <= film.n) & (film.n <= high)))
     return covered, off, bool(found.mode == "fringes" and wave > 10.0 * NOISE), found.mode
 
