@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike
 from solen.material.index.options import IndexOptions
 from solen.material.resin_from_results import BuildOptions
 from solen.pipeline.resin import cure, cutback, index, library, stiffness
-from solen.sensor import Sensor, index_offsets
+from solen.sensor import Sensor
+from solen.sensor.effects import off_by
 from solen.spec import loads, template, with_values
 
 NOISE = np.random.default_rng(5).normal
@@ -47,8 +48,11 @@ def main() -> dict[str, float]:
         made = library.build(out, results(Path(name)), options).result.to_dict()
         changes = {"material.resin": made["resin"], "emitter.width_mm": 0.2, "motion.step_deg": 0.5}
         sensor = Sensor.of(with_values(loads(template("paper-860")), changes))
-    moved = max(one.shift.contrast for one in index_offsets(sensor, sensor.power()) if one.shift)
-    found = {"n": sensor.material.index, "u_n": sensor.material.u_index or 0.0, "moved": moved}
+    near, u_n = np.linspace(-1.0, -0.25, 7).tolist(), sensor.material.u_index or 0.0  # degrees, beside the null
+    contrast = sensor.power(near).contrast
+    others = [off_by(sensor, "material.index", step).power(near).contrast for step in (-u_n, u_n)]
+    moved = max(float(np.abs(other - contrast).max()) for other in others)
+    found = {"n": sensor.material.index, "u_n": u_n, "moved": moved}
     found |= {"loss": made["loss"]["absorption_per_mm"], "Dp": made["cure"]["Dp_um"], **made["stiffness"]["parameters"]}
     print(*(f"{key} {value:.4g}" for key, value in found.items()), sep=", ")
     return found
