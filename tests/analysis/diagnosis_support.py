@@ -49,7 +49,7 @@ def table(low_deg: float = -3.6, high_deg: float = 3.6, index: float = 0.0, ever
     places = np.linspace(-0.5, 0.5, 501)
     edge = np.array([-MOVES_MM_PER_DEG, 0.0])
     at = places[None, :] + np.polyval(edge, angles)[:, None]
-    return Table(angles, places, edge, integral(angles[:, None], at, index), 0)
+    return Table(angles, places, edge, integral(angles[:, None], at, index))
 
 
 def response(width_mm: float = 0.2, *, with_index: bool = True) -> Response:

@@ -32,7 +32,8 @@ from tests.analysis.diagnosis_support import (
 )
 from tests.analysis.made_support import made
 
-DESIGN = loads('schema = 1\nname = "one"\n[material]\nindex = 1.44\n[emitter]\nwidth_mm = 0.2\n')
+DESIGN_TEXT = 'schema = 1\nname = "one"\n[material]\nindex = 1.44\n[emitter]\nwidth_mm = 0.2\n'
+DESIGN = loads(DESIGN_TEXT)
 GAINS = {"gain right": 8.0, "gain left": 7.0, "offset right": 5.0, "offset left": 4.8}
 TRUTHS = (
     {OFFSET: 0.02, SPREAD: 0.2**2, **GAINS},
@@ -65,10 +66,10 @@ def test_a_traced_table_is_the_response_of_the_design() -> None:
     assert found.chip(np.zeros(1), 0.03, 0.2)[0, 1] > found.chip(np.zeros(1), 0.03, 0.2)[0, 0]  # right lights left
 
 
-def test_light_in_space_has_no_table() -> None:
-    design = with_values(DESIGN, {"trace.dimension": "extruded", "emitter.pattern": "lambertian"})
-    with pytest.raises(DesignError, match="in the plane"):
-        Table.of(Sensor.of(design), angles_deg(-0.5, 0.5))
+def test_scattered_light_has_no_table() -> None:
+    rough = loads(DESIGN_TEXT + '[[wall]]\nface = "stem-left"\nscatter = "lambertian"\n')
+    with pytest.raises(DesignError, match="scatter"):
+        Table.of(Sensor.of(rough), angles_deg(-0.5, 0.5))
 
 
 @pytest.mark.parametrize("values", TRUTHS)

@@ -9,8 +9,13 @@ from solen.analysis.diagnosis import Table
 from solen.analysis.diagnosis.response_table import angles_deg
 from solen.bench.rig import load_rig
 from solen.bench.simulated.sensors import simulated_sensors
+from solen.curve import Segment
+from solen.scene import Extrusion, Interface, Region, Scene
+from solen.scene.sources import Emitter
+from solen.scene.sources.pattern import CosinePower
 from solen.sensor import Sensor
-from solen.sensor.readings import Acceptance, readings
+from solen.sensor.acceptance import Acceptance
+from solen.sensor.readings import readings
 from solen.spec import Design, load, with_values
 
 PART = 'schema = 1\nname = "Narrow"\nkind = "receiver"\nmaker = "me"\ndocument = "notes"\n' + "".join(
@@ -71,3 +76,19 @@ def test_readings_bench_and_diagnosis_agree_on_a_part_of_20_deg(folder: Path, de
     assert simulated.at(np.zeros(1))[0] == pytest.approx(at_rest, abs=2e-4)
     diagnosed = Table.of(sensor, angles_deg(-0.2, 0.2)).chip(np.zeros(1), 0.0, 0.2)[0]
     assert diagnosed == pytest.approx(at_rest, abs=2e-4)
+
+
+@pytest.mark.parametrize("exponent", [1.0, 3.0, 11.0])
+def test_a_lambertian_point_before_a_wide_directional_receiver(exponent: float) -> None:
+    """Of power that arrives as cos θ dΩ a part of cos^m sees 2/(m + 1) in space, and each half as much as the other."""
+    low, high, far = -1.0, 1.0, 1000.0
+    corners = [(-far, low), (far, low), (far, high), (0.0, high), (-far, high)]
+    names = ["back", "side", "right", "left", "other"]
+    walls = tuple(
+        Interface(name, Segment(corners[i], corners[(i + 1) % 5]), "inside", "outside", "receiver", name)
+        for i, name in enumerate(names)
+    )
+    source = Emitter((0.0, 0.0), 0.0, 2**15, CosinePower(1.0))
+    regions = (Region("inside", 1.0), Region("outside", 1.0))
+    scene = Scene(regions, walls, (source,), extrusion=Extrusion(2.0 * far))
+    assert Acceptance(exponent).factors(scene) == pytest.approx(2.0 / (exponent + 1.0), abs=2e-3)

@@ -7,12 +7,13 @@ by its tolerance; a :class:`Practice` is the sensor as built; an :class:`AsPrint
 printed.
 """
 
+from solen.sensor.acceptance import Acceptance
 from solen.sensor.as_printed import AsPrinted, Comparison, as_printed
 from solen.sensor.budget import Budget, budget
 from solen.sensor.check import BodySizes, Check, Focus, LensCheck, LensOptions, check, lens_check
 from solen.sensor.effects import Effect
 from solen.sensor.practice import Built, Extent, Practice, practice
-from solen.sensor.readings import Acceptance, readings, received
+from solen.sensor.readings import readings, received
 from solen.sensor.response import SATURATED, Response, Sensitivity, Shift
 from solen.sensor.sensor import OPTICAL_KEYS, SLOPE_DEG, Sensor, TraceKeywords
 from solen.sensor.study import Case, DesignStudy, Summary, study

@@ -1,12 +1,10 @@
 """What the receivers of a sensor read over its motion: traced power, as directional parts see it, and the volts of it.
 
-A trace gives the power through a receiver's face. A part with a lens sees less of what arrives from the side, so its
-current is not in proportion to that power. `Acceptance` is what its directionality makes of the light of a scene;
-everything that turns traced power into currents takes its shares from here: `readings`, the simulated bench and the
-diagnosis.
+`received` gives the shares of the light that receivers make their current of, as `solen.sensor.acceptance` says;
+`readings` turns them into voltages.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,62 +13,14 @@ from solen.parts import AdcPart, ReceiverPart
 from solen.readout import Readings, circuit_of, face_areas_mm2, readings_of
 from solen.readout.cautions import cautions
 from solen.readout.circuit import emitter_part, named_part, trimmer_part
-from solen.readout.transistor import angular_factor, exponent_of
 from solen.recording import Provenance
-from solen.scene import Scene
+from solen.sensor.acceptance import SIDES, Acceptance
 from solen.sensor.response import Response
 from solen.sensor.sensor import Sensor
 from solen.sensor.unused_keys import keys_without_effect
-from solen.trace import trace
 
-SIDES = ("right", "left")
-ANGLE_BINS, ANGLE_RAYS = 90, 4096
-FLAT = 1e-6
-"""How near to 1 the exponent of a flat window is."""
-
-
-@dataclass(frozen=True)
-class Acceptance:
-    """How receivers see light by its angle of incidence: as cos^m to a beam.
-
-    Attributes
-    ----------
-    exponent
-        m; 1 for a flat window, whose current depends on the power through it alone.
-    index
-        Of the material at the window: behind a matched face it sees an angle as air would show it, by Snell's law.
-    """
-
-    exponent: float = 1.0
-    index: float = 1.0
-
-    @classmethod
-    def of(cls, sensor: Sensor) -> "Acceptance":
-        """Acceptance of the part that a design names; `DataError` where there is no such receiver."""
-        matched = sensor.design.receivers.coupling == "matched"
-        exponent = exponent_of(named_part(sensor.design, "part", ReceiverPart))
-        return cls(exponent, sensor.material.index if matched else 1.0)
-
-    @property
-    def is_flat(self) -> bool:
-        """Whether all light through the face counts alike."""
-        return abs(self.exponent - 1.0) < FLAT
-
-    def factors(self, scene: Scene) -> FloatArray:
-        """Shares (2,) of the power at the right and the left receiver that their parts see, of a scene's first source.
-
-        1 where no light arrives.
-        """
-        if self.is_flat:
-            return np.ones(len(SIDES))
-        edges = np.linspace(-90.0, 90.0, ANGLE_BINS + 1)
-        sine = np.sin(np.radians(0.5 * (edges[1:] + edges[:-1])))
-        window_deg = np.degrees(np.arcsin(np.clip(sine * self.index, -1.0, 1.0)))
-        emitter_alone = replace(scene, sources=scene.sources[:1])
-        detectors = trace(emitter_alone, "power", angle_bins=ANGLE_BINS).detectors
-        return np.array(
-            [float(angular_factor(self.exponent, window_deg, detectors[side].power_by_angle)) for side in SIDES]
-        )
+ANGLE_RAYS, ANGLE_RAYS_IN_SPACE = 2**12, 2**15
+"""Rays that tell at which angles light arrives: a directional part's share of it is then good to some 0.2 %."""
 
 
 def received(sensor: Sensor, response: Response) -> FloatArray:
@@ -79,8 +29,8 @@ def received(sensor: Sensor, response: Response) -> FloatArray:
     power = np.maximum(np.column_stack([response.right, response.left]), 0.0)
     if acceptance.is_flat:
         return power
-    angles_deg = response.angle_deg.tolist()
-    return np.asarray(power * [acceptance.factors(sensor.scene(angle, ANGLE_RAYS)) for angle in angles_deg])
+    rays = ANGLE_RAYS if sensor.design.trace.dimension == "2d" else ANGLE_RAYS_IN_SPACE
+    return np.asarray(power * [acceptance.factors(sensor.scene(angle, rays)) for angle in response.angle_deg.tolist()])
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from solen.analysis.diagnosis.design_response import INDEX, Response
 from solen.arrays import FloatArray
 from solen.readout import Circuit
 from solen.readout.transistor import load_line
-from solen.sensor.readings import SIDES
+from solen.sensor.acceptance import SIDES
 
 OFFSET, SPREAD, ZERO, LOSS = "emitter.offset_mm", "chip spread_mm2", "angle.zero_deg", "loss_per_mm"
 _OHM = 1e3  # so that mA are V

@@ -21,7 +21,7 @@ from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.recording.column_roles import side_of
 from solen.results import HIDDEN, Result, reported
-from solen.sensor.readings import SIDES
+from solen.sensor.acceptance import SIDES
 
 LEAST_ANGLES = 12
 ZERO_U_DEG, INDEX_U = 0.1, 0.003

@@ -1,0 +1,132 @@
+"""What the directionality of receivers makes of traced power.
+
+A trace gives the power through a receiver's face. A part with a lens sees less of what arrives from the side, so its
+current is not in proportion to that power. `Acceptance` is what its directionality makes of the light of a scene;
+everything that turns traced power into currents takes its shares from here: `solen.sensor.readings`, the simulated
+bench and the diagnosis.
+
+A trace tells the angle of incidence in projection. In space light also comes from above and below: upright walls keep
+the y-component of a ray's direction, times the index, so that is known from where it starts. Light is traced in bands
+of it, and each band's angle of incidence follows. Where walls scatter, or a texture tilts them, it is no longer kept,
+and the factor is that of walls that are smooth.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from solen.arrays import FloatArray, IntArray
+from solen.parts import ReceiverPart
+from solen.readout.circuit import named_part
+from solen.readout.transistor import angular_factor, exponent_of
+from solen.scene import Scene, Source
+from solen.scene.sources.base import Launch, Placed, PlacedInSpace
+from solen.sensor.sensor import Sensor
+from solen.trace import trace
+
+SIDES = ("right", "left")
+ANGLE_BINS, BANDS = 90, 8
+"""Bins of the angle of incidence in projection, and bands of the y-component of light."""
+FLAT = 1e-6
+"""How near to 1 the exponent of a flat window is."""
+
+
+@dataclass(frozen=True)
+class Acceptance:
+    """How receivers see light by its angle of incidence: as cos^m to a beam.
+
+    Attributes
+    ----------
+    exponent
+        m; 1 for a flat window, whose current depends on the power through it alone.
+    index
+        Of the material at the window: behind a matched face it sees an angle as air would show it, by Snell's law.
+    """
+
+    exponent: float = 1.0
+    index: float = 1.0
+
+    @classmethod
+    def of(cls, sensor: Sensor) -> "Acceptance":
+        """Acceptance of the part that a design names; `DataError` where there is no such receiver."""
+        matched = sensor.design.receivers.coupling == "matched"
+        exponent = exponent_of(named_part(sensor.design, "part", ReceiverPart))
+        return cls(exponent, sensor.material.index if matched else 1.0)
+
+    @property
+    def is_flat(self) -> bool:
+        """Whether all light through the face counts alike."""
+        return abs(self.exponent - 1.0) < FLAT
+
+    def factors(self, scene: Scene) -> FloatArray:
+        """Shares (2,) of the power at the right and the left receiver that their parts see, of a scene's first source.
+
+        1 where no light arrives.
+        """
+        if self.is_flat:
+            return np.ones(len(SIDES))
+        edges = np.linspace(-90.0, 90.0, ANGLE_BINS + 1)
+        sine = self.index * np.sin(np.radians(0.5 * (edges[1:] + edges[:-1])))
+        window_deg, powers = [], []
+        for light, ups in _bands(scene):
+            detectors = trace(replace(scene, sources=(light,)), "power", angle_bins=ANGLE_BINS).detectors
+            window_deg += [np.degrees(np.arcsin(np.minimum(np.hypot(sine, up), 1.0))) for up in ups]
+            powers += [np.array([detectors[side].power_by_angle for side in SIDES])] * len(ups)
+        return angular_factor(self.exponent, np.concatenate(window_deg), np.concatenate(powers, axis=1))
+
+
+def _bands(scene: Scene) -> Iterator[tuple[Source, tuple[float, ...]]]:
+    """Parts of a scene's first source, each with y-components in air that stand for its light in equal shares."""
+    source = scene.sources[0]
+    if scene.extrusion is None:
+        yield source, (0.0,)
+        return
+    for least, most in pairwise(np.linspace(0.0, 1.0, BANDS + 1).tolist()):
+        middle, half = 0.5 * (least + most), 0.5 * (most - least) / math.sqrt(3.0)
+        band = Band(whole=source, least=least, most=most, power=source.power, spectrum=source.spectrum)
+        yield band, (middle - half, middle + half)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Band(Source):
+    """The light of a source whose direction has a y-component between two, in size; its other rays have no power."""
+
+    whole: Source
+    least: float
+    most: float
+
+    @property
+    def rays(self) -> int:
+        """Of the source."""
+        return self.whole.rays
+
+    @property
+    def shape_dimensions(self) -> int:
+        """Of the source."""
+        return self.whole.shape_dimensions
+
+    def dimensions(self, in_space: bool = False) -> int:
+        """Of the source."""
+        return self.whole.dimensions(in_space)
+
+    def place(self, u: FloatArray) -> Placed:
+        """Of the source."""
+        return self.whole.place(u)
+
+    def place_in_space(self, u: FloatArray) -> PlacedInSpace:
+        """Of the source."""
+        return self.whole.place_in_space(u)
+
+    def lines(self, u: FloatArray) -> IntArray:
+        """Of the source."""
+        return self.whole.lines(u)
+
+    def launch_at(self, u: FloatArray, rays: int, in_space: bool = False) -> Launch:
+        """See :meth:`~solen.scene.sources.base.Source.launch_at`."""
+        launch = self.whole.launch_at(u, rays, in_space)
+        up = np.zeros(len(launch)) if launch.dy is None else np.abs(launch.dy)
+        inside = (up >= self.least) & (up <= self.most)
+        return replace(launch, power_s=launch.power_s * inside, power_p=launch.power_p * inside)

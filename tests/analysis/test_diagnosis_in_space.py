@@ -1,0 +1,121 @@
+"""Diagnosis in space recovers what made a recording that an independent tracer lit."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from solen.analysis import AnalysisOptions, SensorResponse, sensor_response
+from solen.analysis.diagnosis import Diagnosis, Response, diagnosed
+from solen.analysis.diagnosis.design_response import INDEX
+from solen.analysis.diagnosis.emitter_places import light_by_place
+from solen.sensor import Sensor
+from solen.spec import with_values
+from tests.analysis.made_support import made
+from tests.analysis.space_support import CHIPS, DESIGN, LitInSpace, shares, traced
+from tests.analysis.space_tracer_support import powers
+
+KNOWN = {"angle.zero_deg": 0.1, INDEX: 0.003}
+SEEDS = 200
+
+
+def recorded(**truth: float) -> SensorResponse:
+    return sensor_response([made(LitInSpace(**truth))], AnalysisOptions())  # type: ignore[arg-type]
+
+
+def test_strips_of_one_angle_give_every_chip() -> None:
+    """At 1°, beside the independent tracer; what both may be off by is some 1e-4 of a swing of 0.3."""
+    reach_mm = 0.2
+    wide = Sensor.of(with_values(DESIGN, {"emitter.width_mm": 2.0 * reach_mm}))
+    found = light_by_place(wide, 1.0, reach_mm)
+    for number, chip in enumerate(CHIPS):
+        ends = chip.offset_mm + 0.5 * chip.width_mm * np.array([-1.0, 1.0])
+        low, high = found.upto(ends)
+        assert (high - low) / chip.width_mm == pytest.approx(shares(number, np.ones(1))[0], abs=1.2e-4)
+
+
+@pytest.mark.evidence
+@pytest.mark.parametrize("chip", range(len(CHIPS)))
+def test_the_independent_tracer_gives_what_is_kept_of_it(chip: int) -> None:
+    angles, columns = traced(chip)
+    for row in (3, 27, 40):
+        again = powers(Sensor.of(DESIGN), CHIPS[chip], float(angles[row]), 18, 99)
+        assert again == pytest.approx(columns[row], abs=4e-4)
+
+
+@cache
+def response(dimension: str) -> Response:
+    sensor = Sensor.of(with_values(DESIGN, {"trace.dimension": dimension}))
+    return Response.of(sensor, -3.5, 3.5, {INDEX: KNOWN[INDEX]})
+
+
+@pytest.mark.evidence
+def test_the_table_is_what_the_independent_tracer_gives() -> None:
+    for number, chip in enumerate(CHIPS):
+        angles, columns = traced(number)
+        off = response("extruded").shares(angles, chip.offset_mm, chip.width_mm**2) - columns
+        print(number, off.std(), np.abs(off).max())
+        assert off.std() < 7e-5
+        assert np.abs(off).max() < 2.5e-4
+
+
+@pytest.mark.evidence
+@pytest.mark.parametrize("by", [-0.003, 0.003])
+def test_the_table_follows_the_index(by: float) -> None:
+    """A change of up to 2e-3, beside direct integrals."""
+    chip, base = CHIPS[0], Sensor.of(DESIGN)
+    values = {"emitter.offset_mm": chip.offset_mm, "material.index": 1.44 + by}
+    moved = replace(Sensor.of(with_values(DESIGN, values)), cut=base.cut)
+    angles = np.array([-2.4, -0.85, 0.0, 0.4, 0.75, 2.3])
+    found = response("extruded").shares(angles, chip.offset_mm, chip.width_mm**2, {INDEX: by})
+    for angle, row in zip(angles.tolist(), found, strict=True):
+        traced_there = moved.integrate(angle, tolerance=3e-5).detectors
+        assert row == pytest.approx([traced_there[side].power for side in ("right", "left")], abs=1.2e-4)
+
+
+def checked(found: Diagnosis, chip: int) -> dict[str, bool]:
+    """Whether intervals hold the truth; errors beyond what is promised fail at once."""
+    true = {
+        "emitter_offset_mm": CHIPS[chip].offset_mm,
+        "chip_width_mm": CHIPS[chip].width_mm,
+        "gain_right_V": 8.0,
+        "gain_left_V": 7.0,
+    }
+    held = {}
+    for name, value in true.items():
+        one = found.estimates[name]
+        assert one.value is not None
+        assert one.low is not None
+        assert one.high is not None
+        held[name] = one.low <= value <= one.high
+        most = {"emitter_offset_mm": 5e-3, "chip_width_mm": 0.1 * CHIPS[chip].width_mm}.get(name, 0.05 * value)
+        assert abs(one.value - value) < most, name
+    return held
+
+
+@pytest.mark.evidence
+@pytest.mark.parametrize("chip", range(len(CHIPS)))
+def test_intervals_hold_chips_in_space(chip: int) -> None:
+    """Recordings whose zero of the angle is off by as much as it is said to be."""
+    draw, hits, warned = np.random.default_rng(chip), dict.fromkeys(("emitter_offset_mm", "chip_width_mm"), 0), 0
+    hits |= {"gain_right_V": 0, "gain_left_V": 0}
+    for seed in range(SEEDS):
+        zero = 0.1 * float(np.clip(draw.standard_normal(), -3.0, 3.0))
+        found = diagnosed(recorded(chip=chip, zero_deg=zero, seed=seed), response("extruded"), KNOWN)
+        for name, held in checked(found, chip).items():
+            hits[name] += held
+        apart = [found.estimates[f"gain_{side}_V"] for side in ("right", "left")]
+        assert apart[0].low > apart[1].high  # type: ignore[operator]
+        warned += found.fitted.misfit.significant
+    print(chip, {name: count / SEEDS for name, count in hits.items()}, "misfit", warned / SEEDS)
+    for name, count in hits.items():
+        assert 0.90 <= count / SEEDS <= 0.99, name
+
+
+@pytest.mark.evidence
+def test_the_plane_misses_them_and_says_so() -> None:
+    found = diagnosed(recorded(), response("2d"), KNOWN)
+    print(found.fitted.misfit, {name: (one.value, one.low, one.high) for name, one in found.estimates.items()})
+    assert found.fitted.misfit.significant
+    assert found.fitted.misfit.share > 0.03
