@@ -7,6 +7,7 @@ Fresnel's amplitudes, at top and bottom too. Rays start at Sobol' points of the 
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numba import njit, prange
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from solen.arrays import FloatArray
+from solen.curve import Curve
 from solen.sensor import Sensor
 
 SAGITTA_MM, BLOCK = 1e-5, 16
@@ -54,13 +56,13 @@ def _receiver(side: str) -> int:
     return ("right", "left").index(side)
 
 
-def _chords(curve: object, owner: int) -> tuple[FloatArray, FloatArray, NDArray[np.int64]]:
+def _chords(curve: Curve, owner: int) -> tuple[FloatArray, FloatArray, NDArray[np.int64]]:
     """Chords (n, 4) of a curve and its unit normals at their ends (n, 4)."""
-    coarse, ways = curve.points(np.linspace(0.0, 1.0, 65)), curve.velocities(np.array([0.0, 0.5, 1.0]))  # type: ignore[attr-defined]
+    coarse, ways = curve.points(np.linspace(0.0, 1.0, 65)), curve.velocities(np.array([0.0, 0.5, 1.0]))
     length = float(np.hypot(*np.diff(coarse, axis=0).T).sum())
     turns = float(np.abs(np.diff(np.unwrap(np.arctan2(ways[:, 0], ways[:, 1])))).sum())
     u = np.linspace(0.0, 1.0, 2 + math.ceil(math.sqrt(length * turns / (8.0 * SAGITTA_MM))))
-    points, along = curve.points(u), curve.velocities(u)  # type: ignore[attr-defined]
+    points, along = curve.points(u), curve.velocities(u)
     across = np.column_stack([along[:, 1], -along[:, 0]]) / np.hypot(*along.T)[:, None]
     return np.hstack([points[:-1], points[1:]]), np.hstack([across[:-1], across[1:]]), np.full(len(u) - 1, owner)
 
@@ -72,8 +74,8 @@ def _boxes(chords: FloatArray) -> FloatArray:
     return np.array([[*end.min(axis=0) - 1e-9, *end.max(axis=0) + 1e-9] for end in ends])
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
-def _nearest(chords, boxes, x, z, dx, dz):  # type: ignore[no-untyped-def]
+@njit(cache=True)
+def _nearest(chords: Any, boxes: Any, x: Any, z: Any, dx: Any, dz: Any) -> Any:
     """Way to the nearest chord, which one, and where on it."""
     best, which, at = math.inf, -1, 0.0
     ix = 1.0 / dx if dx != 0.0 else 1e300
@@ -97,21 +99,21 @@ def _nearest(chords, boxes, x, z, dx, dz):  # type: ignore[no-untyped-def]
     return best, which, at
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
-def _power(state, k):  # type: ignore[no-untyped-def]
+@njit(cache=True)
+def _power(state: Any, k: Any) -> Any:
     total = 0.0
     for j in range(6):
         total += abs(state[k, 6 + j]) ** 2
     return total
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
-def _cross(a, b):  # type: ignore[no-untyped-def]
+@njit(cache=True)
+def _cross(a: Any, b: Any) -> Any:
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
-def _split(state, k, other, n, n1, n2):  # type: ignore[no-untyped-def]
+@njit(cache=True)
+def _split(state: Any, k: Any, other: Any, n: Any, n1: Any, n2: Any) -> Any:
     """Row k becomes the reflected ray at a face whose unit normal n points along it; ``other`` the refracted one."""
     d = (state[k, 3].real, state[k, 4].real, state[k, 5].real)
     cos = d[0] * n[0] + d[1] * n[1] + d[2] * n[2]
@@ -145,8 +147,19 @@ def _split(state, k, other, n, n1, n2):  # type: ignore[no-untyped-def]
     return passes
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
-def _ray(chords, normals, owner, boxes, state, inside, index, half, exponent, found):  # type: ignore[no-untyped-def]  # noqa: C901  one loop
+@njit(cache=True)
+def _ray(  # noqa: C901  one loop
+    chords: Any,
+    normals: Any,
+    owner: Any,
+    boxes: Any,
+    state: Any,
+    inside: Any,
+    index: Any,
+    half: Any,
+    exponent: Any,
+    found: Any,
+) -> Any:
     """Follow the ray in row 0 of ``state`` with all that it is divided into."""
     count, hits = 1, 0
     while count > 0 and hits < 50 * MOST_HITS:
@@ -194,8 +207,19 @@ def _ray(chords, normals, owner, boxes, state, inside, index, half, exponent, fo
             count += 1
 
 
-@njit(parallel=True, cache=True)  # type: ignore[untyped-decorator]
-def _traced(chords, normals, owner, boxes, u, pose, chip, index, half, exponent):  # type: ignore[no-untyped-def]
+@njit(parallel=True, cache=True)
+def _traced(
+    chords: Any,
+    normals: Any,
+    owner: Any,
+    boxes: Any,
+    u: Any,
+    pose: Any,
+    chip: Any,
+    index: Any,
+    half: Any,
+    exponent: Any,
+) -> Any:
     parts = 64
     found = np.zeros((parts, 2))
     ca, sa = math.cos(pose[2]), math.sin(pose[2])
