@@ -10,6 +10,7 @@ import pytest
 
 from solen.analysis import study
 from solen.analysis.diagnosis import DiagnosisOptions, Response, SensorDiagnoses, diagnosed_sensors
+from solen.arrays import FloatArray
 from solen.cli import run_command
 from solen.errors import DataError, SpecError
 from solen.spec import loads
@@ -166,6 +167,23 @@ def test_a_damaged_header_is_no_header(tmp_path: Path, design: Path) -> None:
     with pytest.raises(DataError, match="carries no design"):
         ask(path)
     assert ask(path, design=design).sensors["lens-1"].drawn is None
+
+
+class Bent(Lit):
+    """A recording that no chip of the design makes."""
+
+    def response_V(self, angle_deg: FloatArray) -> FloatArray:
+        return super().response_V(angle_deg) + 0.3 * np.cos(2.0 * angle_deg)[:, None]
+
+
+def test_a_model_of_the_plane_that_misses_is_told_of_space(tmp_path: Path, design: Path) -> None:
+    path = table(tmp_path / "S1.csv", Bent(noise_V=2e-3))
+    in_space = tmp_path / "space.toml"
+    stated = 'pattern = "lambertian"\n[trace]\ndimension = "extruded"\n'
+    in_space.write_text(DESIGN + stated, encoding="utf-8")
+    told = [any("extruded" in line for line in ask(path, design=one).warnings) for one in (design, in_space)]
+    assert told == [True, False]
+    assert any("misses the mean curves" in line for line in ask(path, design=in_space).warnings)
 
 
 @pytest.mark.evidence

@@ -40,6 +40,8 @@ from solen.spec.strict import Finite, Options, refused
 
 MOST_BEYOND_DEG = 0.5
 """A recording that goes farther beyond its design's motion gets a warning."""
+FAR_OFF = 0.01
+"""Misfit as a share of the swing from which on a model in the plane is named as a cause."""
 FITTED = ("emitter.offset_mm", "emitter.width_mm", "material.absorption_per_mm")
 """Keys that are fitted anyway."""
 
@@ -297,7 +299,7 @@ def _diagnosis(
         cycles_used=len(diagnosis.cycles.volts),
         misfit=fitted.misfit,
         receivers=_curves(diagnosis),
-        warnings=(*warnings, *_cautions(diagnosis)),
+        warnings=(*warnings, *_cautions(diagnosis, design)),
     )
 
 
@@ -330,7 +332,7 @@ def _motion_warnings(sensor: SensorResponse, design: Design) -> Iterator[str]:
         )
 
 
-def _cautions(diagnosis: Diagnosis) -> Iterator[str]:
+def _cautions(diagnosis: Diagnosis, design: Design) -> Iterator[str]:
     """What the numbers of a diagnosis cannot show."""
     misfit = diagnosis.fitted.misfit
     if misfit.significant:
@@ -338,6 +340,11 @@ def _cautions(diagnosis: Diagnosis) -> Iterator[str]:
         yield (
             f"the model misses the mean curves by more than the scatter of the cycles ({rms} rms, "
             f"{100.0 * misfit.share:.2g} % of the swing): the intervals are widened by it"
+        )
+    if misfit.significant and misfit.share > FAR_OFF and design.trace.dimension == "2d":
+        yield (
+            "the model is light in the plane, which an emitter in space does not keep to: state "
+            'trace.dimension = "extruded", with its emitter.pattern and the chip\'s height_mm'
         )
     if len(diagnosis.cycles.volts) == 1:
         yield "one cycle: its intervals take its noise for white, and drift and hysteresis are not in them"
