@@ -40,7 +40,7 @@ from solen.spec.strict import Finite, Options, refused
 
 MOST_BEYOND_DEG = 0.5
 """A recording that goes farther beyond its design's motion gets a warning."""
-FAR_OFF = 0.01
+FAR_OFF = 0.002
 """Misfit as a share of the swing from which on a model in the plane is named as a cause."""
 FITTED = ("emitter.offset_mm", "emitter.width_mm", "material.absorption_per_mm")
 """Keys that are fitted anyway."""
