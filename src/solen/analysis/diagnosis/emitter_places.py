@@ -100,27 +100,6 @@ def check_light(scene: Scene) -> None:
         raise DesignError("emitter", limit="a file of rays has no points to fit", remedy="state a pattern")
 
 
-def is_mirrored(sensor: Sensor, angle_deg: float) -> bool:
-    """Whether a sensor at an angle is the mirror image of itself at the opposite one, face by face."""
-    one, other = (sensor.scene(angle) for angle in (angle_deg, -angle_deg))
-    faces = {face.name: face for face in other.interfaces}
-    if len(faces) != len(one.interfaces) or any(face.surface is not None for face in one.interfaces):
-        return False
-    for face in one.interfaces:
-        partner = faces.get(_other_side(face.name))
-        if partner is None or partner.behaviour != face.behaviour:
-            return False
-        mine, theirs = (each.curve.points(np.linspace(0.0, 1.0, 33)) for each in (face, partner))
-        if not np.allclose(mine * [-1.0, 1.0], theirs[::-1], rtol=0.0, atol=1e-9):
-            return False
-    return True
-
-
-def _other_side(name: str) -> str:
-    swapped = {"right": "left", "left": "right"}
-    return "-".join(swapped.get(part, part) for part in name.split("-"))
-
-
 class _Chip:
     """A chip that reaches over all places, at one angle."""
 

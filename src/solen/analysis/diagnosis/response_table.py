@@ -20,8 +20,9 @@ from functools import cached_property
 
 import numpy as np
 
-from solen.analysis.diagnosis.emitter_places import Places, is_mirrored, light_by_place
+from solen.analysis.diagnosis.emitter_places import Places, light_by_place
 from solen.arrays import FloatArray, IndexArray, Progress
+from solen.geometry import are_mirrored
 from solen.sensor import Sensor
 from solen.spec import with_values
 
@@ -137,7 +138,8 @@ def _traced(
     progress: Progress | None,
 ) -> tuple[Places, ...]:
     """What is traced at every angle, on all cores; of a symmetric sensor only at angles from 0 on."""
-    even = np.allclose(angle_deg, -angle_deg[::-1], rtol=0.0, atol=1e-9) and is_mirrored(wide, float(angle_deg[-1]))
+    even = np.allclose(angle_deg, -angle_deg[::-1], rtol=0.0, atol=1e-9)
+    even = even and are_mirrored(*(wide.body(float(angle)) for angle in angle_deg[[0, -1]]))
     first = len(angle_deg) // 2 if even else 0
     rows: list[Places] = []
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
