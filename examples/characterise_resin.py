@@ -29,12 +29,10 @@ def results(folder: Path) -> dict[str, Path]:
     n = 1.48 + 0.005 / ((nm := np.arange(430, 901, 2)) * 1e-3) ** 2
     t, r = (one / (n**2 + 1) + NOISE(0, 1e-3, nm.size) for one in (2 * n, (n - 1) ** 2))
     index.index(table(folder / "layer.csv", "wavelength_nm,T,R", nm, t, r), layer, out=out["index"])
-    mm = np.repeat([10, 20, 30, 40], 4)
-    mw = np.exp(-0.02 * mm + NOISE(0, 0.02, mm.size))
+    mm, mj = np.repeat([10, 20, 30, 40], 4), np.repeat([16, 25, 39], 5)
+    mw, um = np.exp(-0.02 * mm + NOISE(0, 0.02, mm.size)), 150 * np.log(mj / 12) + NOISE(0, 4, mj.size)
     cutback.cutback(table(folder / "guides.csv", "length_mm,power_mW", mm, mw), out=out["cutback"])
-    mj = np.repeat([16, 25, 39], 5)
-    discs = table(folder / "discs.csv", "dose_mJ_per_cm2,depth_um", mj, 150 * np.log(mj / 12) + NOISE(0, 4, mj.size))
-    cure.cure(discs, out=out["cure"])
+    cure.cure(table(folder / "discs.csv", "dose_mJ_per_cm2,depth_um", mj, um), out=out["cure"])
     stretch = np.linspace(1, 0.7, 61)
     mpa = 0.4 * (stretch - stretch**-2) - NOISE(0, 1e-3, 61)
     stiffness.stiffness([table(folder / "cube.csv", "stretch,stress_MPa", stretch, mpa)], out=out["stiffness"])
@@ -49,9 +47,8 @@ def main() -> dict[str, float]:
         changes = {"material.resin": made["resin"], "emitter.width_mm": 0.2, "motion.step_deg": 0.5}
         sensor = Sensor.of(with_values(loads(template("paper-860")), changes))
     near, u_n = np.linspace(-1.0, -0.25, 7).tolist(), sensor.material.u_index or 0.0  # degrees, beside the null
-    contrast = sensor.power(near).contrast
     others = [off_by(sensor, "material.index", step).power(near).contrast for step in (-u_n, u_n)]
-    moved = max(float(np.abs(other - contrast).max()) for other in others)
+    moved = float(np.abs(np.array(others) - sensor.power(near).contrast).max())
     found = {"n": sensor.material.index, "u_n": u_n, "moved": moved}
     found |= {"loss": made["loss"]["absorption_per_mm"], "Dp": made["cure"]["Dp_um"], **made["stiffness"]["parameters"]}
     print(*(f"{key} {value:.4g}" for key, value in found.items()), sep=", ")

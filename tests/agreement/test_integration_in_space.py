@@ -200,22 +200,21 @@ def test_stated_uncertainties_hold() -> None:
     assert max(map(abs, shares)) < 4.0
 
 
-@pytest.mark.parametrize("values", [{"receivers__coupling": "air-gap"}, {"receivers__height_mm": 1.0}])
-def test_trapped_light_is_integrated_with_its_tail_sampled(values: dict[str, Any]) -> None:
-    gap = {"receivers__gap_mm": 0.5} if "receivers__coupling" in values else {}
-    design = sensor(**values, **gap)
+def test_trapped_light_is_integrated_with_its_tail_sampled() -> None:
+    design = sensor(receivers__coupling="air-gap", receivers__gap_mm=0.5)
     found = design.integrate(-1.0, tolerance=2e-3)
     assert found.reached
     assert found.ledger.truncated < 1e-6
     agrees(found, trace(design.scene(-1.0, 2**16), "power", sampling="sobol", limits=Limits(1e-7)))
 
 
-def test_light_from_one_height_on_receivers_of_another_is_sampled() -> None:
-    """Whether a ray out of the plane meets such a receiver is a matter of its angle to the last digit."""
-    design = sensor(emitter__height_mm=0.0, receivers__height_mm=1.0)
-    found = design.integrate(2.0, tolerance=2e-3)
-    assert found.reached
-    agrees(found, trace(design.scene(2.0, 2**16), "power", sampling="sobol", limits=Limits(1e-7)))
+def test_light_on_receivers_of_a_height_is_sampled() -> None:
+    """Whether a ray out of the plane meets one is a matter of its angle to the last digit."""
+    for height_mm in (0.0, 0.2):
+        design = sensor(emitter__height_mm=height_mm, receivers__height_mm=1.0)
+        found = design.integrate(-1.0, tolerance=2e-3)
+        assert found.reached
+        agrees(found, trace(design.scene(-1.0, 2**16), "power", sampling="sobol", limits=Limits(1e-7)), 3.0)
 
 
 def test_a_response_in_space_is_integrated() -> None:

@@ -229,8 +229,8 @@ GAP = ["--set", "receivers.coupling=air-gap", "--set", "receivers.gap_mm=0.5"]
 SAMPLINGS = [
     (["--sampling", "bogus"], "bogus"),
     (["--sampling", ""], "--sampling"),
-    (["--seed", "1"], "seed = 1; nothing is drawn in mode count with a fan"),
-    (["--seed", "1", "--mode", "power"], "nothing is drawn in mode power with a fan"),
+    (["--seed", "1"], "seed = 1; mode count with a fan draws"),
+    (["--seed", "1", "--mode", "power"], "mode power with a fan draws"),
     *((["--sampling", "sobol", "--seed", seed], "--seed") for seed in
       ("-1", "1.5", "x", "", "²", "9223372036854775808", "9" * 40)),
     (["--tolerance", "1e-6"], "--tolerance = 1e-06; needs sampling adaptive"),

@@ -123,7 +123,7 @@ def test_a_part_by_name_or_file(tmp_path: Path) -> None:
 
 def test_what_the_design_states_overrules_the_part() -> None:
     part = light_of(design(part="VSMY1850"))
-    assert (part.wavelength_nm, part.cone_deg, part.width_mm, part.pattern) == (850.0, 360.0, 0.0, "table")
+    assert (part.wavelength_nm, part.cone_deg, part.width_mm, part.pattern) == (850.0, 360.0, 0.2, "table")
     assert len(part.spectrum) == 5
     own = light_of(
         design(part="VSMY1850", wavelength_nm=860.0, cone_deg=120.0, width_mm=0.2, pattern="lambertian", fwhm_nm=20.0)

@@ -207,7 +207,7 @@ def test_a_supply_beyond_every_range_takes_the_widest() -> None:
 @pytest.mark.parametrize(
     ("values", "error", "words"),
     [
-        ({"readout__adc_range_v": [-3.0, 3.0]}, SpecError, "is no range of USB-6218"),
+        ({"readout__adc_range_v": [-3.0, 3.0]}, SpecError, "range of USB-6218"),
         ({"readout__adc_range_v": [3.0, -3.0]}, SpecError, "must run from low to high"),
         ({"readout__part": "VSMY1850"}, DataError, "is of kind emitter, not a receiver"),
         ({"readout__adc": "TEMT7100X01"}, DataError, "is of kind receiver, not an adc"),

@@ -131,7 +131,7 @@ def test_a_ray_file_stands_for_the_emitter(tmp_path: Path) -> None:
     assert (source.rays, source.spectrum) == (4096, ())
     response = real.power([-3.0, 3.0])
     like = sensor(pattern="lambertian", width_mm=0.2).power([-3.0, 3.0])
-    assert [trace.method for trace in response.traces] == ["fan", "fan"]
+    assert [trace.method for trace in response.traces] == ["sobol", "sobol"]
     assert np.sign(response.contrast).tolist() == [1.0, -1.0]
     assert abs(response.contrast) == pytest.approx(abs(like.contrast), abs=0.1)
     with pytest.raises(DataError, match=r"led2\.sdf"):

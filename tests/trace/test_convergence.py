@@ -9,7 +9,7 @@ import pytest
 from solen.curve import Segment
 from solen.errors import DesignError
 from solen.scene import Beam, Chip, Fan, Interface, Rays, Region, Scene, Source
-from solen.trace import Limits, Mode, convergence
+from solen.trace import Limits, Mode, convergence, integrate
 from solen.trace.convergence import LEAST_RAYS, TIGHT
 
 CONE_DEG = 60.0
@@ -96,7 +96,7 @@ def test_a_scene_without_receivers_is_refused() -> None:
 
 
 def test_light_that_is_cut_off_leaves_the_integral_short_of_its_tolerance() -> None:
-    """All light stops at one of its first two faces: the integral says so, and the densest fan stands in."""
+    """All light stops at one of its first two faces, and whatever is held to account says so."""
     block = [(-1.0, 0.2), (1.0, 0.2), (1.0, 0.6), (-1.0, 0.6)]
     sides = tuple(
         Interface(f"side {i}", Segment(a, b), "glass", "air")
@@ -106,8 +106,8 @@ def test_light_that_is_cut_off_leaves_the_integral_short_of_its_tolerance() -> N
     glass = dataclasses.replace(one, regions=(*one.regions, Region("glass", 1.5)), interfaces=(*sides, *one.interfaces))
     assert convergence(glass, "count", most_rays=16).reference.method == "adaptive"
     cut = convergence(glass, "count", limits=Limits(max_hits=2), most_rays=16)
-    assert cut.reference.method == "fan"
     assert cut.reference.ledger.truncated > 0.5
+    assert integrate(glass, "count", 1e-3, Limits(max_hits=2)).u_power > 0.5
 
 
 @pytest.mark.parametrize(

@@ -42,14 +42,14 @@ CHANGE_SHARE = 0.5
 LEAST_SHARE = 0.01
 EXACT_SHARE, NEGLIGIBLE = 0.7, 0.02
 """Shares of the tolerance: for the exact part beside a sampled tail; of light that is not worth sampling."""
-FEWEST_LEGS, MOST_LEGS, LEGS_TOLERANCE, GREATEST_LEGS = 200_000, 1_000_000, 1e-4, 20_000_000
+FEWEST_LEGS, LEGS_TOLERANCE, GREATEST_LEGS = 1_000_000, 1e-4, 20_000_000
 """Straight stretches of light at least, for a tolerance, and at most: their number grows as its root falls."""
 FINE_LEVELS = ((1e-2, 24), *LAST_LEVELS)
 """Least weights and most hits: over one coordinate many branches can be followed; over several, what a trapped ray
 gives is chaos, and samples serve better."""
 ROUGH = 3e-5
 """Tolerance from which on samples do for a source with a size."""
-TAIL_LEGS, LAST_EFFORT, MANY_HITS = 60_000_000, 5, 10
+TAIL_LEGS, TAIL_SHARE, LAST_EFFORT, MANY_HITS = 60_000_000, 60, 5, 10
 LEAST_TOLERANCE, MOST_TOLERANCE = 1e-12, 0.1
 POINT_TOLERANCE, EXTENDED_TOLERANCE = 1e-6, 1e-4
 """Default tolerance of powers: for a point of the plane in one wavelength, and for any other source."""
@@ -264,7 +264,7 @@ def usual_tolerance(scene: Scene) -> float:
 
 def most_legs_for(tolerance: float) -> int:
     """Straight stretches of light after which an integration ends."""
-    return int(min(max(MOST_LEGS * math.sqrt(LEGS_TOLERANCE / tolerance), FEWEST_LEGS), GREATEST_LEGS))
+    return int(min(FEWEST_LEGS * math.sqrt(max(LEGS_TOLERANCE / tolerance, 1.0)), GREATEST_LEGS))
 
 
 def cause(found: Integral) -> str:
@@ -372,7 +372,9 @@ class Lights:
             within = found.error + found.gaps <= tolerance or (hits < MANY_HITS and found.gaps < 1.0)
             if found.unfinished > NEGLIGIBLE * tolerance and within and self.has_tails:
                 left = max(math.sqrt(max(tolerance**2 - found.error**2, 0.0)) - found.gaps, 0.5 * tolerance)
-                found = light.tail(rules).added(found, left, self.rules.max_hits, TAIL_LEGS)
+                found = light.tail(rules).added(
+                    found, left, self.rules.max_hits, min(TAIL_LEGS, TAIL_SHARE * most_legs)
+                )
             best = found if best is None or found.u < best.u else best
             if best.u <= tolerance:
                 break

@@ -119,7 +119,7 @@ class LightInSpace:
     mirrored: bool
     """whether light that goes up and light that goes down do the same"""
     jumps: bool
-    """whether it is a sharp function of the angle out of the plane, light from one height on receivers of another"""
+    """whether it is too sharp a function of the angle out of the plane: at the height of a receiver"""
 
     @classmethod
     def of(cls, scene: Scene, source: Emitter, tables: Tables, rules: Rules) -> "LightInSpace":
@@ -152,7 +152,7 @@ class LightInSpace:
             tuple(family._replace(colour=colour) for colour, _ in colours),
             tuple(weight for _, weight in colours),
             even and all(low == -high for low, high in heights),
-            not source.height_mm > 0.0 and bool(heights),
+            bool(heights),
         )
 
     @property

@@ -296,8 +296,11 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                         if tail or not sampling:
                             ended = True
                             break
-                        tail, gain, most, lowest = True, 1.0, most_hits, FAINT
                         value[unfinished] += left
+                        if hits + 1 >= most_hits:
+                            ended = True
+                            break
+                        tail, gain, most, lowest = True, 1.0, most_hits, FAINT
                         power, gone = left, 0.0
                     kept *= math.exp(-loss * 2.0 * half / abs(d.y))
                 if loss > 0.0:
@@ -356,8 +359,9 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                         yb = lower
         fate = TRUNCATED if ended else end_fate(acts, from_right, worn_out)
         if fate == TRUNCATED and sampling and not (tail or ended):
-            tail, gain, fate = True, 1.0, GOES_ON
             value[unfinished] += (1.0 + above) * power
+            if hits + 1 < most_hits:
+                tail, gain, fate = True, 1.0, GOES_ON
             if above > 0.0:  # one of both parts by chance
                 if chance(rules.seed, draw, draws) * (1.0 + above) < above:
                     ya, yb = above_low, above_high
