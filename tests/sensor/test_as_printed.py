@@ -11,7 +11,7 @@ from solen.curve import Curve, Spline
 from solen.errors import DesignError
 from solen.lens import Lens, MeasuredLens, MeasuredProfile, OvalLens, profile_text
 from solen.plane import Rigid
-from solen.sensor import Response, Sensor, as_printed, keys_without_effect
+from solen.sensor import Response, Sensor, as_printed, inert, keys_without_effect
 from solen.spec import loads
 from solen.trace import Limits, trace, trace_reference
 from tests.agreement.compare_support import TURN_RAD, compared, turned
@@ -231,8 +231,8 @@ def test_only_a_measured_lens_is_compared(tmp_path: Path) -> None:
 
 def test_numbers_of_the_designed_lens_are_inert_where_it_was_measured(tmp_path: Path) -> None:
     measured = sensor(tmp_path, profile())
-    assert measured.inert("lens.focus_mm") == "the lens is measured"
-    assert measured.inert("material.absorption_per_mm") == ""
+    assert inert(measured, "lens.focus_mm") == "the lens is measured"
+    assert inert(measured, "material.absorption_per_mm") == ""
 
 
 @pytest.mark.evidence

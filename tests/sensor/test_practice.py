@@ -12,6 +12,7 @@ import pytest
 
 from solen.sensor import Effect, Practice, Sensor, study
 from solen.sensor.budget import budget
+from solen.sensor.numbers import number
 from solen.sensor.practice import practice
 from solen.spec import Design, loads, template, with_values
 from tests.scene.rayfile_support import lambertian, zemax
@@ -89,7 +90,7 @@ def test_an_effect_is_what_the_number_does_with_the_lens_as_it_is_cut(key: str, 
     one = effect(paper(), key)
     led = {"trace.dimension": "extruded", "emitter.pattern": "lambertian", "emitter.cone_deg": 120.0}
     real = Sensor.of(with_values(design(), led | {"emitter.width_mm": 0.2, "emitter.height_mm": 0.2}))
-    value = real.number(key)
+    value = number(real, key)
     ends = [
         replace(Sensor.of(with_values(real.design, {key: value + sign * off})), cut=real.cut).power([angle_deg])
         for sign in (-1, 1)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from solen.errors import DesignError, SpecError
 from solen.geometry import arm_angle_deg
-from solen.sensor import OPTICAL_KEYS, Sensor
+from solen.sensor import OPTICAL_KEYS, Sensor, inert
 from solen.spec import Design, dumps, loads, template, value_at, with_values
 
 ANGLE_DEG = 0.2
@@ -143,7 +143,7 @@ def test_a_mirror_image_swaps_the_receivers(paper: Sensor) -> None:
 
 
 @pytest.mark.parametrize(
-    ("values", "inert", "live"),
+    ("values", "without", "live"),
     [
         ({}, {"emitter.wavelength_nm", "lens.design_index", "receivers.gap_mm"}, set()),
         (
@@ -164,15 +164,15 @@ def test_a_mirror_image_swaps_the_receivers(paper: Sensor) -> None:
     ],
 )
 def test_numbers_without_a_part_of_their_own_are_left_out(
-    values: dict[str, object], inert: set[str], live: set[str]
+    values: dict[str, object], without: set[str], live: set[str]
 ) -> None:
     sensor = Sensor.of(design(**values))
-    assert {key for key in OPTICAL_KEYS if sensor.inert(key)} == inert | {
+    assert {key for key in OPTICAL_KEYS if inert(sensor, key)} == without | {
         "emitter.width_mm",
         *IN_SPACE,
     }  # it is a point in the plane
-    assert not any(sensor.inert(key) for key in live)
-    for key in inert:
+    assert not any(inert(sensor, key) for key in live)
+    for key in without:
         with pytest.raises(SpecError, match="leave it out"):
             sensor.sensitivity([key])
 

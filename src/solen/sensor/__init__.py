@@ -12,10 +12,11 @@ from solen.sensor.as_printed import AsPrinted, Comparison, as_printed
 from solen.sensor.budget import Budget, budget
 from solen.sensor.check import BodySizes, Check, Focus, LensCheck, LensOptions, check, lens_check
 from solen.sensor.effects import Effect
+from solen.sensor.numbers import OPTICAL_KEYS, inert, tolerance_of
 from solen.sensor.practice import Built, Extent, Practice, practice
 from solen.sensor.readings import readings, received
 from solen.sensor.response import SATURATED, Response, Sensitivity, Shift
-from solen.sensor.sensor import OPTICAL_KEYS, SLOPE_DEG, Sensor, TraceKeywords
+from solen.sensor.sensor import SLOPE_DEG, Sensor, TraceKeywords
 from solen.sensor.study import Case, DesignStudy, Summary, study
 from solen.sensor.unused_keys import keys_without_effect
 
@@ -47,10 +48,12 @@ __all__ = [
     "as_printed",
     "budget",
     "check",
+    "inert",
     "keys_without_effect",
     "lens_check",
     "practice",
     "readings",
     "received",
     "study",
+    "tolerance_of",
 ]

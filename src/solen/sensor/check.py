@@ -13,6 +13,7 @@ from solen.lens import Lens, MeasuredLens, OvalLens
 from solen.material import Optical
 from solen.results import Result
 from solen.sensor.effects import index_steps
+from solen.sensor.numbers import tolerance_of
 from solen.sensor.sensor import Sensor
 from solen.sensor.unused_keys import keys_without_effect
 from solen.spec.strict import Finite, Options
@@ -190,7 +191,7 @@ def foci_of(sensor: Sensor) -> tuple[Focus, ...]:
         Focus(n, step, stated, lens.paraxial_focus_mm(n), lens.marginal_focus_mm(n), lens.best_focus_mm(n))
         for n, step, stated in (
             (index + step, step, stated)
-            for step, stated in index_steps(sensor.material, sensor.tolerance("material.index")[0])
+            for step, stated in index_steps(sensor.material, tolerance_of(sensor, "material.index")[0])
         )
     )
 

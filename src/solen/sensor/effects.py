@@ -20,8 +20,9 @@ from solen.errors import SolenError
 from solen.material import Optical, Tabulated
 from solen.parts import Light
 from solen.results import Result, reported
+from solen.sensor.numbers import OF_THE_MATERIAL, inert, number, tolerance_of
 from solen.sensor.response import Response
-from solen.sensor.sensor import OF_THE_MATERIAL, Sensor
+from solen.sensor.sensor import Sensor
 from solen.spec import Join, with_values
 from solen.trace import Slope
 
@@ -97,7 +98,7 @@ def effects(
     skipped: dict[str, str] = {}
     base = _base(sensor, response, 0.0 if null is None else null[0])
     for key in KEYS:
-        if why := "" if key in OF_THE_MATERIAL else sensor.inert(key):
+        if why := "" if key in OF_THE_MATERIAL else inert(sensor, key):
             skipped[key] = why
         else:
             asked.append((key, lambda key=key: _of_number(sensor, key, base, null)))  # type: ignore[misc]
@@ -117,7 +118,7 @@ def off_by(sensor: Sensor, key: str, step: float) -> Sensor:
     """The sensor as it comes out where a number is off by a step; the lens is cut for what was designed."""
     if key == "material.index":
         return replace(sensor, material=_offset(sensor.material, step, sensor.light))
-    other = Sensor.of(with_values(sensor.design, {key: sensor.number(key) + step}))
+    other = Sensor.of(with_values(sensor.design, {key: number(sensor, key) + step}))
     return replace(
         other, material=sensor.material if key != "material.absorption_per_mm" else other.material, cut=sensor.cut
     )
@@ -150,7 +151,7 @@ def _base(sensor: Sensor, response: Response, null_deg: float) -> Response:
 
 def _of_number(sensor: Sensor, key: str, base: Response, null: tuple[float, Slope] | None) -> Effect:
     """Half of what lies between the number lower and higher by its tolerance; at a limit, what one side changes."""
-    tolerance, stated = sensor.tolerance(key)
+    tolerance, stated = tolerance_of(sensor, key)
     angles = base.angle_deg.tolist()
     ends = []
     for step in (-tolerance, tolerance):
@@ -164,7 +165,7 @@ def _of_number(sensor: Sensor, key: str, base: Response, null: tuple[float, Slop
         off_by(sensor, key, tolerance).body(angles[0])  # which says why it cannot be
     low, high = ends if len(ends) == 2 else (base, ends[0])
     half = 1.0 / len(ends)
-    effect = _effect(key, sensor.number(key), low, high, half)
+    effect = _effect(key, number(sensor, key), low, high, half)
     shift, u_shift = _shift(effect, null)
     return replace(effect, tolerance=tolerance, by_uncertainty=stated, null_deg=shift, u_null_deg=u_shift)
 

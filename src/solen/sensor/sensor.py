@@ -14,19 +14,19 @@ import numpy as np
 
 from solen.arrays import Progress
 from solen.errors import DesignError, SolenError, SpecError
-from solen.geometry import BODY_KINDS, Body, are_mirrored, arm_angle_deg, body_of
-from solen.geometry.mirror import OTHER
+from solen.geometry import BODY_KINDS, Body, are_mirrored, body_of
 from solen.lens import FlatFace, Lens, MeasuredLens, lens_of
 from solen.material import Optical, optical
 from solen.parts import Light, light_of
 from solen.scene import Scene, sensor_scene
+from solen.sensor.numbers import OPTICAL_KEYS, inert, number, tolerance_of
 from solen.sensor.response import Response, Sensitivity, contrast_slope, powers
-from solen.spec import Design, load, value_at, with_values
+from solen.sensor.sweep import MOST_ANGLES, Reading, balanced, between, mirrored, sweep
+from solen.spec import Design, load, with_values
 from solen.trace import Derivative, Mode, Slope, Trace, derivative, integrate, trace
 from solen.trace.adaptive import POINT_TOLERANCE, is_extended, usual_tolerance, why_not
 from solen.trace.derivative import EXTENDED_TOLERANCE, MOST_LEGS, SPACE_TOLERANCE
 from solen.trace.derivative import TOLERANCE as DERIVATIVE_TOLERANCE
-from solen.trace.result import Detected
 
 FAILURES = 2
 """After so many angles of a sweep at which integration failed, it is not tried at the others."""
@@ -36,32 +36,6 @@ RECENT_SCENES = 64
 """Scenes that a sensor remembers."""
 SLOPE_DEG, WIDE_SLOPE_DEG = 0.04, 0.2
 """Angle over which a slope is taken: of a point in the plane, whose response is steep, and of any other light."""
-FEW_ANGLES, MOST_ANGLES = 5, 129
-"""Angles that a drawn curve has at least, where there are two ends, and at most."""
-BEND = 0.02
-"""How far a contrast may lie from the straight line between its neighbours before angles are added between them."""
-
-OPTICAL_KEYS = (
-    *(f"emitter.{name}" for name in ("wavelength_nm", "distance_mm", "offset_mm", "cone_deg", "width_mm", "height_mm")),
-    *(f"material.{name}" for name in ("index", "absorption_per_mm")),
-    *(f"lens.{name}" for name in ("focus_mm", "half_width_mm", "design_index")),
-    *(f"body.{name}" for name in ("stem_length_mm", "stem_curve_per_mm", "arm_length_mm", "arm_width_mm")),
-    *("body.arm_angle_deg", "body.thickness_mm", "receivers.gap_mm"),
-)
-"""Numbers of a design that its light depends on, at a given angle of the motion."""
-
-MATCHED = (
-    "something of the same index touches a wall, where there is no derivative: either way light is reflected there"
-)
-OF_THE_MATERIAL = ("material.index", "material.absorption_per_mm")
-USUAL = {"material.index": 0.01, "material.absorption_per_mm": 0.005}
-"""Tolerances where the resin states no uncertainty: a reflectance good to 0.001 gives the index to 0.008."""
-OF_THE_LIGHT = ("wavelength_nm", "cone_deg", "width_mm", "height_mm")
-"""Numbers of the emitter that a part may state where the design does not."""
-
-
-Reading = tuple[Trace, dict[str, float], float]
-"""A trace, the power at each receiver, and its uncertainty."""
 
 
 class TraceKeywords(TypedDict, total=False):
@@ -116,17 +90,17 @@ class Sensor:
 
     @property
     def is_drawn(self) -> bool:
-        """Whether the body is an outline of one's own."""
+        """Whether the body is a drawn outline."""
         return self.cut is None
 
     @property
     def has_lens(self) -> bool:
-        """Whether light enters by a lens rather than by the stem's flat face; of a drawn body it is said to."""
+        """Whether light enters by a lens rather than by the stem's flat face. Of a drawn body it is assumed."""
         return not isinstance(self.cut, FlatFace)
 
     @property
     def is_measured(self) -> bool:
-        """Whether the lens is one as it was printed."""
+        """Whether the lens is measured: as it was printed."""
         return isinstance(self.cut, MeasuredLens)
 
     @property
@@ -151,11 +125,11 @@ class Sensor:
     def check_pair(self) -> None:
         """`DesignError` where the receivers are not the two, ``right`` and ``left``, whose contrast is the response."""
         body = self.body()
-        found = sorted({face.whose for face in (*body.all_faces, *body.apart) if face.part == "receiver"})
-        if found != ["left", "right"]:
+        receivers = sorted({face.whose for face in (*body.all_faces, *body.apart) if face.part == "receiver"})
+        if receivers != ["left", "right"]:
             raise DesignError(
                 "receivers",
-                value=", ".join(found) or "none",
+                value=", ".join(receivers) or "none",
                 limit="a response needs two, right and left",
                 remedy="name their faces receiver-right and receiver-left, or use solen trace, which reads any",
             )
@@ -167,13 +141,13 @@ class Sensor:
 
     def scene(self, angle_deg: float = 0.0, rays: int | None = None) -> Scene:
         """Scene at an angle, with ``rays`` rays in place of the design's."""
-        found = self._scenes.get((angle_deg, rays))
-        if found is None:
-            found = sensor_scene(self.design, self.body(angle_deg), self.material, rays)
+        scene = self._scenes.get((angle_deg, rays))
+        if scene is None:
+            scene = sensor_scene(self.design, self.body(angle_deg), self.material, rays)
             while len(self._scenes) >= RECENT_SCENES:
                 self._scenes.pop(next(iter(self._scenes)), None)
-            self._scenes[angle_deg, rays] = found
-        return found
+            self._scenes[angle_deg, rays] = scene
+        return scene
 
     @cached_property
     def _scenes(self) -> dict[tuple[float, int | None], Scene]:
@@ -217,7 +191,7 @@ class Sensor:
         SpecError
             Where the key is not one of a real number that the design states.
         """
-        value = self.number(key)
+        value = number(self, key)
 
         def scene_at(value: float) -> Scene:
             other = Sensor.of(with_values(self.design, {key: value}))
@@ -233,7 +207,7 @@ class Sensor:
         Parameters
         ----------
         keys
-            Numbers of the design by their dotted keys; by default those of `OPTICAL_KEYS` that are not `inert`.
+            Numbers of the design by their dotted keys; by default those of `OPTICAL_KEYS` that are not inert.
         angle_deg
             Angle of the motion.
         progress
@@ -247,11 +221,11 @@ class Sensor:
             Where the light at this angle cannot be integrated closely enough.
         """
         self.check_pair()
-        chosen = [key for key in OPTICAL_KEYS if not self.inert(key)] if keys is None else list(dict.fromkeys(keys))
+        chosen = [key for key in OPTICAL_KEYS if not inert(self, key)] if keys is None else list(dict.fromkeys(keys))
         for key in chosen:
-            if why := self.inert(key):
+            if why := inert(self, key):
                 raise SpecError(key, limit=why, remedy="leave it out")
-        values = {key: self.number(key) for key in chosen}
+        values = {key: number(self, key) for key in chosen}
         scene = self.scene(angle_deg)
         if why := why_not(scene):
             limit = "derivatives need light from points that nothing scatters by chance"
@@ -263,50 +237,12 @@ class Sensor:
         if not base.reached:
             limit = f"the integral must reach {tolerance:g}"
             raise DesignError(f"light at {angle_deg:g} deg", value=base.why, limit=limit, remedy="try another angle")
-        found = []
+        rows = []
         for done, (key, value) in enumerate(values.items(), start=1):
-            found.append(replace(self._sensitivity(key, value, angle_deg, base), tolerance=self.tolerance(key)[0]))
+            rows.append(replace(self._sensitivity(key, value, angle_deg, base), tolerance=tolerance_of(self, key)[0]))
             if progress is not None:
                 progress(done / len(values))
-        return tuple(sorted(found, key=lambda one: one.effect, reverse=True))
-
-    def inert(self, key: str) -> str:
-        """Why a number of the design has no part of its own in the light; empty where it has one."""
-        design = self.design
-        resin = design.material.resin is not None
-        flat, in_plane = design.trace.dimension == "2d", "has no effect in the plane"
-        if self.is_measured and key.startswith("lens."):
-            return "the lens is measured"
-        if self.is_drawn and key.startswith(("lens.", "body.", "emitter.distance_mm")) and key != "body.thickness_mm":
-            return "the body is drawn"
-        cases = {
-            "emitter.wavelength_nm": (
-                not resin and not self.scene().wavelengths_nm,
-                "the index is stated, whatever the wavelength",
-            ),
-            "emitter.width_mm": (self.light.width_mm == 0.0, "the emitter is a point"),
-            "emitter.height_mm": (flat or self.light.height_mm == 0.0, in_plane if flat else "the emitter is a line"),
-            "body.thickness_mm": (flat, in_plane),
-            "material.index": (
-                resin or self._is_matched,
-                "follows from the resin and the wavelength" if resin else MATCHED,
-            ),
-            "material.absorption_per_mm": (resin and not design.material.states_absorption, "follows from the resin"),
-            "lens.focus_mm": (not self.has_lens, "the design has no lens"),
-            "lens.design_index": (
-                not self.has_lens or design.lens.design_index is None,
-                "follows from the material's index" if self.has_lens else "the design has no lens",
-            ),
-            "receivers.gap_mm": (design.receivers.gap_mm is None, "the design has no air gap"),
-        }
-        applies, why = cases.get(key, (False, ""))
-        return why if applies else ""
-
-    @property
-    def _is_matched(self) -> bool:
-        """Whether something of the body's own index touches a bare wall; through a film both ways are smooth."""
-        bare = [wall for wall in self.design.wall if wall.gap_um is None and not wall.coating]
-        return any(wall.index == self.material.index for wall in bare)
+        return tuple(sorted(rows, key=lambda row: row.effect, reverse=True))
 
     def sampled(self, angle_deg: float = 0.0, tolerance: float = SAMPLED_TOLERANCE) -> tuple[Trace, float]:
         """Power by ever more Sobol' samples until every receiver's standard error is within ``tolerance``.
@@ -316,9 +252,9 @@ class Sensor:
         """
         rays = FIRST_SAMPLED
         while True:
-            found = self.trace(angle_deg, "power", rays, sampling="sobol")
-            if found.u_power <= tolerance or rays >= MOST_SAMPLED:
-                return found, found.u_power
+            sample = self.trace(angle_deg, "power", rays, sampling="sobol")
+            if sample.u_power <= tolerance or rays >= MOST_SAMPLED:
+                return sample, sample.u_power
             rays *= 4
 
     @cached_property
@@ -338,8 +274,8 @@ class Sensor:
         """
         point = usual_tolerance(self.scene(angle_deg)) == POINT_TOLERANCE
         half = (SLOPE_DEG if point else WIDE_SLOPE_DEG) / 2
-        found = self.power([angle_deg + n * half for n in (-2, -1, 1, 2)], tolerance=tolerance)
-        value, u = found.contrast, found.u_contrast
+        near = self.power([angle_deg + n * half for n in (-2, -1, 1, 2)], tolerance=tolerance)
+        value, u = near.contrast, near.u_contrast
         if not np.isfinite(value).all():
             return None
         close, wide = (value[2] - value[1]) / (2 * half), (value[3] - value[0]) / (4 * half)
@@ -348,7 +284,7 @@ class Sensor:
     def smooth(self, response: Response) -> Response:
         """A response with angles added where its contrast bends, so that straight lines between them look smooth."""
         while len(response.angle_deg) < MOST_ANGLES:
-            added = _between(response)
+            added = between(response)
             if not added:
                 break
             response = response.joined(self.power(added))
@@ -358,10 +294,10 @@ class Sensor:
         """Response by counting the design's own number of rays, as the paper does."""
 
         def at(angle_deg: float) -> Reading:
-            found = self.trace(angle_deg, "count")
-            return found, powers(found), math.nan
+            counted = self.trace(angle_deg, "count")
+            return counted, powers(counted), math.nan
 
-        return self._sweep("count", at, angles_deg, progress)
+        return sweep("count", at, self._angles(angles_deg), progress)
 
     def power(
         self,
@@ -381,9 +317,9 @@ class Sensor:
 
         def at(angle_deg: float) -> Reading:
             if -angle_deg in done and self.is_symmetric:
-                return _mirrored(done[-angle_deg])
-            found = done[angle_deg] = traced(angle_deg)
-            return _balanced(found) if angle_deg == 0.0 and self.is_symmetric else found
+                return mirrored(done[-angle_deg])
+            reading = done[angle_deg] = traced(angle_deg)
+            return balanced(reading) if angle_deg == 0.0 and self.is_symmetric else reading
 
         def traced(angle_deg: float) -> Reading:
             integrates = len(failed) < FAILURES
@@ -394,34 +330,7 @@ class Sensor:
                 failed.append(angle_deg)
             return reading
 
-        return self._sweep("power", at, angles_deg, progress)
-
-    def tolerance(self, key: str) -> tuple[float, bool]:
-        """How far off a number may be, and whether that is its standard uncertainty; else a hundredth of it."""
-        stated = self.design.tolerance.of(key)
-        u = {
-            "material.index": self.material.u_index,
-            "material.absorption_per_mm": self.material.u_absorption_per_mm,
-        }.get(key)
-        if stated is None and u:
-            return u, True
-        return stated or USUAL.get(key) or 0.01 * abs(self.number(key)) or 0.01, False
-
-    def number(self, key: str) -> float:
-        """Value of a number of the design; `SpecError` where it is not a real number that the design states."""
-        value = value_at(self.design, key)
-        table, _, name = key.partition(".")
-        if table == "emitter" and name in OF_THE_LIGHT:
-            value = getattr(self.light, name)
-        if value is None and key == "body.arm_angle_deg":
-            value = arm_angle_deg(self.design)
-        if key in OF_THE_MATERIAL and value is None:
-            value = getattr(self.material, name)
-        if isinstance(value, bool | int) or not isinstance(value, float):
-            raise SpecError(
-                key, value=value, limit="must be a real number that the design states", remedy="set it in the design"
-            )
-        return value
+        return sweep("power", at, self._angles(angles_deg), progress)
 
     def _sensitivity(self, key: str, value: float, angle_deg: float, base: Trace) -> Sensitivity:
         """Row of one key; a value at the edge of what it may be has no derivative, and says so."""
@@ -456,58 +365,7 @@ class Sensor:
             return whole, powers(whole), whole.u_power
         return sampled, powers(sampled), u
 
-    def _sweep(
-        self,
-        mode: Mode,
-        at: Callable[[float], Reading],
-        angles_deg: Sequence[float] | None,
-        progress: Progress | None,
-    ) -> Response:
+    def _angles(self, angles_deg: Sequence[float] | None) -> Sequence[float]:
+        """Angles of a response: those asked for, by default the design's."""
         self.check_pair()
-        angles = self.design.motion.angles_deg() if angles_deg is None else tuple(angles_deg)
-        results = []
-        for done, angle in enumerate(angles, start=1):
-            results.append(at(angle))
-            if progress is not None:
-                progress(done / len(angles))
-        return Response(
-            mode=mode,
-            angle_deg=np.array(angles),
-            right=np.array([powers["right"] for _, powers, _ in results]),
-            left=np.array([powers["left"] for _, powers, _ in results]),
-            u_power=np.array([u for _, _, u in results]),
-            traces=tuple(sweep for sweep, _, _ in results),
-        )
-
-
-def _mirrored(reading: Reading) -> Reading:
-    """What a symmetric sensor reads at the opposite angle."""
-    trace, _, u = reading
-    found = replace(trace, detectors={name: trace.detectors[OTHER[name]] for name in trace.detectors})
-    return found, powers(found), u
-
-
-def _balanced(reading: Reading) -> Reading:
-    """What a symmetric sensor reads at rest: the same at both receivers."""
-    trace, _, u = reading
-    found = replace(trace, detectors={name: _mean(trace.detectors) for name in trace.detectors})
-    return found, powers(found), u
-
-
-def _mean(detectors: Mapping[str, Detected]) -> Detected:
-    """Mean of two receivers."""
-    right, left = (detectors[name] for name in OTHER)
-    sources = zip(right.power_by_source, left.power_by_source, strict=True)
-    return replace(right, power=(right.power + left.power) / 2, power_by_source=tuple((a + b) / 2 for a, b in sources))
-
-
-def _between(response: Response) -> list[float]:
-    """Angles halfway between those of a response beside which its contrast bends."""
-    angle, contrast = response.angle_deg, response.contrast
-    middles = (angle[1:] + angle[:-1]) / 2
-    if len(angle) < FEW_ANGLES:
-        return [float(middle) for middle in middles]
-    share = (angle[1:-1] - angle[:-2]) / (angle[2:] - angle[:-2])
-    bends = np.abs(contrast[1:-1] - (1.0 - share) * contrast[:-2] - share * contrast[2:]) > BEND
-    wide = np.diff(angle) > (angle[-1] - angle[0]) / MOST_ANGLES
-    return [float(middle) for middle in middles[(np.append(bends, False) | np.append(False, bends)) & wide]]
+        return self.design.motion.angles_deg() if angles_deg is None else angles_deg

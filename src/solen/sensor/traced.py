@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 from solen.arrays import Progress
 from solen.errors import SpecError
 from solen.results import HIDDEN, Result
+from solen.sensor.numbers import OPTICAL_KEYS, inert
 from solen.sensor.response import Sensitivity
-from solen.sensor.sensor import OPTICAL_KEYS, Sensor
+from solen.sensor.sensor import Sensor
 from solen.sensor.unused_keys import keys_without_effect
 from solen.trace import Convergence, Trace, convergence
 from solen.trace.described import Branch, branches, face_names
@@ -123,7 +124,7 @@ def sensitivities(
     """Derivatives of a design's readings at an angle by numbers of it; see `Sensor.sensitivity`."""
     check_angle(angle_deg)
     rows = sensor.sensitivity(keys or None, angle_deg, progress)
-    skipped = {} if keys else {key: why for key in OPTICAL_KEYS if (why := sensor.inert(key))}
+    skipped = {} if keys else {key: why for key in OPTICAL_KEYS if (why := inert(sensor, key))}
     return Sensitivities(sensor.design.name, angle_deg, rows, skipped, tuple(sensor.warnings))
 
 

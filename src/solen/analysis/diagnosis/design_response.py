@@ -20,7 +20,7 @@ import numpy as np
 from solen.analysis.diagnosis.response_table import STEP_DEG, STEP_IN_SPACE_DEG, Table, angles_deg
 from solen.arrays import FloatArray, Progress
 from solen.errors import SolenError, SpecError
-from solen.sensor import Sensor
+from solen.sensor import Sensor, inert
 from solen.spec import value_at, with_values
 
 INDEX, LOSS = "material.index", "material.absorption_per_mm"
@@ -112,7 +112,7 @@ class Response:
         """
         spreads = spreads or {}
         for key in spreads:
-            if key != INDEX and (why := sensor.inert(key)):
+            if key != INDEX and (why := inert(sensor, key)):
                 raise SpecError(key, limit=why, remedy="leave it out")
         parts = 3.0 + 2.0 * len(spreads)
         in_space = sensor.design.trace.dimension == "extruded"

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from solen.errors import DesignError
 from solen.lens import Lens, MeasuredLens, OvalLens
 from solen.report.canvas import HIGHER, INK, LOST, LOWER, SOFT, STYLE
-from solen.sensor import LensCheck, Sensor
+from solen.sensor import LensCheck, Sensor, tolerance_of
 from solen.sensor.effects import index_steps
 
 PAPER_INDICES = (1.44, 1.49, 1.54)
@@ -54,7 +54,7 @@ def focus_figure(sensor: Sensor) -> Figure:
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(5.2, 3.2), layout="constrained")
         axes = figure.add_subplot()
-        steps = index_steps(material, sensor.tolerance("material.index")[0])
+        steps = index_steps(material, tolerance_of(sensor, "material.index")[0])
         half, stated = max(abs(step) for step, _ in steps), bool(material.u_index)
         indices = np.linspace(max(material.index - SHOWN_STEPS * half, 1.0), material.index + SHOWN_STEPS * half, 61)
         band = f"{material.index:.6g} ± {half:.2g}" + (" (standard)" if stated else ", for comparison")

@@ -7,7 +7,7 @@ from solen.lens import OvalLens
 from solen.material import Optical
 from solen.report.design.answer import measured
 from solen.report.design.as_printed import printed_sentences
-from solen.sensor import DesignStudy
+from solen.sensor import DesignStudy, tolerance_of
 from solen.sensor.effects import index_steps
 from solen.sensor.practice import CHIP_MM
 
@@ -109,7 +109,7 @@ def _focus_words(study: DesignStudy) -> str:
     )
     if not isinstance(lens, OvalLens):
         return known
-    return f"{known} {_focuses(lens, material, sensor.tolerance('material.index')[0])}".strip()
+    return f"{known} {_focuses(lens, material, tolerance_of(sensor, 'material.index')[0])}".strip()
 
 
 def _focuses(lens: OvalLens, material: Optical, off: float) -> str:

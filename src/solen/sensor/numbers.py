@@ -1,0 +1,96 @@
+"""Numbers of a design that its light depends on: which they are, their values, and how far off they may be."""
+
+from typing import TYPE_CHECKING
+
+from solen.errors import SpecError
+from solen.geometry import arm_angle_deg
+from solen.spec import value_at
+
+if TYPE_CHECKING:
+    from solen.sensor.sensor import Sensor
+
+OPTICAL_KEYS = (
+    *(f"emitter.{name}" for name in ("wavelength_nm", "distance_mm", "offset_mm", "cone_deg", "width_mm", "height_mm")),
+    *(f"material.{name}" for name in ("index", "absorption_per_mm")),
+    *(f"lens.{name}" for name in ("focus_mm", "half_width_mm", "design_index")),
+    *(f"body.{name}" for name in ("stem_length_mm", "stem_curve_per_mm", "arm_length_mm", "arm_width_mm")),
+    *("body.arm_angle_deg", "body.thickness_mm", "receivers.gap_mm"),
+)
+"""Numbers of a design that its light depends on, at a given angle of the motion."""
+
+MATCHED = (
+    "something of the same index touches a wall, where there is no derivative: either way light is reflected there"
+)
+OF_THE_MATERIAL = ("material.index", "material.absorption_per_mm")
+USUAL = {"material.index": 0.01, "material.absorption_per_mm": 0.005}
+"""Tolerances where the resin states no uncertainty: a reflectance good to 0.001 gives the index to 0.008."""
+OF_THE_LIGHT = ("wavelength_nm", "cone_deg", "width_mm", "height_mm")
+"""Numbers of the emitter that a part may state where the design does not."""
+
+
+def number(sensor: "Sensor", key: str) -> float:
+    """Value of a number of the design; `SpecError` where it is not a real number that the design states."""
+    value = value_at(sensor.design, key)
+    table, _, name = key.partition(".")
+    if table == "emitter" and name in OF_THE_LIGHT:
+        value = getattr(sensor.light, name)
+    if value is None and key == "body.arm_angle_deg":
+        value = arm_angle_deg(sensor.design)
+    if key in OF_THE_MATERIAL and value is None:
+        value = getattr(sensor.material, name)
+    if isinstance(value, bool | int) or not isinstance(value, float):
+        raise SpecError(
+            key, value=value, limit="must be a real number that the design states", remedy="set it in the design"
+        )
+    return value
+
+
+def tolerance_of(sensor: "Sensor", key: str) -> tuple[float, bool]:
+    """How far off a number may be, and whether that is its standard uncertainty; else a hundredth of it."""
+    stated = sensor.design.tolerance.of(key)
+    u = {
+        "material.index": sensor.material.u_index,
+        "material.absorption_per_mm": sensor.material.u_absorption_per_mm,
+    }.get(key)
+    if stated is None and u:
+        return u, True
+    return stated or USUAL.get(key) or 0.01 * abs(number(sensor, key)) or 0.01, False
+
+
+def inert(sensor: "Sensor", key: str) -> str:
+    """Why a number of the design has no part of its own in the light; empty where it has one."""
+    design = sensor.design
+    resin = design.material.resin is not None
+    flat, in_plane = design.trace.dimension == "2d", "has no effect in the plane"
+    if sensor.is_measured and key.startswith("lens."):
+        return "the lens is measured"
+    if sensor.is_drawn and key.startswith(("lens.", "body.", "emitter.distance_mm")) and key != "body.thickness_mm":
+        return "the body is drawn"
+    cases = {
+        "emitter.wavelength_nm": (
+            not resin and not sensor.scene().wavelengths_nm,
+            "the index is stated, whatever the wavelength",
+        ),
+        "emitter.width_mm": (sensor.light.width_mm == 0.0, "the emitter is a point"),
+        "emitter.height_mm": (flat or sensor.light.height_mm == 0.0, in_plane if flat else "the emitter is a line"),
+        "body.thickness_mm": (flat, in_plane),
+        "material.index": (
+            resin or _is_matched(sensor),
+            "follows from the resin and the wavelength" if resin else MATCHED,
+        ),
+        "material.absorption_per_mm": (resin and not design.material.states_absorption, "follows from the resin"),
+        "lens.focus_mm": (not sensor.has_lens, "the design has no lens"),
+        "lens.design_index": (
+            not sensor.has_lens or design.lens.design_index is None,
+            "follows from the material's index" if sensor.has_lens else "the design has no lens",
+        ),
+        "receivers.gap_mm": (design.receivers.gap_mm is None, "the design has no air gap"),
+    }
+    applies, why = cases.get(key, (False, ""))
+    return why if applies else ""
+
+
+def _is_matched(sensor: "Sensor") -> bool:
+    """Whether something of the body's own index touches a bare wall; through a film both ways are smooth."""
+    bare = [wall for wall in sensor.design.wall if wall.gap_um is None and not wall.coating]
+    return any(wall.index == sensor.material.index for wall in bare)

@@ -1,0 +1,76 @@
+"""Sweep over the angles of a motion: its response, mirrored readings of symmetric sensors, angles to add to a curve."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from solen.arrays import Progress
+from solen.geometry.mirror import OTHER
+from solen.sensor.response import Response, powers
+from solen.trace import Mode, Trace
+from solen.trace.result import Detected
+
+FEW_ANGLES, MOST_ANGLES = 5, 129
+"""Angles that a drawn curve has at least, where there are two ends, and at most."""
+BEND = 0.02
+"""How far a contrast may lie from the straight line between its neighbours before angles are added between them."""
+
+Reading = tuple[Trace, dict[str, float], float]
+"""A trace, the power at each receiver, and its uncertainty."""
+
+
+def sweep(
+    mode: Mode, at: Callable[[float], Reading], angles_deg: Sequence[float], progress: Progress | None
+) -> Response:
+    """Response from the readings at each angle."""
+    readings = []
+    for done, angle in enumerate(angles_deg, start=1):
+        readings.append(at(angle))
+        if progress is not None:
+            progress(done / len(angles_deg))
+    return Response(
+        mode=mode,
+        angle_deg=np.array(angles_deg),
+        right=np.array([powers["right"] for _, powers, _ in readings]),
+        left=np.array([powers["left"] for _, powers, _ in readings]),
+        u_power=np.array([u for _, _, u in readings]),
+        traces=tuple(trace for trace, _, _ in readings),
+    )
+
+
+def mirrored(reading: Reading) -> Reading:
+    """What a symmetric sensor reads at the opposite angle."""
+    detectors = reading[0].detectors
+    return _with(reading, {name: detectors[OTHER[name]] for name in detectors})
+
+
+def balanced(reading: Reading) -> Reading:
+    """What a symmetric sensor reads at rest: the same at both receivers."""
+    detectors = reading[0].detectors
+    return _with(reading, dict.fromkeys(detectors, _mean(detectors)))
+
+
+def _with(reading: Reading, detectors: dict[str, Detected]) -> Reading:
+    """A reading with other powers at the receivers."""
+    trace = replace(reading[0], detectors=detectors)
+    return trace, powers(trace), reading[2]
+
+
+def _mean(detectors: Mapping[str, Detected]) -> Detected:
+    """Mean of two receivers."""
+    right, left = (detectors[name] for name in OTHER)
+    sources = zip(right.power_by_source, left.power_by_source, strict=True)
+    return replace(right, power=(right.power + left.power) / 2, power_by_source=tuple((a + b) / 2 for a, b in sources))
+
+
+def between(response: Response) -> list[float]:
+    """Angles halfway between those of a response beside which its contrast bends."""
+    angle, contrast = response.angle_deg, response.contrast
+    middles = (angle[1:] + angle[:-1]) / 2
+    if len(angle) < FEW_ANGLES:
+        return [float(middle) for middle in middles]
+    share = (angle[1:-1] - angle[:-2]) / (angle[2:] - angle[:-2])
+    bends = np.abs(contrast[1:-1] - (1.0 - share) * contrast[:-2] - share * contrast[2:]) > BEND
+    wide = np.diff(angle) > (angle[-1] - angle[0]) / MOST_ANGLES
+    return [float(middle) for middle in middles[(np.append(bends, False) | np.append(False, bends)) & wide]]
