@@ -37,7 +37,7 @@ def dose_at(images: FloatArray, settings: Settings, places_um: FloatArray, heigh
     dose
         Shape (N,).
     """
-    h, pitch = settings.layer_um, settings.pixel_um
+    h, pitch = settings.layer_um, settings.pixels_um
     own = min(max(math.floor(height_um / h), 0), len(images) - 1)
     dose = np.zeros(len(places_um))
     for number in range(own, len(images)):
@@ -50,11 +50,11 @@ def dose_at(images: FloatArray, settings: Settings, places_um: FloatArray, heigh
     return dose
 
 
-def _blurred(image: FloatArray, pitch: float, sigma: float, places: FloatArray) -> FloatArray:
-    """Image at places after a Gaussian blur: every pixel's square adds a product of two differences."""
+def _blurred(image: FloatArray, pitch: tuple[float, float], sigma: float, places: FloatArray) -> FloatArray:
+    """Image at places after a Gaussian blur: every pixel's rectangle adds a product of two differences."""
     rows, columns = image.shape
     across, along = (
-        _share(pitch * np.arange(count, dtype=float), pitch, sigma, places[:, axis])
+        _share(pitch[axis] * np.arange(count, dtype=float), pitch[axis], sigma, places[:, axis])
         for axis, count in ((0, columns), (1, rows))
     )
     return np.asarray(np.einsum("nj,ni,ij->n", across, along, image))

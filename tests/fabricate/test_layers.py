@@ -35,7 +35,9 @@ GREY = 0.5 / 255.0
 """What rounding to a grey value may shift a pixel's share by."""
 
 
-def printer(pitch_um: float = 50.0, columns: int = 1200, rows: int = 1000, height_mm: float = 100.0) -> Printer:
+def printer(
+    pitch_um: float = 50.0, columns: int = 1200, rows: int = 1000, height_mm: float = 100.0, **more: Any
+) -> Printer:
     said = {"basis": "measured", "source": "here"}
     return Printer(
         name="test",
@@ -45,6 +47,7 @@ def printer(pitch_um: float = 50.0, columns: int = 1200, rows: int = 1000, heigh
         pixels=Pixels(columns=columns, rows=rows, **said).model_dump(),
         build_height_mm=Quantity(typical=height_mm, **said).model_dump(),
         layer_um=Quantity(least=10, most=2000, **said).model_dump(),
+        **{key: {**said, **table} for key, table in more.items()},
     )
 
 
@@ -253,7 +256,7 @@ def test_the_archive_holds_the_layers_as_pillow_opens_them(tmp_path: Path) -> No
     found = archive(job, tmp_path / "a.zip")
     told = json.loads(found["job.json"])
     layers = list(job.layers())
-    assert [row["file"] for row in told["layers"]] == [f"layers/{number:05d}.png" for number in range(1, 9)]
+    assert [row["file"] for row in told["layers"]] == [f"{number}.png" for number in range(1, 9)]
     for row, layer in zip(told["layers"], layers, strict=True):
         (tmp_path / "one.png").write_bytes(found[row["file"]])
         with Image.open(tmp_path / "one.png") as picture:
@@ -266,7 +269,7 @@ def test_the_archive_holds_the_layers_as_pillow_opens_them(tmp_path: Path) -> No
     assert told["stack_volume_mm3"] == pytest.approx(stack_mm3(job), rel=1e-12)
     assert told["solid_volume_mm3"] == pytest.approx(job.volume_mm3, rel=1e-12)
     assert told["pixels"] == {"columns": 1200, "rows": 1000}
-    assert told["pitch_mm"] == 0.05
+    assert told["pitch_mm"] == [0.05, 0.05]
     assert "middle of the layer" in told["rule"]
 
 

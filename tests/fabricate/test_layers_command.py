@@ -67,7 +67,7 @@ def refused(folder: Path, capfd: pytest.CaptureFixture[str]) -> Run:
 def pictures(path: str) -> list[Any]:
     with zipfile.ZipFile(path) as opened:
         names = [name for name in opened.namelist() if name.endswith(".png")]
-        return [np.asarray(Image.open(opened.open(name))) for name in sorted(names)]
+        return [np.asarray(Image.open(opened.open(name))) for name in sorted(names, key=lambda name: int(name[:-4]))]
 
 
 def test_a_design_becomes_layers_stl_and_settings(told: Run) -> None:
@@ -244,11 +244,11 @@ def test_whoever_is_interrupted_leaves_nothing(folder: Path, monkeypatch: pytest
     before = snapshot(folder)
     calls = []
 
-    def interrupted(image: Any, pitch_mm: float) -> bytes:
+    def interrupted(image: Any, pitches_mm: tuple[float, float]) -> bytes:
         calls.append(image)
         if len(calls) == 3:
             raise KeyboardInterrupt
-        return as_png(image, pitch_mm)
+        return as_png(image, pitches_mm)
 
     monkeypatch.setattr(archive, "as_png", interrupted)
     assert run_command(["print", "layers", "my sensor.toml", "--out", "out", *QUICK, "--orientation", "upright"]) == 130

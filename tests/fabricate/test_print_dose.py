@@ -39,8 +39,10 @@ def test_the_fast_dose_of_a_slab_is_that_of_the_stack_of_layers() -> None:
         assert np.allclose(dose, stack.at(height), rtol=1e-8)  # layers fainter than 1e-9 are left out
 
 
-def test_the_fast_dose_is_that_of_direct_sums() -> None:
-    one = settings(**SMALL)
+@pytest.mark.parametrize("sides", [{}, {"pixel_y_um": 19.0}, {"pixel_um": 14.0, "pixel_y_um": 27.0}])
+def test_the_fast_dose_is_that_of_direct_sums(sides: dict[str, float]) -> None:
+    """Of pixels that are squares, and of pixels that are not."""
+    one = settings(**SMALL, **sides)
     rng = np.random.default_rng(7)
     image = np.zeros((40, 36))
     image[14:24, 14:22] = rng.random((10, 8))
@@ -52,7 +54,7 @@ def test_the_fast_dose_is_that_of_direct_sums() -> None:
         wanted = dose_at(images, one, places, height)
         assert np.allclose(found.dose[rows, columns], wanted, rtol=1e-9)
         # between the points of the grid a spline: 4e-4 of the dose is 0.005 of a blur of 15 um over 5
-        between = rng.uniform(14 * 27.0, 24 * 27.0, (60, 2))
+        between = rng.uniform(14.0, 24.0, (60, 2)) * one.pixels_um
         wanted = np.log(dose_at(images, one, between, height) / one.Ec_mJ_per_cm2)
         assert np.allclose(found.log_excess(between), wanted, atol=1e-3)
 

@@ -39,16 +39,35 @@ def mine(tmp_path: Path) -> Path:
     return path
 
 
-def test_every_shipped_printer_is_read_and_says_that_it_is_not_confirmed() -> None:
-    assert len(printers()) >= 10
+def test_every_shipped_printer_is_read_and_says_what_is_not_confirmed() -> None:
+    """Those of a slicing program's profile have no estimate in them; the others are estimates and say so."""
+    profiles = 0
     for name in printers():
         printer = library_printer(name)
-        assert printer.unconfirmed == ("pixel pitch", "pixel counts", "build height")
-        for number in (printer.pitch_um, printer.pixels, printer.build_height_mm, printer.layer_um):
-            assert number.source
-        rows, columns = printer.shape
-        assert printer.size_mm[:2] == pytest.approx((columns * printer.pitch_mm, rows * printer.pitch_mm))
+        numbers = (printer.pitch_um, printer.pixels, printer.build_height_mm)
+        if printer.pitch_um.basis == "profile":
+            profiles += 1
+            assert "UVtools" in printer.document
+            assert printer.unconfirmed == ()
+            assert {number.basis for number in numbers} == {"profile"}
+            assert printer.mirror is not None
+            assert printer.layer_exposures is None, "nothing is proven"
+        else:
+            assert printer.unconfirmed == ("pixel pitch", "pixel counts", "build height")
+        assert all(number.source for number in numbers)
+        (rows, columns), (x, y) = printer.shape, printer.pitches_mm
+        assert printer.size_mm[:2] == pytest.approx((columns * x, rows * y))
         assert printer.layers_um[0] <= 25.0 <= 100.0 <= printer.layers_um[1], "the layers that solen is made for"
+    assert profiles >= 12
+
+
+def test_pixels_need_not_be_squares() -> None:
+    """14 by 19 µm, 15120 by 6230: a plate of 211.68 by 118.37 mm."""
+    printer = library_printer("elegoo-saturn-4-ultra-16k")
+    assert printer.pitches_mm == (0.014, 0.019)
+    assert printer.size_mm == pytest.approx((211.68, 118.37, 220.0))
+    assert printer.pixel_mm2 == pytest.approx(0.014 * 0.019)
+    assert printer.pixel_text == "14 x 19"
 
 
 def test_the_quoted_plates_are_those_of_pitch_and_pixels() -> None:
@@ -63,7 +82,7 @@ def test_the_quoted_plates_are_those_of_pitch_and_pixels() -> None:
 
 def test_a_file_of_ones_own(mine: Path) -> None:
     printer = load_printer(mine)
-    assert printer.pitch_mm == 0.04725
+    assert printer.pitches_mm == (0.04725, 0.04725)
     assert printer.shape == (1440, 2560)
     assert printer.layers_um == (50.0, 50.0)
     assert printer.unconfirmed == ()

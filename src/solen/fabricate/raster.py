@@ -7,7 +7,7 @@ Nothing is sampled: an edge costs what it costs to find the pixels that it passe
 
 The interface: `coverage` gives shares from 0 to 1, `coverage_bytes` the same as 0 to 255 in little memory, `rings_of`
 the rings of a shapely area. Rows count upwards with y and columns with x: [i, j] is the square whose lower left corner
-is ``origin + (j, i) pitch``.
+is ``origin + (j, i) pitch``; pixels may be rectangles, wider than deep or deeper.
 """
 
 from collections.abc import Iterator, Sequence
@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     import shapely.geometry.base
 
 
+Pitch = float | tuple[float, float]
+"""Side of a square pixel in mm, or its sides along x and y."""
+
 BAND = 64
 """Rows that are summed at a time: few enough to stay in a processor's cache."""
 FULL = 255
@@ -32,14 +35,14 @@ FULL = 255
 
 @dataclass(frozen=True)
 class Grid:
-    """Square pixels: their ``pitch_mm``, the lower left corner of the first, rows and columns."""
+    """Pixels: their side or sides, the lower left corner of the first, rows and columns."""
 
-    pitch_mm: float
+    pitch_mm: Pitch
     origin_mm: tuple[float, float]
     shape: tuple[int, int]
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.pitch_mm) and self.pitch_mm > 0.0):
+        if not (np.isfinite(self.pitch_mm).all() and np.min(self.pitch_mm) > 0.0):
             raise DataError("pixel pitch", value=self.pitch_mm, limit="must be above 0 mm")
         if not np.isfinite(self.origin_mm).all():
             raise DataError("origin of the pixels", value=self.origin_mm, limit="must be finite, in mm")
@@ -73,7 +76,7 @@ class Pieces:
 
 
 def coverage(
-    rings: Sequence[FloatArray], pitch_mm: float, origin_mm: tuple[float, float], shape: tuple[int, int]
+    rings: Sequence[FloatArray], pitch_mm: Pitch, origin_mm: tuple[float, float], shape: tuple[int, int]
 ) -> FloatArray:
     """Share of each pixel that lies within closed polygons.
 
@@ -83,7 +86,7 @@ def coverage(
         Polygons (N, 2) in mm, counter-clockwise with the area on their left, holes clockwise; the last point may repeat
         the first. They must not overlap. What lies beyond the grid is left out.
     pitch_mm, origin_mm, shape
-        Side of a pixel, lower left corner of the first, and rows and columns.
+        Side of a pixel or its sides along x and y, lower left corner of the first, and rows and columns.
 
     Returns
     -------
@@ -103,7 +106,7 @@ def coverage(
 
 
 def coverage_bytes(
-    rings: Sequence[FloatArray], pitch_mm: float, origin_mm: tuple[float, float], shape: tuple[int, int]
+    rings: Sequence[FloatArray], pitch_mm: Pitch, origin_mm: tuple[float, float], shape: tuple[int, int]
 ) -> NDArray[np.uint8]:
     """`coverage` as grey values 0 to 255, rounded to the nearest; the sums take a few rows of memory at a time."""
     grid, shares = Grid(pitch_mm, origin_mm, shape), np.zeros(shape, np.uint8)
@@ -114,9 +117,9 @@ def coverage_bytes(
     rows, columns = high - low
     if rows <= 0 or columns <= 0:
         return shares
-    corner = (origin_mm[0] + low[1] * pitch_mm, origin_mm[1] + low[0] * pitch_mm)
+    x, y = (np.asarray(origin_mm) + low[::-1] * np.asarray(pitch_mm)).tolist()
     window = shares[low[0] : high[0], low[1] : high[1]]
-    pieces = _pieces(rings, Grid(pitch_mm, corner, (rows, columns)))
+    pieces = _pieces(rings, Grid(pitch_mm, (x, y), (rows, columns)))
     for first, last in _bands(0, rows):
         window[first:last] = np.rint(FULL * pieces.summed(first, last, columns))
     return shares

@@ -2,7 +2,8 @@
 
 The idea: a part is data with a source, number by number. Its file is TOML with ``schema = 1``, a ``name``, a ``kind``,
 the ``document`` that it is taken from, and a table for every quantity: ``typical``, ``least`` and ``most``, what they
-rest on (``basis``: the part's own datasheet, a sibling's, a measurement or an estimate) and where that is found
+rest on (``basis``: the part's own datasheet, a sibling's, the profile that a slicing program prints by, a measurement
+or an estimate) and where that is found
 (``source``). Nothing is stated that is not known: what a datasheet leaves open is left out.
 
 The interface: `load_part`, `library`, `library_part`; `EmitterPart`, `ReceiverPart`, `AdcPart` and `TrimmerPart` are
@@ -32,7 +33,7 @@ from solen.spec.strict import (
 PART_SCHEMA = 1
 PART_MIGRATIONS: Migrations = {}  # old version -> tables of that version into those of the next
 
-Basis = Literal["datasheet", "sibling", "measured", "estimate"]
+Basis = Literal["datasheet", "sibling", "profile", "measured", "estimate"]
 Angle = Annotated[Number, Field(ge=0, le=180)]
 
 
@@ -41,7 +42,7 @@ class Sourced(Strict):
 
     error: ClassVar[type[SolenError]] = DataError
 
-    basis: Basis = Field(description="what it rests on: datasheet, sibling, measured or estimate.")
+    basis: Basis = Field(description="what it rests on: datasheet, sibling, profile, measured or estimate.")
     source: Text = Field(description="where it is found, or how it was estimated, one line.")
 
 

@@ -1,17 +1,19 @@
 """Printers that project one layer at a time, as files, and a small library of them.
 
 The idea: to cut a part into layers one needs little of a printer: its pixels, how high it builds, how thin and thick
-its layers may be; its wavelength and the time between exposures are optional. Each number states its basis, as in the
-datasheets of parts: `Printer.unconfirmed` names those that no document of the maker confirms.
+its layers may be; its wavelength, how its pictures are mirrored, how it lifts the plate and the time between exposures
+are optional. Each number states its basis, as in the datasheets of parts: `Printer.unconfirmed` names those that are
+estimates.
 
 The interface: `load_printer` reads a TOML file with ``schema = 1``, `printers` lists the library, `library_printer`
 opens one of it; each gives a `Printer`. `printer_of` takes either, as a user types it.
 """
 
+import math
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
@@ -20,12 +22,13 @@ from solen.parts.datasheet import PART_MIGRATIONS, PART_SCHEMA, Quantity, Source
 from solen.registry import PRINTERS
 from solen.results import Result
 from solen.spec.shipped import Library
-from solen.spec.strict import Strict, Text
+from solen.spec.strict import NotNegative, Positive, Strict, Text
 
 MOST_PIXELS = 20_000
 """Along one side."""
-SURE = ("datasheet", "measured")
+SURE = ("datasheet", "profile", "measured")
 
+Axis = Literal["none", "x", "y"]
 Count = Annotated[int, Field(strict=True, ge=1, le=MOST_PIXELS)]
 
 
@@ -34,6 +37,26 @@ class Pixels(Sourced):
 
     columns: Count = Field(description="pixels along X, a whole number.")
     rows: Count = Field(description="pixels along Y, a whole number.")
+
+
+class Mirror(Sourced):
+    """Along which axis the printer wants its pictures flipped, as a screen seen from below does."""
+
+    axis: Axis = Field(description="x, y or none.")
+
+
+class Lift(Sourced):
+    """How the plate moves and waits between exposures, of the first (bottom) layers and of all others."""
+
+    bottom_height_mm: NotNegative = Field(description="lift of the bottom layers in mm.")
+    height_mm: NotNegative = Field(description="lift of the others in mm.")
+    bottom_speed_mm_per_min: Positive = Field(description="speed of the lift of the bottom layers in mm/min.")
+    speed_mm_per_min: Positive = Field(description="the same of the others.")
+    retract_mm_per_min: Positive = Field(description="speed of the way back in mm/min.")
+    bottom_wait_before_s: NotNegative = Field(0.0, description="rest before an exposure of the bottom layers in s.")
+    wait_before_s: NotNegative = Field(0.0, description="the same of the others.")
+    bottom_wait_after_s: NotNegative = Field(0.0, description="rest after an exposure of the bottom layers in s.")
+    wait_after_s: NotNegative = Field(0.0, description="the same of the others.")
 
 
 class Printer(Strict):
@@ -45,18 +68,35 @@ class Printer(Strict):
     maker: Text = Field(description="who makes it, one line.")
     document: Text = Field(description="the document that the numbers are taken from, one line.")
     notes: str = Field("", description="Anything worth knowing.")
-    pitch_um: Quantity = Field(description="a table with the side of a pixel on the plate in µm.")
+    pitch_um: Quantity = Field(description="a table with the side of a pixel on the plate in µm, along X.")
+    pitch_y_um: Quantity | None = Field(None, description="The same along Y, where pixels are not squares.")
     pixels: Pixels = Field(description="a table with the pixels' columns and rows.")
     build_height_mm: Quantity = Field(description="a table with the height that it builds, in mm.")
-    layer_um: Quantity = Field(description="a table with the least and the most thickness of a layer in µm.")
+    layer_um: Quantity | None = Field(None, description="The least and the most thickness of a layer in µm.")
     wavelength_nm: Quantity | None = Field(None, description="Wavelength of its light in nm.")
     irradiance_mw_per_cm2: Quantity | None = Field(None, description="Irradiance at the window in mW/cm².")
     pause_s: Quantity | None = Field(None, description="Time between two exposures in s: parting, lift, settling.")
+    mirror: Mirror | None = Field(None, description="How its pictures are flipped.")
+    lift: Lift | None = Field(None, description="How its plate moves; a .goo file needs it.")
+    layer_exposures: Sourced | None = Field(
+        None, description="Where it was proven that the printer keeps each layer's own exposure in its file."
+    )
 
     @property
-    def pitch_mm(self) -> float:
-        """Side of a pixel on the plate."""
-        return self.pitch_um.usual / 1000.0
+    def pitches_mm(self) -> tuple[float, float]:
+        """Sides of a pixel on the plate, along X and Y."""
+        across = self.pitch_um.usual / 1000.0
+        return across, across if self.pitch_y_um is None else self.pitch_y_um.usual / 1000.0
+
+    @property
+    def pixel_mm2(self) -> float:
+        """Area of a pixel on the plate."""
+        return math.prod(self.pitches_mm)
+
+    @property
+    def pixel_text(self) -> str:
+        """Sides of a pixel in words, in µm."""
+        return " x ".join(dict.fromkeys(f"{1000.0 * side:.5g}" for side in self.pitches_mm))
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -66,13 +106,15 @@ class Printer(Strict):
     @property
     def size_mm(self) -> tuple[float, float, float]:
         """What it builds along X, Y and Z."""
-        rows, columns = self.shape
-        return columns * self.pitch_mm, rows * self.pitch_mm, self.build_height_mm.usual
+        (rows, columns), (x, y) = self.shape, self.pitches_mm
+        return columns * x, rows * y, self.build_height_mm.usual
 
     @property
     def layers_um(self) -> tuple[float, float]:
-        """Thinnest and thickest layer."""
+        """Thinnest and thickest layer; 0 and inf where that is not known."""
         stated = self.layer_um
+        if stated is None:
+            return 0.0, math.inf
         least, most = stated.least or stated.usual, stated.most or stated.usual
         return least, most
 
@@ -120,17 +162,21 @@ def printer_of(text: str) -> Printer:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PrinterSummary(Result):
-    """What layers need of a printer: its pixels, what it builds, and which of these numbers are estimates."""
+    """What layers need of a printer: its pixels, what it builds, and which of these numbers are estimates.
+
+    ``pitch_um`` is a pixel's side along X, ``pitch_y_um`` along Y; the layers' limits are None where none are known.
+    """
 
     printer: str
     name: str
     pitch_um: float
+    pitch_y_um: float
     columns: int
     rows: int
     size_mm: tuple[float, float, float]
     wavelength_nm: float | None
-    least_layer_um: float
-    most_layer_um: float
+    least_layer_um: float | None
+    most_layer_um: float | None
     unconfirmed: tuple[str, ...]
     file: Printer
 
@@ -140,9 +186,22 @@ class PrinterSummary(Result):
         printer = printer_of(text)
         rows, columns = printer.shape
         x, y, z = (round(length, 9) for length in printer.size_mm)
-        wavelength_nm = None if printer.wavelength_nm is None else printer.wavelength_nm.usual
-        pixels = (printer.pitch_um.usual, columns, rows, (x, y, z), wavelength_nm)
-        return cls(text, printer.name, *pixels, *printer.layers_um, printer.unconfirmed, printer)
+        pitch_um, pitch_y_um = (round(1000.0 * side, 9) for side in printer.pitches_mm)
+        least, most = (None, None) if printer.layer_um is None else printer.layers_um
+        return cls(
+            printer=text,
+            name=printer.name,
+            pitch_um=pitch_um,
+            pitch_y_um=pitch_y_um,
+            columns=columns,
+            rows=rows,
+            size_mm=(x, y, z),
+            wavelength_nm=None if printer.wavelength_nm is None else printer.wavelength_nm.usual,
+            least_layer_um=least,
+            most_layer_um=most,
+            unconfirmed=printer.unconfirmed,
+            file=printer,
+        )
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -16,6 +16,10 @@ from solen.spec.strict import Migrations, migrated, nearest, parse_toml, told_of
 T = TypeVar("T")
 
 
+MOST_NAMES = 16
+"""Of a library that a refusal lists."""
+
+
 @dataclass(frozen=True)
 class Library(Generic[T]):
     """A folder of TOML files; ``what`` they are, in a word, and what ``make`` makes of the keys of one.
@@ -45,10 +49,11 @@ class Library(Generic[T]):
         names = self.names()
         if name not in names:
             near = nearest(name, names)
+            known = ", ".join(names) if len(names) <= MOST_NAMES else f"of {len(names)}"
             raise DataError(
                 self.what,
                 value=name,
-                limit=f"not in the library ({', '.join(names)})",
+                limit=f"not in the library ({known})",
                 remedy=f"did you mean {near}?" if near else "a file's name ends in .toml",
             )
         file = self.folder / f"{name}.toml"

@@ -56,8 +56,8 @@ def printers(name: str | None = None, /) -> Outcome[PrinterList | PrinterSummary
 
 @lines.register
 def _(made: LayeredPrint) -> Iterator[str]:
-    values = {key: getattr(made, key) for key in ("printer", "layers", "layer_um", "pitch_um", "copies")}
-    values |= {"size_mm": _times(made.size_mm), "solid_volume_mm3": made.solid_volume_mm3}
+    values = {key: getattr(made, key) for key in ("printer", "layers", "layer_um", "copies")}
+    values |= {"pixel_um": _pixel(made), "size_mm": _times(made.size_mm), "solid_volume_mm3": made.solid_volume_mm3}
     if made.volume_error is not None:
         values |= {"stack_volume_mm3": made.stack_volume_mm3, "volume_error": f"{made.volume_error:+.2e}"}
     if made.settings.estimated_time_s is not None:
@@ -73,7 +73,7 @@ def _(library: PrinterList) -> Iterator[str]:
     for row in library.printers:
         sure = "no" if row.unconfirmed else "yes"
         pixels = f"{row.columns} x {row.rows}"
-        yield f"{row.printer:{width}}  {row.pitch_um:8g}  {pixels:>11}  {_times(row.size_mm):>21}  {sure}"
+        yield f"{row.printer:{width}}  {_pixel(row):>8}  {pixels:>11}  {_times(row.size_mm):>21}  {sure}"
 
 
 @lines.register
@@ -85,8 +85,17 @@ def _(shown: PrinterSummary) -> Iterator[str]:
         yield f"  {shown.file.notes}"
     for key, number in stated.items():
         if isinstance(number, dict):
-            values = ", ".join(f"{name} {value:g}" for name, value in number.items() if not isinstance(value, str))
-            yield f"  {key}: {values} ({number['basis']}: {number['source']})"
+            about = {"basis", "source"}
+            values = ", ".join(
+                f"{name} {value if isinstance(value, str) else format(value, 'g')}"
+                for name, value in number.items()
+                if name not in about
+            )
+            yield f"  {key}: {values or 'yes'} ({number['basis']}: {number['source']})"
+
+
+def _pixel(of: LayeredPrint | PrinterSummary) -> str:
+    return " x ".join(dict.fromkeys(f"{side:.4g}" for side in (of.pitch_um, of.pitch_y_um)))
 
 
 def _times(size_mm: tuple[float, float, float]) -> str:

@@ -115,7 +115,7 @@ def written_coupons(
     if output.printer is not None:
         printer = printer_of(output.printer)
         plate_mm = plate_mm or printer.size_mm[:2]
-        options = options.model_copy(update={"pitch_um": options.pitch_um or printer.pitch_um.usual})
+        options = options.model_copy(update={"pitch_um": options.pitch_um or max(printer.pitches_mm) * 1000.0})
     coupons = layouts(only, options)
     for coupon in coupons:
         _check_plate(coupon, plate_mm or (math.inf, math.inf))

@@ -7,11 +7,12 @@ of a pixel is the share of it that the solid covers **at the middle of the layer
 fills by less than half is left out, by more is whole, so that the stack is on average as high as the solid.
 
 The interface: `printable_design` and `printable_mesh` in an `orientation`, sliced by `Slicing`; `Job.layers`;
-`write_archive` for a ZIP of PNGs with a job.json; `layered_print` for the numbers, `as_sheet` for the program of a
-printer that takes the STL.
+`write_archive` for a ZIP of PNGs with a job.json, `write_goo` for a .goo file; `layered_print` for the numbers,
+`as_sheet` for the program of a printer that takes the STL.
 """
 
 from solen.fabricate.layers.archive import Stack, as_png, write_archive
+from solen.fabricate.layers.goo import checked_for_goo, write_goo
 from solen.fabricate.layers.job import Job, Layer
 from solen.fabricate.layers.layered import LayeredPrint, layered_print
 from solen.fabricate.layers.orientation import orientation, turned
@@ -33,6 +34,7 @@ __all__ = [
     "Stack",
     "as_png",
     "as_sheet",
+    "checked_for_goo",
     "layered_print",
     "mesh_solid",
     "orientation",
@@ -41,4 +43,5 @@ __all__ = [
     "solid_of",
     "turned",
     "write_archive",
+    "write_goo",
 ]

@@ -1,16 +1,19 @@
-"""A ZIP of layers: a PNG for each, and a job.json with their heights, exposures and source.
+"""A ZIP of layers: a PNG for each, a manifest, and a job.json with their heights, exposures and source.
 
 Pictures go into the archive as they are made. They are compressed already, so the archive stores them; entries have no
-date. job.json is written last, as the areas are known then.
+date. job.json is written last, as the areas are known then. Names and manifest are those by which UVtools
+(github.com/sn4k3/UVtools, its "generic zip") opens an archive: ``1.png`` to ``N.png`` and ``manifest.uvtools``, an XML
+of resolution, size of the display in mm, height and layer; it has no room for exposures.
 """
 
 import io
 import json
 import zipfile
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree as ET
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +23,9 @@ from solen.fabricate.layers.job import Job, Layer
 from solen.fabricate.layers.printable import Printable
 from solen.fabricate.meshfiles import NO_DATE
 
-JOB_SCHEMA = 1
+JOB_SCHEMA = 2
 JOB_NAME = "job.json"
+MANIFEST_NAME = "manifest.uvtools"
 RULE = (
     "grey value / 255 is the share of the pixel's square that the solid covers at the middle of the layer's height; "
     "a last layer that is filled by less than half is left out"
@@ -45,25 +49,44 @@ class Stack:
     islands: tuple[tuple[int, int], ...]
 
 
+@dataclass
+class StackCount:
+    """A stack counted layer by layer."""
+
+    job: Job
+    areas_mm2: list[float] = field(default_factory=list)
+    islands: list[tuple[int, int]] = field(default_factory=list)
+
+    def add(self, layer: Layer) -> None:
+        """Count one more layer."""
+        self.areas_mm2.append(layer.area_mm2)
+        if layer.islands:
+            self.islands.append((layer.index, layer.islands))
+
+    def stack(self) -> Stack:
+        """The numbers of all of them."""
+        areas = self.areas_mm2
+        return Stack(len(areas), sum(areas) * self.job.layer_mm, areas[0], max(areas), tuple(self.islands))
+
+
 def write_archive(target: Path, job: Job, part: Printable | None = None, watch: Watch = lambda _: None) -> Stack:
     """Write a job's layers; job.json names ``part`` and its source, ``watch`` is called with each layer."""
     rows: list[dict[str, Any]] = []
-    islands = []
+    count = StackCount(job)
     with zipfile.ZipFile(target, "w", zipfile.ZIP_STORED) as archive:
+        archive.writestr(zipfile.ZipInfo(MANIFEST_NAME, NO_DATE), _manifest(job))
         last: Layer | None = None
         data = b""
         for layer in job.layers():
             if last is None or layer.image is not last.image:
-                data = as_png(layer.image, job.printer.pitch_mm)
-            name = f"layers/{layer.index + 1:05d}.png"
+                data = as_png(layer.image, job.printer.pitches_mm)
+            name = f"{layer.index + 1}.png"
             archive.writestr(zipfile.ZipInfo(name, NO_DATE), data)
             rows.append({"file": name} | _row(layer))
-            if layer.islands:
-                islands.append((layer.index, layer.islands))
+            count.add(layer)
             last = layer
             watch(layer)
-        areas = [row["area_mm2"] for row in rows]
-        stack = Stack(len(rows), sum(areas) * job.layer_mm, areas[0], max(areas), tuple(islands))
+        stack = count.stack()
         entry = zipfile.ZipInfo(JOB_NAME, NO_DATE)
         entry.compress_type = zipfile.ZIP_DEFLATED
         text = json.dumps(_described(job, stack, part) | {"layers": rows}, indent=1, allow_nan=False)
@@ -71,13 +94,25 @@ def write_archive(target: Path, job: Job, part: Printable | None = None, watch: 
     return stack
 
 
-def as_png(image: NDArray[np.uint8], pitch_mm: float) -> bytes:
-    """PNG of grey values (rows, columns), the first row at the top, of pixels with a side of ``pitch_mm``."""
+def as_png(image: NDArray[np.uint8], pitches_mm: tuple[float, float]) -> bytes:
+    """PNG of grey values (rows, columns), the first row at the top, of pixels with these sides along X and Y."""
     from PIL import Image
 
     data = io.BytesIO()
-    Image.fromarray(image).save(data, "PNG", dpi=(25.4 / pitch_mm, 25.4 / pitch_mm))
+    Image.fromarray(image).save(data, "PNG", dpi=tuple(25.4 / pitch for pitch in pitches_mm))
     return data.getvalue()
+
+
+def _manifest(job: Job) -> bytes:
+    """Manifest by which UVtools knows the size of what it shows."""
+    (rows, columns), (x, y, z) = job.printer.shape, job.printer.size_mm
+    root = ET.Element("Manifest")
+    about: dict[str, object] = {"CreatedBy": WRITER, "UpdatedBy": WRITER, "LayerHeight": job.layer_mm}
+    about |= {"ResolutionX": columns, "ResolutionY": rows}
+    about |= {"DisplayWidth": round(x, 6), "DisplayHeight": round(y, 6), "MachineZ": z}
+    for name, value in about.items():
+        ET.SubElement(root, name).text = str(value)
+    return bytes(ET.tostring(root, encoding="utf-8", xml_declaration=True))
 
 
 def _row(layer: Layer) -> dict[str, Any]:
@@ -108,9 +143,11 @@ def _described(job: Job, stack: Stack, part: Printable | None) -> dict[str, Any]
         "z_offset_mm": slicing.z_offset_um / 1000.0,
         "rule": RULE,
         "view": VIEW,
-        "mirror": slicing.mirror,
+        "mirror": job.mirror,
+        "phase_px": slicing.phase_px,
+        "anti_aliasing": slicing.anti_aliasing,
         "printer": job.printer.name,
-        "pitch_mm": job.printer.pitch_mm,
+        "pitch_mm": job.printer.pitches_mm,
         "pixels": {"columns": columns, "rows": rows},
         "layer_mm": job.layer_mm,
         "copies_mm": job.places_mm,

@@ -1,8 +1,9 @@
 """A print job: copies of a solid on a printer's plate, layer by layer.
 
-The part's own origin stands on a corner of four pixels, and copies are whole pixels apart: a sensor, whose origin is
-the lens' vertex, stays symmetric about its axis, what was drawn on a grid of pixels stays on it, and every copy is
-drawn by the same pixels in the same way. All of them together lie about the middle of the plate.
+The part's own origin stands on a corner of four pixels, or at a stated place in its pixel, and copies are whole pixels
+apart: a sensor, whose origin is the lens' vertex, stays symmetric about its axis, what was drawn on a grid of pixels
+stays on it, and every copy is drawn by the same pixels in the same way. All of them together lie about the middle of
+the plate.
 """
 
 import math
@@ -17,12 +18,14 @@ from solen.errors import DesignError, SpecError
 from solen.fabricate.layers.slicing import Slicing
 from solen.fabricate.layers.solid import Exposures, Rings, Solid
 from solen.fabricate.raster import FULL, coverage_bytes
-from solen.parts.printer import Printer, library_printer, printers
+from solen.parts.printer import Axis, Printer, library_printer, printers
 
 Bytes = NDArray[np.uint8]
 
 PAPER_MW_PER_CM2 = 13.0
 """Irradiance at which the paper's working curve was measured."""
+MOST_NAMED = 3
+"""Printers that a refusal names, the smallest that serve first."""
 EXACT = 1e-6
 """Share of a layer or of a pixel by which rounding may be off."""
 
@@ -126,23 +129,24 @@ class Job:
     @property
     def tile(self) -> tuple[int, int]:
         """Rows and columns of pixels that one copy is drawn in."""
-        (left, low), (x, y, _) = self.tile_from_mm, self.solid.size_mm
-        rows, columns = (math.ceil(reach / self.printer.pitch_mm - EXACT) for reach in (y - low, x - left))
-        return max(rows, 1), max(columns, 1)
+        ends = zip(self.solid.size_mm, self.tile_from_mm, self.printer.pitches_mm, strict=False)
+        columns, rows = (max(math.ceil((end - start) / pitch - EXACT), 1) for end, start, pitch in ends)
+        return rows, columns
 
     @property
     def tile_from_mm(self) -> tuple[float, float]:
         """X and Y, in the solid's own, at which the first pixel of a copy's tile begins: less than one before it."""
-        shifts = [origin / self.printer.pitch_mm for origin in self.solid.origin_mm]
-        left, low = ((shift - math.ceil(shift - EXACT)) * self.printer.pitch_mm for shift in shifts)
+        stated = zip(self.solid.origin_mm, self.printer.pitches_mm, self.slicing.phase_px, strict=True)
+        shifts = [(origin / pitch - phase, pitch) for origin, pitch, phase in stated]
+        left, low = ((shift - math.ceil(shift - EXACT)) * pitch for shift, pitch in shifts)
         return left, low
 
     @cached_property
     def corners(self) -> tuple[tuple[int, int], ...]:
         """Row and column, counted from the lower left, of the first pixel of each copy's tile."""
         rows, columns = self._grid
-        steps = tuple(size + self._gap for size in self.tile)
-        used = (rows * steps[0] - self._gap, columns * steps[1] - self._gap)
+        steps = tuple(size + gap for size, gap in zip(self.tile, self._gaps, strict=True))
+        used = (rows * steps[0] - self._gaps[0], columns * steps[1] - self._gaps[1])
         starts = tuple((whole - part) // 2 for whole, part in zip(self.printer.shape, used, strict=True))
         places = [divmod(number, columns) for number in range(self.slicing.copies)]
         return tuple((starts[0] + row * steps[0], starts[1] + column * steps[1]) for row, column in places)
@@ -150,10 +154,10 @@ class Job:
     @property
     def places_mm(self) -> tuple[tuple[float, float], ...]:
         """X and Y of the middle of each copy from the middle of the plate, before the pictures are mirrored."""
-        pitch, (rows, columns) = self.printer.pitch_mm, self.printer.shape
+        (wide, deep), (rows, columns) = self.printer.pitches_mm, self.printer.shape
         (left, low), (x, y, _) = self.tile_from_mm, self.solid.size_mm
         return tuple(
-            ((column - 0.5 * columns) * pitch - left + 0.5 * x, (row - 0.5 * rows) * pitch - low + 0.5 * y)
+            ((column - 0.5 * columns) * wide - left + 0.5 * x, (row - 0.5 * rows) * deep - low + 0.5 * y)
             for row, column in self.corners
         )
 
@@ -175,13 +179,13 @@ class Job:
                 if tile is None or not np.array_equal(drawn, tile):
                     tile, image, shares = drawn, self._placed(drawn), float(drawn.sum(dtype=np.int64)) / FULL
             known = number
-            yield self._layer(index, image, self.slicing.copies * shares * self.printer.pitch_mm**2, islands)
+            yield self._layer(index, image, self.slicing.copies * shares * self.printer.pixel_mm2, islands)
 
     def _pictures(self, pieces: Exposures) -> Iterator[Layer]:
         """A picture for each piece, all at one height."""
         for index, (name, rings, seconds) in enumerate(zip(pieces.names, pieces.rings, pieces.seconds, strict=True)):
             drawn = self._drawn(rings)
-            area_mm2 = self.slicing.copies * float(drawn.sum(dtype=np.int64)) / FULL * self.printer.pitch_mm**2
+            area_mm2 = self.slicing.copies * float(drawn.sum(dtype=np.int64)) / FULL * self.printer.pixel_mm2
             dose = self.irradiance_mW_per_cm2 * seconds
             yield Layer(index, 0.0, self.layer_mm, seconds, dose, self._placed(drawn), area_mm2, 0, name)
 
@@ -199,7 +203,8 @@ class Job:
 
     def _drawn(self, rings: Rings) -> Bytes:
         """Grey values of one copy's tile, rows upwards."""
-        return coverage_bytes(rings, self.printer.pitch_mm, self.tile_from_mm, self.tile)
+        shares = coverage_bytes(rings, self.printer.pitches_mm, self.tile_from_mm, self.tile)
+        return shares if self.slicing.anti_aliasing else np.where(shares > FULL // 2, FULL, 0).astype(np.uint8)
 
     def _placed(self, tile: Bytes) -> Bytes:
         """The plate's picture: a tile for each copy, the largest Y first."""
@@ -208,27 +213,35 @@ class Job:
         for row, column in self.corners:
             plate[row : row + rows, column : column + columns] = tile
         seen = plate[::-1]
-        seen = {"none": seen, "x": seen[:, ::-1], "y": seen[::-1]}[self.slicing.mirror]
+        seen = {"none": seen, "x": seen[:, ::-1], "y": seen[::-1]}[self.mirror]
         seen.flags.writeable = False
         return seen
 
     @property
-    def _gap(self) -> int:
-        """Pixels between copies."""
-        return math.ceil(self.slicing.gap_mm / self.printer.pitch_mm - EXACT)
+    def mirror(self) -> Axis:
+        """Along which axis the pictures are flipped."""
+        printers = "none" if self.printer.mirror is None else self.printer.mirror.axis
+        return self.slicing.mirror or printers
+
+    @property
+    def _gaps(self) -> tuple[int, int]:
+        """Rows and columns of pixels between copies."""
+        x, y = (math.ceil(self.slicing.gap_mm / pitch - EXACT) for pitch in self.printer.pitches_mm)
+        return y, x
 
     @property
     def _most(self) -> tuple[int, int]:
         """Rows and columns of copies that fit."""
-        fits = zip(self.printer.shape, self.tile, strict=True)
-        rows, columns = ((whole + self._gap) // (size + self._gap) for whole, size in fits)
+        fits = zip(self.printer.shape, self.tile, self._gaps, strict=True)
+        rows, columns = ((whole + gap) // (size + gap) for whole, size, gap in fits)
         return rows, columns
 
     @cached_property
     def _grid(self) -> tuple[int, int]:
         """Rows and columns of the copies, as square as they fit."""
-        (rows, columns), (tall, wide) = self._most, self.tile
-        wanted = math.ceil(math.sqrt(self.slicing.copies * (tall + self._gap) / (wide + self._gap)))
+        (rows, columns), (x, y) = self._most, self.printer.pitches_mm
+        tall, wide = (size + gap for size, gap in zip(self.tile, self._gaps, strict=True))
+        wanted = math.ceil(math.sqrt(self.slicing.copies * tall * y / (wide * x)))
         chosen = min(max(wanted, math.ceil(self.slicing.copies / rows)), columns, self.slicing.copies)
         return math.ceil(self.slicing.copies / chosen), chosen
 
@@ -271,4 +284,5 @@ def _remedy(size: tuple[float, float, float], room: tuple[float, float, float]) 
     if _fits(tuple(sorted(size)), tuple(sorted(room))):  # type: ignore[arg-type]  # three each
         return "print it in another --orientation"
     larger = [name for name in printers() if _fits(size, library_printer(name).size_mm)]
-    return f"choose a larger printer ({', '.join(larger)})" if larger else "make it smaller, or in pieces"
+    larger.sort(key=lambda name: math.prod(library_printer(name).size_mm))
+    return f"choose a larger printer ({', '.join(larger[:MOST_NAMED])})" if larger else "make it smaller, or in pieces"

@@ -34,8 +34,8 @@ class LayeredPrint(Result):
         What is printed; JSON leaves it out.
     name, printer
         Names of the part and of the printer.
-    pitch_um, columns, rows
-        Side of a pixel, and number of pixels along X and Y.
+    pitch_um, pitch_y_um, columns, rows
+        Sides of a pixel, and number of pixels, along X and Y.
     layer_um, layers, height_mm
         Thickness and number of the layers, and their height.
     size_mm
@@ -56,6 +56,7 @@ class LayeredPrint(Result):
     name: str
     printer: str
     pitch_um: float
+    pitch_y_um: float
     columns: int
     rows: int
     layer_um: float
@@ -82,7 +83,8 @@ def layered_print(job: Job, part: Printable, stl: str, stack: Stack | None) -> L
         job=job,
         name=part.label.name,
         printer=job.printer.name,
-        pitch_um=job.printer.pitch_um.usual,
+        pitch_um=1000.0 * job.printer.pitches_mm[0],
+        pitch_y_um=1000.0 * job.printer.pitches_mm[1],
         columns=columns,
         rows=rows,
         layer_um=job.slicing.layer_um,

@@ -40,8 +40,8 @@ class PrintSettings(Result):
         Name of the part, and of the STL that the program takes, already turned as it is to be printed.
     material, printer, orientation
         A description.
-    wavelength_nm, pixel_um
-        Of the printer.
+    wavelength_nm, pixel_um, pixel_y_um
+        Of the printer; sides of a pixel along X and Y.
     size_mm, copies
         Extent of one part along X, Y and Z, and number of parts.
     layer_um, expected_layers, stack_height_mm
@@ -71,6 +71,7 @@ class PrintSettings(Result):
     printer: str
     wavelength_nm: float | None
     pixel_um: float
+    pixel_y_um: float
     orientation: str
     size_mm: tuple[float, float, float]
     copies: int
@@ -106,7 +107,8 @@ def print_settings(job: Job, *, name: str, stl: str, material: str, cure: Cure |
         material=material,
         printer=printer.name,
         wavelength_nm=None if printer.wavelength_nm is None else printer.wavelength_nm.usual,
-        pixel_um=printer.pitch_um.usual,
+        pixel_um=1000.0 * printer.pitches_mm[0],
+        pixel_y_um=1000.0 * printer.pitches_mm[1],
         orientation=described(slicing.orientation, slicing.rotate_deg),
         size_mm=job.solid.size_mm,
         copies=slicing.copies,
@@ -151,10 +153,11 @@ def as_sheet(settings: PrintSettings, warnings: Sequence[str]) -> str:
 
 def _settings(s: PrintSettings) -> list[tuple[str, str]]:
     light = "" if s.wavelength_nm is None else f", {s.wavelength_nm:g} nm"
+    sides = " × ".join(dict.fromkeys(f"{side:.5g}" for side in (s.pixel_um, s.pixel_y_um)))
     return [
         ("STL to load", f"`{s.stl}`, in **mm**; it is turned already: do not rotate it"),
         ("Material", s.material),
-        ("Printer", f"{s.printer}{light}, pixels of {s.pixel_um:g} µm"),
+        ("Printer", f"{s.printer}{light}, pixels of {sides} µm"),
         ("Orientation", s.orientation),
         ("Copies", str(s.copies)),
         ("Layer (slice) thickness", f"{s.layer_um:g} µm"),

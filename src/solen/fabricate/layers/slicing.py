@@ -4,10 +4,12 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from solen.parts.printer import Axis
 from solen.spec.strict import Finite, Options
 
 Orientation = Literal["flat", "upright", "on-edge"]
 Degrees = tuple[Finite, Finite, Finite]
+Phase = Annotated[float, Field(ge=0, lt=1)]
 Seconds = Annotated[float, Field(gt=0, le=3600)]
 
 
@@ -36,8 +38,14 @@ class Slicing(Options):
     """Irradiance at the window; default: the printer's, or 13 as in the paper."""
     z_offset_um: Annotated[float, Field(ge=-1e5, le=1e5)] = 0.0
     """Thickness of a film or base under the part, for the settings sheet."""
-    mirror: Literal["none", "x", "y"] = "none"
-    """Flip the pictures along x or y."""
+    mirror: Axis | None = None
+    """Flip the pictures along x or y; default: as the printer's file says, else none."""
+    phase_px: tuple[Phase, Phase] = (0.0, 0.0)
+    """Where the part's origin, a sensor's lens vertex, stands in its pixel along X and Y; 0 is on a corner."""
+    anti_aliasing: bool = True
+    """Draw pixels at an edge grey; without, those covered by half or more are lit and no others."""
+    format: Literal["zip", "goo"] = "zip"
+    """File of the pictures: a ZIP of PNGs, which UVtools opens too, or a .goo of version 3."""
     resin: str | None = None
     """Resin of the library, or its file: its name and working curve for the settings sheet."""
     sheet_only: bool = False

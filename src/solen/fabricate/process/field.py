@@ -77,7 +77,7 @@ class FlatImage:
         DataError
             Where a print would take more than a laptop's memory, or minutes for each height.
         """
-        pitch = 1e-3 * settings.pixel_um
+        pitch = 1e-3 * np.array(settings.pixels_um)
         halo = math.hypot(settings.halo_um, settings.halo_per_depth * _DEEP * settings.Dp_um)
         margin = 1e-3 * (_FAR * max(halo, settings.sigma_um) + _REACH_UM)
         grid = np.asarray(centre) - pitch * np.asarray(phase)
@@ -86,7 +86,9 @@ class FlatImage:
         columns, rows = (fft.next_fast_len(int(count), real=True) for count in (last - first))
         x, z = (grid + first * pitch).tolist()
         _check_size(rows * columns, layers, settings)
-        shares = np.round(coverage(rings, pitch, (x, z), (rows, columns)) * _GREYS) / _GREYS
+        shares = (
+            np.round(coverage(rings, (float(pitch[0]), float(pitch[1])), (x, z), (rows, columns)) * _GREYS) / _GREYS
+        )
         return cls(shares, layers, (1e3 * x, 1e3 * z))
 
     @cached_property
@@ -106,14 +108,14 @@ class DoseMap:
     first_um
         Place of its first point: along columns, along rows.
     step_um
-        Distance of its points.
+        Distances of its points: along columns, along rows.
     Ec_mJ_per_cm2
         Critical dose.
     """
 
     dose: FloatArray
     first_um: tuple[float, float]
-    step_um: float
+    step_um: tuple[float, float]
     Ec_mJ_per_cm2: float
 
     @cached_property
@@ -125,23 +127,23 @@ class DoseMap:
     def log_excess(self, places_um: ArrayLike) -> FloatArray:
         """Logarithm of dose over critical dose at places (..., 2) in µm; above 0 the resin is set."""
         places = np.asarray(places_um, float)
-        at = [(places[..., axis] - self.first_um[axis]) / self.step_um for axis in (1, 0)]
+        at = [(places[..., axis] - self.first_um[axis]) / self.step_um[axis] for axis in (1, 0)]
         return np.asarray(ndimage.map_coordinates(self._spline, at, order=3, mode="nearest", prefilter=False))
 
 
 def dose_map(image: FlatImage, settings: Settings, height_um: float) -> DoseMap:
     """Dose of a part at a height above the platform, on a grid some times finer than the pixels."""
-    pitch, fine = settings.pixel_um, fineness(settings)
+    (x, y), fine = settings.pixels_um, fineness(settings)
     rows, columns = image.shares.shape
     terms = terms_at(settings, image.layers, height_um)
-    across = _frequencies(columns, fine, pitch)[: columns * fine // 2 + 1]
-    along = _frequencies(rows, fine, pitch)
+    across = _frequencies(columns, fine, x)[: columns * fine // 2 + 1]
+    along = _frequencies(rows, fine, y)
     whole = np.tile(image.spectrum, (fine, fine))[:, : len(across)]
     whole = whole * _blur(along, across, *_merged(terms.dose, terms.sigma_um))
-    whole *= np.outer(np.sinc(along * pitch / math.tau), np.sinc(across * pitch / math.tau))
+    whole *= np.outer(np.sinc(along * y / math.tau), np.sinc(across * x / math.tau))
     dose = fft.irfft2(whole, s=(rows * fine, columns * fine)) * fine**2
-    first = (image.corner_um[0] + pitch / 2, image.corner_um[1] + pitch / 2)
-    return DoseMap(dose, first, pitch / fine, settings.Ec_mJ_per_cm2)
+    first = (image.corner_um[0] + x / 2, image.corner_um[1] + y / 2)
+    return DoseMap(dose, first, (x / fine, y / fine), settings.Ec_mJ_per_cm2)
 
 
 def fineness(settings: Settings) -> int:
@@ -153,10 +155,11 @@ def fineness(settings: Settings) -> int:
         Where the blur is so much smaller than a pixel that the grid would be too fine.
     """
     width = math.sqrt(-2.0 * math.log(FAINTEST))
-    needed = math.ceil(width * settings.pixel_um / (math.pi * settings.sigma_um))
+    pixel_um = max(settings.pixels_um)
+    needed = math.ceil(width * pixel_um / (math.pi * settings.sigma_um))
     if needed > MOST_FINE:
-        least = width * settings.pixel_um / (math.pi * MOST_FINE)
-        limit = f"must be at least {least:.2g} µm for pixels of {settings.pixel_um:g} µm"
+        least = width * pixel_um / (math.pi * MOST_FINE)
+        limit = f"must be at least {least:.2g} µm for pixels of {pixel_um:g} µm"
         raise DataError("process.sigma_um", value=settings.sigma_um, limit=limit, remedy="no projector is sharper")
     return max(needed, LEAST_FINE)
 

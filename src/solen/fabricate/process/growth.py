@@ -36,7 +36,7 @@ def layers_inside(settings: Settings) -> int:
 def inside(settings: Settings) -> Light:
     """Light far inside, on the window side of a layer; scattered light in a few groups of like width."""
     dose, sigma = _terms(settings)
-    return dose, np.hypot(sigma, settings.pixel_um / math.sqrt(6.0))
+    return dose, np.hypot(sigma, settings.pixel_blur_um)
 
 
 @lru_cache(maxsize=64)
@@ -75,7 +75,7 @@ def straight_edge_um(settings: Settings, layers: int, height_um: float) -> float
         Where nothing sets at that height.
     """
     terms = terms_at(settings, layers, height_um)
-    blur = np.hypot(terms.sigma_um, settings.pixel_um / math.sqrt(6.0))
+    blur = np.hypot(terms.sigma_um, settings.pixel_blur_um)
     return _edge_um(terms.dose, blur, settings, f"at a height of {height_um:g} µm")
 
 

@@ -44,7 +44,10 @@ class Settings(Strict):
     table: ClassVar[str] = "process"
     error: ClassVar[type[SolenError]] = DataError
 
-    pixel_um: Micrometres = Field(27.0, description="Side of a pixel in the plane of the resin.")
+    pixel_um: Micrometres = Field(27.0, description="Side of a pixel in the plane of the resin, along x.")
+    pixel_y_um: Micrometres | None = Field(
+        None, description="Its side along the printer's Y, a flat part's z, where pixels are not squares."
+    )
     layer_um: Annotated[Number, Field(ge=1, le=1000)] = Field(25.0, description="Thickness of a layer.")
     irradiance_mW_per_cm2: Positive = Field(13.0, description="Irradiance at the window.")
     exposure_s: Seconds = Field(2.0, description="Exposure of a layer.")
@@ -118,17 +121,29 @@ class Settings(Strict):
         return stack_dose(self.Dp_um, self.layer_um, np.full(many, self.dose_mJ_per_cm2)).interior_mean_mJ_per_cm2
 
     @property
-    def edge_um(self) -> float:
-        """Standard deviation of a straight edge's blur, mean over its places between pixels.
+    def pixels_um(self) -> tuple[float, float]:
+        """Sides of a pixel along the printer's X and Y."""
+        return self.pixel_um, self.pixel_um if self.pixel_y_um is None else self.pixel_y_um
+
+    @property
+    def pixel_blur_um(self) -> float:
+        """Standard deviation of the blur of a straight edge by the pixels, mean over its places and directions.
 
         The share of a pixel that an edge covers spreads it by a pixel, and so does the pixel's own square: each adds
         pixel²/12.
         """
-        return math.hypot(self.sigma_um, self.pixel_um / math.sqrt(6.0))
+        return math.hypot(*self.pixels_um) / math.sqrt(12.0)
+
+    @property
+    def edge_um(self) -> float:
+        """Standard deviation of a straight edge's blur."""
+        return math.hypot(self.sigma_um, self.pixel_blur_um)
 
 
 KEYS: tuple[str, ...] = tuple(Settings.model_fields)
-UNCERTAIN: tuple[str, ...] = tuple(key for key in KEYS if key not in {"burn_in_layers", "pixel_um", "layer_um"})
+UNCERTAIN: tuple[str, ...] = tuple(
+    key for key in KEYS if key not in {"burn_in_layers", "pixel_um", "pixel_y_um", "layer_um"}
+)
 """Numbers that may have an uncertainty; pixel, layer and number of layers are exact."""
 
 
@@ -212,7 +227,7 @@ class Process(Strict):
         for key in values:
             data["uncertainty"].pop(key, None)
             data["source"].pop(key, None)
-        if set(values) - {"pixel_um"}:
+        if set(values) - {"pixel_um", "pixel_y_um"}:
             data["calibration"] = None
         return Process(**data)
 

@@ -131,7 +131,9 @@ def _critical(image: FlatImage, settings: Settings, height_um: float) -> list[Fl
     floor = 1e-12 * float(dose.dose.max())
     excess = np.log(np.maximum(dose.dose, floor) / settings.Ec_mJ_per_cm2)
     lines: list[NDArray[np.float64]] = contour_generator(z=excess).lines(0.0)  # type: ignore[assignment]  # as its default is
-    return [1e-3 * (np.asarray(dose.first_um) + dose.step_um * line[:-1]) for line in lines if len(line) > 3]
+    return [
+        1e-3 * (np.asarray(dose.first_um) + np.asarray(dose.step_um) * line[:-1]) for line in lines if len(line) > 3
+    ]
 
 
 def _grown(lines: list[FloatArray], by_mm: float) -> list[FloatArray]:

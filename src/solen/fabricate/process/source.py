@@ -7,6 +7,8 @@ The interface: `PrintOptions` is how a design is printed; `process_of` gives the
 import hashlib
 from pathlib import Path
 
+import numpy as np
+
 from solen.errors import DataError
 from solen.fabricate.process.predict import Orientation
 from solen.fabricate.process.settings import Calibration, Process, default_process, read_process
@@ -53,16 +55,19 @@ def with_printer(process: Process, name: str | None) -> Process:
     if name is None:
         return process
     printer = printer_of(name)
-    pitch_um, layer_um = printer.pitch_um.usual, process.process.layer_um
+    layer_um = process.process.layer_um
+    pixels_um = tuple(1000.0 * side for side in printer.pitches_mm)
     least, most = printer.layers_um
     if not least <= layer_um <= most:
         limit = f"{printer.name} prints layers of {least:g} to {most:g} µm"
         raise DataError("process.layer_um", value=layer_um, limit=limit, remedy="change one of the two")
-    if process.calibration is not None and abs(pitch_um - process.process.pixel_um) > 1e-6 * pitch_um:
+    if process.calibration is not None and not np.allclose(pixels_um, process.process.pixels_um, rtol=1e-6):
         limit = f"the process was calibrated with pixels of {process.process.pixel_um:g} µm"
         remedy = "leave --printer out, or calibrate that printer"
-        raise DataError("--printer", value=f"{printer.name}, {pitch_um:g} µm", limit=limit, remedy=remedy)
-    changed = process.with_settings(pixel_um=pitch_um)
+        raise DataError("--printer", value=f"{printer.name}, {printer.pixel_text} µm", limit=limit, remedy=remedy)
+    changed = process.with_settings(
+        pixel_um=pixels_um[0], pixel_y_um=None if printer.pitch_y_um is None else pixels_um[1]
+    )
     source = f"{printer.pitch_um.basis}: {printer.name}"
     return changed.model_copy(update={"source": changed.source | {"pixel_um": source}})
 

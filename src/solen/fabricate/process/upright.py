@@ -84,8 +84,8 @@ class SidePrint:
         wanted = _turned(1e3 * target.points_mm, side)
         platform = min(float(ring[:, 1].min()) for ring in turned)
         highest = max(float(ring[:, 1].max()) for ring in turned)
-        h, pitch = settings.layer_um, settings.pixel_um
-        _check_fine(wanted, settings)
+        h, pitch = settings.layer_um, _pixel_um(settings, side)
+        _check_fine(wanted, settings, pitch)
         layers = round((highest - platform) / h)
         low, high = wanted.min(axis=0), wanted.max(axis=0)
         first = max(0, math.floor((low[1] - platform - _MARGIN_UM) / h))
@@ -101,11 +101,11 @@ class SidePrint:
     def _log_excess(self) -> FloatArray:
         """Logarithm of dose over critical dose, (layers, sublayers, fine columns), from each layer's far side."""
         s, (layers, columns) = self.settings, self.rows.shape
-        fine = fineness(s)
-        k = math.tau * fft.rfftfreq(columns * fine, s.pixel_um / fine)
+        fine, pitch = fineness(s), _pixel_um(s, self.side)
+        k = math.tau * fft.rfftfreq(columns * fine, pitch / fine)
         spectra = np.tile(fft.fft(self.rows, axis=1), (1, fine))[:, : len(k)]
         exposures = s.exposures(self.first + layers)[self.first :, None]
-        lit = spectra * exposures * np.sinc(k * s.pixel_um / math.tau)
+        lit = spectra * exposures * np.sinc(k * pitch / math.tau)
         excess = np.empty((layers, SUBLAYERS, columns * fine))
         for m in range(SUBLAYERS):
             depth = s.layer_um * (1.0 - m / (SUBLAYERS - 1))
@@ -134,7 +134,8 @@ class SidePrint:
         within = (height - number) * (SUBLAYERS - 1)
         own = number - self.first
         layers = len(self.rows)
-        column = (at[..., 0] - self.corner_um - s.pixel_um / 2) / (s.pixel_um / fine)
+        pitch = _pixel_um(s, self.side)
+        column = (at[..., 0] - self.corner_um - pitch / 2) / (pitch / fine)
         # layers are laid end to end, so that no value between two of them is ever a mixture of both
         rows = self._log_excess.reshape(layers * SUBLAYERS, -1)
         index = np.clip(own, 0, layers - 1) * SUBLAYERS + within
@@ -164,11 +165,16 @@ class SidePrint:
         return smooth, offset_um - smooth
 
 
-def _check_fine(wanted: FloatArray, settings: Settings) -> None:
+def _pixel_um(settings: Settings, side: Side) -> float:
+    """Side of a pixel along the lens: the part's x lies along the printer's X, its z along Y."""
+    return settings.pixels_um[side == "on-edge"]
+
+
+def _check_fine(wanted: FloatArray, settings: Settings, pixel_um: float) -> None:
     size = np.ptp(wanted, axis=0)
-    if size[0] < FEWEST_PIXELS * settings.pixel_um:
+    if size[0] < FEWEST_PIXELS * pixel_um:
         limit = f"the lens, {1e-3 * size[0]:.3g} mm along the pixels, must have {FEWEST_PIXELS} of them at least"
-        raise DataError("process.pixel_um", value=settings.pixel_um, limit=limit, remedy="take a finer printer")
+        raise DataError("process.pixel_um", value=pixel_um, limit=limit, remedy="take a finer printer")
     if size[1] < 2.0 * settings.layer_um:
         limit = f"the lens, {1e-3 * size[1]:.3g} mm along the layers, must have two of them at least"
         raise DataError("process.layer_um", value=settings.layer_um, limit=limit, remedy="slice thinner")

@@ -21,10 +21,12 @@ from solen.fabricate.layers import (
     Slicing,
     Stack,
     as_sheet,
+    checked_for_goo,
     layered_print,
     printable_design,
     printable_mesh,
     write_archive,
+    write_goo,
 )
 from solen.parts import printer_of
 from solen.pipeline.design.designs import open_design
@@ -64,7 +66,8 @@ class LayerFiles:
         def watch(layer: Layer) -> None:
             self.progress((layer.index + 1) / self.job.count)
 
-        self.stack = write_archive(path, self.job, self.part, watch)
+        writer = {"zip": write_archive, "goo": write_goo}[self.job.slicing.format]
+        self.stack = writer(path, self.job, self.part, watch)
 
     def _settings(self) -> bytes:
         data = self.result.settings.to_dict() | {"warnings": list(self.result.warnings)}
@@ -131,7 +134,10 @@ def layer_files(
 ) -> LayerFiles:
     """A checked job with the names of its files."""
     job = Job(part.solid, printer_of(slicing.printer), slicing)
-    endings = {"layers": "-layers.zip", "placed": "-placed.stl", "sheet": "-settings.md", "settings": "-settings.json"}
+    if slicing.format == "goo":
+        checked_for_goo(job)
+    layers = {"zip": "-layers.zip", "goo": ".goo"}[slicing.format]
+    endings = {"layers": layers, "placed": "-placed.stl", "sheet": "-settings.md", "settings": "-settings.json"}
     if slicing.sheet_only:
         del endings["layers"]
     targets = {kind: out / f"{stem}{ending}" for kind, ending in endings.items()}

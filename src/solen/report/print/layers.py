@@ -47,11 +47,11 @@ def layers_figure(layered: LayeredPrint) -> Figure:
 
 
 def _draw_layer(axes: Axes, job: Job, layer: int) -> None:
-    picture, pitch = job.copy_of_layer(layer), job.printer.pitch_mm
+    picture, (x, y) = job.copy_of_layer(layer), job.printer.pitches_mm
     rows, columns = picture.shape
     step = max(1, max(rows, columns) // MOST_PIXELS)
     left, low = _from_origin(job)
-    extent = (left, left + columns * pitch, low, low + rows * pitch)
+    extent = (left, left + columns * x, low, low + rows * y)
     axes.imshow(picture[::step, ::step], cmap=LIT, vmin=0, vmax=FULL, origin="lower", extent=extent)
     heights = f"{layer * job.layer_mm:.3f}–{(layer + 1) * job.layer_mm:.3f} mm"
     axes.set_title(f"layer {layer + 1}: {job.seconds_of(layer):g} s\n{heights}", fontsize=8)
@@ -61,7 +61,7 @@ def _draw_layer(axes: Axes, job: Job, layer: int) -> None:
 
 def _draw_edge(axes: Axes, job: Job, layer: int) -> None:
     """Pixels about the lowest one of a layer that is partly lit, as they are."""
-    picture, pitch = job.copy_of_layer(layer), job.printer.pitch_mm
+    picture, pitch = job.copy_of_layer(layer), np.array(job.printer.pitches_mm)
     rows, columns = picture.shape
     grey = np.argwhere((picture > 0) & (picture < FULL))
     places = grey if len(grey) else np.argwhere(picture)

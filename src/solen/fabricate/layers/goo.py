@@ -1,0 +1,150 @@
+"""A stack of layers as a ``.goo`` file of version 3.0, the open format of Elegoo's printers.
+
+The format (github.com/elegooofficial/GOO): big-endian; a header of 195,477 bytes with the printer, the exposures of the
+bottom layers and of all others, and how the plate moves; then for each layer 70 bytes of the same of its own, and its
+grey values as runs with a checksum; an end mark. A printer follows the header alone unless the header says that each
+layer's own numbers count ("advance mode"). Printers were seen to stop, or to begin too high, where it did
+(github.com/sn4k3/UVtools, issues 997 and 1040), so burn-in is stated by the header's bottom layers, and exposures of
+single pictures only for a printer whose file says that it was proven to keep them.
+
+Nothing says when the file was made: the same part gives the same bytes.
+"""
+
+import struct
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen import __version__
+from solen.errors import SpecError
+from solen.fabricate.layers.archive import Stack, StackCount, Watch
+from solen.fabricate.layers.job import Job, Layer
+from solen.fabricate.layers.printable import Printable
+from solen.parts.printer import Lift
+
+MAGIC = bytes([7, 0, 0, 0, 0x44, 0x4C, 0x50, 0])
+END = b"\r\n"
+SMALL, LARGE = 116, 290
+"""Sides of the two preview pictures, which stay black."""
+HEADER_BYTES = 195_477
+FULL_LIGHT = 255
+MOST_PIXELS = 2**16 - 1
+
+
+def write_goo(target: Path, job: Job, part: Printable | None = None, watch: Watch = lambda _: None) -> Stack:
+    """Write a job's layers; the file names ``part``, ``watch`` is called with each layer.
+
+    Raises
+    ------
+    SpecError
+        Where it is not known how the printer moves its plate, or pictures have exposures that it is not proven to keep.
+    """
+    lift = checked_for_goo(job)
+    count = StackCount(job)
+    last: Layer | None = None
+    runs = b""
+    with target.open("wb") as file:
+        file.write(_header(job, lift, part))
+        for layer in job.layers():
+            if last is None or layer.image is not last.image:
+                runs = encoded(layer.image)
+            _write_layer(file, layer, job, lift, runs)
+            count.add(layer)
+            last = layer
+            watch(layer)
+        file.write(bytes(3) + MAGIC)
+    return count.stack()
+
+
+def checked_for_goo(job: Job) -> Lift:
+    """How the plate moves, of a job that a .goo file can hold; see `write_goo`."""
+    printer = job.printer
+    if printer.lift is None:
+        limit = f"a .goo states how the plate moves, and the file of {printer.name} does not"
+        remedy = "take --format zip, or add a table [lift] to a file of your printer"
+        raise SpecError("--format", value="goo", limit=limit, remedy=remedy)
+    if job.solid.exposures_s and printer.layer_exposures is None:
+        limit = f"{printer.name} is not proven to keep an exposure for each picture"
+        remedy = "take --format zip, or print one exposure after the other"
+        raise SpecError("--format", value="goo", limit=limit, remedy=remedy)
+    if max(printer.shape) > MOST_PIXELS:
+        raise SpecError("--format", value="goo", limit=f"holds at most {MOST_PIXELS} pixels along a side")
+    return printer.lift
+
+
+def encoded(image: NDArray[np.uint8]) -> bytes:
+    """Grey values as runs.
+
+    The first byte of a run holds its kind in two bits (0 dark, 1 grey, 3 full), how many more bytes its length takes in
+    two, and the length's last four bits; a grey's value follows, then the length's other bits. A mark stands before all
+    runs and after them the complement of their sum.
+    """
+    flat = np.ascontiguousarray(image).ravel()
+    starts = np.concatenate([[0], np.flatnonzero(flat[1:] != flat[:-1]) + 1])
+    lengths, grey = np.diff(np.append(starts, flat.size)), flat[starts]
+    more = np.searchsorted([1 << 4, 1 << 12, 1 << 20], lengths, side="right")
+    partly = (grey > 0) & (grey < FULL_LIGHT)
+    places = np.concatenate([[0], np.cumsum(1 + partly + more)])
+    data = np.zeros(places[-1], np.uint8)
+    at = places[:-1]
+    data[at] = np.where(partly, 1, np.where(grey == 0, 0, 3)) << 6 | more << 4 | lengths & 15
+    data[at[partly] + 1] = grey[partly]
+    for number in range(3):  # of the length's bytes, the highest first
+        chosen = more > number
+        shift = 4 + 8 * (more[chosen] - 1 - number)
+        data[at[chosen] + 1 + partly[chosen] + number] = lengths[chosen] >> shift & 255
+    return b"\x55" + data.tobytes() + bytes([~int(data.sum(dtype=np.int64)) & 255])
+
+
+def _write_layer(file: BinaryIO, layer: Layer, job: Job, lift: Lift, runs: bytes) -> None:
+    bottom = layer.index < job.burn_in_layers
+    height, speed, before, after = _moves(lift, bottom=bottom)
+    pause, pause_mm, light_off = 0, job.printer.build_height_mm.usual, 0.0
+    rests = (light_off, after, 0.0, before)
+    moves = (height, speed, 0.0, 0.0, height, lift.retract_mm_per_min, 0.0, 0.0)
+    file.write(struct.pack(">H15fH", pause, pause_mm, layer.to_mm, layer.exposure_s, *rests, *moves, FULL_LIGHT))
+    file.write(END + struct.pack(">I", len(runs)) + runs + END)
+
+
+def _moves(lift: Lift, *, bottom: bool) -> tuple[float, float, float, float]:
+    """Height and speed of a lift, rest before and after an exposure."""
+    if bottom:
+        return (
+            lift.bottom_height_mm,
+            lift.bottom_speed_mm_per_min,
+            lift.bottom_wait_before_s,
+            lift.bottom_wait_after_s,
+        )
+    return lift.height_mm, lift.speed_mm_per_min, lift.wait_before_s, lift.wait_after_s
+
+
+def _header(job: Job, lift: Lift, part: Printable | None) -> bytes:
+    (rows, columns), printer, slicing = job.printer.shape, job.printer, job.slicing
+    name = "" if part is None else part.label.name
+    (height, speed, before, after), (bottom_height, bottom_speed, bottom_before, bottom_after) = (
+        _moves(lift, bottom=bottom) for bottom in (False, True)
+    )
+    alone = bool(job.solid.exposures_s)
+    data = b"V3.0" + MAGIC
+    data += _text("solen", 32) + _text(__version__, 24) + bytes(24)
+    data += _text(printer.name, 32) + _text("DLP", 32) + _text(name, 32)
+    data += struct.pack(">3H", 8 if slicing.anti_aliasing else 1, 0, 0)
+    data += bytes(2 * SMALL**2) + END + bytes(2 * LARGE**2) + END
+    data += struct.pack(">I2H2?", job.count, columns, rows, job.mirror == "x", job.mirror == "y")
+    data += struct.pack(">3f2f", *printer.size_mm, job.layer_mm, slicing.exposure_s)
+    rests = (bottom_after, 0.0, bottom_before, after, 0.0, before)
+    data += struct.pack(">B7f", 1, 0.0, *rests)
+    data += struct.pack(">fI", slicing.burn_in_s, job.burn_in_layers)
+    back = lift.retract_mm_per_min
+    data += struct.pack(">8f", bottom_height, bottom_speed, height, speed, bottom_height, back, height, back)
+    data += bytes(32)  # no second lift and way back
+    data += struct.pack(">2H?I", FULL_LIGHT, FULL_LIGHT, alone, round(job.seconds or job.exposures_s))
+    data += struct.pack(">3f", job.volume_mm3, 0.0, 0.0) + bytes(8)
+    return data + struct.pack(">IBH", HEADER_BYTES, 1, 0)
+
+
+def _text(text: str, length: int) -> bytes:
+    """ASCII of a fixed length, ended by a zero."""
+    return text.encode("ascii", "replace")[: length - 1].ljust(length, b"\0")
