@@ -16,6 +16,7 @@ import pytest
 
 from solen.errors import DataError
 from solen.recording import Recording, read
+from tests.recording import programs
 from tests.recording.exports import cary, tensile
 from tests.recording.mutate import damaged
 from tests.recording.test_cary import resaved
@@ -36,6 +37,14 @@ FILES: dict[str, bytes] = {
     "lvm": lvm(20, 2).encode(),
     "OceanView": ocean().encode(),
     "SpectraSuite": ocean("SpectraSuite", ",").encode("cp1252"),
+    "Jasco": programs.jasco().encode(),
+    "Jasco, CSV": programs.jasco(",").encode(),
+    "PerkinElmer .asc": programs.perkin_elmer().encode(),
+    "Thorlabs": programs.thorlabs().encode(),
+    "Avantes": programs.avantes(",").encode("cp1252"),
+    "MTS 793": programs.mts(2).encode(),
+    "Trapezium": programs.trapezium(1).encode(),
+    "Bluehill": programs.bluehill().encode(),
     "JCAMP-DX": jcamp("plain").encode(),
     "JCAMP-DX, pairs": jcamp("pairs").encode(),
     "lvm, decimal comma": lvm(30, x_columns="Multi", mark=",").encode("cp1252"),
@@ -94,6 +103,8 @@ def outcome(folder: Path, name: str, seed: int) -> str:
     (folder / "whole").write_bytes(FILES[name])
     whole = read(folder / "whole")
     kept = found.provenance.format == whole.provenance.format
+    if not kept and max(one.values.size for one in found.channels) < 2:
+        return "read, a list of results that is left"
     pairs = list(zip_longest(rows(whole, traces=kept), rows(found, traces=kept)))
     assert all(one is not None and two is not None for one, two in pairs), f"{about}: traces are lost"
     wrong = sum(changed(one, other, ordered=kept) for one, other in pairs)
@@ -182,6 +193,6 @@ def test_no_number_is_silently_wrong(tmp_path: Path, name: str) -> None:
 
 @pytest.mark.evidence
 def test_no_number_is_silently_wrong_in_ten_thousand_files(tmp_path: Path) -> None:
-    """18,590 damaged files of thirteen kinds."""
+    """30,030 damaged files of twenty-one kinds."""
     for name in FILES:
         print(name, dict(fuzzed(tmp_path, name, range(1000, 2430))))

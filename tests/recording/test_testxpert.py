@@ -98,9 +98,9 @@ DAMAGE: dict[str, tuple[Callable[[list[str]], object], str]] = {
     "text after the numbers": (lambda lines: lines.insert(-1, "\nend"), "line 134"),
     "two specimens side by side": (
         lambda lines: lines.__setitem__(slice(10, None), [f"{line}\t{line}" for line in lines[10:]]),
-        "line 11, column 6",
+        "2 specimens",
     ),
-    "two specimens one below the other": (lambda lines: lines.extend(tensile().split("\n")), "line"),
+    "two specimens one below the other": (lambda lines: lines.extend(tensile().split("\n")), "2 specimens"),
 }
 
 

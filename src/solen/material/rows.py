@@ -4,10 +4,13 @@ The idea: a table of several resins, or of several wavelengths, pooled into one 
 column that varies says that the rows differ; what an evaluation does not use is therefore refused by its name, unless
 the user takes the rows of one value of it or says that it does not matter. Remarks and dates are named in a warning.
 
-The interface: `RowOptions` for the options of a command, `chosen_rows` for the rows they choose, `refuse_unused` for
-what is left, `stated_once` for a column that says the same in all rows.
+Replicates side by side (``disc 1``, ``disc 2``) are one column in other clothes, and are made one.
+
+The interface: `RowOptions` for the options of a command, `chosen_rows` for the rows they choose, `below_each_other` for
+replicates side by side, `refuse_unused` for what is left, `stated_once` for a column that says the same in all rows.
 """
 
+import re
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 
@@ -15,8 +18,9 @@ import numpy as np
 
 from solen.errors import DataError, SpecError
 from solen.recording import Channel, Recording
-from solen.recording.words import plain
+from solen.recording.words import heading, plain, quantity_of
 from solen.spec.strict import Options
+from solen.units import factor
 
 REPEATS = ("replicate", "repeat", "wiederholung", "reading", "run")
 """Columns that number readings of one thing: what averages them uses them."""
@@ -25,6 +29,8 @@ _REMARKS = frozenset(
     | {"timestamp", "file", "datei", "picture", "image", "operator", "nr", "nr.", "no", "no.", "#", "row", "column 1"}
 )
 """Columns beside a measurement that do not say what was measured."""
+_NUMBERED = re.compile(r"(.*?)[\s_#.-]*\(?(\d+)\)?")
+"""A name with the number of a replicate: disc 1, thickness_2, depth (3)."""
 _SHOWN = 4
 _SAME = 1e-6  # relative scatter of a ratio of two columns that state one thing in two units
 
@@ -32,6 +38,8 @@ _SAME = 1e-6  # relative scatter of a ratio of two columns that state one thing 
 class RowOptions(Options):
     """Which rows of a table belong together."""
 
+    map: tuple[str, ...] = ()
+    """Read a column under another name, as in stroke=displacement or reading=force_N; repeatable."""
     where: tuple[str, ...] = ()
     """Take the rows with one value of a column, as in material=RA-139; repeatable."""
     ignore: tuple[str, ...] = ()
@@ -39,21 +47,19 @@ class RowOptions(Options):
 
 
 def chosen_rows(recording: Recording, options: RowOptions) -> Recording:
-    """The rows that have the stated values.
+    """The rows that have the stated values, under the stated names of columns.
 
     Raises
     ------
     SpecError
         Where a condition is none, or no row meets it.
     DataError
-        Where the table has no such column.
+        Where the table has no such column, or has one of the new name.
     """
+    for pair in options.map:
+        recording = _renamed(recording, *_sides(pair, "--map", "stroke=displacement"))
     for condition in options.where:
-        name, equals, value = (part.strip() for part in condition.partition("="))
-        if not (name and equals and value):
-            raise SpecError(
-                "--where", value=condition, limit="is not a condition", remedy="write as in material=RA-139"
-            )
+        name, value = _sides(condition, "--where", "material=RA-139")
         column = _column(recording, name, "--where")
         keep = np.array([_is(text, value) for text in _texts(recording, column)])
         if not keep.any():
@@ -69,6 +75,74 @@ def chosen_rows(recording: Recording, options: RowOptions) -> Recording:
             },
         )
     return recording
+
+
+def _sides(text: str, option: str, example: str) -> tuple[str, str]:
+    """What stands before and after the equals sign."""
+    name, equals, value = (part.strip() for part in text.partition("="))
+    if not (name and equals and value):
+        raise SpecError(option, value=text, limit="is no name and value", remedy=f"write as in {example}")
+    return name, value
+
+
+def _renamed(recording: Recording, name: str, wanted: str) -> Recording:
+    """Recording with a column under another name, and in the unit that the name states where the file does not."""
+    column, head = _column(recording, name, "--map"), heading(wanted)
+    if head.name != column and head.name in {*recording.names, *recording.texts}:
+        raise DataError(f"--map {name}={wanted}", limit=f"there is a column {head.name} already", remedy="map that too")
+    texts = {head.name if key == column else key: cells for key, cells in recording.texts.items()}
+    return replace(
+        recording,
+        channels=tuple(
+            _as(one, head.name, head.unit)
+            if one.name == column
+            else replace(one, axis=head.name if one.axis == column else one.axis)
+            for one in recording.channels
+        ),
+        texts=texts,
+    )
+
+
+def _as(channel: Channel, name: str, unit: str) -> Channel:
+    if unit and channel.unit and factor(unit, channel.unit) != 1.0:
+        limit = f"its header states {channel.unit}"
+        raise SpecError(f"--map {channel.name}", value=unit, limit=limit, remedy="leave out the unit")
+    return replace(channel, name=name, quantity=quantity_of(name, unit or channel.unit), unit=channel.unit or unit)
+
+
+def below_each_other(recording: Recording, names: Sequence[str], labels: Sequence[str]) -> Recording:
+    """Recording in which replicates side by side are rows of one column, and a text that numbers them.
+
+    Parameters
+    ----------
+    names
+        What the quantity is called; the first becomes the column's name, those with numbers are replicates.
+    labels
+        What replicates are called; the first becomes the text's name.
+    """
+    known = {plain(name) for name in (*names, *labels)}
+    columns = [
+        channel
+        for channel in recording.channels
+        if plain(channel.name) in {plain(name) for name in names}
+        or ((match := _NUMBERED.fullmatch(channel.name)) and plain(match[1]) in known)
+    ]
+    if len(columns) < 2 or any(recording.label(label) is not None for label in labels):
+        return recording
+    times, first = len(columns), columns[0]
+    values = np.concatenate([one.values if one.unit == first.unit else one.to(first.unit) for one in columns])
+    beside = [
+        replace(one, values=np.tile(one.values, times), axis="") for one in recording.channels if one not in columns
+    ]
+    numbers = [f"{number}" for number in range(1, times + 1) for _ in first.values]
+    return replace(
+        recording,
+        channels=(
+            *beside,
+            replace(first, name=names[0], quantity=quantity_of(names[0], first.unit), values=values, axis=""),
+        ),
+        texts={name: cells * times for name, cells in recording.texts.items()} | {labels[0]: tuple(numbers)},
+    )
 
 
 def refuse_unused(

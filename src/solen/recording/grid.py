@@ -46,6 +46,8 @@ class Grid:
         Whether the last line is ended by a line break, as every program's is that was not cut off.
     remarks
         Texts of the lines that begin with ``#``, and their numbers.
+    left
+        Columns of the file to the left of the first one here.
     """
 
     source: Source
@@ -55,10 +57,12 @@ class Grid:
     sheet: str = ""
     ends: bool = True
     remarks: list[tuple[int, str]] = field(default_factory=list)
+    left: int = 0
 
     def place(self, row: int, column: int | None = None) -> str:
         """Address of a cell as a reader looks for it: row and column, or sheet and cell."""
         line = self.lines[row]
+        column = None if column is None else column + self.left
         if self.sheet:
             return f"sheet {self.sheet}, " + (f"row {line}" if column is None else f"cell {_letters(column)}{line}")
         return f"line {line}" + ("" if column is None else f", column {column + 1}")

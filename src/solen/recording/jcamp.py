@@ -16,10 +16,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from solen.arrays import FloatArray
-from solen.recording import dates
-from solen.recording.model import Channel, Provenance, Recording
+from solen.recording.model import Recording
 from solen.recording.source import Source
-from solen.recording.table import is_simulated
+from solen.recording.stated import spectrum
 
 Lines = list[tuple[int, str]]
 """Lines of a record with their numbers in the file."""
@@ -34,19 +33,7 @@ _DIFFERENCE = {letter: digit for digit, letter in enumerate("%JKLMNOPQR")} | {
     letter: -digit for digit, letter in enumerate("jklmnopqr", 1)
 }
 _REPEAT = {letter: digit for digit, letter in enumerate("STUVWXYZs", 1)}
-_X = {"1/CM": ("wavenumber", "1/cm"), "NANOMETERS": ("wavelength", "nm"), "MICROMETERS": ("wavelength", "um")}
-_Y = {
-    "TRANSMITTANCE": ("transmittance", "1"),
-    "%TRANSMITTANCE": ("transmittance", "%"),
-    "PERCENTTRANSMITTANCE": ("transmittance", "%"),
-    "REFLECTANCE": ("reflectance", "1"),
-    "%REFLECTANCE": ("reflectance", "%"),
-    "PERCENTREFLECTANCE": ("reflectance", "%"),
-    "ABSORBANCE": ("absorbance", "1"),
-}
 _FORMS = {"(XY..XY)": "pairs", "(X++(Y..Y))": "even"}
-_NEAR_Y = 1e-3
-"""Part of the largest value that a stated first value may miss the first one by."""
 
 
 def is_jcamp(source: Source) -> bool:
@@ -71,9 +58,11 @@ def read(source: Source) -> Recording:
     x, y = (column * factor for column, factor in zip(points, factors, strict=True))
     if _FORMS[form] == "even":
         x = points[0]
-    _check_points(source, records, x, y)
     metadata = {key: " ".join(text for _, text in lines).strip() for key, lines in records.items() if key != label}
-    return _recording(source, metadata, x, y)
+    stated = {"XUNITS": "", "instrument": metadata.get("SPECTROMETERDATASYSTEM", ""), **metadata}
+    return spectrum(
+        source, "jcamp-dx", metadata, stated, x, [(metadata.get("TITLE") or "spectrum", metadata.get("YUNITS", ""), y)]
+    )
 
 
 def _records(source: Source) -> Iterator[tuple[str, Lines]]:
@@ -197,45 +186,3 @@ def _unpacked(source: Source, number: int, tokens: Sequence[str]) -> tuple[list[
         else:
             raise source.refused(f"line {number}", "repeats what is not there", "export the file again", token)
     return values, difference
-
-
-def _check_points(source: Source, records: dict[str, Lines], x: FloatArray, y: FloatArray) -> None:
-    """`DataError` where the numbers are not those that the file states."""
-    count = _stated(source, records, "NPOINTS", float(x.size))
-    if count != x.size or x.size < 2:
-        limit = f"has {x.size} points, where {count:g} are stated: it was cut off or damaged"
-        raise source.refused("", limit, "export it again")
-    top = float(np.nanmax(np.abs(y), initial=0.0))
-    span = abs(float(x[-1] - x[0])) / (x.size - 1)
-    checks = (("FIRSTX", x[0], 0.5 * span), ("LASTX", x[-1], 0.5 * span), ("FIRSTY", y[0], _NEAR_Y * top))
-    for label, value, near in checks:
-        stated = _stated(source, records, label)
-        if math.isfinite(stated) and not abs(stated - value) <= near:
-            raise source.refused("", f"states {stated:g} as {label}, and has {value:g}", "export it again")
-    extremes = (("MAXY", np.nanmax(y)), ("MINY", np.nanmin(y)))
-    for label, value in extremes:
-        stated = _stated(source, records, label)
-        if math.isfinite(stated) and not abs(stated - value) <= _NEAR_Y * top:
-            raise source.refused("", f"states {stated:g} as {label}, and has {value:g}", "export it again")
-
-
-def _recording(source: Source, metadata: dict[str, str], x: FloatArray, y: FloatArray) -> Recording:
-    """Channels of a spectrum: its axis, the wavelength where that is a wavenumber, and its values along the last."""
-    units = [re.sub(r"\s", "", metadata.get(name, "")).upper() for name in ("XUNITS", "YUNITS")]
-    if units[0] not in _X:
-        limit = f"has an axis in {metadata.get('XUNITS') or 'no unit'}; 1/CM, NANOMETERS and MICROMETERS are read"
-        raise source.refused("", limit, "export the spectrum along wavelengths or wavenumbers")
-    name, unit = _X[units[0]]
-    channels = [Channel(name, name, unit, x)]
-    if name == "wavenumber":
-        with np.errstate(divide="ignore"):
-            channels.append(Channel("wavelength", "wavelength", "nm", 1e7 / x, note="computed from the wavenumbers"))
-    quantity, y_unit = _Y.get(units[1], ("", ""))
-    note = "" if quantity else f"its unit {metadata.get('YUNITS') or '(none)'} is not known here"
-    title = metadata.get("TITLE") or quantity or "spectrum"
-    channels.append(Channel(title, quantity, y_unit, y, axis=channels[-1].name, note=note))
-    instrument = metadata.get("SPECTROMETERDATASYSTEM", "")
-    provenance = Provenance(
-        source.name, source.sha256, "jcamp-dx", instrument, dates.among(metadata), metadata, is_simulated(metadata)
-    )
-    return Recording(tuple(channels), provenance)

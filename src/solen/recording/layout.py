@@ -9,17 +9,20 @@ The interface: `find` a `Layout` in a `Grid`.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 from solen.errors import DataError
 from solen.recording.grid import Grid, splitter
 from solen.recording.numbers import is_missing, is_number
-from solen.recording.words import heading, is_mode, stated_unit
+from solen.recording.words import AXES, heading, is_mode, stated_unit
 
 _TELLING = 100
 """Rows below a header by which it is known for one."""
 _SEARCHED = 1000
 """Rows from the beginning among which the header must be."""
 _HEADER = "add a first line that names the columns, such as wavelength_nm,T,R or time_s,angle_deg,left_V"
+_SPECTRUM = (8, 150.0, 50_000.0)
+"""Rows of a bare spectrum, at least, and nm from which to which its wavelengths run."""
 MOST_COLUMNS = 10_000
 """Columns of a table, at most."""
 
@@ -70,7 +73,8 @@ def find(grid: Grid, columns: Sequence[str] | None = None) -> Layout:
         limit = f"has {len(names)} columns; at most {MOST_COLUMNS} are read"
         raise grid.refused(header, None, limit, "split the table")
     units = _units_below(grid, filled, place)
-    if len(names) > 1 and 2 * sum(stated_unit(name) and not is_mode(name) for name in names) > len(names):
+    stated = [stated_unit(name) and not is_mode(name) for name in names]
+    if len(names) > 1 and 2 * sum(stated) > len(names) and not (names[0] in AXES and names[1:] == ["A"]):
         raise grid.refused(header, None, "holds units; the names of the columns above it are missing or damaged")
     for row in before:
         if is_number(grid.rows[row][0]) and _numbers(grid, row) > 1:
@@ -164,12 +168,24 @@ def _remarked(grid: Grid, filled: list[int]) -> Layout:
     above = [text for line, text in grid.remarks if line < grid.lines[first]]
     names = splitter(grid.separator)(above[-1]) if above else []
     if len(names) != grid.width(first) or any(is_number(name) or not name for name in names):
+        if not above and _is_spectrum(grid, filled):
+            return Layout(first, ["wavelength", "spectrum"], ["", ""], [], *_parted(grid, filled))
         if not _numbers(grid, first):
             raise _headless(grid, filled)
         limit = "there is no header above the numbers that says what the columns are"
         remedy = f"{_HEADER}, or name them with --columns (columns= of read)"
         raise grid.refused(first, None, limit, remedy)
     return Layout(first, names, [""] * len(names), [], *_parted(grid, filled))
+
+
+def _is_spectrum(grid: Grid, filled: list[int]) -> bool:
+    """Whether rows without a header can only be wavelengths in nm and values: two columns, the first runs one way."""
+    pairs = [grid.rows[row] for row in filled]
+    if len(pairs) < _SPECTRUM[0] or any(len(pair) != 2 or not all(map(is_number, pair)) for pair in pairs):
+        return False
+    waves = [float(pair[0].replace(",", ".")) for pair in pairs]
+    rising = sum(after > before for before, after in pairwise(waves))
+    return _SPECTRUM[1] <= min(waves) <= max(waves) <= _SPECTRUM[2] and rising in {0, len(waves) - 1}
 
 
 def _headless(grid: Grid, filled: list[int]) -> DataError:

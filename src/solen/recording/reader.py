@@ -8,7 +8,22 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from solen import registry
-from solen.recording import cary, hdf5, jcamp, layout, lvm, matlab, ocean, table, tdms, testxpert, workbook
+from solen.errors import DataError
+from solen.recording import (
+    cary,
+    hdf5,
+    jcamp,
+    layout,
+    lvm,
+    marked,
+    matlab,
+    spc,
+    specimens,
+    table,
+    tdms,
+    testxpert,
+    workbook,
+)
 from solen.recording.bulk import bulk
 from solen.recording.grid import Grid, of_text
 from solen.recording.model import Recording
@@ -54,7 +69,8 @@ FORMATS = registry.Registry(
     {
         "matlab": Format(from_arrays=lambda s, names: matlab.read(s, names) if matlab.is_matlab(s) else None),
         "jcamp-dx": Format(from_bytes=lambda source: jcamp.read(source) if jcamp.is_jcamp(source) else None),
-        "ocean": Format(from_bytes=lambda source: ocean.read(source) if ocean.is_ocean(source) else None),
+        "spc": Format(from_bytes=lambda source: spc.read(source) if spc.is_spc(source) else None),
+        "marked": Format(from_bytes=marked.read),
         "lvm": Format(from_bytes=lambda source: lvm.read(source) if lvm.is_lvm(source) else None),
         "tdms": Format(from_bytes=lambda source: tdms.read(source) if tdms.is_tdms(source) else None),
         "netcdf3": Format(from_bytes=lambda source: hdf5.read_netcdf3(source) if hdf5.is_netcdf3(source) else None),
@@ -93,28 +109,43 @@ def read(path: Path | str, *, sheet: str | None = None, columns: Sequence[str] |
     if large is not None:
         _check_arrays(large, sheet, columns)
         return hdf5.read(large)
-    source = load(Path(path))
+    parts = _parts(load(Path(path)), sheet, columns)
+    if len(parts) > 1:
+        limit = f"holds {len(parts)} specimens: {', '.join([name for name, _ in parts][:6])}"
+        raise DataError(str(path), limit=limit, remedy="export each alone; solen resin stiffness reads all of them")
+    return parts[0][1]
+
+
+def _parts(source: Source, sheet: str | None, columns: Sequence[str] | None) -> list[tuple[str, Recording]]:
+    """Recordings of a file, by the names of specimens where it holds several."""
     formats = (*FORMATS.added().values(), *FORMATS.own.values())
     named = next(filter(None, (one.from_arrays(source, columns) for one in formats)), None)
     if named is not None:
         _check_arrays(source, sheet, None)
-        return named
+        return [("", named)]
     arrays = next(filter(None, (one.from_bytes(source) for one in formats)), None)
     if arrays is not None:
         _check_arrays(source, sheet, columns)
-        return arrays
+        return [("", arrays)]
     quick = bulk(source, columns) if sheet is None else None
     if quick is not None:
-        return quick
+        return [("", quick)]
     if source.is_archive:
         grid = workbook.grid(source, sheet)
     else:
         if sheet is not None:
             raise source.refused("", "is not a workbook, so it has no sheets", "leave out the sheet", sheet)
         grid = of_text(source)
+    several = specimens.specimens(grid) if columns is None else []
+    if several:
+        return [(one.name, _of_table(one.grid, one.place)) for one in several]
     known = (one.from_cells(grid) for one in formats) if columns is None else ()
     found = next(filter(None, known), None)
-    return found if found is not None else table.read(grid, layout.find(grid, columns))
+    return [("", found if found is not None else table.read(grid, layout.find(grid, columns)))]
+
+
+def _of_table(grid: Grid, place: layout.Layout) -> Recording:
+    return testxpert.read(grid, place, "testxpert" if testxpert.is_testxpert(place) else "test-machine")
 
 
 def _check_arrays(source: Source, sheet: str | None, columns: Sequence[str] | None) -> None:
@@ -126,13 +157,18 @@ def _check_arrays(source: Source, sheet: str | None, columns: Sequence[str] | No
 def read_parts(
     path: Path | str, *, sheet: str | None = None, columns: Sequence[str] | None = None
 ) -> Iterator[tuple[str, Recording]]:
-    """Recordings of a file with their names, one after the other: of an HDF5 file one for each group that has a time.
+    """Recordings of a file with their names, one after the other.
+
+    Of an HDF5 file one for each group that has a time, of a test machine's export one for each specimen.
 
     The name is empty where the file is one recording.
     """
     large = hdf5.stored(Path(path))
     names = hdf5.groups(large) if large is not None else ()
-    if large is None or not names:
+    if large is None:
+        yield from _parts(load(Path(path)), sheet, columns)
+        return
+    if not names:
         yield "", read(path, sheet=sheet, columns=columns)
         return
     _check_arrays(large, sheet, columns)

@@ -1,4 +1,4 @@
-"""Exports of ZwickRoell's testXpert: what was set and found, then the channels of the test, in German or in English.
+"""Exports of test machines: what was set and found, then the channels of the test; testXpert's in German or English.
 
 The idea: a block of parameters, each with its value and unit, a row of names, a row of units, rows of numbers. It is a
 table, and read as one; but a machine wrote it, so all that a hand would do to a table is damage here: a number in
@@ -41,8 +41,8 @@ def is_testxpert(place: Layout) -> bool:
     return bool(names & WORDS) and len(names) > 1 and all(place.units)
 
 
-def read(grid: Grid, place: Layout) -> Recording:
-    """Recording of an export; `DataError` with the line and column of what is damaged."""
+def read(grid: Grid, place: Layout, kind: str = "testxpert") -> Recording:
+    """Recording of an export, of this program or another; `DataError` with the line and column of what is damaged."""
     _check_whole(grid, place)
     table.check_rows(grid, place)
     columns = table.columns(grid, place, machine=True)
@@ -55,7 +55,7 @@ def read(grid: Grid, place: Layout) -> Recording:
         _check_time(grid, place, clock, clock.values)
     _check_repeats(grid, place)
     scan.check_digits(grid, [(column.place, place.body) for column in columns])
-    made = table.recorded(grid, place, columns, "testxpert")
+    made = table.recorded(grid, place, columns, kind)
     where = [f"in line {grid.lines[row]}" for row in place.body]
     *others, last = (replace(channel, note=scan.alone_note(channel.values, where)) for channel in made.channels)
     return replace(made, channels=(*others, last.noted(grid.ending(place.body))))

@@ -50,9 +50,9 @@ _EXAMPLES = {
 """The quantities that a header can mean, each with a unit of its kind."""
 
 _WORDS = {
-    "wavelength": "wavelength, wavelengths, wellenlänge, wellenlaenge, wave length, lambda, λ, wl",
-    "transmittance": "transmittance, transmission, transmissionsgrad, t",
-    "reflectance": "reflectance, reflection, reflexion, reflexionsgrad, r",
+    "wavelength": "wavelength, wavelengths, wave, wellenlänge, wellenlaenge, wave length, lambda, λ, wl",
+    "transmittance": "transmittance, transmission, trans., transmissionsgrad, t",
+    "reflectance": "reflectance, reflection, refl., reflexion, reflexionsgrad, r",
     "absorbance": "absorbance, abs, abs., extinction, extinktion, optical density, od",
     "absorptance": "absorptance, absorptionsgrad",
     "index": "refractive index, index of refraction, brechzahl, brechungsindex",
@@ -61,10 +61,12 @@ _WORDS = {
     "length": "length, guide length, waveguide length, länge, laenge, l",
     "width": "width, breite, b, w",
     "displacement": "displacement, extension, deflection, travel, weg, verformung, verschiebung, standardweg, "
-    "standard travel, grip to grip separation, deformation, elongation, dl, δl, u",
+    "standard travel, grip to grip separation, deformation, elongation, extension from preload, dl, δl, u",
     "crosshead": "crosshead, traverse, traverse abs., traverse abs, traversenweg, traversenweg absolut, "
-    "crosshead absolute, crosshead travel, absolute crosshead travel, crosshead displacement",
-    "time": "time, test time, exposure time, exposure, cure time, zeit, prüfzeit, pruefzeit, belichtungszeit, t",
+    "crosshead absolute, crosshead travel, absolute crosshead travel, crosshead displacement, stroke, "
+    "machine extension",
+    "time": "time, test time, running time, exposure time, exposure, cure time, zeit, prüfzeit, pruefzeit, "
+    "belichtungszeit, t",
     "force": "force, load, standard force, kraft, prüfkraft, standardkraft, last, f",
     "stress": "stress, engineering stress, nominal stress, eng stress, spannung, zugspannung, druckspannung, "
     "first piola-kirchhoff stress, σ, sigma",
@@ -108,6 +110,7 @@ _IN_WORDS = (
     }
     | dict.fromkeys(("degree", "degrees", "angle (deg)"), "deg")
     | dict.fromkeys(("radian", "radians"), "rad")
+    | {"nm.": "nm"}
 )
 """Units as LabVIEW writes them, in words."""
 _LONGEST = 120  # letters of a header: what is longer is prose
@@ -119,9 +122,12 @@ _BRACKET = re.compile(r"(.+?)\s*(?:\(([^()]*(?:\([^()]*\))?[^()]*)\)|\[([^\[\]]*
 _SLASH = re.compile(r"(.+?)\s*/\s*(.+)")
 _IN = re.compile(r"(.+?)(?:\s+in|,)\s+(\S+)")
 _LAST = re.compile(r"(.+?)\s+(\S+)")
-_PERCENT = re.compile(r"(.*?)(?:%\s*([TRA])|\b([TRA])\s*%)(?![\w.])")
+_PERCENT = re.compile(r"(.*?)(?:%\s*([TRA])|\b([TRA])\s*%)(?![\w.])(.*)")
+_CHANNEL = re.compile(r"(?:axial|ch(?:annel)?\.? ?\d+)\s+(.+)", re.IGNORECASE)  # as MTS calls its channels
 _PERCENT_OF = re.compile(r"%\s*(\w{2,})")
-_AXES = {"nm": "wavelength", "cm-1": "wavenumber", "1/cm": "wavenumber", "cm^-1": "wavenumber"}
+_DOSED = re.compile(r"(.*?)[\s_]+(\d+(?:[.,]\d+)?)[\s_]*(ms|s|sec|sek|min)\b((?:\s.*)?)")  # T_2s (%), T 2000 ms
+_OPTICAL = {"transmittance", "reflectance", "absorbance", "absorptance"}
+AXES = {"nm": "wavelength", "cm-1": "wavenumber", "1/cm": "wavenumber", "cm^-1": "wavenumber"}
 """Headers that are the unit of a spectrum's axis alone."""
 _PERCENTS = {"T": "transmittance", "R": "reflectance", "A": "absorptance"}
 
@@ -152,15 +158,19 @@ def heading(text: str, unit: str = "", *, optical: bool = False) -> Heading:
         return Heading(text, unit, "")
     if unit:
         return _made(text, _unit_text(unit), optical)
-    if text in _AXES:
-        return Heading(_AXES[text], text, _AXES[text])
+    if text in AXES:
+        return Heading(AXES[text], text, AXES[text])
     before = _PERCENT_OF.fullmatch(text)
     if before and _meanings(before[1]):
         return _made(before[1], "%", optical)
+    dosed = _DOSED.fullmatch(text)
+    if optical and dosed and (meant := heading(dosed[1] + dosed[4], optical=True)).quantity in _OPTICAL:
+        return Heading(f"{meant.name} {dosed[2]} {dosed[3]}", meant.unit, meant.quantity)
     percent = _PERCENT.fullmatch(text)
     if percent:
         letter = percent[2] or percent[3]
-        return Heading(text if percent[1].strip() else letter, "%", _PERCENTS[letter])
+        alone = not (percent[1] + percent[4]).strip()
+        return Heading(letter if alone else text, "%", _PERCENTS[letter])
     return _split(text, optical) or _made(text, "", optical)
 
 
@@ -169,7 +179,7 @@ def quantity_of(name: str, unit: str = "", *, optical: bool = False) -> str:
     meant = [quantity for quantity in _meanings(name) if not unit or _fits(quantity, unit)]
     if optical and not meant:
         meant = [meaning for meaning in _meanings(re.split(r"[\s_-]", name)[-1]) if not unit or _fits(meaning, unit)]
-    seen = [one for one in meant if one in {"transmittance", "reflectance", "absorbance", "absorptance"}]
+    seen = [one for one in meant if one in _OPTICAL]
     if optical and seen:
         return seen[0]
     return meant[0] if len(meant) == 1 or (meant and unit) else ""
@@ -190,6 +200,8 @@ def stated_unit(text: str) -> bool:
     text = text.strip()
     if len(text) > _LONGEST:
         return False
+    if text == "nm.":  # as PerkinElmer abbreviates it
+        return True
     tokens = re.findall(r"[^\W\d_]+|[°%]\w*", text.translate(_LETTERS))
     known = bool(tokens) and all(token in _TOKENS or token.lower() in {"sek", "sec"} for token in tokens)
     return text in _PURE or (known and (is_unit(text) or "dB" in text or "°C" in text or text == "counts"))
@@ -197,7 +209,8 @@ def stated_unit(text: str) -> bool:
 
 def is_mode(text: str) -> bool:
     """Whether a text is what a spectrophotometer calls a trace in percent, ``%T``: a unit, and a name as well."""
-    return bool(_PERCENT.fullmatch(text.strip()))
+    found = _PERCENT.fullmatch(text.strip())
+    return found is not None and not found[4]
 
 
 def _split(text: str, optical: bool) -> Heading | None:
@@ -291,4 +304,5 @@ def _meanings(name: str) -> list[str]:
         return {"T": ["transmittance", "temperature"], "R": ["reflectance", "resistance"], "A": []}[name]
     if name == "t":
         return ["time", "thickness"]
-    return _by_word().get(plain(name), [])
+    channel = _CHANNEL.fullmatch(name)
+    return _by_word().get(plain(channel[1] if channel else name), [])

@@ -17,7 +17,7 @@ from solen.material.cure.cautions import cautions
 from solen.material.cure.curve import Scatter, WorkingCurve, working_curve
 from solen.material.cure.layers import StackDose, dose_below, stack_dose, stack_print_through_um
 from solen.material.regression import group_means
-from solen.material.rows import REPEATS, RowOptions, chosen_rows, refuse_unused, stated_once
+from solen.material.rows import REPEATS, RowOptions, below_each_other, chosen_rows, refuse_unused, stated_once
 from solen.recording import Channel, Measured, Recording
 from solen.results import reported
 from solen.spec.strict import Finite, Wavelength, refused
@@ -172,7 +172,7 @@ def curve_of_discs(recording: Recording, options: CureOptions = CureOptions()) -
     DataError
         Without such columns, or where no curve follows.
     """
-    recording = chosen_rows(recording, options)
+    recording = below_each_other(chosen_rows(recording, options), THICKNESSES, (*DISCS, *REPLICATES))
     table = discs(recording, options.irradiance_mW_per_cm2)
     beside = refuse_unused(recording, options, (*table.columns, *REPEATS))
     curve = working_curve(

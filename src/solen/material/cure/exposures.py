@@ -37,7 +37,8 @@ WAVELENGTHS_NM = (450.0, 500.0, 860.0)
 TIMES = ("exposure", "exposure time", "time", "t")
 """Names of a column of exposures."""
 _SAMPLES = ("sample", "specimen", "name", "replicate")
-_TIME_IN_NAME = re.compile(r"(?<![\w.,])(\d+(?:[.,]\d+)?)\s*(?:s|sec|sek|seconds)(?![a-zA-Z])")
+_TIME_IN_NAME = re.compile(r"(?<![a-zA-Z0-9.,])(\d+(?:[.,]\d+)?)\s*(ms|s|sec|sek|seconds|min)(?![a-zA-Z])")
+_SECONDS = {"ms": 1e-3, "min": 60.0}
 _FEW = 4
 _REMEDY = "have columns exposure_s, wavelength_nm and T, or an instrument's traces of %T with names as 2 s"
 _NEAR_NM = 10.0
@@ -240,7 +241,7 @@ def _exposure_in_name(recording: Recording, name: str) -> float:
     """Exposure that the name of a trace, or else of its file, states."""
     for text in (name, Path(recording.provenance.file).stem.replace("_", " ")):
         if match := _TIME_IN_NAME.search(text):
-            return float(match[1].replace(",", "."))
+            return float(match[1].replace(",", ".")) * _SECONDS.get(match[2], 1.0)
     limit = "does not state its exposure, as 2 s would"
     raise DataError(f"{recording.provenance.file}: trace {name}", limit=limit, remedy="put it into the name")
 

@@ -13,7 +13,7 @@ from solen.arrays import BoolArray, FloatArray
 from solen.errors import DataError
 from solen.material.loss.cutback import GuideLoss, cut_back
 from solen.material.loss.levels import full_level_dB, levels_dB, pulls_down
-from solen.material.rows import REPEATS, RowOptions, chosen_rows, refuse_unused, stated_once
+from solen.material.rows import REPEATS, RowOptions, below_each_other, chosen_rows, refuse_unused, stated_once
 from solen.recording import Channel, Recording
 from solen.spec.strict import Finite, Wavelength
 from solen.units import factor, is_unit
@@ -91,7 +91,7 @@ def guide_loss(recording: Recording, options: CutbackOptions = CutbackOptions())
     DataError
         Without a column of lengths or powers, or where no loss with an uncertainty follows.
     """
-    recording = chosen_rows(recording, options)
+    recording = below_each_other(chosen_rows(recording, options), POWERS, REPEATS)
     rows = readings(recording, options.unit, options.dark)
     beside = refuse_unused(recording, options, (*rows.columns, *REPEATS))
     launched_dB = full_level_dB(rows.unit, options.launched, rows.values)

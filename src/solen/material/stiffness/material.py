@@ -56,6 +56,8 @@ class MechanicalTest:
         What is stated of its specimens.
     compliance_mm_per_N
         Of machine and fixture.
+    name
+        Of its specimen, where its file holds several.
     """
 
     recording: Recording
@@ -63,6 +65,7 @@ class MechanicalTest:
     label: str = ""
     dimensions: Dimensions = field(default_factory=Dimensions)
     compliance_mm_per_N: float = 0.0
+    name: str = ""
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -170,7 +173,7 @@ def _specimens(tests: Sequence[MechanicalTest], options: StiffnessOptions) -> li
             evaluated = _evaluated(test, options, ranges.get(kind))
             ranges.setdefault(kind, evaluated.young.strain_range)
             file = part.provenance.file
-            evaluated = replace(evaluated, name=": ".join(filter(None, (file, name))), file=file)
+            evaluated = replace(evaluated, name=": ".join(filter(None, (file, tested.name, name))), file=file)
             specimens.append(_Specimen(tested.label or group, part, evaluated))
     return specimens
 

@@ -7,7 +7,7 @@ from solen.errors import SpecError
 from solen.material.stiffness import Dimensions, MeasuredStiffness, MechanicalTest, StiffnessOptions, stiffness_of
 from solen.material.stiffness.modes import TestMode
 from solen.pipeline.outputs import check_ending, check_outputs, write
-from solen.recording import read
+from solen.recording import read_parts
 from solen.results import Outcome
 
 
@@ -64,13 +64,15 @@ def stiffness(
     each = tuple(labels) if len(labels) == len(stated) else (*labels, "")[:1] * len(stated)
     tests = [
         MechanicalTest(
-            recording=read(path, sheet=sheet, columns=columns),
+            recording=recording,
             mode=mode,
             label=label,
             dimensions=dimensions if number < own else Dimensions(),
             compliance_mm_per_N=options.compliance_mm_per_N if number < own else 0.0,
+            name=name,
         )
         for number, ((path, mode), label) in enumerate(zip(stated, each, strict=True))
+        for name, recording in read_parts(path, sheet=sheet, columns=columns)
     ]
     measured_stiffness = stiffness_of(tests, options)
     return write(

@@ -1,0 +1,215 @@
+"""Text files of spectrometers' programs: a header of words, a line that begins the numbers, then one point in a line.
+
+The idea: each program has a line above its numbers (``>>>>>Begin Spectral Data<<<<<``, ``XYDATA``, ``#DATA``,
+``[Data]``), and some one below them; the header above states how many points there are, and often the first, the last
+and the extremes, which are held against the rows. What the values are the header says in a word, or not at all; then a
+note says so.
+
+The interface: `read`, which gives None for files of no such program; `PROGRAMS` are those known, each with where its
+layout is described.
+"""
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from solen.arrays import FloatArray
+from solen.recording.grid import cut_note
+from solen.recording.model import Recording
+from solen.recording.numbers import is_number, parse
+from solen.recording.source import Source
+from solen.recording.stated import number, spectrum
+
+Header = dict[str, str]
+_EVEN = 0.1  # part of a step that a place may be from where even steps have it
+_CELLS = re.compile(r"[\s;,]+")
+_POINTS = re.compile(r"\d\.\d.*,|,.*\d\.\d|^-?\d+,-?\d+$")
+
+
+@dataclass(frozen=True)
+class Program:
+    """How the files of a program are recognised and laid out.
+
+    Attributes
+    ----------
+    mark
+        What only its files hold, or begin with.
+    header
+        What the lines above the numbers state, by the file's own words.
+    begin, end
+        Lines above and below the numbers; without one below, they go to the end of the file.
+    ended
+        Whether the line below them must be there.
+    named
+        Whether the line above the numbers holds the units of columns, and the one above that their names.
+    labels
+        Labels of JCAMP-DX (`solen.recording.stated`) and others that are used here, by the file's words.
+    """
+
+    mark: re.Pattern[bytes]
+    header: Callable[[Sequence[str]], Header]
+    begin: re.Pattern[str]
+    end: re.Pattern[str] | None = None
+    ended: bool = False
+    named: bool = False
+    labels: Mapping[str, str] = field(default_factory=dict)
+
+
+def _pairs(separator: str) -> Callable[[Sequence[str]], Header]:
+    """Reader of lines that have a name, a separator and a value; the first without one is the title."""
+
+    def header(lines: Sequence[str]) -> Header:
+        parts = [[part.strip(' "#') for part in re.split(separator, line, maxsplit=1)] for line in lines]
+        title = next((part[0] for part in parts if len(part) == 1 and part[0].strip("+")), "")
+        return ({"title": title} if title else {}) | {part[0]: part[1] for part in parts if len(part) > 1}
+
+    return header
+
+
+_PERKIN = {2: "file", 3: "date", 7: "analyst", 8: "name", 11: "instrument", 12: "serial number", 13: "software"}
+_PERKIN_GRAPH = ("XUNITS", "YUNITS", "y factor", "y offset", "FIRSTX", "DELTAX", "NPOINTS")
+
+
+def _perkin(lines: Sequence[str]) -> Header:
+    """What PerkinElmer's files state by the place of a line, at their beginning and below ``#GR``."""
+    graph = [line.strip() for line in lines]
+    after = graph[graph.index("#GR") + 1 :] if "#GR" in graph else []
+    stated = {name: graph[place] for place, name in _PERKIN.items() if place < len(graph)}
+    return stated | dict(zip(_PERKIN_GRAPH, after, strict=False))
+
+
+PROGRAMS = {
+    "ocean": Program(  # OceanView and SpectraSuite, as the programs save text with a header
+        mark=re.compile(rb">Begin [^\n]*Spectral Data<"),
+        header=_pairs(":"),
+        begin=re.compile(r">+Begin (?:Processed )?Spectral Data<+"),
+        end=re.compile(r">+End (?:Processed )?Spectral Data<+"),
+        labels=dict.fromkeys(
+            [f"Number of Pixels in {what}" for what in ("Spectrum", "Processed Spectrum", "File")], "NPOINTS"
+        )
+        | dict.fromkeys(["Spectrometer", "Spectrometers"], "instrument"),
+    ),
+    "jasco": Program(  # Spectra Manager, as WrightTools' from_JASCO and JASCOFiles.jl describe its text and CSV
+        mark=re.compile(rb"\A\W*TITLE[\t,;](?=.{0,400}?\bORIGIN[\t,;]\s*JASCO)", re.DOTALL),
+        header=_pairs(r"[\t,;]"),
+        begin=re.compile(r"XYDATA[,\t;]*"),
+        end=re.compile(r"[,\t;]*|#{3,}.*"),
+        labels={"SPECTROMETER/DATA SYSTEM": "instrument", "TITLE": "name"},
+    ),
+    "perkin-elmer": Program(  # UV WinLab's .asc, as hyperSpec and Bev.IO.PerkinElmerAsciiReader describe it
+        mark=re.compile(rb"\A\W*PE [A-Z]{2}\s+(?:SUBTECH\s+)?SPECTRUM\s+ASCII"),
+        header=_perkin,
+        begin=re.compile("#DATA"),
+    ),
+    "avantes": Program(  # AvaSoft's converted text, as lightr describes it
+        mark=re.compile(rb"\A.{0,400}?Integration time \[ms\].{0,400}?\n\[nm\]\s*;", re.DOTALL),
+        header=_pairs(r":\s"),
+        begin=re.compile(r"\[nm\]\s*(?:;\s*\[[^\]]*\]\s*)+"),
+        named=True,
+    ),
+    "thorlabs": Program(  # ThorSpectra's text with a header, as pyIVLS writes it in its likeness
+        mark=re.compile(rb"\A.{0,300}?\[SpectrumHeader\]", re.DOTALL),
+        header=_pairs("[;,\t]"),
+        begin=re.compile(r"#?\[Data\]"),
+        end=re.compile(r"#?\[EndOfFile\]"),
+        ended=True,
+        labels={"Length": "NPOINTS", "XAxisUnit": "XUNITS", "YAxisUnit": "YUNITS", "InstrModel": "instrument"},
+    ),
+}
+"""Programs by the name of their format."""
+
+
+def read(source: Source) -> Recording | None:
+    """Recording of a spectrum, None of a file of no such program; `DataError` with the line of what is damaged."""
+    for name, program in PROGRAMS.items():
+        if program.mark.search(source.data):
+            return _read(source, name, program)
+    return None
+
+
+def _read(source: Source, name: str, program: Program) -> Recording:
+    lines = source.lines()
+    begin = next((n for n, line in enumerate(lines) if program.begin.fullmatch(line.strip())), None)
+    if begin is None:
+        raise source.refused("", "has no whole line that begins its numbers", "export it again")
+    metadata = program.header(lines[: begin - program.named])
+    stated = metadata | {program.labels[key]: value for key, value in metadata.items() if key in program.labels}
+    if stated.get("XAxis mode", "Wavelengths") != "Wavelengths":
+        limit = f"has an axis of {stated['XAxis mode']}, which is not read"
+        raise source.refused("", limit, "save it along wavelengths")
+    body = _body(source, program, lines, begin + 1)
+    rows = _rows(source, body)
+    points = stated.get("NPOINTS", "2 or more")
+    if len(rows) < 2 or (points != str(len(rows)) and "NPOINTS" in stated):
+        limit = f"has {len(rows)} rows, where {points} are stated: it was cut off or damaged"
+        raise source.refused("", limit, "export it again")
+    x, *columns = np.array(rows, dtype=np.float64).T
+    _check_places(source, list(body), x, stated)
+    if program.named:
+        heads = [[cell.strip(" []") for cell in line.split(";")[1:]] for line in lines[begin - 1 : begin + 1]]
+        if len(heads[0]) != len(heads[1]) or len(heads[0]) != len(columns):
+            raise source.refused(
+                f"line {begin}", f"has not a name and a unit for each of {len(columns)} columns", "export it again"
+            )
+        pairs = [(name, unit + name if unit == "%" else unit) for name, unit in zip(*heads, strict=True)]
+    else:
+        units = [stated.get("YUNITS", ""), *(stated.get(f"Y{n}UNITS", "") for n in range(2, len(columns) + 1))]
+        pairs = [(stated.get("name") or "spectrum", unit) for unit in units]
+    traces = [(*pair, column) for pair, column in zip(pairs, columns, strict=True)]
+    whole = spectrum(source, name, metadata, stated, x, traces)
+    *others, last = whole.channels
+    return replace(whole, channels=(*others, last.noted(_ending(lines, body))))
+
+
+def _ending(lines: Sequence[str], body: Mapping[int, str]) -> str:
+    """Note on a last number that may have lost its end, where the file ends in it."""
+    return cut_note(_CELLS.split(lines[-1].strip())[-1]) if lines[-1].strip() and len(lines) in body else ""
+
+
+def _body(source: Source, program: Program, lines: Sequence[str], first: int) -> dict[int, str]:
+    """Lines of numbers by their number in the file; `DataError` where numbers stand below their end."""
+    held = list(enumerate(lines[first:], first + 1))
+    end = next((n for n, (_, line) in enumerate(held) if program.end and program.end.fullmatch(line.strip())), None)
+    if end is None and program.ended:
+        raise source.refused("", "has no line that ends its numbers: it was cut off", "export it again")
+    for place, line in held[end:] if end is not None else ():
+        cells = _CELLS.split(line.strip())
+        if len(cells) > 1 and all(map(is_number, cells)):
+            raise source.refused(f"line {place}", "holds numbers below their end", "export it again", line.strip()[:40])
+    return {number: line.strip() for number, line in held[:end] if line.strip()}
+
+
+def _rows(source: Source, body: Mapping[int, str]) -> list[list[float]]:
+    """Place and values of each line; `DataError` where a line has others than the first."""
+    first = next(iter(body.values()), "")
+    separator = "\t" if "\t" in first else ";" if ";" in first else "," if _POINTS.search(first) else None
+    mark = "," if separator != "," and any("," in line for line in body.values()) else "."
+    rows: list[list[float]] = []
+    for place, line in body.items():
+        try:
+            row = [parse(cell.strip(), mark) for cell in line.split(separator)]
+        except ValueError as bad:
+            raise source.refused(f"line {place}", str(bad), "export it again", line[:40]) from None
+        if len(row) < 2 or (rows and len(row) != len(rows[0])) or not np.isfinite(row).all():
+            raise source.refused(f"line {place}", "is no place with its values", "export it again", line[:40])
+        rows.append(row)
+    return rows
+
+
+def _check_places(source: Source, lines: Sequence[int], x: FloatArray, stated: Mapping[str, str]) -> None:
+    """`DataError` at the first place that does not run on, or that is off the even steps that the file states."""
+    steps = np.diff(x) * (1.0 if np.sum(np.diff(x) > 0.0) * 2 > x.size - 1 else -1.0)
+    back = np.flatnonzero(~(steps > 0.0))
+    if back.size:
+        limit = f"does not follow {x[back[0]]:g}: the places of a spectrum rise, or fall, from line to line"
+        raise source.refused(
+            f"line {lines[back[0] + 1]}", limit, "export it again: lines are damaged", f"{x[back[0] + 1]:g}"
+        )
+    first, step = number(source, stated, "FIRSTX"), abs(number(source, stated, "DELTAX"))
+    even = first + np.sign(x[-1] - x[0]) * step * np.arange(x.size)
+    off = np.flatnonzero(np.abs(x - even) > _EVEN * step)
+    if off.size:
+        limit = f"is where {even[off[0]]:g} comes next by the first place and the step that the file states"
+        raise source.refused(f"line {lines[off[0]]}", limit, "export it again: lines are damaged", f"{x[off[0]]:g}")

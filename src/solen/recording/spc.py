@@ -1,0 +1,137 @@
+"""Galactic's SPC, the binary format of GRAMS that many spectrometers write: one spectrum, or several in a file.
+
+The idea: a header of fixed places, the places along the axis unless they are even, then each spectrum with a header of
+its own: how its values are stored, and where it stands in a series. A value is a floating-point number, or a whole one
+times a power of two that the header states. What is counted (points, spectra, places in the file) must fill the file as
+it says, so that one cut off or damaged there shows.
+
+The interface: `is_spc` and `read`. Format: "A Brief Guide to SPC File Format and Using GSPCIO", Galactic Industries
+(1998), and its header file SPC.H. The older layout (version 4Dh) is refused by name.
+"""
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from solen.arrays import FloatArray
+from solen.recording.model import Recording
+from solen.recording.source import Source
+from solen.recording.stated import spectrum
+
+_HEADER, _SUB = 512, 32
+_NEW, _BIG_ENDIAN, _OLD = 0x4B, 0x4C, 0x4D
+_SHORT, _MULTI, _OWN_X, _PLACES = 0x01, 0x04, 0x40, 0x80
+_GAP = 3  # bytes before the log that programs leave free; a value more would be seen
+_FLOAT = -128  # as an exponent: values are floating-point numbers
+_X = {1: "1/CM", 2: "MICROMETERS", 3: "NANOMETERS"}
+_Y = {2: "ABSORBANCE", 11: "%", 128: "TRANSMITTANCE", 129: "REFLECTANCE"}
+_FRACTIONS = {"TRANSMITTANCE", "REFLECTANCE"}
+_MOST_PERCENT = 2.0  # a fraction of light above this is in percent, as programs write %T under transmission
+
+
+@dataclass(frozen=True)
+class _Head:
+    """Header of a file: flags, exponent, points, first and last place, spectra, units of axis and values, words."""
+
+    order: str
+    flags: int
+    exponent: int
+    points: int
+    first: float
+    last: float
+    spectra: int
+    x: int
+    y: int
+    comment: str
+    log: int
+
+    @property
+    def short(self) -> bool:
+        """Whether values are of 16 bits."""
+        return bool(self.flags & _SHORT)
+
+
+def is_spc(source: Source) -> bool:
+    """Whether a file begins as one of this format, of any version, does."""
+    data = source.data
+    if len(data) < _HEADER or data[1] not in {_NEW, _BIG_ENDIAN, _OLD} or data.isascii():
+        return False
+    return data[1] == _OLD or (0 < _head(data).points + _head(data).spectra < len(data) and data[4:8] != b"\0\0\0\0")
+
+
+def read(source: Source) -> Recording:
+    """Recording of all spectra of a file, on one axis; `DataError` where it is not whole, or not read."""
+    if source.data[1] == _OLD:
+        limit = "is an SPC file of the old layout (4Dh), which is not read"
+        raise source.refused("", limit, "save it again in its program, or as CSV or JCAMP-DX")
+    head = _head(source.data)
+    if head.x not in _X:
+        limit = f"has an axis of SPC's kind {head.x}; wavelengths and wavenumbers (1 to 3) are read"
+        raise source.refused("", limit, "export the spectrum along one of these")
+    if head.flags & _OWN_X:
+        raise source.refused("", "holds spectra each with places of its own, which are not read", "export each alone")
+    x, start = _places(source, head)
+    values = list(_values(source, head, start))
+    names = ["spectrum"] if len(values) == 1 else [f"spectrum {place:g}" for place, _ in values]
+    unit = _Y.get(head.y, "")
+    traces = [(name, _percent(unit, column), column) for name, (_, column) in zip(names, values, strict=True)]
+    metadata = {"comment": head.comment} if head.comment else {}
+    stated = {"XUNITS": _X[head.x], "FIRSTX": repr(head.first), "LASTX": repr(head.last)}
+    return spectrum(source, "spc", metadata, stated, x, traces)
+
+
+def _head(data: bytes) -> _Head:
+    order = ">" if data[1] == _BIG_ENDIAN else "<"
+    flags, _, _, exponent, points, first, last, spectra, x, y = struct.unpack_from(f"{order}BBBbIddIBB", data)
+    (log,) = struct.unpack_from(f"{order}I", data, 248)
+    comment = data[88:218].split(b"\0")[0].decode("cp1252", "replace").strip()
+    return _Head(order, flags, exponent, points, first, last, max(spectra, 1), x, y, comment, log)
+
+
+def _places(source: Source, head: _Head) -> tuple[FloatArray, int]:
+    """Places along the axis, even or one by one, and where the first spectrum begins."""
+    if not head.flags & _PLACES:
+        return np.linspace(head.first, head.last, head.points), _HEADER
+    x = _array(source, head, f"{head.order}f4", _HEADER)
+    if not (np.all(np.diff(x) > 0.0) or np.all(np.diff(x) < 0.0)):
+        raise source.refused("", "has places that go back along its axis", "export it again")
+    return x, _HEADER + 4 * head.points
+
+
+def _values(source: Source, head: _Head, start: int) -> Iterator[tuple[float, FloatArray]]:
+    """Place in the series and values of each spectrum; they must end where the log begins, or the file ends."""
+    size = 2 if head.short else 4
+    end = start + head.spectra * (_SUB + size * head.points)
+    gap = (head.log or len(source.data)) - end
+    if not 0 <= gap <= (_GAP if head.log else 0) or end > len(source.data):
+        limit = f"has {len(source.data)} bytes, where {head.spectra} spectra of {head.points} points end at {end}"
+        raise source.refused("", f"{limit}: it was cut off or damaged", "export it again")
+    for number in range(head.spectra):
+        _, exponent, index, place, _, _, points = struct.unpack_from(f"{head.order}BbHfffI", source.data, start)
+        if index != number % 65536 or points not in {0, head.points}:
+            limit = f"has spectrum {index} of {points} points, where {number} of {head.points} comes next"
+            raise source.refused("", limit, "export it again")
+        exponent = exponent if head.flags & _MULTI and head.exponent != _FLOAT else head.exponent
+        kind = "f4" if exponent == _FLOAT else f"i{size}"
+        if kind == "f4" and head.short:
+            raise source.refused("", "states whole and floating-point values together", "export it again")
+        scale = 1.0 if kind == "f4" else 2.0 ** (exponent - 8 * size)
+        yield place, scale * _array(source, head, head.order + kind, start + _SUB)
+        start += _SUB + size * head.points
+
+
+def _array(source: Source, head: _Head, kind: str, start: int) -> FloatArray:
+    end = start + head.points * np.dtype(kind).itemsize
+    if end > len(source.data) or head.points < 2:
+        raise source.refused("", f"ends before its {head.points} points: it was cut off or damaged", "export it again")
+    values = np.frombuffer(source.data, kind, head.points, start).astype(np.float64)
+    if not np.isfinite(values).all():
+        raise source.refused("", "holds values that are no numbers", "export it again")
+    return values
+
+
+def _percent(unit: str, values: FloatArray) -> str:
+    """Unit of values; a transmission or reflection beyond one is in percent, whatever the header calls it."""
+    return f"%{unit}" if unit in _FRACTIONS and np.median(values) > _MOST_PERCENT else unit

@@ -1,0 +1,199 @@
+"""Exports of test machines that hold several tables: results first, then the numbers of each specimen.
+
+The idea: a row that names a force, a travel, a time or a strain, and units below it, heads a specimen's numbers, which
+go on to the next row of another kind. Specimens side by side are columns that repeat. Rows that begin with a specimen's
+name, below a header that begins empty or with ``Name``, are lists that say something of each: its width, its modulus.
+Each specimen becomes a table of its own, with its line of each list as parameters, and is checked as every table is. No
+row of numbers may be left over.
+
+The interface: `specimens` gives what a file that is such an export holds, as `Table`.
+
+Layouts: Bluehill's raw data below its results tables; MTS Series 793, whose first line names it and whose acquisitions
+follow one another; Shimadzu's Trapezium with names above each specimen's columns, as snpl's load_TrapeziumCSV reads
+them; testXpert's columns side by side.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+from solen.recording.grid import Grid
+from solen.recording.layout import Layout
+from solen.recording.numbers import is_missing, is_number
+from solen.recording.words import heading, plain, stated_unit
+
+_MECHANICAL = {"force", "displacement", "crosshead", "time", "strain", "stress"}
+_MTS = re.compile(r"MTS793\|")
+_EXPORT = re.compile(r"results? table\b|mts793\|", re.IGNORECASE)
+_LISTED = {"", "name", "specimen", "sample", "specimen label"}
+_UNITS = {"", "unit", "units"}
+_LEAST_ROWS = 2
+
+
+@dataclass(frozen=True)
+class Table:
+    """A specimen's table, as a grid of its own: its name, which is empty where it is the only one."""
+
+    name: str
+    grid: Grid
+    place: Layout
+
+
+@dataclass(frozen=True)
+class _Block:
+    """Rows of a table in the file: what stands above it, names, units, and its numbers in some columns."""
+
+    title: str
+    header: int
+    body: Sequence[int]
+    columns: range
+
+    @property
+    def head(self) -> range:
+        """Rows of the title, where there is one, of the names and of the units."""
+        return range(self.header - bool(self.title), self.header + 2)
+
+
+def specimens(grid: Grid) -> list[Table]:
+    """Tables of specimens; none where a file is no such export, `DataError` where a row of numbers belongs to none."""
+    stacked = list(_stacked(grid))
+    blocks = [part for block in stacked for part in _side_by_side(grid, block)]
+    taken = {row for block in stacked for row in (*block.head, *block.body)}
+    others = [row for row in range(len(grid.rows)) if row not in taken and not grid.is_blank(row)]
+    lists = _lists(grid, others)
+    marked = any(_EXPORT.search(cell) for cells in grid.rows for cell in cells[:1])
+    if marked and not blocks:
+        limit = "holds no table of a test: a row of names such as Time, Extension, Load, one of units, and numbers"
+        raise grid.source.refused("", limit, "export the raw data of the specimens too")
+    if len(blocks) < (1 if marked or lists else 2):
+        return []
+    listed = {row for rows in lists for row in rows}
+    for row in others:
+        if row not in listed and sum(map(is_number, grid.rows[row])) > 1 and is_number(grid.rows[row][0]):
+            raise grid.refused(row, None, "holds numbers that belong to no table", "export the file again")
+    above = [grid.rows[row] for row in others if row not in listed]
+    if _MTS.match(grid.rows[0][0]):
+        return [_table(grid, _joined(grid, blocks), "", above)]
+    names = _names(blocks)
+    return [
+        _table(grid, block, name, [*above, *_lines(grid, lists, name, number)])
+        for number, (name, block) in enumerate(zip(names, blocks, strict=True))
+    ]
+
+
+def _stacked(grid: Grid) -> Iterator[_Block]:
+    """Tables of a test, one below the other."""
+    row = 0
+    while row < len(grid.rows) - _LEAST_ROWS:
+        end = row + 2
+        if _heads(grid, row):
+            while end < len(grid.rows) and not grid.is_blank(end) and _is_row(grid, end):
+                end += 1
+        if end - row - 2 < _LEAST_ROWS:
+            row += 1
+            continue
+        above = [cell for cell in grid.rows[row - 1] if cell] if row else []
+        title = above[0] if above and len(set(above)) == 1 and not _EXPORT.search(above[0]) else ""
+        yield _Block(title, row, range(row + 2, end), range(grid.width(row)))
+        row = end
+
+
+def _heads(grid: Grid, row: int) -> bool:
+    """Whether a row names columns of a test, in at least two of its quantities, with their units below."""
+    names, units = grid.rows[row], grid.rows[row + 1]
+    if len(names) < 2 or is_number(names[0]) or len(units) < grid.width(row):
+        return False
+    pairs = [(name, unit.strip("()[]")) for name, unit in zip(names, units, strict=False) if name]
+    if not all(stated_unit(unit) for _, unit in pairs):
+        return False
+    return len({heading(name, unit).quantity for name, unit in pairs} & _MECHANICAL) > 1
+
+
+def _is_row(grid: Grid, row: int) -> bool:
+    return all(is_number(cell) or is_missing(cell) for cell in grid.rows[row])
+
+
+def _side_by_side(grid: Grid, block: _Block) -> Iterator[_Block]:
+    """Specimens whose columns repeat, each with the rows that it has; the block itself where none do."""
+    names = [plain(name) for name in grid.rows[block.header][: len(block.columns)]]
+    filled = [n for n, name in enumerate(names) if name]
+    starts = [n for n in filled if names[n] == names[filled[0]]]
+    if len(starts) < 2:
+        yield block
+        return
+    for start, end in zip(starts, [*starts[1:], len(names)], strict=True):
+        columns = range(start, max(n for n in filled if n < end) + 1)
+        titles = [cell for cell in grid.rows[block.header - 1][start:end] if cell] if block.header else []
+        held = [row for row in block.body if any(grid.rows[row][start:end])]
+        yield _Block(titles[0] if titles else "", block.header, held, columns)
+
+
+def _joined(grid: Grid, blocks: Sequence[_Block]) -> _Block:
+    """One test of acquisitions that follow one another; `DataError` where they have other columns."""
+    first = blocks[0]
+    for block in blocks[1:]:
+        if grid.rows[block.header : block.header + 2] != grid.rows[first.header : first.header + 2]:
+            raise grid.refused(block.header, None, "has other columns than the acquisition above it", "export it alone")
+    return replace(first, body=[row for block in blocks for row in block.body])
+
+
+def _lists(grid: Grid, others: Sequence[int]) -> list[list[int]]:
+    """Lists of results: rows of a header, of units if it has them, and one of each specimen."""
+    lists: list[list[int]] = []
+    for row, below in pairwise(others):
+        cells, units = grid.rows[row], grid.rows[below]
+        if lists and row == lists[-1][-1] + 1 and grid.width(row) > 1:
+            lists[-1].append(row)
+        elif plain(cells[0]) in _LISTED and grid.width(row) > 1 and below == row + 1 and _states_units(units):
+            lists.append([row])
+    if lists and others[-1] == lists[-1][-1] + 1:
+        lists[-1].append(others[-1])
+    return lists
+
+
+def _states_units(cells: Sequence[str]) -> bool:
+    """Whether a row of a list holds the units of its columns."""
+    stated = [cell.strip("()[]") for cell in cells[1:] if cell]
+    return plain(cells[0]) in _UNITS and bool(stated) and all(map(stated_unit, stated))
+
+
+def _lines(grid: Grid, lists: Sequence[Sequence[int]], name: str, number: int) -> Iterator[list[str]]:
+    """Parameters of a specimen, by its name in a list or by its place there."""
+    for header, *rows in lists:
+        units, *cells = [[cell.strip("()[]") for cell in grid.rows[row]] for row in rows]
+        named = [line for line in cells if line[0] == name]
+        line = named[0] if named else cells[number] if number < len(cells) else []
+        for place, key in enumerate(grid.rows[header][: len(line)]):
+            if place and key and line[place]:
+                yield [key, line[place], *units[place : place + 1]]
+
+
+def _names(blocks: Sequence[_Block]) -> list[str]:
+    """Name of each specimen: what stands above it, or its number; none of one alone."""
+    titles = [block.title for block in blocks]
+    if len(blocks) == 1:
+        return titles
+    whole = all(titles) and max(Counter(titles).values()) == 1
+    return titles if whole else [f"specimen {number}" for number in range(1, len(blocks) + 1)]
+
+
+def _table(grid: Grid, block: _Block, name: str, above: Sequence[list[str]]) -> Table:
+    """A block as a grid of its own, below the parameters that belong to it."""
+    chosen = [block.header, block.header + 1, *block.body]
+    start, stop = block.columns.start, block.columns.stop
+    beyond = max(map(grid.width, chosen)) > stop and grid.width(block.header) == stop and not start
+    cut = slice(start, None if beyond else stop)
+    rows = [grid.rows[row][cut] for row in chosen]
+    count = len(above)
+    own = replace(
+        grid,
+        rows=[*above, *rows],
+        lines=[*[grid.lines[block.header]] * count, *(grid.lines[row] for row in chosen)],
+        left=start,
+    )
+    units = [unit.strip("()[]") for unit in rows[1][: len(block.columns)]]
+    names = rows[0][: len(block.columns)]
+    place = Layout(count, names, units, list(range(count)), list(range(count + 2, count + len(chosen))), [])
+    return Table(name, own, place)

@@ -1,0 +1,120 @@
+"""What a spectrum's file states beside its numbers, held against them, and the recording that both make.
+
+The idea: many programs state in words what the axis and the values are, how many points there are, where they begin and
+end and how large they get. JCAMP-DX has labels for that (``NPOINTS``, ``FIRSTX``, ``MAXY``), and others that mean the
+same are read under them.
+
+The interface: `check` numbers, `number` of a label, `spectrum` makes a `Recording`.
+"""
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from solen.arrays import FloatArray
+from solen.recording import dates
+from solen.recording.model import Channel, Provenance, Recording
+from solen.recording.numbers import is_number, parse
+from solen.recording.source import Source
+from solen.recording.table import is_simulated, unique
+
+_NUMBER = "wavenumber", "1/cm"
+_X = {
+    **dict.fromkeys(("1/CM", "CM-1", "CM^-1", "WAVENUMBER", "WAVENUMBERS"), _NUMBER),
+    **dict.fromkeys(("NANOMETERS", "NM", "NM_AIR", "NM_VAC", "WAVELENGTH(NM)"), ("wavelength", "nm")),
+    **dict.fromkeys(("MICROMETERS", "UM", "MICRONS"), ("wavelength", "um")),
+}
+_Y = {
+    **dict.fromkeys(("TRANSMITTANCE", "T"), ("transmittance", "1")),
+    **dict.fromkeys(("%TRANSMITTANCE", "PERCENTTRANSMITTANCE", "%T"), ("transmittance", "%")),
+    **dict.fromkeys(("REFLECTANCE", "R"), ("reflectance", "1")),
+    **dict.fromkeys(("%REFLECTANCE", "PERCENTREFLECTANCE", "%R"), ("reflectance", "%")),
+    **dict.fromkeys(("ABSORBANCE", "ABS", "A"), ("absorbance", "1")),
+    **{unit.upper(): ("power", unit) for unit in ("dBm", "mW")},
+    "COUNTS": ("", "counts"),
+}
+CHECKED = ("NPOINTS", "FIRSTX", "LASTX", "FIRSTY", "MAXY", "MINY")
+_NEAR_Y = 1e-3
+"""Part of the largest value that a stated first value may miss the first one by."""
+_UNSTATED = "the file does not state what its values are: counts, a transmission or an absorbance"
+
+
+def number(source: Source, stated: Mapping[str, str], label: str) -> float:
+    """Number that a file states under a label; NaN without one."""
+    text = stated.get(label, "")
+    if text and not is_number(text):
+        raise source.refused("", f"states no number as {label}", "export the file again", text[:40])
+    return parse(text, "," if "," in text else ".")
+
+
+def check(source: Source, stated: Mapping[str, float], x: FloatArray, y: FloatArray) -> None:
+    """`DataError` where the numbers are not those that the file states; of a label it does not, nothing is checked."""
+    count = stated.get("NPOINTS", math.nan)
+    if x.size < 2 or (math.isfinite(count) and count != x.size):
+        limit = f"has {x.size} points, where {count:g} are stated: it was cut off or damaged"
+        raise source.refused("", limit, "export it again")
+    near_y = _NEAR_Y * float(np.nanmax(np.abs(y), initial=0.0))
+    near_x = 0.5 * abs(float(x[-1] - x[0])) / (x.size - 1)
+    held = (("FIRSTX", x[0], near_x), ("LASTX", x[-1], near_x), ("FIRSTY", y[0], near_y))
+    for label, value, near in (*held, ("MAXY", np.nanmax(y), near_y), ("MINY", np.nanmin(y), near_y)):
+        wanted = stated.get(label, math.nan)
+        if math.isfinite(wanted) and not abs(wanted - value) <= near:
+            raise source.refused("", f"states {wanted:g} as {label}, and has {value:g}", "export it again")
+
+
+def spectrum(
+    source: Source,
+    kind: str,
+    metadata: Mapping[str, str],
+    stated: Mapping[str, str],
+    x: FloatArray,
+    traces: Sequence[tuple[str, str, FloatArray]],
+) -> Recording:
+    """Recording of a spectrum.
+
+    Parameters
+    ----------
+    kind
+        Name of the format.
+    metadata, stated
+        What the file states by its own words, and by the labels ``XUNITS`` (nm without one), ``instrument`` and those
+        that are `CHECKED` against the first trace.
+    x, traces
+        Places along the axis, and name, unit and values of each trace; their shape is (n,).
+    """
+    check(source, {label: number(source, stated, label) for label in CHECKED}, x, traces[0][2])
+    unit = stated.get("XUNITS", "NANOMETERS")
+    if _plain(unit) not in _X:
+        limit = f"has an axis in {unit or 'no unit'}; wavelengths in nm and µm and wavenumbers in 1/cm are read"
+        raise source.refused("", limit, "export the spectrum along wavelengths or wavenumbers")
+    channels = _axes(unit, x)
+    axis = channels[-1].name
+    for name, (_, unit_y, values) in zip(unique([name for name, _, _ in traces]), traces, strict=True):
+        quantity, known = _Y.get(_plain(unit_y), ("", ""))
+        note = "" if known else f"its unit {unit_y} is not known here" if unit_y else _UNSTATED
+        channels.append(Channel(name, quantity, known, values, axis=axis, note=note))
+    instrument = stated.get("instrument", "")
+    date = dates.among(metadata)
+    provenance = Provenance(source.name, source.sha256, kind, instrument, date, metadata, is_simulated(metadata))
+    return Recording(tuple(channels), provenance)
+
+
+def _axes(unit: str, x: FloatArray) -> list[Channel]:
+    """The axis, and the wavelengths of one of wavenumbers."""
+    name, known = _X[_plain(unit)]
+    note = (
+        "wavelengths in vacuum; the index of air makes them 0.03 % longer than those in air"
+        if "VAC" in unit.upper()
+        else ""
+    )
+    axis = Channel(name, name, known, x, note=note)
+    if name == "wavelength":
+        return [axis]
+    with np.errstate(divide="ignore"):
+        return [axis, Channel("wavelength", "wavelength", "nm", 1e7 / x, note="computed from the wavenumbers")]
+
+
+def _plain(unit: str) -> str:
+    return re.sub(r"\s", "", unit).upper()

@@ -1,0 +1,280 @@
+"""Files of spectrometers and test machines: every number of a plain reading, and what is damaged is refused."""
+
+import random
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from solen.errors import DataError, SolenError
+from solen.material.cure.discs import CureOptions, curve_of_discs
+from solen.material.cure.exposures import samples_of
+from solen.material.rows import RowOptions, chosen_rows
+from solen.recording import read, read_parts, spectra, stated
+from tests.recording import programs
+from tests.recording.mutate import KINDS
+from tests.recording.programs import FORCE, PERCENT, TIME, TRAVEL, WAVES
+
+
+def saved(folder: Path, content: str | bytes) -> Path:
+    path = folder / "file.txt"
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return path
+
+
+SPECTRA = {
+    "jasco": (programs.jasco(), "jasco", "transmittance", "%", PERCENT),
+    "jasco, decimal comma": (programs.jasco(mark=","), "jasco", "transmittance", "%", PERCENT),
+    "jasco, CSV": (programs.jasco(","), "jasco", "transmittance", "%", PERCENT),
+    "PerkinElmer .asc": (programs.perkin_elmer(), "perkin-elmer", "transmittance", "%", PERCENT),
+    "Thorlabs": (programs.thorlabs(), "thorlabs", "power", "dBm", [-value for value in PERCENT]),
+}
+
+
+@pytest.mark.parametrize("name", SPECTRA)
+def test_a_spectrum_has_the_numbers_of_a_plain_reading(tmp_path: Path, name: str) -> None:
+    text, kind, quantity, unit, values = SPECTRA[name]
+    found = read(saved(tmp_path, text))
+    (one,) = spectra(found)
+    assert found.provenance.format == kind
+    assert (one.channel.quantity, one.channel.unit) == (quantity, unit)
+    assert one.wavelength_nm.tolist() == WAVES
+    assert one.channel.values.tolist() == values
+
+
+@pytest.mark.parametrize("mark", [".", ","])
+def test_avantes_converted_text(tmp_path: Path, mark: str) -> None:
+    found = read(saved(tmp_path, programs.avantes(mark)))
+    assert found.need("wavelength").to("nm").tolist() == WAVES
+    assert found.need("transmittance").values.tolist() == PERCENT
+    assert found.need("transmittance").unit == "%"
+
+
+@pytest.mark.parametrize(
+    ("name", "before", "after", "words"),
+    [
+        ("jasco", "NPOINTS\t40", "NPOINTS\t41", "40 rows, where 41"),
+        ("jasco", "XUNITS\tNANOMETERS", "XUNITS\tSeconds", "Seconds"),
+        ("jasco", "410.0000\t", "411.0000\t", "410 comes next"),
+        ("jasco", "MAXY\t89.9", "MAXY\t98.9", "MAXY"),
+        ("jasco", "\r\n##### Ext", "\r\n410.0\t85.1\r\n##### Ext", "below their end"),
+        ("PerkinElmer .asc", "410.000000\t", "410.000000", "line 36"),
+        ("PerkinElmer .asc", "\r\n2.0\r\n40\r\n", "\r\n2.0\r\n39\r\n", "40 rows, where 39"),
+        ("PerkinElmer .asc", "#DATA", "#DATE", "begins its numbers"),
+        ("Thorlabs", "[EndOfFile]", "", "ends its numbers"),
+        ("Thorlabs", "nm_vac", "THz", "THz"),
+    ],
+)
+def test_what_a_spectrum_states_is_held_against_its_rows(
+    tmp_path: Path, name: str, before: str, after: str, words: str
+) -> None:
+    text = SPECTRA[name][0]
+    assert before in text
+    with pytest.raises(DataError, match=words):
+        read(saved(tmp_path, text.replace(before, after, 1)))
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        *("Transmittance (%)", "Transmittance(%)", "Transmittance [%]", "% Transmittance", "%T", "T%", "Trans. (%)"),
+        *("film 1 T (%)", "film 1 (%T)", "%T of film 1", "film.Sample %T", "Transmission %"),
+    ],
+)
+@pytest.mark.parametrize("axis", ["nm", "Wave (nm)", "Wavelength nm."])
+def test_headers_of_percent(tmp_path: Path, header: str, axis: str) -> None:
+    rows = "".join(f"{w},{t}\n" for w, t in zip(WAVES, PERCENT, strict=True))
+    (one,) = spectra(read(saved(tmp_path, f"{axis},{header}\n{rows}")))
+    assert one.channel.quantity == "transmittance"
+    assert one.wavelength_nm.tolist() == WAVES
+    assert one.ratio() == pytest.approx(0.01 * np.array(PERCENT), rel=1e-12)
+
+
+@pytest.mark.parametrize("separator", ["\t", ",", ";", " "])
+def test_two_bare_columns_of_wavelengths_and_values(tmp_path: Path, separator: str) -> None:
+    rows = [f"{w}{separator}{t}" for w, t in zip(WAVES, PERCENT, strict=True)]
+    found = read(saved(tmp_path, "\n".join([*rows, ""])))
+    (one,) = spectra(found)
+    assert (one.wavelength_nm.tolist(), one.channel.values.tolist()) == (WAVES, PERCENT)
+    assert one.channel.quantity == ""
+    assert any("400 to 478 are taken for nm" in warning for warning in found.warnings)
+
+
+def test_two_bare_columns_that_are_no_spectrum_are_refused(tmp_path: Path) -> None:
+    rows = [f"{t},{f}" for t, f in zip(TIME, FORCE, strict=True)]
+    with pytest.raises(DataError, match="no header"):
+        read(saved(tmp_path, "\n".join([*rows, ""])))
+
+
+TESTS = {
+    "MTS 793": (programs.mts(), 1),
+    "MTS 793, two acquisitions": (programs.mts(2), 1),
+    "Trapezium": (programs.trapezium(), 2),
+    "Bluehill": (programs.bluehill(), 1),
+    "Bluehill, three specimens": (programs.bluehill(3), 3),
+    "testXpert side by side": (programs.side_by_side(), 2),
+}
+
+
+@pytest.mark.parametrize("name", TESTS)
+def test_each_specimen_has_the_numbers_of_a_plain_reading(tmp_path: Path, name: str) -> None:
+    text, count = TESTS[name]
+    parts = list(read_parts(saved(tmp_path, text)))
+    assert len(parts) == count
+    for number, (_, part) in enumerate(parts):
+        rows = slice(0, 40 - 5 * number) if "side" in name else slice(number, None)
+        travel = part.find("displacement") or part.need("crosshead")
+        assert part.need("time").to("s").tolist() == TIME[rows]
+        assert travel.to("mm").tolist() == TRAVEL[rows]
+        assert part.need("force").to("N").tolist() == FORCE[rows]
+
+
+def test_each_specimen_has_its_line_of_each_list(tmp_path: Path) -> None:
+    for text, key, values in (
+        (programs.trapezium(), "Width", [6.0, 6.1]),
+        (programs.bluehill(3), "Modulus", [3.0, 3.1, 3.2]),
+    ):
+        parts = list(read_parts(saved(tmp_path, text)))
+        found = [stated(part, key) for _, part in parts]
+        assert [number for number, _ in filter(None, found)] == values
+    assert [name for name, _ in read_parts(saved(tmp_path, programs.trapezium()))] == ["1 _ 1", "1 _ 2"]
+
+
+def test_several_specimens_are_not_read_as_one(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="2 specimens: 1 _ 1, 1 _ 2"):
+        read(saved(tmp_path, programs.trapezium()))
+
+
+@pytest.mark.parametrize(
+    ("name", "before", "after", "words"),
+    [
+        ("Trapezium", "0.5,0.3", "x,0.3", "belong to no table"),
+        ("Bluehill", "0.5,0.25", "0.5;0.25", "belong to no table"),
+        ("MTS 793, two acquisitions", "2.0\t1.0\t", "2.0\t1.0", "belong to no table"),
+        ("testXpert side by side", "\t0.5\t0.25\t", "\t0.5\tx\t", "belong to no table"),
+    ],
+)
+def test_damage_in_a_specimen_is_refused(tmp_path: Path, name: str, before: str, after: str, words: str) -> None:
+    text = TESTS[name][0]
+    assert before in text
+    with pytest.raises(DataError, match=words):
+        list(read_parts(saved(tmp_path, text.replace(before, after, 1))))
+
+
+def spc(
+    *, spectra: int = 1, exponent: int = -128, own_places: bool = False, order: str = "<", short: bool = False
+) -> bytes:
+    """A file as SPC.H lays it out."""
+    flags = short | (4 if spectra > 1 else 0) | (0x80 if own_places else 0)
+    version = 0x4B if order == "<" else 0x4C
+    head = struct.pack(
+        f"{order}BBBbIddIBB", flags, version, 0, exponent, len(WAVES), WAVES[0], WAVES[-1], spectra, 3, 128
+    )
+    data = head.ljust(512, b"\0")
+    if own_places:
+        data += np.array(WAVES, f"{order}f4").tobytes()
+    bits = 16 if short else 32
+    for number in range(spectra):
+        values = np.array(PERCENT) + number
+        kind = f"{order}f4" if exponent == -128 else f"{order}i{bits // 8}"
+        counts = values if exponent == -128 else np.round(values * 2.0 ** (bits - exponent))
+        sub = struct.pack(f"{order}BbHfffIIf4x", 0, exponent, number, float(number), 0.0, 0.0, len(WAVES), 0, 0.0)
+        data += sub + counts.astype(kind).tobytes()
+    return data
+
+
+@pytest.mark.parametrize("exponent", [-128, 8])
+@pytest.mark.parametrize("own_places", [False, True])
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize("count", [1, 3])
+def test_spc(tmp_path: Path, exponent: int, own_places: bool, order: str, count: int) -> None:
+    found = read(saved(tmp_path, spc(spectra=count, exponent=exponent, own_places=own_places, order=order)))
+    traces = spectra(found)
+    assert len(traces) == count
+    for number, one in enumerate(traces):
+        assert one.wavelength_nm == pytest.approx(WAVES, abs=1e-4)
+        assert (one.channel.quantity, one.channel.unit) == ("transmittance", "%")
+        assert one.channel.values == pytest.approx(np.array(PERCENT) + number, abs=1e-5)
+
+
+def test_spc_of_sixteen_bits(tmp_path: Path) -> None:
+    (one,) = spectra(read(saved(tmp_path, spc(exponent=8, short=True))))
+    assert one.channel.values == pytest.approx(PERCENT, abs=2.0**-8)
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "words"),
+    [(1, 0x4D, "old layout"), (28, 4, "kind 4"), (4, 39, "cut off or damaged"), (0, 0x40, "places of its own")],
+)
+def test_spc_that_is_not_read_is_refused_by_name(tmp_path: Path, place: int, value: int, words: str) -> None:
+    data = bytearray(spc())
+    data[place] = value
+    with pytest.raises(DataError, match=words):
+        read(saved(tmp_path, bytes(data)))
+
+
+def test_no_damage_to_an_spc_file_raises_anything_else(tmp_path: Path) -> None:
+    """A file of one length whose places and values are floating-point numbers has nothing else to check them by."""
+    whole, outcomes = spc(spectra=2), []
+    for seed in range(300):
+        dice = random.Random(seed)  # noqa: S311
+        data, _ = KINDS[dice.choice(["byte", "bit", "lost", "added", "part lost", "truncated"])](dice, whole)
+        try:
+            outcomes.append(len(spectra(read(saved(tmp_path, data)))))
+        except DataError:
+            outcomes.append(0)
+        assert len(data) == len(whole) or outcomes[-1] == 0, f"seed {seed}: a file of another length was read"
+    assert {0, 2} <= set(outcomes)
+
+
+def test_discs_side_by_side_are_those_below_each_other(tmp_path: Path) -> None:
+    depth = {2.0: (61.0, 63.0), 4.0: (131.0, 127.0), 8.0: (199.0, 201.0), 16.0: (268.0, 271.0)}
+    wide = "dose_mJ_per_cm2,disc 1 (um),disc 2 (um)\n" + "".join(f"{e},{a},{b}\n" for e, (a, b) in depth.items())
+    long = "dose_mJ_per_cm2,thickness_um,disc\n"
+    long += "".join(f"{e},{pair[n]},{n + 1}\n" for n in (0, 1) for e, pair in depth.items())
+    one, other = (curve_of_discs(read(saved(tmp_path, text)), CureOptions()) for text in (wide, long))
+    assert (one.Dp_um, one.u_Dp_um, one.Ec_mJ_per_cm2) == (other.Dp_um, other.u_Dp_um, other.Ec_mJ_per_cm2)
+
+
+def test_discs_side_by_side_need_their_unit(tmp_path: Path) -> None:
+    text = "dose_mJ_per_cm2,disc 1,disc 2\n2,61,63\n4,131,127\n8,199,201\n"
+    with pytest.raises(DataError, match="unit of thickness"):
+        curve_of_discs(read(saved(tmp_path, text)), CureOptions())
+
+
+@pytest.mark.parametrize(
+    ("header", "scale"),
+    [("T_2s (%),T_4s (%)", 1.0), ("T 2000 ms,T 4000 ms", 0.01), ("T_2_s,T_4_s", 0.01), ("2 s %T,4 s %T", 1.0)],
+)
+def test_exposures_in_the_names_of_columns(tmp_path: Path, header: str, scale: float) -> None:
+    rows = "".join(f"{w},{scale * t:.6f},{scale * (t - 1):.6f}\n" for w, t in zip(WAVES, PERCENT, strict=True))
+    layers = samples_of(read(saved(tmp_path, f"wavelength_nm,{header}\n{rows}")))
+    assert [layer.exposure_s for layer in layers] == [2.0, 4.0]
+    assert layers[0].transmittance == pytest.approx(0.01 * np.array(PERCENT), abs=1e-8)
+
+
+def test_a_column_is_read_under_another_name(tmp_path: Path) -> None:
+    text = "clock (s),way (mm),reading\n" + "".join(
+        f"{a},{b},{c}\n" for a, b, c in zip(TIME, TRAVEL, FORCE, strict=True)
+    )
+    recording = read(saved(tmp_path, text))
+    options = RowOptions(map=("way=displacement", "reading=force_N"))
+    found = chosen_rows(recording, options)
+    assert found.need("displacement").to("mm").tolist() == TRAVEL
+    assert (found.need("force").quantity, found.need("force").to("N").tolist()) == ("force", FORCE)
+
+
+@pytest.mark.parametrize(
+    ("pair", "words"),
+    [
+        ("way", "way=|equals|name and value"),
+        ("wy=force", "no such column"),
+        ("way=force_N", "states mm"),
+        ("way=clock", "clock already"),
+    ],
+)
+def test_a_name_that_cannot_be_mapped_is_refused(tmp_path: Path, pair: str, words: str) -> None:
+    text = "clock (s),way (mm)\n" + "".join(f"{a},{b}\n" for a, b in zip(TIME, TRAVEL, strict=True))
+    with pytest.raises(SolenError, match=words):
+        chosen_rows(read(saved(tmp_path, text)), RowOptions(map=(pair,)))
