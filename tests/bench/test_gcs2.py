@@ -1,7 +1,5 @@
 """The driver of PI stages: by a written conversation, against a simulated controller, with every fault of a wire."""
 
-from dataclasses import dataclass, field
-
 import numpy as np
 import pytest
 
@@ -13,6 +11,7 @@ from solen.bench.roles import Homes, Stage
 from solen.bench.simulated.stage import Axis, Move
 from solen.errors import BenchError
 from tests.bench.gcs2_controller_support import Gcs2Controller
+from tests.bench.stage_support import Written
 from tests.bench.wire_support import Faults, Served, Wire
 
 HELLO = [
@@ -25,28 +24,6 @@ HELLO = [
     (b"TMX? 1\n", b"1=360.0000000\n"),
 ]
 """What is said when a stage is taken into use."""
-
-
-@dataclass
-class Written:
-    """A conversation that was written down: what must be sent, in this order, and what is answered."""
-
-    turns: list[tuple[bytes, bytes]]
-    name: str = "written"
-    coming: bytes = b""
-    sent: list[bytes] = field(default_factory=list)
-
-    def write(self, data: bytes) -> None:
-        expected, answer = self.turns.pop(0)
-        assert data == expected
-        self.coming += answer
-
-    def read(self, most: int, timeout_s: float) -> bytes:  # noqa: ARG002  all is there at once
-        data, self.coming = self.coming[:most], self.coming[most:]
-        return data
-
-    def close(self) -> None:
-        assert not self.turns
 
 
 def test_what_is_said_is_the_manual_s(recwarn: pytest.WarningsRecorder) -> None:

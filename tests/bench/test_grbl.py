@@ -7,11 +7,10 @@ from solen.bench.drivers import DRIVERS
 from solen.bench.grbl import GrblStage
 from solen.bench.homing import make_known
 from solen.bench.link import open_link
-from solen.bench.rig import Rig
 from solen.bench.roles import Homes, Stage
 from solen.errors import BenchError
 from tests.bench.grbl_controller_support import GrblController
-from tests.bench.test_gcs2 import Written
+from tests.bench.stage_support import Written, arrived, rig_with
 from tests.bench.wire_support import Served, Wire
 
 IDLE = b"<Idle|MPos:0.000,0.000,0.000|FS:0,0|WCO:0.000,0.000,0.000>\r\n"
@@ -28,13 +27,6 @@ def driven(*, homing: bool = False) -> tuple[GrblStage, GrblController, Simulate
     controller = GrblController(clock, homing)
     wire = Wire(controller, clock)
     return GrblStage(wire, clock), controller, clock, wire
-
-
-def arrived(stage: GrblStage, clock: SimulatedClock) -> float:
-    begun = clock.now_s()
-    while not stage.on_target():
-        clock.sleep(0.01)
-    return clock.now_s() - begun
 
 
 def test_what_is_said_is_the_wiki_s() -> None:
@@ -91,11 +83,8 @@ def test_a_run_is_not_resumed_from_wherever_it_stands() -> None:
 
 
 def test_a_rig_opens_it_by_its_table() -> None:
-    sensor = {"name": "A", "design": "a.toml", "emitter": 1, "right": 1, "left": 2}
-    board = {"driver": "serial", "port": "COM3"}
     with Served(GrblController(WallClock())) as served:
-        table = {"driver": "grbl", "port": served.url, "lever_mm": 40.0, "home": "here", "travel": (-2.5, 2.5)}
-        rig = Rig(name="steps", stage=table, board=board, sensor=(sensor,))
+        rig = rig_with(driver="grbl", port=served.url, lever_mm=40.0, home="here", travel=(-2.5, 2.5))
         stage = DRIVERS["grbl"].open(rig, WallClock())
         assert isinstance(stage, GrblStage)
         assert stage.unit == "mm"

@@ -5,11 +5,10 @@ import pytest
 from solen.bench.clock import SimulatedClock, WallClock
 from solen.bench.drivers import DRIVERS
 from solen.bench.homing import make_known
-from solen.bench.rig import Rig
 from solen.bench.roles import Homes
 from solen.bench.zaber import ZaberStage
 from solen.errors import BenchError
-from tests.bench.test_gcs2 import Written
+from tests.bench.stage_support import Written, arrived, rig_with
 from tests.bench.wire_support import Served, Wire
 from tests.bench.zaber_controller_support import ZaberDevice
 
@@ -18,8 +17,6 @@ HELLO = [
     (b"/1 1 get limit.min\n", b"@01 1 OK IDLE -- -200000\r\n"),
     (b"/1 1 get limit.max\n", b"@01 1 OK IDLE -- 200000\r\n"),
 ]
-SENSOR = {"name": "A", "design": "a.toml", "emitter": 1, "right": 1, "left": 2}
-BOARD = {"driver": "serial", "port": "COM3"}
 
 
 def driven() -> tuple[ZaberStage, ZaberDevice, SimulatedClock, Wire]:
@@ -27,13 +24,6 @@ def driven() -> tuple[ZaberStage, ZaberDevice, SimulatedClock, Wire]:
     device = ZaberDevice(clock)
     wire = Wire(device, clock)
     return ZaberStage(wire, clock, steps_per_unit=PER_DEG), device, clock, wire
-
-
-def arrived(stage: ZaberStage, clock: SimulatedClock) -> float:
-    begun = clock.now_s()
-    while not stage.on_target():
-        clock.sleep(0.01)
-    return clock.now_s() - begun
 
 
 def test_what_is_said_is_the_manual_s() -> None:
@@ -103,8 +93,7 @@ def test_faults_of_the_axis_and_of_the_line_end_in_a_line() -> None:
 
 def test_a_rig_opens_it_by_its_table() -> None:
     with Served(ZaberDevice(WallClock())) as served:
-        table = {"driver": "zaber", "port": served.url, "steps_per_unit": PER_DEG, "home": "here"}
-        rig = Rig(name="steps", stage=table, board=BOARD, sensor=(SENSOR,))
+        rig = rig_with(driver="zaber", port=served.url, steps_per_unit=PER_DEG, home="here")
         stage = DRIVERS["zaber"].open(rig, WallClock())
         assert isinstance(stage, ZaberStage)
         stage.set_position(0.0)
@@ -116,6 +105,6 @@ def test_a_rig_opens_it_by_its_table() -> None:
     assert seen == sorted(seen)
     assert len(seen) > 3
     with pytest.raises(BenchError, match="steps_per_unit"):
-        Rig(name="x", stage={"driver": "zaber", "port": "COM4"}, board=BOARD, sensor=(SENSOR,))
+        rig_with(driver="zaber", port="COM4")
     with pytest.raises(BenchError, match="steps_per_unit"):
-        Rig(name="x", stage={"steps_per_unit": 10.0}, board=BOARD, sensor=(SENSOR,))
+        rig_with(steps_per_unit=10.0)

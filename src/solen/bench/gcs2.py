@@ -11,7 +11,8 @@ The interface: `Gcs2Stage`, a `Stage`; `STAGES` are the stages that are known, w
 from typing import Literal
 
 from solen.bench.clock import Clock
-from solen.bench.link import Lines, Link
+from solen.bench.line_stage import LineStage
+from solen.bench.link import Link
 from solen.errors import BenchError
 
 Unit = Literal["deg", "mm"]
@@ -60,7 +61,7 @@ def unit_of(stage: str, unit: Unit | None) -> Unit:
     return unit or known or "deg"
 
 
-class Gcs2Stage:
+class Gcs2Stage(LineStage):
     """One axis of a controller.
 
     Parameters
@@ -96,10 +97,8 @@ class Gcs2Stage:
         answer_s: float = 1.0,
         reference_s: float = 60.0,
     ) -> None:
-        self.name = f"{stage} at {link.name}"
+        super().__init__(f"{stage} at {link.name}", link, clock, answer_s)
         self.unit: Unit = unit_of(stage, unit)
-        self._link, self._clock = link, clock
-        self._lines = Lines(link, clock, timeout_s=answer_s)
         self._axis = axis
         self._to = "" if address is None else f"{address} "
         self._reference_s = reference_s
@@ -140,12 +139,7 @@ class Gcs2Stage:
         if self.referenced:
             return
         self.command(f"FRF {self._axis}")
-        due = self._clock.now_s() + self._reference_s
-        while not self._ready():
-            if self._clock.now_s() > due:
-                self.stop()
-                raise self._refusal(f"no reference found within {self._reference_s:g} s", "is the stage free to move?")
-            self._clock.sleep(0.05)
+        self._come_home(self._ready, self._reference_s)
         self._check("FRF")
         if not self.referenced:
             raise self._refusal("found no reference", "is the stage free to move?")
@@ -178,28 +172,21 @@ class Gcs2Stage:
 
         A late answer to an earlier question, which Ctrl-C interrupted, is dropped.
         """
-        self._send(STOP_ALL)
+        self._say(STOP_ALL)
         self._clock.sleep(STOPPING_S)
         self._lines.forget()
         code = self._error()
         if code not in {0, STOPPED}:
             raise self._refusal(_meaning(code), "look after the stage")
 
-    def close(self) -> None:
-        """Stop and close the line."""
-        try:
-            self.stop()
-        finally:
-            self._link.close()
-
     def command(self, text: str) -> None:
         """Send a command and ask whether it was taken; `BenchError` with the controller's reason where it was not."""
-        self._send(f"{text}\n".encode("ascii"))
+        self._say(f"{text}\n".encode("ascii"))
         self._check(text)
 
     def ask(self, text: str) -> list[str]:
         """Lines that answer a question, without addresses and the blanks that join them."""
-        self._send(f"{text}\n".encode("ascii"))
+        self._say(f"{text}\n".encode("ascii"))
         lines = [self._lines.next()]
         while lines[-1].endswith(" "):
             lines.append(self._lines.next())
@@ -207,10 +194,8 @@ class Gcs2Stage:
         prefix = f"0 {self._to}"
         return [line.removeprefix(prefix) if self._to else line for line in lines]
 
-    def _send(self, data: bytes) -> None:
-        if self._lines.late:
-            self._lines.forget()
-        self._link.write(self._to.encode() + data)
+    def _say(self, data: bytes) -> None:
+        self._send(self._to.encode() + data)
 
     def _value(self, question: str) -> str:
         """Value of this axis in the answer to a question."""
@@ -233,7 +218,7 @@ class Gcs2Stage:
             raise self._refusal(f"{text}: {_meaning(code)}", "see the controller's manual")
 
     def _moving(self) -> bool:
-        self._send(MOVING)
+        self._say(MOVING)
         answer = self._lines.next().strip().removeprefix(f"0 {self._to}" if self._to else "")
         try:
             return int(answer, 16) != 0
@@ -241,14 +226,11 @@ class Gcs2Stage:
             raise self._refusal(f"answered {answer!r} to #5", "check the baud rate") from None
 
     def _ready(self) -> bool:
-        self._send(READY)
+        self._say(READY)
         answer = self._lines.next_bytes().strip()
         if answer[-1:] not in {_READY, _BUSY}:
             raise self._refusal(f"answered {answer!r} to #7", "check the baud rate")
         return answer[-1:] == _READY
-
-    def _refusal(self, limit: str, remedy: str) -> BenchError:
-        return BenchError(self.name, limit=limit, remedy=remedy)
 
 
 def _meaning(code: int) -> str:

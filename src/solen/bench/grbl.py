@@ -13,7 +13,8 @@ import re
 from typing import Literal
 
 from solen.bench.clock import Clock
-from solen.bench.link import Lines, Link
+from solen.bench.line_stage import LineStage
+from solen.bench.link import Link
 from solen.errors import BenchError
 
 CANCEL, STATUS = b"\x85", b"?"
@@ -36,7 +37,7 @@ _STATUS = re.compile(r"<(\w+)(?::\d)?\|(?:.*\|)?MPos:([-\d.,]+)")
 _SETTING = re.compile(r"\$(\d+)=([-\d.]+)")
 
 
-class GrblStage:
+class GrblStage(LineStage):
     """One axis of a controller.
 
     Parameters
@@ -68,9 +69,8 @@ class GrblStage:
     ) -> None:
         if axis not in AXES[:3]:
             raise BenchError("axis", value=axis, limit="must be X, Y or Z")
-        self.name, self.unit = f"GRBL axis {axis} at {link.name}", unit
-        self._link, self._clock, self._home_s = link, clock, home_s
-        self._lines = Lines(link, clock, timeout_s=answer_s)
+        super().__init__(f"GRBL axis {axis} at {link.name}", link, clock, answer_s)
+        self.unit, self._home_s = unit, home_s
         self._axis, self._place = axis, AXES.index(axis)
         self._zero: float | None = None
         self._target, self._begun_s = 0.0, 0.0
@@ -141,18 +141,7 @@ class GrblStage:
         """Stop at once, with its acceleration; what was still to be done is dropped."""
         self._link.write(CANCEL)
         self._lines.forget()
-        due = self._clock.now_s() + 2.0
-        while self._status()[0] not in AT_REST:
-            if self._clock.now_s() > due:
-                raise self._refusal("does not stop", "cut its supply")
-            self._clock.sleep(0.01)
-
-    def close(self) -> None:
-        """Stop and close the line."""
-        try:
-            self.stop()
-        finally:
-            self._link.close()
+        self._come_to_rest(lambda: self._status()[0] in AT_REST)
 
     def _wake(self) -> None:
         """Wait until it answers: opening the port resets most boards, and what came before is of no use."""
@@ -172,9 +161,7 @@ class GrblStage:
 
     def _status(self) -> tuple[str, float]:
         """State and machine position."""
-        if self._lines.late:
-            self._lines.forget()
-        self._link.write(STATUS)
+        self._send(STATUS)
         for _ in range(10):
             line = self._lines.next().strip()
             if line.startswith("ALARM:"):
@@ -189,9 +176,7 @@ class GrblStage:
 
     def _command(self, text: str, timeout_s: float | None = None) -> list[str]:
         """Send a line; what is answered before ``ok``. `BenchError` with the controller's reason."""
-        if self._lines.late:
-            self._lines.forget()
-        self._link.write(f"{text}\n".encode("ascii"))
+        self._send(f"{text}\n".encode("ascii"))
         lines: list[str] = []
         due = self._clock.now_s() + (timeout_s or 0.0)
         while True:
@@ -209,9 +194,6 @@ class GrblStage:
 
     def _setting(self, number: int) -> float:
         return self._settings.get(number, 0.0)
-
-    def _refusal(self, limit: str, remedy: str) -> BenchError:
-        return BenchError(self.name, limit=limit, remedy=remedy)
 
 
 def _meaning(line: str) -> str:

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 from solen.bench.clock import Clock
-from solen.bench.link import Lines, Link
-from solen.errors import BenchError
+from solen.bench.line_stage import LineStage
+from solen.bench.link import Link
 
 SPEED = 1.6384
 """Value of ``maxspeed`` for one microstep per second."""
@@ -39,7 +39,7 @@ class Reply:
     data: str
 
 
-class ZaberStage:
+class ZaberStage(LineStage):
     """One axis.
 
     Parameters
@@ -73,9 +73,8 @@ class ZaberStage:
         answer_s: float = 1.0,
         home_s: float = 120.0,
     ) -> None:
-        self.name, self.unit = f"Zaber device {address} axis {axis} at {link.name}", unit
-        self._link, self._clock, self._home_s = link, clock, home_s
-        self._lines = Lines(link, clock, timeout_s=answer_s)
+        super().__init__(f"Zaber device {address} axis {axis} at {link.name}", link, clock, answer_s)
+        self.unit, self._home_s = unit, home_s
         self._to, self._per_unit = (address, axis), steps_per_unit
         self._velocity: float | None = None
         self._target = 0
@@ -98,13 +97,8 @@ class ZaberStage:
         if self.referenced:
             return
         self._ask("home")
-        due = self._clock.now_s() + self._home_s
-        while not (reply := self._ask("get pos")).idle:
-            if self._clock.now_s() > due:
-                self.stop()
-                raise self._refusal(f"is not home within {self._home_s:g} s", "is it free to move?")
-            self._clock.sleep(0.05)
-        self._check(reply)
+        self._come_home(lambda: self._ask("get pos").idle, self._home_s)
+        self._check(self._ask("get pos"))
 
     def set_position(self, position: float) -> None:
         """Take where it stands for a position; nothing moves."""
@@ -136,18 +130,7 @@ class ZaberStage:
         """Stop at once, with its deceleration; a late answer to an earlier question is dropped."""
         self._lines.forget()
         self._ask("stop")
-        due = self._clock.now_s() + 2.0
-        while not self._ask("get pos").idle:
-            if self._clock.now_s() > due:
-                raise self._refusal("does not stop", "cut its supply")
-            self._clock.sleep(0.01)
-
-    def close(self) -> None:
-        """Stop and close the line."""
-        try:
-            self.stop()
-        finally:
-            self._link.close()
+        self._come_to_rest(lambda: self._ask("get pos").idle)
 
     def _steps(self, position: float) -> int:
         return round(position * self._per_unit)
@@ -157,10 +140,8 @@ class ZaberStage:
 
     def _ask(self, text: str) -> Reply:
         """Answer to a command; alerts and remarks of the device, which come unasked, are passed over."""
-        if self._lines.late:
-            self._lines.forget()
         address, axis = self._to
-        self._link.write(f"/{address} {axis} {text}\n".encode("ascii"))
+        self._send(f"/{address} {axis} {text}\n".encode("ascii"))
         while (line := self._lines.next().strip())[:1] in {"!", "#"}:
             pass
         found = _REPLY.match(line)
@@ -174,6 +155,3 @@ class ZaberStage:
         if reply.warning.startswith("F"):
             meaning = WARNINGS.get(reply.warning, "see the protocol's manual")
             raise self._refusal(f"warns of {reply.warning}: {meaning}", "is it free to move?")
-
-    def _refusal(self, limit: str, remedy: str) -> BenchError:
-        return BenchError(self.name, limit=limit, remedy=remedy)

@@ -1,0 +1,72 @@
+"""What stages at the end of a line have in common: a stop that is waited for, a line that is closed whatever happens.
+
+The interface: `LineStage`, the base of drivers.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+
+from solen.bench.clock import Clock
+from solen.bench.link import Lines, Link
+from solen.errors import BenchError
+
+STOPS_S, STOP_LOOK_S, HOME_LOOK_S = 2.0, 0.01, 0.05
+
+
+class LineStage(ABC):
+    """Base of a stage that is spoken to over a link.
+
+    Parameters
+    ----------
+    name
+        Of the stage, with its link's.
+    link, clock
+        Line to it, and the clock that time-outs follow.
+    answer_s
+        How long an answer may take.
+    """
+
+    def __init__(self, name: str, link: Link, clock: Clock, answer_s: float = 1.0) -> None:
+        self.name = name
+        self._link, self._clock = link, clock
+        self._lines = Lines(link, clock, timeout_s=answer_s)
+
+    @abstractmethod
+    def stop(self) -> None:
+        """Stop at once; what was still to be done, and a late answer to an earlier question, are dropped."""
+
+    def close(self) -> None:
+        """Stop and close the line."""
+        try:
+            self.stop()
+        finally:
+            self._link.close()
+
+    def _send(self, data: bytes) -> None:
+        """Send bytes; an answer that came too late is not taken for theirs."""
+        if self._lines.late:
+            self._lines.forget()
+        self._link.write(data)
+
+    def _came_true(self, done: Callable[[], bool], within_s: float, every_s: float) -> bool:
+        """Ask until something is done; False where it takes too long."""
+        due = self._clock.now_s() + within_s
+        while not done():
+            if self._clock.now_s() > due:
+                return False
+            self._clock.sleep(every_s)
+        return True
+
+    def _come_to_rest(self, resting: Callable[[], bool]) -> None:
+        """After a stop; `BenchError` where it goes on."""
+        if not self._came_true(resting, STOPS_S, STOP_LOOK_S):
+            raise self._refusal("does not stop", "cut its supply")
+
+    def _come_home(self, there: Callable[[], bool], within_s: float) -> None:
+        """After the search for its zero began; it is stopped, and `BenchError`, where that takes too long."""
+        if not self._came_true(there, within_s, HOME_LOOK_S):
+            self.stop()
+            raise self._refusal(f"no reference found within {within_s:g} s", "is the stage free to move?")
+
+    def _refusal(self, limit: str, remedy: str) -> BenchError:
+        return BenchError(self.name, limit=limit, remedy=remedy)
