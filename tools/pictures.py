@@ -27,6 +27,7 @@ from solen.report.resin.index import index_figure
 from solen.sensor import Sensor
 from solen.sensor.readings import design_readings
 from solen.spec import loads, template, with_values
+from tools.wiring import wiring
 
 IMAGES = Path(__file__).parent.parent / "docs" / "images"
 ANGLES_DEG = np.linspace(-3.0, 3.0, 49)
@@ -153,6 +154,7 @@ def main() -> None:
     (IMAGES / "index-figure.svg").write_bytes(encoded(index_command(), ".svg", "index figure"))
     (IMAGES / "readout.svg").write_bytes(encoded(readout_picture(), ".svg", "readout"))
     (IMAGES / "ambient-light.svg").write_bytes(encoded(ambient_light(), ".svg", "ambient light"))
+    (IMAGES / "board-wiring.svg").write_bytes(encoded(wiring(), ".svg", "board wiring"))
     (IMAGES / "four-motions.svg").write_bytes(encoded(four_motions(), ".svg", "four motions"))
 
 

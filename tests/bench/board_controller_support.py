@@ -1,34 +1,53 @@
-"""A board on the wire: the frames of `solen.bench.frames`, commands and all, with what `SimulatedBoard` samples.
+"""A board on the wire: the firmware's own core on simulated hardware.
 
 It is for trying the driver with a real line between, and with every fault of one.
 """
 
 import struct
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Protocol
 
-from solen.bench.board import ALIVE, CONFIGURATION, CONFIGURE, IDENTIFY, START, STOP, TIME, WATCHDOG_S
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.arrays import FloatArray, IntArray
 from solen.bench.clock import Clock
-from solen.bench.frames import ANSWER, FrameReader, Layout, Periods, frame, sample_frames
+from solen.bench.firmware.solen_board import ANSWER, HEAD_BYTES, START, TIME, UNKNOWN, Board, Hardware
+from solen.bench.frames import HEAD, frame
+
+Counts = Callable[[FloatArray, IntArray], NDArray[np.uint16]]
+"""What inputs read at times (N,) with an emitter lit, from 0, or none, -1: (N, inputs)."""
 
 
-class Samples(Protocol):
-    """What a controller samples with: a simulated board."""
+class SimulatedHardware(Hardware):
+    """Hardware whose time is that of a clock, up to which its core is run; what it sends is kept."""
 
-    layout: Layout
-    period_s: float
+    def __init__(self, counts: Counts, period_us: int, emitters: int, inputs: int) -> None:
+        self.counts, self._asked = counts, (period_us // (2 * emitters), emitters, inputs)
+        self.at_us, self.lit, self.sent = 0, -1, bytearray()
+        self.most_steps_per_s = 20_000
+        self.switched: list[tuple[int, int]] = []
+        self.steps: list[tuple[int, int]] = []
 
-    def start(self) -> None:
-        """Begin."""
+    def now_us(self) -> int:
+        return self.at_us
 
-    def read(self) -> Periods:
-        """What is new."""
+    def light(self, emitter: int) -> None:
+        self.lit = emitter
+        self.switched.append((self.at_us, emitter))
 
-    def time_s(self) -> float:
-        """Its own time."""
+    def sample(self, buffer: bytearray, at: int, inputs: int) -> None:
+        read = self.counts(np.array([1e-6 * self.at_us]), np.array([self.lit]))[0]
+        buffer[at : at + 2 * inputs] = read[:inputs].astype("<u2").tobytes()
 
-    def stop(self) -> None:
-        """Emitters off."""
+    def send(self, data: bytearray) -> None:
+        self.sent += data
+
+    def fits(self, half_us: int, emitters: int, inputs: int) -> bool:
+        return (half_us, emitters, inputs) == self._asked
+
+    def step(self, position: int, forward: bool) -> None:  # noqa: ARG002  by its position
+        self.steps.append((self.at_us, position))
 
 
 @dataclass
@@ -37,10 +56,8 @@ class BoardController:
 
     Attributes
     ----------
-    clock, board
+    clock, hardware
         Its time, and what it samples with.
-    lit
-        Whether its emitters take turns.
     lose
         Numbers of periods that it samples and whose frames never leave it.
     double
@@ -52,78 +69,57 @@ class BoardController:
     """
 
     clock: Clock
-    board: Samples
-    name: str = "solen emitter board (simulated)"
-    lit: bool = False
+    hardware: SimulatedHardware
     lose: set[int] = field(default_factory=set)
     double: set[int] = field(default_factory=set)
     restart: bool = False
     keeps_time: bool = True
-    _commands: FrameReader = field(init=False)
-    _configured: bool = False
-    _heard_s: float = 0.0
+    core: Board = field(init=False)
+    _answering: bool = False
 
     def __post_init__(self) -> None:
-        self._commands = FrameReader(Layout(1, 1), every_kind=True)
+        self.core = Board(self.hardware, "solen emitter board (simulated)")
+        self._began_s = self.clock.now_s()
+        setattr(self.hardware, "send", self._send)  # noqa: B010  the line's faults stand behind it
+
+    @property
+    def lit(self) -> bool:
+        """Whether its emitters take turns."""
+        return self.core.lit
 
     def answer(self, data: bytes) -> bytes:
-        """What it says to bytes that came, and the periods since the last call."""
-        self._commands.feed(data)
-        if data:
-            self._heard_s = self.clock.now_s()
-        periods = self._sampled()
-        answers = b"".join(self._answered(kind, payload) for kind, payload in self._commands.others)
-        self._commands.others.clear()
-        return periods + answers
+        """What it says to bytes that came, and the periods since the last call.
 
-    def _sampled(self) -> bytes:
-        if self.lit and self.clock.now_s() - self._heard_s > WATCHDOG_S:
-            self._dark()
-        if not self.lit:
-            return b""
-        if self.restart:
+        A call within another one's, from another thread, finds nothing new.
+        """
+        until_us = round(1e6 * (self.clock.now_s() - self._began_s))
+        self._run(until_us)
+        self.core.hear(data)
+        said, self.hardware.sent = bytes(self.hardware.sent), bytearray()
+        return said
+
+    def _run(self, until_us: int) -> None:
+        """All that is due until then."""
+        if self.restart and self.lit:
             self.restart = False
-            self.board.start()
-        periods = self.board.read()
-        kept = [
-            place
-            for place, number in enumerate(periods.number.tolist())
-            for _ in range(1 + (number in self.double))
-            if number not in self.lose
-        ]
-        columns = (getattr(periods, name)[kept] for name in ("number", "board_us", "flags", "counts"))
-        return sample_frames(self.board.layout, Periods(*columns))
+            self.core.lit = False
+            self.core.hear(frame(START, 0, b""))
+        while (due := self._due_us(until_us)) <= until_us:
+            self.hardware.at_us = max(due, self.hardware.at_us)
+            self.core.work()
+        self.hardware.at_us = max(until_us, self.hardware.at_us)
 
-    def _answered(self, kind: int, payload: bytes) -> bytes:
-        status, words = 0, ""
-        if kind == IDENTIFY:
-            words = self.name
-        elif kind == CONFIGURE:
-            status = 0 if self._fits(payload) else 2
-        elif kind == START:
-            status = 0 if self._configured else 3
-            if self._configured and not self.lit:
-                self.lit = True
-                self.board.start()
-        elif kind == STOP:
-            self._dark()
-        elif kind == ALIVE:
-            return b""
-        elif kind == TIME and self.keeps_time:
-            return frame(ANSWER, 0, struct.pack("<BBI", kind, 0, round(1e6 * self.board.time_s()) % (1 << 32)))
+    def _due_us(self, until_us: int) -> int:
+        due = self.core.next_us()
+        if self.core.axis.moving:  # ten looks at the ramp in a millisecond
+            return min(self.hardware.at_us + 100, until_us + 1 if due is None else due)
+        return until_us + 1 if due is None else due
+
+    def _send(self, data: bytearray) -> None:
+        _, _, kind, _, number = HEAD.unpack_from(data)
+        if kind == ANSWER:
+            if data[HEAD_BYTES] == TIME and not self.keeps_time:
+                data = bytearray(frame(ANSWER, 0, struct.pack("BB", TIME, UNKNOWN)))
+            self.hardware.sent += data
         else:
-            status = 1
-        return frame(ANSWER, 0, bytes([kind, status]) + words.encode())
-
-    def _fits(self, payload: bytes) -> bool:
-        if len(payload) != CONFIGURATION.size:
-            return False
-        period_us, emitters, inputs = CONFIGURATION.unpack(payload)
-        layout = self.board.layout
-        asked = (period_us, emitters, inputs)
-        self._configured = asked == (round(1e6 * self.board.period_s), layout.emitters, layout.receivers)
-        return self._configured
-
-    def _dark(self) -> None:
-        self.lit = False
-        self.board.stop()
+            self.hardware.sent += (0 if number in self.lose else 1 + (number in self.double)) * data

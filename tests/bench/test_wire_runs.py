@@ -27,7 +27,7 @@ from solen.bench.run import Tick
 from solen.bench.simulated.board import SimulatedBoard
 from solen.bench.simulated.sensors import simulated_sensors
 from solen.errors import BenchError
-from tests.bench.board_controller_support import BoardController
+from tests.bench.board_controller_support import BoardController, SimulatedHardware
 from tests.bench.gcs2_controller_support import Gcs2Controller
 from tests.bench.wire_support import Served
 
@@ -77,7 +77,9 @@ def wires(bench: Path) -> Iterator[Wires]:
         0.005,
         np.random.default_rng(1),
     )
-    board = BoardController(clock, sampler)
+    sampler.start()
+    hardware = SimulatedHardware(sampler.counts, 5000, rig.emitters, rig.inputs)
+    board = BoardController(clock, hardware)
     text = (bench / "protocol.toml").read_text(encoding="utf-8").replace("cycles = 3", f"cycles = {CYCLES}")
     (bench / "protocol.toml").write_text(text, encoding="utf-8")
     with Served(stage) as to_stage, Served(board) as to_board:

@@ -79,6 +79,7 @@ ROWS = {
     "print inspect": f"lens.png --design {DESIGN} --um-per-px 5 --figure inspected.svg --out lens.json",
     "print printers": "",
     "bench new": "bench",
+    "bench firmware": "board --board uno",
     "bench run": "rig/protocol.toml --rig rig/rig.toml --out recorded",
     "bench recover": "left/protocol.journal",
     "bench recordings": "recorded",

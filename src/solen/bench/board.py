@@ -2,8 +2,8 @@
 
 The idea: the host configures how many emitters and inputs take part and how often, and starts and stops; each command
 is a frame (`solen.bench.frames`) and is answered by one, which carries the command's kind, a status and words. Between
-answers, periods come unasked. When the line is closed, or the host was silent for `WATCHDOG_S`, the board is to switch
-its emitters off by itself.
+answers, periods come unasked. When the line is closed, or the host was silent for a second, the board switches its
+emitters off by itself. A board may drive a motor as well (`BoardStage`), by the clock that stamps its periods.
 
 ====== ========= ==============================================================
 kind   name      payload
@@ -14,27 +14,48 @@ kind   name      payload
 19     stop      none; emitters off
 20     alive     none; the watchdog's food, not answered
 21     time      none; answered by the board's clock in µs (4 bytes, wraps), as it stamps periods
+22     move      steps (4 bytes, signed), steps per 1000 s, steps/s² (4 bytes each)
+23     halt      none; the motor slows down and stops
+24     where     none; answered by the board's clock in µs, steps (4 bytes each), and whether it moves (1 byte)
+25     place     what it calls the place where it stands, in steps (4 bytes, signed)
 2      answer    kind of the command, status (0 done, else an error), words
 ====== ========= ==============================================================
 
-The interface: `SerialBoard`, an `EmitterBoard`.
+The interface: `SerialBoard`, an `EmitterBoard`; `BoardStage`, the motor on one, a `Stage`.
 """
 
 import math
 import struct
+from typing import Literal, cast
 
 from solen.bench.clock import Clock
+from solen.bench.firmware.solen_board import ALIVE, CONFIGURE, HALT, IDENTIFY, MOVE, PLACE, START, STOP, TIME, WHERE
 from solen.bench.frames import FrameReader, Layout, Losses, Periods, frame
 from solen.bench.link import Link
 from solen.errors import BenchError
 
-IDENTIFY, CONFIGURE, START, STOP, ALIVE, TIME = 16, 17, 18, 19, 20, 21
 CONFIGURATION = struct.Struct("<IBB")
-_TIME = struct.Struct("<I")
-STATUSES = {1: "unknown command", 2: "cannot be configured so", 3: "not configured", 4: "an emitter is at fault"}
-WATCHDOG_S = 2.0
-ALIVE_EVERY_S = 0.5
-_NAMES = {IDENTIFY: "identify", CONFIGURE: "configure", START: "start", STOP: "stop"}
+_TIME, _MOVE, _WHERE, _PLACE = struct.Struct("<I"), struct.Struct("<iII"), struct.Struct("<IiB"), struct.Struct("<i")
+STATUSES = {
+    1: "unknown command",
+    2: "cannot be done so",
+    3: "not configured",
+    4: "an emitter is at fault",
+    5: "has no motor",
+}
+ALIVE_EVERY_S = 0.25
+WAKES_S = 3.0
+"""So long after its port was opened an Arduino may not answer yet."""
+_NAMES = {
+    IDENTIFY: "identify",
+    CONFIGURE: "configure",
+    START: "start",
+    STOP: "stop",
+    MOVE: "move",
+    HALT: "halt",
+    WHERE: "where",
+    PLACE: "place",
+}
 
 
 class SerialBoard:
@@ -74,11 +95,11 @@ class SerialBoard:
         self._sent, self._fed_s = 0, 0.0
         self._waiting: list[Periods] = []
         self._keeps_time = True
-        self._command(STOP)  # it may be running from before
+        self._wake()
         self._renew()
-        self.identity = self._command(IDENTIFY)
+        self.identity = self.command(IDENTIFY).decode("utf-8", "replace")
         period_us = round(1e6 * period_s)
-        self._command(CONFIGURE, CONFIGURATION.pack(period_us, layout.emitters, layout.receivers))
+        self.command(CONFIGURE, CONFIGURATION.pack(period_us, layout.emitters, layout.receivers))
 
     @property
     def losses(self) -> Losses:
@@ -88,7 +109,7 @@ class SerialBoard:
     def start(self) -> None:
         """Begin to light and to sample."""
         self._renew()
-        self._command(START)
+        self.command(START)
         self._fed_s = self._clock.now_s()
 
     def read(self) -> Periods:
@@ -117,7 +138,7 @@ class SerialBoard:
 
     def stop(self) -> None:
         """Emitters off, no more samples."""
-        self._command(STOP)
+        self.command(STOP)
 
     def close(self) -> None:
         """Emitters off, and the line closed."""
@@ -125,6 +146,13 @@ class SerialBoard:
             self.stop()
         finally:
             self._link.close()
+
+    def _wake(self) -> None:
+        """Stop it, as it may be running from before; one that its port's opening has reset answers after a while."""
+        due = self._clock.now_s() + WAKES_S
+        while self._answer(STOP) is None:
+            if self._clock.now_s() > due:
+                self.command(STOP)
 
     def _renew(self) -> None:
         """Drop what is in transit, and count losses from here."""
@@ -136,13 +164,17 @@ class SerialBoard:
         self._link.write(frame(kind, self._sent, payload))
         self._sent += 1
 
-    def _command(self, kind: int, payload: bytes = b"") -> str:
-        """Words of the answer to a command that was obeyed."""
+    def command(self, kind: int, payload: bytes = b"") -> bytes:
+        """What is answered to a command that was obeyed; `BenchError` where it was not."""
         answer = self._answer(kind, payload)
         if answer is None:
             limit = f"no answer to {_NAMES[kind]} within {self._answer_s:g} s"
             raise BenchError(self.name, limit=limit, remedy="check cable, power and baud rate")
-        return self._words(kind, answer[0], answer[1].decode("utf-8", "replace"))
+        status, words = answer
+        if status != 0:
+            meaning = words.decode("utf-8", "replace") or STATUSES.get(status, f"status {status}")
+            raise BenchError(self.name, limit=f"{_NAMES[kind]}: {meaning}", remedy="see the rig file's [board]")
+        return words
 
     def _answer(self, kind: int, payload: bytes = b"") -> tuple[int, bytes] | None:
         """Status and words of the answer to a command, None for no answer; periods that come before it are kept."""
@@ -156,8 +188,90 @@ class SerialBoard:
                     return answer[1], answer[2:]
         return None
 
-    def _words(self, kind: int, status: int, words: str) -> str:
-        if status != 0:
-            meaning = words or STATUSES.get(status, f"status {status}")
-            raise BenchError(self.name, limit=f"{_NAMES[kind]}: {meaning}", remedy="see the rig file's [board]")
-        return words
+
+class BoardStage:
+    """The motor on a board: a stepper, or a hobby servo, whose steps are microseconds of its pulse.
+
+    Where it was sent is known, not where it is: nothing measures.
+
+    Parameters
+    ----------
+    board, clock
+        The board, and the clock of the run.
+    steps_per_unit, unit
+        Its steps per deg or mm.
+    acceleration
+        In its unit per s².
+    """
+
+    def __init__(
+        self,
+        board: SerialBoard,
+        clock: Clock,
+        *,
+        steps_per_unit: float,
+        unit: Literal["deg", "mm"] = "deg",
+        acceleration: float = 100.0,
+    ) -> None:
+        self.name = f"motor of the {board.name}"
+        self.unit: Literal["deg", "mm"] = unit
+        self.board, self._clock = board, clock
+        self._per_unit, self._acceleration = steps_per_unit, acceleration
+        self._target, self._referenced = 0, False
+        self._where()
+
+    @property
+    def referenced(self) -> bool:
+        """Whether it was given a zero since it was connected."""
+        return self._referenced
+
+    @property
+    def search(self) -> str:
+        """Nothing can be searched for."""
+        return "It has no switch to find it by."
+
+    def reference(self) -> None:
+        """Refused: there is no switch."""
+        raise BenchError(self.name, limit="has no switch to find its zero by", remedy='home = "here" in [stage]')
+
+    def set_position(self, position: float) -> None:
+        """Take where it stands for a position; nothing moves."""
+        self.board.command(PLACE, _PLACE.pack(round(position * self._per_unit)))
+        self._referenced = True
+
+    def begin_move(self, target: float, velocity: float) -> None:
+        """Begin to move to a position at a velocity, in deg and deg/s or mm and mm/s."""
+        to, speed = round(target * self._per_unit), round(1e3 * velocity * self._per_unit)
+        ramp = max(1, round(self._acceleration * self._per_unit))
+        self.board.command(MOVE, _MOVE.pack(to, speed, ramp))
+        self._target = to
+
+    def position(self) -> float:
+        """Where it is, in deg or mm, by the steps that were made."""
+        return self._where()[1] / self._per_unit
+
+    def on_target(self) -> bool:
+        """Whether it has come to rest where it was sent; `BenchError` where it rests elsewhere."""
+        _, at, moving = self._where()
+        if not moving and at != self._target:
+            raise BenchError(self.name, limit=f"rests at step {at}, sent to {self._target}", remedy="was it reset?")
+        return not moving
+
+    def stop(self) -> None:
+        """Slow down and stop."""
+        self.board.command(HALT)
+        due = self._clock.now_s() + 2.0
+        while self._where()[2]:
+            if self._clock.now_s() > due:
+                raise BenchError(self.name, limit="does not stop", remedy="cut its supply")
+            self._clock.sleep(0.01)
+
+    def close(self) -> None:
+        """Stop, and close the board's line."""
+        try:
+            self.stop()
+        finally:
+            self.board.close()
+
+    def _where(self) -> tuple[int, int, int]:
+        return cast("tuple[int, int, int]", _WHERE.unpack(self.board.command(WHERE)))

@@ -18,6 +18,7 @@ from solen.bench.roles import Daq, EmitterBoard, Stage
 from solen.errors import BenchError
 
 if TYPE_CHECKING:  # the rig's tables name drivers of this module
+    from solen.bench.board import SerialBoard
     from solen.bench.rig import Rig
 
 
@@ -94,7 +95,17 @@ def _hand(rig: "Rig", clock: Clock) -> Stage:  # noqa: ARG001  a hand needs no c
     return HandStage(rig.stage.moves_in)
 
 
-def _serial(rig: "Rig", clock: Clock) -> EmitterBoard:
+def _motor(rig: "Rig", clock: Clock) -> Stage:
+    from solen.bench.board import BoardStage
+
+    table = rig.stage
+    board = _serial(rig, clock)
+    with on_failure(board.close):
+        # the rig has checked that there is such a board, and that the steps are stated
+        return BoardStage(board, clock, steps_per_unit=table.steps_per_unit or 1.0, unit=table.moves_in)
+
+
+def _serial(rig: "Rig", clock: Clock) -> "SerialBoard":
     from solen.bench.board import SerialBoard
     from solen.bench.frames import Layout
     from solen.bench.link import open_link
@@ -121,6 +132,7 @@ DRIVERS: registry.Registry[Driver] = registry.Registry(
         "gcs2": Driver("stage", _gcs2, needs="port"),
         "grbl": Driver("stage", _grbl, needs="port"),
         "hand": Driver("stage", _hand),
+        "board": Driver("stage", _motor),
         "zaber": Driver("stage", _zaber, needs="port"),
         "serial": Driver("board", _serial, needs="port"),
         "nidaqmx": Driver("daq", _nidaqmx, needs="device"),
@@ -131,7 +143,12 @@ DRIVERS: registry.Registry[Driver] = registry.Registry(
 
 
 def open_instruments(rig: "Rig", clock: Clock) -> tuple[Stage, EmitterBoard | Daq]:
-    """Stage and sampler of a real rig; where the second cannot be opened, the first is closed."""
+    """Stage and sampler of a real rig; where the second cannot be opened, the first is closed.
+
+    A stage that is the motor of the board brings the board with it.
+    """
     stage = cast("Stage", DRIVERS[rig.stage.driver].open(rig, clock))  # the rig has checked the roles
+    if (board := getattr(stage, "board", None)) is not None:
+        return stage, board
     with on_failure(stage.close):
         return stage, cast("EmitterBoard | Daq", DRIVERS[rig.sampler.driver].open(rig, clock))

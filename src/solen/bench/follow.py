@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from solen.arrays import FloatArray
 from solen.bench.journal import Rows, dtypes_of, read_journal, read_on
-from solen.bench.netcdf import subtracted
+from solen.bench.netcdf import sound, subtracted
 from solen.bench.records import END, ROWS
 from solen.errors import DataError
 
@@ -76,4 +76,5 @@ class Following:
         time_s = 1e-6 * (both["board_us"] - begun).astype(np.float64)
         readings = subtracted(both["counts"], time_s, wires, self.header)
         kept = readings.of(wires["emitter"]) & (readings.time_s >= time_s[len(before)])
+        kept &= sound(both["flags"], time_s, readings.time_s)
         return Fresh(readings.time_s[kept], readings.signal[kept][:, ::-1], readings.clipped[kept][:, ::-1])

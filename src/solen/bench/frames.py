@@ -40,6 +40,8 @@ SYNC = b"\xa5\x5a"
 VERSION = 1
 SAMPLES, ANSWER = 1, 2
 LATE, FAULT, ANEW = 1, 2, 4
+UNSOUND = LATE | FAULT
+"""Periods with these flags give no readings."""
 LONGEST_PAYLOAD = 4096
 """More than 16 emitters and 64 receivers need; a length beyond it is a garbled one."""
 Other = tuple[int, bytes]

@@ -24,7 +24,7 @@ from solen import files
 from solen.analysis.demodulation import Demodulated, slots_of, subtract
 from solen.arrays import FloatArray
 from solen.bench.clock_fit import ClockLine, fit_clock
-from solen.bench.frames import ANEW
+from solen.bench.frames import ANEW, UNSOUND
 from solen.bench.journal import JournalContent, Rows
 from solen.bench.protocol import Protocol
 from solen.bench.rig import sensor_angle_deg
@@ -154,8 +154,13 @@ def _periods(file: Any, journaled: JournalContent) -> Content:
     return (
         time_s,
         {sensor["name"]: _sensor(file, sensor, list(_readings(sensor, journaled, time_s, cuts))) for sensor in sensors},
-        [],
+        _unsound(board),
     )
+
+
+def _unsound(board: Rows) -> list[str]:
+    count = int(np.count_nonzero(board["flags"] & UNSOUND))
+    return [f"{count} periods that the board sampled late, or with a fault, gave no readings"] if count else []
 
 
 def _waveform(file: Any, journaled: JournalContent) -> Content:
@@ -250,7 +255,14 @@ def _sampled(file: Any, board: Rows, time_s: FloatArray, header: Mapping[str, An
     _variable(file, "part", ("period",), board["part"], "1", "part of the run, one more each time it was taken up")
     _variable(file, "number", ("period",), board["number"], "1", "number of the period by the board")
     _variable(file, "board_us", ("period",), board["board_us"], "us", "start of the period by the board's own clock")
-    _variable(file, "flags", ("period",), board["flags"], "1", "1 late, 2 an emitter at fault, 4 board restarted")
+    _variable(
+        file,
+        "flags",
+        ("period",),
+        board["flags"],
+        "1",
+        "1 late, 2 emitter at fault (no readings), 4 restarted",
+    )
     dims = ("period", "emitter", "phase", "input")
     text = "voltage of an input; phase 0 with the emitter on, 1 with it off again"
     volts = create_variable(file, "voltage", dims, counts.shape, counts.dtype, "V", text, AT_ONCE)
@@ -343,6 +355,7 @@ def _readings(
             low, high = max(begin - 1, first), min(end + 1, last)  # neighbours lend their off phases
             readings = subtracted(board["counts"][low:high], time_s[low:high], sensor, header)
             kept = readings.of(sensor["emitter"]) & (readings.time_s >= time_s[begin])
+            kept &= sound(board["flags"][low:high], time_s[low:high], readings.time_s)
             if end < last:
                 kept &= readings.time_s < time_s[end]
             yield _columns(readings, kept, journaled, cuts)
@@ -363,6 +376,16 @@ def subtracted(
     top = np.full(2, header["top_count"] * header["volts_per_count"])
     values = inputs.reshape(-1, 2) * header["volts_per_count"]
     return subtract(slots_of(time, values, np.tile(state, len(counts)), limits=(np.zeros(2), top)))
+
+
+def sound(flags: NDArray[np.uint8], period_s: FloatArray, reading_s: FloatArray) -> NDArray[np.bool_]:
+    """Which readings are of periods without fault; a late one lit its receivers for who knows how long.
+
+    The period before it counts too, which lends its off phase.
+    """
+    good = flags & UNSOUND == 0
+    period = np.searchsorted(period_s, reading_s, "right") - 1
+    return np.asarray(good[period] & good[np.maximum(period - 1, 0)])
 
 
 def _columns(

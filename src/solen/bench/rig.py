@@ -23,8 +23,10 @@ from solen.errors import BenchError
 from solen.files import check_name
 from solen.spec.strict import NotNegative, Number, Positive, Text, refused, told_of
 
-MODELLESS = ("grbl", "hand", "zaber")
+MODELLESS = ("board", "grbl", "hand", "zaber")
 """Drivers of stages that have no model: whatever the axis turns or pushes."""
+STEPPED = ("board", "zaber")
+"""Drivers of stages whose steps the rig states."""
 OWN = ("simulated", "gcs2", *MODELLESS)
 Input = Annotated[int, Field(strict=True, ge=1, le=64)]
 
@@ -48,7 +50,7 @@ class StageOf(BenchTable):
     driver: Text = Field(
         "simulated",
         description="simulated, gcs2 for a controller of PI, grbl for a stepper, zaber, hand for one without a motor, "
-        "or that of another package.",
+        "board for the motor of the board, or that of another package.",
     )
     model: Text = Field("M-060.DG", description=f"Name of the stage: {', '.join(STAGES)}.")
     unit: Literal["deg", "mm"] | None = Field(
@@ -61,7 +63,7 @@ class StageOf(BenchTable):
         None, description="Address of the controller where several share a line."
     )
     steps_per_unit: Positive | None = Field(
-        None, description="Microsteps of a stage of Zaber per deg or mm, by its specifications."
+        None, description="Steps per deg or mm: of a board's motor, or microsteps of a stage of Zaber."
     )
     zero: Number = Field(0.0, description="Position at which the sensor is straight, in deg or mm.")
     home: Literal["here"] | bool = Field(
@@ -81,8 +83,8 @@ class StageOf(BenchTable):
         _check_driver(self, "port")
         if self.travel is not None and not self.travel[0] <= self.zero <= self.travel[1]:
             raise refused("travel", f"must be from below zero = {self.zero:g} to above it", value=self.travel)
-        if (self.driver == "zaber") != (self.steps_per_unit is not None) and self.driver in OWN:
-            raise refused("steps_per_unit", "is for a stage of Zaber, and one needs it", value=self.steps_per_unit)
+        if (self.driver in STEPPED) != (self.steps_per_unit is not None) and self.driver in OWN:
+            raise refused("steps_per_unit", "is for board and zaber, and needed there", value=self.steps_per_unit)
         if self.driver not in OWN:
             return self
         if self.driver in MODELLESS and "model" in self.model_fields_set:
@@ -270,6 +272,8 @@ class Rig(BenchTable):
             twice = [value for value, times in Counter(used).items() if times > 1]
             if twice:
                 raise refused("sensor", f"{what} {twice[0]} is used twice", remedy=f"give each its own {what}")
+        if self.stage.driver == "board" and (self.daq is not None or self.board.driver != "serial"):
+            raise refused("stage.driver", 'needs [board] with driver = "serial"', value="board")
         if self.daq is not None and "board" in self.model_fields_set:
             raise refused("daq", "stands beside [board]", remedy="keep the one that the rig has")
         if self.sampler.driver != "simulated":

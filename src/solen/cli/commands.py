@@ -52,6 +52,7 @@ COMMANDS: dict[str, tuple[tuple[str, str, str], ...]] = {
     ),
     BENCH: (
         ("new", "bench.record:new", "Write example protocols and rigs into a folder."),
+        ("firmware", "bench.firmware:firmware", "Write the firmware of an emitter board: Pico, ESP32 or Arduino Uno."),
         ("run", "bench.record:run", "Run a protocol on a rig, real or simulated, and record it."),
         ("recover", "bench.record:recover", "Turn the journal of an interrupted run into a recording."),
         ("recordings", "bench.record:recordings", "List the recordings in a folder."),

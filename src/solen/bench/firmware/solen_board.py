@@ -104,8 +104,8 @@ class Axis:
         self._ramp(now_us, 1 if target >= self.position else -1, way, (acceleration * up, acceleration), (up, flat))
 
     def halt(self, now_us: int) -> None:
-        """Slow down from here, as fast as it sped up."""
-        if self.moving:
+        """Slow down from here, as fast as it sped up, unless it does."""
+        if self.moving and self._up_s:
             since = 1e-6 * (now_us - self._begin_us)
             speed = self._acceleration * min(since, max(0.0, self._all_s - since))
             speed = min(speed, self._velocity)
@@ -161,20 +161,26 @@ class Board:
         self.lit, self.axis = False, Axis(hardware)
         self._coming, self._heard_us, self._begun_us = bytearray(), 0, 0
         self._period_us = self._emitters = self._inputs = 0
-        self._frame, self._crc, self._late_crc = bytearray(), 0, 0
+        self._frame, self._other, self._crc, self._late_crc = bytearray(), bytearray(), 0, 0
         self._number = self._half = 0
         self._late = False
 
-    def work(self) -> None:
-        """Do what is due; to be called as often as possible."""
+    def work(self) -> bool:
+        """Do what is due, to be called as often as possible; whether there was anything."""
         now = self._hardware.now_us()
         if self.axis.moving:
             self.axis.work(now)
-        if self.lit:
-            if now - self._heard_us > WATCHDOG_US:
-                self._dark()
-            elif now >= (due := self._due_us(self._half + 1)):
-                self._end_half(now - due)
+        if self.lit and now - self._heard_us > WATCHDOG_US:
+            self._dark()
+        due = self._due_us(self._half + 1) if self.lit else now + 1
+        if now < due:
+            return self.axis.moving
+        self._end_half(now - due)
+        return True
+
+    def next_us(self) -> "int | None":
+        """When the next half is due; None while it is dark."""
+        return self._due_us(self._half + 1) if self.lit else None
 
     def hear(self, data: bytes) -> None:
         """Take bytes that came from the host, and do the commands that are complete."""

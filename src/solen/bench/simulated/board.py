@@ -3,7 +3,7 @@
 The idea: a period is cut into as many slots as there are emitters; in each, one emitter is on for the first half and
 off for the second, and every input is sampled at the end of both. Where the stage stands at that moment decides what
 share of the light arrives; the circuit makes volts of it, the converter counts. All periods since the last reading are
-worked out at once.
+worked out at once; a test has the core of the firmware (`solen.bench.firmware.solen_board`) give the same ones.
 """
 
 import math
@@ -11,8 +11,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
-from solen.arrays import FloatArray
+from solen.arrays import FloatArray, IntArray
 from solen.bench.clock import Clock
 from solen.bench.frames import Layout, Losses, Periods
 from solen.bench.rig import RoomLight
@@ -101,16 +102,23 @@ class SimulatedBoard:
         slots = 2 * self.layout.emitters
         # every input is sampled at the end of each half of a slot
         time = (start[:, None] + (np.arange(slots) + 1.0) / slots * self.period_s).ravel()
-        counts = np.zeros((n * slots, self.layout.receivers), np.uint16)
-        if n:
-            angle, room = self.angle_deg(time), room_light_mw_cm2(self.room, time, self._phase)
-            for sensor in self.sensors:
-                lit = np.zeros((len(time), 2))
-                on = np.arange(2 * (sensor.wires.emitter - 1), len(time), slots)
-                lit[on] = sensor.at(angle[on])
-                read = volts(lit, sensor.circuit, room, rng=self.rng)
-                inputs = [sensor.wires.right - 1, sensor.wires.left - 1]
-                counts[:, inputs] = np.rint(read / sensor.circuit.adc.step_V).astype(np.uint16)
+        half = np.arange(slots)
+        counts = self.counts(time, np.tile(np.where(half % 2, -1, half // 2), n))
         board_us = np.rint((start - begun) * 1e6 * (1.0 + 1e-6 * self.ppm)).astype(np.int64)
         shape = (n, self.layout.emitters, 2, self.layout.receivers)
         return Periods(number, board_us, np.zeros(n, np.uint8), counts.reshape(shape))
+
+    def counts(self, time_s: FloatArray, lit: IntArray) -> NDArray[np.uint16]:
+        """What the converter gives at ascending times (N,), with an emitter lit, from 0, or none, -1: (N, inputs)."""
+        counts = np.zeros((len(time_s), self.layout.receivers), np.uint16)
+        if len(time_s) == 0:
+            return counts
+        angle, room = self.angle_deg(time_s), room_light_mw_cm2(self.room, time_s, self._phase)
+        for sensor in self.sensors:
+            light = np.zeros((len(time_s), 2))
+            on = lit == sensor.wires.emitter - 1
+            light[on] = sensor.at(angle[on])
+            read = volts(light, sensor.circuit, room, rng=self.rng)
+            inputs = [sensor.wires.right - 1, sensor.wires.left - 1]
+            counts[:, inputs] = np.rint(read / sensor.circuit.adc.step_V).astype(np.uint16)
+        return counts

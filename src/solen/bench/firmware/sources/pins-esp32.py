@@ -1,0 +1,15 @@
+"""What is connected to the pins of an ESP32, by the numbers of its GPIOs; inputs are those of its first converter."""
+
+from machine import ADC
+
+NAME = "solen board, ESP32"
+EMITTERS = (16, 17, 18, 19)
+INPUTS = (32, 33, 34, 35, 36, 39)
+ADC_OPTIONS = {"atten": ADC.ATTN_11DB}
+TIMER_OPTIONS = {"id": 0}
+
+# a stepper's driver, or None and the pin of a hobby servo: its steps are microseconds of the pulse from the centre
+STEP, DIRECTION = 25, 26
+SERVO = None
+SERVO_CENTRE_US = 1500
+MOST_STEPS_PER_S = 2000

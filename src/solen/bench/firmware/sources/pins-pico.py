@@ -1,0 +1,13 @@
+"""What is connected to the pins of a Raspberry Pi Pico, by the numbers of its GPIOs."""
+
+NAME = "solen board, Raspberry Pi Pico"
+EMITTERS = (2, 3, 4, 5)
+INPUTS = (26, 27, 28)
+ADC_OPTIONS = {}
+TIMER_OPTIONS = {}
+
+# a stepper's driver, or None and the pin of a hobby servo: its steps are microseconds of the pulse from the centre
+STEP, DIRECTION = 10, 11
+SERVO = None
+SERVO_CENTRE_US = 1500
+MOST_STEPS_PER_S = 2000

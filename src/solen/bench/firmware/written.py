@@ -1,0 +1,23 @@
+"""Which sources a board needs, ready to be copied onto it or uploaded.
+
+The interface: `BOARDS`; `sources_of` one of them.
+"""
+
+from importlib.resources import files as resources
+
+_MICROPYTHON = {"solen_board.py": "solen_board.py", "main.py": "sources/main-micropython.py"}
+_C = ("solen_board.c", "solen_board.h")
+BOARDS: dict[str, dict[str, str]] = {
+    "pico": {**_MICROPYTHON, "pins.py": "sources/pins-pico.py"},
+    "esp32": {**_MICROPYTHON, "pins.py": "sources/pins-esp32.py"},
+    "uno": {f"solen_uno/{name}": f"sources/{name}" for name in (*_C, "uno.c", "solen_uno.ino")},
+}
+"""Files of each board's firmware, and what is shipped as each."""
+CONVERTERS = {"pico": (16, 3.3, 115_200), "esp32": (16, 3.3, 115_200), "uno": (12, 5.0, 500_000)}
+"""Bits, range in V and baud rate that a rig file states for each."""
+
+
+def sources_of(board: str) -> dict[str, str]:
+    """Texts of a board's files, by their names in the folder that they are written to."""
+    folder = resources("solen.bench.firmware")
+    return {name: folder.joinpath(shipped).read_text(encoding="utf-8") for name, shipped in BOARDS[board].items()}

@@ -1,0 +1,343 @@
+"""Boards behind a pseudo-terminal, as behind a USB cable: the files as they are shipped, on a simulated circuit.
+
+`Pico` runs main.py under CPython with a module ``machine`` that simulates pins, converter and sensor; `Uno` runs the
+image that gcc-avr makes under simavr. Both turn the sensor by the steps they make. POSIX only.
+"""
+
+import contextlib
+import os
+import re
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+from solen.bench.board import CONFIGURATION
+from solen.bench.clock import WallClock
+from solen.bench.firmware.solen_board import ALIVE, CONFIGURE, START
+from solen.bench.firmware.written import sources_of
+from solen.bench.frames import frame
+
+STEPS_PER_DEG = 100.0
+SLOW = 8
+"""Boards run so many times slower than a clock on the wall, so that a busy computer plays them in time."""
+
+
+class SlowClock(WallClock):
+    """The time of such a board's host."""
+
+    def __init__(self, at_s: float = 0.0) -> None:
+        super().__init__(at_s, lambda: time.perf_counter() / SLOW)
+
+    def sleep(self, duration_s: float) -> None:
+        super().sleep(SLOW * duration_s)
+
+
+MACHINE = """
+import math
+import os
+import sys
+import threading
+import time
+
+LIT, STEPS, LOG = set(), [0], open(os.environ["BOARD_LOG"], "w")
+
+
+class Pin:
+    OUT = 1
+
+    def __init__(self, number, mode=None, value=0):
+        self.number, self.state = number, value
+
+    def value(self, state):
+        if self.number in (2, 3, 4, 5):
+            (LIT.add if state else LIT.discard)(self.number)
+            print(time.ticks_us(), self.number, int(state), file=LOG, flush=True)
+        if self.number == 10 and state and not self.state:
+            STEPS[0] += 1 if FORWARD.state else -1
+        if self.number == 11:
+            FORWARD.state = state
+        self.state = state
+
+
+FORWARD = Pin(-1)
+
+
+class ADC:
+    def __init__(self, pin):
+        self.side = {26: 1.0, 27: -1.0}.get(pin.number, 0.0)
+
+    def read_u16(self):
+        angle = STEPS[0] / STEPS_PER_DEG
+        bright = 2.4 / (1.0 + math.exp(1.2 * self.side * angle)) if LIT else 0.0
+        return round(65535 * (3.2 - 0.05 - bright) / 3.3)
+
+
+class PWM:
+    def __init__(self, pin, freq):
+        pass
+
+
+class Timer:
+    PERIODIC = 1
+
+    def __init__(self, period, mode, callback):
+        def turns():
+            while True:
+                time.sleep(SLOW * 1e-3 * period)
+                callback(self)
+
+        threading.Thread(target=turns, daemon=True).start()
+"""
+RUN = """
+import gc, os, select, sys, time, types
+gc.mem_free = lambda: 1_000_000
+time.ticks_us = lambda: int(1e6 * time.perf_counter() / SLOW)
+time.ticks_diff = lambda a, b: a - b
+sys.modules["micropython"] = types.SimpleNamespace(kbd_intr=lambda byte: None)
+raw = types.SimpleNamespace(read=lambda size: os.read(0, size), write=lambda data: os.write(1, data), fileno=lambda: 0)
+sys.stdin = sys.stdout = types.SimpleNamespace(buffer=raw, fileno=lambda: 0)
+
+
+class Poll:
+    def register(self, stream, mask):
+        self.real = real_poll()
+        self.real.register(0, mask)
+
+    def poll(self, timeout):
+        time.sleep(1e-4)
+        return self.real.poll(0)
+
+
+real_poll, select.poll = select.poll, Poll
+import main
+"""
+SIMULATED_UNO = r"""
+#include <fcntl.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <time.h>
+#include <unistd.h>
+#include <simavr/sim_avr.h>
+#include <simavr/sim_elf.h>
+#include <simavr/avr_adc.h>
+#include <simavr/avr_ioport.h>
+#include <simavr/avr_uart.h>
+
+static avr_t *avr;
+static int lit[4], forward, steps, open_for_more = 1;
+static avr_irq_t *adc;
+static FILE *report;
+
+static double us(void) { return avr->cycle / 16.0; }
+
+static void circuit(void) {
+    int any = lit[0] || lit[1] || lit[2] || lit[3];
+    for (int side = 0; side < 6; side++) {
+        double angle = steps / STEPS_PER_DEG * (side % 2 ? -1 : 1);
+        double bright = any ? 4000 / (1 + exp(1.2 * angle)) : 0;
+        avr_raise_irq(adc + side, 4800 - 50 - bright);
+    }
+}
+
+static void emitter(avr_irq_t *irq, uint32_t value, void *number) {
+    (void)irq;
+    lit[(long)number] = value;
+    fprintf(report, "%.0f %ld %d\n", us(), 2 + (long)number, (int)value);
+    fflush(report);
+    circuit();
+}
+static void direction(avr_irq_t *irq, uint32_t value, void *p) { (void)irq; (void)p; forward = value; }
+static void step(avr_irq_t *irq, uint32_t value, void *p) {
+    (void)irq; (void)p;
+    if (value) steps += forward ? 1 : -1;
+    circuit();
+}
+static void said(avr_irq_t *irq, uint32_t value, void *p) {
+    (void)irq; (void)p;
+    uint8_t byte = value;
+    while (write(1, &byte, 1) < 0) continue;
+}
+static void more(avr_irq_t *irq, uint32_t value, void *p) { (void)irq; (void)value; open_for_more = p != NULL; }
+
+int main(int argc, char **argv) {
+    (void)argc;
+    elf_firmware_t image = {0};
+    if (elf_read_firmware(argv[1], &image)) return 2;
+    report = fopen(argv[2], "w");
+    avr = avr_make_mcu_by_name("atmega328p");
+    avr_init(avr);
+    image.frequency = 16000000;
+    avr_load_firmware(avr, &image);
+    avr->vcc = avr->avcc = avr->aref = 5000;
+    uint32_t flags = 0;
+    avr_ioctl(avr, AVR_IOCTL_UART_GET_FLAGS('0'), &flags);
+    flags &= ~(AVR_UART_FLAG_STDIO | AVR_UART_FLAG_POLL_SLEEP);
+    avr_ioctl(avr, AVR_IOCTL_UART_SET_FLAGS('0'), &flags);
+    avr_irq_t *uart = avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), 0);
+    avr_irq_register_notify(uart + UART_IRQ_OUTPUT, said, NULL);
+    avr_irq_register_notify(uart + UART_IRQ_OUT_XON, more, uart);
+    avr_irq_register_notify(uart + UART_IRQ_OUT_XOFF, more, NULL);
+    adc = avr_io_getirq(avr, AVR_IOCTL_ADC_GETIRQ, ADC_IRQ_ADC0);
+    for (long pin = 0; pin < 4; pin++)
+        avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ('D'), 2 + pin), emitter, (void *)pin);
+    avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ('B'), 0), step, NULL);
+    avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ('B'), 1), direction, NULL);
+    circuit();
+    fcntl(0, F_SETFL, fcntl(0, F_GETFL) | O_NONBLOCK);
+    struct timespec begun, now;
+    clock_gettime(CLOCK_MONOTONIC, &begun);
+    uint8_t waiting[64];
+    int count = 0, taken = 0;
+    double heard_us = 0, looked_us = 0;
+    for (;;) {
+        int state = avr_run(avr);
+        if (state == cpu_Done || state == cpu_Crashed) return 3;
+        if (us() - looked_us < 30) continue; /* a byte takes 20 us */
+        looked_us = us();
+        if (taken == count) {
+            count = read(0, waiting, sizeof waiting);
+            taken = 0;
+            if (count < 0) count = 0;
+            if (count) heard_us = us();
+        }
+        if (taken < count && open_for_more) avr_raise_irq(uart + UART_IRQ_INPUT, waiting[taken++]);
+        clock_gettime(CLOCK_MONOTONIC, &now);
+        double wall_us = (1e6 * (now.tv_sec - begun.tv_sec) + 1e-3 * (now.tv_nsec - begun.tv_nsec)) / SLOW;
+        if (us() > wall_us + 500) usleep(SLOW * (us() - wall_us));
+    }
+    return heard_us;
+}
+"""
+
+
+TORRENT = """
+import os, random, struct
+from solen_board import Board, Hardware
+
+draw = random.Random(1)
+
+
+class Line(Hardware):
+    at, out, lost = 0, bytearray(), 0
+
+    def now_us(self):
+        return self.at
+
+    def light(self, emitter):
+        pass
+
+    def sample(self, buffer, at, inputs):
+        number = int.from_bytes(buffer[6:10], "little")
+        first = (at - 18) // 2
+        for place in (0, 1):
+            value = number * (7, 11, 13, 17)[first + place] + first + place
+            struct.pack_into("<H", buffer, at + 2 * place, value & 0xFFFF)
+
+    def fits(self, half_us, emitters, inputs):
+        return True
+
+    def send(self, data):
+        number, kind = int.from_bytes(data[6:10], "little"), data[3]
+        what = draw.random() if kind == 1 and 0 < number < COUNT - 100 else 1.0
+        data = bytearray(data)
+        if what < 0.005:
+            self.lost += what < 0.003
+            if what < 0.001:
+                data[draw.randrange(2, len(data))] ^= 1 << draw.randrange(8)
+            elif what < 0.002:
+                del data[draw.randrange(len(data))]
+            elif what < 0.003:
+                del data[draw.randrange(1, len(data)) :]
+            elif what < 0.004:
+                data = data + data
+            else:
+                data += draw.randbytes(draw.randrange(1, 60))
+        self.out += data
+        while len(self.out) > 4000 or (number >= COUNT - 1 and self.out and kind == 1):
+            del self.out[: os.write(1, self.out)]
+
+
+line = Line()
+board = Board(line, "torrent")
+for command in COMMANDS:
+    board.hear(command)
+line.out.clear()
+for number in range(2 * COUNT):
+    line.at = board.next_us()
+    if number % 200 == 0:
+        board.hear(COMMANDS[-1])
+    if number == 2 * COUNT - 1:
+        open("lost", "w").write(str(line.lost))
+    board.work()
+import time
+time.sleep(60)
+"""
+
+
+def torrent(folder: Path, count: int) -> list[str]:
+    """Command that sends periods of the core as fast as it can, some of them damaged."""
+    written("pico", folder)
+    (folder / "main.py").unlink()
+    commands = [frame(CONFIGURE, 0, CONFIGURATION.pack(5000, 1, 2)), frame(START, 0, b""), frame(ALIVE, 0, b"")]
+    text = f"COUNT, COMMANDS = {count}, {commands}\n{TORRENT}"
+    (folder / "torrent.py").write_text(text, encoding="utf-8")
+    return [sys.executable, "torrent.py"]
+
+
+@contextlib.contextmanager
+def on_a_pty(line: list[str], folder: Path, log: Path) -> Iterator[str]:
+    """Name of a serial line that a program is at the other end of."""
+    import pty
+    import tty
+
+    board, host = pty.openpty()
+    tty.setraw(host)
+    environment = {**os.environ, "BOARD_LOG": str(log), "PYTHONDONTWRITEBYTECODE": "1"}
+    with subprocess.Popen(line, cwd=folder, stdin=board, stdout=board, env=environment) as child:
+        try:
+            yield os.ttyname(host)
+        finally:
+            child.kill()
+            os.close(board)
+            os.close(host)
+
+
+def written(kind: str, folder: Path) -> None:
+    for name, text in sources_of(kind).items():
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_text(text, encoding="utf-8")
+
+
+def pico(folder: Path) -> list[str]:
+    """Command that is a Pico."""
+    written("pico", folder)
+    (folder / "machine.py").write_text(f"STEPS_PER_DEG, SLOW = {STEPS_PER_DEG}, {SLOW}\n{MACHINE}", encoding="utf-8")
+    (folder / "run.py").write_text(f"SLOW = {SLOW}\n{RUN}", encoding="utf-8")
+    return [sys.executable, "run.py"]
+
+
+def uno(folder: Path, log: Path) -> list[str] | str:
+    """Command that is an Uno, or the reason why there is none."""
+    missing = [name for name in ("avr-gcc", "gcc", "simavr") if shutil.which(name) is None]
+    if missing:
+        return f"{', '.join(missing)} not installed (Debian: gcc-avr avr-libc simavr libsimavr-dev libelf-dev)"
+    written("uno", folder)
+    sketch = folder / "solen_uno"
+    avr = ["avr-gcc", "-mmcu=atmega328p", "-DF_CPU=16000000UL", "-Os", "-Wall", "-Wextra", "-Werror", "-std=gnu99"]
+    files = [str(sketch / "uno.c"), str(sketch / "solen_board.c")]
+    subprocess.run([*avr, *files, "-lm", "-o", str(folder / "uno.elf")], check=True)
+    (folder / "uno_simulated.c").write_text(SIMULATED_UNO, encoding="utf-8")
+    defines = [f"-DSTEPS_PER_DEG={STEPS_PER_DEG}", f"-DSLOW={SLOW}"]
+    made = ["gcc", "-O2", *defines, str(folder / "uno_simulated.c"), "-lsimavr", "-lelf", "-lm"]
+    subprocess.run([*made, "-o", str(folder / "uno_simulated")], check=True)
+    return [str(folder / "uno_simulated"), str(folder / "uno.elf"), str(log)]
+
+
+def switched(log: Path) -> list[tuple[int, int, int]]:
+    """When which emitter's pin went high or low, in µs by the board's side."""
+    found = re.findall(r"(\d+) (\d+) ([01])\n", log.read_text(encoding="utf-8"))
+    return [(int(at), int(pin), int(state)) for at, pin, state in found]
