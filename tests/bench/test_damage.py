@@ -67,7 +67,7 @@ def left(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     """A journal that was ended, and the recording that was made of it."""
     folder = tmp_path_factory.mktemp("damage")
     rig = RIG if request.param == "board" else daq_rig(DAQS["counter"])
-    for name, text in (("sensor", template()), ("rig", rig), ("protocol", PROTOCOL)):
+    for name, text in (("sensor", template("paper-860")), ("rig", rig), ("protocol", PROTOCOL)):
         (folder / f"{name}.toml").write_text(text, encoding="utf-8")
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(recording, "READ_SIMULATED_S", 0.1)

@@ -50,7 +50,7 @@ ROWS = {
     "lens": f"{DESIGN} --csv profile.csv --figure lens.svg",
     "trace": f"{DESIGN} --rays 50 --mode power --figure trace.svg",
     "trace #scene": f"{SCENE} --mode power --figure scene.svg",
-    "convergence": f"{DESIGN} --figure convergence.svg",
+    "convergence": f"{DESIGN} --set trace.dimension=2d --figure convergence.svg",
     "sensitivity": f"{DESIGN} body.arm_width_mm lens.focus_mm material.index --angle-deg 0.2 --figure sensitivity.svg",
     "run": f"{DESIGN} --out ran --set motion.step_deg=6 --set emitter.width_mm=0.2",
     "readout": f"{DESIGN} --set motion.step_deg=3 --figure readout.svg --out readout.json",

@@ -197,10 +197,25 @@ def lab(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def ran(lab: Path, *arguments: str, code: int = 0) -> subprocess.CompletedProcess[str]:
+EACH = """
+import contextlib, io, json, sys
+from solen.cli import run_command
+answers = []
+for line in json.load(sys.stdin):
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        code = run_command(line)
+    answers.append((code, out.getvalue(), err.getvalue()))
+print(json.dumps(answers))
+"""
+"""Runs several command lines in one interpreter, which starts once."""
+
+
+def run(lab: Path, *arguments: str, given: str = "") -> subprocess.CompletedProcess[str]:
     path = os.pathsep.join(filter(None, [str(lab / "site"), os.environ.get("PYTHONPATH", "")]))
-    done = subprocess.run(
-        [sys.executable, "-m", "solen", *arguments],
+    return subprocess.run(
+        [sys.executable, *arguments],
+        input=given,
         capture_output=True,
         text=True,
         encoding="utf-8",
@@ -208,8 +223,29 @@ def ran(lab: Path, *arguments: str, code: int = 0) -> subprocess.CompletedProces
         cwd=lab,
         env=os.environ | {"PYTHONPATH": path},
     )
+
+
+def ran(lab: Path, *arguments: str, code: int = 0) -> subprocess.CompletedProcess[str]:
+    done = run(lab, "-m", "solen", *arguments)
     assert done.returncode == code, done.stderr
     return done
+
+
+def answers(lab: Path, *lines: tuple[str, ...], code: int) -> list[tuple[str, str]]:
+    """What each command line prints, and what it says on the other stream."""
+    done = run(lab, "-c", EACH, given=json.dumps(lines))
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert [each for each, _, _ in found] == [code] * len(lines), found
+    return [(out, err) for _, out, err in found]
+
+
+def printed(lab: Path, *lines: tuple[str, ...]) -> list[str]:
+    return [out for out, _ in answers(lab, *lines, code=0)]
+
+
+def refused(lab: Path, *lines: tuple[str, ...]) -> list[str]:
+    return [err for _, err in answers(lab, *lines, code=2)]
 
 
 def answer(lab: Path, *arguments: str) -> dict[str, Any]:
@@ -228,8 +264,9 @@ def test_the_doctor_lists_what_was_added(lab: Path) -> None:
 
 
 def test_a_printer_is_listed_and_used(lab: Path) -> None:
-    assert "lab-dlp" in ran(lab, "print", "printers").stdout
-    assert "Lab DLP" in ran(lab, "print", "printers", "lab-dlp").stdout
+    names, one = printed(lab, ("print", "printers"), ("print", "printers", "lab-dlp"))
+    assert "lab-dlp" in names
+    assert "Lab DLP" in one
 
 
 def test_a_file_of_the_format_is_read_by_a_command(lab: Path) -> None:
@@ -242,14 +279,15 @@ def test_a_file_of_the_format_is_read_by_a_command(lab: Path) -> None:
 
 def test_a_body_is_checked_and_its_parameters_are_refused_by_name(lab: Path) -> None:
     (lab / "bar.toml").write_text(DESIGN, encoding="utf-8")
-    assert "bar" in ran(lab, "check", "bar.toml").stdout
-    traced = answer(lab, "trace", "bar.toml")
-    assert "right" in json.dumps(traced)
-    line = ran(lab, "check", "bar.toml", "--set", "body.parameters.lenght_mm=3", code=2).stderr
-    assert "body.parameters.lenght_mm" in line
-    assert "length_mm" in line.partition(";")[2]
-    assert "focus_mm" in ran(lab, "check", "bar.toml", "--set", "lens.focus_mm=25", code=2).stderr
-    assert "lab-bar" in ran(lab, "check", "bar.toml", "--set", "body.kind=lab-bra", code=2).stderr
+    checked, traced = printed(lab, ("check", "bar.toml"), ("trace", "bar.toml", "--json"))
+    assert "bar" in checked
+    assert "right" in traced
+    values = ("body.parameters.lenght_mm=3", "lens.focus_mm=25", "body.kind=lab-bra")
+    parameter, lens, kind = refused(lab, *(("check", "bar.toml", "--set", value) for value in values))
+    assert "body.parameters.lenght_mm" in parameter
+    assert "length_mm" in parameter.partition(";")[2]
+    assert "focus_mm" in lens
+    assert "lab-bar" in kind
 
 
 def test_a_rig_runs_on_the_instruments(lab: Path) -> None:
@@ -283,8 +321,8 @@ def walled(lab: Path, name: str, finish: str, more: str = "") -> str:
     return name
 
 
-def powers(lab: Path, name: str, *options: str) -> dict[str, float]:
-    found = answer(lab, "trace", name, "--angle-deg", "-1", "--mode", "power", *options)
+def powers(printed: str) -> dict[str, float]:
+    found = json.loads(printed)
     assert abs(sum(found["ledger"].values()) - 1.0) < 1e-9
     detectors = {side: reading["power"] for side, reading in found["detectors"].items()}
     return detectors | {"absorbed": found["ledger"]["absorbed"]}
@@ -297,23 +335,27 @@ def test_a_finish_by_a_table_does_what_the_table_says(lab: Path, dimension: str)
     grey = walled(lab, "grey.toml", "mirror", "reflectance = 0.7")
     emitter = ("--set", "emitter.pattern=lambertian", "--set", "emitter.rays=512")
     options = ("--set", f"trace.dimension={dimension}", *emitter)
-    one, other = (powers(lab, name, *options) for name in (table, grey))
+    names = (table, grey, walled(lab, "film.toml", "lab-film"))
+    trace = ("--angle-deg", "-1", "--mode", "power", *options, "--json")
+    one, other, film = map(powers, printed(lab, *(("trace", name, *trace) for name in names)))
     assert one == pytest.approx(other, abs=1e-12)
     assert one["absorbed"] > 0.003
-    film = powers(lab, walled(lab, "film.toml", "lab-film"), *options)
     assert film["absorbed"] > 0.003
     assert film["right"] != pytest.approx(one["right"], abs=1e-3)
 
 
 def test_a_finish_is_refused_where_it_says_nothing(lab: Path) -> None:
-    unknown = ran(lab, "check", walled(lab, "a.toml", "lab-satin"), code=2).stderr
+    light = ("--set", "emitter.wavelength_nm=650", "--set", "material.index=1.44")
+    unknown, scattering, other = refused(
+        lab,
+        ("check", walled(lab, "a.toml", "lab-satin")),
+        ("check", walled(lab, "b.toml", "lab-velvet", 'scatter = "lambertian"')),
+        ("trace", walled(lab, "c.toml", "lab-velvet"), *light),
+    )
     for name in ("lab-satin", "clear", "lab-velvet"):
         assert name in unknown
-    scattering = ran(lab, "check", walled(lab, "b.toml", "lab-velvet", 'scatter = "lambertian"'), code=2).stderr
     assert "wall[0].scatter" in scattering
     assert "lab-velvet" in scattering
-    light = ("--set", "emitter.wavelength_nm=650", "--set", "material.index=1.44")
-    other = ran(lab, "trace", walled(lab, "c.toml", "lab-velvet"), *light, code=2).stderr
     assert "light of 650 nm" in other
     assert "800 to 900 nm" in other
     counted = ran(lab, "trace", walled(lab, "d.toml", "lab-velvet"), "--mode", "count").stdout

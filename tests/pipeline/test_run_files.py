@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,22 @@ STEP = "motion.step_deg=6"
 NAMES = ("lens-profile", "response", "matters", "focus", "rays", "rays-at-the-lens", "rays-without-lens")
 PICTURES = {f"{name}.svg" for name in NAMES}
 EVERYTHING = PICTURES | {"results.json", "results.csv", "report.html"}
+
+
+FEW = "solen.sensor.effects.KEYS", ("emitter.offset_mm",)
+"""A run compares one number of the design here: what it writes is the same with more."""
+IN_A_PROCESS = f"""
+import solen.cli, solen.sensor.effects
+solen.sensor.effects.KEYS = {FEW[1]}
+solen.cli.main()
+"""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def few_effects() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(*FEW)
+        yield
 
 
 def stop_at_once(share: float) -> None:
@@ -109,7 +126,7 @@ def test_a_folder_that_has_the_name_of_a_figure_not_drawn_stays(
 
 def test_the_same_design_gives_the_same_bytes(design: Path, out: Path, found: dict[str, Any], tmp_path: Path) -> None:
     assert found
-    command = [sys.executable, "-m", "solen", "run", str(design), "--out", str(tmp_path / "again"), "--set", STEP]
+    command = [sys.executable, "-c", IN_A_PROCESS, "run", str(design), "--out", str(tmp_path / "again"), "--set", STEP]
     environment = os.environ | {"PYTHONHASHSEED": "7"}
     subprocess.run(command, check=True, capture_output=True, env=environment)
     for path in out.iterdir():

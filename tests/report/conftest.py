@@ -50,6 +50,8 @@ wavelength_nm = 940
 
 PRACTICAL = ("paper", "mismatched", "no lens", "one-sided", "dark", "chip", "in space", "uncertain")
 """Designs that are compared with their neighbours as well."""
+ALL_EFFECTS = ("paper", "uncertain")
+"""Those of which all numbers are compared."""
 
 Studies = Callable[[str], DesignStudy]
 Drawn = Callable[[str], dict[str, str]]
@@ -65,7 +67,10 @@ def studied(tmp_path_factory: pytest.TempPathFactory) -> Studies:
         if name not in kept:
             design = with_values(loads(template("paper-860")), {"motion.step_deg": 3.0, **DESIGNS[name]})
             design = design.in_folder(folder)
-            kept[name] = study(design, practical=name in PRACTICAL)
+            with pytest.MonkeyPatch.context() as patch:
+                if name not in ALL_EFFECTS:
+                    patch.setattr("solen.sensor.effects.KEYS", ("emitter.offset_mm", "material.index"))
+                kept[name] = study(design, practical=name in PRACTICAL)
         return kept[name]
 
     return get

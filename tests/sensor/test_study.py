@@ -121,7 +121,7 @@ def test_a_motion_that_breaks_the_body_is_refused_before_the_first_ray(monkeypat
     [
         {"emitter__cone_deg": 1.0},
         {"emitter__rays": 1},
-        {"receivers__coupling": "air-gap", "receivers__gap_mm": 0.5},
+        {"receivers__coupling": "air-gap", "receivers__gap_mm": 0.5, "motion__step_deg": 10.0},
         {"material__absorption_per_mm": 0.02},
         {"motion__moves": ["emitter"]},
         {"motion__pivot": [0.0, 20.0]},
