@@ -30,7 +30,7 @@ def design(**values: Any) -> Design:
 def found(*keys: str, **values: Any) -> Practice:
     """What is built of the example, and the effects of some numbers; by default of all."""
     sensor = Sensor.of(design(**values))
-    return practised(sensor, sensor.power(tolerance=1e-4), *keys)
+    return practised(sensor, sensor.count(), *keys)
 
 
 def practised(sensor: Sensor, response: Response, *keys: str) -> Practice:
