@@ -46,6 +46,7 @@ COMMANDS: dict[str, tuple[tuple[str, str, str], ...]] = {
         ("coupons", "print.coupons:coupons", "Write the coupons that test a printer and a resin."),
         ("fidelity", "print.fidelity:fidelity", "Measure a printed coupon in a picture or a height map."),
         ("calibrate", "print.calibrate:calibrate", "Fit a printer's blur, growth and shrinkage to coupons."),
+        ("grey", "print.grey:grey", "Measure which light grey pixels let through, from discs."),
         ("predict", "print.predict:predict", "Predict the printed lens of a design and what it costs."),
         ("inspect", "print.inspect:inspect", "Measure a printed lens in a micrograph against its design."),
         ("printers", "print.layers:printers", "List the printers that solen knows."),

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from solen.arrays import FloatArray, IntArray
 from solen.errors import DataError
+from solen.fabricate.grey import FULL
 
 if TYPE_CHECKING:
     import shapely.geometry.base
@@ -29,8 +30,6 @@ Pitch = float | tuple[float, float]
 
 BAND = 64
 """Rows that are summed at a time: few enough to stay in a processor's cache."""
-FULL = 255
-"""Grey value of a pixel that is covered wholly."""
 
 
 @dataclass(frozen=True)

@@ -67,6 +67,7 @@ def _stage(coupon: Coupon, options: CouponOptions, stage: Stage, files: dict[str
         {
             "feature": feature.name,
             "exposure_s": feature.exposure_s,
+            **({} if feature.grey is None else {"grey": feature.grey}),
             "energy_mJ_per_cm2": feature.exposure_s * options.irradiance_mW_per_cm2,
         }
         for feature in features
@@ -91,7 +92,7 @@ def cautions(coupon: Coupon, options: CouponOptions) -> list[str]:
 
 def _of_layers(coupon: Coupon, options: CouponOptions) -> list[str]:
     """Heights that are not a whole number of layers, and steps below a layer."""
-    if coupon.name == "cure-discs":
+    if coupon.name in ("cure-discs", "grey-steps"):
         return []
     layer_mm = 1e-3 * options.layer_um
     heights = {round(height, 9) for feature in coupon.features for height in (feature.from_mm, feature.to_mm)}

@@ -11,7 +11,7 @@ from solen.fabricate.coupons.solid import coupon_parts
 from solen.fabricate.label import Label
 from solen.fabricate.layers.printable import Printable, placed_stl, resin_named
 from solen.fabricate.layers.slicing import Slicing
-from solen.fabricate.layers.solid import MESH_MM, exposures_of, solid_of
+from solen.fabricate.layers.solid import MESH_MM, Solid, exposures_of, solid_of
 from solen.fabricate.mesh import mesh_of
 from solen.geometry.coupons import Coupon, Stage
 from solen.recording import Provenance
@@ -51,7 +51,14 @@ def printable_coupon(path: Path, slicing: Slicing, run: str | None = None) -> tu
     features = [feature for feature in coupon.features if feature.stage == stage.name]
     times = {feature.name: feature.exposure_s for feature in features if feature.exposure_s is not None}
     alone = len(times) == len(features)
-    solid = exposures_of(part, [times[prism.name] for prism in part.prisms]) if alone else solid_of(part, np.eye(3))
+    greys = {feature.name: feature.grey for feature in features if feature.grey is not None}
+    order = [prism.name for prism in part.prisms]
+    solid: Solid
+    if alone:
+        shown = [greys[name] for name in order] if greys else []
+        solid = exposures_of(part, [times[name] for name in order], shown)
+    else:
+        solid = solid_of(part, np.eye(3))
     label = Label(part.name, data["sha256"], f"coupon: {coupon.title}")
     material, cure = ("not named: give --resin", None) if slicing.resin is None else resin_named(slicing.resin)
     notes = tuple(text for text in (stage.note, *coupon.cautions) if text)

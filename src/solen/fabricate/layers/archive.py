@@ -30,6 +30,7 @@ RULE = (
     "grey value / 255 is the share of the pixel's square that the solid covers at the middle of the layer's height; "
     "a last layer that is filled by less than half is left out"
 )
+CORRECTED = RULE.replace("is the share", "gives, by the measured light of greys, the share", 1)
 VIEW = "from above onto the plate, X to the right, Y upwards: the first row has the largest Y"
 
 Watch = Callable[[Layer], object]
@@ -141,7 +142,7 @@ def _described(job: Job, stack: Stack, part: Printable | None) -> dict[str, Any]
         "rotate_deg": slicing.rotate_deg,
         "burn_in_layers": job.burn_in_layers,
         "z_offset_mm": slicing.z_offset_um / 1000.0,
-        "rule": RULE,
+        "rule": CORRECTED if job.greys.answer and job.greys.corrected else RULE,
         "view": VIEW,
         "mirror": job.mirror,
         "phase_px": slicing.phase_px,

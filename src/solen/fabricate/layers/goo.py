@@ -65,7 +65,7 @@ def checked_for_goo(job: Job) -> Lift:
         limit = f"a .goo states how the plate moves, and the file of {printer.name} does not"
         remedy = "take --format zip, or add a table [lift] to a file of your printer"
         raise SpecError("--format", value="goo", limit=limit, remedy=remedy)
-    if job.solid.exposures_s and printer.layer_exposures is None:
+    if len(job.solid.exposures_s) > 1 and printer.layer_exposures is None:
         limit = f"{printer.name} is not proven to keep an exposure for each picture"
         remedy = "take --format zip, or print one exposure after the other"
         raise SpecError("--format", value="goo", limit=limit, remedy=remedy)
@@ -126,14 +126,14 @@ def _header(job: Job, lift: Lift, part: Printable | None) -> bytes:
     (height, speed, before, after), (bottom_height, bottom_speed, bottom_before, bottom_after) = (
         _moves(lift, bottom=bottom) for bottom in (False, True)
     )
-    alone = bool(job.solid.exposures_s)
+    alone = len(job.solid.exposures_s) > 1
     data = b"V3.0" + MAGIC
     data += _text("solen", 32) + _text(__version__, 24) + bytes(24)
     data += _text(printer.name, 32) + _text("DLP", 32) + _text(name, 32)
     data += struct.pack(">3H", 8 if slicing.anti_aliasing else 1, 0, 0)
     data += bytes(2 * SMALL**2) + END + bytes(2 * LARGE**2) + END
     data += struct.pack(">I2H2?", job.count, columns, rows, job.mirror == "x", job.mirror == "y")
-    data += struct.pack(">3f2f", *printer.size_mm, job.layer_mm, slicing.exposure_s)
+    data += struct.pack(">3f2f", *printer.size_mm, job.layer_mm, (job.solid.exposures_s or (slicing.exposure_s,))[0])
     rests = (bottom_after, 0.0, bottom_before, after, 0.0, before)
     data += struct.pack(">B7f", 1, 0.0, *rests)
     data += struct.pack(">fI", slicing.burn_in_s, job.burn_in_layers)

@@ -15,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solen.errors import DesignError, SpecError
+from solen.fabricate.grey import FULL, Greys
 from solen.fabricate.layers.slicing import Slicing
 from solen.fabricate.layers.solid import Exposures, Rings, Solid
-from solen.fabricate.raster import FULL, coverage_bytes
+from solen.fabricate.raster import coverage_bytes
 from solen.parts.printer import Axis, Printer, library_printer, printers
 
 Bytes = NDArray[np.uint8]
@@ -26,6 +27,7 @@ PAPER_MW_PER_CM2 = 13.0
 """Irradiance at which the paper's working curve was measured."""
 MOST_NAMED = 3
 """Printers that a refusal names, the smallest that serve first."""
+GREY_STEPS = "all steps together"
 EXACT = 1e-6
 """Share of a layer or of a pixel by which rounding may be off."""
 
@@ -52,7 +54,7 @@ class Layer:
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """Copies of a solid on a printer, checked as it is made.
+    """Copies of a solid on a printer, checked as it is made; ``greys`` says by which grey a covered share is drawn.
 
     Raises
     ------
@@ -65,8 +67,12 @@ class Job:
     solid: Solid
     printer: Printer
     slicing: Slicing = Slicing()  # noqa: RUF009  frozen
+    greys: Greys = Greys()  # noqa: RUF009  frozen
 
     def __post_init__(self) -> None:
+        if self.greys.answer and isinstance(self.solid, Exposures) and self.solid.greys:
+            limit = "is for parts: grey steps show the greys themselves, as they are measured"
+            raise SpecError("--process", limit=limit, remedy="leave it out")
         least, most = self.printer.layers_um
         if not least <= self.slicing.layer_um <= most:
             limit = f"{self.printer.name} makes layers of {least:g} to {most:g} µm"
@@ -177,23 +183,32 @@ class Job:
                 drawn = self._drawn(rings)
                 islands = 0 if tile is None else islands_over(drawn, tile)
                 if tile is None or not np.array_equal(drawn, tile):
-                    tile, image, shares = drawn, self._placed(drawn), float(drawn.sum(dtype=np.int64)) / FULL
+                    tile, image, shares = (
+                        drawn,
+                        self._placed(self.greys.pictured[drawn]),
+                        float(drawn.sum(dtype=np.int64)) / FULL,
+                    )
             known = number
             yield self._layer(index, image, self.slicing.copies * shares * self.printer.pixel_mm2, islands)
 
     def _pictures(self, pieces: Exposures) -> Iterator[Layer]:
         """A picture for each piece, all at one height."""
-        for index, (name, rings, seconds) in enumerate(zip(pieces.names, pieces.rings, pieces.seconds, strict=True)):
-            drawn = self._drawn(rings)
+        names = (GREY_STEPS,) if pieces.greys else pieces.names
+        for index, (name, seconds) in enumerate(zip(names, pieces.exposures_s, strict=True)):
+            drawn = self._drawn(pieces.section(0.0)[1] if pieces.greys else pieces.rings[index])
+            image = self._placed(self.copy_of_layer(index))
             area_mm2 = self.slicing.copies * float(drawn.sum(dtype=np.int64)) / FULL * self.printer.pixel_mm2
             dose = self.irradiance_mW_per_cm2 * seconds
-            yield Layer(index, 0.0, self.layer_mm, seconds, dose, self._placed(drawn), area_mm2, 0, name)
+            yield Layer(index, 0.0, self.layer_mm, seconds, dose, image, area_mm2, 0, name)
 
     def copy_of_layer(self, index: int) -> Bytes:
         """Picture of one copy in a layer, rows upwards, before it is mirrored."""
-        if isinstance(self.solid, Exposures):
-            return self._drawn(self.solid.rings[index])
-        return self._drawn(self.solid.section((index + 0.5) * self.layer_mm)[1])
+        if not isinstance(self.solid, Exposures):
+            return self.greys.pictured[self._drawn(self.solid.section((index + 0.5) * self.layer_mm)[1])]
+        if not self.solid.greys:
+            return self.greys.pictured[self._drawn(self.solid.rings[index])]
+        steps = zip(self.solid.rings, self.solid.greys, strict=True)
+        return np.asarray(sum(np.rint(grey * self._drawn(rings)) for rings, grey in steps), np.uint8)
 
     def _layer(self, index: int, image: Bytes, area_mm2: float, islands: int) -> Layer:
         seconds = self.slicing.seconds(index)
@@ -202,7 +217,7 @@ class Job:
         return Layer(index, low, high, seconds, dose, image, area_mm2, islands)
 
     def _drawn(self, rings: Rings) -> Bytes:
-        """Grey values of one copy's tile, rows upwards."""
+        """Covered shares of one copy's tile in 255ths, rows upwards."""
         shares = coverage_bytes(rings, self.printer.pitches_mm, self.tile_from_mm, self.tile)
         return shares if self.slicing.anti_aliasing else np.where(shares > FULL // 2, FULL, 0).astype(np.uint8)
 

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from solen.fabricate.label import WRITER
-from solen.fabricate.layers.job import Job
+from solen.fabricate.layers.job import GREY_STEPS, Job
 from solen.fabricate.layers.orientation import described
 from solen.fabricate.layers.solid import Exposures
 from solen.material.cure.layers import cure_depth_um
@@ -135,8 +135,9 @@ def print_settings(job: Job, *, name: str, stl: str, material: str, cure: Cure |
 def _pictures(job: Job) -> tuple[Picture, ...]:
     if not isinstance(job.solid, Exposures):
         return ()
-    doses = (job.irradiance_mW_per_cm2 * seconds for seconds in job.solid.seconds)
-    return tuple(map(Picture, job.solid.names, job.solid.seconds, doses))
+    names = (GREY_STEPS,) if job.solid.greys else job.solid.names
+    doses = (job.irradiance_mW_per_cm2 * seconds for seconds in job.solid.exposures_s)
+    return tuple(map(Picture, names, job.solid.exposures_s, doses))
 
 
 def _depth_um(cure: Cure | None, dose: float) -> float | None:

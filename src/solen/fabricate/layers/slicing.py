@@ -1,5 +1,6 @@
 """Options of a print in layers: how the part lies, how often it is repeated, how it is cut and exposed."""
 
+from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -44,6 +45,8 @@ class Slicing(Options):
     """Where the part's origin, a sensor's lens vertex, stands in its pixel along X and Y; 0 is on a corner."""
     anti_aliasing: bool = True
     """Draw pixels at an edge grey; without, those covered by half or more are lit and no others."""
+    process: Path | None = None
+    """Process file whose measured greys an edge is drawn by, so that its pixels get their covered share of light."""
     format: Literal["zip", "goo"] = "zip"
     """File of the pictures: a ZIP of PNGs, which UVtools opens too, or a .goo of version 3."""
     resin: str | None = None

@@ -82,16 +82,20 @@ class Plan(Solid):
 
 @dataclass(frozen=True, eq=False)
 class Exposures(Solid):
-    """Pieces of one layer that are exposed one after the other, each for its own time, and not lifted in between."""
+    """Pieces of one layer that are exposed one after the other, each for its own time, and not lifted in between.
+
+    With ``greys``, one for each piece, 0 to 1, they are exposed together for the first time, each by its grey.
+    """
 
     names: tuple[str, ...]
     rings: tuple[Rings, ...]
     seconds: tuple[float, ...]
+    greys: tuple[float, ...] = ()
 
     @property
     def exposures_s(self) -> tuple[float, ...]:
         """See `Solid.exposures_s`."""
-        return self.seconds
+        return self.seconds[:1] if self.greys else self.seconds
 
     def section(self, z_mm: float) -> tuple[int | None, Rings]:
         """All pieces together; see `Solid.section`."""
@@ -124,8 +128,8 @@ def solid_of(part: Part, rotation: FloatArray, tolerance_mm: float = MESH_MM) ->
     return mesh_solid(mesh_of(part, tolerance_mm), rotation)
 
 
-def exposures_of(part: Part, seconds: Sequence[float]) -> Exposures:
-    """The prisms of a part of one layer, each with its own exposure."""
+def exposures_of(part: Part, seconds: Sequence[float], greys: Sequence[float] = ()) -> Exposures:
+    """The prisms of a part of one layer, each with its own exposure, or all at once and each with its own grey."""
     rings = [[np.asarray(ring) for ring in prism.rings(PLAN_MM)] for prism in part.prisms]
     points = np.vstack([ring for one in rings for ring in one])
     corner, height = points.min(axis=0), max(prism.to_mm - prism.from_mm for prism in part.prisms)
@@ -133,7 +137,9 @@ def exposures_of(part: Part, seconds: Sequence[float]) -> Exposures:
     origin = (-float(corner[0]), -float(corner[1]))
     placed = tuple([ring - corner for ring in one] for one in rings)
     names = tuple(prism.name for prism in part.prisms)
-    return Exposures((x, y, height), origin, part.volume_mm3, (0.0, height), names, placed, tuple(seconds))
+    return Exposures(
+        (x, y, height), origin, part.volume_mm3, (0.0, height), names, placed, tuple(seconds), tuple(greys)
+    )
 
 
 def mesh_solid(mesh: Mesh, rotation: FloatArray, name: str = "mesh") -> Slices:

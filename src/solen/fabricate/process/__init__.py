@@ -16,6 +16,7 @@ from solen.fabricate.process.drawing import as_designed, curve_of, lens_face, re
 from solen.fabricate.process.features import MeasuredCoupon, MeasuredFeature, SharedScale, printed_mm, read_features
 from solen.fabricate.process.field import FlatImage, dose_map
 from solen.fabricate.process.flat import FlatPrint, walls_um
+from solen.fabricate.process.grey_steps import GreyOptions, MeasuredGreys, measured_greys
 from solen.fabricate.process.growth import straight_edge_um
 from solen.fabricate.process.predict import Orientation, predicted
 from solen.fabricate.process.print_design import PrintedDesign, print_design
@@ -40,8 +41,10 @@ __all__ = [
     "FittedFeature",
     "FlatImage",
     "FlatPrint",
+    "GreyOptions",
     "MeasuredCoupon",
     "MeasuredFeature",
+    "MeasuredGreys",
     "Orientation",
     "PrintOptions",
     "PrintedDesign",
@@ -60,6 +63,7 @@ __all__ = [
     "dose_map",
     "exits_um",
     "lens_face",
+    "measured_greys",
     "parsed_process",
     "predicted",
     "print_design",

@@ -22,6 +22,7 @@ from scipy import fft, ndimage
 
 from solen.arrays import FloatArray
 from solen.errors import DataError
+from solen.fabricate.grey import FULL
 from solen.fabricate.process.settings import Settings
 from solen.fabricate.process.terms import terms_at
 from solen.fabricate.raster import coverage
@@ -37,7 +38,6 @@ MOST_LAYERS = 10_000
 _FAR = 6.0  # widths of the halo that are kept free round the lens
 _DEEP = 3.0  # penetration depths at which the halo's width is taken for that
 _REACH_UM = 300.0
-_GREYS = 255
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,10 +86,8 @@ class FlatImage:
         columns, rows = (fft.next_fast_len(int(count), real=True) for count in (last - first))
         x, z = (grid + first * pitch).tolist()
         _check_size(rows * columns, layers, settings)
-        shares = (
-            np.round(coverage(rings, (float(pitch[0]), float(pitch[1])), (x, z), (rows, columns)) * _GREYS) / _GREYS
-        )
-        return cls(shares, layers, (1e3 * x, 1e3 * z))
+        shares = coverage(rings, (float(pitch[0]), float(pitch[1])), (x, z), (rows, columns))
+        return cls(settings.greys.light[np.rint(FULL * shares).astype(np.uint8)], layers, (1e3 * x, 1e3 * z))
 
     @cached_property
     def spectrum(self) -> NDArray[np.complex128]:

@@ -85,11 +85,12 @@ def _edge_um(dose: FloatArray, blur: FloatArray, settings: Settings, where: str)
         limit = f"{dose.sum():.3g} mJ/cm2 arrive {where}, and the resin sets from {settings.Ec_mJ_per_cm2:g} on"
         raise DataError("process.exposure_s", value=settings.exposure_s, limit=limit, remedy="expose for longer")
     reach = _WIDE * float(blur.max())
-    return float(brentq(lambda x: float(dose @ ndtr(-x / blur)) - settings.Ec_mJ_per_cm2, -reach, reach, xtol=1e-9))
+    excess = brentq(lambda x: float(dose @ ndtr(-x / blur)) - settings.Ec_mJ_per_cm2, -reach, reach, xtol=1e-9)
+    return float(excess) + settings.grey_shift_um
 
 
 def with_growth(settings: Settings, growth: float) -> Settings:
     """Settings with the critical dose that gives a stated growth of walls."""
     dose, blur = inside(settings)
-    critical = float(dose @ ndtr(-(growth - settings.wash_um) / blur))
+    critical = float(dose @ ndtr(-(growth - settings.wash_um - settings.grey_shift_um) / blur))
     return settings.model_copy(update={"Ec_mJ_per_cm2": critical})

@@ -15,8 +15,9 @@ values.
 import math
 from collections.abc import Mapping
 from importlib.resources import files
+from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 import tomli_w
@@ -24,6 +25,7 @@ from pydantic import Field, model_validator
 
 from solen.arrays import FloatArray
 from solen.errors import DataError, SolenError
+from solen.fabricate.grey import Greys
 from solen.files import read_text
 from solen.material.cure import cure_depth_um, stack_dose
 from solen.spec.strict import Migrations, NotNegative, Number, Positive, Strict, Text, migrated, parse_toml, refused
@@ -35,6 +37,7 @@ MIGRATIONS: Migrations = {}
 Micrometres = Annotated[Number, Field(gt=0, le=1e4)]
 Share = Annotated[Number, Field(ge=0, le=0.9)]
 Seconds = Annotated[Number, Field(gt=0, le=1e4)]
+GreyShare = Annotated[Number, Field(ge=0, le=1)]
 Percent = Annotated[Number, Field(ge=-20, le=20)]
 
 
@@ -76,6 +79,27 @@ class Settings(Strict):
         0.0, description="Lean of the walls beyond that of the dose; above 0 they widen away from the platform."
     )
 
+    grey: tuple[tuple[GreyShare, GreyShare], ...] = Field(
+        (),
+        description="Measured pairs of grey value and light, as shares of the full ones; none for proportional light.",
+    )
+    grey_drawn: Literal["corrected", "proportional"] = Field(
+        "corrected", description="How an edge is drawn: by the grey that gives its share of light, or by that share."
+    )
+    grey_power: Annotated[Number, Field(gt=0.05, le=10)] = Field(
+        1.0,
+        description="Exponent of a grey pixel's light beyond that: 1 where proportion, or the measured answer, holds.",
+    )
+
+    @model_validator(mode="after")
+    def _greys_ascend(self) -> Self:
+        for (grey, light), (more, brighter) in pairwise(self.grey):
+            if not (grey < more and light <= brighter):
+                raise refused("grey", "must ascend, and its light not fall", value=[more, brighter])
+        if self.grey and self.grey[-1][0] == 1.0 and self.grey[-1][1] != 1.0:
+            raise refused("grey", "a full grey value has a light of 1", value=list(self.grey[-1]))
+        return self
+
     @model_validator(mode="after")
     def _sets(self) -> Self:
         if self.halo_um < self.sigma_um:
@@ -109,6 +133,11 @@ class Settings(Strict):
         """Share of the light that a layer transmits."""
         return math.exp(-self.layer_um / self.Dp_um)
 
+    @property
+    def greys(self) -> Greys:
+        """Light of grey pixels."""
+        return Greys(self.grey, self.grey_drawn == "corrected", self.grey_power)
+
     def exposures(self, layers: int) -> FloatArray:
         """Dose at the window of each of some layers, the first printed first, shape (layers,)."""
         doses = np.full(layers, self.dose_mJ_per_cm2)
@@ -135,6 +164,11 @@ class Settings(Strict):
         return math.hypot(*self.pixels_um) / math.sqrt(12.0)
 
     @property
+    def grey_shift_um(self) -> float:
+        """What a straight edge moves outwards by where greys give other light than their share."""
+        return self.greys.shift * float(np.mean(self.pixels_um))
+
+    @property
     def edge_um(self) -> float:
         """Standard deviation of a straight edge's blur."""
         return math.hypot(self.sigma_um, self.pixel_blur_um)
@@ -142,9 +176,9 @@ class Settings(Strict):
 
 KEYS: tuple[str, ...] = tuple(Settings.model_fields)
 UNCERTAIN: tuple[str, ...] = tuple(
-    key for key in KEYS if key not in {"burn_in_layers", "pixel_um", "pixel_y_um", "layer_um"}
+    key for key in KEYS if key not in {"burn_in_layers", "pixel_um", "pixel_y_um", "layer_um", "grey", "grey_drawn"}
 )
-"""Numbers that may have an uncertainty; pixel, layer and number of layers are exact."""
+"""Numbers that may have an uncertainty; pixel, layer and number of layers are exact, greys have that of their power."""
 
 
 GROWTH = "growth_um"

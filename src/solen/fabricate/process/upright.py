@@ -23,6 +23,7 @@ from scipy.interpolate import LSQUnivariateSpline
 
 from solen.arrays import FloatArray
 from solen.errors import DataError
+from solen.fabricate.grey import FULL
 from solen.fabricate.process.field import DARK, fineness
 from solen.fabricate.process.flat import FEWEST_PIXELS
 from solen.fabricate.process.settings import Settings
@@ -37,7 +38,6 @@ SUBLAYERS = 5
 """Heights within a layer at which its dose is held; between them its logarithm is a straight line."""
 _DEPTHS = -math.log(FAINT)
 _MARGIN_UM = 1500.0
-_GREYS = 255
 _LAYERS_PER_KNOT = 10.0
 
 
@@ -95,7 +95,8 @@ class SidePrint:
         columns = fft.next_fast_len(math.ceil((high[0] + _MARGIN_UM - start) / pitch), real=True)
         heights = platform + (np.arange(first, last) + 0.5) * h
         rows = np.array([_row(turned, float(v), start, pitch, columns) for v in heights])
-        return cls(settings, side, np.round(rows * _GREYS) / _GREYS, first, start, platform, target)
+        light = settings.greys.light[np.rint(FULL * rows).astype(np.uint8)]
+        return cls(settings, side, light, first, start, platform, target)
 
     @cached_property
     def _log_excess(self) -> FloatArray:

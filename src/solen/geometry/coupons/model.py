@@ -58,6 +58,8 @@ class Feature(_Table):
         Name of the run in which it is printed.
     exposure_s
         Its own exposure, where it differs from that of the layers.
+    grey
+        The grey value that its pixels have, as a share of the full one, where they are not full.
     """
 
     name: str
@@ -72,6 +74,7 @@ class Feature(_Table):
     bevel_mm: float = 0.0
     stage: str = ""
     exposure_s: float | None = None
+    grey: float | None = None
 
     @property
     def height_mm(self) -> float:
@@ -209,6 +212,8 @@ class Coupon(_Table):
             raise SpecError(what, value=f"at {feature.x_mm}, {feature.y_mm} mm", limit="must be numbers")
         if feature.exposure_s is not None and not 0.0 < feature.exposure_s < math.inf:
             raise SpecError(f"{what} exposure_s", value=feature.exposure_s, limit="must be above 0")
+        if feature.grey is not None and not 0.0 < feature.grey <= 1.0:
+            raise SpecError(f"{what} grey", value=feature.grey, limit="must be above 0 and at most 1")
         if self.slab is None:
             return
         over_x = abs(feature.x_mm) + 0.5 * feature.width_mm - 0.5 * self.slab.width_mm

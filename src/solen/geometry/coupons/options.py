@@ -47,6 +47,10 @@ class CouponOptions(Options):
     """Irradiance at the window."""
     disc_exposures_s: Sizes = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0)
     """Exposures of the cure discs, in the order of printing."""
+    greys: Sizes = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 1.0)
+    """Greys of the discs of the grey steps, as shares of the full value."""
+    grey_exposure_s: Size = 6.0
+    """Exposure of the grey steps; long enough for the darkest to set."""
     film_mm: Size = 0.1
     """Thickness of the film under the single layer."""
     film_side_mm: Size = 20.0

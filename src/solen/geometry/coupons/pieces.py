@@ -30,6 +30,28 @@ def cure_discs(options: CouponOptions = CouponOptions()) -> Coupon:
     return Coupon("cure-discs", "discs for the working curve", tuple(discs), readings=readings, cautions=cautions)
 
 
+def grey_steps(options: CouponOptions = CouponOptions()) -> Coupon:
+    """Discs of 3 mm in one picture, each of another grey: which light a grey pixel lets through."""
+    greys, pitch, layer = options.greys, DISC_MM + APART_MM, 1e-3 * options.layer_um
+    names = distinct(f"g-{grey:g}" for grey in greys)
+    time = options.grey_exposure_s
+    discs = [
+        Feature(
+            name, "disc", (i - 0.5 * (len(greys) - 1)) * pitch, 0.0, DISC_MM, DISC_MM, 0.0, layer,
+            exposure_s=time, grey=grey,
+        )
+        for i, (name, grey) in enumerate(zip(names, greys, strict=True))
+    ]  # fmt: skip
+    cautions = (
+        "a disc's thickness is what its exposure cures: project the picture once, without the build platform, onto a "
+        "drop on the floor of the vat; the first disc is the full one",
+        "the thicknesses belong beside their greys in a table for solen print grey; measure Dp on the same day, with "
+        "the cure discs",
+    )
+    readings = (Reading("greys", "none", "solen's own: the light of an edge's pixels decides where a wall stands"),)
+    return Coupon("grey-steps", "discs of several greys", tuple(discs), readings=readings, cautions=cautions)
+
+
 def film_layer(options: CouponOptions = CouponOptions()) -> Coupon:
     """One layer on a film on a base of 0.5 mm: what a spectrophotometer measures the index of a layer with."""
     side, layer = options.film_side_mm, 1e-3 * options.layer_um

@@ -13,6 +13,7 @@ from solen import fabricate, files
 from solen.arrays import Progress
 from solen.errors import OutputError, SpecError
 from solen.fabricate.coupons import printable_coupon
+from solen.fabricate.grey import Greys
 from solen.fabricate.layers import (
     Job,
     Layer,
@@ -28,6 +29,7 @@ from solen.fabricate.layers import (
     write_archive,
     write_goo,
 )
+from solen.fabricate.process import read_process
 from solen.parts import printer_of
 from solen.pipeline.design.designs import open_design
 from solen.pipeline.names import stem_of
@@ -133,7 +135,8 @@ def layer_files(
     part: Printable, slicing: Slicing, out: Path, stem: str, figure: Path | None, progress: Progress
 ) -> LayerFiles:
     """A checked job with the names of its files."""
-    job = Job(part.solid, printer_of(slicing.printer), slicing)
+    greys = Greys() if slicing.process is None else read_process(slicing.process).process.greys
+    job = Job(part.solid, printer_of(slicing.printer), slicing, greys)
     if slicing.format == "goo":
         checked_for_goo(job)
     layers = {"zip": "-layers.zip", "goo": ".goo"}[slicing.format]

@@ -7,8 +7,8 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from solen.fabricate.grey import FULL
 from solen.fabricate.layers import Job, LayeredPrint
-from solen.fabricate.raster import FULL
 from solen.report.canvas import INK, LEFT, LOST, RIGHT, STYLE
 
 LIT = LinearSegmentedColormap.from_list("lit", ["#ffffff", RIGHT])

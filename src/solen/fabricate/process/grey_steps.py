@@ -1,0 +1,198 @@
+"""Light of grey pixels from discs of several greys that one exposure cured.
+
+The idea: a disc is as thick as its light cures, Dp ln(E/Ec) (Jacobs). Of two discs of one exposure the critical dose
+drops out: the light of a grey, as a share of the full one, is exp((C - C₁)/Dp) with the thicknesses C and, of the full
+grey, C₁. An error of Dp is an error of the exponent, so it is stated as that of `Settings.grey_power`, together with
+what the discs' own scatter leaves open. Light that falls where the grey rises is the scatter's: the shares are the
+nearest that ascend (isotonic regression, each thickness by its uncertainty).
+
+The interface: `measured_greys` gives `MeasuredGreys`, whose ``process`` holds them.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from solen.arrays import FloatArray
+from solen.errors import DataError
+from solen.fabricate.grey import FULL
+from solen.fabricate.process.settings import Process
+from solen.material.cure.discs import THICKNESSES
+from solen.material.rows import REPEATS, RowOptions, chosen_rows, refuse_unused
+from solen.recording import Measured, Recording
+from solen.results import HIDDEN, reported
+from solen.spec.strict import Finite
+
+GREYS = ("grey", "gray", "grey value", "gray value")
+U_THICKNESSES = tuple(f"u_{name}" for name in THICKNESSES)
+DISCS = ("disc", "disk", "sample", "specimen", "id", *REPEATS)
+FEWEST = 4
+"""Greys, the full one among them, that a curve is drawn through."""
+DARK = 0.5
+"""Grey below which one should have been measured."""
+APART = 3.0
+"""Standard uncertainties by which light may fall where grey rises."""
+
+
+class GreyOptions(RowOptions):
+    """How discs of several greys are evaluated."""
+
+    u_thickness_um: Finite | None = Field(None, gt=0.0)
+    """Standard uncertainty of a disc's thickness, where the table has no column u_thickness_um and no repeats."""
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class MeasuredGreys(Measured):
+    """Light of grey pixels, as shares of the full one.
+
+    Attributes
+    ----------
+    process
+        The process with these greys; JSON leaves it out.
+    grey, light, u_light
+        Measured greys, ascending, the light of each, and its standard uncertainty without that of Dp.
+    discs
+        Number of discs of each.
+    Dp_um, u_Dp_um
+        Penetration depth that turned thickness into light, and its uncertainty.
+    u_power
+        Standard uncertainty of the exponent of all light: of Dp, and of the discs.
+    """
+
+    process: Process = field(metadata=HIDDEN)
+    grey: FloatArray
+    light: FloatArray
+    u_light: FloatArray
+    discs: tuple[int, ...]
+    Dp_um: float
+    u_Dp_um: float
+    u_power: float
+
+    @reported
+    def edge_shift_px(self) -> float:
+        """What an edge drawn in proportion moves outwards by, in pixels, mean over its places."""
+        greys = self.process.process.model_copy(update={"grey_drawn": "proportional"}).greys
+        return greys.shift
+
+
+def measured_greys(recording: Recording, process: Process, options: GreyOptions = GreyOptions()) -> MeasuredGreys:
+    """Light of greys from a table of discs.
+
+    Parameters
+    ----------
+    recording
+        With a column of greys (shares, % or 255ths) and one of thicknesses, of discs that one exposure cured together.
+    process
+        Its Dp turns thickness into light; everything else of it is kept.
+
+    Raises
+    ------
+    DataError
+        Where a column is missing, no disc is of the full grey, too few greys set, or light falls as grey rises.
+    """
+    recording = chosen_rows(recording, options)
+    thickness = recording.need(*THICKNESSES)
+    stated = recording.find(*U_THICKNESSES)
+    shares, used = _shares(recording)
+    names = [used, thickness.name, *([] if stated is None else [stated.name]), *DISCS]
+    beside = refuse_unused(recording, options, names)
+    depth = thickness.to("um")
+    set_at = np.isfinite(depth) & (depth > 0.0)
+    greys, which, counts = np.unique(shares[set_at], return_inverse=True, return_counts=True)
+    if not len(greys) or greys[-1] != 1.0:
+        raise DataError("grey", limit="no disc of the full grey set: all others are compared with it")
+    if len(greys) < FEWEST:
+        limit = f"at least {FEWEST} greys must have set, the full one among them"
+        raise DataError("grey", value=len(greys), limit=limit, remedy="expose for longer")
+    u_disc = _u_um(depth[set_at], which, None if stated is None else stated.to("um")[set_at], options)
+    weight = np.bincount(which, u_disc**-2)
+    mean, u_mean = np.bincount(which, depth[set_at] / u_disc**2) / weight, weight**-0.5
+    Dp, u_Dp = process.process.Dp_um, process.uncertainty.get("Dp_um", 0.0)
+    ascending = _ascending(greys, mean, u_mean)
+    log_light = np.minimum((ascending - ascending[-1]) / Dp, 0.0)
+    light = np.exp(log_light)
+    u_log = np.hypot(u_mean, u_mean[-1])[:-1] / Dp
+    u_light = np.append(light[:-1] * u_log, 0.0)
+    if not log_light[0] < 0.0:
+        raise DataError("thickness", limit="all discs are as thick as those of the full grey: was one picture shown?")
+    u_own = float(np.sum((log_light[:-1] / u_log) ** 2)) ** -0.5
+    u_power = float(np.hypot(u_Dp / Dp, u_own))
+    pairs = tuple((float(grey), float(share)) for grey, share in zip(greys, light, strict=True))
+    return MeasuredGreys(
+        process=_with_greys(process, pairs, u_power, recording.provenance.file or "a table of grey steps"),
+        grey=greys,
+        light=light,
+        u_light=u_light,
+        discs=tuple(counts.tolist()),
+        Dp_um=Dp,
+        u_Dp_um=u_Dp,
+        u_power=u_power,
+        sources=(recording.provenance,),
+        warnings=(*beside, *_warnings(process, shares, set_at, greys)),
+    )
+
+
+def _shares(recording: Recording) -> tuple[FloatArray, str]:
+    """Greys as shares of the full one, and the column they stand in."""
+    grey = recording.need(*GREYS)
+    values = grey.to("1") if grey.unit == "%" else np.asarray(grey.values, float)
+    if not grey.unit and np.nanmax(values) > 1.0:
+        values = values / FULL
+    if not (np.isfinite(values).all() and values.min() >= 0.0 and values.max() <= 1.0):
+        raise DataError(
+            grey.name, value=float(np.nanmax(values)), limit="must be shares to 1, % to 100 or values to 255"
+        )
+    return np.round(values, 6), grey.name
+
+
+def _u_um(depth: FloatArray, which: NDArray[np.intp], stated: FloatArray | None, options: GreyOptions) -> FloatArray:
+    """Standard uncertainty of each disc's thickness: as stated, by column or option, or by the scatter of repeats."""
+    if stated is not None:
+        if not (np.isfinite(stated).all() and (stated > 0.0).all()):
+            raise DataError("u_thickness_um", limit="must be above 0 for every disc")
+        return stated
+    if options.u_thickness_um is not None:
+        return np.full(len(depth), options.u_thickness_um)
+    left = depth - (np.bincount(which, depth) / np.bincount(which))[which]
+    free = len(depth) - len(np.unique(which))
+    if free < 3:
+        limit = "is not stated, and the discs repeat too few greys to tell it"
+        raise DataError("u_thickness_um", limit=limit, remedy="add --u-thickness-um or a column u_thickness_um")
+    return np.full(len(depth), float(np.sqrt(np.sum(left**2) / free)))
+
+
+def _ascending(greys: FloatArray, mean: FloatArray, u: NDArray[np.floating]) -> FloatArray:
+    """Thicknesses that do not fall as grey rises, the nearest to those measured."""
+    from scipy.optimize import isotonic_regression
+
+    fitted = np.asarray(isotonic_regression(mean, weights=u**-2).x)
+    worst = int(np.argmax(np.abs(fitted - mean) / u))
+    if abs(fitted[worst] - mean[worst]) > APART * u[worst]:
+        limit = f"is {mean[worst]:.4g} µm at a grey of {greys[worst]:g}, thicker or thinner than its neighbours allow"
+        raise DataError("thickness", limit=limit, remedy="check which disc is which, and their uncertainty")
+    return fitted
+
+
+def _with_greys(process: Process, pairs: tuple[tuple[float, float], ...], u_power: float, file: str) -> Process:
+    data = process.model_dump()
+    data["process"] |= {"grey": pairs, "grey_power": 1.0}
+    data["uncertainty"]["grey_power"] = u_power
+    data["source"] |= {"grey": f"measured: {file}", "grey_power": f"measured: {file}, with this Dp"}
+    return Process(**data)
+
+
+def _warnings(process: Process, shares: FloatArray, set_at: NDArray[np.bool_], greys: FloatArray) -> list[str]:
+    warnings = []
+    if "Dp_um" in process.assumptions:
+        warnings.append(
+            f"Dp is assumed, {process.process.Dp_um:g} µm: measure it by cure discs on the same printer, all light of "
+            "greys rests on it"
+        )
+    dark = np.unique(shares[~set_at])
+    if len(dark):
+        warnings.append(f"greys up to {dark.max():g} set nothing; below {greys[0]:g} the light is interpolated to 0")
+    elif greys[0] > DARK:
+        warnings.append(f"no grey below {greys[0]:g} was measured; there the light is interpolated to 0")
+    return warnings
