@@ -80,9 +80,7 @@ def test_a_straight_wall_stands_where_its_image_prints_it(power: float) -> None:
     for phase in np.arange(8) / 8.0:
         strip = np.array([(-5.0, -2.0), (0.0, -2.0), (0.0, 2.0), (-5.0, 2.0)])
         strip = strip + np.array((2e-3 * one.pixel_um, 0.0))
-        image = FlatImage.of(
-            [strip], np.array([(-0.5, -0.1), (0.5, 0.1)]), (0.0, 0.0), one, layers, (float(phase), 0.0)
-        )
+        image = FlatImage.of([strip], np.array([(-0.5, -0.1), (0.5, 0.1)]), one, layers, (float(phase), 0.0))
         dose = dose_map(image, one, height)
         wall = brentq(lambda x, dose=dose: float(dose.log_excess(np.array([[x, 0.0]]))[0]), -60.0, 120.0)
         beyond.append(wall - 2.0 * one.pixel_um)

@@ -66,6 +66,12 @@ def _(prediction: PrintedDesign) -> Iterator[str]:
     )
     yield f"uncertainty ± {prediction.u_rms_um:.2g} µm{most}"
     yield f"shape alone, moved by {prediction.shape.shift_z_um:+.3g} µm along z: {prediction.shape.rms_um:.3g} µm rms"
+    if (phase := prediction.phase) is not None:
+        x, z = phase.phase_px
+        yield (
+            f"vertex at {x:g} {z:g} of its pixel: shape alone {phase.shape_um:.3g} µm rms, on a corner "
+            f"{phase.on_a_corner_um:.3g}, at worst {phase.worst_um:.3g}; solen print layers --phase-px {x:g} {z:g}"
+        )
     ripple = prediction.ripple
     rms = "" if ripple.rms_um is None else f", {ripple.rms_um:.2g} µm rms"
     yield f"ripple of the layers along the {ripple.along}: {ripple.peak_to_valley_um:.2g} µm peak to valley{rms}"

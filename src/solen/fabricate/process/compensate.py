@@ -63,9 +63,16 @@ class Compensation:
 
 
 def compensated(
-    body: Body, target: Target, settings: Settings, thickness_mm: float, height_um: float | None
+    body: Body,
+    target: Target,
+    settings: Settings,
+    thickness_mm: float,
+    height_um: float | None,
+    phase: tuple[float, float] = (0.0, 0.0),
 ) -> Compensation:
     """Drawing of a body whose lens prints as its target at a height, or on average over the thickness.
+
+    Its origin stands at ``phase`` in its pixel.
 
     Raises
     ------
@@ -82,7 +89,7 @@ def compensated(
     rounds: list[float] = []
     for _ in range(MOST_ROUNDS):
         outlines = redrawn(body, target.moved_um(drawn), wall_um, scale, target.centre)
-        printed = FlatPrint.of(rings_of(outlines), target, settings, thickness_mm)
+        printed = FlatPrint.of(rings_of(outlines), target, settings, thickness_mm, phase)
         deviation = Deviation(target, printed.profile_um(height_um))
         rounds.append(deviation.rms_um)
         if best is None or deviation.rms_um < best.printed.rms_um:

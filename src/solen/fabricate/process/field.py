@@ -26,7 +26,6 @@ from solen.fabricate.grey import FULL
 from solen.fabricate.process.settings import Settings
 from solen.fabricate.process.terms import terms_at
 from solen.fabricate.raster import coverage
-from solen.plane import Point
 
 FAINTEST = 1e-6
 """Relative size of the narrowest blur's spectrum at the end of the fine grid's."""
@@ -63,14 +62,14 @@ class FlatImage:
         cls,
         rings: Sequence[FloatArray],
         extent: FloatArray,
-        centre: Point,
         settings: Settings,
         layers: int,
         phase: tuple[float, float] = (0.0, 0.0),
     ) -> "FlatImage":
         """Image of closed polylines (N, 2) in mm, within and about the extent of some points (M, 2).
 
-        A pixel's corner is at ``centre``, moved by ``phase`` pixels.
+        The drawing's origin stands at ``phase`` in its pixel, as `solen.fabricate.layers` draws it: at (0, 0) on a
+        corner.
 
         Raises
         ------
@@ -80,7 +79,7 @@ class FlatImage:
         pitch = 1e-3 * np.array(settings.pixels_um)
         halo = math.hypot(settings.halo_um, settings.halo_per_depth * _DEEP * settings.Dp_um)
         margin = 1e-3 * (_FAR * max(halo, settings.sigma_um) + _REACH_UM)
-        grid = np.asarray(centre) - pitch * np.asarray(phase)
+        grid = -pitch * np.asarray(phase)
         first = np.floor((extent.min(axis=0) - margin - grid) / pitch)
         last = np.ceil((extent.max(axis=0) + margin - grid) / pitch)
         columns, rows = (fft.next_fast_len(int(count), real=True) for count in (last - first))

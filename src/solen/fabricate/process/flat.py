@@ -64,7 +64,7 @@ class FlatPrint:
         thickness_mm
             Of the part; it is made of the nearest whole number of layers.
         phase
-            Where the middle of the lens stands in its pixel, 0 to 1 along x and z; at (0, 0) on a corner.
+            Where the drawing's origin stands in its pixel, 0 to 1 along x and z; at (0, 0) on a corner.
 
         Raises
         ------
@@ -80,7 +80,7 @@ class FlatPrint:
             limit = f"the lens, {width_mm:.3g} mm wide, must have {FEWEST_PIXELS} pixels at least"
             remedy = f"take a printer of pixels below {1e3 * width_mm / FEWEST_PIXELS:.3g} µm"
             raise DataError("process.pixel_um", value=settings.pixel_um, limit=limit, remedy=remedy)
-        image = FlatImage.of(rings, target.points_mm, target.centre, settings, layers, phase)
+        image = FlatImage.of(rings, target.points_mm, settings, layers, phase)
         return cls(settings, image, target)
 
     @property

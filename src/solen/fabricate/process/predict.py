@@ -65,6 +65,8 @@ def predicted(
     orientation: Orientation = "flat",
     height_um: float | None = None,
     progress: Progress | None = None,
+    *,
+    phase: tuple[float, float] | None = None,
 ) -> Prediction:
     """Lens that a process prints.
 
@@ -84,6 +86,9 @@ def predicted(
         Of a flat part: the height whose profile is meant; None for the mean over its thickness.
     progress
         Called with the share done, up to 1.
+    phase
+        Where the drawing's origin stands in its pixel, of a flat part; None where that is not known, for a corner with
+        an uncertainty.
 
     Raises
     ------
@@ -91,7 +96,8 @@ def predicted(
         Where pixels or layers are too coarse, or nothing is printed.
     """
     if orientation == "flat":
-        smooth, ripple, through, printed = _flat(rings, target, process.process, thickness_mm, height_um)
+        stands = phase or (0.0, 0.0)
+        smooth, ripple, through, printed = _flat(rings, target, process.process, thickness_mm, height_um, stands)
     else:
         smooth, ripple, through, printed = _standing(rings, target, process.process, orientation)
     keys, covariance = process.covariance()
@@ -105,7 +111,7 @@ def predicted(
     jacobian = np.array(halves).reshape(len(keys), len(smooth))
     variance = np.einsum("in,ij,jn->n", jacobian, correlation, jacobian)
     contributions = {key: float(np.sqrt(np.mean(half**2))) for key, half in zip(keys, halves, strict=True)}
-    if orientation == "flat":
+    if orientation == "flat" and phase is None:
         moved = (printed(process.process, (0.5, 0.5)) - printed(process.process)) / np.sqrt(3.0)
         variance = variance + float(np.mean(moved**2))
         contributions[PHASE] = float(np.sqrt(np.mean(moved**2)))
@@ -118,17 +124,62 @@ _Lens = tuple[FloatArray, FloatArray, float, Callable[..., FloatArray]]
 
 
 def _flat(
-    rings: Sequence[FloatArray], target: Target, settings: Settings, thickness_mm: float, height_um: float | None
+    rings: Sequence[FloatArray],
+    target: Target,
+    settings: Settings,
+    thickness_mm: float,
+    height_um: float | None,
+    stands: tuple[float, float],
 ) -> _Lens:
-    flat = FlatPrint.of(rings, target, settings, thickness_mm)
+    flat = FlatPrint.of(rings, target, settings, thickness_mm, stands)
     at_um = 0.5 * flat.thickness_um if height_um is None else height_um
     middle_um = (flat.layer_at(at_um) + 0.5) * settings.layer_um  # of one layer: quick, for differences
 
-    def printed(other: Settings, phase: tuple[float, float] = (0.0, 0.0)) -> FloatArray:
+    def printed(other: Settings, phase: tuple[float, float] = stands) -> FloatArray:
         return FlatPrint.of(rings, target, other, thickness_mm, phase).offsets_um(middle_um)
 
     smooth = flat.profile_um(height_um)
     return smooth, np.zeros_like(smooth), flat.ripple_um(at_um), printed
+
+
+@dataclass(frozen=True)
+class Phase:
+    """Where in its pixel a lens is drawn best.
+
+    Attributes
+    ----------
+    phase_px
+        The place, along x and z in pixels.
+    shape_um, on_a_corner_um, worst_um
+        Deviation of the lens's shape, root mean square after the best shift along z: there, on a corner of pixels, and
+        at the worst place.
+    """
+
+    phase_px: tuple[float, float]
+    shape_um: float
+    on_a_corner_um: float
+    worst_um: float
+
+
+def best_phase(
+    rings: Sequence[FloatArray], target: Target, settings: Settings, thickness_mm: float, height_um: float | None
+) -> Phase:
+    """Place of the drawing's origin in its pixel at which a flat lens comes out nearest to its shape.
+
+    A lens that is symmetric about x = 0 stays so on a corner and in the middle of a pixel, so these two are tried
+    along x, and eighths along z.
+    """
+    flat = FlatPrint.of(rings, target, settings, thickness_mm)
+    at_um = 0.5 * flat.thickness_um if height_um is None else height_um
+    middle_um = (flat.layer_at(at_um) + 0.5) * settings.layer_um
+
+    def shape_um(phase: tuple[float, float]) -> float:
+        offsets = FlatPrint.of(rings, target, settings, thickness_mm, phase).offsets_um(middle_um)
+        return Deviation(target, offsets).shifted[1].rms_um
+
+    tried = {(x, z / 8): shape_um((x, z / 8)) for x in (0.0, 0.5) for z in range(8)}
+    best = min(tried, key=lambda place: tried[place])
+    return Phase(best, tried[best], tried[0.0, 0.0], max(tried.values()))
 
 
 def _standing(rings: Sequence[FloatArray], target: Target, settings: Settings, side: Side) -> _Lens:

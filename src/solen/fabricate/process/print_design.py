@@ -19,7 +19,7 @@ from solen.fabricate.mesh import Mesh
 from solen.fabricate.process.compensate import Compensation, compensated
 from solen.fabricate.process.drawing import as_designed, lens_face, rings_of
 from solen.fabricate.process.flat import walls_um
-from solen.fabricate.process.predict import Orientation, Prediction, points_for, predicted
+from solen.fabricate.process.predict import Orientation, Phase, Prediction, best_phase, points_for, predicted
 from solen.fabricate.process.settings import Process, Settings
 from solen.fabricate.process.solid import printed_solid
 from solen.fabricate.process.source import PrintOptions, process_of, with_resin
@@ -118,6 +118,8 @@ class PrintedDesign(Result):
         Name and values of the process.
     lens
         The printed lens.
+    phase
+        Where in its pixel the lens was chosen to stand, and what that buys; None where it was not chosen.
     deviation
         From the wanted lens, along its normal; above 0 there is more material.
     u_rms_um, u_max_um
@@ -145,6 +147,7 @@ class PrintedDesign(Result):
     process: str
     settings: Settings
     lens: Prediction = field(metadata=HIDDEN)
+    phase: Phase | None
     deviation: Deviation
     u_rms_um: float
     u_max_um: float
@@ -223,6 +226,7 @@ def print_design(
         process=made.process.name,
         settings=made.process.process,
         lens=lens,
+        phase=made.chosen,
         deviation=lens.deviation,
         u_rms_um=_rms(lens.u_um),
         u_max_um=float(lens.u_um.max()),
@@ -258,6 +262,18 @@ class _Print:
     @cached_property
     def rings(self) -> list[FloatArray]:
         return rings_of(as_designed(self.sensor.body()))
+
+    @cached_property
+    def chosen(self) -> Phase | None:
+        """The best place in the pixel, where it is to be chosen."""
+        if not self.options.choose_phase:
+            return None
+        return best_phase(self.rings, self.target, self.process.process, self.thickness_mm, self.height_um)
+
+    @property
+    def phase_px(self) -> tuple[float, float] | None:
+        """Where the lens stands in its pixel; None where nobody says."""
+        return self.options.phase_px if self.chosen is None else self.chosen.phase_px
 
     @property
     def thickness_mm(self) -> float:
@@ -299,16 +315,27 @@ class _Print:
 
     def lens(self, progress: Progress | None) -> Prediction:
         orientation, height_um = self.options.orientation, self.height_um
-        return predicted(self.rings, self.target, self.process, self.thickness_mm, orientation, height_um, progress)
+        return predicted(
+            self.rings,
+            self.target,
+            self.process,
+            self.thickness_mm,
+            orientation,
+            height_um,
+            progress,
+            phase=self.phase_px,
+        )
 
     def compensation(self) -> Compensation:
         settings = self.process.process
-        return compensated(self.sensor.body(), self.target, settings, self.thickness_mm, self.height_um)
+        stands = self.phase_px or (0.0, 0.0)
+        return compensated(self.sensor.body(), self.target, settings, self.thickness_mm, self.height_um, stands)
 
     def part(self) -> PrintedPart:
         design, body = self.sensor.design, self.sensor.body()
         centre = self.target.centre
-        mesh, slabs = printed_solid(self.rings, self.process.process, self.thickness_mm, centre, design.name)
+        stands = self.phase_px or (0.0, 0.0)
+        mesh, slabs = printed_solid(self.rings, self.process.process, self.thickness_mm, centre, design.name, stands)
         label = label_of(design, f"simulated: as printed by the model, {self.process.name}")
         label = replace(label, name=f"simulated print of {label.name}")  # an STL has room for the name alone
         designed_mm3 = area_mm2(body.outlines) * self.thickness_mm
@@ -351,11 +378,16 @@ def _forwards(points: FloatArray) -> FloatArray:
 
 def _check_flat(options: PrintOptions, *, compensate: bool, part: bool) -> None:
     """`SpecError` where something that only a flat part has is asked for of another."""
+    if options.choose_phase and options.phase_px is not None:
+        raise SpecError(
+            "--phase-px", value=options.phase_px, limit="goes before --choose-phase", remedy="leave one out"
+        )
     if options.orientation == "flat":
         return
     if options.at != "middle":
         raise SpecError("--at", value=options.at, limit="is for parts printed flat", remedy="leave it out")
-    for asked, option in ((compensate, "--compensate"), (part, "--solid")):
+    phase = options.choose_phase or options.phase_px is not None
+    for asked, option in ((compensate, "--compensate"), (part, "--solid"), (phase, "--phase-px or --choose-phase")):
         if asked:
             limit = f"{option} is for parts printed flat"
             raise SpecError("--orientation", value=options.orientation, limit=limit, remedy="print it flat")

@@ -64,14 +64,18 @@ def slabs(settings: Settings, layers: int) -> tuple[Slab, ...]:
 
 
 def outlines(
-    rings: Sequence[FloatArray], settings: Settings, layers: int, layer: int, centre: FloatArray
+    rings: Sequence[FloatArray],
+    settings: Settings,
+    layers: int,
+    layer: int,
+    centre: FloatArray,
+    phase: tuple[float, float] = (0.0, 0.0),
 ) -> list[FloatArray]:
     """Outlines (N, 2) in mm where the resin sets in the middle of a layer, shrunk, washed and with its taper.
 
     Which of them are holes follows from what lies within what (even and odd).
     """
-    middle = (float(centre[0]), float(centre[1]))
-    image = FlatImage.of(rings, np.vstack(rings), middle, settings, layers)
+    image = FlatImage.of(rings, np.vstack(rings), settings, layers, phase)
     height_um = _middle_um(settings, layer)
     if terms_at(settings, layers, height_um).total <= settings.Ec_mJ_per_cm2:
         raise DataError(
@@ -83,7 +87,12 @@ def outlines(
 
 
 def printed_solid(
-    rings: Sequence[FloatArray], settings: Settings, thickness_mm: float, centre_mm: tuple[float, float], name: str
+    rings: Sequence[FloatArray],
+    settings: Settings,
+    thickness_mm: float,
+    centre_mm: tuple[float, float],
+    name: str,
+    phase: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[Mesh, tuple[Slab, ...]]:
     """Solid of drawn closed polylines (N, 2) in mm, with X and Y as drawn and Z the height above the platform.
 
@@ -99,6 +108,8 @@ def printed_solid(
         What all shrinks about: the middle of the lens.
     name
         Of the part, for refusals.
+    phase
+        Where the drawing's origin stands in its pixel.
 
     Raises
     ------
@@ -112,7 +123,7 @@ def printed_solid(
     layer_mm = 1e-3 * settings.layer_um * (1.0 - 0.01 * settings.shrinkage_z_percent)
     made = []
     for slab in cut:
-        lines = outlines(rings, settings, layers, slab.middle, centre)
+        lines = outlines(rings, settings, layers, slab.middle, centre, phase)
         section = CrossSection([line.tolist() for line in lines], FillRule.EvenOdd).simplify(1e-3 * _THIN_UM)
         low = slab.first * layer_mm - (OVERLAP_MM if slab.first else 0.0)
         made.append(section.extrude((slab.last + 1) * layer_mm - low).translate((0.0, 0.0, low)))

@@ -6,8 +6,10 @@ The interface: `PrintOptions` is how a design is printed; `process_of` gives the
 
 import hashlib
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
 from solen.errors import DataError
 from solen.fabricate.process.predict import Orientation
@@ -17,6 +19,8 @@ from solen.parts import printer_of
 from solen.recording import Provenance
 from solen.spec import Design
 from solen.spec.strict import Options
+
+PixelShare = Annotated[float, Field(ge=0, lt=1)]
 
 
 class PrintOptions(Options):
@@ -28,6 +32,10 @@ class PrintOptions(Options):
     """Printer whose pixels are taken: a name of solen print printers, or a printer's .toml."""
     orientation: Orientation = "flat"
     """How the part lies in the printer; upright makes the lens last."""
+    phase_px: tuple[PixelShare, PixelShare] | None = None
+    """Where the lens vertex stands in its pixel along x and z, as in solen print layers; default: a corner."""
+    choose_phase: bool = False
+    """Choose the place in the pixel at which the lens comes out nearest to its shape (flat parts)."""
     at: str = "middle"
     """Height of a flat part whose profile is meant: middle of the thickness, mean over it, or a height in mm."""
 
