@@ -75,6 +75,7 @@ ROWS = {
     "print coupons": "--out coupons --only group-a --figure plans.svg",
     "print fidelity": "a.png --job coupons/group-a.json --um-per-px 14 --figure fidelity.svg --out a.json",
     "print calibrate": "features.json --figure printer.svg --out process.toml",
+    "print grey": "steps.csv --u-thickness-um 2 --out greys.toml",
     "print predict": f"{DESIGN} --process sure/process.toml --no-response --figure printed.svg --out printed.json",
     "print inspect": f"lens.png --design {DESIGN} --um-per-px 5 --figure inspected.svg --out lens.json",
     "print printers": "",
@@ -116,6 +117,7 @@ def write_inputs(folder: Path) -> None:
     (folder / "sure").mkdir()
     sure(folder / "sure")
     features_file(folder / "features.json")
+    (folder / "steps.csv").write_text("grey,thickness_um\n255,300\n200,270\n150,230\n90,170\n", encoding="utf-8")
     coupon_png(folder / "a.png", Camera(14.0, 3.0, blur_px=1.2).picture(Print(layout("group-a"))))
     (folder / "lens.png").write_bytes(png(Shot(lens("solen-860")).taken(1)))
     time, volts, state = stream(60, lambda t: 4.0 - 0.5 * t, 1)

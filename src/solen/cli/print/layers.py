@@ -69,11 +69,11 @@ def _(made: LayeredPrint) -> Iterator[str]:
 @lines.register
 def _(library: PrinterList) -> Iterator[str]:
     width = max(len(row.printer) for row in library.printers)
-    yield f"{'':{width}}  {'pixel um':>8}  {'pixels':>11}  {'builds mm':>21}  confirmed"
+    yield f"{'':{width}}  {'pixel um':>11}  {'pixels':>12}  {'builds mm':>21}  rests on"
     for row in library.printers:
-        sure = "no" if row.unconfirmed else "yes"
+        basis = row.file.pitch_um.basis
         pixels = f"{row.columns} x {row.rows}"
-        yield f"{row.printer:{width}}  {_pixel(row):>8}  {pixels:>11}  {_times(row.size_mm):>21}  {sure}"
+        yield f"{row.printer:{width}}  {_pixel(row):>11}  {pixels:>12}  {_times(row.size_mm):>21}  {basis}"
 
 
 @lines.register
