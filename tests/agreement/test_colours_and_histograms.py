@@ -312,7 +312,7 @@ def same(a: Trace, b: Trace) -> bool:
 def test_a_seed_gives_the_same_bits_on_any_threads_and_another_seed_others(
     mode: Mode, sampling: str, precision: str
 ) -> None:
-    scene = motley_scene(17, 20_000)
+    scene = motley_scene(17, 6_000)
 
     def run(seed: int, threads: int | None) -> Trace:
         limits = Limits(min_weight=3e-2, max_hits=20)

@@ -387,11 +387,8 @@ def test_a_length_of_no_sensor(refused: Refusal, assignment: str) -> None:
 @pytest.mark.parametrize(
     "arguments",
     [
-        ["check", "missing.toml"],
         ["lens", "sensor.toml", "--set", "lens.half_width_mm=2.95"],
-        ["trace", "sensor.toml", "--angle-deg", "nan"],
         ["run", "sensor.toml", "--out", "sensor.toml"],
-        ["new", "."],
         ["bogus"],
     ],
     ids=" ".join,
