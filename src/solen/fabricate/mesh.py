@@ -5,6 +5,7 @@ tolerance; top and bottom are triangulated, and cuts made, by manifold3d. Points
 of an STL can resolve are merged beforehand, so every format holds the same closed surface.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
@@ -25,6 +26,8 @@ FINEST_MM, COARSEST_MM = 1e-4, 1.0
 WELD_MM = 1e-5
 """Points nearer than this become one; far from the origin, `WELD_ULPS` times the spacing of 32-bit numbers there."""
 WELD_ULPS = 8.0
+AT_ONCE = 100_000
+"""Triangles that are looked at together."""
 
 
 @dataclass(frozen=True)
@@ -41,15 +44,19 @@ class Mesh:
     @cached_property
     def volume_mm3(self) -> float:
         """Volume enclosed: the sum over triangles of the tetrahedra that they make with the middle of the mesh."""
-        a, b, c = (self.vertices - self.vertices.mean(axis=0))[self.triangles.T]
-        return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
+        return sum(float(volumes.sum()) for _, volumes in self.six_volumes()) / 6.0
 
-    @property
-    def normals(self) -> FloatArray:
-        """Outward unit normals (M, 3)."""
-        a, b, c = self.vertices[self.triangles.T]
-        normal = np.cross(b - a, c - a)
-        return np.asarray(normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300))
+    def six_volumes(self) -> Iterator[tuple[slice, FloatArray]]:
+        """Six times these tetrahedra's volumes, for some triangles at a time."""
+        middle = self.vertices.mean(axis=0)
+        for some, (a, b, c) in self.corners():
+            yield some, np.asarray(np.einsum("ij,ij->i", a - middle, np.cross(b - middle, c - middle)))
+
+    def corners(self) -> Iterator[tuple[slice, FloatArray]]:
+        """Corners (3, m, 3) of some triangles at a time, so that a large mesh is never spread out whole."""
+        for first in range(0, len(self.triangles), AT_ONCE):
+            some = slice(first, first + AT_ONCE)
+            yield some, self.vertices[self.triangles[some].T]
 
     @property
     def size_mm(self) -> tuple[float, float, float]:
@@ -59,12 +66,29 @@ class Mesh:
 
     def open_edges(self) -> int:
         """Number of edges that are not shared by exactly two triangles that agree on what is outside; 0 if closed."""
-        start, end = self.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2).T.astype(np.int64)
-        ways, counts = np.unique(start * len(self.vertices) + end, return_counts=True)
+        ways = self._ways()
+        ways.sort()
+        if np.all(ways[1:] != ways[:-1]):
+            back = self._ways(backwards=True)
+            back.sort()
+            if np.array_equal(ways, back):
+                return 0
+        ways, counts = np.unique(ways, return_counts=True)
         back = ways % len(self.vertices) * len(self.vertices) + ways // len(self.vertices)
         at = np.minimum(np.searchsorted(ways, back), len(ways) - 1)
         paired = (counts == 1) & (ways[at] == back) & (counts[at] == 1)
         return int(np.count_nonzero(~paired))
+
+    def _ways(self, *, backwards: bool = False) -> IntArray:
+        """Every edge of every triangle as one number, by the way that the triangle goes along it."""
+        count, sides = len(self.triangles), [(0, 1), (1, 2), (2, 0)]
+        ways = np.empty(3 * count, np.int64)
+        for number, (start, end) in enumerate(sides):
+            first, second = (end, start) if backwards else (start, end)
+            part = ways[number * count : (number + 1) * count]
+            np.multiply(self.triangles[:, first], len(self.vertices), out=part)
+            part += self.triangles[:, second]
+        return ways
 
 
 def mesh_of(part: Part, tolerance_mm: float) -> Mesh:

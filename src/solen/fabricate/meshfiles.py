@@ -12,13 +12,13 @@ import io
 import json
 import struct
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
 from solen.fabricate.label import WRITER, Label, ascii_of
-from solen.fabricate.mesh import Mesh
+from solen.fabricate.mesh import AT_ONCE, Mesh
 
 STL_HEADER = 80
 TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
@@ -46,45 +46,60 @@ FLOAT, UNSIGNED, VERTICES, INDICES = 5126, 5125, 34962, 34963
 
 def as_stl(mesh: Mesh, label: Label) -> bytes:
     """Binary STL of a mesh, in mm."""
+    return b"".join(stl_pieces(mesh, label))
+
+
+def stl_pieces(mesh: Mesh, label: Label) -> Iterator[bytes]:
+    """The same piece by piece, so that a large mesh is never held twice."""
     head = f"{WRITER}; mm; {ascii_of(label.name, 30)}; sha256 {label.sha256[:16]}"
-    triangles = np.zeros(len(mesh.triangles), TRIANGLE)
-    triangles["normal"] = mesh.normals
-    triangles["corners"] = mesh.vertices[mesh.triangles]
-    return head.encode()[:STL_HEADER].ljust(STL_HEADER) + struct.pack("<I", len(triangles)) + triangles.tobytes()
+    yield head.encode()[:STL_HEADER].ljust(STL_HEADER) + struct.pack("<I", len(mesh.triangles))
+    for _, corners in mesh.corners():
+        a, b, c = corners
+        normals = np.cross(b - a, c - a)
+        triangles = np.zeros(len(a), TRIANGLE)
+        triangles["normal"] = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+        triangles["corners"] = corners.swapaxes(0, 1)
+        yield triangles.tobytes()
 
 
 def as_threemf(mesh: Mesh, label: Label) -> bytes:
     """3MF of a mesh."""
     data = io.BytesIO()
     with zipfile.ZipFile(data, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, text in (("[Content_Types].xml", TYPES), ("_rels/.rels", RELATIONS), (MODEL, _model(mesh, label))):
+        files: tuple[tuple[str, Iterable[str]], ...] = (
+            ("[Content_Types].xml", [TYPES]),
+            ("_rels/.rels", [RELATIONS]),
+            (MODEL, _model(mesh, label)),
+        )
+        for name, lines in files:
             entry = zipfile.ZipInfo(name, NO_DATE)
             entry.compress_type = zipfile.ZIP_DEFLATED
-            archive.writestr(entry, text.encode())
+            with archive.open(entry, "w") as opened:
+                for line in lines:
+                    opened.write(line.encode())
     return data.getvalue()
 
 
-def _model(mesh: Mesh, label: Label) -> str:
-    """The XML that holds a 3MF's mesh; numbers to a hundredth of a nanometre."""
+def _model(mesh: Mesh, label: Label) -> Iterator[str]:
+    """The XML that holds a 3MF's mesh, some lines at a time; numbers to a hundredth of a nanometre."""
     about = {"Title": label.name, "Application": WRITER, "Description": "; ".join(label.lines[2:])}
-    vertices = (f'<vertex x="{x:.8f}" y="{y:.8f}" z="{z:.8f}"/>' for x, y, z in (mesh.vertices.round(8) + 0.0).tolist())
-    triangles = (f'<triangle v1="{a}" v2="{b}" v3="{c}"/>' for a, b, c in mesh.triangles.tolist())
-    return "\n".join(
+    yield "\n".join(
         (
             '<?xml version="1.0" encoding="UTF-8"?>',
             f'<model unit="millimeter" xml:lang="en-US" xmlns="{CORE}">',
             *(f"<metadata name={quoteattr(key)}>{escape(text)}</metadata>" for key, text in about.items()),
             f'<resources><object id="1" type="model" name={quoteattr(label.name)}><mesh>',
-            "<vertices>",
-            *vertices,
-            "</vertices>",
-            "<triangles>",
-            *triangles,
-            "</triangles>",
-            '</mesh></object></resources><build><item objectid="1"/></build>',
-            "</model>\n",
+            "<vertices>\n",
         )
     )
+    for first in range(0, len(mesh.vertices), AT_ONCE):
+        some = (mesh.vertices[first : first + AT_ONCE].round(8) + 0.0).tolist()
+        yield "".join(f'<vertex x="{x:.8f}" y="{y:.8f}" z="{z:.8f}"/>\n' for x, y, z in some)
+    yield "</vertices>\n<triangles>\n"
+    for first in range(0, len(mesh.triangles), AT_ONCE):
+        numbers = mesh.triangles[first : first + AT_ONCE].tolist()
+        yield "".join(f'<triangle v1="{a}" v2="{b}" v3="{c}"/>\n' for a, b, c in numbers)
+    yield '</triangles>\n</mesh></object></resources><build><item objectid="1"/></build>\n</model>\n'
 
 
 def as_glb(mesh: Mesh, label: Label) -> bytes:

@@ -39,11 +39,23 @@ def read_stl(path: Path) -> Mesh:
         raise DataError(str(path), value="no triangle", limit="is empty", remedy=REMEDY)
     if not np.isfinite(corners).all():
         raise DataError(str(path), value="a corner that is not finite", limit="is damaged", remedy=REMEDY)
-    vertices, numbers = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
-    triangles = numbers.reshape(-1, 3)
+    vertices, triangles = _welded(corners.reshape(-1, 3))
     a, b, c = triangles.T
     whole = (a != b) & (b != c) & (c != a)
-    return Mesh(vertices.astype(np.float64), np.ascontiguousarray(triangles[whole], dtype=np.int64), 0.0)
+    return Mesh(vertices.astype(np.float64), triangles if whole.all() else triangles[whole], 0.0)
+
+
+def _welded(corners: Corners) -> tuple[Corners, NDArray[np.int64]]:
+    """Places (N, 3), each once, and their numbers for each triangle (M, 3)."""
+    order = np.lexsort(corners.T).astype(np.int32)
+    new = np.ones(len(order), bool)
+    new[1:] = False
+    for axis in range(3):
+        one = corners[order, axis]
+        new[1:] |= one[1:] != one[:-1]
+    numbers = np.empty(len(order), np.int64)
+    numbers[order] = np.cumsum(new) - 1
+    return corners[order[new]], numbers.reshape(-1, 3)
 
 
 def _bytes(path: Path) -> bytes:

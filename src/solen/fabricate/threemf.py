@@ -7,9 +7,11 @@ that the file requires is refused.
 
 import zipfile
 import zlib
+from array import array
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from xml.etree import ElementTree as ET
+from xml.parsers import expat
 
 import numpy as np
 
@@ -23,7 +25,9 @@ LARGEST_MB = 500
 """A model beyond this is refused before it is unpacked."""
 DEEPEST, MOST_OBJECTS = 16, 10_000
 """Objects made of objects, at most so deep, and so many of them in all."""
-SPACE = f"{{{CORE}}}"
+SPACE = f"{CORE} "
+PIECE = 1 << 20
+"""Bytes that are parsed at a time."""
 REMEDY = "export it again, or as STL"
 
 
@@ -43,6 +47,41 @@ class Pieces:
         self.count += len(vertices)
 
 
+@dataclass
+class Thing:
+    """An object: corners, corners' numbers of its triangles, and the objects that it is made of."""
+
+    vertices: "array[float]" = field(default_factory=lambda: array("d"))
+    triangles: "array[int]" = field(default_factory=lambda: array("q"))
+    parts: list[dict[str, str]] = field(default_factory=list)
+
+
+@dataclass
+class Model:
+    """What a model says, gathered element by element, so that its tree is never held."""
+
+    about: dict[str, str] = field(default_factory=dict)
+    things: dict[str, Thing] = field(default_factory=dict)
+    items: list[dict[str, str]] = field(default_factory=list)
+    _thing: Thing = field(default_factory=Thing)
+
+    def start(self, name: str, attributes: dict[str, str]) -> None:
+        """Take an element of the core specification."""
+        tag = name.removeprefix(SPACE) if name.startswith(SPACE) else ""
+        if tag == "vertex":
+            self._thing.vertices.extend([float(attributes[key]) for key in ("x", "y", "z")])
+        elif tag == "triangle":
+            self._thing.triangles.extend([int(attributes[key]) for key in ("v1", "v2", "v3")])
+        elif tag == "object":
+            self._thing = self.things.setdefault(str(attributes.get("id")), Thing())
+        elif tag == "component":
+            self._thing.parts.append(attributes)
+        elif tag == "item":
+            self.items.append(attributes)
+        elif tag == "model":
+            self.about = attributes
+
+
 def read_threemf(path: Path) -> Mesh:
     """Mesh of all that a 3MF builds, in mm; whether it is closed is not checked.
 
@@ -52,19 +91,18 @@ def read_threemf(path: Path) -> Mesh:
         Where the file cannot be read, is not a 3MF, is damaged, needs an extension, or builds nothing.
     """
     model = _model(path)
-    scale = MM.get(model.get("unit", "millimeter"))
+    scale = MM.get(model.about.get("unit", "millimeter"))
     if scale is None:
-        raise DataError(f"{path}: unit", value=model.get("unit"), limit=f"must be one of {', '.join(MM)}")
-    if model.get("requiredextensions"):
-        limit = f"needs the extension {model.get('requiredextensions')}, which solen does not read"
+        raise DataError(f"{path}: unit", value=model.about.get("unit"), limit=f"must be one of {', '.join(MM)}")
+    if extensions := model.about.get("requiredextensions"):
+        limit = f"needs the extension {extensions}, which solen does not read"
         raise DataError(str(path), limit=limit, remedy="export it as STL")
-    objects = {str(element.get("id")): element for element in model.iter(f"{SPACE}object")}
     pieces = Pieces()
     try:
-        for item in model.iter(f"{SPACE}item"):
-            _gather(item, objects, np.eye(4), pieces, 0)
+        for item in model.items:
+            _gather(item, model.things, np.eye(4), pieces, 0)
     except (KeyError, ValueError, IndexError, OverflowError):
-        raise DataError(str(path), value="its model", limit="is damaged", remedy=REMEDY) from None
+        raise _damaged(path) from None
     if not pieces.count or not sum(len(some) for some in pieces.triangles):
         raise DataError(str(path), value="no triangle", limit="is empty", remedy=REMEDY)
     vertices, triangles = np.vstack(pieces.vertices) * scale, np.vstack(pieces.triangles)
@@ -73,54 +111,67 @@ def read_threemf(path: Path) -> Mesh:
     return Mesh(vertices, triangles, 0.0)
 
 
-def _model(path: Path) -> ET.Element:
-    """The model's root."""
+def _damaged(path: Path) -> DataError:
+    return DataError(str(path), value="its model", limit="is damaged", remedy=REMEDY)
+
+
+def _model(path: Path) -> Model:
+    """The model."""
+    model = Model()
     try:
         with zipfile.ZipFile(path) as archive:
             names = [name for name in archive.namelist() if name.lower().endswith(".model")]
             name = MODEL if MODEL in names else min(names)
             if archive.getinfo(name).file_size > LARGEST_MB * 1e6:
                 raise DataError(str(path), limit=f"holds a model of more than {LARGEST_MB} MB", remedy="coarsen it")
-            return ET.fromstring(archive.read(name))  # noqa: S314  expat bounds what entities grow to
+            parser = expat.ParserCreate(namespace_separator=" ")  # expat bounds what entities grow to
+            parser.StartElementHandler = _guarded(model, path)
+            with archive.open(name) as opened:
+                while piece := opened.read(PIECE):
+                    parser.Parse(piece, False)
+            parser.Parse(b"", True)
     except FileNotFoundError:
         raise DataError(str(path), limit="no such file", remedy="check the path") from None
     except (zipfile.BadZipFile, ValueError, KeyError, zlib.error, EOFError, NotImplementedError, RuntimeError):
         raise DataError(str(path), limit="is not a 3MF, or damaged", remedy=REMEDY) from None
-    except ET.ParseError as bad:
+    except expat.ExpatError as bad:
         raise DataError(str(path), limit=f"its model is damaged: {bad}", remedy=REMEDY) from None
     except OSError as bad:
         raise DataError(str(path), limit=f"cannot be read: {bad.strerror or bad}", remedy="check it") from None
+    return model
 
 
-def _gather(
-    reference: ET.Element, objects: dict[str, ET.Element], outer: FloatArray, pieces: Pieces, depth: int
-) -> None:
+def _guarded(model: Model, path: Path) -> Callable[[str, dict[str, str]], None]:
+    """The model's `Model.start`, which names the file where a number is missing or none."""
+
+    def start(name: str, attributes: dict[str, str]) -> None:
+        try:
+            model.start(name, attributes)
+        except (KeyError, ValueError, OverflowError):
+            raise _damaged(path) from None
+
+    return start
+
+
+def _gather(reference: dict[str, str], things: dict[str, Thing], outer: FloatArray, pieces: Pieces, depth: int) -> None:
     """Add what an item or a component refers to, moved by its transformation and those around it."""
     pieces.objects += 1
     if depth > DEEPEST or pieces.objects > MOST_OBJECTS:
         raise ValueError("objects in a circle, or without end")
-    element = objects[str(reference.get("objectid"))]
+    thing = things[str(reference.get("objectid"))]
     moved = _transform(reference.get("transform")) @ outer
-    mesh = element.find(f"{SPACE}mesh")
-    if mesh is not None:
-        vertices = _numbers(mesh, "vertex", ("x", "y", "z"))
-        triangles = _numbers(mesh, "triangle", ("v1", "v2", "v3")).astype(np.int64)
+    if len(thing.vertices) or len(thing.triangles):
+        vertices = np.frombuffer(thing.vertices).reshape(-1, 3)
+        triangles = np.frombuffer(thing.triangles, np.int64).reshape(-1, 3)
+        if not np.isfinite(vertices).all():
+            raise ValueError("a number that is not finite")
         if np.linalg.det(moved[:3, :3]) < 0.0:  # a mirror turns the outside in
             triangles = triangles[:, ::-1]
         if len(triangles) and not 0 <= triangles.min() <= triangles.max() < len(vertices):
             raise IndexError
         pieces.add(vertices @ moved[:3, :3] + moved[3, :3], triangles)
-    for component in element.iter(f"{SPACE}component"):
-        _gather(component, objects, moved, pieces, depth + 1)
-
-
-def _numbers(mesh: ET.Element, name: str, keys: tuple[str, str, str]) -> FloatArray:
-    """Numbers (N, 3) of a mesh's vertices or triangles."""
-    rows = [[float(element.attrib[key]) for key in keys] for element in mesh.iter(f"{SPACE}{name}")]
-    numbers = np.array(rows, float).reshape(-1, 3)
-    if not np.isfinite(numbers).all():
-        raise ValueError("a number that is not finite")
-    return numbers
+    for part in thing.parts:
+        _gather(part, things, moved, pieces, depth + 1)
 
 
 def _transform(text: str | None) -> FloatArray:

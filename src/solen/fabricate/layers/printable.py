@@ -18,7 +18,7 @@ from solen.fabricate.layers.orientation import orientation
 from solen.fabricate.layers.slicing import Slicing
 from solen.fabricate.layers.solid import MESH_MM, Solid, mesh_solid, solid_of
 from solen.fabricate.mesh import Mesh, mesh_of
-from solen.fabricate.meshfiles import as_stl
+from solen.fabricate.meshfiles import stl_pieces
 from solen.fabricate.part import Part
 from solen.fabricate.stl import read_stl
 from solen.fabricate.threemf import read_threemf
@@ -37,8 +37,8 @@ class Printable:
     ----------
     solid
         The part as it lies on the plate.
-    stl
-        The same as STL, its lowest corner at the origin.
+    placed
+        Its mesh, its lowest corner at the origin.
     label
         What its files say of it.
     source
@@ -50,12 +50,17 @@ class Printable:
     """
 
     solid: Solid
-    stl: bytes
+    placed: Mesh
     label: Label
     source: Provenance
     material: str
     cure: Cure | None
     warnings: tuple[str, ...] = ()
+
+    def write_stl(self, path: Path) -> None:
+        """Write its mesh as STL."""
+        with path.open("wb") as file:
+            file.writelines(stl_pieces(self.placed, self.label))
 
 
 def printable_design(design: Design, part: Part, path: Path, slicing: Slicing) -> Printable:
@@ -70,8 +75,8 @@ def printable_design(design: Design, part: Part, path: Path, slicing: Slicing) -
     else:
         material, cure = f"not named (n = {design.material.index:g} in the design): give --resin", None
     source = Provenance(path.name, label.sha256, "design")
-    stl = placed_stl(mesh_of(part, MESH_MM), rotation, label)
-    return Printable(solid_of(part, rotation), stl, label, source, material, cure)
+    placed = placed_mesh(mesh_of(part, MESH_MM), rotation)
+    return Printable(solid_of(part, rotation), placed, label, source, material, cure)
 
 
 def printable_mesh(path: Path, slicing: Slicing) -> Printable:
@@ -98,13 +103,13 @@ def printable_mesh(path: Path, slicing: Slicing) -> Printable:
     label = Label(path.stem, hashlib.sha256(path.read_bytes()).hexdigest(), slicing.orientation)
     material, cure = ("not named: give --resin", None) if slicing.resin is None else resin_named(slicing.resin)
     source = Provenance(path.name, label.sha256, kind[1:])
-    return Printable(solid, placed_stl(mesh, rotation, label), label, source, material, cure, warnings)
+    return Printable(solid, placed_mesh(mesh, rotation), label, source, material, cure, warnings)
 
 
-def placed_stl(mesh: Mesh, rotation: FloatArray, label: Label) -> bytes:
-    """STL of a mesh, turned by a matrix (3, 3), its lowest corner at the origin."""
+def placed_mesh(mesh: Mesh, rotation: FloatArray) -> Mesh:
+    """A mesh turned by a matrix (3, 3), its lowest corner at the origin."""
     turned = mesh.vertices @ rotation.T
-    return as_stl(Mesh(turned - turned.min(axis=0), mesh.triangles, mesh.tolerance_mm), label)
+    return Mesh(turned - turned.min(axis=0), mesh.triangles, mesh.tolerance_mm)
 
 
 def resin_named(name: str) -> tuple[str, Cure | None]:

@@ -1,7 +1,7 @@
 """What is cut into layers: exact outlines at heights, or a closed mesh, with its lowest corner at the origin.
 
 A part that is printed flat needs no mesh: between two of its heights it is one plan, so all layers there are the same.
-Anything else is a mesh, cut by manifold3d.
+Anything else is a mesh, cut by `solen.fabricate.layers.cut`; shells that overlap are united by manifold3d before.
 """
 
 from abc import ABC, abstractmethod
@@ -9,13 +9,13 @@ from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from solen.arrays import FloatArray
 from solen.errors import DataError, DesignError
+from solen.fabricate.layers.cut import Cutter, Shells
 from solen.fabricate.mesh import Mesh, mesh_of
 from solen.fabricate.part import Part, Prism
 from solen.fabricate.raster import rings_of
@@ -105,14 +105,14 @@ class Exposures(Solid):
 
 @dataclass(frozen=True, eq=False)
 class Slices(Solid):
-    """A closed mesh that is cut when asked; ``solid`` is manifold3d's, ``overlap_mm3`` what its shells filled twice."""
+    """A closed mesh that is cut when asked; ``overlap_mm3`` is what its shells filled twice before they were united."""
 
-    solid: Any
+    cutter: Cutter
     overlap_mm3: float = 0.0
 
     def section(self, z_mm: float) -> tuple[int | None, Rings]:
         """See `Solid.section`."""
-        return None, [np.asarray(ring) for ring in self.solid.slice(z_mm).to_polygons()]
+        return None, self.cutter.rings(z_mm)
 
 
 def solid_of(part: Part, rotation: FloatArray, tolerance_mm: float = MESH_MM) -> Solid:
@@ -150,32 +150,31 @@ def mesh_solid(mesh: Mesh, rotation: FloatArray, name: str = "mesh") -> Slices:
     DataError
         Where it is empty, open, inside out, or has no volume.
     """
-    from manifold3d import Error, Manifold, Mesh64
-
     _check_closed(mesh, name)
     turned = mesh.vertices @ rotation.T
     corner = turned.min(axis=0)
     turned -= corner
-    solid = Manifold(Mesh64(np.ascontiguousarray(turned), mesh.triangles.astype(np.uint64)))
-    if solid.status() != Error.NoError:
-        raise DataError(name, value=solid.status().name, limit="its surface is not closed", remedy="repair the mesh")
+    placed = Mesh(turned, mesh.triangles, mesh.tolerance_mm)
+    united = _united(placed, name) if Shells.of(placed).may_overlap else placed
     x, y, z = turned.max(axis=0).tolist()
     origin = (-float(corner[0]), -float(corner[1]))
-    united = _united(solid)
-    volume_mm3 = mesh.volume_mm3 if united is solid else float(united.volume())
-    twice_mm3 = max(mesh.volume_mm3 - volume_mm3, 0.0)
-    return Slices((x, y, z), origin, volume_mm3, _levels(turned, mesh.triangles), united, twice_mm3)
+    twice_mm3 = max(mesh.volume_mm3 - united.volume_mm3, 0.0)
+    levels = _levels(turned, mesh.triangles)
+    return Slices((x, y, z), origin, united.volume_mm3, levels, Cutter(united), twice_mm3)
 
 
-def _united(solid: Any) -> Any:
-    """A solid whose shells are one where they overlap; itself where none do, or where some bound a hollow."""
-    from manifold3d import Manifold, OpType
+def _united(mesh: Mesh, name: str) -> Mesh:
+    """A mesh whose shells are one where they overlap; itself where none do."""
+    from manifold3d import Error, Manifold, Mesh64, OpType
 
-    shells = solid.decompose()
-    if len(shells) < 2 or min(shell.volume() for shell in shells) <= 0.0:
-        return solid
-    united = Manifold.batch_boolean(shells, OpType.Add)
-    return united if united.volume() < solid.volume() * (1.0 - OVERLAP) else solid
+    solid = Manifold(Mesh64(np.ascontiguousarray(mesh.vertices), mesh.triangles.astype(np.uint64)))
+    if solid.status() != Error.NoError:
+        raise DataError(name, value=solid.status().name, limit="its surface is not closed", remedy="repair the mesh")
+    united = Manifold.batch_boolean(solid.decompose(), OpType.Add)
+    if united.volume() >= solid.volume() * (1.0 - OVERLAP):
+        return mesh
+    surface = united.to_mesh64()
+    return Mesh(np.array(surface.vert_properties[:, :3]), np.array(surface.tri_verts, dtype=np.int64), 0.0)
 
 
 def _levels(vertices: FloatArray, triangles: NDArray[np.int64]) -> tuple[float, ...]:

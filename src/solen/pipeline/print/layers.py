@@ -52,7 +52,7 @@ class LayerFiles:
         """What each file holds."""
         makers: dict[str, files.Content] = {
             "layers": self._write_pictures,
-            "placed": self.part.stl,
+            "placed": self.part.write_stl,
             "sheet": lambda path: path.write_bytes(as_sheet(self.result.settings, self.result.warnings).encode()),
             "settings": lambda path: path.write_bytes(self._settings()),
         }

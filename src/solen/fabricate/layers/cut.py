@@ -1,0 +1,119 @@
+"""A closed mesh cut by level planes, and its shells, in little more memory than the mesh itself.
+
+The idea: a corner lies above a plane or it does not; one on the plane counts as above. Each triangle then crosses on no
+edge or on two, each crossing is shared by two triangles, and following them from one to the next gives closed rings,
+whatever corners or level faces the plane meets. Seen from above, a triangle's crossing leads from the edge that goes
+down to the one that goes up with the solid on its left, so holes come out clockwise.
+
+The interface: `Cutter.rings` at a height; `Shells.of` a mesh.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.arrays import FloatArray, IntArray
+from solen.fabricate.mesh import Mesh
+
+MOST_SHELLS = 300
+"""Of which pairs are compared; more are taken to overlap."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cutter:
+    """A closed mesh, ready to be cut."""
+
+    mesh: Mesh
+
+    @cached_property
+    def _ends(self) -> tuple[FloatArray, FloatArray]:
+        """Lowest and highest corner of each triangle."""
+        z = self.mesh.vertices[:, 2]
+        corners = [z[corner] for corner in self.mesh.triangles.T]
+        return np.minimum.reduce(corners), np.maximum.reduce(corners)
+
+    def rings(self, z_mm: float) -> list[FloatArray]:
+        """Closed polylines (N, 2) in mm at a height, counter-clockwise about the solid."""
+        low, high = self._ends
+        triangles = self.mesh.triangles[(low < z_mm) & (high >= z_mm)]
+        if not len(triangles):
+            return []
+        vertices, count = self.mesh.vertices, len(self.mesh.vertices)
+        above = vertices[triangles, 2] >= z_mm
+        following, next_above = np.roll(triangles, -1, axis=1), np.roll(above, -1, axis=1)
+        down, up = above & ~next_above, ~above & next_above
+        starts = following[down] * count + triangles[down]  # of an edge the lower corner first
+        ends = triangles[up] * count + following[up]
+        order = np.argsort(starts)
+        onwards = order[np.searchsorted(starts[order], ends)]
+        below, over = vertices[starts // count], vertices[starts % count]
+        share = (z_mm - below[:, 2]) / (over[:, 2] - below[:, 2])
+        points = below[:, :2] + share[:, None] * (over[:, :2] - below[:, :2])
+        return [points[ring] for ring in _cycles(onwards) if len(ring) > 2]
+
+
+def _cycles(onwards: NDArray[np.intp]) -> Iterator[list[int]]:
+    """Cycles of a permutation."""
+    follows, seen = onwards.tolist(), np.zeros(len(onwards), bool)
+    for first in range(len(follows)):
+        if seen[first]:
+            continue
+        ring, at = [first], follows[first]
+        while at != first:
+            ring.append(at)
+            at = follows[at]
+        seen[ring] = True
+        yield ring
+
+
+@dataclass(frozen=True, eq=False)
+class Shells:
+    """Connected surfaces of a mesh: the number of each, volumes in mm³, and lowest and highest corners (n, 3)."""
+
+    volumes_mm3: FloatArray
+    low: FloatArray
+    high: FloatArray
+
+    @classmethod
+    def of(cls, mesh: Mesh) -> "Shells":
+        """Shells of a mesh."""
+        count, of_vertex = _connected(mesh)
+        low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
+        if count == 1:
+            used = mesh.vertices[np.unique(mesh.triangles)]
+            return cls(np.array([mesh.volume_mm3]), used.min(axis=0)[None], used.max(axis=0)[None])
+        np.minimum.at(low, of_vertex, mesh.vertices)
+        np.maximum.at(high, of_vertex, mesh.vertices)
+        volumes = np.zeros(count)
+        for part, six_mm3 in mesh.six_volumes():
+            volumes += np.bincount(of_vertex[mesh.triangles[part, 0]], six_mm3, count) / 6.0
+        with_triangles = np.bincount(of_vertex[mesh.triangles[:, 0]], minlength=count) > 0
+        return cls(volumes[with_triangles], low[with_triangles], high[with_triangles])
+
+    @property
+    def may_overlap(self) -> bool:
+        """Whether boxes of two shells meet, none of which bounds a hollow."""
+        if len(self.volumes_mm3) < 2 or self.volumes_mm3.min() <= 0.0:
+            return False
+        if len(self.volumes_mm3) > MOST_SHELLS:
+            return True
+        reach = np.all(self.low[:, None] < self.high[None], axis=2)
+        meet = np.asarray(reach & reach.T)
+        np.fill_diagonal(meet, val=False)
+        return bool(meet.any())
+
+
+def _connected(mesh: Mesh) -> tuple[int, IntArray]:
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    edges = [mesh.triangles[:, pair].astype(np.int32) for pair in pairwise(range(3))]
+    first, second = np.concatenate(edges).T
+    size = len(mesh.vertices)
+    links = coo_array((np.ones(len(first), np.int8), (first, second)), shape=(size, size))
+    count, labels = connected_components(links, directed=False)
+    return int(count), np.asarray(labels, np.int64)
