@@ -1,6 +1,6 @@
 """Reading and writing files so that nothing is ever half-written and every failure is one line.
 
-A file is written to a temporary name beside its target and renamed; whoever is interrupted leaves the old file or the
+A file is written to a temporary name beside its target and renamed; an interrupted program leaves the old file or the
 new one, never a part of it.
 """
 
@@ -201,7 +201,7 @@ def remove(path: Path) -> None:
 
 
 def remove_left(path: Path) -> None:
-    """Remove what was left by whoever was killed while writing this file. Nobody else may be writing it."""
+    """Remove what a killed program left while writing this file. Nobody else may be writing it."""
     target = _target(path)
     for left in target.parent.glob(f"{glob.escape(_hidden(target))}*.tmp"):
         with contextlib.suppress(OSError):

@@ -198,7 +198,7 @@ def test_damage_is_refused_with_its_place(tmp_path: Path, old: str, new: str, pl
 
 
 def test_numbers_with_words_in_them_are_refused_not_taken_for_text(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match="line 2; is no row of numbers below the header"):
+    with pytest.raises(DataError, match="line 2; is not a row of numbers below the header"):
         read(saved(tmp_path, "sample,thickness_um\nA,25 um\nB,50 um\n"))
 
 

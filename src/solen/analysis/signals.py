@@ -429,7 +429,7 @@ def _values(channel: Channel, unit: str, file: str, warnings: list[str]) -> Floa
     if unit != "V" or (channel.unit and channel.unit != "1"):
         scale = factor(channel.unit, unit) if channel.unit else None
         if scale is None:
-            limit = f"is no unit of a receiver beside one in {unit}"
+            limit = f"is not a unit that a receiver can have beside one in {unit}"
             remedy = "choose receivers of one kind with --channel NAME=COLUMN"
             raise DataError(f"{file}: {channel.name}", value=channel.unit or "none", limit=limit, remedy=remedy)
         return channel.values * scale

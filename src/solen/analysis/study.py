@@ -42,7 +42,7 @@ CONTROL_KEYS = ("control", "controls", "without lens", "no lens")
 
 @dataclass(frozen=True)
 class SwingWithoutLens:
-    """Mean swing of a receiver with a lens and without one, and the latter in per cent of the former."""
+    """Mean swing of a receiver with a lens and without one, and the second as a percentage of the first."""
 
     swing_V: float
     swing_without_lens_V: float
@@ -182,7 +182,7 @@ def study(files: Sequence[Path], options: AnalysisOptions | None = None) -> Stud
     units = {one.unit for signals in sensors.values() for one in signals}
     if len(units) > 1:
         limit = f"hold receivers in {' and in '.join(sorted(units))}"
-        raise DataError("recordings", limit=limit, remedy="analyse those of each unit apart")
+        raise DataError("recordings", limit=limit, remedy="analyse those of each unit separately")
     used = options.model_copy(update={"dark_V": 0.0}) if options.dark_V is None and bare else options
     motions: dict[int, Motion] = {}
     responses = {label: _response(signals, used, motions) for label, signals in sensors.items()}

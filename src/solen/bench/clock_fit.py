@@ -76,7 +76,7 @@ def fit_clock(board_s: FloatArray, came_s: FloatArray, exchanges: FloatArray | N
 
 
 def _between(line: ClockLine, exchanges: FloatArray) -> ClockLine:
-    """The line in the middle of what exchanges leave open; what came bounds it from above as well.
+    """The line midway between the bounds that the exchanges set; received messages bound it from above as well.
 
     An answer without a time bounds the least delay of what came by the shortest of all round trips.
     """

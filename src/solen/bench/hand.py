@@ -37,7 +37,7 @@ class HandStage:
     unit
         Of its positions.
     say
-        Shows a line to whoever turns it; default: stderr.
+        Shows a line to the operator; default: stderr.
     answer
         Waits for a line of theirs, and gives it with its end; empty where nobody can answer any more. Default: stdin.
     """
@@ -87,7 +87,7 @@ class HandStage:
         """Nothing moves by itself; a hand that is at it is no longer waited for."""
 
     def close(self) -> None:
-        """Nothing to let go of."""
+        """Do nothing: no port is open."""
 
     def _take(self, text: str) -> None:
         """The target for Enter alone, or what was typed; asks again for what is no number."""

@@ -122,7 +122,7 @@ class JournalContent:
 
     @property
     def losses(self) -> dict[str, int]:
-        """What the sampler lost, over all parts that ended otherwise than by a kill."""
+        """What the sampler lost, over all parts that were ended and not killed."""
         total: Counter[str] = Counter()
         for event in self.events:
             total.update(event.get("losses", {}))

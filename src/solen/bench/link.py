@@ -69,7 +69,7 @@ class SerialLink:
 
 
 def open_link(name: str, *, baud: int = 115_200) -> SerialLink:
-    """Line of a name of pyserial; `BenchError` where pyserial is not installed, or there is no such port."""
+    """Serial port by its name in pyserial; `BenchError` where pyserial is not installed, or there is no such port."""
     need("serial", what=name, error=BenchError)
     import serial
 

@@ -150,7 +150,7 @@ def close_journal(path: Path, target: Path) -> RecordedRun:
     recorded = write_recording(content, target)
     row = Catalogue(target.parent).add(target)
     if row.periods != content.counts["samples" if "daq" in content.header else "board"]:
-        raise OutputError(str(target), limit="does not hold what the journal holds", remedy=f"keep {path.name}")
+        raise OutputError(str(target), limit="differs from the journal", remedy=f"keep {path.name}")
     files.remove(reserve_of(path))
     if not content.damaged:
         files.remove(path)

@@ -72,7 +72,7 @@ class Spline(CubicChain):
                 "spline control_points",
                 value=count,
                 limit="must be 3 N + 1 points: a start, then two handles and an end for each of N pieces",
-                remedy="Spline.through makes one from points that it shall pass",
+                remedy="Spline.through makes one through given points",
             )
         _ = self.pieces  # refuses what cannot be split
 

@@ -125,7 +125,7 @@ def coverage_bytes(
 
 
 def rings_of(area: "shapely.geometry.base.BaseGeometry") -> list[FloatArray]:
-    """Rings of a shapely area as `coverage` wants them; lines and points in it are left out."""
+    """Rings of a shapely area as `coverage` takes them; lines and points in it are left out."""
     import shapely
 
     polygons = [get_part for get_part in shapely.get_parts(area).tolist() if isinstance(get_part, shapely.Polygon)]

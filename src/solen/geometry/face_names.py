@@ -16,7 +16,7 @@ NEAR = 0.79
 
 
 def check_names(drawing: Drawing) -> None:
-    """`DesignError` for a name that is nearly one of those that mean something, and so would mean nothing."""
+    """`DesignError` for a name that nearly matches one with a meaning, a likely misspelling."""
     named = [(stroke.name, "a bare wall") for stroke in drawing.strokes]
     named += [(name, "a point without meaning") for name, _ in drawing.points]
     for name, otherwise in named:

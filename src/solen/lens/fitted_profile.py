@@ -185,7 +185,7 @@ class FittedProfile(Result):
 
     @reported
     def simulated(self) -> bool:
-        """Whether it was computed rather than measured."""
+        """Whether the profile was computed rather than measured."""
         return self.profile.simulated
 
     @reported

@@ -303,7 +303,7 @@ def optical(design: Design) -> Optical:
 
 
 def _overruled(material: Material, resin: Resin) -> list[str]:
-    """Warning where a design's absorption of 0 hides a loss of its resin: what an example left behind looks like so."""
+    """Warning where a design's absorption of 0, perhaps left from an example, hides the loss of its resin."""
     if material.absorption_per_mm > 0.0 or not resin.loss.absorption_per_mm > 0.0:
         return []
     return [

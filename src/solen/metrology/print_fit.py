@@ -188,7 +188,7 @@ class _Placed:
 
 
 def _autocovariance(values: FloatArray, longest: int) -> FloatArray:
-    """Sums of products of values so many places apart, shape (longest,)."""
+    """Sums of products of values at each lag, shape (longest,)."""
     size = 1 << (2 * longest - 1).bit_length()
     spectrum = np.fft.rfft(values, size)
     return np.asarray(np.fft.irfft(spectrum * np.conj(spectrum), size)[:longest])

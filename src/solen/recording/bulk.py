@@ -29,7 +29,7 @@ _DIGITS = b"0123456789+-.eE\r\n"
 
 
 def bulk(source: Source, columns: Sequence[str] | None = None) -> Recording | None:
-    """Recording of a large table of numbers; None where it is another thing or must be looked at row by row."""
+    """Recording of a large table of numbers; None where it is something else or must be read row by row."""
     if len(source.data) < LEAST_BYTES or source.is_archive or b"\0" in source.data[:4096]:
         return None
     known = _head(source, columns)

@@ -193,7 +193,7 @@ def _headless(grid: Grid, filled: list[int]) -> DataError:
     heads = [heading(cell) for cell in grid.rows[filled[0]] if cell]
     if len(filled) > 1 and any(head.unit or head.quantity for head in heads):
         above, numbers = grid.place(filled[0]), _numbers(grid, filled[1])
-        limit = f"is no row of numbers below the header in {above}"
+        limit = f"is not a row of numbers below the header in {above}"
         remedy = "write plain numbers there, and their unit in the header"
         if numbers == grid.width(filled[1]) > len(heads):
             limit = f"has {numbers} numbers, where the header in {above} has {len(heads)} names"

@@ -24,7 +24,7 @@ ANGLE_RAYS, ANGLE_RAYS_IN_SPACE = 2**12, 2**15
 
 
 def received(sensor: Sensor, response: Response) -> FloatArray:
-    """Shares (A, 2) of the emitted power that the right and the left receiver of a response make their current of."""
+    """Shares (A, 2) of the emitted power that the right and the left receiver of a response convert to current."""
     acceptance = Acceptance.of(sensor)
     power = np.maximum(np.column_stack([response.right, response.left]), 0.0)
     if acceptance.is_flat:

@@ -88,7 +88,9 @@ def convergence(
     if not scene.receivers:
         raise DesignError("convergence", value="no receiver", limit="needs a receiver, whose power converges")
     if any(isinstance(source, Rays) for source in scene.sources):
-        raise DesignError("convergence", value="a list of rays", limit="needs sources of any number of rays")
+        raise DesignError(
+            "convergence", value="a list of rays", limit="needs sources whose number of rays can be chosen"
+        )
     whole: Mode = "power" if mode == "roulette" else mode
     found = list(_integrals(scene, whole, limits))
     reference = _reference(scene, whole, limits, most_rays, found)

@@ -323,7 +323,7 @@ def _arc(curve: Arc) -> rows.Arc:
 
 
 def _parabola(curve: Parabola) -> rows.Conic:
-    """Its depth is on the right of its axis: that is to the left of the axis turned round."""
+    """Its depth lies to the right of its axis, which is to the left of the reversed axis."""
     lateral = (-curve.axis[0], -curve.axis[1])
     low, high = sorted((-curve.from_mm, -curve.to_mm))
     side = 1.0 if curve.to_mm < curve.from_mm else -1.0

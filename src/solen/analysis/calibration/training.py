@@ -97,7 +97,7 @@ def mean_curves(cycles_V: FloatArray) -> FloatArray:
 
 
 def training_of(sensor: SensorResponse) -> Training:
-    """Ways and samples of an analysed sensor.
+    """Sweep directions and samples of an analysed sensor.
 
     Raises
     ------

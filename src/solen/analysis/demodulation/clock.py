@@ -127,7 +127,9 @@ def find_clock(time_s: FloatArray, values: FloatArray, rate_hz: float, *, on: On
     middle, turns, clearness, level = _followed(start, signal, near)
     if clearness < CLEAR:
         limit = f"no modulation stands out near it: {clearness:.1f} times its noise, where {CLEAR:g} are needed"
-        raise DataError("rate_hz", value=rate_hz, limit=limit, remedy="state the rate, or a column of states")
+        raise DataError(
+            "rate_hz", value=rate_hz, limit=limit, remedy="state the rate, or record the switch state in a column"
+        )
     slope, u_slope, rough = _line(middle, turns)
     phase = near * start + _between(middle, turns, start)
     folded = _folded(phase, level)
@@ -306,7 +308,11 @@ def _crossing(above: FloatArray) -> float:
     following = np.roll(above, -1)
     candidates = np.flatnonzero((above < 0.0) & (following >= 0.0))
     if not candidates.size:
-        raise DataError("waveform", limit="shows no edge at that rate", remedy="state the rate, or a column of states")
+        raise DataError(
+            "waveform",
+            limit="shows no edge at that rate",
+            remedy="state the rate, or record the switch state in a column",
+        )
     width = 3
     climb = [
         np.roll(above, -place)[: width + 1].mean() - np.roll(above, width - place)[:width].mean()

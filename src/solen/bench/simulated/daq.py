@@ -87,7 +87,7 @@ class SimulatedDaq:
         self._turn = float(self.rng.uniform()) if self.setup.switching == "external" else 0.0
 
     def read(self) -> Samples:
-        """Samples that were taken and not read yet."""
+        """Samples taken since the last reading."""
         first, parts = self._next, [np.zeros((0, len(self.setup.channels)), np.int16)]
         if self._begun_s is not None:
             since_s = self.clock.now_s() - self._begun_s

@@ -38,9 +38,9 @@ def _(study: DesignStudy) -> Iterator[str]:
     u = "" if material.u_index is None else f" ± {material.u_index:.2g}"
     where = emitter_words(study) if space else "in the plane"
     yield f"{study.name}: index {material.index:.6g}{u} at {study.wavelength_nm:g} nm; {where}"
-    told = expected(study)
+    rows = expected(study)
     yield "what to expect"
-    for name, words in told:
+    for name, words in rows:
         yield f"  {name:16}  {words}" if len(name) <= NAME else f"  {name}: {words}"
     if study.as_printed is not None:
         yield from _as_printed(study.as_printed)

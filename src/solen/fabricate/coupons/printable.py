@@ -18,7 +18,7 @@ from solen.recording import Provenance
 
 
 def printable_coupon(path: Path, slicing: Slicing, run: str | None = None) -> tuple[Printable, Slicing]:
-    """One run of a coupon's job, and how it is sliced: by the job, whose layers and exposures are not options here.
+    """One run of a coupon's job, sliced as the job states: its layers and exposures are not options here.
 
     Pieces with their own exposure (cure discs, a single layer on film) are pictures of their own, without burn-in.
 

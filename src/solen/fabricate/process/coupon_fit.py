@@ -168,7 +168,7 @@ class CouponFit:
 
 
 def _ends(settings: Settings) -> tuple[dict[str, float], dict[str, float]]:
-    """Least and largest values that are looked at."""
+    """Smallest and largest values that are searched."""
     pixel = settings.pixel_um
     low = {"sigma_um": 0.1 * pixel, "growth_um": -2.0 * pixel, "shrinkage_percent": -19.0, "shrinkage_z_percent": -19.0}
     high = {"sigma_um": 20.0 * pixel, "growth_um": 15.0 * pixel, "shrinkage_percent": 19.0, "shrinkage_z_percent": 19.0}

@@ -178,7 +178,7 @@ def _frequencies(count: int, fine: int, pitch: float) -> FloatArray:
 
 
 def _merged(dose: FloatArray, sigma: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Terms of the same blur added up."""
+    """Terms with the same blur, added up."""
     kinds, which = np.unique(sigma, return_inverse=True)
     return np.asarray(np.bincount(which, dose), float), kinds
 

@@ -94,7 +94,7 @@ class _Reader:
         self._points: list[tuple[str, Point]] = []
 
     def drawing(self, onto: Affine) -> Drawing:
-        """Everything that is drawn, in the coordinates onto which user units go."""
+        """All that is drawn, in the coordinates that user units are mapped to."""
         self._children(self._root, onto, WALL, 0)
         return Drawing(tuple(self._strokes), tuple(self._lamps), tuple(self._points))
 

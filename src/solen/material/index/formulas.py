@@ -24,7 +24,7 @@ _LOOSE = 0.5  # a coefficient known no better than to this share is not determin
 
 
 class UnfitError(Exception):
-    """Why a formula cannot be laid through the points, as the end of a sentence about it."""
+    """Why a formula cannot be fitted to the points, as the end of a sentence."""
 
 
 def _scaled(um: FloatArray) -> tuple[FloatArray, float, float]:

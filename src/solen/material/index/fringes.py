@@ -168,7 +168,7 @@ def _refined(um: FloatArray, u: FloatArray, off: FloatArray, optical: float, ris
 
 
 def _hopped(um: FloatArray, u: FloatArray, off: FloatArray, phase: Phase, by: float) -> Phase:
-    """Fringes that are by so many orders other ones, with the same phases as nearly as may be."""
+    """Fringes of orders shifted by a number, with phases as close to the old ones as possible."""
     shape = np.stack([np.ones_like(u), u, u**2])
     shift = np.linalg.lstsq(shape.T, by * um / 2.0, rcond=None)[0]
     return _polished(um, u, off, phase.optical_um * np.array([1.0, phase.rise, phase.bend]) + shift)

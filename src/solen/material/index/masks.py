@@ -122,7 +122,7 @@ def unresolved(k: FloatArray, u_k: Combined) -> BoolArray:
 
 
 def first(tests: dict[Why, BoolArray]) -> Codes:
-    """First reason that applies, at each wavelength."""
+    """First of the reasons that apply, at each wavelength."""
     codes = np.full(next(iter(tests.values())).shape, int(Why.FINE), dtype=np.int8)
     for why, applies in reversed(tests.items()):
         codes[applies] = why

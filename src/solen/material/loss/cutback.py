@@ -106,7 +106,7 @@ class Line(Result):
 
     @reported
     def coupling_loss_dB(self) -> float | None:
-        """Loss of the coupling and the ends; None where what was launched is not known."""
+        """Loss of the coupling and the ends; None where the launched power is unknown."""
         return None if self.launched_dB is None else self.launched_dB - self.start_dB
 
     @reported

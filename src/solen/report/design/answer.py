@@ -62,52 +62,52 @@ def measured(value: float | None, u: float | None, *, sign: bool = True) -> str:
 
 def expected(study: DesignStudy) -> list[tuple[str, str]]:
     """What to expect, by headings; beside it without the lens, as in the paper, and as built."""
-    case, found = study.case, study.case.summary
-    light = measured(100 * found.received_share, 200 * found.u_power, sign=False)
-    told = [
-        ("contrast", f"{_ends(case.power)}{_side(found)}"),
-        ("slope", _slope(found)),
-        ("range", _range(found)),
+    case, summary = study.case, study.case.summary
+    light = measured(100 * summary.received_share, 200 * summary.u_power, sign=False)
+    rows = [
+        ("contrast", f"{_ends(case.power)}{_side(summary)}"),
+        ("slope", _slope(summary)),
+        ("range", _range(summary)),
         ("light", f"{light} % of the emitted power is received"),
     ]
     if study.with_lens is not None and study.no_lens is not None:
-        told.append(("without the lens", _ends(study.no_lens.power)))
+        rows.append(("without the lens", _ends(study.no_lens.power)))
     practice = study.practice
     if practice is not None and practice.built is not None and not practice.built.is_design:
         built = practice.built
         slope = measured(built.slope_per_deg, built.u_slope_per_deg)
-        told.append((f"as built ({emitter_words(study)})", f"{_ends(built.response)}; {slope} per degree at the null"))
+        rows.append((f"as built ({emitter_words(study)})", f"{_ends(built.response)}; {slope} per degree at the null"))
     if practice is not None and practice.paper is not None:
         saturated = practice.paper.saturation_deg()
         beyond = "" if saturated is None else f"; {SATURATED:g} in size from {saturated:.2f}° on"
-        told.append(("as in the paper (point, plane)", f"{_ends(practice.paper)}{beyond}"))
-    return told
+        rows.append(("as in the paper (point, plane)", f"{_ends(practice.paper)}{beyond}"))
+    return rows
 
 
-def matters(found: Practice | None) -> tuple[list[float], list[Matter]]:
+def matters(practice: Practice | None) -> tuple[list[float], list[Matter]]:
     """Angles, and what each number does there that is off by its tolerance, the largest first."""
-    if found is None or not found.effects:
+    if practice is None or not practice.effects:
         return [], []
-    angles = [float(angle) for angle in found.effects[0].angle_deg]
+    angles = [float(angle) for angle in practice.effects[0].angle_deg]
     angles = [angle for angle in angles if angle != 0.0 or len(angles) == 1]
-    return angles, [_matter(effect, angles) for effect in found.effects]
+    return angles, [_matter(effect, angles) for effect in practice.effects]
 
 
 def advice(study: DesignStudy) -> list[str]:
     """What to do, the most important first."""
-    told = []
-    found = study.case.summary
+    sentences = []
+    summary = study.case.summary
     if study.practice is not None:
         for effect in study.practice.effects:
             light = abs(effect.received) > 10.0 * WORTH
             if (effect.resolved and effect.largest >= WORTH) or (light and effect.key == "material.absorption_per_mm"):
-                told.append(_advised(effect))
-    if found.saturation_deg is not None:
+                sentences.append(_advised(effect))
+    if summary.saturation_deg is not None:
         text = (
-            f"Use it within {found.saturation_deg:.2g}° of the null: beyond, it tells the direction, hardly the angle"
+            f"Use it within {summary.saturation_deg:.2g}° of the null: beyond, it shows the direction, hardly the angle"
         )
-        told.insert(0, f"{text}; a larger chip widens that.")
-    return list(dict.fromkeys(told))[:MOST_ADVICE]
+        sentences.insert(0, f"{text}; a larger chip widens that.")
+    return list(dict.fromkeys(sentences))[:MOST_ADVICE]
 
 
 def emitter_words(study: DesignStudy) -> str:
@@ -131,28 +131,28 @@ def _ends(response: Response) -> str:
     return ", ".join(f"{value if value != 'none' else 'no light'} at {angle:+g}°" for value, angle in values)
 
 
-def _side(found: Summary) -> str:
-    first, last = found.contrast_from, found.contrast_to
+def _side(summary: Summary) -> str:
+    first, last = summary.contrast_from, summary.contrast_to
     if first is None or last is None or first == last:
         return ""
     return f"; a turn to the right (negative) brightens the {'right' if first > last else 'left'} receiver"
 
 
-def _slope(found: Summary) -> str:
-    if not found.received_share > 0.0:
+def _slope(summary: Summary) -> str:
+    if not summary.received_share > 0.0:
         return "no light reaches the receivers"
-    if found.null_deg is None or found.slope_per_deg is None:
+    if summary.null_deg is None or summary.slope_per_deg is None:
         return "there is no null in this range to measure from"
-    null = "0° by symmetry" if found.u_null_deg == 0.0 else f"{measured(found.null_deg, found.u_null_deg)}°"
-    return f"{measured(found.slope_per_deg, found.u_slope_per_deg)} per degree at the null, {null}"
+    null = "0° by symmetry" if summary.u_null_deg == 0.0 else f"{measured(summary.null_deg, summary.u_null_deg)}°"
+    return f"{measured(summary.slope_per_deg, summary.u_slope_per_deg)} per degree at the null, {null}"
 
 
-def _range(found: Summary) -> str:
-    if found.null_deg is None:
+def _range(summary: Summary) -> str:
+    if summary.null_deg is None:
         return "none without a null"
-    if found.saturation_deg is None:
-        return f"all of {found.from_deg:+g}° to {found.to_deg:+g}°: the contrast stays below {SATURATED:g} in size"
-    return f"{found.saturation_deg:.2f}° to each side of the null; beyond, the contrast exceeds {SATURATED:g} in size"
+    if summary.saturation_deg is None:
+        return f"all of {summary.from_deg:+g}° to {summary.to_deg:+g}°: the contrast stays below {SATURATED:g} in size"
+    return f"{summary.saturation_deg:.2f}° to each side of the null; beyond, the contrast exceeds {SATURATED:g} in size"
 
 
 def _matter(effect: Effect, angles: list[float]) -> Matter:

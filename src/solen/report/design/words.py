@@ -12,7 +12,7 @@ from solen.sensor.effects import index_steps
 from solen.sensor.practice import CHIP_MM
 
 SHOWN_SHARE = 5e-4
-"""Share of the light from which on it is told of in a sentence."""
+"""Share of the light from which on a sentence mentions it."""
 PARTS = {
     "right": "right receiver",
     "left": "left receiver",
@@ -29,14 +29,14 @@ PARTS = {
 
 def findings(study: DesignStudy) -> list[tuple[str, str]]:
     """Headings and sentences, the most important first."""
-    told = [
+    rows = [
         ("As printed", " ".join(printed_sentences(study.as_printed)) if study.as_printed else ""),
         ("Light", _light(study)),
         ("Alignment", _alignment(study)),
         ("Focus", _focus_words(study)),
         ("Not in these numbers", _limits(study)),
     ]
-    return [(heading, text) for heading, text in told if text]
+    return [(heading, text) for heading, text in rows if text]
 
 
 def warnings(study: DesignStudy) -> list[str]:
@@ -80,8 +80,8 @@ def _budget_words(study: DesignStudy) -> str:
     if not rows:
         return ""
     words = {PARTS["right"]: "reaches the right receiver", PARTS["left"]: "reaches the left one"}
-    told = [f"{share:.1%} {words.get(text, text)}" for text, share in rows]
-    return f"Of the emitter's light, at rest: {_listed(told)}."
+    parts = [f"{share:.1%} {words.get(text, text)}" for text, share in rows]
+    return f"Of the emitter's light, at rest: {_listed(parts)}."
 
 
 def _alignment(study: DesignStudy) -> str:
@@ -120,13 +120,13 @@ def _focuses(lens: OvalLens, material: Optical, off: float) -> str:
             f"The lens is cut for {lens.design_index:.6g} but the material has {index:.6g}: rays near the axis cross "
             f"it {_focus(paraxial)}, edge rays {_focus(marginal)}, where {lens.focus_mm:g} mm was asked for."
         )
-    told = []
+    parts = []
     for step, _ in index_steps(material, off):
         if step != 0.0:
             near, best = _focus(lens.paraxial_focus_mm(index + step)), _focus(lens.best_focus_mm(index + step))
             which = f"{abs(step):.2g} {'lower' if step < 0.0 else 'higher'}"
-            told.append(f"{which}, rays near the axis would cross it {near}, and the smallest spot would lie {best}")
-    return f"If the print's index were {'; '.join(told)}. The focus moves much, the response little."
+            parts.append(f"{which}, rays near the axis would cross it {near}, and the smallest spot would lie {best}")
+    return f"If the print's index were {'; '.join(parts)}. The focus moves much, the response little."
 
 
 def _limits(study: DesignStudy) -> str:
@@ -141,7 +141,7 @@ def _limits(study: DesignStudy) -> str:
     faces = "faces scatter only where the design says so" if rough else "perfectly smooth faces, no scatter"
     rays = "Rays in space, in a body of the same outline at every height"
     if study.design.trace.dimension == "2d":
-        rays = "Rays in the plane only, but for what is said to be in space"
+        rays = "Rays in the plane only, except where space is stated"
     return f"{rays}; {faces}, no diffraction; {loss}. {_arms(study)}"
 
 

@@ -57,7 +57,7 @@ def fidelity_figure(measurement: CouponMeasurement) -> Figure:
 
 
 def _shown(measurement: CouponMeasurement) -> list[str]:
-    """Kinds of which sizes are drawn: those that vary."""
+    """Kinds of features whose sizes are drawn: those whose sizes vary."""
     measured = {one.kind for one in measurement.measured if one.measured_mm is not None}
     kinds = [kind for kind in WHAT if kind in measured]
     return [kind for kind in kinds if kind != "pillar" or not measured & {"gap", "step"}]
