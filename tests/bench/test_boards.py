@@ -59,8 +59,8 @@ def to_the_figure(
         sensor = study([found.path]).to_dict()["sensors"]["A"]
         for side, sign in (("right", 1.0), ("left", -1.0)):
             told = sensor["receivers"][side]
-            meant = -2.4 if kind == "pico" else -4.0
-            meant = meant / (1.0 + np.exp(1.2 * sign * np.array(told["angle_deg"])))
+            swing = -2.4 if kind == "pico" else -4.0
+            meant = swing / (1.0 + np.exp(1.2 * sign * np.array(told["angle_deg"])))
             apart = np.array(told["mean_V"], float) - meant
             off_mV, hysteresis = 1e3 * np.nanstd(apart), told["hysteresis_percent"]
             print(f"  {kind} {side}: {off_mV:.1f} mV from the circuit's own; hysteresis {hysteresis:.2f} % FS")

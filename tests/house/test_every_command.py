@@ -82,6 +82,9 @@ ROWS = {
     "print printers": "",
     "bench new": "bench",
     "bench firmware": "board --board uno",
+    "bench check": "--rig rig/rig.toml --seconds 1",
+    "bench watch": "--rig rig/rig.toml --seconds 1",
+    "bench jog": "--rig rig/rig.toml --to 0.1",
     "bench run": "rig/protocol.toml --rig rig/rig.toml --out recorded",
     "bench recover": "left/protocol.journal",
     "bench recordings": "recorded",
@@ -177,7 +180,7 @@ def answers(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Answ
         closed_form = response()
         patch.setattr(Response, "of", lambda *_: closed_form)  # a traced one takes minutes
         for row, arguments in ROWS.items():
-            if row == "bench run":
+            if row == "bench check":
                 write_rig(folder)
             found[row] = answer([*row.partition(" #")[0].split(), *arguments.split()], patch)
         yield found

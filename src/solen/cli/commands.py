@@ -54,6 +54,9 @@ COMMANDS: dict[str, tuple[tuple[str, str, str], ...]] = {
     BENCH: (
         ("new", "bench.record:new", "Write example protocols and rigs into a folder."),
         ("firmware", "bench.firmware:firmware", "Write the firmware of an emitter board: Pico, ESP32 or Arduino Uno."),
+        ("check", "bench.look:check", "Look a rig over before a run: wires, emitters, rails, noise, trimmers."),
+        ("watch", "bench.look:watch", "Show live what the receivers of a rig read."),
+        ("jog", "bench.look:jog", "Move the stage of a rig, within its travel."),
         ("run", "bench.record:run", "Run a protocol on a rig, real or simulated, and record it."),
         ("recover", "bench.record:recover", "Turn the journal of an interrupted run into a recording."),
         ("recordings", "bench.record:recordings", "List the recordings in a folder."),

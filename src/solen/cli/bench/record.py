@@ -103,7 +103,7 @@ def _(recording_list: RecordingList) -> Iterator[str]:
 @contextmanager
 def _live() -> Iterator[tuple[Callable[[Tick], None] | None, Callable[[str], None], Callable[[str], bool] | None]]:
     """A line on stderr that follows the run, where that is a terminal, and a way to ask whoever sits there."""
-    asked = _asked if sys.stdin.isatty() and sys.stderr.isatty() else None
+    asked = confirmation()
     if SHOWN.quiet or not sys.stderr.isatty():
         yield None, lambda _: None, asked
         return
@@ -128,6 +128,11 @@ def _live() -> Iterator[tuple[Callable[[Tick], None] | None, Callable[[str], Non
             lambda text: live.update(shown(text)),
             None if asked is None else paused,
         )
+
+
+def confirmation() -> Callable[[str], bool] | None:
+    """How whoever sits at the terminal is asked; None where nobody does."""
+    return _asked if sys.stdin.isatty() and sys.stderr.isatty() else None
 
 
 def _asked(question: str) -> bool:

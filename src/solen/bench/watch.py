@@ -1,0 +1,87 @@
+"""Receivers as they read now, again and again, until somebody has seen enough.
+
+The interface: `watch` calls a function with each `Seen`.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field
+
+from solen.arrays import FloatArray
+from solen.bench.check import clock_for
+from solen.bench.glance import Glances, sampler_of
+from solen.bench.interrupts import ended_by_signals
+from solen.bench.rig import Rig, load_rig
+from solen.bench.run import SILENT_S
+from solen.errors import BenchError
+from solen.results import Result
+from solen.spec.strict import Options
+
+
+class WatchOptions(Options):
+    """How long, how often."""
+
+    seconds: Annotated[float, Field(gt=0)] | None = None
+    """Stop by itself after so long; default: until Ctrl-C."""
+    every_s: Annotated[float, Field(ge=0.02, le=10)] = 0.1
+    """Time between two looks, in s; each shows the mean since the last."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A look: its time in s, and of each sensor its signals and its levels with the emitter off, right and left."""
+
+    t_s: float
+    signal_V: dict[str, tuple[float, float]]
+    off_V: dict[str, tuple[float, float]]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Watched(Result):
+    """How a rig was watched.
+
+    Attributes
+    ----------
+    looks
+        How many showed anything.
+    duration_s
+        From the first to the last.
+    simulated
+        Whether the rig is.
+    """
+
+    looks: int
+    duration_s: float
+    simulated: bool
+
+
+def watch(rig_file: Path, options: WatchOptions, show: Callable[[Seen], object]) -> Watched:
+    """Show what the receivers of a rig read, until the time is up or Ctrl-C; emitters are dark afterwards."""
+    rig = load_rig(rig_file)
+    clock, times = clock_for(rig), [0.0]
+    with ended_by_signals(), sampler_of(rig, rig_file.parent, clock) as sampler:
+        glances, begun_s = Glances(sampler, rig), clock.now_s()
+        try:
+            while options.seconds is None or times[-1] < options.seconds - 0.5 * options.every_s:
+                clock.sleep(options.every_s)
+                if (glance := glances.read()) is None:
+                    if clock.now_s() - begun_s - times[-1] > SILENT_S + options.every_s:
+                        raise BenchError(sampler.name, limit="says nothing", remedy="check its cable and power")
+                    continue
+                times.append(clock.now_s() - begun_s)
+                signal, off = glance.signal.mean(axis=0), glance.off.mean(axis=0)
+                show(Seen(times[-1], _by_sensor(rig, signal), _by_sensor(rig, off)))
+        except KeyboardInterrupt:
+            pass
+    return Watched(len(times) - 1, times[-1], rig.simulated)
+
+
+def _by_sensor(rig: Rig, volts: FloatArray) -> dict[str, tuple[float, float]]:
+    """Right and left of each sensor, of volts of all emitters and inputs."""
+    return {
+        one.name: (float(volts[one.emitter - 1, one.right - 1]), float(volts[one.emitter - 1, one.left - 1]))
+        for one in rig.sensor
+    }

@@ -1,0 +1,140 @@
+"""The commands before a run: `solen bench check`, `solen bench watch` and `solen bench jog`."""
+
+import sys
+from collections import defaultdict, deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from solen.bench.check import CheckOptions, InputCheck, Jogged, JogOptions, RigCheck
+from solen.bench.watch import Seen, Watched, WatchOptions
+from solen.cli.app import FLAT, SHOWN, lines
+from solen.cli.bench.record import confirmation
+from solen.pipeline.bench import look as pipeline
+from solen.results import Outcome
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+BLOCKS = "▁▂▃▄▅▆▇█"
+KEPT = 60
+"""Looks that a live plot goes back."""
+
+
+def check(*, rig: Path, options: Annotated[CheckOptions, FLAT] = CheckOptions()) -> Outcome[RigCheck]:
+    """Look a rig over before a run: wires, emitters, rails, noise, light of the room, trimmers. Nothing moves.
+
+    Parameters
+    ----------
+    rig
+        The instruments, and which sensors are wired to them.
+    """
+    return pipeline.check(rig, options)
+
+
+def jog(*, rig: Path, options: Annotated[JogOptions, FLAT] = JogOptions()) -> Outcome[Jogged]:
+    """Move the stage of a rig, within its travel, or ask where it stands (without --to and --by).
+
+    Parameters
+    ----------
+    rig
+        The rig file that names the stage.
+    """
+    return pipeline.jog(rig, options, confirm=confirmation())
+
+
+def watch(*, rig: Path, options: Annotated[WatchOptions, FLAT] = WatchOptions()) -> Outcome[Watched]:
+    """Show live what the receivers read: a plot in a terminal, lines of CSV elsewhere. Ctrl-C ends it.
+
+    Parameters
+    ----------
+    rig
+        The instruments, and which sensors are wired to them.
+    """
+    with _shown() as show:
+        return pipeline.watch(rig, options, show)
+
+
+@lines.register
+def _(found: RigCheck) -> Iterator[str]:
+    yield f"{found.rig}: {found.periods} periods{', simulated' if found.simulated else ''}"
+    for name, receivers in found.sensors.items():
+        for side, one in receivers.items():
+            yield f"  {name} {side:5} (input {one.input}): {_levels(one)}"
+    if not found.faults:
+        yield "nothing is wrong"
+
+
+def _levels(one: InputCheck) -> str:
+    return (
+        f"{one.off_V:.3f} V off, {one.on_V:.3f} V on; signal {one.signal_V:.3f} V, "
+        f"noise {1e3 * one.noise_V:.2g} mV, off varies by {1e3 * one.room_V:.2g} mV"
+    )
+
+
+@lines.register
+def _(moved: Jogged) -> Iterator[str]:
+    begun, stands = _place(moved.begun_deg, moved.begun_mm), _place(moved.stands_deg, moved.stands_mm)
+    yield f"{moved.stage} stands at {stands}" + ("" if begun == stands else f"; it stood at {begun}")
+
+
+def _place(deg: float | None, mm: float | None) -> str:
+    if deg is not None:
+        return f"{deg:+.4g}°"
+    return "an unknown place" if mm is None else f"{mm:+.4g} mm"
+
+
+@lines.register
+def _(watched: Watched) -> Iterator[str]:
+    yield f"{watched.looks} looks in {watched.duration_s:.1f} s{', simulated' if watched.simulated else ''}"
+
+
+@contextmanager
+def _shown() -> Iterator[Callable[[Seen], None]]:
+    """A plot that is drawn anew where stdout is a terminal; lines on stdout elsewhere, none where they are unwanted."""
+    if SHOWN.quiet or SHOWN.as_json:
+        yield lambda _: None
+        return
+    if not sys.stdout.isatty():
+        yield _Rows().show
+        return
+    from rich.live import Live
+
+    history: dict[str, deque[float]] = defaultdict(lambda: deque(maxlen=KEPT))
+    with Live(refresh_per_second=10) as live:
+        yield lambda seen: live.update(_plot(seen, history))
+
+
+class _Rows:
+    """Lines of CSV, with their header before the first."""
+
+    def __init__(self) -> None:
+        self._begun = False
+
+    def show(self, seen: Seen) -> None:
+        if not self._begun:
+            names = ",".join(f"{name} {side}/V" for name in seen.signal_V for side in ("right", "left"))
+            print(f"time/s,{names}", flush=True)
+        self._begun = True
+        values = ",".join(f"{volts:.5f}" for both in seen.signal_V.values() for volts in both)
+        print(f"{seen.t_s:.3f},{values}", flush=True)
+
+
+def _plot(seen: Seen, history: dict[str, "deque[float]"]) -> "Table":
+    from rich.table import Table
+
+    table = Table("receiver", "signal / V", "off / V", f"last {KEPT} looks", title=f"{seen.t_s:.1f} s", expand=False)
+    for name, signals in seen.signal_V.items():
+        for side, signal, off in zip(("right", "left"), signals, seen.off_V[name], strict=True):
+            past = history[f"{name} {side}"]
+            past.append(signal)
+            table.add_row(f"{name} {side}", f"{signal:.3f}", f"{off:.3f}", sparkline(past))
+    return table
+
+
+def sparkline(values: "deque[float]") -> str:
+    """Values as blocks, from their lowest to their highest."""
+    low, high = min(values), max(values)
+    steps = (0.0 if high == low else (value - low) / (high - low) for value in values)
+    return "".join(BLOCKS[min(7, int(8 * step))] for step in steps)
