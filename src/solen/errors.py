@@ -4,6 +4,11 @@ A stage raises the kind that names whose input is at fault; the command line pri
 Anything that is not a :class:`SolenError` is a defect of solen itself.
 """
 
+import re
+
+_DIGITS = re.compile(r"(\d{12})\d{9,}")  # more digits than any number of a measurement has
+_LETTERS = 200
+
 
 class SolenError(Exception):
     """A rejected input, described in one line.
@@ -25,9 +30,18 @@ class SolenError(Exception):
         self.value = value
         self.limit = limit
         self.remedy = remedy
-        found = "" if value is None else f" = {value!r}" if isinstance(value, str) else f" = {value}"
+        found = "" if value is None else f" = {_shown(value)}"
         tail = "".join(f"; {part}" for part in (limit, remedy) if part)
         super().__init__(" ".join(f"{what}{found}{tail}".split()))
+
+
+def _shown(value: object) -> str:
+    """A value as a reader needs it: nine digits of a number, and the beginning of a long text."""
+    if isinstance(value, float):
+        return f"{value:.9g}"
+    text = _DIGITS.sub(r"\1…", str(value))
+    text = text if len(text) <= _LETTERS else f"{text[:_LETTERS]}…"
+    return repr(text) if isinstance(value, str) else text
 
 
 class SpecError(SolenError):

@@ -201,7 +201,7 @@ def test_several_traces_must_be_chosen_from(tmp_path: Path) -> None:
     assert (found["mode"], found["traces"]) == ("measured", {"T": ["two"], "R": ["R"]})
     alone = index(file, options(transmittance=["two"]))
     assert alone["mode"] == "lossless"
-    assert "not used: one, R" in alone["warnings"]
+    assert "note: not used: one, R" in alone["warnings"]
 
 
 @pytest.mark.parametrize(

@@ -22,6 +22,7 @@ from cyclopts import App, Parameter
 
 from solen import __version__
 from solen.cli.commands import COMMANDS, DESIGN, GROUPS
+from solen.ranks import ranked
 from solen.results import Outcome
 
 Set = Annotated[
@@ -101,8 +102,8 @@ def show_outcome(outcome: Outcome[Any]) -> None:
         return
     if not SHOWN.quiet:
         print("\n".join(lines(outcome.result)))
-    for warning in dict.fromkeys(getattr(outcome.result, "warnings", ())):
-        print(f"warning: {warning}", file=sys.stderr if SHOWN.quiet else sys.stdout)
+    for line in ranked(getattr(outcome.result, "warnings", ())):
+        print(line, file=sys.stderr if SHOWN.quiet else sys.stdout)
     if not SHOWN.quiet:
         for name, path in outcome.files.items():
             print(f"{name}: {path}")

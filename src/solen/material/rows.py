@@ -17,6 +17,7 @@ from dataclasses import replace
 import numpy as np
 
 from solen.errors import DataError, SpecError
+from solen.ranks import NOTE
 from solen.recording import Channel, Recording
 from solen.recording.words import heading, plain, quantity_of
 from solen.spec.strict import Options
@@ -179,7 +180,7 @@ def refuse_unused(
             f"--ignore {left[0]}",
         )
     remarks = [name for name in varying if plain(name) in _REMARKS]
-    return [f"not used: column{'s' * (len(remarks) > 1)} {', '.join(remarks)}"] if remarks else []
+    return [f"{NOTE}: not used: column{'s' * (len(remarks) > 1)} {', '.join(remarks)}"] if remarks else []
 
 
 def stated_once(recording: Recording, names: Sequence[str], unit: str) -> float | None:

@@ -161,7 +161,7 @@ def read_netcdf3(source: Source) -> Recording:
                 for name, variable in file.variables.items()
             ]
             metadata = {key: _text(value) for key, value in file._attributes.items() if isinstance(value, bytes)}
-    except Exception as bad:  # scipy raises whatever fits what it stumbled over
-        limit = f"is a damaged netCDF file ({type(bad).__name__})"
+    except Exception:  # scipy raises whatever fits what it stumbled over
+        limit = "is a damaged netCDF file"
         raise source.refused("", limit, "export it again") from None
     return recorded(source, "netcdf", arrays, metadata)

@@ -39,8 +39,8 @@ def read(source: Source, columns: Sequence[str] | None = None) -> Recording:
     except (MatReadError, ValueError, TypeError, KeyError, IndexError, OSError, EOFError, NotImplementedError) as bad:
         limit = f"cannot be read as a .mat file: {' '.join(str(bad).split())[:80]}"
         raise source.refused("", limit, "save it again in MATLAB, or export a CSV with writetable") from None
-    except Exception as bad:  # zlib's, struct's and what else a damaged file brings up
-        limit = f"is a damaged .mat file ({type(bad).__name__})"
+    except Exception:  # zlib's, struct's and what else a damaged file brings up
+        limit = "is a damaged .mat file"
         raise source.refused("", limit, "save it again in MATLAB, or export a CSV with writetable") from None
     arrays, metadata = [], _header(source)
     for name, value in _leaves("", {key: one for key, one in found.items() if not key.startswith("__")}, 0):

@@ -91,7 +91,7 @@ class Source:
             return self._decoded()
         except UnicodeDecodeError as bad:
             line = data.count(b"\n", 0, bad.start) + 1
-            limit = f"byte {bad.start} is not a character of {bad.encoding}"
+            limit = "holds a byte that is not a character of UTF-8, UTF-16 or Windows-1252 text"
             raise self.refused(f"line {line}", limit, "save the file as UTF-8 text, or export it again") from None
 
     def _decoded(self) -> str:

@@ -54,8 +54,8 @@ def _check_archive(source: Source) -> None:
                 with archive.open(member) as part:
                     if re.search(rb"<!(?:DOCTYPE|ENTITY)", part.read(2048)):
                         raise source.refused("", f"declares entities in {member.filename}", "save it again in Excel")
-    except _errors() as bad:
-        raise source.refused("", f"is a damaged archive: {bad}", "save it again in Excel") from None
+    except _errors():
+        raise source.refused("", "is a damaged archive", "save it again in Excel") from None
 
 
 def _sheets(source: Source, wanted: str | None, *, stored: bool) -> dict[str, list[list[str]]]:
@@ -74,8 +74,10 @@ def _sheets(source: Source, wanted: str | None, *, stored: bool) -> dict[str, li
                 raise source.refused("", "has no such sheet", f"its sheets are {', '.join(names)}", wanted)
             rows = {sheet.title: _texts(source, sheet) for sheet in book.worksheets if wanted in {None, sheet.title}}
             book.close()
-    except _errors() as bad:
-        raise source.refused("", f"cannot be read as a workbook: {bad}", "save it again in Excel, or as CSV") from None
+    except _errors():
+        raise source.refused(
+            "", "is damaged: it cannot be read as a workbook", "save it again in Excel, or as CSV"
+        ) from None
     return rows
 
 

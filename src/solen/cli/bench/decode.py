@@ -10,6 +10,7 @@ from cyclopts import Parameter
 from solen.analysis.calibration import CalibrationOptions, DecodeOptions, Decoding, SensorCalibrations
 from solen.cli.app import FLAT, SHOWN, FigureFile, lines
 from solen.cli.bench.recorded import ANALYSED, RECORDED, Analysed, Recorded, split_files
+from solen.ranks import ranked
 from solen.results import Outcome
 
 _File = Annotated[Path | None, Parameter(name="--out", help="Write the calibration to this .json.")]
@@ -86,8 +87,8 @@ def decode(
 
     rows, summary = (sys.stdout, sys.stderr) if out is None else (None, sys.stdout)
     outcome = pipeline.decode(calibration, source, options, signals, out=out, rows=rows, warn=warn)
-    for line in outcome.result.warnings[len(early) :]:
-        print(f"warning: {line}", file=sys.stderr)
+    for line in ranked(outcome.result.warnings[len(early) :]):
+        print(line, file=sys.stderr)
     if not SHOWN.quiet:
         files = (f"{name}: {path}" for name, path in outcome.files.items())
         print("\n".join([*lines(outcome.result), *files]), file=summary)

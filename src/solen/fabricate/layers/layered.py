@@ -9,6 +9,7 @@ from solen.fabricate.layers.printable import Printable
 from solen.fabricate.layers.sheet import PrintSettings, print_settings
 from solen.material.resin import Cure
 from solen.parts import Printer
+from solen.ranks import DO_NOT_USE
 from solen.recording import Provenance
 from solen.results import HIDDEN, Result
 
@@ -167,11 +168,11 @@ def _of_cure(settings: PrintSettings, cure: Cure | None, printer: Printer) -> li
     warnings = []
     if settings.cure_depth_um <= settings.layer_um:
         depth = f"{settings.cure_depth_um:.0f} µm, a layer is {settings.layer_um:g} µm"
-        warnings.append(f"one exposure cures {depth}: layers would not hold together")
+        warnings.append(f"{DO_NOT_USE}: one exposure cures {depth}: layers would not hold together")
     light = printer.wavelength_nm
     if light is not None and cure.wavelength_nm is not None and abs(light.usual - cure.wavelength_nm) > APART_NM:
         apart = f"{cure.wavelength_nm:g} nm, the printer has {light.usual:g} nm"
-        warnings.append(f"the working curve was measured at {apart}: its depths do not hold")
+        warnings.append(f"{DO_NOT_USE}: the working curve was measured at {apart}: its depths do not hold")
     return warnings
 
 

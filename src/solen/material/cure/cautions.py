@@ -9,6 +9,7 @@ import numpy as np
 
 from solen.material.cure.curve import SIGNIFICANCE, LeftOut, WorkingCurve, means_of
 from solen.material.regression import chance, fitted, t_quantile
+from solen.ranks import DO_NOT_USE
 
 _FAR = 3.0  # times the critical dose from which on it is an extrapolation
 _FEW_DF = 4.0
@@ -85,7 +86,9 @@ def _of_intervals(curve: WorkingCurve) -> list[str]:
             f"{t_quantile(0.95, curve.fit.error_df):.1f} standard uncertainties or more to each side"
         )
     if curve.interval95_Dp_um[0] <= 0.0 or curve.interval95_Ec_mJ_per_cm2 is None:
-        warnings.append("the slope is so uncertain that the critical dose has no interval: take doses further apart")
+        warnings.append(
+            f"{DO_NOT_USE}: the slope is so uncertain that the critical dose has no interval: take doses further apart"
+        )
     return warnings
 
 

@@ -18,6 +18,7 @@ from solen.material.cure.curve import Scatter, WorkingCurve, working_curve
 from solen.material.cure.layers import StackDose, dose_below, stack_dose, stack_print_through_um
 from solen.material.regression import group_means
 from solen.material.rows import REPEATS, RowOptions, below_each_other, chosen_rows, refuse_unused, stated_once
+from solen.ranks import DO_NOT_USE, NOTE
 from solen.recording import Channel, Measured, Recording
 from solen.results import reported
 from solen.spec.strict import Finite, Wavelength, refused
@@ -234,7 +235,7 @@ def discs(recording: Recording, irradiance_mW_per_cm2: float | None) -> Table:
     means = group_means(keys, thickness_um)
     warnings = []
     if len(means) < len(keys):
-        warnings = [f"{len(keys)} rows are readings of {len(means)} discs: those of one disc are averaged"]
+        warnings = [f"{NOTE}: {len(keys)} rows are readings of {len(means)} discs: those of one disc are averaged"]
     doses = np.array([value for value, _ in means])
     return Table(doses, np.array(list(means.values())), [keys.index(key) + 1 for key in means], used, warnings)
 
@@ -333,10 +334,12 @@ def _unusual(curve: WorkingCurve) -> list[str]:
     for factor_, what in ((1e3, "mm under a header in µm"), (1e-3, "µm under a header in mm")):
         if low <= factor_ * curve.Dp_um <= high:
             return [
+                f"{DO_NOT_USE}: "
                 f"the thicknesses look like {what}: Dp would be {factor_ * curve.Dp_um:.3g} µm instead of "
                 f"{curve.Dp_um:.3g} µm, which no printable resin has; correct the header"
             ]
     return [
+        f"{DO_NOT_USE}: "
         f"Dp = {curve.Dp_um:.3g} µm is that of no printable resin (tens to hundreds of µm): check the unit of the "
         "thickness in the table's header"
     ]

@@ -25,6 +25,7 @@ from solen.material.index import Length, measured, reading
 from solen.material.index.interference import fringes_of
 from solen.material.regression import fitted, t_tail
 from solen.material.rows import RowOptions, chosen_rows, refuse_unused
+from solen.ranks import NOTE
 from solen.recording import Channel, Recording, Spectrum, spectra
 from solen.recording.model import Measured
 from solen.recording.optical import kind_of
@@ -334,7 +335,7 @@ def _warnings(
             "that makes it; measure several layers of each exposure"
         )
     if kinds == 2:
-        warnings.append("two exposures do not show whether the change is along a straight line")
+        warnings.append(f"{NOTE}: two exposures do not show whether the change is along a straight line")
     unclear = [f"{one.wavelength_nm:g} nm" for one in at if not _resolved(one.trend_T)]
     if unclear:
         warnings.append(f"no trend of T with exposure is resolved at {', '.join(unclear)}")

@@ -29,6 +29,7 @@ from solen.errors import DataError
 from solen.material.dispersion import Cauchy, Sellmeier
 from solen.material.index.formulas import CauchyForm, Form, OnePole, TwoPoles, UnfitError, covariance_rows, resonance_nm
 from solen.material.index.squares import Points, Solved, points_of, solved
+from solen.ranks import DO_NOT_USE
 from solen.results import HIDDEN, Result, reported
 from solen.units import NM_PER_UM
 
@@ -254,6 +255,7 @@ def _warnings(model: Cauchy | Sellmeier, one: Solved, points: Points) -> list[st
     spread = math.hypot(model.u_index(low) or 0.0, model.u_index(high) or 0.0)
     if rise > 2 * spread:
         warnings.append(
+            f"{DO_NOT_USE}: "
             f"the fitted index rises by {rise:.2g} from {low:g} to {high:g} nm; that of transparent matter falls"
         )
     if points.u is not None and one.widened > 1:

@@ -29,6 +29,7 @@ from solen.material.index.routes import BASES, is_absorbance, lossless_index
 from solen.material.index.spectrum import IndexSpectrum
 from solen.material.index.stack import Setup, Substrate
 from solen.material.rows import chosen_rows, refuse_unused
+from solen.ranks import NOTE
 from solen.recording import Recording
 from solen.recording.model import Measured
 from solen.recording.optical import OPTIONS, OpticalSpectra, optical_spectra
@@ -400,5 +401,7 @@ def _about_instrument(
     known = {*options.ignore, *options.bare_transmittance, *options.bare_reflectance}
     if others := [name for name in spectra.unused if name not in known]:
         more = len(others) - _MOST_UNUSED
-        warnings.append(f"not used: {', '.join(others[:_MOST_UNUSED])}{f' and {more} more' if more > 0 else ''}")
+        warnings.append(
+            f"{NOTE}: not used: {', '.join(others[:_MOST_UNUSED])}{f' and {more} more' if more > 0 else ''}"
+        )
     return warnings

@@ -14,6 +14,7 @@ from solen.errors import DataError
 from solen.material.loss.cutback import GuideLoss, cut_back
 from solen.material.loss.levels import full_level_dB, levels_dB, pulls_down
 from solen.material.rows import REPEATS, RowOptions, below_each_other, chosen_rows, refuse_unused, stated_once
+from solen.ranks import DO_NOT_USE, NOTE
 from solen.recording import Channel, Recording
 from solen.spec.strict import Finite, Wavelength
 from solen.units import factor, is_unit
@@ -185,6 +186,7 @@ def _launch_unknown(launched_dB: float | None) -> list[str]:
     if launched_dB is not None:
         return []
     return [
+        f"{NOTE}: "
         "what was launched is not known (--launched), so the coupling loss is not either; the loss per cm needs neither"
     ]
 
@@ -206,10 +208,11 @@ def _unusual(loss: GuideLoss, length_unit: str) -> list[str]:
     in_mm = loss.loss_dB_per_cm / UM_PER_MM
     if factor(length_unit, "um") == 1.0 and in_mm <= USUAL_DB_PER_CM:
         return [
+            f"{DO_NOT_USE}: "
             f"the lengths, up to {longest * UM_PER_MM:.3g} µm, look like mm under a header in µm: the loss would be "
             f"{in_mm:.3g} dB/cm instead of {loss.loss_dB_per_cm:.3g}; correct the header"
         ]
     return [
-        f"{loss.loss_dB_per_cm:.3g} dB/cm leave nothing after a centimetre: "
+        f"{DO_NOT_USE}: {loss.loss_dB_per_cm:.3g} dB/cm leave nothing after a centimetre: "
         "check which column is the length, and its unit"
     ]

@@ -7,6 +7,7 @@ import numpy as np
 
 from solen.material.stiffness.hyperelastic import Fit
 from solen.material.stiffness.modes import MODES
+from solen.ranks import DO_NOT_USE, NOTE
 
 _POOR = 0.1
 
@@ -19,7 +20,7 @@ def cautions(fit: Fit) -> list[str]:
 
 def _range(fit: Fit) -> str:
     ranges = "; ".join(f"{q.mode} {q.stretch_range[0]:.3g} to {q.stretch_range[1]:.3g}" for q in fit.quality)
-    return f"{fit.model.kind} holds over the stretches it was fitted to ({ranges}); beyond, it extrapolates"
+    return f"{NOTE}: {fit.model.kind} holds over the stretches it was fitted to ({ranges}); beyond, it extrapolates"
 
 
 def _unmeasured(fit: Fit) -> str:
@@ -40,7 +41,9 @@ def _unstable(fit: Fit) -> list[str]:
         where = "in its data" if name in measured else "within the stretches of the other modes"
         ends = [f"below {stable.low:.4g}"] if stable.low is not None and stable.low > low else []
         ends += [f"above {stable.high:.4g}"] if stable.high is not None and stable.high < high else []
-        warnings.append(f"{fit.model.kind} is unstable (Drucker) {where}: {name} stretch {' and '.join(ends)}")
+        warnings.append(
+            f"{DO_NOT_USE}: {fit.model.kind} is unstable (Drucker) {where}: {name} stretch {' and '.join(ends)}"
+        )
     return warnings
 
 

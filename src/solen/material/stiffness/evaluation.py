@@ -35,6 +35,7 @@ from solen.material.stiffness.modulus import (
 from solen.material.stiffness.specimen import held_ends
 from solen.material.stiffness.stress_strain import StressStrain
 from solen.material.stiffness.toe import Toe, find_toe
+from solen.ranks import NOTE
 from solen.results import Result, reported
 from solen.spec.strict import Finite, refused
 
@@ -265,6 +266,7 @@ def _of_bending(test: StressStrain, modulus: Young) -> str:
         return ""
     off = f"{100 * abs(ratio - 1):.0f} % {'higher' if ratio > 1 else 'lower'}"
     return (
+        f"{NOTE}: "
         f"over {100 * low:.3g} to {100 * high:.3g} % strain an ideal rubber's slope is {off} than its modulus at zero "
         "strain, which a model's initial modulus gives"
     )

@@ -23,6 +23,7 @@ from solen.material.stiffness.modes import TestMode
 from solen.material.stiffness.modulus import Range
 from solen.material.stiffness.specimen import Dimensions, number_in, specimen_of
 from solen.material.stiffness.stress_strain import StressStrain
+from solen.ranks import NOTE
 from solen.recording import Measured, Recording
 
 _RIGID_MPA = 100.0  # anything stiffer is not a rubber: auto fits no hyperelastic model to it
@@ -151,7 +152,9 @@ def stiffness_of(tests: Sequence[MechanicalTest], options: StiffnessOptions = St
     groups = tuple(_material([each for each in specimens if each.label == label], options) for label in labels)
     warnings = tuple(dict.fromkeys([*remarks, *(warning for group in groups for warning in group.warnings)]))
     if len(groups) > 1:
-        beside = f"modulus and model beside groups are those of {labels[0]} alone; groups holds all {len(labels)}"
+        beside = (
+            f"{NOTE}: modulus and model beside groups are those of {labels[0]} alone; groups holds all {len(labels)}"
+        )
         warnings = (*warnings, beside)
     sources = {each.recording.provenance.sha256: each.recording.provenance for each in specimens}
     return MeasuredStiffness(
