@@ -38,7 +38,7 @@ class SolenError(Exception):
 def _shown(value: object) -> str:
     """A value as a reader needs it: nine digits of a number, and the beginning of a long text."""
     if isinstance(value, float):
-        return f"{value:.9g}"
+        return str(float(f"{value:.9g}"))
     text = _DIGITS.sub(r"\1…", str(value))
     text = text if len(text) <= _LETTERS else f"{text[:_LETTERS]}…"
     return repr(text) if isinstance(value, str) else text

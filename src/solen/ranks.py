@@ -48,9 +48,14 @@ def rank_of(text: str) -> str:
     return found[1] if found else LOOK_AT
 
 
+def unranked(text: str) -> str:
+    """A warning without its rank."""
+    return _STATED.sub("", text, count=1)
+
+
 def ranked(warnings: Iterable[str]) -> list[str]:
     """Lines for a reader, each with its rank: the most serious first, one sentence once."""
-    every = [_Warning(rank_of(text), _STATED.sub("", text, count=1)) for text in dict.fromkeys(warnings)]
+    every = [_Warning(rank_of(text), unranked(text)) for text in dict.fromkeys(warnings)]
     lines: list[str] = []
     for rank in RANKS:
         group = [one for one in every if one.rank == rank]

@@ -16,6 +16,7 @@ from solen.material.index.coherence import Blur, layer, stacked
 from solen.material.index.interference import fringes_of
 from solen.material.index.layer import LayerIndex, index_of_layer
 from solen.material.index.options import IndexOptions
+from solen.material.index.reading import combined, reading
 from solen.material.index.stack import Setup, Substrate, forward, on_substrate
 from solen.material.resin_from_results import IndexResult
 from solen.recording import Provenance, Recording
@@ -179,6 +180,25 @@ def test_a_films_index_is_within_its_interval(seed: int) -> None:
     covered, off, _, _ = trial(seed)
     assert covered > 0.85
     assert off < 0.004
+
+
+@pytest.mark.parametrize("seed", [47, 58])
+def test_fringes_at_the_long_wavelengths_alone_are_detected(seed: int) -> None:
+    """A slit of 3 nm and more, and 30 to 60 µm: what is left of them is in two of twelve parts of the spectrum."""
+    covered, off, _, mode = trial(seed)
+    assert mode == "fringes"
+    assert covered > 0.92
+    assert off < 0.001
+
+
+def test_scatter_of_few_repeats_is_taken_together_with_that_of_neighbours() -> None:
+    """Three repeats: pointwise intervals of the mean hold the truth as often as they say, with a known offset."""
+    rng, covered = np.random.default_rng(1), []
+    for _ in range(40):
+        found = reading(0.9 + rng.normal(0.0, NOISE, (3, 400)) + rng.normal(0.0, OFFSET), OFFSET, name="T")
+        half = combined(found.shares(1.0), 400).bound(0.95)
+        covered.append(np.mean(np.abs(found.value - 0.9) <= half))
+    assert 0.93 < np.mean(covered) < 0.98
 
 
 @pytest.mark.evidence

@@ -22,6 +22,7 @@ from solen.material.cross_checks import Row, index_apart, loss_apart, penetratio
 from solen.material.dispersion import KINDS, Dispersion, Tabulated
 from solen.material.mix import named_number
 from solen.material.resin import Cure, Interval, Loss, LossOf, Part, Resin, Source, Stiffness
+from solen.ranks import unranked
 from solen.spec.objects import parsed
 from solen.spec.strict import NotNegative, Number, Options, Positive, Strict, Text, Wavelength, refused, told_of
 
@@ -90,7 +91,7 @@ class _Result(Strict):
     @property
     def remarks(self) -> tuple[str, ...]:
         """Warnings about what a resin keeps."""
-        return tuple(text for text in self.warnings if not text.startswith(NOT_KEPT))
+        return tuple(text for text in self.warnings if not unranked(text).startswith(NOT_KEPT))
 
     def as_table(self, selection: Selection = _EVERYTHING) -> Any:
         """Table of the resin."""

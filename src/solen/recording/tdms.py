@@ -42,8 +42,8 @@ def read(source: Source) -> Recording:
             for channel in group.channels():
                 prefix = f"{group.name}." if len(groups) > 1 else ""
                 arrays += _arrays(prefix, channel)
-    except Exception:  # npTDMS raises whatever fits what it stumbled over
-        limit = "is a damaged TDMS file"
+    except Exception as bad:  # npTDMS raises whatever fits what it stumbled over
+        limit = f"is a damaged TDMS file: {' '.join(str(bad).split())[:80] or type(bad).__name__}"
         raise source.refused("", limit, "export it again") from None
     return recorded(source, "tdms", _once(arrays), metadata)
 

@@ -122,7 +122,7 @@ _BRACKET = re.compile(r"(.+?)\s*(?:\(([^()]*(?:\([^()]*\))?[^()]*)\)|\[([^\[\]]*
 _SLASH = re.compile(r"(.+?)\s*/\s*(.+)")
 _IN = re.compile(r"(.+?)(?:\s+in|,)\s+(\S+)")
 _LAST = re.compile(r"(.+?)\s+(\S+)")
-_PERCENT = re.compile(r"(.*?)(?:%\s*([TRA])|\b([TRA])\s*%)(?![\w.])(.*)")
+_PERCENT = re.compile(r"(.*?)(?:%\s*([TRA])|\b([TRA])\s*%)(?![\w.])((?:\s.*)?)")
 _CHANNEL = re.compile(r"(?:axial|ch(?:annel)?\.? ?\d+)\s+(.+)", re.IGNORECASE)  # as MTS calls its channels
 _PERCENT_OF = re.compile(r"%\s*(\w{2,})")
 _DOSED = re.compile(r"(.*?)[\s_]+(\d+(?:[.,]\d+)?)[\s_]*(ms|s|sec|sek|min)\b((?:\s.*)?)")  # T_2s (%), T 2000 ms
@@ -281,7 +281,8 @@ def _unit_text(unit: str) -> str:
 
 
 def _made(name: str, unit: str, optical: bool) -> Heading:
-    return Heading(name, unit, quantity_of(name, unit, optical=optical))
+    quantity = quantity_of(name, unit, optical=optical)
+    return Heading(name, unit, quantity or (_PERCENTS.get(unit[1:], "") if unit.startswith("%") else ""))
 
 
 @cache

@@ -108,16 +108,18 @@ def find_fringes(
 
 
 def _are_fringes(um: FloatArray, u: FloatArray, off: FloatArray, beside: FloatArray | None, phase: Phase) -> bool:
-    """Whether they run through much of the spectrum, and leave T + R alone; a band does neither."""
+    """Whether they run through much of the spectrum, or leave T + R alone; a band does neither.
+
+    A slit of some nm leaves the fringes of a thick layer at its long wavelengths alone.
+    """
     waves = np.exp(4j * np.pi * phase.optical_um * (1.0 + phase.rise * u + phase.bend * u**2) / um)
     parts = np.array_split(np.arange(um.size), _WINDOWS)
     here = np.array([abs(np.mean(off[part] * waves[part])) for part in parts])
-    if int((here > 0.3 * here.max()).sum()) < _LEAST_WINDOWS:
-        return False
     if beside is None:
-        return True
+        return int((here > 0.3 * here.max()).sum()) >= _LEAST_WINDOWS
     there = np.array([abs(np.mean(beside[part] * waves[part])) for part in parts])
-    return float(np.sum(there**2)) < 0.25 * float(np.sum(here**2))
+    several = int((here > 0.15 * here.max()).sum()) >= _LEAST_WINDOWS - 1
+    return several and float(np.sum(there**2)) < 0.25 * float(np.sum(here**2))
 
 
 def _level(values: FloatArray) -> FloatArray:

@@ -6,9 +6,9 @@ out over an LED's spectrum or in a fit; what shifts a whole spectrum, a lamp tha
 the second. Repeats that drift in one direction are not independent draws: their mean is not better known than one of
 them.
 
-Few repeats know their own scatter badly. An uncertainty that follows from them is widened by Student's t so that the
-standard one covers 68.27 % and the expanded one 95 % (GUM, JCGM 100:2008, annex G); degrees of freedom of sums are
-those of Welch and Satterthwaite.
+Few repeats know their own scatter badly at one wavelength; neighbours scatter alike, so theirs is taken together. An
+uncertainty that follows from few is widened by Student's t so that the standard one covers 68.27 % and the expanded
+one 95 % (GUM, JCGM 100:2008, annex G); degrees of freedom of sums are those of Welch and Satterthwaite.
 
 The interface: `Reading` and `reading` for a spectrum, `Length` for a thickness, `Share` for a part of an uncertainty
 and `combined` for what they make together.
@@ -19,6 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.ndimage import uniform_filter1d
 from scipy.special import ndtri, stdtrit
 
 from solen.arrays import FloatArray
@@ -28,6 +29,7 @@ ONE_SIGMA = 0.682689492137086
 """Share of a normal distribution within one standard deviation."""
 
 _APART = 8  # wavelengths from which on offsets of whole spectra are distinguished from scatter
+_NEIGHBOURS = 21  # wavelengths whose scatter is taken together
 _DRIFT = 3.0  # offsets above this many times what scatter leaves of them are more than scatter
 
 
@@ -52,8 +54,8 @@ class Reading:
         Standard error of what scatters from wavelength to wavelength, shape (n,).
     u_common
         Standard error of what is common to all wavelengths by repeats, and stated accuracy, shape (2, n).
-    freedom
-        Degrees of freedom of the repeats; inf of one spectrum alone.
+    freedom, freedom_random
+        Degrees of freedom of what repeats show to be common, and of what scatters; inf of one spectrum alone.
     known
         Whether there are repeats or a stated accuracy: without, no uncertainty is claimed.
     repeats
@@ -66,6 +68,7 @@ class Reading:
     u_random: FloatArray
     u_common: FloatArray
     freedom: float = np.inf
+    freedom_random: float = np.inf
     known: bool = True
     repeats: int = 1
     remarks: tuple[str, ...] = ()
@@ -76,7 +79,7 @@ class Reading:
         by_repeats, stated = self.u_common
         with np.errstate(invalid="ignore"):  # slopes may be endless where nothing comes through
             return [
-                Share(np.asarray(slope * self.u_random * unknown), self.freedom, False),
+                Share(np.asarray(slope * self.u_random * unknown), self.freedom_random, False),
                 Share(np.asarray(slope * by_repeats), self.freedom, True),
                 Share(np.asarray(slope * stated), np.inf, True),
             ]
@@ -160,7 +163,9 @@ def reading(repeats: ArrayLike, u_stated: ArrayLike | None = None, *, name: str 
         return Reading(rows[0], nothing, np.stack([nothing, stated]), known=u_stated is not None)
     mean, scatter, offset, remarks = _scatter(rows, name)
     common = np.stack([np.full(points, offset), stated])
-    return Reading(mean, scatter / np.sqrt(count), common, count - 1.0, repeats=count, remarks=remarks)
+    freedom = count - 1.0
+    together = 1 if points < _APART else min(_NEIGHBOURS, points)
+    return Reading(mean, scatter / np.sqrt(count), common, freedom, freedom * together, repeats=count, remarks=remarks)
 
 
 def combined(parts: Sequence[Share], points: int) -> Combined:
@@ -183,6 +188,16 @@ def student(level: float, freedom: ArrayLike) -> FloatArray:
     return found
 
 
+def _of_neighbours(variance: FloatArray) -> FloatArray:
+    """Mean of the variances of as many neighbours; NaN where there is none of its own."""
+    known = np.isfinite(variance)
+    width = min(_NEIGHBOURS, variance.size)
+    sums, counts = (
+        uniform_filter1d(one, width, mode="nearest") for one in (np.where(known, variance, 0.0), 1.0 * known)
+    )
+    return np.where(known, sums / np.where(known, np.maximum(counts, 1.0 / width), 1.0), np.nan)
+
+
 def _scatter(rows: FloatArray, name: str) -> tuple[FloatArray, FloatArray, float, tuple[str, ...]]:
     """Mean, scatter of one row about its own offset, standard error of the offsets' mean, remarks."""
     count, points = rows.shape
@@ -190,7 +205,7 @@ def _scatter(rows: FloatArray, name: str) -> tuple[FloatArray, FloatArray, float
     if points < _APART:
         return mean, rows.std(axis=0, ddof=1), 0.0, ()
     offsets = np.nanmean(rows - mean, axis=1)
-    scatter = np.sqrt(((rows - mean - offsets[:, None]) ** 2).sum(axis=0) / (count - 1))
+    scatter = np.sqrt(_of_neighbours(((rows - mean - offsets[:, None]) ** 2).sum(axis=0) / (count - 1)))
     spread = float(offsets.std(ddof=1))
     expected = float(np.sqrt(np.nanmean(scatter**2) / points))
     steps = np.diff(offsets)
