@@ -5,6 +5,7 @@ import pytest
 
 from solen.arrays import FloatArray
 from solen.errors import DataError
+from solen.material.index.lossless_index import lossless_index
 from solen.material.index.masks import Why
 from solen.material.index.reading import Length, combined, reading, student
 from solen.material.index.routes import (
@@ -13,7 +14,6 @@ from solen.material.index.routes import (
     as_published,
     is_absorbance,
     lossless,
-    lossless_index,
     measured,
 )
 from solen.material.index.spectrum import IndexSpectrum

@@ -18,9 +18,9 @@ from solen.errors import DataError
 from solen.material.index.film import Film, Measured, fit_film, fit_levels
 from solen.material.index.fringes import Phase, find_fringes
 from solen.material.index.inversion import invert
+from solen.material.index.lossless_index import lossless_index
 from solen.material.index.masks import THREE_SIGMAS, Why, counted
 from solen.material.index.reading import Combined, Length, Reading
-from solen.material.index.routes import lossless_index
 from solen.material.index.spectrum import IndexSpectrum, estimate, nothing
 from solen.material.index.stack import Setup
 from solen.results import HIDDEN, Result

@@ -22,10 +22,11 @@ from solen.material.index.illuminant import Evaluated, formula_in, index_in, lin
 from solen.material.index.interference import JOINT, MODE, Interference, fringed, fringes_of
 from solen.material.index.inversion import invert
 from solen.material.index.literature import Band, band, check_dispersion, check_index
+from solen.material.index.lossless_index import lossless_index
 from solen.material.index.mixups import refuse_mixups
 from solen.material.index.options import IndexOptions
 from solen.material.index.reading import Reading, reading
-from solen.material.index.routes import BASES, is_absorbance, lossless_index
+from solen.material.index.routes import BASES, is_absorbance
 from solen.material.index.spectrum import IndexSpectrum
 from solen.material.index.stack import Setup, Substrate
 from solen.material.rows import chosen_rows, refuse_unused

@@ -30,7 +30,8 @@ THREE_SIGMAS = 0.99730020393674
 """Share of a normal distribution within three standard deviations."""
 STRONG_K, POSSIBLE_N = 0.1, 0.8
 """An index down to 0.8 occurs beside absorption bands with k above 0.1, and not elsewhere."""
-_ROUNDING = 1e-12  # of R + T
+ROUNDING = 1e-12
+"""Rounding of R, T and k."""
 
 
 class Why(IntEnum):
@@ -167,4 +168,4 @@ def _exceeds(excess: FloatArray, u_sum: Combined, level: float) -> BoolArray:
     bound = u_sum.bound(level)
     assumed = student(level, np.inf) * np.sqrt(2.0) * ASSUMED_U
     with np.errstate(invalid="ignore"):
-        return np.asarray(excess - _ROUNDING > np.where(np.isnan(bound), assumed, bound))
+        return np.asarray(excess - ROUNDING > np.where(np.isnan(bound), assumed, bound))

@@ -17,7 +17,7 @@ The interface: `measured`, `absorptance`, `as_published`, `lossless`, each givin
 an absorptance.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -30,8 +30,10 @@ from solen.errors import DataError
 from solen.material.index import masks
 from solen.material.index.inversion import Inverse, Slopes, invert, slopes
 from solen.material.index.literature import band
+from solen.material.index.lossless_index import lossless_in_air
 from solen.material.index.masks import THREE_SIGMAS, UNRESOLVED, Codes, Why, counted, first
-from solen.material.index.reading import Combined, Length, Reading, Share, combined, student
+from solen.material.index.reading import Combined, Length, Reading, Share, combined
+from solen.material.index.route_warnings import about_substrate, assumed, too_bright, unstated
 from solen.material.index.spectrum import Estimate, IndexSpectrum, estimate, nothing
 from solen.material.index.stack import Setup
 from solen.material.index.substrate import extinction, invert_lossless, invert_on_substrate, most_transmitted
@@ -43,7 +45,6 @@ AS_PUBLISHED = (
 BASES = {"log10": float(np.log(10.0)), "ln": 1.0}
 """Kinds of absorbance, by name the natural logarithm of their base."""
 _ALIKE, _ROUNDED = 0.02, 1e-4  # A that differs from −log10 T by less is −log10 T
-_ROUNDING = 1e-12  # of k, and of T
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,13 +130,13 @@ def lossless(wavelength_nm: ArrayLike, transmittance: Reading, setup: Setup | No
     nm, t = np.asarray(wavelength_nm, dtype=float), transmittance.value
     none = np.full(t.shape, np.nan)
     if setup is None:
-        n = _lossless_in_air(transmittance)
-        head = [_assumed(t[n.known]), *_unstated({"T": transmittance})]
+        n = lossless_in_air(transmittance)
+        head = [assumed(t[n.known]), *unstated({"T": transmittance})]
     else:
         inverse = invert_lossless(t, nm, setup)
         n = _lossless_on_substrate(nm, transmittance, inverse, setup)
         assumption = "lossless: k = 0 is assumed, so that n is an upper bound: whatever the layer absorbs or scatters "
-        head = [f"{assumption}raises it", *_about_substrate(inverse, n, {"T": transmittance}, setup)]
+        head = [f"{assumption}raises it", *about_substrate(inverse, n, {"T": transmittance}, setup)]
     return IndexSpectrum(
         mode="lossless",
         measurement=True,
@@ -195,7 +196,7 @@ def is_absorbance(
 
 def no_reflectance(what: str, wavelength_nm: ArrayLike, transmittance: Reading) -> DataError:
     """Refusal of a measured index where only T is known; the error states what T alone gives."""
-    found, nm = _lossless_in_air(transmittance), np.asarray(wavelength_nm, dtype=float)
+    found, nm = lossless_in_air(transmittance), np.asarray(wavelength_nm, dtype=float)
     at = np.flatnonzero(found.known)
     instead = ""
     if at.size:
@@ -209,14 +210,6 @@ def no_reflectance(what: str, wavelength_nm: ArrayLike, transmittance: Reading) 
         limit=f"does not follow from {what} which says nothing of the reflectance{instead}",
         remedy="measure R; or take --mode lossless; or --mode as-published, which is labelled as not measured",
     )
-
-
-def lossless_index(transmittance: ArrayLike) -> FloatArray:
-    """Index of a clear layer in air that transmits this, (1 + √(1 − T²))/T; NaN outside 0 < T < 1."""
-    t = np.asarray(transmittance, dtype=float)
-    with np.errstate(all="ignore"):
-        n = (1.0 + np.sqrt((1.0 - t) * (1.0 + t))) / t
-    return np.asarray(np.where((t > 0.0) & (t < 1.0), n, np.nan))
 
 
 def _in_air(
@@ -244,14 +237,14 @@ def _in_air(
         k_low95=low,
         k_high95=high,
         correlation=u.correlation,
-        lossless=_lossless_in_air(read["T"]),
+        lossless=lossless_in_air(read["T"]),
         reflectance=r,
         transmittance=t,
         thickness=thickness,
         warnings=(
-            *_unstated(read),
+            *unstated(read),
             *remarks,
-            *_too_bright(index.k, u.k),
+            *too_bright(index.k, u.k),
             *counted("n", no_n),
             *counted("k", no_k, no_n),
         ),
@@ -286,7 +279,7 @@ def _measured_on_substrate(
     no_k = _why_no_k(no_n, inverse.k, u.k)
     n, k = estimate(inverse.n, u.n, no_n), estimate(inverse.k, u.k, no_k)
     low, high = _k_bounds(inverse.k, u.k, no_k, t, u_t, inverse.k_by["T"])
-    head = [*_about_substrate(inverse, n, read, setup), *transmittance.remarks, *reflectance.remarks]
+    head = [*about_substrate(inverse, n, read, setup), *transmittance.remarks, *reflectance.remarks]
     return IndexSpectrum(
         mode="measured",
         measurement=True,
@@ -300,7 +293,7 @@ def _measured_on_substrate(
         reflectance=r,
         transmittance=t,
         thickness=thickness,
-        warnings=(*head, *_too_bright(inverse.k, u.k), *counted("n", no_n), *counted("k", no_k, no_n)),
+        warnings=(*head, *too_bright(inverse.k, u.k), *counted("n", no_n), *counted("k", no_k, no_n)),
     )
 
 
@@ -350,45 +343,13 @@ def _indistinct(inverse: Inverse, n: Combined) -> BoolArray:
 
 def _bright(bright: FloatArray, k: Combined) -> BoolArray:
     with np.errstate(invalid="ignore"):
-        return np.asarray(bright < -k.bound(THREE_SIGMAS) - _ROUNDING)
-
-
-def _too_bright(result: FloatArray, k: Combined) -> list[str]:
-    """What all k together say where their weighted mean is below 0 by more than its own uncertainty explains."""
-    with np.errstate(all="ignore"):
-        weight = 1.0 / (k.random**2 + (k.parts**2).sum(axis=0))
-    seen = np.isfinite(result) & np.isfinite(weight)
-    if not seen.any():
-        return []
-    share = weight[seen] / weight[seen].sum()
-    mean = float(share @ result[seen])
-    u = float(np.sqrt(share**2 @ k.random[seen] ** 2 + ((k.parts[:, seen] @ share) ** 2).sum()))
-    freedom = float(np.min(k.freedom[seen]))
-    if not mean < -u * float(student(THREE_SIGMAS, freedom)) - _ROUNDING:
-        return []
-    return [
-        f"all wavelengths together say k = {mean:.1e} ± {u:.1e}, below 0: no layer gives light back, so a 100 % "
-        "reading, a baseline or the substrate's index is wrong, and n with it"
-    ]
+        return np.asarray(bright < -k.bound(THREE_SIGMAS) - masks.ROUNDING)
 
 
 def _why_no_k(no_n: Codes, result: FloatArray, k: Combined) -> Codes:
     with np.errstate(invalid="ignore"):
         tests = {Why.BELOW: result < 0.0, Why.SMALL: masks.unresolved(result, k)}
     return np.where(no_n != Why.FINE, no_n, first(tests)).astype(np.int8)
-
-
-def _lossless_in_air(transmittance: Reading) -> Estimate:
-    t = transmittance.value
-    tests = {Why.MISSING: ~np.isfinite(t), Why.TRANSMITTANCE: ~(t > 0.0), Why.NO_REFLECTION: ~(t < 1.0)}
-    u = combined(transmittance.shares(_lossless_slope(t)), t.size)
-    return estimate(lossless_index(t), u, first(tests))
-
-
-def _lossless_slope(t: FloatArray | float) -> FloatArray:
-    """Derivative of the lossless index by T."""
-    with np.errstate(all="ignore"):
-        return np.asarray(-(1.0 + 1.0 / np.sqrt((1.0 - t) * (1.0 + t))) / t**2)
 
 
 def _lossless_on_substrate(nm: FloatArray, transmittance: Reading, inverse: Inverse, setup: Setup) -> Estimate:
@@ -398,61 +359,8 @@ def _lossless_on_substrate(nm: FloatArray, transmittance: Reading, inverse: Inve
         tests = {
             Why.MISSING: ~np.isfinite(t),
             Why.TRANSMITTANCE: ~(t > 0.0),
-            Why.TOO_CLEAR: t > most_transmitted(nm, setup) + _ROUNDING,
+            Why.TOO_CLEAR: t > most_transmitted(nm, setup) + masks.ROUNDING,
             Why.TOO_DARK: np.isnan(inverse.n),
             Why.INDISTINCT: _indistinct(inverse, n),
         }
     return estimate(inverse.n, n, first(tests))
-
-
-def _assumed(t: FloatArray) -> str:
-    """What assuming k = 0 does to n, by the transmittance in the middle."""
-    assumption = "lossless: k = 0 is assumed, so that n is an upper bound"
-    if not t.size:
-        return assumption
-    middle = float(np.median(t))
-    by = -0.001 * float(_lossless_slope(middle))
-    return f"{assumption}; 0.1 % of the light absorbed or scattered raises it by {by:.4f} at T = {middle:.4f}"
-
-
-def _unstated(read: Mapping[str, Reading]) -> list[str]:
-    """What is missing for an uncertainty of a layer in air."""
-    names = [name for name, reading in read.items() if not reading.known]
-    if names:
-        by = {"R": "0.0039 in R", "A": "0.0039 in A", "T": "0.0003 in T" if "R" in read else "0.0042 in T"}
-        moves = " and by ".join(by[name] for name in names)
-        return [
-            f"no uncertainty of {' and '.join(names)} is known, so none of n and k: state it with {_options(names)}, "
-            f"or give repeats; near n = 1.5 an error of 0.001 moves n by {moves}"
-        ]
-    alone = [name for name, one in read.items() if one.repeats > 1 and not one.u_common[1].any()]
-    return [
-        f"the instrument's own accuracy is not in the uncertainty: only the repeats of {' and '.join(alone)} are; "
-        f"state it with {_options(alone)}"
-    ] * bool(alone)
-
-
-def _options(names: Sequence[str]) -> str:
-    return " and ".join(f"--u-{name}" for name in names)
-
-
-def _about_substrate(inverse: Inverse, n: Estimate, read: Mapping[str, Reading], setup: Setup) -> list[str]:
-    """What errors of the readings and of the substrate do to n, in the middle of what is known; what is not stated."""
-    warnings, at = [], np.flatnonzero(n.known)
-    i = at[at.size // 2] if at.size else None
-    if i is not None:
-        moves = [f"{abs(inverse.n_by[name][i]) * 1e-3:.4f} by 0.001 in {name}" for name in ("R", "T") if name in read]
-        sheet = f"{abs(inverse.n_by['sheet_n'][i]) * 0.01:.4f} by 0.01 in the substrate's index"
-        warnings.append(f"on this substrate n = {inverse.n[i]:.4f} moves {', '.join(moves)}, and {sheet}")
-    if names := [name for name, reading in read.items() if not reading.known]:
-        unknown = f"no uncertainty of {' and '.join(names)} is known, so none of n"
-        warnings.append(f"{unknown}: state it with {_options(names)}, or give repeats")
-    u_sheet = np.broadcast_to(np.asarray(setup.substrate.u_n), n.value.shape)
-    if not (u_sheet > 0).any():
-        warnings.append("the substrate's index is taken as exact: an error of it goes over into n nearly one to one")
-    if i is not None and (part := abs(float(inverse.n_by["sheet_n"][i] * u_sheet[i]))) ** 2 > float(n.u[i]) ** 2 / 2:
-        warnings.append(
-            f"most of u(n) = {n.u[i]:.2g}, {part:.2g}, is the uncertainty of the substrate's index: measure T and R of "
-            "the bare sheet in air, find its index by solen resin index, and state it: --substrate and --u-substrate-n"
-        )
-    return warnings

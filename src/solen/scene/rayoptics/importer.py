@@ -22,7 +22,8 @@ from solen.scene.rayoptics.arrangement import Element, Glass, arranged
 from solen.scene.rayoptics.fields import GREEN_NM, LARGEST, Fields, NotUnderstood, UnreadError
 from solen.scene.rayoptics.formula import number_in
 from solen.scene.rayoptics.modules import unfolded
-from solen.scene.rayoptics.objects import READERS, World, line
+from solen.scene.rayoptics.objects import READERS
+from solen.scene.rayoptics.outlines import World, line
 from solen.scene.rayoptics.sources import EMISSIONS, Lamps, rays
 from solen.scene.sources import Rays
 

@@ -1,0 +1,31 @@
+"""Index of a layer in air from T alone, k = 0 assumed."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from solen.arrays import FloatArray
+from solen.material.index.masks import Why, first
+from solen.material.index.reading import Reading, combined
+from solen.material.index.spectrum import Estimate, estimate
+
+
+def lossless_index(transmittance: ArrayLike) -> FloatArray:
+    """Index of a clear layer in air that transmits this, (1 + √(1 − T²))/T; NaN outside 0 < T < 1."""
+    t = np.asarray(transmittance, dtype=float)
+    with np.errstate(all="ignore"):
+        n = (1.0 + np.sqrt((1.0 - t) * (1.0 + t))) / t
+    return np.asarray(np.where((t > 0.0) & (t < 1.0), n, np.nan))
+
+
+def lossless_in_air(transmittance: Reading) -> Estimate:
+    """Index of a clear layer in air, with its uncertainty and what masks it."""
+    t = transmittance.value
+    tests = {Why.MISSING: ~np.isfinite(t), Why.TRANSMITTANCE: ~(t > 0.0), Why.NO_REFLECTION: ~(t < 1.0)}
+    u = combined(transmittance.shares(lossless_slope(t)), t.size)
+    return estimate(lossless_index(t), u, first(tests))
+
+
+def lossless_slope(t: FloatArray | float) -> FloatArray:
+    """Derivative of the lossless index by T."""
+    with np.errstate(all="ignore"):
+        return np.asarray(-(1.0 + 1.0 / np.sqrt((1.0 - t) * (1.0 + t))) / t**2)

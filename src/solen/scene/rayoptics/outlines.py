@@ -1,0 +1,291 @@
+"""Outlines and curves of the objects of a ray-optics file: lines, arcs, paths, formulas."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+from solen.curve import Arc, Bezier, Curve, Segment
+from solen.errors import DesignError
+from solen.plane import Point, along, cross, dot, left_of, minus, unit
+from solen.scene.rayoptics.facets import Blend, Facets, along_parameter, over_line, sampled
+from solen.scene.rayoptics.fields import Fields, UnreadError, expression, finite, point_of
+from solen.scene.rayoptics.formula import Function
+from solen.scene.rayoptics.formula_curves import At, fitted
+from solen.scene.rayoptics.modules import Expression
+
+FAR = 1e4
+"""Length of the edge of a half-plane to either side, in units of what the scene spans."""
+HALF_ELLIPSE = "0.5\\cdot\\sqrt{1-x^2}"
+CIRCLE: dict[str, Any] = {"eqnX": "50\\cos(t)", "eqnY": "50\\sin(t)", "tMin": 0.0, "tMax": math.tau, "tStep": 0.01}
+CHECKED, ROUNDING = 200, 1e-9
+"""Places at which two curves of a glass are compared, and by how much of its length they may be wrong."""
+SKIN = 1e-6
+"""Length from a surface, in length scales of the file, within which a ray that leaves it does not meet it again."""
+Outline = Callable[[Fields, "World"], Sequence[Curve]]
+"""Reads the curves of an object."""
+
+
+@dataclass(frozen=True)
+class World:
+    """What objects need from their scene: its length scale, whether colours count, how far it reaches.
+
+    With ``facets`` curves of formulas become the polylines that ray-optics makes of them.
+    """
+
+    length_scale: float
+    colours: bool
+    span: float
+    facets: bool
+
+
+def straight(fields: Fields, _: World) -> list[Curve]:
+    """A straight line."""
+    return [line(fields)]
+
+
+def line(fields: Fields, first: str = "p1", second: str = "p2") -> Segment:
+    """Straight line between two points of the object."""
+    a, b = fields.point(first), fields.point(second)
+    if a == b:
+        raise UnreadError(second, "is the same point as " + first)
+    return Segment(a, b)
+
+
+def arc_or_line(a: Point, middle: Point, b: Point) -> list[Curve]:
+    """Arc through three points, straight where they lie on one line; nothing where all is one point."""
+    if a == b:
+        return []
+    try:
+        return [Arc.through(a, middle, b)]
+    except DesignError:
+        return [Segment(a, b)]
+
+
+def path_outline(fields: Fields, _: World) -> list[Curve]:
+    """Outline through the points of a path."""
+    _check_finished(fields)
+    return path(fields.items("path"))
+
+
+def path(items: list[dict[str, Any]]) -> list[Curve]:
+    """Sides of an outline: between corners, or from corner to corner by way of a point of an arc."""
+    points = [point_of(f"path[{i}]", item) for i, item in enumerate(items)]
+    arcs = [item.get("arc") is True for item in items]
+    n = len(items)
+    curves: list[Curve] = []
+    for i in range(n):
+        j, k = (i + 1) % n, (i + 2) % n
+        if arcs[i]:
+            continue
+        if arcs[j]:
+            curves += arc_or_line(points[i], points[j], points[k])
+        elif points[i] != points[j]:
+            curves.append(Segment(points[i], points[j]))
+    if len(curves) < 2:
+        raise UnreadError("path", "encloses nothing")
+    return curves
+
+
+def circle(fields: Fields, _: World) -> list[Curve]:
+    """A circle by its centre and a point on it."""
+    spoke = line(fields)
+    return [Arc.circle(spoke.a, spoke.length_mm)]
+
+
+def half_plane(fields: Fields, world: World) -> list[Curve]:
+    """Edge of a half-plane."""
+    edge = line(fields)
+    direction, far = unit(minus(edge.b, edge.a)), FAR * max(world.span, 1.0)
+    return [Segment(along(edge.a, direction, -far), along(edge.a, direction, far))]
+
+
+def smooth_outline(fields: Fields, _: World) -> list[Curve]:
+    """Outline of Bézier curves."""
+    _check_finished(fields)
+    fields.skip("displayControlPoints", "intersectTol")
+    return _beziers(fields, closed=True)
+
+
+def _beziers(fields: Fields, closed: bool) -> list[Curve]:
+    items = fields.items("points")
+    keys = ("a1", "c1", "c2")
+    rows = [[point_of(f"points[{i}].{key}", item.get(key)) for key in keys] for i, item in enumerate(items)]
+    pairs = list(pairwise([*rows, rows[0]] if closed and rows else rows))
+    if not pairs:
+        raise UnreadError("points", "must be at least two")
+    return [_bezier(here[0], here[1], here[2], there[0]) for here, there in pairs]
+
+
+def _bezier(a: Point, control_a: Point, control_b: Point, b: Point) -> Curve:
+    off = max(abs(cross(minus(b, a), minus(handle, a))) for handle in (control_a, control_b))
+    if off == 0.0 and a != b:
+        return Segment(a, b)
+    return Bezier(a, control_a, control_b, b)
+
+
+def between_formulas(fields: Fields, world: World) -> list[Curve]:
+    """Outline between two curves over a line, which the formulas take as −1 to 1."""
+    base = line(fields)
+    lower = _over(base, fields.formula("eqn1", "x", "0"))
+    upper = _over(base, fields.formula("eqn2", "x", HALF_ELLIPSE))
+    _check_above(base, lower, upper)
+    if world.facets:
+        places = over_line(base.length_mm, world.length_scale)
+        back = [upper(base.length_mm - place) for place in places]
+        corners = [base.a, *sampled(lower, places, "eqn1"), *back, base.a]
+        whole = _facets(corners, (len(places),), "lengths", world)
+        low, high = _without_spike(_height(base, corners[1]), _height(base, corners[-2]))
+        return [replace(whole[0], low=low), replace(whole[1], high=len(corners) - 1.0 - high)]
+    there, back_again = (fitted(at, 0.0, base.length_mm, key) for at, key in ((lower, "eqn1"), (upper, "eqn2")))
+    return closed_outline([there, reversed_curves(back_again)])
+
+
+def _height(base: Segment, point: Point) -> float:
+    return dot(minus(point, base.a), left_of(unit(minus(base.b, base.a))))
+
+
+def _check_above(base: Segment, lower: At, upper: At) -> None:
+    """Refuse, as ray-optics does, an upper curve that runs below the lower one."""
+    for i in range(CHECKED + 1):
+        place = base.length_mm * i / CHECKED
+        if _height(base, upper(place)) < _height(base, lower(place)) - ROUNDING * base.length_mm:
+            raise UnreadError("eqn2", f"runs below eqn1 at x = {2.0 * i / CHECKED - 1.0:g}")
+
+
+def _without_spike(first: float, last: float) -> tuple[float, float]:
+    """What the first and the last chord of an outline from the base's end have in common, as shares of both.
+
+    The outline goes from there to the ``first`` height and comes back from the ``last``: if both are on one side, the
+    nearer stretch is walked there and back, and is not a surface.
+    """
+    if not first * last > 0.0:
+        return 0.0, 0.0
+    return min(last / first, 1.0), min(first / last, 1.0)
+
+
+def _over(base: Segment, formula: Expression) -> At:
+    """Point over a place along a base, which runs from −1 to 1 in the formula; its half is the unit of heights."""
+    half, direction, height = 0.5 * base.length_mm, unit(minus(base.b, base.a)), formula.compiled()
+
+    def at(place: float) -> Point:
+        x = 1.0 if place == base.length_mm else 2.0 * (place - half) / base.length_mm
+        return along(along(base.a, direction, place), left_of(direction), half * height(x))
+
+    return at
+
+
+def _facets(corners: Sequence[Point], joints: Sequence[int], blend: Blend, world: World) -> list[Facets]:
+    """Polyline through corners, in parts that end at the joints, which may be corners of the outline."""
+    whole = Facets.through(tuple(corners), blend, SKIN * world.length_scale)
+    return [replace(whole, low=float(a), high=float(b)) for a, b in pairwise([0, *joints, len(corners) - 1])]
+
+
+def closed_outline(parts: Sequence[Sequence[Curve]]) -> list[Curve]:
+    """Parts of an outline, joined by straight lines where one does not end at the next one's start."""
+    curves: list[Curve] = []
+    for here, there in pairwise([*parts, parts[0]]):
+        curves += here
+        if math.dist(here[-1].end, there[0].start) > 1e-9 * max(1.0, *map(abs, here[-1].end)):
+            curves.append(Segment(here[-1].end, there[0].start))
+    return curves
+
+
+def reversed_curves(curves: Sequence[Curve]) -> list[Curve]:
+    """The same curves walked from the end of the last to the start of the first."""
+    return [curve.reversed() for curve in reversed(curves)]
+
+
+def parametric_outline(fields: Fields, world: World) -> list[Curve]:
+    """Outline of the pieces of a parametric object."""
+    return reversed_curves(closed_outline(_parametric(fields, world)))
+
+
+def _parametric(fields: Fields, world: World) -> list[list[Curve]]:
+    """Curves of all pieces of a parametric object."""
+    x0, z0 = point_of("origin", fields.data.get("origin", {"x": 0.0, "y": 0.0}))
+    fields.skip("origin")
+    parts: list[list[Curve]] = []
+    corners: list[Point] = []
+    joints: list[int] = []
+    for i, piece in enumerate(fields.items("pieces", [CIRCLE])):
+        what = f"pieces[{i}]"
+        x, y = (expression(f"{what}.{key}", piece.get(key), "t").compiled() for key in ("eqnX", "eqnY"))
+        low, high, step = (finite(f"{what}.{key}", piece.get(key)) for key in ("tMin", "tMax", "tStep"))
+        if not low < high:
+            raise UnreadError(f"{what}.tMax", f"must be above tMin: {low:g} to {high:g}")
+
+        def at(t: float, x: Function = x, y: Function = y) -> Point:
+            return (x0 + x(t), z0 - y(t))
+
+        if world.facets:
+            joints += [len(corners)] if corners else []
+            corners += sampled(at, along_parameter(low, high, step), what)
+        else:
+            parts.append(fitted(at, low, high, what))
+    if world.facets and corners:
+        return [[*_facets(_closed(corners), joints, "units", world)]]
+    if not parts:
+        raise UnreadError("pieces", "must be at least one")
+    return parts
+
+
+def _closed(corners: list[Point]) -> list[Point]:
+    """Corners whose last one is the first where they are one but for rounding."""
+    return [*corners[:-1], corners[0]] if math.dist(corners[0], corners[-1]) < 1e-9 else corners
+
+
+def _check_finished(fields: Fields) -> None:
+    if fields.flag("notDone"):
+        raise UnreadError("notDone", "its drawing was not finished")
+
+
+def aperture(fields: Fields, _: World) -> list[Curve]:
+    """Both sides of an aperture."""
+    return [line(fields, "p1", "p3"), line(fields, "p4", "p2")]
+
+
+def arc(fields: Fields, _: World) -> list[Curve]:
+    """An arc through three points."""
+    curves = arc_or_line(fields.point("p1"), fields.point("p3"), fields.point("p2"))
+    if not curves:
+        raise UnreadError("p2", "is the same point as p1")
+    return curves
+
+
+def parabola(fields: Fields, _: World) -> list[Curve]:
+    """A parabola over a line, with its vertex at the height of the third point."""
+    base, top = line(fields), fields.point("p3")
+    direction = unit(minus(base.b, base.a))
+    height = dot(minus(top, base.a), left_of(direction))
+    if abs(height) <= 1e-12 * base.length_mm:
+        return [base]
+    handles = (along(end, left_of(direction), 4.0 / 3.0 * height) for end in (base.a, base.b))
+    third = base.length_mm / 3.0
+    control_a, control_b = (
+        along(handle, direction, way * third) for handle, way in zip(handles, (1.0, -1.0), strict=True)
+    )
+    return [Bezier(base.a, control_a, control_b, base.b)]
+
+
+def over_line_curves(fields: Fields, world: World) -> list[Curve]:
+    """Curve of a formula over a line."""
+    base = line(fields)
+    at = _over(base, fields.formula("eqn", "x", HALF_ELLIPSE))
+    if world.facets:
+        return [*_facets(sampled(at, over_line(base.length_mm, world.length_scale), "eqn"), (), "images", world)]
+    return fitted(at, 0.0, base.length_mm, "eqn")
+
+
+def parametric_curves(fields: Fields, world: World) -> list[Curve]:
+    """Curves of the pieces of a parametric object, joined."""
+    parts = _parametric(fields, world)
+    joints = [Segment(a[-1].end, b[0].start) for a, b in pairwise(parts) if math.dist(a[-1].end, b[0].start) > 1e-9]
+    return [*(curve for part in parts for curve in part), *joints]
+
+
+def smooth_curve(fields: Fields, _: World) -> list[Curve]:
+    """Curve of Bézier curves, closed unless stated otherwise."""
+    _check_finished(fields)
+    return _beziers(fields, closed=fields.flag("isClosed", True))
