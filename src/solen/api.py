@@ -60,7 +60,7 @@ def measure_lens(
     asked = InspectOptions(**options)
     image = read_image(Path(picture), asked.um_per_px, asked.u_um_per_px)
     part = design if isinstance(design, Design) else load(design)
-    return measure(image, part, edge=asked.edge, against=against)
+    return measure(image, part, edge=asked.edge, against=against, priors=asked, seen_from=asked.seen_from)
 
 
 def analyse(*recordings: FilePath, **options: Any) -> "Study":

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from PIL import Image as Pillow
 
 import solen
 import solen.cli
@@ -38,6 +39,7 @@ from tests.fabricate.test_printed_command import features_file, sure
 from tests.metrology.coupon_support import Camera, Print
 from tests.metrology.inspect_support import Shot, lens
 from tests.metrology.render.camera import png
+from tests.metrology.test_micrometer import picture as ruler
 from tests.pipeline.test_dose_files import discs, guides, layers, resin
 from tests.pipeline.test_fidelity_command import png as coupon_png
 from tests.pipeline.test_stiffness import pressed
@@ -78,6 +80,7 @@ ROWS = {
     "print calibrate": "features.json --figure printer.svg --out process.toml",
     "print grey": "steps.csv --u-thickness-um 2 --out greys.toml",
     "print predict": f"{DESIGN} --process sure/process.toml --no-response --figure printed.svg --out printed.json",
+    "print scale": "ruler.png --spacing-mm 0.01 --out scale.toml",
     "print inspect": f"lens.png --design {DESIGN} --um-per-px 5 --figure inspected.svg --out lens.json",
     "print printers": "",
     "bench new": "bench",
@@ -123,6 +126,9 @@ def write_inputs(folder: Path) -> None:
     features_file(folder / "features.json")
     (folder / "steps.csv").write_text("grey,thickness_um\n255,300\n200,270\n150,230\n90,170\n", encoding="utf-8")
     coupon_png(folder / "a.png", Camera(14.0, 3.0, blur_px=1.2).picture(Print(layout("group-a"))))
+    Pillow.fromarray(np.rint(255 * ruler(np.random.default_rng(1), 16.0, 3.0)).astype(np.uint8)).save(
+        folder / "ruler.png"
+    )
     (folder / "lens.png").write_bytes(png(Shot(lens("solen-860")).taken(1)))
     time, volts, state = stream(60, lambda t: 4.0 - 0.5 * t, 1)
     table = np.column_stack([time, volts[:, 0], state])

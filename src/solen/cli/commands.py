@@ -48,6 +48,7 @@ COMMANDS: dict[str, tuple[tuple[str, str, str], ...]] = {
         ("calibrate", "print.calibrate:calibrate", "Fit a printer's blur, growth and shrinkage to coupons."),
         ("grey", "print.grey:grey", "Measure which light grey pixels let through, from discs."),
         ("predict", "print.predict:predict", "Predict the printed lens of a design and what it costs."),
+        ("scale", "print.scale:scale", "Measure an objective's scale in a picture of a stage micrometer."),
         ("inspect", "print.inspect:inspect", "Measure a printed lens in a micrograph against its design."),
         ("printers", "print.layers:printers", "List the printers that solen knows."),
     ),

@@ -15,7 +15,7 @@ import numpy as np
 
 from solen.arrays import FloatArray
 from solen.errors import DataError
-from solen.metrology.raster import read_bytes, read_raster
+from solen.metrology.raster import Plane, read_bytes, read_raster
 from solen.metrology.scale import Scale, ScaleOptions, choose_scale
 from solen.metrology.tiff import MAGIC, read_tiff
 from solen.recording import Provenance
@@ -84,14 +84,20 @@ def read_image(path: Path, um_per_px: float | None = None, u_um_per_px: float | 
         Where a TIFF is to be read without the extra ``vision``.
     """
     given = ScaleOptions(um_per_px=um_per_px, u_um_per_px=u_um_per_px)
-    data = read_bytes(path)
-    plane = (read_tiff if data[:4] in MAGIC else read_raster)(str(path), data)
+    plane, source = read_plane(path)
     scale, warnings = choose_scale(str(path), plane.tags, given)
     ceiling = _ceiling(plane.grey)
     warnings += plane.warnings
     if np.isfinite(ceiling):
         share = float(np.mean(plane.grey >= ceiling))
         warnings.append(f"{100.0 * share:.2g} % of the picture is at the camera's limit: edges there are not measured")
+    return Image(plane.grey, scale, plane.bits, ceiling, source, tuple(warnings))
+
+
+def read_plane(path: Path) -> tuple[Plane, Provenance]:
+    """Grey values of a picture without their scale, and where they come from; raises as `read_image`."""
+    data = read_bytes(path)
+    plane = (read_tiff if data[:4] in MAGIC else read_raster)(str(path), data)
     rows, columns = plane.grey.shape
     source = Provenance(
         file=path.name,
@@ -102,7 +108,7 @@ def read_image(path: Path, um_per_px: float | None = None, u_um_per_px: float | 
         metadata=dict(plane.metadata) | {"rows": str(rows), "columns": str(columns)},
         simulated=plane.simulated,
     )
-    return Image(plane.grey, scale, plane.bits, ceiling, source, tuple(warnings))
+    return plane, source
 
 
 def as_image(grey: FloatArray, um_per_px: float, *, u_um_per_px: float | None = None, name: str = "array") -> Image:

@@ -4,38 +4,106 @@ The idea: a wrong scale makes every length wrong without a trace, so a number th
 program is not believed. A microscope's program writes its calibration (OME-XML, ImageJ) or a fine resolution tag;
 office and photo programs write 72 or 300 dpi into every file, which is the size to print it at.
 
-The interface: `Scale`; `Tag`, what a file states; `choose_scale` between the tags and the user's own `ScaleOptions`.
+The interface: `Scale`; `Tag`, what a file states; `choose_scale` between the tags and the user's own `ScaleOptions`;
+`ScaleFile`, the scale of an objective that was measured once (`solen.metrology.micrometer`).
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, Any, ClassVar
 
-from pydantic import Field
+import tomli_w
+from pydantic import Field, model_validator
 
-from solen.errors import DataError, SpecError
-from solen.spec.strict import Finite, Options
+from solen.errors import DataError, SolenError, SpecError
+from solen.files import read_text
+from solen.spec.strict import (
+    Finite,
+    Migrations,
+    NotNegative,
+    Options,
+    Positive,
+    Strict,
+    migrated,
+    parse_toml,
+    told_of,
+)
 
+SCALE_SCHEMA = 1
+SCALE_MIGRATIONS: Migrations = {}
+Count = Annotated[int, Field(strict=True, ge=1)]
 SAME = 0.01
 """Relative: scales that differ by no more agree."""
 COARSEST_TAG_UM = 20.0
 """A plain resolution tag coarser than this (1,270 dpi) is one for printing, not one of a microscope."""
 SQUARE = 1e-3
 """Relative: pixels whose sides differ by more are not square."""
-REMEDY = "measure a stage micrometer at the same magnification and give its scale: --um-per-px"
+REMEDY = "measure a stage micrometer at the same magnification (solen print scale) and give its --scale or --um-per-px"
 UM = {"m": 1e6, "cm": 1e4, "mm": 1e3, "um": 1.0, "µm": 1.0, "μm": 1.0, "nm": 1e-3, "pm": 1e-6, "inch": 25_400.0}
 UM |= {"in": 25_400.0, "micron": 1.0, "microns": 1.0, "micrometer": 1.0, "millimeter": 1e3, "Å": 1e-4}
 UM |= {"\\u00b5m": 1.0, "\\u00B5m": 1.0}
 
 
+class ScaleFile(Strict):
+    """Scale of an objective, as `solen print scale` measured it."""
+
+    error: ClassVar[type[SolenError]] = DataError
+
+    objective: str = Field("", description="Name of the objective and camera.")
+    um_per_px: Positive = Field(description="side of a pixel in the object, µm.")
+    u_um_per_px: NotNegative = Field(description="its standard uncertainty, µm.")
+    columns: Count = Field(description="columns of the picture that it was measured in.")
+    rows: Count = Field(description="its rows.")
+    source: str = Field("", description="What it was measured with.")
+    simulated: bool = Field(False, description="Whether the picture was simulated.")
+
+
+def read_scale(path: Path) -> ScaleFile:
+    """Scale of a file that `solen print scale` wrote; `DataError` where it is none."""
+    data = migrated(
+        parse_toml(read_text(path, DataError), str(path), DataError),
+        str(path),
+        current=SCALE_SCHEMA,
+        migrations=SCALE_MIGRATIONS,
+        error=DataError,
+    )
+    with told_of(str(path)):
+        return ScaleFile(**data)
+
+
+def scale_text(scale: ScaleFile) -> str:
+    """TOML text of a scale; `read_scale` gives it back."""
+    return tomli_w.dumps({"schema": SCALE_SCHEMA, **scale.model_dump()})
+
+
 class ScaleOptions(Options):
     """The size of a pixel as the user states it."""
+
+    scale: Path | None = None
+    """File of the objective's scale, as solen print scale writes it; instead of --um-per-px."""
 
     um_per_px: Annotated[Finite, Field(ge=1e-4, le=1e4)] | None = None
     """Size of a pixel in µm; it takes precedence over what the file states."""
     u_um_per_px: Annotated[Finite, Field(ge=0)] | None = None
     """Standard uncertainty of the size of a pixel, µm."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_file(cls, data: dict[str, Any]) -> dict[str, Any]:
+        if data.get("scale") is None:
+            return data
+        for key in ("um_per_px", "u_um_per_px"):
+            if data.get(key) is not None:
+                raise SpecError(
+                    f"--{key.replace('_', '-')}",
+                    value=data[key],
+                    limit="is in the file of --scale",
+                    remedy="leave one out",
+                )
+        found = read_scale(Path(data["scale"]))
+        return data | {"um_per_px": found.um_per_px, "u_um_per_px": found.u_um_per_px}
 
 
 @dataclass(frozen=True)

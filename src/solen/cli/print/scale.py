@@ -1,0 +1,47 @@
+"""The command that measures the scale of an objective."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from solen.cli.app import FLAT, lines
+from solen.metrology.micrometer import MeasuredScale, MicrometerOptions
+from solen.results import Outcome
+
+
+def scale(
+    picture: Path,
+    /,
+    *,
+    options: Annotated[MicrometerOptions, FLAT],
+    out: Annotated[
+        Path | None,
+        Parameter(name="--out", help="Write the scale to this .toml, which --scale of other commands takes."),
+    ] = None,
+) -> Outcome[MeasuredScale]:
+    """Measure the scale of an objective once, in a picture of a stage micrometer.
+
+    Parameters
+    ----------
+    picture
+        A picture of even parallel lines: TIFF, PNG, JPEG and others (needs the extra vision).
+    """
+    from solen.pipeline.print import scale as pipeline
+
+    return pipeline.scale(picture, options, out)
+
+
+@lines.register
+def _(measured: MeasuredScale) -> Iterator[str]:
+    name = f"{measured.objective}: " if measured.objective else ""
+    simulated = "simulated: " if measured.simulated else ""
+    u_percent = 100.0 * measured.u_um_per_px / measured.um_per_px
+    yield f"{simulated}{name}{measured.um_per_px:.6g} ± {measured.u_um_per_px:.2g} µm per pixel ({u_percent:.2g} %)"
+    yield (
+        f"{measured.lines} lines of {measured.spacing_mm:g} mm, {measured.period_px:.6g} ± {measured.u_period_px:.2g} "
+        f"pixels apart, at {measured.angle_deg:.3g} deg from the rows; places off by {measured.rms_um:.2g} µm rms"
+    )
+    if measured.stretch_percent is not None:
+        yield f"the scale changes by {measured.stretch_percent:+.2g} % across the picture"

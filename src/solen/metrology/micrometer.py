@@ -1,0 +1,328 @@
+"""The scale of an objective from a picture of a stage micrometer: even parallel lines of a known distance.
+
+The idea: lines that are evenly apart have one period, whatever each of them looks like. Their direction is that of the
+grey values' gradients; in strips across the lines each line's place is the centroid of its darkness (or light) beyond
+its sides; a straight fit of all places over the lines' numbers gives the period and what is left of the tilt. Places of
+one line are read by the same optics, so lines, not readings, are counted for the uncertainty; a period that changes
+across the picture is distortion or a tilted micrometer, and is part of the uncertainty of any length measured there.
+
+The interface: `measured_scale` gives a `MeasuredScale`; `scale_text` writes it as the file that ``--scale`` takes
+(`solen.metrology.scale.ScaleFile`).
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from pydantic import Field
+from scipy import ndimage, signal, stats
+
+from solen.arrays import FloatArray, IntArray
+from solen.errors import DataError
+from solen.metrology.scale import ScaleFile
+from solen.recording import Measured, Provenance
+from solen.spec.strict import Finite, Options
+
+FEWEST_LINES = 5
+STRIPS = 12
+TURNS = 3
+"""Rounds in which the direction across the lines is made better by the lines' own places."""
+FILLED = 0.6
+"""Share of a strip's pixels beyond which its profile counts: at the picture's corners it runs out."""
+REACH = 0.35
+"""Share of the period about a line in which its centroid is taken."""
+UNEVEN = 0.015
+"""Share of the period by which lines may be uneven, root mean square, beside a steady change across the picture."""
+OFF = 0.15
+"""Share of the period by which a line may stand off its place."""
+PROMINENT = 0.4
+"""Share of the strongest line's contrast that a line must have."""
+LEAST_PERIOD_PX = 4.0
+STRETCH_SIGMAS = 3.0
+NORMAL = 1.96
+_CENTROID_ROUNDS = 3
+
+
+class MicrometerOptions(Options):
+    """What is known of a stage micrometer and its picture."""
+
+    spacing_mm: Finite = Field(gt=0.0, le=100.0)
+    """Distance of neighbouring lines, middle to middle."""
+    u_spacing_mm: Finite | None = Field(None, ge=0.0)
+    """Its standard uncertainty, from the micrometer's certificate."""
+    objective: str = ""
+    """Name of the objective and camera, as in 10x, for the file."""
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class MeasuredScale(Measured):
+    """Scale of an objective.
+
+    Attributes
+    ----------
+    objective
+        Its name, as stated.
+    um_per_px, u_um_per_px
+        Side of a pixel in the object, and its standard uncertainty.
+    spacing_mm, u_spacing_mm
+        Distance of the micrometer's lines; its uncertainty, None where none is stated.
+    lines
+        Number of lines.
+    period_px, u_period_px
+        Their distance in the picture.
+    angle_deg
+        Direction of their distance from the picture's rows.
+    rms_um
+        What is left of the lines' places.
+    stretch_percent
+        By how much the scale changes from one side of the picture to the other; None where that is not seen.
+    columns, rows
+        Size of the picture.
+    """
+
+    objective: str
+    um_per_px: float
+    u_um_per_px: float
+    spacing_mm: float
+    u_spacing_mm: float | None
+    lines: int
+    period_px: float
+    u_period_px: float
+    angle_deg: float
+    rms_um: float
+    stretch_percent: float | None
+    columns: int
+    rows: int
+
+    @property
+    def file(self) -> ScaleFile:
+        """What the scale's file holds."""
+        return ScaleFile(
+            objective=self.objective,
+            um_per_px=self.um_per_px,
+            u_um_per_px=self.u_um_per_px,
+            columns=self.columns,
+            rows=self.rows,
+            source=f"stage micrometer, {self.lines} lines {self.spacing_mm:g} mm apart: {self.sources[0].file}",
+            simulated=self.simulated,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Ruler:
+    """Even lines: the number of each and its places in strips (n, strips), NaN where none; and the strips' middles."""
+
+    number: IntArray
+    places: FloatArray
+    strip_at: FloatArray
+
+
+def measured_scale(grey: FloatArray, source: Provenance, options: MicrometerOptions) -> MeasuredScale:
+    """Scale of a picture (rows, columns) of a stage micrometer.
+
+    Raises
+    ------
+    DataError
+        Where the picture shows no even lines, or too few.
+    """
+    across = _direction(grey)
+    for _ in range(TURNS):
+        ruler = _ruler(grey, across, source.file)
+        number, line_at, tilt = _straight(ruler)
+        across = np.asarray((across - tilt * np.array([-across[1], across[0]])) / math.hypot(1.0, tilt))
+    period_px, u_fit, quadratic, u_quadratic, left, uneven_px = _even(number, line_at)
+    if uneven_px > UNEVEN * period_px:
+        raise _no_lines(source.file, f"lines uneven by {100.0 * uneven_px / period_px:.2g} % of their distance")
+    square = math.hypot(1.0, tilt)
+    stretch = 2.0 * quadratic * float(np.ptp(number)) / period_px
+    seen = abs(quadratic) > STRETCH_SIGMAS * u_quadratic
+    u_period = math.hypot(u_fit, abs(stretch) * period_px / math.sqrt(12.0) if seen else 0.0) / square
+    period_px /= square
+    um_per_px = 1e3 * options.spacing_mm / period_px
+    u_spacing = (options.u_spacing_mm or 0.0) / options.spacing_mm
+    rows, columns = grey.shape
+    angle = math.degrees(math.atan2(across[1], across[0]))
+    return MeasuredScale(
+        objective=options.objective,
+        um_per_px=um_per_px,
+        u_um_per_px=um_per_px * math.hypot(u_period / period_px, u_spacing),
+        spacing_mm=options.spacing_mm,
+        u_spacing_mm=options.u_spacing_mm,
+        lines=len(number),
+        period_px=period_px,
+        u_period_px=u_period,
+        angle_deg=(angle + 90.0) % 180.0 - 90.0,
+        rms_um=float(np.sqrt(np.mean(left**2))) * um_per_px,
+        stretch_percent=100.0 * stretch if seen else None,
+        columns=columns,
+        rows=rows,
+        sources=(source,),
+        warnings=tuple(_warnings(options, number, 100.0 * stretch if seen else None)),
+    )
+
+
+def _ruler(grey: FloatArray, across: FloatArray, file: str) -> _Ruler:
+    """Even lines of a picture, across which a direction leads."""
+    profile = _profiles(grey, across, 1)[0][0]
+    sign, period = _period(profile, file)
+    flat = sign * (profile - ndimage.uniform_filter1d(profile, round(2.0 * period), mode="nearest"))
+    top = float(np.percentile(flat, 99.5))
+    peaks, _ = signal.find_peaks(flat, prominence=PROMINENT * top, distance=max(0.6 * period, 1.0))
+    number = np.rint((peaks - peaks[len(peaks) // 2]) / period).astype(np.int64)
+    for _ in range(2):
+        slope, start = np.polyfit(number, peaks, 1)
+        number = np.rint((peaks - start) / slope).astype(np.int64)
+    on = np.abs(peaks - start - slope * number) < OFF * slope
+    on &= np.append(True, np.diff(number) > 0)
+    if on.sum() < FEWEST_LINES:
+        raise _no_lines(file, f"{int(on.sum())} even lines")
+    strips, strip_at = _profiles(grey, across, STRIPS)
+    places = np.array(
+        [
+            [_centroid(sign * strip, float(peak), float(slope), PROMINENT * top) for strip in strips]
+            for peak in peaks[on]
+        ]
+    )
+    kept = np.isfinite(places).sum(axis=1) >= 2
+    if kept.sum() < FEWEST_LINES:
+        raise _no_lines(file, f"{int(kept.sum())} lines that run through")
+    return _Ruler(number[on][kept], places[kept], strip_at)
+
+
+def _no_lines(file: str, value: str) -> DataError:
+    limit = f"must show at least {FEWEST_LINES} even parallel lines, {LEAST_PERIOD_PX:g} pixels apart or more"
+    return DataError(
+        file, value=value, limit=limit, remedy="take a sharp picture of the finest division that it resolves"
+    )
+
+
+def _direction(grey: FloatArray) -> FloatArray:
+    """Unit vector (x, y) across the lines: that of the strongest gradients, by the structure tensor."""
+    smooth = ndimage.gaussian_filter(grey, 1.0)
+    y, x = np.gradient(smooth)
+    tensor = np.array([[np.sum(x * x), np.sum(x * y)], [np.sum(x * y), np.sum(y * y)]])
+    across = np.linalg.eigh(tensor)[1][:, -1]
+    return np.asarray(across if across[np.argmax(np.abs(across))] > 0.0 else -across)
+
+
+def _profiles(grey: FloatArray, across: FloatArray, strips: int) -> tuple[list[FloatArray], FloatArray]:
+    """Mean grey by the distance across the lines, in strips along them, pixel by pixel; and the strips' middles.
+
+    A value is shared by the two nearest pixels of the profile, which widens lines evenly and moves none. Where a strip
+    runs out of the picture, its profile is NaN.
+    """
+    rows, columns = grey.shape
+    y, x = np.indices(grey.shape)
+    x0, y0 = 0.5 * (columns - 1), 0.5 * (rows - 1)
+    s = (x - x0) * across[0] + (y - y0) * across[1]
+    t = (y - y0) * across[0] - (x - x0) * across[1]
+    length = math.ceil(np.ptp(s)) + 3
+    first = float(s.min()) - 1.0
+    low, high = np.percentile(t, [2.0, 98.0])
+    which = np.clip(((t - low) / (high - low) * strips).astype(np.int64), 0, strips - 1).ravel()
+    at = (s - first).ravel()
+    near = at.astype(np.int64)
+    share, made = at - near, []
+    for strip in range(strips):
+        inside = which == strip
+        total, weight = np.zeros(length), np.zeros(length)
+        for step, part in ((0, 1.0 - share[inside]), (1, share[inside])):
+            total += np.bincount(near[inside] + step, part * grey.ravel()[inside], length)
+            weight += np.bincount(near[inside] + step, part, length)
+        full = weight > FILLED * weight.max()
+        values = np.interp(np.arange(length), np.flatnonzero(full), total[full] / weight[full])
+        made.append(np.where(full, values, np.nan) if strips > 1 else values)
+    return made, low + (np.arange(strips) + 0.5) * (high - low) / strips
+
+
+def _period(profile: FloatArray, file: str) -> tuple[float, float]:
+    """Whether lines are bright (1) or dark (-1), and their distance in pixels, by the profile's autocorrelation."""
+    level = profile - ndimage.median_filter(profile, size=max(5, len(profile) // 8), mode="nearest")
+    sign = 1.0 if np.mean(level**3) > 0.0 else -1.0
+    line = np.maximum(sign * level, 0.0)
+    line = line - line.mean()
+    together = signal.correlate(line, line, method="fft")[len(line) - 1 :]
+    together = together / np.arange(len(line), 0, -1)
+    peaks, _ = signal.find_peaks(together[: len(line) // 2], prominence=0.2 * together[0])
+    peaks = peaks[peaks >= LEAST_PERIOD_PX]
+    if not len(peaks) or not together[0] > 0.0:
+        raise _no_lines(file, "no period")
+    strong = peaks[together[peaks] > 0.5 * together[peaks].max()]
+    return sign, float(strong[0])
+
+
+def _centroid(line: FloatArray, peak: float, period: float, least: float) -> float:
+    """Place of a bright line near a peak: the centroid of what exceeds its sides; NaN below a least contrast."""
+    at, reach = peak, REACH * period
+    for _ in range(_CENTROID_ROUNDS):
+        low, high = at - reach, at + reach
+        if low < 0.0 or high > len(line) - 1:
+            return math.nan
+        places = np.linspace(low, high, max(9, 2 * math.ceil(2.0 * reach) + 1))
+        values = np.interp(places, np.arange(len(line)), line)
+        over = np.maximum(values - np.linspace(values[0], values[-1], len(values)), 0.0)
+        if not over.sum() > 0.0:  # nor where the strip runs out
+            return math.nan
+        at = float(over @ places / over.sum())
+        if abs(at - peak) > REACH * period:
+            return math.nan
+    return at if float(over.max()) > least else math.nan
+
+
+def _straight(ruler: _Ruler) -> tuple[IntArray, FloatArray, float]:
+    """Numbers of the lines, their places (n,) at the middle of the strips, and their common slope along the strips."""
+    t = ruler.strip_at - ruler.strip_at.mean()
+    seen = np.isfinite(ruler.places)
+    t_all = np.where(seen, t, 0.0)
+    middle_t = t_all.sum(axis=1) / seen.sum(axis=1)
+    middle = np.where(seen, ruler.places, 0.0).sum(axis=1) / seen.sum(axis=1)
+    off_t = np.where(seen, t - middle_t[:, None], 0.0)
+    off = np.where(seen, ruler.places - middle[:, None], 0.0)
+    slope = float((off_t * off).sum() / (off_t**2).sum())
+    left = np.where(seen, off - slope * off_t, np.nan)
+    limit = 4.0 * 1.4826 * float(np.nanmedian(np.abs(left))) + 1e-9
+    good = seen & (np.abs(np.nan_to_num(left)) <= limit)
+    count = good.sum(axis=1)
+    kept = count >= 2
+    places = np.where(good, ruler.places - slope * t, 0.0).sum(axis=1)[kept] / count[kept]
+    return ruler.number[kept], places, slope
+
+
+def _even(number: IntArray, places: FloatArray) -> tuple[float, float, float, float, FloatArray, float]:
+    """Distance of even lines and its uncertainty, the quadratic term and its own, and what is left of their places.
+
+    Last what is left beside the quadratic term as well, root mean square.
+    """
+    x = number - number.mean()
+    wanted = np.vander(x, 3, increasing=True)
+    solution, *_ = np.linalg.lstsq(wanted, places, rcond=None)
+    free = max(len(x) - 3, 1)
+    left = places - wanted @ solution
+    covariance = np.linalg.inv(wanted.T @ wanted) * float(left @ left) / free
+    line = np.polyfit(x, places, 1)
+    beside = places - np.polyval(line, x)
+    few = float(stats.t.ppf(0.975, len(x) - 2)) / NORMAL  # of few lines the scatter is not well known
+    u = few * math.sqrt(float(beside @ beside) / (len(x) - 2) / float(x @ x))
+    return (
+        float(line[0]),
+        u,
+        float(solution[2]),
+        math.sqrt(float(covariance[2, 2])),
+        beside,
+        float(np.sqrt(np.mean(left**2))),
+    )
+
+
+def _warnings(options: MicrometerOptions, number: IntArray, stretch_percent: float | None) -> list[str]:
+    warnings = []
+    if options.u_spacing_mm is None:
+        warnings.append("the micrometer's own uncertainty is not stated (--u-spacing-mm) and not in that of the scale")
+    if stretch_percent is not None:
+        warnings.append(
+            f"the scale changes by {stretch_percent:+.2g} % across the picture: distortion, or a tilted micrometer; "
+            "measure parts in its middle"
+        )
+    missing = int(np.ptp(number)) + 1 - len(number)
+    if missing:
+        warnings.append(f"{missing} lines between the first and the last were not read")
+    return warnings
