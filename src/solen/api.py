@@ -58,7 +58,7 @@ def measure_lens(
     from solen.spec import Design, load
 
     asked = InspectOptions(**options)
-    image = read_image(Path(picture), asked.um_per_px, asked.u_um_per_px)
+    image = read_image(Path(picture), options=asked)
     part = design if isinstance(design, Design) else load(design)
     return measure(image, part, edge=asked.edge, against=against, priors=asked, seen_from=asked.seen_from)
 

@@ -115,6 +115,9 @@ def test_the_command_writes_a_scale_that_others_take(
     image = read_image(Path("micrometer.png"), options.um_per_px, options.u_um_per_px)
     assert (image.scale.um_per_px, image.scale.u_um_per_px) == (found.um_per_px, found.u_um_per_px)
     assert read_plane(Path("micrometer.png"))[0].grey.shape == (300, 420)
+    assert not any("rescaled" in line for line in read_image(Path("micrometer.png"), options=options).warnings)
+    Pillow.open("micrometer.png").resize((210, 150)).save("half.png")
+    assert any("rescaled" in line for line in read_image(Path("half.png"), options=options).warnings)
     with pytest.raises(SpecError, match="--um-per-px"):
         InspectOptions(scale=Path("s.toml"), um_per_px=1.0)
     Path("t.toml").write_text(scale_text(found).replace("um_per_px = ", "um_per_px = -", 1), encoding="utf-8")

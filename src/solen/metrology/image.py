@@ -62,7 +62,9 @@ class Image:
         return self.grey.shape[0], self.grey.shape[1]
 
 
-def read_image(path: Path, um_per_px: float | None = None, u_um_per_px: float | None = None) -> Image:
+def read_image(
+    path: Path, um_per_px: float | None = None, u_um_per_px: float | None = None, *, options: ScaleOptions | None = None
+) -> Image:
     """Picture of a file: TIFF, OME-TIFF, PNG, JPEG, BMP, or another that Pillow reads.
 
     Parameters
@@ -73,6 +75,8 @@ def read_image(path: Path, um_per_px: float | None = None, u_um_per_px: float | 
         Size of a pixel in µm; it takes precedence over what the file states.
     u_um_per_px
         Its standard uncertainty, or that of what the file states.
+    options
+        Both, or the file of a scale; instead of the two above.
 
     Raises
     ------
@@ -83,11 +87,11 @@ def read_image(path: Path, um_per_px: float | None = None, u_um_per_px: float | 
     OutputError
         Where a TIFF is to be read without the extra ``vision``.
     """
-    given = ScaleOptions(um_per_px=um_per_px, u_um_per_px=u_um_per_px)
+    given = options or ScaleOptions(um_per_px=um_per_px, u_um_per_px=u_um_per_px)
     plane, source = read_plane(path)
     scale, warnings = choose_scale(str(path), plane.tags, given)
     ceiling = _ceiling(plane.grey)
-    warnings += plane.warnings
+    warnings += [*given.rescaled(*plane.grey.shape), *plane.warnings]
     if np.isfinite(ceiling):
         share = float(np.mean(plane.grey >= ceiling))
         warnings.append(f"{100.0 * share:.2g} % of the picture is at the camera's limit: edges there are not measured")

@@ -16,6 +16,7 @@ from solen.metrology.comparison import ComparedDesign, compare, designs_to_compa
 from solen.metrology.image import Image
 from solen.metrology.nominal import NominalFront, nominal_front
 from solen.metrology.outline import EdgeChoice, NamedEdge, Outline, SeenFrom, measure_outline
+from solen.metrology.plausibility import of_pixels
 from solen.metrology.print_fit import EDGE_BIAS_PX, U_SCALE, PrintFit, PrintPriors
 from solen.metrology.raster import check_vision
 from solen.metrology.scale import Scale, ScaleOptions
@@ -328,7 +329,7 @@ def measure_lens(
         u_outline_deviation_um=np.round(fit.u_um, 4),
         sources=(image.provenance,),
         warnings=(
-            *(*image.warnings, *outline.warnings),
+            *(*image.warnings, *of_pixels(image, nominal), *outline.warnings),
             *(*_size_warnings(image.scale, chosen), *doubts(designs, priors.form_um)),
         ),
         image=image,

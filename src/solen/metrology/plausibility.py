@@ -31,6 +31,10 @@ MOST_OF_PICTURE, LEAST_SHARE = 1.2, 0.1
 """Width of a lens over that of the picture, at which a scale in another unit is the likely cause."""
 COARSEST_PX = 60
 """Pixels across the lens, at least."""
+NEAR_PX = 4
+"""Pixels within which two edges are not told apart."""
+RESOLVED_PX = 200
+"""Pixels across the lens from which on two faces that both show are usually two edges."""
 WIDER, LEAST_PLACES = 1.3, 20
 """Blur over a wall's from which on an edge may be two, and places along that wall that are needed to say so."""
 LEAST_SEEN = 0.5
@@ -38,8 +42,17 @@ LEAST_SEEN = 0.5
 
 
 def no_lens(image: Image, nominal: NominalFront, why: str) -> DataError:
-    """The error for a picture that shows no such lens, with the reason and the remedy."""
+    """The error for a picture that shows no such lens, with the reason and the remedy; few pixels are the likeliest."""
     limit = f"shows no lens like that of {nominal.name}: {why}"
+    across = nominal.width_mm * 1e3 / image.um_per_px
+    if across < RESOLVED_PX:
+        limit += (
+            f", and at {image.um_per_px:.4g} µm per pixel it is {across:.0f} pixels wide: too few for two near edges"
+        )
+        finest = image.um_per_px * across / RESOLVED_PX
+        return DataError(
+            image.provenance.file, limit=limit, remedy=f"magnify more, to {finest:.2g} µm per pixel or less"
+        )
     remedy = "check --um-per-px, the design, and that the whole front is in the picture and in focus"
     return DataError(image.provenance.file, limit=limit, remedy=remedy)
 
@@ -68,6 +81,18 @@ def _other_unit(image: Image, nominal: NominalFront) -> str:
         if max(COARSEST_PX, LEAST_SHARE * max(image.shape)) <= size / um <= MOST_OF_PICTURE * max(image.shape)
     ]
     return likely[0] if likely else "check the scale"
+
+
+def of_pixels(image: Image, nominal: NominalFront) -> list[str]:
+    """Warning of a lens of few pixels: edges that are nearer than a blur are measured as one, between them."""
+    across = nominal.width_mm * 1e3 / image.um_per_px
+    if across >= RESOLVED_PX:
+        return []
+    near_um = NEAR_PX * image.um_per_px
+    return [
+        f"the lens is {across:.0f} pixels wide: edges of its two faces less than {near_um:.2g} µm apart are measured "
+        f"as one, which stands between them; magnify to {RESOLVED_PX} pixels or more, or light it from above"
+    ]
 
 
 def check_seen(image: Image, seen: float) -> None:

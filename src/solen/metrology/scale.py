@@ -105,6 +105,19 @@ class ScaleOptions(Options):
         found = read_scale(Path(data["scale"]))
         return data | {"um_per_px": found.um_per_px, "u_um_per_px": found.u_um_per_px}
 
+    def rescaled(self, rows: int, columns: int) -> list[str]:
+        """Warning where a picture has the proportions of the one that the scale was measured in, and another size."""
+        if self.scale is None:
+            return []
+        taken = read_scale(self.scale)
+        factor = columns / taken.columns
+        if columns == taken.columns or abs(rows / taken.rows / factor - 1.0) > SAME:
+            return []
+        return [
+            f"the picture has {columns} x {rows} pixels, and the scale was measured in {taken.columns} x {taken.rows}: "
+            f"if it was binned or rescaled, a pixel is {taken.um_per_px / factor:.6g} µm"
+        ]
+
 
 @dataclass(frozen=True)
 class Scale:

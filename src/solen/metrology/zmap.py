@@ -159,7 +159,7 @@ def read_image_or_z_map(path: Path, options: ZMapOptions) -> Image | ZMap:
         raise SpecError("--u-z-um", value=options.u_z_um, limit="has no effect without --z-um", remedy="give both")
     if is_text(path):
         raise SpecError("--z-um", limit="is missing: a table of numbers is a z map", remedy="give µm for one unit")
-    return read_image(path, options.um_per_px, options.u_um_per_px)
+    return read_image(path, options=options)
 
 
 def _of_tiff(file: str, data: bytes) -> tuple[FloatArray, tuple[Tag, ...], str, bool]:

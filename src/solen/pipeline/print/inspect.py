@@ -47,7 +47,7 @@ def inspect(
     """
     check_outputs(out, figure)
     part = open_design(design, assignments)
-    image = read_image(picture, options.um_per_px, options.u_um_per_px)
+    image = read_image(picture, options=options)
     others = [_named_apart(open_design(path), part, path) for path in against]
     inspection = measure_lens(
         image, part, edge=options.edge, against=others, priors=options, seen_from=options.seen_from
