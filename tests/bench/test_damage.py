@@ -11,7 +11,8 @@ import pytest
 
 from solen.bench import record as recording
 from solen.bench.catalogue import entry_of
-from solen.bench.journal import JournalContent, read_journal
+from solen.bench.journal import read_journal
+from solen.bench.journal_content import JournalContent
 from solen.bench.netcdf import write_recording
 from solen.bench.record import RecordOptions, record, recover
 from solen.errors import DataError, SolenError

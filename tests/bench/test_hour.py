@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from solen.analysis.demodulation import slots_of, subtract
-from solen.bench.netcdf import subtracted
+from solen.bench.readings import subtracted
 from solen.bench.simulated.stage import Axis
 from solen.pipeline.bench.record import new
 

@@ -17,7 +17,8 @@ import pytest
 
 from solen.analysis import study
 from solen.bench import record as recording
-from solen.bench.journal import JournalContent, read_journal
+from solen.bench.journal import read_journal
+from solen.bench.journal_content import JournalContent
 from solen.bench.record import RecordOptions, record, recover
 from solen.errors import BenchError, DataError, SolenError
 

@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solen.arrays import FloatArray
-from solen.bench.journal import Rows, dtypes_of, read_journal, read_on
-from solen.bench.netcdf import sound, subtracted
+from solen.bench.journal import read_journal, read_on
+from solen.bench.journal_content import Rows, dtypes_of
+from solen.bench.readings import sound, subtracted
 from solen.bench.records import END, ROWS
 from solen.errors import DataError
 

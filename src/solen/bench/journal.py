@@ -13,10 +13,8 @@ The interface: `Journal.create` or `Journal.resume`, then `rows`, `event`, `end`
 
 import json
 import os
-from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from io import FileIO
 from itertools import pairwise
 from pathlib import Path
@@ -24,8 +22,8 @@ from types import TracebackType
 from typing import Any, BinaryIO, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.bench.journal_content import JournalContent, Missing, Rows, described, dtypes_of
 from solen.bench.records import END, EVENT, HEADER, MAGIC, MAGIC_1, ROWS, Record, record, scan, unfinished, version_of
 from solen.errors import BenchError, DataError
 
@@ -36,106 +34,6 @@ RESERVE_BYTES = 1 << 16
 """Kept free beside a journal that is written, so that a full disk leaves room to say why the run ended."""
 _NEAR = 20
 """Records on either side of a gap that are asked for a time."""
-
-Rows = NDArray[np.void]
-
-
-@dataclass(frozen=True)
-class Missing:
-    """Records that a journal has lost: the numbers of the first and the last, and between which times they lie."""
-
-    first: int
-    last: int
-    after_s: float | None
-    before_s: float | None
-
-    def __str__(self) -> str:
-        count = self.last - self.first + 1
-        after = "the beginning" if self.after_s is None else f"{self.after_s:.2f} s"
-        before = "the end" if self.before_s is None else f"{self.before_s:.2f} s"
-        return f"{count} record{'s' * (count > 1)} between {after} and {before}"
-
-
-@dataclass(frozen=True, eq=False)
-class JournalContent:
-    """What a journal holds.
-
-    Attributes
-    ----------
-    header
-        What was written at its beginning: design, protocol, rig, versions, seeds, clock.
-    streams
-        Rows of each stream that is not bulky, as one structured array.
-    events
-        Events in their order, each with ``t_s`` and ``what``.
-    end
-        What was written when it was ended; None where the run was killed.
-    whole_bytes, lost_bytes
-        Where the last whole record ends, and the length of the unfinished one after it.
-    damaged_bytes
-        Bytes that belong to no whole record and to no unfinished one.
-    missing
-        What those held, as far as the numbers of the others say.
-    version
-        Of the file.
-    path
-        The journal itself.
-    records
-        Its whole records in their order, each once.
-    counts
-        Rows of each stream.
-    """
-
-    header: dict[str, Any]
-    streams: dict[str, Rows]
-    events: tuple[dict[str, Any], ...]
-    end: dict[str, Any] | None
-    whole_bytes: int
-    lost_bytes: int
-    damaged_bytes: int
-    missing: tuple[Missing, ...]
-    version: int
-    path: Path
-    records: tuple[Record, ...]
-    counts: dict[str, int]
-
-    @property
-    def damaged(self) -> bool:
-        """Whether something is lost that was written."""
-        return bool(self.damaged_bytes or self.missing)
-
-    @property
-    def parts(self) -> int:
-        """How often the run was begun."""
-        return sum(event["what"] == "begun" for event in self.events)
-
-    @property
-    def cycles(self) -> int:
-        """Whole cycles."""
-        return sum(event["what"] == "cycle done" for event in self.events)
-
-    @property
-    def outcome(self) -> str:
-        """How the run ended: ``done``, ``stopped``, ``fault`` or ``killed``."""
-        ends = [event["what"] for event in self.events if event["what"] in {"done", "stopped", "fault", "begun"}]
-        return ends[-1] if ends and ends[-1] != "begun" else "killed"
-
-    @property
-    def losses(self) -> dict[str, int]:
-        """What the sampler lost, over all parts that were ended and not killed."""
-        total: Counter[str] = Counter()
-        for event in self.events:
-            total.update(event.get("losses", {}))
-        return dict(total)
-
-    def blocks(self, stream: str) -> Iterator[Rows]:
-        """Rows of a stream, record by record, from the disk."""
-        dtypes = dtypes_of(self.header, self.path)
-        number, dtype = list(dtypes).index(stream), dtypes[stream]
-        with self.path.open("rb") as file:
-            for one in self.records:
-                if (one.kind, one.stream) == (ROWS, number):
-                    yield np.frombuffer(one.payload(file), dtype)
 
 
 class Journal:
@@ -166,7 +64,7 @@ class Journal:
             ) from None
         except OSError as bad:
             raise BenchError(str(path), limit=f"cannot be written: {bad.strerror}") from None
-        streams = {name: _descr(dtype) for name, dtype in dtypes.items()}
+        streams = {name: described(dtype) for name, dtype in dtypes.items()}
         journal = cls(path, file, {**header, "streams": streams})
         try:
             journal._write(MAGIC + journal._next(HEADER, 0, journal._header))
@@ -383,20 +281,3 @@ def _headless(path: Path, records: int) -> DataError:
 
 def _json(data: Mapping[str, Any]) -> bytes:
     return json.dumps(data, allow_nan=False, ensure_ascii=False).encode()
-
-
-def _descr(dtype: np.dtype[np.void]) -> list[list[Any]]:
-    """Columns of a structured type as plain data: name, type, shape."""
-    fields = [(name, dtype[name]) for name in dtype.names or ()]
-    return [[name, field.base.newbyteorder("<").str, list(field.shape)] for name, field in fields]
-
-
-def dtypes_of(header: Mapping[str, Any], path: Path) -> dict[str, np.dtype[np.void]]:
-    """Columns of each stream, in the order of their numbers; `DataError` where a header does not state them."""
-    try:
-        return {
-            name: np.dtype([(column, kind, tuple(shape)) for column, kind, shape in columns])
-            for name, columns in header["streams"].items()
-        }
-    except (KeyError, TypeError, ValueError):
-        raise DataError(f"{path}: streams", limit="have no description that a journal of this version has") from None

@@ -12,7 +12,7 @@ The interface: `write_recording` of a journal gives a `RecordedRun`; extra ``net
 
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -21,24 +21,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solen import files
-from solen.analysis.demodulation import Demodulated, slots_of, subtract
 from solen.arrays import FloatArray
 from solen.bench.clock_fit import ClockLine, fit_clock
-from solen.bench.frames import ANEW, UNSOUND
-from solen.bench.journal import JournalContent, Rows
+from solen.bench.frames import UNSOUND
+from solen.bench.journal_content import JournalContent, Rows
 from solen.bench.protocol import Protocol
-from solen.bench.rig import sensor_angle_deg
-from solen.bench.timing import Looks, Timing, came_by, exchanges, reach_of
+from solen.bench.readings import AT_ONCE, Columns, columns_of, cut_short, looks_of, sensor_readings, stretches
+from solen.bench.timing import Timing, came_by, exchanges, reach_of
 from solen.bench.waveform import Waveform, create_variable
 from solen.extras import need
 from solen.results import HIDDEN, Result, reported
 
-Columns = dict[str, NDArray[Any]]
-
 _NAMED = 5
 """Gaps of a damaged journal that are named one by one."""
-AT_ONCE = 16_384
-"""Periods that are worked on and kept together, so that an hour needs little memory and is read in few pieces."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -153,7 +148,10 @@ def _periods(file: Any, journaled: JournalContent) -> Content:
     sensors, cuts = header["sensors"], cut_short(journaled)
     return (
         time_s,
-        {sensor["name"]: _sensor(file, sensor, list(_readings(sensor, journaled, time_s, cuts))) for sensor in sensors},
+        {
+            sensor["name"]: _sensor(file, sensor, list(sensor_readings(sensor, journaled, time_s, cuts)))
+            for sensor in sensors
+        },
         _unsound(board),
     )
 
@@ -180,30 +178,10 @@ def _waveform(file: Any, journaled: JournalContent) -> Content:
     cuts = cut_short(journaled)
     parts: dict[str, list[Columns]] = {sensor["name"]: [] for sensor in header["sensors"]}
     for sensor, found, kept in wave.readings(header["sensors"]):
-        parts[sensor["name"]].append(_columns(found, kept, journaled, cuts))
+        parts[sensor["name"]].append(columns_of(found, kept, journaled, cuts))
     readings = {one["name"]: _sensor(file, one, parts.pop(one["name"])) for one in header["sensors"]}
     file.attrs["remarks"] = json.dumps(wave.remarks)
     return wave.time_s, readings, wave.remarks
-
-
-def stretches(board: Rows) -> list[tuple[int, int]]:
-    """First and last place, less one, of what was sampled by one clock: a part, up to a restart of the board."""
-    edges = np.flatnonzero((np.diff(board["part"].astype(np.int64)) != 0) | (board["flags"][1:] & ANEW != 0)) + 1
-    return list(zip([0, *edges.tolist()], [*edges.tolist(), len(board)], strict=True)) if len(board) else []
-
-
-def cut_short(journaled: JournalContent) -> list[tuple[float, float]]:
-    """Times of the run from the last whole cycle of a part to where the next part is at rest."""
-    found, whole_s, open_s = [], -math.inf, None
-    for event in journaled.events:
-        if event["what"] == "begun" and event["part"] > 0 and open_s is None:
-            open_s = whole_s
-        elif event["what"] in {"at rest", "cycle done"}:
-            whole_s = event["t_s"]
-            if open_s is not None:
-                found.append((open_s, whole_s))
-                open_s = None
-    return found if open_s is None else [*found, (open_s, math.inf)]
 
 
 def _times(journaled: JournalContent) -> tuple[FloatArray, list[ClockLine]]:
@@ -272,7 +250,7 @@ def _sampled(file: Any, board: Rows, time_s: FloatArray, header: Mapping[str, An
 
 
 def _positions(file: Any, journaled: JournalContent) -> None:
-    stage, looks = journaled.streams["stage"], _looks(journaled)
+    stage, looks = journaled.streams["stage"], looks_of(journaled)
     file.dimensions["look"] = len(stage)
     for name, values, unit, text in (
         ("stage_time_s", looks.time_s, "s", "when the stage was where it was: the middle of question and answer"),
@@ -281,10 +259,6 @@ def _positions(file: Any, journaled: JournalContent) -> None:
         ("stage_position", looks.position, journaled.header["unit"], "where it was"),
     ):
         _variable(file, name, ("look",), values, unit, text)
-
-
-def _looks(journaled: JournalContent) -> Looks:
-    return Looks.of(journaled.streams["stage"], journaled.header.get("clock_resolution_s", 0.0))
 
 
 def _ended(journaled: JournalContent) -> list[str]:
@@ -342,73 +316,6 @@ _COLUMNS = {
     "right_clipped": ("1", "1 where a sample of the right receiver stood at an end of the converter's range"),
     "left_clipped": ("1", "1 where a sample of the left receiver stood at an end of the converter's range"),
 }
-
-
-def _readings(
-    sensor: Mapping[str, Any], journaled: JournalContent, time_s: FloatArray, cuts: Sequence[tuple[float, float]]
-) -> Iterator[Columns]:
-    """Readings of a sensor, stretch by stretch, less those of cycles that were cut short."""
-    board, header = journaled.streams["board"], journaled.header
-    for first, last in stretches(board):
-        for begin in range(first, last, AT_ONCE):
-            end = min(begin + AT_ONCE, last)
-            low, high = max(begin - 1, first), min(end + 1, last)  # neighbours lend their off phases
-            readings = subtracted(board["counts"][low:high], time_s[low:high], sensor, header)
-            kept = readings.of(sensor["emitter"]) & (readings.time_s >= time_s[begin])
-            kept &= sound(board["flags"][low:high], time_s[low:high], readings.time_s)
-            if end < last:
-                kept &= readings.time_s < time_s[end]
-            yield _columns(readings, kept, journaled, cuts)
-
-
-def subtracted(
-    counts: NDArray[np.uint16], time_s: FloatArray, sensor: Mapping[str, Any], header: Mapping[str, Any]
-) -> Demodulated:
-    """Demodulated readings of a sensor's two inputs in some periods.
-
-    Of a period only the sensor's own on phase and the off phases beside it are looked at.
-    """
-    phases, on = 2 * header["emitters"], 2 * (sensor["emitter"] - 1)
-    near = np.unique([(on - 1) % phases, on, on + 1])
-    inputs = counts.reshape(len(counts), phases, -1)[:, near][..., [sensor["right"] - 1, sensor["left"] - 1]]
-    time = (time_s[:, None] + (near + 1.0) / phases * header["period_s"]).ravel()
-    state = np.where(near == on, sensor["emitter"], 0)
-    top = np.full(2, header["top_count"] * header["volts_per_count"])
-    values = inputs.reshape(-1, 2) * header["volts_per_count"]
-    return subtract(slots_of(time, values, np.tile(state, len(counts)), limits=(np.zeros(2), top)))
-
-
-def sound(flags: NDArray[np.uint8], period_s: FloatArray, reading_s: FloatArray) -> NDArray[np.bool_]:
-    """Which readings are of periods without fault; a late one lit its receivers for who knows how long.
-
-    The period before it counts too, which lends its off phase.
-    """
-    good = flags & UNSOUND == 0
-    period = np.searchsorted(period_s, reading_s, "right") - 1
-    return np.asarray(good[period] & good[np.maximum(period - 1, 0)])
-
-
-def _columns(
-    readings: Demodulated, kept: NDArray[np.bool_], journaled: JournalContent, cuts: Sequence[tuple[float, float]]
-) -> Columns:
-    """Columns of readings that are kept, but for those of cycles that were cut short."""
-    for cut_s, rest_s in cuts:
-        kept &= (readings.time_s <= cut_s) | (readings.time_s >= rest_s)
-    header, looks = journaled.header, _looks(journaled)
-    if not np.isfinite(looks.position).all():  # a stage that is turned by hand: nobody knows the angle on the way
-        kept = kept & np.isfinite(looks.at(readings.time_s))
-    time = readings.time_s[kept]
-    position = looks.at(time)
-    return {
-        "time_s": time,
-        "angle_deg": sensor_angle_deg(position, header["zero"], header["lever_mm"]),
-        "right": readings.signal[kept, 0],
-        "left": readings.signal[kept, 1],
-        "right_ambient": readings.ambient[kept, 0],
-        "left_ambient": readings.ambient[kept, 1],
-        "right_clipped": readings.clipped[kept, 0].astype(np.uint8),
-        "left_clipped": readings.clipped[kept, 1].astype(np.uint8),
-    }
 
 
 def _variable(group: Any, name: str, dims: tuple[str, ...], values: NDArray[Any], unit: str, text: str) -> None:

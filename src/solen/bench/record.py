@@ -24,7 +24,8 @@ from solen.bench.clock import Clock, SimulatedClock, WallClock
 from solen.bench.drivers import open_instruments
 from solen.bench.homing import Confirm, make_known
 from solen.bench.interrupts import Ended, ended_by_signals, uninterrupted
-from solen.bench.journal import SUFFIX, Journal, JournalContent, read_journal, reserve_of
+from solen.bench.journal import SUFFIX, Journal, read_journal, reserve_of
+from solen.bench.journal_content import JournalContent
 from solen.bench.lock import locked
 from solen.bench.netcdf import RecordedRun, check_installed, write_recording
 from solen.bench.protocol import Protocol, load_protocol

@@ -19,7 +19,8 @@ import numpy as np
 
 from solen.bench.clock import Clock
 from solen.bench.interrupts import Ended, uninterrupted
-from solen.bench.journal import Journal, JournalContent
+from solen.bench.journal import Journal
+from solen.bench.journal_content import JournalContent
 from solen.bench.protocol import Protocol, Step
 from solen.bench.roles import Daq, EmitterBoard, Stage
 from solen.bench.sampling import Counts, sampling_of

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from solen.bench.journal import Rows
+from solen.bench.journal_content import Rows
 from solen.bench.roles import Daq, EmitterBoard, KeepsTime
 
 Counts = NDArray[np.uint16]

@@ -20,7 +20,7 @@ from scipy.interpolate import PchipInterpolator
 
 from solen.arrays import BoolArray, FloatArray
 from solen.bench.clock_fit import ClockLine
-from solen.bench.journal import JournalContent, Rows
+from solen.bench.journal_content import JournalContent, Rows
 
 STAGE = np.dtype([("part", "<u2"), ("sent_s", "<f8"), ("t_s", "<f8"), ("position", "<f8")])
 """Part of the run; when the stage was asked, when its answer had come, and what it was."""

@@ -19,7 +19,7 @@ from solen.analysis.demodulation import Clock, Demodulated, slots_of, subtract
 from solen.arrays import BoolArray, FloatArray
 from solen.bench.clock_fit import ClockLine, fit_clock
 from solen.bench.daq import Setup, volts_of
-from solen.bench.journal import JournalContent
+from solen.bench.journal_content import JournalContent
 from solen.bench.phases import clock_of, states
 from solen.bench.timing import came_by, exchanges
 from solen.errors import DataError

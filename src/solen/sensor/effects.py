@@ -11,6 +11,7 @@ The interface: `effects` of a sensor and its response, which returns an `Effect`
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import get_args
 
 import numpy as np
@@ -101,8 +102,8 @@ def effects(
         if why := "" if key in OF_THE_MATERIAL else inert(sensor, key):
             skipped[key] = why
         else:
-            asked.append((key, lambda key=key: _of_number(sensor, key, base, null)))  # type: ignore[misc]
-    asked += [(f"{JOIN} = {join}", lambda join=join: _of_join(sensor, join, base)) for join in _joins(sensor)]  # type: ignore[misc]
+            asked.append((key, partial(_of_number, sensor, key, base, null)))
+    asked += [(f"{JOIN} = {join}", partial(_of_join, sensor, join, base)) for join in _joins(sensor)]
     found: list[Effect] = []
     for done, (name, make) in enumerate(asked, start=1):
         try:

@@ -173,11 +173,6 @@ def practice(
     return Practice(paper, built, found, part("budget", lambda: budget(sensor), 1.0), skipped)
 
 
-def with_chip(sensor: Sensor) -> Sensor:
-    """The sensor with a chip of `CHIP_MM` for its point."""
-    return _with(sensor, {"emitter.width_mm": CHIP_MM})
-
-
 def extent_of(sensor: Sensor) -> Extent:
     """Size of the emitter that it is built with."""
     light = sensor.light

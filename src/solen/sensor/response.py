@@ -78,11 +78,6 @@ class Response(Result):
         value = float(self.contrast[self.at(angle_deg)])
         return value if math.isfinite(value) else None
 
-    @property
-    def largest_u_contrast(self) -> float:
-        """Largest uncertainty of a contrast; NaN where no light arrives at an angle."""
-        return float(np.max(self.u_contrast))
-
     def part(self, places: Sequence[int]) -> "Response":
         """The same at some of the angles, by their places."""
         chosen = list(places)
