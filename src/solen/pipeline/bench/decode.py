@@ -23,6 +23,7 @@ from solen.analysis.calibration.streams import (
     recorded_stream,
 )
 from solen.bench.follow import Following
+from solen.bench.outlets import Outlet, outlet
 from solen.errors import OutputError, SpecError
 from solen.pipeline.outputs import check_table
 from solen.recording import Provenance
@@ -43,6 +44,7 @@ def decode(
     rows: TextIO | None = None,
     warn: Callable[[str], None] | None = None,
     text: Iterable[str] | None = None,
+    send: str | None = None,
 ) -> Outcome[Decoding]:
     """Decode a source; its angles go to a file, to ``rows``, to both or nowhere. Ctrl-C ends a stream.
 
@@ -60,6 +62,8 @@ def decode(
         Called with each warning that is known before the first reading.
     text
         Lines of the standard input; by default those of `sys.stdin`.
+    send
+        Where rows go as well: an outlet of `solen.bench.outlets`.
 
     Raises
     ------
@@ -78,8 +82,11 @@ def decode(
     if warn is not None:
         for line in decoder.warnings:
             warn(line)
-    with contextlib.nullcontext() if out is None else files.streamed(out) as file:
-        interrupted = _write_rows(decoder, stream, [one for one in (file, rows) if one is not None])
+    with (
+        contextlib.nullcontext() if send is None else outlet(send) as sent,
+        contextlib.nullcontext() if out is None else files.streamed(out) as file,
+    ):
+        interrupted = _write_rows(decoder, stream, [one for one in (file, rows, sent) if one is not None])
         result = decoder.result(interrupted=interrupted)
     return Outcome(result, {} if out is None else {"out": out})
 
@@ -97,7 +104,7 @@ def _stream(
     return recorded_stream(path, signals, options.sensor, calibrated)
 
 
-def _write_rows(decoder: StreamDecoder, stream: Stream, targets: list[TextIO]) -> bool:
+def _write_rows(decoder: StreamDecoder, stream: Stream, targets: list[TextIO | Outlet]) -> bool:
     """Decode all batches; whether Ctrl-C stopped it."""
     for target in targets:
         print(HEADER, end="", file=target, flush=True)

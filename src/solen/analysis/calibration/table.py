@@ -1,0 +1,165 @@
+"""A calibration as a small table, with code in MicroPython and C that decodes by it on a board.
+
+The idea: between two nodes of the table the curve in the plane of both voltages is straight. Of each piece the place
+nearest to a reading has a closed form, in units of the reading's covariance; the nearest piece gives the angle. That is
+the middle of what `solen.analysis.calibration.decoder` gives, without its bands: rising and falling ways are one curve
+here, their difference counts as spread, and where two angles explain a reading only the likelier one is given.
+
+The interface: `BoardTable.of` a calibration; its `python` and `c` are source texts.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field
+from scipy.stats import f as f_distribution
+
+from solen.analysis.calibration.decoder import OUTSIDE, Decoder
+from solen.analysis.calibration.estimate import Calibration, at_angles
+from solen.arrays import FloatArray
+from solen.spec.strict import Options
+
+TRIED = 20
+"""Places of each piece at which the table is compared with the whole decoder."""
+_PYTHON = '''"""Angles of a calibrated sensor: {name}. Written by solen {version}.
+
+decode(left_V, right_V) gives the angle in degrees, its standard uncertainty, and whether the voltages lie on no point
+of the curve, so that the angle means nothing. Voltages are as they were calibrated: {ambient}.
+"""
+
+LIMIT = {limit:.6g}
+# of each piece: angle at its start and its length in degrees; left and right at its start and their change in V;
+# what makes the covariance of a reading one: a, b, c in (a dl, b dl + c dr)
+PIECES = (
+{rows})
+
+
+def decode(left, right):
+    nearest, found = 1e30, (0.0, 0.0)
+    for angle, width, l0, r0, dl, dr, a, b, c in PIECES:
+        x, y = a * (left - l0), b * (left - l0) + c * (right - r0)
+        u, v = a * dl, b * dl + c * dr
+        square = u * u + v * v
+        along = min(max((x * u + y * v) / square, 0.0), 1.0)
+        x, y = x - along * u, y - along * v
+        far = x * x + y * y
+        if far < nearest:
+            nearest, found = far, (angle + along * width, width / square**0.5)
+    return found[0], found[1], nearest > LIMIT
+'''
+_C = """/* Angles of a calibrated sensor: {name}. Written by solen {version}.
+ *
+ * solen_decode gives the angle in degrees and its standard uncertainty; it is false where the voltages lie on no point
+ * of the curve, so that the angle means nothing. Voltages are as they were calibrated: {ambient}. */
+#ifndef SOLEN_DECODE_H
+#define SOLEN_DECODE_H
+
+#include <math.h>
+#include <stdbool.h>
+
+/* Of each piece: angle at its start and its length in degrees; left and right at its start and their change in V; what
+ * makes the covariance of a reading one: a, b, c in (a dl, b dl + c dr). On an AVR they stand in RAM. */
+static const float solen_pieces[{count}][9] = {{
+{rows}}};
+
+static inline bool solen_decode(float left, float right, float *angle_deg, float *u_deg) {{
+    float nearest = 1e30f;
+    for (int number = 0; number < {count}; number++) {{
+        const float *p = solen_pieces[number];
+        float x = p[6] * (left - p[2]), y = p[7] * (left - p[2]) + p[8] * (right - p[3]);
+        float u = p[6] * p[4], v = p[7] * p[4] + p[8] * p[5];
+        float square = u * u + v * v, along = (x * u + y * v) / square;
+        along = along < 0 ? 0 : along > 1 ? 1 : along;
+        x -= along * u;
+        y -= along * v;
+        if (x * x + y * y < nearest) {{
+            nearest = x * x + y * y;
+            *angle_deg = p[0] + along * p[1];
+            *u_deg = p[1] / sqrtf(square);
+        }}
+    }}
+    return nearest <= {limit:.6g}f;
+}}
+
+#endif
+"""
+
+
+class TableOptions(Options):
+    """How fine the table is."""
+
+    points: Annotated[int, Field(ge=5, le=257)] = 33
+    """Nodes of the table, even in the angle."""
+
+
+@dataclass(frozen=True, eq=False)
+class BoardTable:
+    """Pieces of the curve, (n, 9), as the sources state them, and the squared distance from which on a reading is off.
+
+    Attributes
+    ----------
+    name, ambient, version
+        What the sources say of the sensor, of its voltages, and of what wrote them.
+    """
+
+    pieces: FloatArray
+    limit: float
+    name: str
+    ambient: str
+    version: str
+
+    @classmethod
+    def of(cls, calibration: Calibration, points: int, *, name: str, ambient: str, version: str) -> "BoardTable":
+        """Table of a calibration."""
+        total, freedom = calibration.law()
+        half = 0.5 * (calibration.curves_V[1] - calibration.curves_V[0])
+        total = total + half[:, :, None] * half[:, None, :]
+        nodes = np.linspace(calibration.angle_deg[0], calibration.angle_deg[-1], points)
+        curve = at_angles(calibration.angle_deg, calibration.curves_V.mean(axis=0)[None], nodes)[0]
+        middle = 0.5 * (nodes[1:] + nodes[:-1])
+        spread = np.stack(
+            [np.interp(middle, calibration.angle_deg, total[:, i, j]) for i in (0, 1) for j in (0, 1)], axis=-1
+        ).reshape(-1, 2, 2)
+        white = np.linalg.inv(np.linalg.cholesky(spread))
+        columns = (nodes[:-1], np.diff(nodes), curve[:-1], np.diff(curve, axis=0), white[:, 0, 0], white[:, 1])
+        least = float(np.interp(middle, calibration.angle_deg, freedom).min())
+        limit = 2.0 * float(f_distribution.isf(OUTSIDE, 2, min(least, 1e6)))
+        return cls(np.column_stack(columns), limit, name, ambient, version)
+
+    @cached_property
+    def python(self) -> str:
+        """Source for MicroPython, and Python."""
+        return _PYTHON.format(rows=self._rows("    ({}),\n", ""), **self._said)
+
+    @cached_property
+    def c(self) -> str:
+        """Source in C99, a header."""
+        return _C.format(rows=self._rows("    {{{}}},\n", "f"), count=len(self.pieces), **self._said)
+
+    @property
+    def _said(self) -> dict[str, Any]:
+        name = self.name.replace("*/", "").replace('"""', "")
+        return {"name": name, "ambient": self.ambient, "version": self.version, "limit": self.limit}
+
+    def _rows(self, row: str, suffix: str) -> str:
+        return "".join(
+            row.format(", ".join(f"{value:#.7g}{suffix}" for value in piece)) for piece in self.pieces.tolist()
+        )
+
+    def decode(self, volts: FloatArray) -> FloatArray:
+        """Angles of left and right, (n, 2), by the source for MicroPython itself."""
+        space: dict[str, Any] = {}
+        exec(self.python, space)  # noqa: S102  what is written is what is tried
+        return np.array([space["decode"](left, right)[0] for left, right in volts.tolist()])
+
+    def off_deg(self, calibration: Calibration) -> tuple[float, float]:
+        """Largest difference from the whole decoder along the curve, in degrees, and in its standard uncertainties."""
+        nodes = np.append(self.pieces[:, 0], self.pieces[-1, 0] + self.pieces[-1, 1])
+        angle = np.linspace(nodes[0], nodes[-1], TRIED * len(self.pieces) + 1)[TRIED:-TRIED]
+        volts = at_angles(calibration.angle_deg, calibration.curves_V.mean(axis=0)[None], angle)[0]
+        whole = Decoder(calibration).decode(volts)
+        off = np.abs(self.decode(volts) - whole.angle_deg)
+        spread = np.maximum(0.5 * (whole.high_deg[:, 0] - whole.low_deg[:, 0]), 1e-9)
+        return float(off.max()), float((off / spread).max())

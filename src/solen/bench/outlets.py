@@ -1,0 +1,126 @@
+"""Where decoded angles go as they come: datagrams, a serial line, a stream of the Lab Streaming Layer.
+
+The idea: each row of CSV is passed on as soon as it is decoded, so that a control loop, a robot or another recorder has
+the angle of a moment ago. A receiver that is not there holds nothing up.
+
+The interface: `outlet` of a name such as ``udp://127.0.0.1:5005``, ``serial:COM5@115200`` or ``lsl:finger``.
+"""
+
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, Protocol
+from urllib.parse import urlsplit
+
+from solen.errors import BenchError, SpecError
+from solen.extras import need
+
+LSL_COLUMNS = ("time_s", "angle_deg", "low95_deg", "high95_deg")
+"""Channels of a stream of the Lab Streaming Layer, beside its own stamp of the moment that it was sent."""
+BAUD = 115_200
+_LIMIT = "must be udp://HOST:PORT, serial:PORT@BAUD or lsl:NAME"
+
+
+class Outlet(Protocol):
+    """What rows are written to, as to a text file."""
+
+    def write(self, text: str, /) -> object:
+        """Pass rows on; the header comes first, in a call of its own."""
+
+    def flush(self) -> None:
+        """Nothing waits."""
+
+
+class _Rows:
+    def __init__(self, send: Any) -> None:
+        self._send = send
+
+    def write(self, text: str) -> None:
+        for row in text.splitlines():
+            if row:
+                self._send(row)
+
+    def flush(self) -> None:
+        """Nothing waits."""
+
+
+@contextmanager
+def outlet(where: str) -> Iterator[Outlet]:
+    """An outlet, closed in the end.
+
+    Raises
+    ------
+    SpecError, BenchError
+        Where the name is none, or what it names cannot be opened.
+    """
+    kind, _, rest = where.partition(":")
+    opened = {"udp": _udp, "serial": _serial, "lsl": _lsl}.get(kind)
+    if opened is None or not rest:
+        raise SpecError("--send", value=where, limit=_LIMIT)
+    with opened(where, rest) as found:
+        yield found
+
+
+@contextmanager
+def _udp(where: str, rest: str) -> Iterator[Outlet]:  # noqa: ARG001  the whole is a URL
+    """One datagram a row."""
+    try:
+        parts = urlsplit(where)
+        host, port = parts.hostname, parts.port
+    except ValueError:
+        host = port = None
+    if not host or not port:
+        raise SpecError("--send", value=where, limit=_LIMIT)
+    try:
+        family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
+    except OSError as bad:
+        raise BenchError(where, limit=f"cannot be reached: {bad}", remedy="check the name of the host") from None
+    with socket.socket(family, kind, protocol) as sender:
+
+        def send(row: str) -> None:
+            try:
+                sender.sendto(row.encode("ascii"), address)
+            except ConnectionError:  # nobody listens yet: Windows and macOS say so
+                return
+            except OSError as bad:
+                raise BenchError(where, limit=f"cannot be sent to: {bad}", remedy="check the network") from None
+
+        yield _Rows(send)
+
+
+@contextmanager
+def _serial(where: str, rest: str) -> Iterator[Outlet]:
+    """One line a row."""
+    from solen.bench.link import open_link
+
+    port, _, baud = rest.partition("@")
+    if baud and not baud.isdigit():
+        raise SpecError("--send", value=where, limit=_LIMIT)
+    link = open_link(port, baud=int(baud or BAUD))
+    try:
+        yield _Rows(lambda row: link.write(f"{row}\n".encode("ascii")))
+    finally:
+        link.close()
+
+
+@contextmanager
+def _lsl(where: str, rest: str) -> Iterator[Outlet]:
+    """One sample a row, stamped as it is sent."""
+    need("pylsl", what=where, error=BenchError)
+    import pylsl
+
+    info = pylsl.StreamInfo(rest, "Angle", len(LSL_COLUMNS), pylsl.IRREGULAR_RATE, pylsl.cf_double64, f"solen-{rest}")
+    channels = info.desc().append_child("channels")
+    for name in LSL_COLUMNS:
+        channels.append_child("channel").append_child_value("label", name)
+    stream, header = pylsl.StreamOutlet(info), []
+
+    def send(row: str) -> None:
+        cells = row.split(",")
+        if not header:
+            header.extend(cells)
+            return
+        values = dict(zip(header, cells, strict=False))
+        stream.push_sample([float(values[name] or "nan") for name in LSL_COLUMNS], pylsl.local_clock())
+
+    yield _Rows(send)

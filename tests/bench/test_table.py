@@ -1,0 +1,141 @@
+"""A calibration as code on a board: the same angles in Python, MicroPython, C and on an AVR as the whole decoder's."""
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from solen.analysis.calibration.decoder import Decoder
+from solen.analysis.calibration.estimate import Calibration, calibrated
+from solen.analysis.calibration.table import BoardTable
+from solen.arrays import FloatArray
+from tests.analysis.calibration_support import SHORT, trained
+from tests.analysis.made_support import Truth
+from tests.bench.firmware_support import micropython
+
+
+def known() -> Calibration:
+    return calibrated(trained(Truth(noise_V=0.01, protocol=SHORT)))
+
+
+def made(points: int = 33) -> BoardTable:
+    return BoardTable.of(known(), points, name="S1", ambient="ambient light subtracted", version="0")
+
+
+def readings() -> FloatArray:
+    """Readings along both ways, with noise, and two far from any angle."""
+    calibration, rng = known(), np.random.default_rng(2)
+    curve = calibration.curves_V[:, 2:-2:3].reshape(-1, 2)
+    return np.concatenate([curve + rng.normal(0.0, 0.01, curve.shape), [[9.0, 9.0], [-4.0, 2.0]]])
+
+
+def test_the_table_gives_the_decoder_s_angles() -> None:
+    calibration, table, volts = known(), made(), readings()
+    whole = Decoder(calibration).decode(volts)
+    found = by_python(table, volts)
+    spread = 0.5 * (whole.high_deg[:, 0] - whole.low_deg[:, 0])
+    on = ~whole.outside
+    assert np.abs(found[on, 0] - whole.angle_deg[on]).max() < 0.5 * spread[on].max()
+    assert (found[on, 1] / spread[on]).mean() == pytest.approx(1.0, abs=0.3)
+    assert found[-2:, 2].all()
+    assert not found[:-2, 2].any()
+    off_deg, sigma = table.off_deg(calibration)
+    assert off_deg < 0.1
+    assert sigma < 0.5
+    assert made(5).off_deg(calibration)[0] > 2.0 * off_deg  # a coarse one says so
+
+
+PROGRAM = """
+#include <stdio.h>
+#include "solen_decode.h"
+int main(void) {
+    float left, right, angle, u;
+    while (scanf("%f %f", &left, &right) == 2) {
+        int on = solen_decode(left, right, &angle, &u);
+        printf("%.6f %.6f %d\\n", angle, u, !on);
+    }
+}
+"""
+
+
+def by_python(table: BoardTable, volts: FloatArray) -> FloatArray:
+    space: dict[str, object] = {}
+    exec(table.python, space)  # noqa: S102
+    rows = [space["decode"](*row) for row in volts.tolist()]  # type: ignore[operator]
+    return np.array(rows, np.float64)
+
+
+def test_the_header_in_c_gives_the_same(tmp_path: Path) -> None:
+    compiler = shutil.which("gcc") or shutil.which("cc") or shutil.which("clang")
+    if compiler is None:
+        pytest.skip("there is no C compiler")
+    table, volts = made(), readings()
+    (tmp_path / "solen_decode.h").write_text(table.c, encoding="utf-8")
+    (tmp_path / "main.c").write_text(PROGRAM, encoding="utf-8")
+    line = [compiler, "-std=c99", "-Wall", "-Wextra", "-Werror", str(tmp_path / "main.c")]
+    subprocess.run([*line, "-lm", "-o", str(tmp_path / "main")], check=True)
+    said = "".join(f"{left:.7f} {right:.7f}\n" for left, right in volts.tolist())
+    done = subprocess.run([str(tmp_path / "main")], input=said, capture_output=True, text=True, check=True)
+    found = np.array([row.split() for row in done.stdout.splitlines()], float)
+    assert found == pytest.approx(by_python(table, volts), abs=2e-4)
+
+
+@pytest.mark.evidence
+def test_micropython_gives_the_same(tmp_path: Path) -> None:
+    command = micropython(tmp_path)
+    if isinstance(command, str):
+        pytest.skip(command)
+    table, volts = made(), readings()
+    ask = f"\nfor left, right in {volts.tolist()}:\n    print(*[float(one) for one in decode(left, right)])\n"
+    done = subprocess.run(command, input=table.python + ask, capture_output=True, text=True, check=True)
+    found = np.array([row.split() for row in done.stdout.splitlines()], float)
+    assert found == pytest.approx(by_python(table, volts), abs=1e-6)
+
+
+ON_AVR = """
+#include <avr/io.h>
+#include <avr/interrupt.h>
+#include <avr/sleep.h>
+#include <stdio.h>
+#include "solen_decode.h"
+static int put(char byte, FILE *to) {{
+    (void)to;
+    while (!(UCSR0A & (1 << UDRE0))) continue;
+    UDR0 = byte;
+    return 0;
+}}
+static FILE out = FDEV_SETUP_STREAM(put, NULL, _FDEV_SETUP_WRITE);
+static const float volts[][2] = {{ {rows} }};
+int main(void) {{
+    UBRR0 = 3;
+    UCSR0A = 1 << U2X0;
+    UCSR0B = 1 << TXEN0;
+    for (unsigned place = 0; place < sizeof volts / sizeof *volts; place++) {{
+        float angle, u;
+        int on = solen_decode(volts[place][0], volts[place][1], &angle, &u);
+        fprintf(&out, "=%ld %ld %d\\n", (long)lroundf(angle * 1e4f), (long)lroundf(u * 1e4f), !on);
+    }}
+    cli();
+    sleep_mode();
+}}
+"""
+
+
+@pytest.mark.evidence
+def test_an_avr_gives_the_same(tmp_path: Path) -> None:
+    missing = [name for name in ("avr-gcc", "simavr") if shutil.which(name) is None]
+    if missing:
+        pytest.skip(f"{', '.join(missing)} not installed")
+    table, volts = made(17), readings()[-24:]
+    (tmp_path / "solen_decode.h").write_text(table.c, encoding="utf-8")
+    rows = ", ".join(f"{{{left:.7f}f, {right:.7f}f}}" for left, right in volts.tolist())
+    (tmp_path / "main.c").write_text(ON_AVR.format(rows=rows), encoding="utf-8")
+    line = ["avr-gcc", "-mmcu=atmega328p", "-DF_CPU=16000000UL", "-Os", "-std=gnu99", str(tmp_path / "main.c")]
+    subprocess.run([*line, "-lm", "-o", str(tmp_path / "main.elf")], check=True)
+    run = ["simavr", "-m", "atmega328p", "-f", "16000000", str(tmp_path / "main.elf")]
+    done = subprocess.run(run, capture_output=True, text=True, timeout=60, check=False)
+    found = np.array(re.findall(r"=(-?\d+) (-?\d+) ([01])", done.stdout + done.stderr), float) * [1e-4, 1e-4, 1.0]
+    assert found == pytest.approx(by_python(table, volts), abs=2e-3)
