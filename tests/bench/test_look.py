@@ -18,6 +18,7 @@ from solen.bench.glance import Glance
 from solen.bench.rig import Rig
 from solen.bench.watch import Seen, WatchOptions, watch
 from solen.errors import BenchError, SpecError
+from solen.ranks import ranked
 from tests.bench.wire_support import Served
 from tests.bench.zaber_controller_support import ZaberDevice
 
@@ -96,15 +97,15 @@ def lamps(_: Levels) -> Any:
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        (cut, [r"A left \(input 2\) answers to no emitter and stands at 4.8 V"]),
-        (crossed, [r"A left \(input 2\) answers to emitter 2, not to 1", r"B left \(input 3\) .* emitter 1, not to 2"]),
-        (dead, ["B right .* no emitter", "B left .* no emitter", "emitter 2 is seen by no input"]),
-        (short, [r"A right \(input 1\) stands at 0.00\d+ V, lit or not"]),
+        (cut, [r"A left \(input 2\) at 4.8 V: answers to no emitter"]),
+        (crossed, [r"A left .* emitter 2 for 1: answers", r"B left \(input 3\), emitter 1 for 2: answers"]),
+        (dead, ["B right .* no emitter", "B left .* no emitter", "emitter 2: is seen by no input"]),
+        (short, [r"A right \(input 1\) at 0.00\d+ V: stays"]),
         (swapped, ["B right .* rises with its emitter on"]),
-        (bright, [r"A right .* pulled down by 71 % .* less load \(about 0.49 times\)"]),
-        (dim, [r"A right .* pulled down by 4 % .* more load \(about 9.9 times\)"]),
+        (bright, [r"A right .* down by 71 % .* 0.49 times its load: .* less load"]),
+        (dim, [r"A right .* down by 4 % .* 9.9 times its load: .* more load"]),
         (beyond, ["B left .* upper end of the range"]),
-        (lamps, ["varies by 21. mV with the emitters off: shade it"] * 4),
+        (lamps, ["21. mV: varies with the emitters off; shade it"] * 4),
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_named(change: Any, told: list[str]) -> None:
@@ -183,3 +184,15 @@ def test_a_stage_is_jogged_within_its_travel(tmp_path: Path) -> None:
         with pytest.raises(SpecError, match="give one of them"):
             jog(rig, JogOptions(to=1.0, by=1.0))
         assert len(device.axis.moves) == begun
+
+
+def test_several_wires_are_all_named_to_a_reader() -> None:
+    found = ranked(looked(dead).warnings)
+    assert len(found) == 2
+    assert any("emitter 2: is seen by no input" in line for line in found)
+
+    def all_dead(at: Levels) -> None:
+        at.pull[:] = 0.0
+
+    shown = " ".join(ranked(looked(all_dead).warnings))
+    assert all(name in shown for name in ("A right", "A left", "B right", "B left", "emitter 1", "emitter 2"))

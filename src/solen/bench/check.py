@@ -144,7 +144,7 @@ def judged(rig: Rig, glance: Glance) -> RigCheck:
     found = {one.name: {side: _input(one, side, glance) for side in ("right", "left")} for one in rig.sensor}
     faults = [line for one in rig.sensor for line in _faults(one, found[one.name], glance, mean, answers)]
     faults += [
-        f"emitter {number} is seen by no input: check its wire, its transistor and its supply"
+        f"emitter {number}: is seen by no input; check its wire, its transistor and its supply"
         for number, seen in enumerate(answers.any(axis=1).tolist(), 1)
         if not seen
     ]
@@ -176,20 +176,20 @@ def _apart(values: FloatArray) -> float:
 def _faults(
     sensor: SensorOf, found: dict[str, InputCheck], glance: Glance, mean: FloatArray, answers: FloatArray
 ) -> Iterator[str]:
-    """What is wrong with a sensor."""
+    """What is wrong with a sensor; what differs from one receiver to the next stands before the colon."""
     span = glance.high_V - glance.low_V
     for side, one in found.items():
         what = f"{sensor.name} {side} (input {one.input})"
         mine = answers[:, one.input - 1]
         strongest = int(np.argmax(np.abs(mean[:, one.input - 1]))) + 1
         if one.on_V < AT_RAIL * span and one.off_V < AT_RAIL * span:
-            yield f"{what} stands at {one.off_V:.3g} V, lit or not: a short, or far too much light"
+            yield f"{what} at {one.off_V:.3g} V: stays there, lit or not; a short, or far too much light"
         elif not mine.any():
-            yield f"{what} answers to no emitter and stands at {one.off_V:.3g} V: check its wire and its receiver"
+            yield f"{what} at {one.off_V:.3g} V: answers to no emitter; check its wire and its receiver"
         elif not mine[sensor.emitter - 1]:
-            yield f"{what} answers to emitter {strongest}, not to {sensor.emitter}: check the rig file and the wires"
+            yield f"{what}, emitter {strongest} for {sensor.emitter}: answers to another one; check rig file and wires"
         elif mean[sensor.emitter - 1, one.input - 1] < 0.0:
-            yield f"{what} rises with its emitter on: load and receiver are swapped"
+            yield f"{what}: rises with its emitter on; load and receiver are swapped"
         else:
             yield from _trimmed(what, one, glance)
 
@@ -198,17 +198,15 @@ def _trimmed(what: str, one: InputCheck, glance: Glance) -> Iterator[str]:
     """What a receiver that works could do better."""
     share, span = one.signal_V / max(one.off_V, 1e-9), glance.high_V - glance.low_V
     if one.off_V > glance.high_V - AT_RAIL * span:
-        yield f"{what} stands at the upper end of the range with its emitter off: what lies beyond is cut off"
+        yield f"{what}: stands at the upper end of the range with its emitter off; what lies beyond is cut off"
     if one.on_V < 0.05 * one.off_V:
-        yield f"{what} is at the bottom, {one.on_V:.3g} V, with its emitter on"
+        yield f"{what} at {one.on_V:.3g} V: is at the bottom with its emitter on"
     if share > MOST or share < LEAST:
         way = "less" if share > MOST else "more"
-        yield (
-            f"{what} is pulled down by {100 * share:.0f} % of its level at rest; turn its trimmer to {way} load "
-            f"(about {one.factor:.2g} times), or its emitter's"
-        )
+        numbers = f"pulled down by {100 * share:.0f} % at rest, about {one.factor:.2g} times its load"
+        yield f"{what}, {numbers}: turn its trimmer to {way} load, or its emitter's"
     if one.room_V > ROOM * one.signal_V and one.room_V > 3.0 * one.noise_V:
-        yield f"{what} varies by {1e3 * one.room_V:.0f} mV with the emitters off: shade it, or switch lamps off"
+        yield f"{what}, {1e3 * one.room_V:.0f} mV: varies with the emitters off; shade it, or switch lamps off"
 
 
 class JogOptions(Options):
