@@ -143,11 +143,8 @@ def judged(rig: Rig, glance: Glance) -> RigCheck:
     answers = np.abs(mean) > np.maximum(ANSWERS_SD * error, ANSWERS_V)
     found = {one.name: {side: _input(one, side, glance) for side in ("right", "left")} for one in rig.sensor}
     faults = [line for one in rig.sensor for line in _faults(one, found[one.name], glance, mean, answers)]
-    faults += [
-        f"emitter {number}: is seen by no input; check its wire, its transistor and its supply"
-        for number, seen in enumerate(answers.any(axis=1).tolist(), 1)
-        if not seen
-    ]
+    if dark := [str(number) for number, seen in enumerate(answers.any(axis=1).tolist(), 1) if not seen]:
+        faults.append(f"no input sees emitter {' and '.join(dark)}; check its wire, its transistor and its supply")
     rows = tuple(tuple(row) for row in mean.tolist())
     return RigCheck(rig.name, len(signal), found, rows, rig.simulated, tuple(faults))
 

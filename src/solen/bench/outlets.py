@@ -113,7 +113,8 @@ def _lsl(where: str, rest: str) -> Iterator[Outlet]:
     channels = info.desc().append_child("channels")
     for name in LSL_COLUMNS:
         channels.append_child("channel").append_child_value("label", name)
-    stream, header = pylsl.StreamOutlet(info), []
+    stream = pylsl.StreamOutlet(info)
+    header: list[str] = []
 
     def send(row: str) -> None:
         cells = row.split(",")
