@@ -16,7 +16,7 @@ from solen.bench.firmware.solen_board import ANSWER, HEAD_BYTES, START, TIME, UN
 from solen.bench.frames import HEAD, frame
 
 Counts = Callable[[FloatArray, IntArray], NDArray[np.uint16]]
-"""What inputs read at times (N,) with an emitter lit, from 0, or none, -1: (N, inputs)."""
+"""What inputs read at times (N,) of the run with an emitter lit, from 0, or none, -1: (N, inputs)."""
 
 
 class SimulatedHardware(Hardware):
@@ -25,6 +25,7 @@ class SimulatedHardware(Hardware):
     def __init__(self, counts: Counts, period_us: int, emitters: int, inputs: int) -> None:
         self.counts, self._asked = counts, (period_us // (2 * emitters), emitters, inputs)
         self.at_us, self.lit, self.sent = 0, -1, bytearray()
+        self.began_s = 0.0  # on the clock of the run
         self.most_steps_per_s = 20_000
         self.switched: list[tuple[int, int]] = []
         self.steps: list[tuple[int, int]] = []
@@ -37,7 +38,7 @@ class SimulatedHardware(Hardware):
         self.switched.append((self.at_us, emitter))
 
     def sample(self, buffer: bytearray, at: int, inputs: int) -> None:
-        read = self.counts(np.array([1e-6 * self.at_us]), np.array([self.lit]))[0]
+        read = self.counts(np.array([self.began_s + 1e-6 * self.at_us]), np.array([self.lit]))[0]
         buffer[at : at + 2 * inputs] = read[:inputs].astype("<u2").tobytes()
 
     def send(self, data: bytearray) -> None:
@@ -79,7 +80,7 @@ class BoardController:
 
     def __post_init__(self) -> None:
         self.core = Board(self.hardware, "solen emitter board (simulated)")
-        self._began_s = self.clock.now_s()
+        self.hardware.began_s = self.clock.now_s()
         setattr(self.hardware, "send", self._send)  # noqa: B010  the line's faults stand behind it
 
     @property
@@ -92,7 +93,7 @@ class BoardController:
 
         A call within another one's, from another thread, finds nothing new.
         """
-        until_us = round(1e6 * (self.clock.now_s() - self._began_s))
+        until_us = round(1e6 * (self.clock.now_s() - self.hardware.began_s))
         self._run(until_us)
         self.core.hear(data)
         said, self.hardware.sent = bytes(self.hardware.sent), bytearray()
