@@ -27,6 +27,7 @@ from solen.lens.profile import read_profile
 from solen.pipeline.design.designs import open_design
 from solen.pipeline.print.calibrate import calibrate_printer
 from solen.pipeline.print.predict import predict
+from solen.report.options import FigureOptions
 from solen.results import Outcome
 from solen.sensor import Sensor
 from solen.spec import template
@@ -73,7 +74,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, PrintedDesign]
         response=False,
         out=folder / "lens.json",
         compensate=folder / "drawn.toml",
-        figure=folder / "print.svg",
+        figure=FigureOptions(figure=folder / "print.svg"),
     )
     return folder, outcome.result
 
@@ -144,7 +145,7 @@ def test_the_response_of_both_lenses_is_traced(sensor: Path, tmp_path: Path) -> 
 @pytest.mark.parametrize("orientation", ["upright", "on-edge"])
 def test_other_orientations_have_steps(sensor: Path, tmp_path: Path, orientation: Orientation) -> None:
     options = PrintOptions(process=sure(tmp_path), orientation=orientation)
-    found = predict(sensor, options, response=False, figure=tmp_path / "a.svg").result
+    found = predict(sensor, options, response=False, figure=FigureOptions(figure=tmp_path / "a.svg")).result
     assert found.walls is None
     assert found.ripple.along == "profile"
     assert 5.0 < found.ripple.peak_to_valley_um < 40.0
@@ -265,7 +266,9 @@ def features_file(path: Path, **changes: Any) -> Path:
 def test_a_calibration_is_written_as_a_process(tmp_path: Path) -> None:
     coupons = features_file(tmp_path / "a.json")
     out = tmp_path / "p.toml"
-    outcome: Outcome[PrinterCalibration] = calibrate_printer([coupons], out=out, figure=tmp_path / "c.svg")
+    outcome: Outcome[PrinterCalibration] = calibrate_printer(
+        [coupons], out=out, figure=FigureOptions(figure=tmp_path / "c.svg")
+    )
     told = outcome.to_dict()
     strict(json.dumps(told, allow_nan=False))
     assert told["warnings"][0] == "the features are simulated, not measured"

@@ -27,6 +27,7 @@ from solen.cli.app import show_outcome
 from solen.cli.design.schema import commands, result_schema, result_type
 from solen.geometry.coupons import layout
 from solen.material.index import forward
+from solen.report.options import FigureOptions
 from solen.report.plot import FIGURES
 from solen.results import Outcome, Result
 from solen.spec import template
@@ -43,6 +44,7 @@ from tests.metrology.test_micrometer import picture as ruler
 from tests.pipeline.test_dose_files import discs, guides, layers, resin
 from tests.pipeline.test_fidelity_command import png as coupon_png
 from tests.pipeline.test_stiffness import pressed
+from tests.report.lettering import faults
 
 SCENE = Path(__file__).resolve().parents[1] / "scenes" / "oval-relay.json"
 DESIGN = "part/sensor.toml"
@@ -211,6 +213,15 @@ def test_a_result_is_drawn_where_its_command_draws(answers: dict[str, Answer], r
         assert answers[row].outcome.files["figure"].stat().st_size > 1000
     if "figure" in parameters or row == "run":
         assert isinstance(solen.plot(answers[row].outcome.result), Figure)
+
+
+@pytest.mark.parametrize("width_mm", [None, 85.0])
+@pytest.mark.parametrize("row", [row for row, arguments in ROWS.items() if "--figure" in arguments])
+def test_every_figure_is_legible(answers: dict[str, Answer], row: str, width_mm: float | None) -> None:
+    """No text cut off, under 6 pt or on another, no legend on data; also in a column of a journal."""
+    figure = solen.plot(answers[row].outcome.result, FigureOptions(width_mm=width_mm))
+    assert width_mm is None or figure.get_figwidth() == pytest.approx(width_mm / 25.4)
+    assert faults(figure) == []
 
 
 def test_parts_of_results_are_drawn(answers: dict[str, Answer]) -> None:

@@ -16,6 +16,7 @@ from solen.analysis import AnalysisOptions, Study, study
 from solen.cli import run_command
 from solen.errors import DataError, SpecError
 from solen.pipeline.bench import analyse as pipeline
+from solen.report.options import FigureOptions
 from tests.analysis.made_support import Protocol, Truth, made
 
 TRUTH = Truth(noise_V=0.01)
@@ -142,12 +143,14 @@ def test_smoothing_is_said_in_result_and_figures(tmp_path: Path) -> None:
     path = write(tmp_path / "one.csv", TRUTH)
     figure, traces = tmp_path / "response.svg", tmp_path / "traces.svg"
     options = AnalysisOptions(smooth_ms=25.0)
-    found = pipeline.analyse(path, options=options, figure=figure, traces=traces, out=tmp_path / "one.json")
+    found = pipeline.analyse(
+        path, options=options, figure=FigureOptions(figure=figure), traces=traces, out=tmp_path / "one.json"
+    )
     assert found.to_dict()["options"]["smooth_ms"] == 25.0
     for drawn in (figure, traces):
         assert "moving mean over 25 ms" in drawn.read_text(encoding="utf-8")
     assert json.loads((tmp_path / "one.json").read_text(encoding="utf-8"))["kind"] == "analysis"
-    pipeline.analyse(path, figure=figure)
+    pipeline.analyse(path, figure=FigureOptions(figure=figure))
     assert "moving mean" not in figure.read_text(encoding="utf-8")
 
 
@@ -155,7 +158,7 @@ def test_a_simulated_recording_is_called_so(tmp_path: Path) -> None:
     path = write(tmp_path / "one.csv", TRUTH)
     path.write_text("# simulated: yes\n" + path.read_text(encoding="utf-8"), encoding="utf-8")
     figure = tmp_path / "response.svg"
-    assert pipeline.analyse(path, figure=figure).result.simulated is True
+    assert pipeline.analyse(path, figure=FigureOptions(figure=figure)).result.simulated is True
     assert "simulated data" in figure.read_text(encoding="utf-8")
 
 
@@ -393,9 +396,11 @@ def test_an_hour_of_eight_receivers_at_200_hz(tmp_path: Path) -> None:
 HOUR = """
 import resource, sys
 from pathlib import Path
+from solen.report.options import FigureOptions
 from solen.pipeline.bench import analyse as pipeline
+from solen.report.options import FigureOptions
 file, folder = map(Path, sys.argv[1:])
-found = pipeline.analyse(file, figure=folder / "a.png", traces=folder / "b.png").result
+found = pipeline.analyse(file, figure=FigureOptions(figure=folder / "a.png"), traces=folder / "b.png").result
 assert [len(one.runs[0].motion.cycles) for one in found.sensors.values()] == 4 * [1499]
 used = resource.getrusage(resource.RUSAGE_SELF)
 print(used.ru_maxrss / (1024.0 if sys.platform == "linux" else 1024.0**2))

@@ -14,6 +14,7 @@ from solen.pipeline.resin.cure import cure
 from solen.pipeline.resin.cutback import cutback
 from solen.pipeline.resin.exposures import exposures
 from solen.pipeline.resin.penetration import penetration
+from solen.report.options import FigureOptions
 
 QUICK = settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 NUMBERS = st.one_of(
@@ -45,7 +46,7 @@ def one_line(refusal: SolenError) -> None:
 def test_any_table_of_guides(tmp_path: Path, rows: list[tuple[str, ...]]) -> None:
     path = kept(tmp_path / "guides.csv", "length_mm,power_mW,guide,orientation", rows)
     try:
-        is_sound(cutback(path, figure=tmp_path / "guides.svg").to_dict())
+        is_sound(cutback(path, figure=FigureOptions(figure=tmp_path / "guides.svg")).to_dict())
     except SolenError as refusal:
         one_line(refusal)
 
@@ -55,7 +56,7 @@ def test_any_table_of_guides(tmp_path: Path, rows: list[tuple[str, ...]]) -> Non
 def test_any_table_of_discs(tmp_path: Path, rows: list[tuple[str, ...]]) -> None:
     path = kept(tmp_path / "discs.csv", "dose_mJ_per_cm2,thickness_um,disc", rows)
     try:
-        is_sound(cure(path, DISCS, figure=tmp_path / "discs.svg").to_dict())
+        is_sound(cure(path, DISCS, figure=FigureOptions(figure=tmp_path / "discs.svg")).to_dict())
     except SolenError as refusal:
         one_line(refusal)
 
@@ -71,7 +72,7 @@ def test_any_absorbance(tmp_path: Path, rows: list[tuple[str, ...]], nm: float) 
     path = kept(tmp_path / "resin.csv", "wavelength_nm,absorbance", rows)
     try:
         options = PenetrationOptions(path_um=93.0, led_nm=nm, led_fwhm_nm=10.0)
-        is_sound(penetration(path, options, figure=tmp_path / "resin.svg").to_dict())
+        is_sound(penetration(path, options, figure=FigureOptions(figure=tmp_path / "resin.svg")).to_dict())
     except SolenError as refusal:
         one_line(refusal)
 
@@ -82,6 +83,6 @@ def test_any_exposures(tmp_path: Path, rows: list[tuple[str, ...]]) -> None:
     path = kept(tmp_path / "long.csv", "exposure_s,wavelength_nm,T,R", [(s, "450", t, r) for s, t, r in rows])
     try:
         options = ExposureOptions(wavelength_nm=(450.0,), thickness_um=25.0)
-        is_sound(exposures([path], options, figure=tmp_path / "long.svg").to_dict())
+        is_sound(exposures([path], options, figure=FigureOptions(figure=tmp_path / "long.svg")).to_dict())
     except SolenError as refusal:
         one_line(refusal)

@@ -13,6 +13,7 @@ from solen.errors import OutputError, SpecError
 from solen.pipeline.design import check as pipeline
 from solen.pipeline.design.designs import new, open_design
 from solen.pipeline.design.trace import trace
+from solen.report.options import FigureOptions
 from solen.sensor import LensOptions
 from solen.spec import load, template, template_names
 
@@ -156,7 +157,7 @@ def test_more_paths_than_a_reader_can_hold_are_refused(design: Path) -> None:
 def test_a_figure_of_rays_is_of_the_kind_its_name_says(design: Path, tmp_path: Path, suffix: str) -> None:
     starts = {".svg": b"<?xml", ".png": b"\x89PNG", ".pdf": b"%PDF"}
     target = tmp_path / f"rays at 1{suffix}"
-    found = trace(design, angle_deg=1.0, figure=target)
+    found = trace(design, angle_deg=1.0, figure=FigureOptions(figure=target))
     assert found.files == {"figure": target}
     assert target.read_bytes().startswith(starts[suffix.lower()])
     assert [path.name for path in tmp_path.iterdir()] == [target.name]

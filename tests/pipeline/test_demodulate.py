@@ -15,6 +15,7 @@ from solen.arrays import FloatArray
 from solen.errors import DataError, OutputError, SpecError
 from solen.pipeline.bench.demodulate import demodulate as outcome_of
 from solen.recording import read
+from solen.report.options import FigureOptions
 from tests.analysis.switching_support import PERIOD_S, stream, waveform
 
 
@@ -78,7 +79,7 @@ def test_a_waveform_is_demodulated_by_its_own_edges(tmp_path: Path) -> None:
     shaken = values + 0.2 * np.cos(2 * np.pi * 100.0 * time)[:, None] + 0.1 * time[:, None]
     path = written(tmp_path / "w.csv", "# simulated: yes\ntime_s,right (V),left (V)", time, shaken[:, 0], shaken[:, 1])
     options = DemodulationOptions(rate_hz=200.0)
-    found = outcome_of(path, options, out=tmp_path / "r.csv", figure=tmp_path / "r.svg").result
+    found = outcome_of(path, options, out=tmp_path / "r.csv", figure=FigureOptions(figure=tmp_path / "r.svg")).result
     assert found.method == "waveform"
     assert found.off_stated_ppm == pytest.approx(60.0, abs=30.0)
     assert found.readings_averaged is None

@@ -13,6 +13,7 @@ from solen.material.index import forward
 from solen.material.index.options import IndexOptions
 from solen.material.index.routes import AS_PUBLISHED
 from solen.pipeline.resin import index as pipeline
+from solen.report.options import FigureOptions
 
 NM = np.arange(500.0, 901.0, 10.0)
 N = 1.48 + 5e3 / NM**2
@@ -131,7 +132,9 @@ def test_as_published_is_an_explicit_mode_with_a_label(tmp_path: Path) -> None:
     nm, t = np.array([450.0, 500.0, 860.0]), np.array([0.8473, 0.8685, 0.8889])
     file = table(tmp_path, {"wavelength_nm": nm, "T": t})
     assert index(file, options())["mode"] == "lossless"
-    found = index(file, options(mode="as-published"), out=tmp_path / "n.json", figure=tmp_path / "n.svg")
+    found = index(
+        file, options(mode="as-published"), out=tmp_path / "n.json", figure=FigureOptions(figure=tmp_path / "n.svg")
+    )
     assert [round(n, 2) for n in found["n"]] == [1.54, 1.49, 1.44]
     assert (found["measurement"], found["warnings"][0]) == (False, AS_PUBLISHED)
     assert found["u_n"] == found["k"] == [None] * 3
@@ -264,7 +267,7 @@ def test_bad_options_are_told_in_one_line(tmp_path: Path, values: dict[str, Any]
 def test_nothing_is_written_where_something_is_refused(tmp_path: Path) -> None:
     file = table(tmp_path, {"wavelength_nm": NM, "T": T, "R": R})
     with pytest.raises(SolenError, match="a figure ends in"):
-        index(file, options(), out=tmp_path / "n.json", figure=tmp_path / "n.bmp")
+        index(file, options(), out=tmp_path / "n.json", figure=FigureOptions(figure=tmp_path / "n.bmp"))
     assert [path.name for path in tmp_path.iterdir()] == ["layer.csv"]
 
 

@@ -14,6 +14,7 @@ from solen.material.index import forward
 from solen.material.index.options import IndexOptions
 from solen.material.index.stack import Setup, Substrate, on_substrate
 from solen.pipeline.resin import index as pipeline
+from solen.report.options import FigureOptions
 
 NM = np.arange(420.0, 901.0, 5.0)
 N = 1.472 + 0.0049 / (NM * 1e-3) ** 2
@@ -190,7 +191,7 @@ def test_the_figure_shows_layer_and_formula(tmp_path: Path) -> None:
     t, r = on_substrate(N, 5e-5, 25.0, NM, Setup(SHEET))
     figure = tmp_path / "n.svg"
     options = IndexOptions(thickness_um=25.0, fit="cauchy", u_T="0.001", u_R="0.001", **ON_PET)
-    pipeline.index(table(tmp_path, T=t, R=r), options, figure=figure)
+    pipeline.index(table(tmp_path, T=t, R=r), options, figure=FigureOptions(figure=figure))
     text = figure.read_text(encoding="utf-8")
     assert "index of a layer on its substrate from R and T, both measured" in text
     assert "cauchy fit ± u" in text

@@ -12,6 +12,7 @@ import pytest
 
 from solen.errors import DataError, DesignError, OutputError, SpecError
 from solen.pipeline.design.readout import readout
+from solen.report.options import FigureOptions
 from solen.spec import template
 
 FAST = ("motion.step_deg=1.5", "emitter.width_mm=0.2")
@@ -144,8 +145,10 @@ def test_a_design_without_a_readout_is_refused(
 
 def test_files_are_written_or_none(design: Path, tmp_path: Path) -> None:
     with pytest.raises(OutputError, match=r"ends in \.json"):
-        readout(design, FAST, out=tmp_path / "a.csv", figure=tmp_path / "a.png")
-    found = readout(design, ("motion.step_deg=3",), out=tmp_path / "a.json", figure=tmp_path / "a.svg")
+        readout(design, FAST, out=tmp_path / "a.csv", figure=FigureOptions(figure=tmp_path / "a.png"))
+    found = readout(
+        design, ("motion.step_deg=3",), out=tmp_path / "a.json", figure=FigureOptions(figure=tmp_path / "a.svg")
+    )
     drawn = (tmp_path / "a.svg").read_text(encoding="utf-8")
     assert "simulated: Paper 860 nm" in drawn
     assert "brighter is lower" in drawn

@@ -11,6 +11,7 @@ from solen.errors import DataError, OutputError, SolenError, SpecError
 from solen.material import Cauchy
 from solen.material.index.refractometer import RefractometerOptions
 from solen.pipeline.resin.refractometer import refractometer
+from solen.report.options import FigureOptions
 
 
 def found(*n: float, u: float = 5e-4, **more: Any) -> dict[str, Any]:
@@ -67,7 +68,7 @@ def test_temperature_goes_into_the_uncertainty() -> None:
 def test_files_are_both_written_or_neither(tmp_path: Path) -> None:
     n, options = (1.5, 1.49), RefractometerOptions(u=(5e-4,), wavelength_nm=(450.0, 600.0))
     out, figure = tmp_path / "n.json", tmp_path / "n.svg"
-    result = refractometer(n, options, out=out, figure=figure).to_dict()
+    result = refractometer(n, options, out=out, figure=FigureOptions(figure=figure)).to_dict()
     written = json.loads(out.read_text(encoding="utf-8"))
     assert written["kind"] == "refractometer"
     assert written["n"] == result["n"]
@@ -75,7 +76,7 @@ def test_files_are_both_written_or_neither(tmp_path: Path) -> None:
     assert "literature of acrylates and photoresins" in text
     assert "measured" in text
     with pytest.raises(OutputError, match="a figure ends in"):
-        refractometer(n, options, out=tmp_path / "other.json", figure=tmp_path / "n.gif")
+        refractometer(n, options, out=tmp_path / "other.json", figure=FigureOptions(figure=tmp_path / "n.gif"))
     assert not (tmp_path / "other.json").exists()
 
 

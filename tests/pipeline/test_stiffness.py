@@ -23,6 +23,7 @@ from solen.material.stiffness import (
 )
 from solen.pipeline.resin.stiffness import stiffness
 from solen.recording import read
+from solen.report.options import FigureOptions
 
 CUBE = Dimensions(cube_mm=10)
 
@@ -59,7 +60,7 @@ def test_two_materials_of_two_cubes_each(tmp_path: Path) -> None:
     files = tuple(pressed(tmp_path / f"cube{n}.csv", m, seed=n) for n, m in enumerate(moduli))
     figure, table, out = tmp_path / "f.svg", tmp_path / "t.csv", tmp_path / "r.json"
     labels, options = ("a-PU", "a-PU", "ma-PU", "ma-PU"), StiffnessOptions(fit=("neo-hookean",))
-    outcome = stiffness(files, options, CUBE, labels=labels, figure=figure, csv=table, out=out)
+    outcome = stiffness(files, options, CUBE, labels=labels, figure=FigureOptions(figure=figure), csv=table, out=out)
     assert dict(outcome.files) == {"figure": figure, "csv": table, "out": out}
     found = outcome.result
     stiff, soft = found.groups

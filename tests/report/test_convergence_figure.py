@@ -28,7 +28,8 @@ def power() -> Convergence:
 
 
 def labels(figure: Figure) -> list[str]:
-    (legend,) = figure.legends
+    (legend,) = (axes.get_legend() for axes in figure.axes)
+    assert legend is not None
     return [text.get_text() for text in legend.get_texts()]
 
 

@@ -31,7 +31,6 @@ Set = Annotated[
         name="--set", negative=(), help="A key of the design and its value, as in --set lens.focus_mm=25; repeatable."
     ),
 ]
-FigureFile = Annotated[Path | None, Parameter(name="--figure", help="Draw the result into this .svg, .png or .pdf.")]
 Sheet = Annotated[
     str | None, Parameter(name="--sheet", help="Sheet of a workbook; default: the only one with numbers.")
 ]

@@ -7,30 +7,28 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from solen import __version__, files
 from solen.errors import OutputError, SpecError
-from solen.report.plot import plot
+from solen.report.options import FigureOptions
 from solen.results import Outcome, Result
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-FIGURE_KINDS = (".svg", ".png", ".pdf")
 R = TypeVar("R", bound=Result)
 
 
-def check_outputs(out: Path | None, *figures: Path | None) -> None:
-    """`OutputError` where the file of the result is not named .json, or a figure has no known format."""
+def check_outputs(out: Path | None, figure: FigureOptions) -> None:
+    """`OutputError` where the file of the result is not named .json, or the figure has no known format."""
     check_out(out)
-    for figure in figures:
-        check_figure(figure)
+    figure.check()
 
 
 def write(
     result: R,
     kind: str,
     out: Path | None = None,
-    figures: "Mapping[str, tuple[Path | None, Callable[[], Figure | bytes]]] | None" = None,
+    further: Mapping[str, tuple[Path | None, Callable[[], bytes]]] | None = None,
     *,
-    figure: Path | None = None,
+    figure: FigureOptions = FigureOptions(),
 ) -> Outcome[R]:
     """Write a result and its figures where they are asked for, all or none.
 
@@ -42,45 +40,39 @@ def write(
         What the result is, as its file states it for the commands that read it: ``index``, ``cutback``, ``cure``.
     out
         File of the result, or None.
-    figures
-        By the name that the outcome gives it: the file of a figure or None, and the function that draws it; of another
-        file, the function that gives its bytes.
+    further
+        Of further files, by the name that the outcome gives each: its path or None, and the function of its bytes.
     figure
-        File of the figure that `solen.report.plot` draws of the result, or None.
+        File and look of the figure that `solen.report.plot` draws of the result.
     """
-    figures = {"figure": (figure, lambda: plot(result))} | dict(figures or {})
-    chosen = {name: (path, draw) for name, (path, draw) in figures.items() if path is not None}
-    contents: dict[Path, files.Content] = {}
+    contents = drawn(result, figure, kind)
+    chosen = {name: (path, content) for name, (path, content) in (further or {}).items() if path is not None}
     if out is not None:
         data = {"kind": kind, "solen": __version__} | result.to_dict()
         contents[out] = (json.dumps(data, indent=1, allow_nan=False) + "\n").encode()
-    for path, draw in chosen.values():
-        content = draw()
-        contents[path] = content if isinstance(content, bytes) else _encoded(content, path, kind)
+    contents |= {path: content() for path, content in chosen.values()}
     files.write_all(contents)
-    places = {name: path for name, (path, _) in chosen.items()}
-    return Outcome(result, places if out is None else places | {"out": out})
+    return Outcome(result, named(figure=figure.figure, **{name: path for name, (path, _) in chosen.items()}, out=out))
 
 
-def drawn(result: Any, figure: Path | None, kind: str) -> dict[Path, files.Content]:
+def drawn(result: Any, figure: FigureOptions, kind: str) -> dict[Path, files.Content]:
     """File of the figure that `solen.report.plot` draws of a result, and what it holds; nothing without a file."""
-    return {} if figure is None else {figure: _encoded(plot(result), figure, kind)}
+    from solen.report.plot import figure_of
+
+    path = figure.figure
+    return {} if path is None else {path: figure_bytes(lambda: figure_of(result), path, kind, figure)}
+
+
+def figure_bytes(draw: "Callable[[], Figure]", path: Path, kind: str, look: FigureOptions) -> bytes:
+    """What the file of a figure holds; ``kind`` keeps the names inside apart from those of other figures."""
+    from solen.report import canvas
+
+    return canvas.encoded(canvas.drawn(draw, look), path.suffix.lower(), kind, look.dpi)
 
 
 def named(**paths: Path | None) -> dict[str, Path]:
     """Files of an outcome by their names, those that were asked for."""
     return {name: path for name, path in paths.items() if path is not None}
-
-
-def _encoded(figure: "Figure", path: Path, kind: str) -> bytes:
-    from solen.report import canvas
-
-    return canvas.encoded(figure, path.suffix.lower(), kind)
-
-
-def check_figure(figure: Path | None) -> None:
-    """`OutputError` where a figure has no known format."""
-    check_ending(figure, "a figure", *FIGURE_KINDS)
 
 
 def check_ending(path: Path | None, what: str, *endings: str) -> None:

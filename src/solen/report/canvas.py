@@ -1,21 +1,44 @@
-"""How every figure looks, and a figure as the bytes of a file that are the same for the same numbers."""
+"""How every figure looks, and a figure as the bytes of a file that are the same for the same numbers.
+
+A module of a figure draws it with the colours and `series` below at the size it likes; `drawn` sets the style around
+that and finishes the figure for the page it goes on. `encoded` writes it.
+"""
 
 import io
+import re
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import matplotlib as mpl
+from matplotlib.artist import Artist
 from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.colors import to_rgba_array
 from matplotlib.figure import Figure
+from matplotlib.font_manager import fontManager
+
+from solen.errors import SpecError
+from solen.report.finish import finish, titles_of
+from solen.report.options import FigureOptions
 
 RIGHT, LEFT, LOST, INK, SOFT = "#0072B2", "#D55E00", "#9aa0a6", "#22272e", "#d9dde1"
 SPACE, LOWER, HIGHER = "#009E73", "#56B4E9", "#CC79A7"
 SERIES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#22272e")
 """Colours of things of one kind, distinguishable with colour vision deficiency too (Okabe and Ito)."""
+LINES = ("-", (0, (5, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)), (0, (3, 1)), (0, (6, 1, 1, 1, 1, 1)), (0, (9, 2)))
+MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+"""Dashes and markers of the same things: nothing is told by its colour alone."""
+FONTS = ("Helvetica Neue", "Arial", "Liberation Sans", "DejaVu Sans")
 STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
+    "pdf.fonttype": 42,  # letters stay letters, as journals ask for
+    "ps.fonttype": 42,
     "font.family": "sans-serif",
-    "font.sans-serif": ["Helvetica Neue", "Arial", "DejaVu Sans"],
+    "font.sans-serif": list(FONTS),
     "font.size": 9,
+    "axes.titlesize": "medium",
+    "figure.titlesize": "medium",
+    "legend.fontsize": "small",
+    "legend.title_fontsize": "small",
     "axes.edgecolor": INK,
     "axes.labelcolor": INK,
     "xtick.color": INK,
@@ -26,7 +49,31 @@ STYLE: dict[Any, Any] = {
     "grid.color": SOFT,
     "grid.linewidth": 0.6,
     "legend.frameon": False,
+    "figure.constrained_layout.use": True,
 }
+
+
+def series(number: int, *, dots: bool = False) -> dict[str, Any]:
+    """Look of the one of several things that has this number: colour and dashes, or colour and marker of dots."""
+    place = number % len(SERIES)
+    return {"color": SERIES[place]} | ({"marker": MARKERS[place], "ls": ""} if dots else {"ls": LINES[place]})
+
+
+def style(look: FigureOptions = FigureOptions()) -> dict[Any, Any]:
+    """Settings of matplotlib for a look; `SpecError` where its font is not installed."""
+    installed = {font.name.casefold(): font.name for font in fontManager.ttflist}
+    names = [name for name in FONTS if name.casefold() in installed]
+    if look.font is not None:
+        if look.font.casefold() not in installed:
+            raise SpecError("--font", value=look.font, limit="is not installed", remedy="name a font of this computer")
+        names.insert(0, installed[look.font.casefold()])
+    return STYLE | {"font.size": look.size_pt, "font.sans-serif": names}
+
+
+def drawn(draw: Callable[[], Figure], look: FigureOptions = FigureOptions()) -> Figure:
+    """A figure in the style of all figures, finished for its page."""
+    with mpl.rc_context(style(look)):
+        return finish(draw(), look)
 
 
 def svg(figure: Figure, salt: str) -> str:
@@ -34,13 +81,43 @@ def svg(figure: Figure, salt: str) -> str:
     return encoded(figure, ".svg", salt).decode("utf-8")
 
 
-def encoded(figure: Figure, suffix: str, salt: str) -> bytes:
-    """A figure as the bytes of a file that ends in ``.svg``, ``.png`` or ``.pdf``; no date is in it."""
-    data = io.BytesIO()
+def encoded(figure: Figure, suffix: str, salt: str, dpi: int = 200) -> bytes:
+    """A figure as the bytes of a file of one of the `KINDS`, its titles in the description; no date is in it."""
+    data, title = io.BytesIO(), titles_of(figure)
     with mpl.rc_context({**STYLE, "svg.hashsalt": f"solen-{salt}"}):
         if suffix == ".svg":  # savefig would draw it twice, once for the layout: the bytes are the same
-            FigureCanvasSVG(figure).print_svg(data, metadata={"Date": None, "Creator": None})  # type: ignore[no-untyped-call]
+            stated = {"Date": None, "Creator": None} | ({"Title": title} if title else {})
+            FigureCanvasSVG(figure).print_svg(data, metadata=stated)  # type: ignore[no-untyped-call]
+        elif suffix == ".pdf":
+            figure.savefig(data, format="pdf", metadata={"CreationDate": None, "Title": title or None})
+        elif suffix == ".eps":
+            _without_transparency(figure)
+            figure.savefig(data, format="eps")
+            return re.sub(rb"%%(CreationDate|Title): .*\n", b"", data.getvalue())
+        elif suffix == ".png":
+            figure.savefig(data, format="png", dpi=dpi, metadata={"Title": title} if title else None)
         else:
-            no_date = {"CreationDate": None} if suffix == ".pdf" else None
-            figure.savefig(data, format=suffix[1:], dpi=200, metadata=no_date)
+            text = {"description": title.encode("ascii", "replace").decode()} if title else {}
+            figure.savefig(data, format="tiff", dpi=dpi, pil_kwargs={"compression": "tiff_lzw", **text})
     return data.getvalue()
+
+
+def _without_transparency(figure: Figure) -> None:
+    """Paint what shines through as it looks on white: PostScript knows no transparency and would paint it solid."""
+    for artist in _all(figure):
+        for part in ("facecolor", "edgecolor", "color"):
+            get, put = getattr(artist, f"get_{part}", None), getattr(artist, f"set_{part}", None)
+            if get is None or put is None:
+                continue
+            colours = to_rgba_array(get())
+            if len(colours) and (colours[:, 3] < 1.0).any() and (colours[:, 3] > 0.0).any():
+                colours[:, :3] = 1.0 - colours[:, 3:] * (1.0 - colours[:, :3])
+                colours[:, 3] = colours[:, 3] > 0.0
+                artist.set_alpha(None)
+                put(colours if len(colours) > 1 else tuple(colours[0]))
+
+
+def _all(artist: Artist) -> Iterator[Artist]:
+    yield artist
+    for child in artist.get_children():
+        yield from _all(child)

@@ -12,6 +12,8 @@ from solen.errors import OutputError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from solen.report.options import FigureOptions
+
 FIGURES = {
     "AsPrinted": "print.predict_figure:printed_figure",
     "Convergence": "design.figures:convergence_figure",
@@ -51,14 +53,30 @@ FIGURES = {
 """Functions of modules beside this one that take one result, by the name of its type."""
 
 
-def plot(result: Any) -> "Figure":
+def plot(result: Any, look: "FigureOptions | None" = None) -> "Figure":
     """Figure of a result, in the style of all figures of solen; a notebook shows it, ``savefig`` writes it.
+
+    Parameters
+    ----------
+    result
+        What a stage or a command returned.
+    look
+        Its page: width, lettering, panels, limits of axes. Its file is not written.
 
     Raises
     ------
     OutputError
         Where no figure is drawn of such a result.
+    SpecError
+        Where the look names a panel that is not there, or a font that is not installed.
     """
+    canvas = import_module("solen.report.canvas")
+    figure: Figure = canvas.drawn(lambda: figure_of(result), *([] if look is None else [look]))
+    return figure
+
+
+def figure_of(result: Any) -> "Figure":
+    """The figure as its module draws it, not yet finished for a page; raises as `plot` does."""
     kinds = [kind.__name__ for kind in type(result).__mro__ if kind.__name__ in FIGURES]
     if not kinds:
         limit = f"there is no figure of a {type(result).__name__}"

@@ -3,11 +3,13 @@
 import math
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Annotated
 
 from solen.analysis import ReceiverResponse, SensorResponse, Study
 from solen.analysis.timing import ReceiverTiming, Timing
-from solen.cli.app import FigureFile, Out, lines
+from solen.cli.app import FLAT, Out, lines
 from solen.cli.bench.recorded import ANALYSED, LENS, Analysed, split_files
+from solen.report.options import FigureOptions
 from solen.results import Outcome
 
 
@@ -16,7 +18,7 @@ def analyse(
     options: Analysed = ANALYSED,
     example: Path | None = None,
     traces: Path | None = None,
-    figure: FigureFile = None,
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     out: Out = None,
 ) -> Outcome[Study]:
     """Cycles, response curve and figures of merit of recorded sensors.

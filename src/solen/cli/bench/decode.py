@@ -9,10 +9,11 @@ from cyclopts import Parameter
 
 from solen.analysis.calibration import CalibrationOptions, DecodeOptions, Decoding, SensorCalibrations
 from solen.analysis.calibration.table import TableOptions
-from solen.cli.app import FLAT, SHOWN, FigureFile, lines
+from solen.cli.app import FLAT, SHOWN, lines
 from solen.cli.bench.recorded import ANALYSED, RECORDED, Analysed, Recorded, split_files
 from solen.pipeline.bench.table import DecodingTable
 from solen.ranks import ranked
+from solen.report.options import FigureOptions
 from solen.results import Outcome
 
 _File = Annotated[Path | None, Parameter(name="--out", help="Write the calibration to this .json.")]
@@ -26,7 +27,7 @@ def calibrate(
     analysis: Analysed = ANALYSED,
     options: Annotated[CalibrationOptions, FLAT] = CalibrationOptions(),
     schema: _Schema = False,
-    figure: FigureFile = None,
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     out: _File = None,
 ) -> Outcome[SensorCalibrations] | None:
     """Calibrate recorded sensors, voltages to angles, with what that is worth.

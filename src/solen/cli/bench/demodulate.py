@@ -9,7 +9,8 @@ from cyclopts import Parameter
 
 from solen.analysis.demodulation import Demodulation, DemodulationOptions
 from solen.analysis.demodulation.demodulate import Rejection
-from solen.cli.app import FLAT, FigureFile, Sheet, lines, short, text
+from solen.cli.app import FLAT, Sheet, lines, short, text
+from solen.report.options import FigureOptions
 from solen.results import Outcome
 
 Table = Annotated[Path | None, Parameter(name="--out", help="Write the readings to this .csv.")]
@@ -22,7 +23,7 @@ def demodulate(
     options: Annotated[DemodulationOptions, FLAT] = DemodulationOptions(),
     sheet: Sheet = None,
     out: Table = None,
-    figure: FigureFile = None,
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
 ) -> Outcome[Demodulation]:
     """Take ambient light out of a recording whose emitters switch on and off: on less off, with its uncertainty.
 

@@ -5,8 +5,9 @@ from pathlib import Path
 from typing import Annotated
 
 from solen.analysis.diagnosis import DiagnosisOptions, SensorDiagnoses
-from solen.cli.app import FigureFile, Out, lines, progress_bar
+from solen.cli.app import FLAT, Out, lines, progress_bar
 from solen.cli.bench.recorded import ANALYSED, LENS, Analysed, Flat, split_files
+from solen.report.options import FigureOptions
 from solen.results import Outcome
 
 
@@ -14,7 +15,7 @@ def diagnose(
     *files: Path,
     options: Annotated[DiagnosisOptions, Flat] = DiagnosisOptions(),
     analysis: Analysed = ANALYSED,
-    figure: FigureFile = None,
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     out: Out = None,
 ) -> Outcome[SensorDiagnoses]:
     """Diagnose a sensor from its recording: emitter decentre, chip width, loss, gains and offsets, with intervals.

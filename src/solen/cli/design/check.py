@@ -4,8 +4,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
 
-from solen.cli.app import FLAT, FigureFile, Set, lines, listing, text
+from solen.cli.app import FLAT, Set, lines, listing, text
 from solen.cli.design.trace import SCENE_SUFFIX, refuse_for_scene
+from solen.report.options import FigureOptions
 from solen.results import Outcome, scalars
 from solen.sensor import Check, Focus, LensCheck, LensOptions
 from solen.trace.described import SceneCheck
@@ -34,7 +35,7 @@ def lens(
     options: Annotated[LensOptions, FLAT] = LensOptions(),
     set_: Set = None,
     csv: Path | None = None,
-    figure: FigureFile = None,
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
 ) -> Outcome[LensCheck]:
     """Show the lens of a design: shape, acceptance, magnification, focus in the material it is made of.
 

@@ -6,11 +6,12 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from solen.cli.app import FLAT, FigureFile, Set, lines, listing, progress_bar
+from solen.cli.app import FLAT, Set, lines, listing, progress_bar
 from solen.errors import SpecError
 from solen.fabricate import ExportedSolid
 from solen.fabricate.layers import Slicing
 from solen.fabricate.seats import SeatOptions
+from solen.report.options import FigureOptions
 from solen.results import Outcome
 
 
@@ -32,7 +33,7 @@ def export(
     thickness_mm: str | None = None,
     tolerance_mm: float = 1e-3,
     set_: Set = None,
-    figure: FigureFile = None,
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
 ) -> Outcome[ExportedSolid]:
     """Write the solid and the drawings of a sensor, in mm; without a format, STL and 3MF.
 

@@ -3,9 +3,11 @@
 import math
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Annotated
 
-from solen.cli.app import FigureFile, Out, Set, lines, progress_bar, text
+from solen.cli.app import FLAT, Out, Set, lines, progress_bar, text
 from solen.readout import Setting
+from solen.report.options import FigureOptions
 from solen.results import Outcome
 from solen.sensor.readings import DesignReadings
 
@@ -14,7 +16,9 @@ ANY_LOAD_OHM = 1e8
 """Beyond it nothing limits a load."""
 
 
-def readout(file: Path, /, *, set_: Set = None, figure: FigureFile = None, out: Out = None) -> Outcome[DesignReadings]:
+def readout(
+    file: Path, /, *, set_: Set = None, figure: Annotated[FigureOptions, FLAT] = FigureOptions(), out: Out = None
+) -> Outcome[DesignReadings]:
     """Show the voltages of a design's receivers over its motion, with noise, and which load suits them.
 
     Parameters

@@ -2,8 +2,10 @@
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Annotated
 
-from solen.cli.app import FigureFile, Set, lines, progress_bar, short
+from solen.cli.app import FLAT, Set, lines, progress_bar, short
+from solen.report.options import FigureOptions
 from solen.results import Outcome
 from solen.sensor.traced import DesignConvergence, Sensitivities
 from solen.trace import Mode
@@ -16,7 +18,7 @@ def convergence(
     angle_deg: float = 0.0,
     mode: Mode = "power",
     set_: Set = None,
-    figure: FigureFile = None,
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
 ) -> Outcome[DesignConvergence]:
     """Show how the error falls with the number of rays, by fan, by Sobol' samples and by adaptive integration.
 
@@ -35,7 +37,12 @@ def convergence(
 
 
 def sensitivity(
-    file: Path, /, *keys: str, angle_deg: float = 0.0, set_: Set = None, figure: FigureFile = None
+    file: Path,
+    /,
+    *keys: str,
+    angle_deg: float = 0.0,
+    set_: Set = None,
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
 ) -> Outcome[Sensitivities]:
     """Show how the readings change with the numbers of the design, ranked by what a tolerance of each does.
 

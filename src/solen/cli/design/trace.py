@@ -9,8 +9,9 @@ from typing import Annotated
 from cyclopts import Parameter
 from pydantic import Field
 
-from solen.cli.app import FLAT, SHOWN, FigureFile, Set, lines, short
+from solen.cli.app import FLAT, SHOWN, Set, lines, short
 from solen.errors import SpecError
+from solen.report.options import FigureOptions
 from solen.results import Outcome
 from solen.sensor.traced import DesignTrace
 from solen.trace import Trace
@@ -36,7 +37,7 @@ def trace(
     no_lens: bool = False,
     set_: Set = None,
     paths: bool = False,
-    figure: FigureFile = None,
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     netcdf: Annotated[Path | None, Parameter(help="Write everything that was found to this .nc file.")] = None,
 ) -> Outcome[DesignTrace | SceneTrace]:
     """Trace a design at one angle of its motion, or a scene: solen's own or one of ray-optics, a .json file.

@@ -6,8 +6,9 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from solen.cli.app import FigureFile, lines
+from solen.cli.app import FLAT, lines
 from solen.fabricate.process import PrinterCalibration
+from solen.report.options import FigureOptions
 from solen.results import Outcome
 
 
@@ -17,7 +18,7 @@ def calibrate(
     *,
     process: Path | None = None,
     out: Annotated[Path | None, Parameter(name="--out", help="Write the process to this .toml.")] = None,
-    figure: FigureFile = None,
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
 ) -> Outcome[PrinterCalibration]:
     """Find a printer's blur, edge growth and shrinkage from measured coupons, for solen print predict.
 

@@ -6,10 +6,11 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from solen.cli.app import FLAT, FigureFile, lines
+from solen.cli.app import FLAT, lines
 from solen.errors import SpecError
 from solen.fabricate.coupons import CouponOutput, CouponSet, coupon_set
 from solen.geometry.coupons import CouponOptions
+from solen.report.options import FigureOptions
 from solen.results import Outcome
 
 
@@ -20,7 +21,7 @@ def coupons(
     listing: Annotated[bool, Parameter(name="--list")] = False,
     options: Annotated[CouponOptions, FLAT] = CouponOptions(),
     output: Annotated[CouponOutput, FLAT] = CouponOutput(),
-    figure: FigureFile = None,
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
 ) -> Outcome[CouponSet]:
     """Write the coupons that show what a printer and a resin can do: STL, 3MF, plan and job of each.
 

@@ -6,9 +6,10 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from solen.cli.app import FLAT, FigureFile, lines, short
+from solen.cli.app import FLAT, lines, short
 from solen.metrology.coupons import CouponMeasurement, Limit
 from solen.metrology.zmap import ZMapOptions
+from solen.report.options import FigureOptions
 from solen.results import Outcome
 
 Choose = Annotated[
@@ -32,7 +33,7 @@ def fidelity(
     job: Path | None = None,
     options: Annotated[ZMapOptions, FLAT] = ZMapOptions(),
     set_: Choose = None,
-    figure: FigureFile = None,
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     out: Annotated[
         Path | None, Parameter(help="Write the result, with nominal and measured sizes, to this .json.")
     ] = None,

@@ -6,9 +6,10 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from solen.cli.app import FLAT, FigureFile, Set, lines
+from solen.cli.app import FLAT, Set, lines
 from solen.metrology.inspection import InspectOptions, LensInspection
 from solen.metrology.print_fit import PrintFit
+from solen.report.options import FigureOptions
 from solen.results import Outcome
 
 Profile = Annotated[
@@ -25,7 +26,7 @@ def inspect(
     options: Annotated[InspectOptions, FLAT] = InspectOptions(),
     against: Annotated[list[Path] | None, Parameter(negative=())] = None,
     set_: Set = None,
-    figure: FigureFile = None,
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     out: Profile = None,
 ) -> Outcome[LensInspection]:
     """Measure a printed lens in a picture: its outline, its deviations from the design, the nearest of several designs.

@@ -4,11 +4,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
 
-from solen.cli.app import FLAT, FigureFile, Set, lines, listing, progress_bar
+from solen.cli.app import FLAT, Set, lines, listing, progress_bar
 from solen.fabricate.layers import LayeredPrint, Slicing
 from solen.fabricate.seats import SeatOptions
 from solen.parts import PrinterList, PrinterSummary
 from solen.parts import printers as library
+from solen.report.options import FigureOptions
 from solen.results import Outcome
 
 
@@ -21,7 +22,7 @@ def layers(
     seats: Annotated[SeatOptions, FLAT] = SeatOptions(),
     set_: Set = None,
     run: str | None = None,
-    figure: FigureFile = None,
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
 ) -> Outcome[LayeredPrint]:
     """Cut a design, a coupon's job or a mesh into anti-aliased layers for a printer, with STL and settings.
 

@@ -6,8 +6,9 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from solen.cli.app import FLAT, FigureFile, Set, lines, progress_bar
+from solen.cli.app import FLAT, Set, lines, progress_bar
 from solen.fabricate.process import PrintedDesign, PrintOptions
+from solen.report.options import FigureOptions
 from solen.results import Outcome
 from solen.sensor.print_loss import EmitterLoss, PrintLoss
 
@@ -22,7 +23,7 @@ def predict(
     response: Annotated[bool, Parameter(negative="--no-response")] = True,
     set_: Set = None,
     out: Annotated[Path | None, Parameter(name="--out", help="Write the printed lens's profile to this .json.")] = None,
-    figure: FigureFile = None,
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
 ) -> Outcome[PrintedDesign]:
     """Predict the lens that the printer makes of a design: how far from the wanted one, and what response is lost.
 

@@ -4,9 +4,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
 
-from solen.cli.app import FLAT, FigureFile, Out, Sheet, lines
+from solen.cli.app import FLAT, Out, Sheet, lines
 from solen.material.cure import CureOptions, MeasuredCurve
 from solen.material.cure.discs import LayerExposure, LayerNeed
+from solen.report.options import FigureOptions
 from solen.results import Outcome
 
 
@@ -16,7 +17,7 @@ def cure(
     *,
     options: Annotated[CureOptions, FLAT] = CureOptions(),
     sheet: Sheet = None,
-    figure: FigureFile = None,
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     out: Out = None,
 ) -> Outcome[MeasuredCurve]:
     """Fit the working curve of a resin, Dc = Dp ln(E/Ec), and say what it means for a print in layers.

@@ -4,9 +4,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
 
-from solen.cli.app import FLAT, FigureFile, Out, Sheet, lines
+from solen.cli.app import FLAT, Out, Sheet, lines
 from solen.material.loss import CutbackOptions, GuideLoss
 from solen.material.loss.cutback import LAYER_UM, U_T
+from solen.report.options import FigureOptions
 from solen.results import Outcome
 
 
@@ -16,7 +17,7 @@ def cutback(
     *,
     options: Annotated[CutbackOptions, FLAT] = CutbackOptions(),
     sheet: Sheet = None,
-    figure: FigureFile = None,
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     out: Out = None,
 ) -> Outcome[GuideLoss]:
     """Compute the loss of a guide in dB/cm from the power that guides of several lengths transmit.

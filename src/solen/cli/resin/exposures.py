@@ -6,8 +6,9 @@ from typing import Annotated
 
 import numpy as np
 
-from solen.cli.app import FLAT, FigureFile, Out, Sheet, lines
+from solen.cli.app import FLAT, Out, Sheet, lines
 from solen.material.cure.exposures import ExposureOptions, ExposureTrends, Trend
+from solen.report.options import FigureOptions
 from solen.results import Outcome
 
 
@@ -17,7 +18,7 @@ def exposures(
     *,
     options: Annotated[ExposureOptions, FLAT] = ExposureOptions(),
     sheet: Sheet = None,
-    figure: FigureFile = None,
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     out: Out = None,
 ) -> Outcome[ExposureTrends]:
     """Compare the transmittance of layers by their exposure, and the index where R was measured.

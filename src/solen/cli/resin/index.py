@@ -4,10 +4,11 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Annotated
 
-from solen.cli.app import FLAT, FigureFile, Out, Sheet, lines, short
+from solen.cli.app import FLAT, Out, Sheet, lines, short
 from solen.material.index.illuminant import Evaluated
 from solen.material.index.layer import LayerIndex
 from solen.material.index.options import IndexOptions
+from solen.report.options import FigureOptions
 from solen.results import Outcome, plain
 
 MOST_ROWS = 12
@@ -20,7 +21,7 @@ def index(
     *,
     options: Annotated[IndexOptions, FLAT] = IndexOptions(),
     sheet: Sheet = None,
-    figure: FigureFile = None,
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     out: Out = None,
 ) -> Outcome[LayerIndex]:
     """Compute the index of a printed layer from its spectra, with its uncertainty.

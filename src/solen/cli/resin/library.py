@@ -6,11 +6,12 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel
 
-from solen.cli.app import FLAT, FigureFile, lines, listing, short, text
+from solen.cli.app import FLAT, lines, listing, short, text
 from solen.material.facts import IndexAt, ResinFacts, ResinList, ShowOptions, listed
 from solen.material.mix import MixOptions, Mixtures, Weighed, mixtures
 from solen.material.resin import Source
 from solen.material.resin_from_results import BuildOptions
+from solen.report.options import FigureOptions
 from solen.results import Outcome
 
 
@@ -62,7 +63,11 @@ def list_() -> Outcome[ResinList]:
 
 
 def show(
-    name: str, /, *, options: Annotated[ShowOptions, FLAT] = ShowOptions(), figure: FigureFile = None
+    name: str,
+    /,
+    *,
+    options: Annotated[ShowOptions, FLAT] = ShowOptions(),
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
 ) -> Outcome[ResinFacts]:
     """Show everything that a resin says, and its index at wavelengths.
 

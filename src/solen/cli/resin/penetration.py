@@ -6,8 +6,9 @@ from typing import Annotated
 
 import numpy as np
 
-from solen.cli.app import FLAT, FigureFile, Out, Sheet, lines
+from solen.cli.app import FLAT, Out, Sheet, lines
 from solen.material.cure.penetration import Penetration, PenetrationOptions
+from solen.report.options import FigureOptions
 from solen.results import Outcome
 
 
@@ -17,7 +18,7 @@ def penetration(
     *,
     options: Annotated[PenetrationOptions, FLAT],
     sheet: Sheet = None,
-    figure: FigureFile = None,
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     out: Out = None,
 ) -> Outcome[Penetration]:
     """Compute the penetration depth of a resin from its absorbance, Dp = path / (A ln 10), in a lamp's light.

@@ -3,9 +3,10 @@
 from collections.abc import Iterator
 from typing import Annotated
 
-from solen.cli.app import FLAT, FigureFile, Out, lines, short
+from solen.cli.app import FLAT, Out, lines, short
 from solen.cli.resin.index import evaluated_lines
 from solen.material.index.refractometer import RefractometerIndex, RefractometerOptions
+from solen.report.options import FigureOptions
 from solen.results import Outcome
 
 _SHOWN_NM = (450.0, 500.0, 650.0, 750.0, 860.0, 950.0)
@@ -16,7 +17,7 @@ def refractometer(
     /,
     *,
     options: Annotated[RefractometerOptions, FLAT],
-    figure: FigureFile = None,
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     out: Out = None,
 ) -> Outcome[RefractometerIndex]:
     """Extend an index that a refractometer or an ellipsometer measured over wavelength, by what polymers share.

@@ -4,9 +4,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
 
-from solen.cli.app import FLAT, FigureFile, Sheet, lines
+from solen.cli.app import FLAT, Sheet, lines
 from solen.material.rows import RowOptions
 from solen.recording.spectrum import Listing
+from solen.report.options import FigureOptions
 from solen.results import Outcome
 
 
@@ -17,7 +18,7 @@ def spectra(
     rows: Annotated[RowOptions, FLAT] = RowOptions(),
     sheet: Sheet = None,
     trace: tuple[str, ...] = (),
-    figure: FigureFile = None,
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
 ) -> Outcome[Listing]:
     """List the spectra in a file: traces, quantities, units, wavelengths, and what to beware of.
 

@@ -6,8 +6,9 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from solen.cli.app import FLAT, FigureFile, Out, Sheet, lines, text
+from solen.cli.app import FLAT, Out, Sheet, lines, text
 from solen.material.stiffness import Dimensions, Evaluated, Fit, MaterialStiffness, MeasuredStiffness, StiffnessOptions
+from solen.report.options import FigureOptions
 from solen.results import Outcome
 
 _SEVERAL = Parameter(consume_multiple=True)
@@ -26,7 +27,7 @@ def stiffness(
     columns: _Texts | None = None,
     sheet: Sheet = None,
     csv: Path | None = None,
-    figure: FigureFile = None,
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     out: Out = None,
 ) -> Outcome[MeasuredStiffness]:
     """Compute modulus, cycles and a hyperelastic model from compression and tension tests.

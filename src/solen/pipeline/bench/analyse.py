@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING
 from solen import files
 from solen.analysis import AnalysisOptions, Study, study
 from solen.errors import OutputError
-from solen.pipeline.outputs import check_outputs, write
+from solen.pipeline.outputs import check_out, figure_bytes, write
+from solen.report.options import FigureOptions
 from solen.results import Outcome
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    pass
 
 EXAMPLE = "rotation-simulated.csv"
 
@@ -20,7 +21,7 @@ def analyse(
     *recordings: Path,
     options: AnalysisOptions | None = None,
     out: Path | None = None,
-    figure: Path | None = None,
+    figure: FigureOptions = FigureOptions(),
     traces: Path | None = None,
 ) -> Outcome[Study]:
     """Response and figures of merit of each sensor.
@@ -39,15 +40,16 @@ def analyse(
     DataError, SpecError, OutputError
         In one line, where a file, an option or an output is not what it should be.
     """
-    check_outputs(out, figure, traces)
-    if figure is not None and figure == traces:
+    check_out(out)
+    figure.check(traces)
+    if traces is not None and figure.figure == traces:
         raise OutputError(str(traces), limit="is the name of both figures", remedy="give each its own")
     result = study(recordings, options)
 
-    def over_time() -> "Figure":
+    def over_time() -> bytes:
         from solen.report.bench.traces import traces_figure
 
-        return traces_figure(result)
+        return figure_bytes(lambda: traces_figure(result), traces or Path(), "traces", figure)
 
     return write(result, "analysis", out, {"traces": (traces, over_time)}, figure=figure)
 

@@ -10,6 +10,7 @@ from solen.analysis.calibration.file import text_of
 from solen.analysis.study import in_volts
 from solen.errors import OutputError
 from solen.pipeline.outputs import check_outputs, drawn, named
+from solen.report.options import FigureOptions
 from solen.results import Outcome
 
 
@@ -18,7 +19,7 @@ def calibrate(
     options: CalibrationOptions | None = None,
     analysis: AnalysisOptions | None = None,
     out: Path | None = None,
-    figure: Path | None = None,
+    figure: FigureOptions = FigureOptions(),
 ) -> Outcome[SensorCalibrations]:
     """Calibrations of recorded sensors, written to files: beside the recordings, or the only one to ``out``.
 
@@ -42,4 +43,4 @@ def calibrate(
         place: text_of(one).encode("utf-8") for place, one in zip(places.values(), made, strict=True)
     }
     files.write_all(contents | drawn(result, figure, "calibration"))
-    return Outcome(result, places | named(figure=figure))
+    return Outcome(result, places | named(figure=figure.figure))

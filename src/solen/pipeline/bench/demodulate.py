@@ -4,8 +4,9 @@ from pathlib import Path
 
 from solen import files
 from solen.analysis.demodulation import Demodulation, DemodulationOptions, demodulated, readings_csv
-from solen.pipeline.outputs import check_figure, check_table, drawn, named
+from solen.pipeline.outputs import check_table, drawn, named
 from solen.recording import read
+from solen.report.options import FigureOptions
 from solen.results import Outcome
 
 
@@ -15,7 +16,7 @@ def demodulate(
     *,
     sheet: str | None = None,
     out: Path | None = None,
-    figure: Path | None = None,
+    figure: FigureOptions = FigureOptions(),
 ) -> Outcome[Demodulation]:
     """Readings of a recording without its ambient light; ``out`` is a .csv table of them.
 
@@ -24,7 +25,7 @@ def demodulate(
     DataError, SpecError, OutputError
         In one line, where the file, an option or an output is not what it should be.
     """
-    check_figure(figure)
+    figure.check()
     check_table(out, "readings")
     recording = read(file, sheet=sheet)
     result = demodulated(recording, options)
@@ -32,4 +33,4 @@ def demodulate(
     if out is not None:
         contents[out] = readings_csv(result, recording).encode("utf-8")
     files.write_all(contents)
-    return Outcome(result, named(figure=figure, out=out))
+    return Outcome(result, named(figure=figure.figure, out=out))

@@ -7,6 +7,7 @@ from solen.analysis.diagnosis import DiagnosisOptions, SensorDiagnoses, diagnose
 from solen.analysis.study import in_volts
 from solen.arrays import Progress
 from solen.pipeline.outputs import check_outputs, write
+from solen.report.options import FigureOptions
 from solen.results import Outcome
 
 
@@ -15,7 +16,7 @@ def diagnose(
     options: DiagnosisOptions | None = None,
     analysis: AnalysisOptions | None = None,
     out: Path | None = None,
-    figure: Path | None = None,
+    figure: FigureOptions = FigureOptions(),
     progress: Progress | None = None,
 ) -> Outcome[SensorDiagnoses]:
     """Diagnosis of each sensor.

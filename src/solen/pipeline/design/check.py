@@ -4,7 +4,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from solen.pipeline.design.designs import open_design
-from solen.pipeline.outputs import check_figure, write
+from solen.pipeline.outputs import write
+from solen.report.options import FigureOptions
 from solen.results import Outcome
 from solen.sensor import Check, LensCheck, LensOptions, Sensor, lens_check
 from solen.sensor import check as check_sensor
@@ -27,10 +28,10 @@ def lens(
     options: LensOptions = LensOptions(),
     *,
     csv: Path | None = None,
-    figure: Path | None = None,
+    figure: FigureOptions = FigureOptions(),
 ) -> Outcome[LensCheck]:
     """Numbers of a design's lens, its profile as a table of x, z and its figure where they are asked for."""
-    check_figure(figure)
+    figure.check()
     sensor = Sensor.of(open_design(path, assignments))
     table = {"profile": (csv, lambda: sensor.lens.table(options.tolerance_mm).encode())}
     return write(lens_check(sensor), "lens", None, table, figure=figure)

@@ -9,8 +9,9 @@ from solen.fabricate import FORMATS, USUAL, Export, ExportedSolid, exported_soli
 from solen.fabricate.layers import Slicing, printable_design
 from solen.pipeline.design.designs import open_design
 from solen.pipeline.names import stem_of
-from solen.pipeline.outputs import check_figure, drawn
+from solen.pipeline.outputs import drawn
 from solen.pipeline.print.layers import layer_files, with_figure
+from solen.report.options import FigureOptions
 from solen.results import Outcome
 from solen.sensor import Sensor
 from solen.spec import Design
@@ -23,7 +24,7 @@ def export(
     assignments: Sequence[str] = (),
     *,
     tolerance_mm: float = 1e-3,
-    figure: Path | None = None,
+    figure: FigureOptions = FigureOptions(),
     slicing: Slicing | None = None,
     progress: Progress = lambda _: None,
 ) -> Outcome[ExportedSolid]:
@@ -53,7 +54,7 @@ def export(
     SolenError
         Where the design cannot be made, an extra is missing, or a file cannot be written; nothing is written then.
     """
-    check_figure(figure)
+    figure.check()
     chosen = [kind for kind in FORMATS if kind in (formats or (USUAL if slicing is None else ()))]
     for kind in chosen:
         FORMATS[kind].needs()
@@ -62,13 +63,13 @@ def export(
     made = Export(part, Sensor.of(part).body(), tolerance_mm)
     stem = stem_of(path)
     with files.output_folder(out):
-        targets = with_figure({kind: out / f"{stem}{FORMATS[kind].ending}" for kind in chosen}, figure)
+        targets = with_figure({kind: out / f"{stem}{FORMATS[kind].ending}" for kind in chosen}, figure.figure)
         contents: dict[Path, files.Content] = {targets[kind]: FORMATS[kind].write(made) for kind in chosen}
         contents |= drawn(made, figure, "solid")
         layers = None
         if slicing is not None:
             printable = printable_design(part, made.part, path, slicing)
-            layers = layer_files(printable, slicing, out, stem, None, progress)
+            layers = layer_files(printable, slicing, out, stem, FigureOptions(), progress)
             targets |= layers.targets
             contents |= layers.contents()
         files.write_all(contents)

@@ -7,6 +7,7 @@ from pathlib import Path
 from solen.arrays import Progress
 from solen.pipeline.design.designs import open_design, provenance_of
 from solen.pipeline.outputs import check_outputs, write
+from solen.report.options import FigureOptions
 from solen.results import Outcome
 from solen.sensor import Sensor
 from solen.sensor.readings import DesignReadings, design_readings
@@ -16,7 +17,7 @@ def readout(
     path: Path,
     assignments: Sequence[str] | None = None,
     *,
-    figure: Path | None = None,
+    figure: FigureOptions = FigureOptions(),
     out: Path | None = None,
     progress: Progress | None = None,
 ) -> Outcome[DesignReadings]:

@@ -7,7 +7,8 @@ from solen import files
 from solen.arrays import Progress
 from solen.errors import OutputError, SpecError
 from solen.pipeline.design.designs import open_design
-from solen.pipeline.outputs import check_figure, drawn, named, write
+from solen.pipeline.outputs import drawn, named, write
+from solen.report.options import FigureOptions
 from solen.results import Outcome
 from solen.sensor import Sensor
 from solen.sensor.traced import (
@@ -32,7 +33,7 @@ def trace(
     *,
     angle_deg: float = 0.0,
     paths: bool = False,
-    figure: Path | None = None,
+    figure: FigureOptions = FigureOptions(),
     netcdf: Path | None = None,
 ) -> Outcome[DesignTrace]:
     """Trace a design at one angle."""
@@ -56,7 +57,7 @@ def trace_file(
     options: TraceOptions = TraceOptions(),
     *,
     paths: bool = False,
-    figure: Path | None = None,
+    figure: FigureOptions = FigureOptions(),
     netcdf: Path | None = None,
 ) -> Outcome[SceneTrace]:
     """Trace a scene's file, solen's own or one of ray-optics."""
@@ -64,9 +65,9 @@ def trace_file(
     file = open_scene(path, facets=options.mode is None)
     if paths:
         check_paths(file.scene)
-    if figure is not None and file.scene.extrusion is not None:
+    if figure.figure is not None and file.scene.extrusion is not None:
         raise SpecError("--figure", limit="draws the plane, and these rays are in space", remedy="leave it out")
-    traced = trace_scene(file, options, paths=paths or figure is not None)
+    traced = trace_scene(file, options, paths=paths or figure.figure is not None)
     result = described(file, traced, paths=paths)
 
     attributes: Attributes = {"name": result.name, "format": result.format}
@@ -79,10 +80,10 @@ def convergence(
     *,
     mode: Mode = "power",
     angle_deg: float = 0.0,
-    figure: Path | None = None,
+    figure: FigureOptions = FigureOptions(),
 ) -> Outcome[DesignConvergence]:
     """Error against rays of a design at one angle, for each way to choose the rays."""
-    check_figure(figure)
+    figure.check()
     sensor = Sensor.of(with_values(open_design(path, assignments), {"trace.mode": mode}))
     return write(design_convergence(sensor, angle_deg), "convergence", figure=figure)
 
@@ -93,17 +94,17 @@ def sensitivity(
     assignments: Sequence[str] | None = None,
     *,
     angle_deg: float = 0.0,
-    figure: Path | None = None,
+    figure: FigureOptions = FigureOptions(),
     progress: Progress | None = None,
 ) -> Outcome[Sensitivities]:
     """Derivatives of a design's readings at one angle by its numbers."""
-    check_figure(figure)
+    figure.check()
     result = sensitivities(Sensor.of(open_design(path, assignments)), keys, angle_deg, progress)
     return write(result, "sensitivity", figure=figure)
 
 
-def _check_outputs(figure: Path | None, netcdf: Path | None) -> None:
-    check_figure(figure)
+def _check_outputs(figure: FigureOptions, netcdf: Path | None) -> None:
+    figure.check()
     if netcdf is None:
         return
     if netcdf.suffix.lower() != ".nc":
@@ -112,11 +113,11 @@ def _check_outputs(figure: Path | None, netcdf: Path | None) -> None:
 
 
 def _written(
-    trace: Trace, attributes: Attributes, kind: str, figure: Path | None, netcdf: Path | None
+    trace: Trace, attributes: Attributes, kind: str, figure: FigureOptions, netcdf: Path | None
 ) -> dict[str, Path]:
     """Write figure and netCDF, both or neither."""
     contents = drawn(trace, figure, kind)
     if netcdf is not None:
         contents[netcdf] = writer(trace, attributes)
     files.write_all(contents)
-    return named(figure=figure, netcdf=netcdf)
+    return named(figure=figure.figure, netcdf=netcdf)

@@ -13,12 +13,13 @@ from solen.fabricate.process import (
     read_features,
     read_process,
 )
-from solen.pipeline.outputs import check_ending, check_figure, drawn, named
+from solen.pipeline.outputs import check_ending, drawn, named
+from solen.report.options import FigureOptions
 from solen.results import Outcome
 
 
 def calibrate_printer(
-    paths: Sequence[Path], process: Path | None = None, out: Path | None = None, figure: Path | None = None
+    paths: Sequence[Path], process: Path | None = None, out: Path | None = None, figure: FigureOptions = FigureOptions()
 ) -> Outcome[PrinterCalibration]:
     """Find a process's blur, edge and shrinkage from measured coupons.
 
@@ -39,7 +40,7 @@ def calibrate_printer(
     SolenError
         Where a file cannot be read, or its features determine too little; nothing is written then.
     """
-    check_figure(figure)
+    figure.check()
     check_ending(out, "a process", ".toml")
     if not paths:
         raise DataError("coupons", limit="no file of features", remedy="name one or more")
@@ -51,4 +52,4 @@ def calibrate_printer(
         comment = f"# Written by solen {__version__} print calibrate.\n"
         contents[out] = (comment + process_text(fit.process)).encode()
     files.write_all(contents)
-    return Outcome(fit, named(figure=figure, out=out))
+    return Outcome(fit, named(figure=figure.figure, out=out))

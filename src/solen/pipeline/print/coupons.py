@@ -5,8 +5,9 @@ from pathlib import Path
 from solen import files
 from solen.fabricate.coupons import CouponOutput, CouponSet, written_coupons
 from solen.geometry.coupons import CouponOptions
-from solen.pipeline.outputs import check_figure, drawn
+from solen.pipeline.outputs import drawn
 from solen.pipeline.print.layers import with_figure
+from solen.report.options import FigureOptions
 from solen.results import Outcome
 
 
@@ -16,7 +17,7 @@ def coupons(
     options: CouponOptions = CouponOptions(),
     output: CouponOutput = CouponOutput(),
     *,
-    figure: Path | None = None,
+    figure: FigureOptions = FigureOptions(),
 ) -> Outcome[CouponSet]:
     """Write STL, 3MF, job and plan of coupons into a folder.
 
@@ -36,10 +37,10 @@ def coupons(
     SolenError
         Where a coupon cannot be made or a file not be written; nothing is written then.
     """
-    check_figure(figure)
+    figure.check()
     laid_out, made = written_coupons(only, options, output)
     with files.output_folder(out):
-        targets = with_figure({name: out / name for name in made}, figure)
+        targets = with_figure({name: out / name for name in made}, figure.figure)
         contents: dict[Path, files.Content] = {targets[name]: content for name, content in made.items()}
         files.write_all(contents | drawn(laid_out, figure, "coupons"))
     return Outcome(laid_out, targets)

@@ -9,6 +9,7 @@ from solen.geometry.coupons import Coupon, CouponOptions, layout
 from solen.metrology.coupons import CouponMeasurement, measure_coupon
 from solen.metrology.zmap import ZMapOptions, read_image_or_z_map
 from solen.pipeline.outputs import check_outputs, write
+from solen.report.options import FigureOptions
 from solen.results import Outcome
 from solen.spec.toml import parse_assignment
 
@@ -20,7 +21,7 @@ def fidelity(
     *,
     job: Path | None = None,
     assignments: Sequence[str] = (),
-    figure: Path | None = None,
+    figure: FigureOptions = FigureOptions(),
     out: Path | None = None,
 ) -> Outcome[CouponMeasurement]:
     """Sizes of a printed coupon from its picture or z map, and the smallest features that are resolved.

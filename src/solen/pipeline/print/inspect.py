@@ -8,6 +8,7 @@ from solen.lens.profile import profile_text
 from solen.metrology import InspectOptions, LensInspection, measure_lens, read_image
 from solen.pipeline.design.designs import open_design
 from solen.pipeline.outputs import check_outputs, drawn, named
+from solen.report.options import FigureOptions
 from solen.results import Outcome
 from solen.spec import Design, with_values
 
@@ -19,7 +20,7 @@ def inspect(
     *,
     assignments: Sequence[str] = (),
     against: Sequence[Path] = (),
-    figure: Path | None = None,
+    figure: FigureOptions = FigureOptions(),
     out: Path | None = None,
 ) -> Outcome[LensInspection]:
     """Outline of a printed lens from a picture, its deviations from the design, and the nearest of several designs.
@@ -56,7 +57,7 @@ def inspect(
     if out is not None:
         contents[out] = profile_text(inspection.profile()).encode()
     files.write_all(contents)
-    return Outcome(inspection, named(out=out, figure=figure))
+    return Outcome(inspection, named(out=out, figure=figure.figure))
 
 
 def _named_apart(other: Design, part: Design, path: Path) -> Design:

@@ -33,7 +33,8 @@ from solen.fabricate.process import read_process
 from solen.parts import printer_of
 from solen.pipeline.design.designs import open_design
 from solen.pipeline.names import stem_of
-from solen.pipeline.outputs import check_figure, drawn
+from solen.pipeline.outputs import drawn
+from solen.report.options import FigureOptions
 from solen.results import Outcome
 from solen.sensor import Sensor
 
@@ -45,6 +46,7 @@ class LayerFiles:
     job: Job
     part: Printable
     targets: dict[str, Path]
+    figure: FigureOptions
     progress: Progress
     stack: Stack | None = None
 
@@ -57,7 +59,7 @@ class LayerFiles:
             "settings": lambda path: path.write_bytes(self._settings()),
         }
         contents = {self.targets[kind]: make for kind, make in makers.items() if kind in self.targets}
-        return contents | drawn(self.result, self.targets.get("figure"), "layers")
+        return contents | drawn(self.result, self.figure, "layers")
 
     @property
     def result(self) -> LayeredPrint:
@@ -83,7 +85,7 @@ def layers(
     assignments: Sequence[str] = (),
     *,
     run: str | None = None,
-    figure: Path | None = None,
+    figure: FigureOptions = FigureOptions(),
     progress: Progress = lambda _: None,
 ) -> Outcome[LayeredPrint]:
     """Cut a design (.toml), a coupon's job (.json) or a closed mesh into layers; write them, STL and settings.
@@ -110,8 +112,8 @@ def layers(
     SolenError
         Where the file or an option is wrong, or the part does not fit; nothing is written then.
     """
-    check_figure(figure)
-    if figure is not None and slicing.sheet_only:
+    figure.check()
+    if figure.figure is not None and slicing.sheet_only:
         raise SpecError("--figure", limit="draws layers, and --sheet-only makes none", remedy="leave one of them out")
     if path.suffix.lower() == ".toml":
         design = open_design(path, assignments)
@@ -132,7 +134,7 @@ def layers(
 
 
 def layer_files(
-    part: Printable, slicing: Slicing, out: Path, stem: str, figure: Path | None, progress: Progress
+    part: Printable, slicing: Slicing, out: Path, stem: str, figure: FigureOptions, progress: Progress
 ) -> LayerFiles:
     """A checked job with the names of its files."""
     greys = Greys() if slicing.process is None else read_process(slicing.process).process.greys
@@ -144,7 +146,7 @@ def layer_files(
     if slicing.sheet_only:
         del endings["layers"]
     targets = {kind: out / f"{stem}{ending}" for kind, ending in endings.items()}
-    return LayerFiles(job, part, with_figure(targets, figure), progress)
+    return LayerFiles(job, part, with_figure(targets, figure.figure), figure, progress)
 
 
 def with_figure(targets: dict[str, Path], figure: Path | None) -> dict[str, Path]:

@@ -10,6 +10,7 @@ from solen.fabricate.process import PrintedDesign, PrintOptions, compensation_fi
 from solen.lens.profile import profile_text
 from solen.pipeline.design.designs import open_design
 from solen.pipeline.outputs import check_ending, check_outputs, drawn, named
+from solen.report.options import FigureOptions
 from solen.results import Outcome
 from solen.sensor import Sensor
 
@@ -22,7 +23,7 @@ def predict(
     response: bool = True,
     out: Path | None = None,
     compensate: Path | None = None,
-    figure: Path | None = None,
+    figure: FigureOptions = FigureOptions(),
     solid: Path | None = None,
     progress: Progress | None = None,
 ) -> Outcome[PrintedDesign]:
@@ -68,4 +69,4 @@ def predict(
     if solid is not None and prediction.part is not None:
         contents[solid] = MESH_WRITERS[solid.suffix.lower()[1:]](prediction.part.mesh, prediction.part.label)
     files.write_all(contents)
-    return Outcome(prediction, named(figure=figure, out=out, compensated=compensate, solid=solid))
+    return Outcome(prediction, named(figure=figure.figure, out=out, compensated=compensate, solid=solid))

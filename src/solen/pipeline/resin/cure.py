@@ -5,6 +5,7 @@ from pathlib import Path
 from solen.material.cure import CureOptions, MeasuredCurve, curve_of_discs
 from solen.pipeline.outputs import check_outputs, write
 from solen.recording import read
+from solen.report.options import FigureOptions
 from solen.results import Outcome
 
 
@@ -14,7 +15,7 @@ def cure(
     *,
     sheet: str | None = None,
     out: Path | None = None,
-    figure: Path | None = None,
+    figure: FigureOptions = FigureOptions(),
 ) -> Outcome[MeasuredCurve]:
     """Penetration depth and critical dose with their intervals; with a layer, what they mean for it."""
     check_outputs(out, figure)

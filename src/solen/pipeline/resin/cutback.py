@@ -5,6 +5,7 @@ from pathlib import Path
 from solen.material.loss import CutbackOptions, GuideLoss, guide_loss
 from solen.pipeline.outputs import check_outputs, write
 from solen.recording import read
+from solen.report.options import FigureOptions
 from solen.results import Outcome
 
 
@@ -14,7 +15,7 @@ def cutback(
     *,
     sheet: str | None = None,
     out: Path | None = None,
-    figure: Path | None = None,
+    figure: FigureOptions = FigureOptions(),
 ) -> Outcome[GuideLoss]:
     """Loss in dB/cm from any file that `solen.recording.read` takes, with a column of lengths and one of powers."""
     check_outputs(out, figure)

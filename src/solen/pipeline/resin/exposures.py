@@ -6,6 +6,7 @@ from pathlib import Path
 from solen.material.cure.exposures import ExposureOptions, ExposureTrends, exposure_trends
 from solen.pipeline.outputs import check_outputs, write
 from solen.recording import read
+from solen.report.options import FigureOptions
 from solen.results import Outcome
 
 
@@ -15,7 +16,7 @@ def exposures(
     *,
     sheet: str | None = None,
     out: Path | None = None,
-    figure: Path | None = None,
+    figure: FigureOptions = FigureOptions(),
 ) -> Outcome[ExposureTrends]:
     """Transmittance of layers at some wavelengths against their exposure, and their index where R was measured."""
     check_outputs(out, figure)

@@ -6,6 +6,7 @@ from solen.material.index.layer import LayerIndex, index_of_layer
 from solen.material.index.options import IndexOptions
 from solen.pipeline.outputs import check_outputs, write
 from solen.recording import read
+from solen.report.options import FigureOptions
 from solen.results import Outcome
 
 
@@ -15,7 +16,7 @@ def index(
     *,
     sheet: str | None = None,
     out: Path | None = None,
-    figure: Path | None = None,
+    figure: FigureOptions = FigureOptions(),
 ) -> Outcome[LayerIndex]:
     """Index against wavelength from any file of spectra that `solen.recording.read` takes."""
     check_outputs(out, figure)

@@ -9,6 +9,7 @@ from solen.material.facts import ResinFacts, facts_of
 from solen.material.resin import dumps_resin, resin_of
 from solen.material.resin_from_results import BuildOptions, gather
 from solen.pipeline.outputs import check_ending, check_outputs, write
+from solen.report.options import FigureOptions
 from solen.results import Outcome
 from solen.spec.design import names_file
 
@@ -31,7 +32,7 @@ def build(out: Path, results: Mapping[str, Path], options: BuildOptions, *, forc
     return Outcome(facts_of(resin, str(out)), {"resin": out})
 
 
-def show(name: str, at_nm: Sequence[float] = (), *, figure: Path | None = None) -> Outcome[ResinFacts]:
+def show(name: str, at_nm: Sequence[float] = (), *, figure: FigureOptions = FigureOptions()) -> Outcome[ResinFacts]:
     """Everything that a resin of the library or a file says, and its index at wavelengths."""
     check_outputs(None, figure)
     resin = resin_of(name, Path(name) if names_file(name) else None)

@@ -5,6 +5,7 @@ from pathlib import Path
 from solen.material.cure.penetration import Penetration, PenetrationOptions, penetration_of
 from solen.pipeline.outputs import check_outputs, write
 from solen.recording import read
+from solen.report.options import FigureOptions
 from solen.results import Outcome
 
 
@@ -14,7 +15,7 @@ def penetration(
     *,
     sheet: str | None = None,
     out: Path | None = None,
-    figure: Path | None = None,
+    figure: FigureOptions = FigureOptions(),
 ) -> Outcome[Penetration]:
     """Penetration depth against wavelength, and in a lamp's light."""
     check_outputs(out, figure)

@@ -6,6 +6,7 @@ from solen.material.rows import RowOptions, chosen_rows, refuse_unused
 from solen.pipeline.outputs import check_outputs, write
 from solen.recording import read
 from solen.recording.spectrum import Listing, listing
+from solen.report.options import FigureOptions
 from solen.results import Outcome
 
 
@@ -15,7 +16,7 @@ def spectra(
     *,
     sheet: str | None = None,
     trace: tuple[str, ...] = (),
-    figure: Path | None = None,
+    figure: FigureOptions = FigureOptions(),
 ) -> Outcome[Listing]:
     """Traces of a file, all or by name, with what each is and how far it reaches."""
     check_outputs(None, figure)

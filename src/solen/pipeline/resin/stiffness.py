@@ -8,6 +8,7 @@ from solen.material.stiffness import Dimensions, MeasuredStiffness, MechanicalTe
 from solen.material.stiffness.modes import TestMode
 from solen.pipeline.outputs import check_ending, check_outputs, write
 from solen.recording import read_parts
+from solen.report.options import FigureOptions
 from solen.results import Outcome
 
 
@@ -23,7 +24,7 @@ def stiffness(
     columns: Sequence[str] | None = None,
     sheet: str | None = None,
     out: Path | None = None,
-    figure: Path | None = None,
+    figure: FigureOptions = FigureOptions(),
     csv: Path | None = None,
 ) -> Outcome[MeasuredStiffness]:
     """Modulus and model of each material.

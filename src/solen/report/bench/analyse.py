@@ -7,14 +7,13 @@ dashed.
 
 from collections.abc import Sequence
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from solen.analysis import SensorResponse, Study
 from solen.recording.column_roles import side_of
-from solen.report.canvas import LEFT, LOST, RIGHT, SERIES, STYLE
+from solen.report.canvas import LEFT, LOST, RIGHT, SERIES
 
 _ACROSS = 4
 _SHOWN = 60  # ways that are drawn one by one
@@ -32,20 +31,19 @@ def study_figure(study: Study) -> Figure:
     panels = len(sensors) + (len(sensors) > 1)
     across = 3 if panels in {5, 6} else min(panels, _ACROSS)
     down = -(-panels // across)
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(3.3 * across + 0.6, 3.2 * down + 0.3), layout="constrained")
-        axes = figure.subplots(down, across, squeeze=False, sharey=True).ravel()
-        for sensor, panel in zip(sensors, axes, strict=False):
-            _draw_sensor(panel, sensor)
-        if len(sensors) > 1:
-            _draw_all(axes[len(sensors)], sensors, beside=panels % across > 0)
-        for empty in axes[panels:]:
-            empty.set_visible(False)
-        for number, panel in enumerate(axes[:panels]):
-            panel.set_xlabel("angle (°)")
-            if number % across == 0:
-                panel.set_ylabel("voltage (V)" if study.unit == "V" else f"signal ({study.unit})")
-        state_origin(figure, study.simulated, study.remark)
+    figure = Figure(figsize=(3.3 * across + 0.6, 3.2 * down + 0.3))
+    axes = figure.subplots(down, across, squeeze=False, sharey=True).ravel()
+    for sensor, panel in zip(sensors, axes, strict=False):
+        _draw_sensor(panel, sensor)
+    if len(sensors) > 1:
+        _draw_all(axes[len(sensors)], sensors, beside=panels % across > 0)
+    for empty in axes[panels:]:
+        empty.set_visible(False)
+    for number, panel in enumerate(axes[:panels]):
+        panel.set_xlabel("angle (°)")
+        if number % across == 0:
+            panel.set_ylabel("voltage (V)" if study.unit == "V" else f"signal ({study.unit})")
+    state_origin(figure, study.simulated, study.remark)
     return figure
 
 
@@ -53,7 +51,7 @@ def state_origin(figure: Figure, simulated: bool, *remarks: str) -> None:
     """Title of a figure: whether its data are simulated, and remarks on their processing."""
     title = "; ".join(filter(None, ("simulated data" if simulated else "", *remarks)))
     if title:
-        figure.suptitle(title, color=LOST, fontsize=9)
+        figure.suptitle(title, color=LOST)
 
 
 def title_of(response: SensorResponse) -> str:
@@ -73,8 +71,8 @@ def _draw_sensor(axes: Axes, response: SensorResponse) -> None:
         )
         axes.plot(angle, receiver.mean_V, color=colour, lw=1.8, label=name)
     count = response.passes.cycles
-    axes.set_title(f"{title_of(response)} ({count} cycle{'s' * (count != 1)}, ± SD)", fontsize=9, loc="left")
-    axes.legend(fontsize=8, loc="best")
+    axes.set_title(f"{title_of(response)} ({count} cycle{'s' * (count != 1)}, ± SD)", loc="left")
+    axes.legend()
 
 
 def _draw_all(axes: Axes, sensors: Sequence[SensorResponse], *, beside: bool) -> None:
@@ -90,8 +88,8 @@ def _draw_all(axes: Axes, sensors: Sequence[SensorResponse], *, beside: bool) ->
             axes.fill_between(angle, low, high, color=colour, alpha=0.2, lw=0)
             axes.plot(angle, receiver.mean_V, dashes, color=colour, lw=1.4)
         axes.plot(np.nan, np.nan, color=colour, label=title_of(sensor))
-    axes.set_title("all: right solid, left dashed", fontsize=9, loc="left")
+    axes.set_title("all: right solid, left dashed", loc="left")
     if beside:
-        axes.legend(fontsize=8, loc="upper left", bbox_to_anchor=(1.0, 1.0)).set_in_layout(False)
+        axes.legend()
     else:
-        axes.legend(fontsize=8, loc="best")
+        axes.legend()

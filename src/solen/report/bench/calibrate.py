@@ -5,7 +5,6 @@ One row for each calibration. Left is orange and right blue; whole lines rise, d
 
 from collections.abc import Sequence
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -13,7 +12,7 @@ from matplotlib.figure import Figure
 from solen.analysis.calibration import Calibration, CalibrationFile, Check, SensorCalibrations
 from solen.arrays import IndexArray
 from solen.report.bench.analyse import state_origin
-from solen.report.canvas import INK, LEFT, LOST, RIGHT, SOFT, STYLE
+from solen.report.canvas import INK, LEFT, LOST, RIGHT, SOFT
 
 _DRAWN = 3000
 _SIDES = (("left", LEFT), ("right", RIGHT))
@@ -22,29 +21,28 @@ _SIDES = (("left", LEFT), ("right", RIGHT))
 def calibration_figure(result: SensorCalibrations) -> Figure:
     """Three panels for each calibration."""
     made = result.calibrations
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(10.4, 3.1 * len(made) + 0.3), layout="constrained")
-        axes = figure.subplots(len(made), 3, squeeze=False)
-        for one, check, row in zip(made, result.checks, axes, strict=True):
-            _draw_calibration(row, one, check)
-        state_origin(figure, result.simulated, result.remark)
+    figure = Figure(figsize=(10.4, 3.1 * len(made) + 0.3))
+    axes = figure.subplots(len(made), 3, squeeze=False)
+    for one, check, row in zip(made, result.checks, axes, strict=True):
+        _draw_calibration(row, one, check)
+    state_origin(figure, result.simulated, result.remark)
     return figure
 
 
 def _draw_calibration(row: Sequence[Axes], file: CalibrationFile, check: Check | None) -> None:
     curves, angles, errors = row
     _draw_curves(curves, file.calibration)
-    curves.set_title(f"{file.sensor}: {file.cycles} cycles, ± 2 SD of a new reading", fontsize=9, loc="left")
+    curves.set_title(f"{file.sensor}: {file.cycles} cycles, ± 2 SD of a new reading", loc="left")
     if check is None:
         for panel in (angles, errors):
             panel.text(0.5, 0.5, "not checked: too few", ha="center", transform=panel.transAxes, color=LOST)
         return
     left_out = "a cycle" if file.leave_one_sensor_out is None else "a print"
     _draw_angles(angles, check)
-    angles.set_title(f"{left_out} left out: rms {check.whole.rms_deg:.2g}°", fontsize=9, loc="left")
+    angles.set_title(f"{left_out} left out: rms {check.whole.rms_deg:.2g}°", loc="left")
     _draw_errors(errors, check)
     shares = f"{100 * check.whole.within_68:.0f} and {100 * check.whole.within_95:.0f} %"
-    errors.set_title(f"in the bands of 68 and 95 %: {shares}", fontsize=9, loc="left")
+    errors.set_title(f"in the bands of 68 and 95 %: {shares}", loc="left")
 
 
 def _draw_curves(axes: Axes, calibration: Calibration) -> None:
@@ -57,7 +55,7 @@ def _draw_curves(axes: Axes, calibration: Calibration) -> None:
         axes.plot(calibration.angle_deg, falling, "--", color=colour, lw=1.0)
     axes.set_xlabel("angle (°)")
     axes.set_ylabel("voltage (V)")
-    axes.legend(fontsize=8, loc="best")
+    axes.legend()
 
 
 def _places(check: Check) -> IndexArray:
@@ -75,7 +73,7 @@ def _draw_angles(axes: Axes, check: Check) -> None:
     axes.plot(ends, ends, color=INK, lw=0.8, label="true")
     axes.set_xlabel("true angle (°)")
     axes.set_ylabel("decoded angle (°)")
-    axes.legend(fontsize=8, loc="lower right")
+    axes.legend()
 
 
 def _draw_errors(axes: Axes, check: Check) -> None:
@@ -88,4 +86,4 @@ def _draw_errors(axes: Axes, check: Check) -> None:
     axes.axhline(0.0, color=INK, lw=0.8)
     axes.set_xlabel("true angle (°)")
     axes.set_ylabel("error (°)")
-    axes.legend(fontsize=8, loc="best")
+    axes.legend()

@@ -1,13 +1,12 @@
 """The figure of a demodulation: what was recorded, what is left of it, and what the subtraction lets through."""
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from solen.analysis.demodulation import OFF, Demodulation, gain, rejection_dB
 from solen.analysis.demodulation.rejection import KERNELS, mean_gain
-from solen.report.canvas import INK, LOST, SERIES, STYLE
+from solen.report.canvas import INK, LOST, SERIES
 
 SHOWN_PERIODS = 12
 MOST_POINTS = 4000
@@ -15,13 +14,12 @@ MOST_POINTS = 4000
 
 def demodulation_figure(result: Demodulation) -> Figure:
     """A stretch of the samples with their states, all readings, and the rejection by frequency."""
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(8.2, 5.2), layout="constrained")
-        grid = figure.add_gridspec(2, 2, width_ratios=(1.5, 1.0))
-        _stretch(figure.add_subplot(grid[0, 0]), result)
-        _rejection(figure.add_subplot(grid[0, 1]), result)
-        _readings(figure.add_subplot(grid[1, :]), result)
-        figure.suptitle(f"{'simulated: ' if result.simulated else ''}{result.sources[0].file}", fontsize=9)
+    figure = Figure(figsize=(8.2, 5.2))
+    grid = figure.add_gridspec(2, 2, width_ratios=(1.5, 1.0))
+    _stretch(figure.add_subplot(grid[0, 0]), result)
+    _rejection(figure.add_subplot(grid[0, 1]), result)
+    _readings(figure.add_subplot(grid[1, :]), result)
+    figure.suptitle(f"{'simulated: ' if result.simulated else ''}{result.sources[0].file}")
     return figure
 
 
@@ -43,7 +41,7 @@ def _stretch(axes: Axes, result: Demodulation) -> None:
         axes.plot(time[chosen], column[chosen], marker, ms=3, mfc=face, mec=edge, mew=0.8, label=label)
     name, unit = samples.names[0], samples.units[0]
     axes.set(xlabel=f"time (ms) from {samples.time_s[here][0]:.3f} s", ylabel=_labelled(name, unit))
-    axes.legend(fontsize=7, ncols=3, loc="lower left", bbox_to_anchor=(0.0, 1.0))
+    axes.legend()
 
 
 def _readings(axes: Axes, result: Demodulation) -> None:
@@ -61,7 +59,7 @@ def _readings(axes: Axes, result: Demodulation) -> None:
             number += 1
     of_means = "" if result.means is None else f", means of {result.means.readings}"
     axes.set(xlabel="time (s)", ylabel=_labelled(f"on less off{of_means}", samples.units[0]))
-    axes.legend(fontsize=7, ncols=4, loc="lower left", bbox_to_anchor=(0.0, 1.0))
+    axes.legend()
 
 
 def _rejection(axes: Axes, result: Demodulation) -> None:
@@ -79,7 +77,7 @@ def _rejection(axes: Axes, result: Demodulation) -> None:
         )
     axes.axhline(0.0, color=INK, lw=0.8)
     axes.set(xlabel="ambient light (Hz)", ylabel="rejection (dB)", ylim=(-8.0, 62.0))
-    axes.legend(fontsize=7, ncols=3, loc="lower left", bbox_to_anchor=(0.0, 1.0), columnspacing=1.0)
+    axes.legend()
 
 
 def _labelled(name: str, unit: str) -> str:

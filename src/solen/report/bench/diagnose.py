@@ -1,6 +1,5 @@
 """Diagnosed sensors: mean curves with the fitted model, residuals, and correlations of the parameters."""
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -8,7 +7,7 @@ from matplotlib.figure import Figure
 from solen.analysis.diagnosis import Diagnosis, SensorDiagnoses, words
 from solen.analysis.diagnosis.diagnose import model_V
 from solen.report.bench.analyse import colour_of, state_origin
-from solen.report.canvas import INK, STYLE
+from solen.report.canvas import INK
 
 _MAP = "RdBu_r"
 _SHORT = {
@@ -22,16 +21,15 @@ _SHORT = {
 def diagnoses_figure(result: SensorDiagnoses) -> Figure:
     """A column for each sensor: curves and model, residuals in their scatter, correlations."""
     found = [sensor.diagnosis for sensor in result.sensors.values()]
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(3.6 * len(found) + 0.6, 8.4), layout="constrained")
-        axes = figure.subplots(3, len(found), squeeze=False, height_ratios=(3.0, 1.6, 3.0))
-        for column, one in enumerate(found):
-            _curves(axes[0, column], one)
-            _residuals(axes[1, column], one)
-            _correlations(axes[2, column], one)
-        axes[0, 0].set_ylabel("voltage (V)")
-        axes[1, 0].set_ylabel("mean less model (mV)")
-        state_origin(figure, result.simulated)
+    figure = Figure(figsize=(3.6 * len(found) + 0.6, 8.4))
+    axes = figure.subplots(3, len(found), squeeze=False, height_ratios=(3.0, 1.6, 3.0))
+    for column, one in enumerate(found):
+        _curves(axes[0, column], one)
+        _residuals(axes[1, column], one)
+        _correlations(axes[2, column], one)
+    axes[0, 0].set_ylabel("voltage (V)")
+    axes[1, 0].set_ylabel("mean less model (mV)")
+    state_origin(figure, result.simulated)
     return figure
 
 
@@ -41,8 +39,8 @@ def _curves(axes: Axes, diagnosis: Diagnosis) -> None:
         colour = colour_of(side, n)
         axes.plot(angle, diagnosis.cycles.mean_V[:, n], "o", ms=2.6, color=colour, mec="none", alpha=0.7, label=side)
         axes.plot(angle, fitted[:, n], color=colour, lw=1.2, label=f"{side}, model")
-    axes.set_title("\n".join([diagnosis.label, *words(diagnosis)[:2]]), fontsize=8, loc="left")
-    axes.legend(fontsize=7, loc="best")
+    axes.set_title("\n".join([diagnosis.label, *words(diagnosis)[:2]]), loc="left")
+    axes.legend()
 
 
 def _residuals(axes: Axes, diagnosis: Diagnosis) -> None:
@@ -55,18 +53,26 @@ def _residuals(axes: Axes, diagnosis: Diagnosis) -> None:
             axes.fill_between(angle, rest - u, rest + u, color=colour, alpha=0.25, lw=0)
     axes.axhline(0.0, color=INK, lw=0.6)
     axes.set_xlabel("angle (°)")
-    axes.set_title("residual, ± the uncertainty of the mean by the cycles", fontsize=8, loc="left")
+    axes.set_title("residual, ± the uncertainty of the mean by the cycles", loc="left")
 
 
 def _correlations(axes: Axes, diagnosis: Diagnosis) -> None:
     names = [diagnosis.fitted.model.parameters[place].name for place in diagnosis.fitted.active]
     names = [_SHORT.get(name, name.rpartition(".")[2]) for name in names]
     axes.imshow(diagnosis.correlations, vmin=-1.0, vmax=1.0, cmap=_MAP)
-    axes.set_xticks(range(len(names)), names, rotation=90, fontsize=7)
-    axes.set_yticks(range(len(names)), names, fontsize=7)
+    axes.set_xticks(range(len(names)), names, rotation=90, fontsize="small")
+    axes.set_yticks(range(len(names)), names, fontsize="small")
     axes.grid(visible=False)
     for (i, j), value in np.ndenumerate(diagnosis.correlations):
         if i != j:
             colour = "white" if abs(value) > 0.6 else INK
-            axes.text(j, i, f"{value:.2f}".replace("0.", "."), ha="center", va="center", fontsize=5.5, color=colour)
-    axes.set_title("correlation of the parameters", fontsize=8, loc="left")
+            axes.text(
+                j,
+                i,
+                f"{value:.1f}".replace("0.", ".").replace("1.0", "1"),
+                ha="center",
+                va="center",
+                fontsize="small",
+                color=colour,
+            )
+    axes.set_title("correlation of the parameters", loc="left")

@@ -4,7 +4,6 @@ Holds that are cropped are grey, cycles that are not used hatched; long recordin
 sample of each stretch, so that nothing that is there is missing in the picture.
 """
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -12,7 +11,7 @@ from matplotlib.figure import Figure
 from solen.analysis import Run, SensorResponse, Study
 from solen.arrays import FloatArray
 from solen.report.bench.analyse import colour_of, state_origin, title_of
-from solen.report.canvas import INK, LOST, SOFT, STYLE
+from solen.report.canvas import INK, LOST, SOFT
 
 _POINTS = 2400
 _MOST_ROWS = 12
@@ -23,14 +22,13 @@ def traces_figure(study: Study) -> Figure:
     """A row for each recording: voltages, the angle above them, cycles and holds."""
     rows = [(sensor, run) for sensor in study.sensors.values() for run in sensor.runs]
     shown = rows[:_MOST_ROWS]
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(10.0, 2.5 * len(shown) + 0.4), layout="constrained")
-        axes = figure.subplots(len(shown), 1, squeeze=False, sharey=True).ravel()
-        for panel, (one, run) in zip(axes, shown, strict=True):
-            _draw(panel, one, run)
-        axes[-1].set_xlabel("time (s)")
-        more = f"first {_MOST_ROWS} of {len(rows)} recordings" if len(rows) > _MOST_ROWS else ""
-        state_origin(figure, study.simulated, study.remark, more)
+    figure = Figure(figsize=(10.0, 2.5 * len(shown) + 0.4))
+    axes = figure.subplots(len(shown), 1, squeeze=False, sharey=True).ravel()
+    for panel, (one, run) in zip(axes, shown, strict=True):
+        _draw(panel, one, run)
+    axes[-1].set_xlabel("time (s)")
+    more = f"first {_MOST_ROWS} of {len(rows)} recordings" if len(rows) > _MOST_ROWS else ""
+    state_origin(figure, study.simulated, study.remark, more)
     return figure
 
 
@@ -51,12 +49,10 @@ def _draw(axes: Axes, response: SensorResponse, run: Run) -> None:
     axes.set_ylabel("voltage (V)" if signals.unit == "V" else f"signal ({signals.unit})")
     axes.set_xlim(signals.time_s[0], signals.time_s[-1])
     several = f", {signals.source}" if len(response.runs) > 1 else ""
-    axes.set_title(f"{title_of(response)}{several}; grey: holds, cropped; hatched: not used", fontsize=9, loc="left")
+    axes.set_title(f"{title_of(response)}{several}; grey: holds, cropped; hatched: not used", loc="left")
     handles, names = axes.get_legend_handles_labels()
     unique = dict(zip(names, handles, strict=True))
-    axes.legend(
-        unique.values(), unique.keys(), fontsize=8, loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=len(unique)
-    )
+    axes.legend(unique.values(), unique.keys())
 
 
 def _draw_motion(axes: Axes, run: Run) -> None:
@@ -68,7 +64,7 @@ def _draw_motion(axes: Axes, run: Run) -> None:
     for place, cycle in enumerate(cycles[: _MOST_HOLDS // 2]):
         axes.axvline(cycle.start_s, color=INK, lw=0.7, ls=":")
         if len(cycles) <= 30:
-            axes.text(cycle.start_s, top, f" {place + 1}", fontsize=8, va="top", color=INK)
+            axes.text(cycle.start_s, top, f" {place + 1}", va="top", color=INK)
         if place not in run.used:
             axes.axvspan(cycle.start_s, cycle.end_s, fc="none", ec=LOST, hatch="///", lw=0, alpha=0.5, zorder=0)
 

@@ -17,7 +17,7 @@ from solen.errors import OutputError
 from solen.geometry import Body
 from solen.geometry.body import area, polyline
 from solen.plane import along
-from solen.report.canvas import INK, LEFT, LOST, RIGHT, SERIES, SPACE, STYLE
+from solen.report.canvas import INK, LEFT, LOST, RIGHT, SERIES, SPACE
 from solen.report.design.answer import matters
 from solen.scene import Scene
 from solen.sensor import SATURATED, Case, DesignStudy, Practice, Response, Sensor
@@ -45,40 +45,38 @@ def study_figure(study: DesignStudy) -> Figure:
     built and of the point in the plane, as in the paper.
     """
     lens, flat, designed, practice = study.with_lens, study.no_lens, study.designed, study.practice
-    with mpl.rc_context(STYLE):
-        figure, power_axes, contrast_axes = _response_axes()
-        with_lens = "with lens" if designed is None else "lens as printed"
-        for case, name, style in ((lens, with_lens, "-"), (designed, "as designed", "-."), (flat, "no lens", "--")):
-            if case is not None:
-                _draw_response(power_axes, contrast_axes, case, name, style)
-        if practice is not None and practice.built is not None and not practice.built.is_design:
-            built = practice.built.response
-            contrast_axes.plot(built.angle_deg, built.contrast, color=SPACE, lw=1.6, label="with a chip, in space")
-        if practice is not None and practice.paper is not None:
-            angle, contrast = practice.paper.angle_deg, practice.paper.contrast
-            contrast_axes.plot(angle, contrast, ":", color=LOST, lw=1.4, label="as in the paper (point, plane)")
-        power_axes.set_ylim(0, None)
-        if study.case.count is not None:
-            power_axes.plot([], [], ".", color=LOST, ms=5, label="dots: counted rays")
-        power_axes.legend(fontsize=8)
-        contrast_axes.legend(fontsize=8)
+    figure, power_axes, contrast_axes = _response_axes()
+    with_lens = "with lens" if designed is None else "lens as printed"
+    for case, name, style in ((lens, with_lens, "-"), (designed, "as designed", "-."), (flat, "no lens", "--")):
+        if case is not None:
+            _draw_response(power_axes, contrast_axes, case, name, style)
+    if practice is not None and practice.built is not None and not practice.built.is_design:
+        built = practice.built.response
+        contrast_axes.plot(built.angle_deg, built.contrast, color=SPACE, lw=1.6, label="with a chip, in space")
+    if practice is not None and practice.paper is not None:
+        angle, contrast = practice.paper.angle_deg, practice.paper.contrast
+        contrast_axes.plot(angle, contrast, ":", color=LOST, lw=1.4, label="as in the paper (point, plane)")
+    power_axes.set_ylim(0, None)
+    if study.case.count is not None:
+        power_axes.plot([], [], ".", color=LOST, ms=5, label="dots: counted rays")
+    power_axes.legend()
+    contrast_axes.legend()
     return figure
 
 
 def sweep_figure(response: Response) -> Figure:
     """Powers at both receivers against the angle, and their contrast, each with its uncertainty as a band."""
     angle, half = response.angle_deg, np.nan_to_num(response.u_power)
-    with mpl.rc_context(STYLE):
-        figure, power_axes, contrast_axes = _response_axes()
-        for side in ("right", "left"):
-            power = getattr(response, side)
-            power_axes.plot(angle, power, color=COLOURS[side], lw=2.0, label=side)
-            power_axes.fill_between(angle, power - half, power + half, color=COLOURS[side], alpha=0.3, lw=0)
-        u = np.nan_to_num(response.u_contrast)
-        contrast_axes.plot(angle, response.contrast, color=INK, lw=2.0)
-        contrast_axes.fill_between(angle, response.contrast - u, response.contrast + u, color=INK, alpha=0.3, lw=0)
-        power_axes.legend(fontsize=8)
-        contrast_axes.set_title(f"simulated, mode {response.mode}", fontsize=9)
+    figure, power_axes, contrast_axes = _response_axes()
+    for side in ("right", "left"):
+        power = getattr(response, side)
+        power_axes.plot(angle, power, color=COLOURS[side], lw=2.0, label=side)
+        power_axes.fill_between(angle, power - half, power + half, color=COLOURS[side], alpha=0.3, lw=0)
+    u = np.nan_to_num(response.u_contrast)
+    contrast_axes.plot(angle, response.contrast, color=INK, lw=2.0)
+    contrast_axes.fill_between(angle, response.contrast - u, response.contrast + u, color=INK, alpha=0.3, lw=0)
+    power_axes.legend()
+    contrast_axes.set_title(f"simulated, mode {response.mode}")
     return figure
 
 
@@ -86,30 +84,29 @@ def matters_figure(practice: Practice) -> Figure:
     """Change of the contrast, at each angle where it was found, by numbers that are off by their tolerances."""
     effects = practice.effects
     names = [f"{row.name}\n{row.by}" for row in matters(practice)[1]]
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(8.2, 0.9 + 0.42 * len(effects)), layout="constrained")
-        axes = figure.add_subplot()
-        angles = sorted({float(angle) for effect in effects for angle in effect.angle_deg})
-        high = 0.8 / len(angles)
-        for n, angle in enumerate(angles):
-            there = [(place, effect, effect.angle_deg.tolist()) for place, effect in enumerate(effects)]
-            rows = [(place, effect, at.index(angle)) for place, effect, at in there if angle in at]
-            axes.barh(
-                [place + (n - (len(angles) - 1) / 2) * high for place, _, _ in rows],
-                [float(effect.contrast[i]) for _, effect, i in rows],
-                high,
-                xerr=[float(effect.u_contrast[i]) for _, effect, i in rows],
-                color=SERIES[n % len(SERIES)],
-                error_kw={"lw": 0.8, "ecolor": INK},
-                label=f"at {angle:+.3g}°" if angle else "at 0°",
-            )
-        axes.axvline(0.0, color=INK, lw=0.8)
-        axes.set_yticks(range(len(effects)), names, fontsize=8)
-        axes.invert_yaxis()
-        axes.set_axisbelow(True)
-        axes.grid(visible=False, axis="y")
-        axes.set(xlabel="change of the contrast, for a number that is higher by its tolerance")
-        axes.legend(fontsize=8, loc="lower left")
+    figure = Figure(figsize=(8.2, 0.9 + 0.42 * len(effects)))
+    axes = figure.add_subplot()
+    angles = sorted({float(angle) for effect in effects for angle in effect.angle_deg})
+    high = 0.8 / len(angles)
+    for n, angle in enumerate(angles):
+        there = [(place, effect, effect.angle_deg.tolist()) for place, effect in enumerate(effects)]
+        rows = [(place, effect, at.index(angle)) for place, effect, at in there if angle in at]
+        axes.barh(
+            [place + (n - (len(angles) - 1) / 2) * high for place, _, _ in rows],
+            [float(effect.contrast[i]) for _, effect, i in rows],
+            high,
+            xerr=[float(effect.u_contrast[i]) for _, effect, i in rows],
+            color=SERIES[n % len(SERIES)],
+            error_kw={"lw": 0.8, "ecolor": INK},
+            label=f"at {angle:+.3g}°" if angle else "at 0°",
+        )
+    axes.axvline(0.0, color=INK, lw=0.8)
+    axes.set_yticks(range(len(effects)), names)
+    axes.invert_yaxis()
+    axes.set_axisbelow(True)
+    axes.grid(visible=False, axis="y")
+    axes.set(xlabel="change of the contrast, for a number that is higher by its tolerance")
+    axes.legend()
     return figure
 
 
@@ -118,22 +115,21 @@ def convergence_figure(convergence: Convergence) -> Figure:
 
     An uncertainty of 0 has no place there; the legend says how many are not drawn.
     """
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(8.4, 4.2), layout="constrained")
-        axes = figure.add_subplot(xscale="log", yscale="log")
-        for series in convergence.series:
-            name, colour, marker = METHODS[series.method]
-            axes.plot(series.rays, _positive(series.error), marker, ls="-", color=colour, ms=4, label=f"{name}: error")
-            nil = int(np.sum(series.u_power == 0.0))
-            label = f"{name}: stated u" + (f" ({nil} of {len(series.u_power)} are 0)" if nil else "")
-            axes.plot(series.rays, _positive(series.u_power), "--", color=colour, lw=1.2, label=label)
-        reference = convergence.reference
-        if reference.u_power > 0.0:
-            axes.axhline(reference.u_power, color=LOST, lw=1.2, ls=":", label="reference: stated u")
-        name = METHODS[reference.method][0]
-        axes.set(xlabel="rays traced", ylabel="error and stated u (share of the emitted power)")
-        axes.set_title(f"mode {convergence.mode}; errors against {name} with {reference.rays:,} rays", fontsize=9)
-        figure.legend(fontsize=8, loc="outside right upper")
+    figure = Figure(figsize=(8.4, 4.2))
+    axes = figure.add_subplot(xscale="log", yscale="log")
+    for series in convergence.series:
+        name, colour, marker = METHODS[series.method]
+        axes.plot(series.rays, _positive(series.error), marker, ls="-", color=colour, ms=4, label=f"{name}: error")
+        nil = int(np.sum(series.u_power == 0.0))
+        label = f"{name}: stated u" + (f" ({nil} of {len(series.u_power)} are 0)" if nil else "")
+        axes.plot(series.rays, _positive(series.u_power), "--", color=colour, lw=1.2, label=label)
+    reference = convergence.reference
+    if reference.u_power > 0.0:
+        axes.axhline(reference.u_power, color=LOST, lw=1.2, ls=":", label="reference: stated u")
+    name = METHODS[reference.method][0]
+    axes.set(xlabel="rays traced", ylabel="error and stated u (share of the emitted power)")
+    axes.set_title(f"mode {convergence.mode}; errors against {name} with {reference.rays:,} rays")
+    axes.legend()
     return figure
 
 
@@ -142,10 +138,9 @@ def rays_figure(views: Sequence[tuple[str, Body, Scene, Trace]], zoom: float | N
 
     Views are title, body, scene and a trace that kept its legs.
     """
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(2.9 * len(views), 6.4 if zoom is None else 3.2), layout="constrained")
-        for axes, view in zip(np.ravel(figure.subplots(1, len(views))), views, strict=True):
-            _draw_rays(axes, *view, zoom=zoom)
+    figure = Figure(figsize=(2.9 * len(views), 6.4 if zoom is None else 3.2))
+    for axes, view in zip(np.ravel(figure.subplots(1, len(views))), views, strict=True):
+        _draw_rays(axes, *view, zoom=zoom)
     return figure
 
 
@@ -179,29 +174,26 @@ def scene_figure(trace: SceneTrace) -> Figure:
     scene, unit = trace.scene, trace.length_unit
     if trace.legs is None:
         raise OutputError("plot", limit="the trace kept no paths", remedy="trace the scene with paths=True")
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(6.4, 5.2), layout="constrained")
-        axes = figure.add_subplot()
-        paths = trace.paths()
-        shown = {*np.linspace(0, trace.rays - 1, min(trace.rays, SHOWN_RAYS)).astype(int).tolist()}
-        paths = [path for path in paths if path.ray in shown]
-        low, high = _extent(scene, paths)
-        margin = 0.05 * max(high[0] - low[0], high[1] - low[1])
-        beyond = 40.0 * margin  # the axes cut it off
-        brightest = max((path.power for path in paths), default=1.0)
-        colours = [(*mpl.colors.to_rgb(RIGHT), 0.1 + 0.75 * path.power / brightest) for path in paths]
-        axes.add_collection(LineCollection([_drawn(path, beyond) for path in paths], colors=colours, linewidths=0.5))
-        for interface in scene.interfaces:
-            refracting = interface.behaviour == "refracting"
-            axes.plot(
-                *interface.curve.flattened(0.01).T, color=LOST if refracting else INK, lw=0.9 if refracting else 1.6
-            )
-        for monitor in scene.monitors:
-            axes.plot(*zip(monitor.start, monitor.end, strict=True), color=LEFT, lw=1.2, ls="--")
-        axes.set_aspect("equal")
-        axes.grid(visible=False)
-        axes.set(title=scene.name, xlabel=f"x ({unit})", ylabel=f"z ({unit})")
-        axes.set(xlim=(low[0] - margin, high[0] + margin), ylim=(low[1] - margin, high[1] + margin))
+    figure = Figure(figsize=(6.4, 5.2))
+    axes = figure.add_subplot()
+    paths = trace.paths()
+    shown = {*np.linspace(0, trace.rays - 1, min(trace.rays, SHOWN_RAYS)).astype(int).tolist()}
+    paths = [path for path in paths if path.ray in shown]
+    low, high = _extent(scene, paths)
+    margin = 0.05 * max(high[0] - low[0], high[1] - low[1])
+    beyond = 40.0 * margin  # the axes cut it off
+    brightest = max((path.power for path in paths), default=1.0)
+    colours = [(*mpl.colors.to_rgb(RIGHT), 0.1 + 0.75 * path.power / brightest) for path in paths]
+    axes.add_collection(LineCollection([_drawn(path, beyond) for path in paths], colors=colours, linewidths=0.5))
+    for interface in scene.interfaces:
+        refracting = interface.behaviour == "refracting"
+        axes.plot(*interface.curve.flattened(0.01).T, color=LOST if refracting else INK, lw=0.9 if refracting else 1.6)
+    for monitor in scene.monitors:
+        axes.plot(*zip(monitor.start, monitor.end, strict=True), color=LEFT, lw=1.2, ls="--")
+    axes.set_aspect("equal")
+    axes.grid(visible=False)
+    axes.set(title=scene.name, xlabel=f"x ({unit})", ylabel=f"z ({unit})")
+    axes.set(xlim=(low[0] - margin, high[0] + margin), ylim=(low[1] - margin, high[1] + margin))
     return figure
 
 
@@ -225,7 +217,7 @@ def _positive(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _response_axes() -> tuple[Figure, Axes, Axes]:
     """A figure with axes of the powers and of the contrast against the angle."""
-    figure = Figure(figsize=(8.2, 3.5), layout="constrained")
+    figure = Figure(figsize=(8.2, 3.5))
     power_axes, contrast_axes = figure.subplots(1, 2)
     power_axes.set(xlabel="angle (deg)", ylabel="share of the emitted power")
     _contrast_axes(contrast_axes)
@@ -277,7 +269,6 @@ def _draw_rays(axes: Axes, title: str, body: Body, scene: Scene, trace: Trace, *
                     textcoords="offset points",
                     ha="center",
                     color=colour,
-                    fontsize=8,
                     zorder=5,
                 )
     axes.plot(*body.emitter.point, "o", color=INK, ms=3.5, zorder=4)

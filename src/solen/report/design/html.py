@@ -3,15 +3,17 @@
 import math
 import platform
 import re
+from collections.abc import Callable
 from importlib.resources import files
 from typing import Any
 
 import jinja2
 from markupsafe import Markup
+from matplotlib.figure import Figure
 
 import solen
 from solen.lens import OvalLens
-from solen.report.canvas import svg
+from solen.report import canvas
 from solen.report.design.answer import advice, emitter_words, expected, matters
 from solen.report.design.as_printed import printed_sentences
 from solen.report.design.figures import (
@@ -47,22 +49,26 @@ def figures(study: DesignStudy) -> dict[str, str]:
     case = study.case
     swept = case.power.angle_deg
     angles = sorted({float(swept[0]), 0.0, float(swept[-1])})
-    drawn = {"response": study_figure(study)}
+    draws: dict[str, Callable[[], Figure]] = {"response": lambda: study_figure(study)}
     if study.as_printed is not None:
-        drawn["as-printed"] = printed_figure(study.as_printed)
+        as_printed = study.as_printed
+        draws["as-printed"] = lambda: printed_figure(as_printed)
     if study.practice is not None and study.practice.effects:
-        drawn["matters"] = matters_figure(study.practice)
+        practice = study.practice
+        draws["matters"] = lambda: matters_figure(practice)
     if study.practice is not None and isinstance(case.sensor.cut, OvalLens):
-        drawn["focus"] = focus_figure(case.sensor)
+        draws["focus"] = lambda: focus_figure(case.sensor)
     if isinstance(case.sensor.cut, OvalLens):
-        drawn["lens-profile"] = profile_figure(case.sensor.cut)
+        cut = case.sensor.cut
+        draws["lens-profile"] = lambda: profile_figure(cut)
     views = [sensor_view(case.sensor, angle, rays) for angle in angles]
-    drawn["rays"] = rays_figure(views)
+    draws["rays"] = lambda: rays_figure(views)
     if not case.sensor.is_drawn:
-        drawn["rays-at-the-lens"] = rays_figure(views, 1.5 * case.sensor.lens.half_width_mm)
+        draws["rays-at-the-lens"] = lambda: rays_figure(views, 1.5 * case.sensor.lens.half_width_mm)
     if study.with_lens is not None and study.no_lens is not None:
-        drawn["rays-without-lens"] = rays_figure([sensor_view(study.no_lens.sensor, a, rays) for a in angles])
-    return {name: svg(drawn[name], name) for name in FIGURES if name in drawn}
+        bare = study.no_lens.sensor
+        draws["rays-without-lens"] = lambda: rays_figure([sensor_view(bare, a, rays) for a in angles])
+    return {name: canvas.svg(canvas.drawn(draws[name]), name) for name in FIGURES if name in draws}
 
 
 def html(study: DesignStudy, drawn: dict[str, str]) -> str:

@@ -2,14 +2,13 @@
 
 from collections.abc import Callable
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from solen.errors import DesignError
 from solen.lens import Lens, MeasuredLens, OvalLens
-from solen.report.canvas import HIGHER, INK, LOST, LOWER, SOFT, STYLE
+from solen.report.canvas import HIGHER, INK, LOST, LOWER, SOFT
 from solen.sensor import LensCheck, Sensor, tolerance_of
 from solen.sensor.effects import index_steps
 
@@ -27,19 +26,18 @@ def lens_figure(check: LensCheck) -> Figure:
 
 def profile_figure(lens: Lens) -> Figure:
     """The lens's profile; beside it ovals for the paper's indices, or the oval that a measured lens was to be."""
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(5.2, 2.7), layout="constrained")
-        axes = figure.add_subplot()
-        if isinstance(lens, OvalLens):
-            _draw_ovals(axes, lens)
-        else:
-            label = {"none": "flat face"}.get(lens.shape, lens.shape)
-            axes.plot(*lens.front.flattened(TOLERANCE_MM).T, color=INK, lw=2, label=label)
-        if isinstance(lens, MeasuredLens):
-            axes.plot(*lens.designed.front.flattened(TOLERANCE_MM).T, color=LOST, lw=1.2, ls="--", label="designed")
-        axes.set(xlabel="x (mm)", ylabel="z (mm), from the vertex")
-        axes.set_aspect("equal")
-        axes.legend(loc="upper center")
+    figure = Figure(figsize=(5.2, 2.7))
+    axes = figure.add_subplot()
+    if isinstance(lens, OvalLens):
+        _draw_ovals(axes, lens)
+    else:
+        label = {"none": "flat face"}.get(lens.shape, lens.shape)
+        axes.plot(*lens.front.flattened(TOLERANCE_MM).T, color=INK, lw=2, label=label)
+    if isinstance(lens, MeasuredLens):
+        axes.plot(*lens.designed.front.flattened(TOLERANCE_MM).T, color=LOST, lw=1.2, ls="--", label="designed")
+    axes.set(xlabel="x (mm)", ylabel="z (mm), from the vertex")
+    axes.set_aspect("equal")
+    axes.legend()
     return figure
 
 
@@ -51,25 +49,24 @@ def focus_figure(sensor: Sensor) -> Figure:
     lens, material = sensor.lens, sensor.material
     if not isinstance(lens, OvalLens):
         raise DesignError("lens.shape", value=sensor.design.lens.shape, limit="has no focus")
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(5.2, 3.2), layout="constrained")
-        axes = figure.add_subplot()
-        steps = index_steps(material, tolerance_of(sensor, "material.index")[0])
-        half, stated = max(abs(step) for step, _ in steps), bool(material.u_index)
-        indices = np.linspace(max(material.index - SHOWN_STEPS * half, 1.0), material.index + SHOWN_STEPS * half, 61)
-        band = f"{material.index:.6g} ± {half:.2g}" + (" (standard)" if stated else ", for comparison")
-        axes.axvspan(material.index - half, material.index + half, color=SOFT, alpha=0.6, lw=0, label=band)
-        lines: tuple[tuple[str, Callable[[float], float | None], str], ...] = (
-            ("rays near the axis", lens.paraxial_focus_mm, LOWER),
-            ("smallest spot", lens.best_focus_mm, INK),
-            ("edge rays", lens.marginal_focus_mm, HIGHER),
-        )
-        for name, at, colour in lines:
-            axes.plot(indices, [_or_nan(at(float(index))) for index in indices], color=colour, lw=1.8, label=name)
-        axes.axhline(lens.focus_mm, color=INK, lw=0.8, ls=":", label="asked for")
-        axes.set(xlabel="index of the material", ylabel="focus behind the vertex (mm)")
-        axes.set(xlim=(indices[0], indices[-1]), ylim=(0.0, 2.0 * lens.focus_mm))
-        axes.legend(fontsize=8)
+    figure = Figure(figsize=(5.2, 3.2))
+    axes = figure.add_subplot()
+    steps = index_steps(material, tolerance_of(sensor, "material.index")[0])
+    half, stated = max(abs(step) for step, _ in steps), bool(material.u_index)
+    indices = np.linspace(max(material.index - SHOWN_STEPS * half, 1.0), material.index + SHOWN_STEPS * half, 61)
+    band = f"{material.index:.6g} ± {half:.2g}" + (" (standard)" if stated else ", for comparison")
+    axes.axvspan(material.index - half, material.index + half, color=SOFT, alpha=0.6, lw=0, label=band)
+    lines: tuple[tuple[str, Callable[[float], float | None], str], ...] = (
+        ("rays near the axis", lens.paraxial_focus_mm, LOWER),
+        ("smallest spot", lens.best_focus_mm, INK),
+        ("edge rays", lens.marginal_focus_mm, HIGHER),
+    )
+    for name, at, colour in lines:
+        axes.plot(indices, [_or_nan(at(float(index))) for index in indices], color=colour, lw=1.8, label=name)
+    axes.axhline(lens.focus_mm, color=INK, lw=0.8, ls=":", label="asked for")
+    axes.set(xlabel="index of the material", ylabel="focus behind the vertex (mm)")
+    axes.set(xlim=(indices[0], indices[-1]), ylim=(0.0, 2.0 * lens.focus_mm))
+    axes.legend()
     return figure
 
 

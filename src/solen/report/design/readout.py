@@ -1,12 +1,11 @@
 """The figure of a readout: volts over the motion with what the parts spread by, and how finely they tell the angle."""
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from solen.report.canvas import INK, LEFT, LOST, RIGHT, STYLE
+from solen.report.canvas import INK, LEFT, LOST, RIGHT
 from solen.sensor.readings import DesignReadings
 
 COLOURS = {"right": RIGHT, "left": LEFT}
@@ -14,12 +13,11 @@ COLOURS = {"right": RIGHT, "left": LEFT}
 
 def readout_figure(readings: DesignReadings) -> Figure:
     """Volts on the left, resolution on the right; said to be simulated."""
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(8.2, 3.7), layout="constrained")
-        volts_axes, angle_axes = figure.subplots(1, 2)
-        _volts(volts_axes, readings)
-        _resolution(angle_axes, readings)
-        figure.suptitle(f"simulated: {readings.name}", fontsize=9)
+    figure = Figure(figsize=(8.2, 3.7))
+    volts_axes, angle_axes = figure.subplots(1, 2)
+    _volts(volts_axes, readings)
+    _resolution(angle_axes, readings)
+    figure.suptitle(f"simulated: {readings.name}")
     return figure
 
 
@@ -34,8 +32,8 @@ def _volts(axes: Axes, readings: DesignReadings) -> None:
     axes.axhline(readings.advice.target_V, color=LOST, lw=0.8, ls="--", label="saturates below")
     load = f"{circuit.load_ohm[0]:g} Ω, {circuit.supply_V:g} V, emitter {circuit.drive.current_mA:g} mA"
     axes.set(xlabel="angle (deg)", ylabel="volts (brighter is lower)", ylim=(0.0, 1.26 * circuit.supply_V))
-    axes.set_title(f"{load}; bands: dimmest to brightest parts", fontsize=8)
-    axes.legend(fontsize=8, loc="upper center", ncols=2)
+    axes.set_title(f"{load}; bands: dimmest to brightest parts")
+    axes.legend()
 
 
 def _resolution(axes: Axes, readings: DesignReadings) -> None:
@@ -47,5 +45,5 @@ def _resolution(axes: Axes, readings: DesignReadings) -> None:
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.yaxis.set_minor_formatter(NullFormatter())
     axes.set(xlabel="angle (deg)", ylabel="resolution of one reading (deg, 1 σ)")
-    axes.set_title("electronic noise alone, ambient light subtracted", fontsize=8)
-    axes.legend(fontsize=8)
+    axes.set_title("electronic noise alone, ambient light subtracted")
+    axes.legend()

@@ -2,13 +2,12 @@
 
 from collections.abc import Sequence
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from solen.errors import OutputError
-from solen.report.canvas import INK, LEFT, RIGHT, STYLE
+from solen.report.canvas import INK, LEFT, RIGHT
 from solen.sensor.response import Sensitivity
 from solen.sensor.traced import Sensitivities
 
@@ -28,12 +27,11 @@ def sensitivities_figure(sensitivities: Sensitivities) -> Figure:
     if not rows:
         raise OutputError("figure", limit="no number of the design has a derivative of the contrast here")
     panels = {unit: [row for row in rows if unit_of(row.key) == unit] for unit in dict.fromkeys(map(_unit, rows))}
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(6.4, 0.9 + 0.7 * len(panels) + 0.22 * len(rows)), layout="constrained")
-        grid = figure.add_gridspec(len(panels), 1, height_ratios=[len(part) + 1 for part in panels.values()])
-        for place, (unit, part) in enumerate(panels.items()):
-            _draw(figure.add_subplot(grid[place, 0]), unit, part)
-        figure.suptitle(f"simulated: {sensitivities.name} at {sensitivities.angle_deg:g}°", fontsize=9)
+    figure = Figure(figsize=(6.4, 0.9 + 0.7 * len(panels) + 0.34 * len(rows)))
+    grid = figure.add_gridspec(len(panels), 1, height_ratios=[len(part) + 1 for part in panels.values()])
+    for place, (unit, part) in enumerate(panels.items()):
+        _draw(figure.add_subplot(grid[place, 0]), unit, part)
+    figure.suptitle(f"simulated: {sensitivities.name} at {sensitivities.angle_deg:g}°")
     return figure
 
 
@@ -50,12 +48,10 @@ def _draw(axes: Axes, unit: str, rows: Sequence[Sensitivity]) -> None:
     values = [row.contrast.value for row in rows]
     colours = [RIGHT if value > 0.0 else LEFT for value in values]
     u = np.nan_to_num([row.contrast.u_value for row in rows])
-    bars = axes.barh(range(len(rows)), values, color=colours, alpha=0.8, xerr=u, error_kw={"ecolor": INK, "lw": 1.0})
-    axes.bar_label(bars, [f"{value:.3g}" for value in values], fontsize=7, padding=3)
+    axes.barh(range(len(rows)), values, color=colours, alpha=0.8, xerr=u, error_kw={"ecolor": INK, "lw": 1.0})
     axes.axvline(0.0, color=INK, lw=0.8)
-    axes.margins(x=0.15)
     axes.locator_params(axis="x", nbins=6)
-    axes.set_yticks(range(len(rows)), [row.key for row in rows], fontsize=8)
+    axes.set_yticks(range(len(rows)), [f"{row.key}\n{row.contrast.value:.3g}" for row in rows])
     axes.invert_yaxis()
     axes.grid(visible=False, axis="y")
-    axes.set_xlabel(f"change of the contrast per {unit or 'unit (no dimension)'}", fontsize=8)
+    axes.set_xlabel(f"change of the contrast per {unit or 'unit (no dimension)'}")

@@ -2,33 +2,31 @@
 
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from solen.fabricate.process import FittedFeature, PrinterCalibration
-from solen.report.canvas import INK, LOST, SERIES, STYLE
+from solen.report.canvas import INK, LOST, SERIES
 
 
 def calibration_figure(fit: PrinterCalibration) -> Figure:
     """Measured and printed less nominal sizes, and the residuals, by kind."""
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(9.6, 3.9), layout="constrained")
-        sizes, rest = figure.subplots(1, 2)
-        kinds = dict.fromkeys(feature.kind for feature in fit.features)
-        for kind, colour in zip(kinds, SERIES, strict=False):
-            features = [feature for feature in fit.features if feature.kind == kind]
-            _kind(sizes, rest, kind, colour, sorted(features, key=lambda feature: feature.nominal_mm))
-        for axes in (sizes, rest):
-            axes.axhline(0.0, color=LOST, lw=1.0)
-            axes.set(xscale="log", xlabel="nominal size (mm)")
-        sizes.set(ylabel="larger than drawn (µm)")
-        rest.set(ylabel="measured less modelled (µm)")
-        sizes.plot([], [], color=INK, lw=1.2, label="model")
-        sizes.legend(fontsize=8)
-        numbers = ", ".join(f"{number.key} {number.value:.3g} ± {number.u:.2g}" for number in fit.numbers)
-        figure.suptitle(f"{'simulated: ' if fit.simulated else ''}{numbers}; rms {fit.rms_um:.2g} µm", fontsize=9)
+    figure = Figure(figsize=(9.6, 3.9))
+    sizes, rest = figure.subplots(1, 2)
+    kinds = dict.fromkeys(feature.kind for feature in fit.features)
+    for kind, colour in zip(kinds, SERIES, strict=False):
+        features = [feature for feature in fit.features if feature.kind == kind]
+        _kind(sizes, rest, kind, colour, sorted(features, key=lambda feature: feature.nominal_mm))
+    for axes in (sizes, rest):
+        axes.axhline(0.0, color=LOST, lw=1.0)
+        axes.set(xscale="log", xlabel="nominal size (mm)")
+    sizes.set(ylabel="larger than drawn (µm)")
+    rest.set(ylabel="measured less modelled (µm)")
+    sizes.plot([], [], color=INK, lw=1.2, label="model")
+    sizes.legend()
+    numbers = ", ".join(f"{number.key} {number.value:.3g} ± {number.u:.2g}" for number in fit.numbers)
+    figure.suptitle(f"{'simulated: ' if fit.simulated else ''}{numbers}; rms {fit.rms_um:.2g} µm")
     return figure
 
 

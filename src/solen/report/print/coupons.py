@@ -1,13 +1,12 @@
 """Plans of coupons, side by side: what stands, what is a hole, which mark orients it, and the nominal sizes."""
 
-import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
 
 from solen.fabricate.coupons import CouponSet
 from solen.geometry.coupons import Coupon, Feature
-from solen.report.canvas import INK, LEFT, LOST, RIGHT, SOFT, STYLE
+from solen.report.canvas import INK, LEFT, LOST, RIGHT, SOFT
 
 COLOURS = {"mark": LEFT, "hole": "white"}
 WIDE_IN = 7.0
@@ -20,11 +19,10 @@ def plans_figure(coupon_set: CouponSet) -> Figure:
     """A plan for each coupon, all as wide as the page, with the scale in mm below each."""
     coupons = coupon_set.layouts
     heights = [_height_in(coupon) for coupon in coupons]
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(WIDE_IN, sum(heights) + TITLE_IN * len(coupons)), layout="constrained")
-        grid = figure.add_gridspec(len(coupons), 1, height_ratios=[height + TITLE_IN for height in heights])
-        for row, coupon in enumerate(coupons):
-            _draw(figure.add_subplot(grid[row, 0]), coupon)
+    figure = Figure(figsize=(WIDE_IN, sum(heights) + TITLE_IN * len(coupons)))
+    grid = figure.add_gridspec(len(coupons), 1, height_ratios=[height + TITLE_IN for height in heights])
+    for row, coupon in enumerate(coupons):
+        _draw(figure.add_subplot(grid[row, 0]), coupon)
     return figure
 
 
@@ -47,18 +45,16 @@ def _draw(axes: Axes, coupon: Coupon) -> None:
     axes.set_ylim(-0.5 * depth - 0.02 * width, 0.5 * depth + 0.02 * width)
     axes.set_aspect("equal")
     axes.grid(visible=False)
-    axes.tick_params(labelsize=6)
-    axes.set_xlabel("x (mm)", fontsize=6)
-    axes.set_ylabel("y (mm)", fontsize=6)
-    axes.set_title(f"{coupon.name}: {coupon.title}, {width:.4g} × {depth:.4g} × {height:.4g} mm", fontsize=8)
+    axes.set(xlabel="x (mm)", ylabel="y (mm)")
+    axes.set_title(f"{coupon.name}: {coupon.title}, {width:.4g} × {depth:.4g} × {height:.4g} mm")
 
 
 def _label(axes: Axes, feature: Feature, text: str, *, inside: bool) -> None:
     if inside:
-        axes.text(feature.x_mm, feature.y_mm, text, ha="center", va="center", fontsize=7, color="white")
+        axes.text(feature.x_mm, feature.y_mm, text, ha="center", va="center", fontsize="small", color="white")
         return
     top = (feature.x_mm, feature.y_mm + 0.5 * feature.depth_mm)
-    axes.annotate(text, top, xytext=(0, 2), textcoords="offset points", ha="center", fontsize=5.5, color=INK)
+    axes.annotate(text, top, xytext=(0, 2), textcoords="offset points", ha="center", fontsize="small", color=INK)
 
 
 def _labels(coupon: Coupon) -> list[tuple[Feature, str]]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from solen.arrays import FloatArray
 from solen.fabricate import Export, ExportedSolid, Mesh, Part
-from solen.report.canvas import INK, LEFT, LOST, RIGHT, STYLE
+from solen.report.canvas import INK, LEFT, LOST, RIGHT
 
 VIEWS = (("from the front", 35.0), ("from behind", 145.0))
 """What the solid is seen from, and how far round it that is from where Y runs away from the viewer, in degrees."""
@@ -43,16 +43,15 @@ def solid_figure(solid: ExportedSolid) -> Figure:
 def export_figure(export: Export) -> Figure:
     """The solid at a slant from both ends, and the plan of its outlines with pockets and slots."""
     part, mesh = export.part, export.mesh
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(6.6, 5.6), layout="constrained")
-        grid = figure.add_gridspec(len(VIEWS), 2, width_ratios=(1.8, 1.0))
-        for row, (title, turn_deg) in enumerate(VIEWS):
-            axes = figure.add_subplot(grid[row, 0])
-            _draw_solid(axes, mesh, turn_deg)
-            axes.set_title(title, fontsize=9)
-        _draw_plan(figure.add_subplot(grid[:, 1]), part)
-        size = " × ".join(f"{length:.4g}" for length in mesh.size_mm)
-        figure.suptitle(f"{part.name}: {size} mm, {part.volume_mm3:.4g} mm³", fontsize=10)
+    figure = Figure(figsize=(6.6, 5.6))
+    grid = figure.add_gridspec(len(VIEWS), 2, width_ratios=(1.8, 1.0))
+    for row, (title, turn_deg) in enumerate(VIEWS):
+        axes = figure.add_subplot(grid[row, 0])
+        _draw_solid(axes, mesh, turn_deg)
+        axes.set_title(title)
+    _draw_plan(figure.add_subplot(grid[:, 1]), part)
+    size = " × ".join(f"{length:.4g}" for length in mesh.size_mm)
+    figure.suptitle(f"{part.name}: {size} mm, {part.volume_mm3:.4g} mm³")
     return figure
 
 
@@ -63,7 +62,7 @@ def _draw_solid(axes: Axes, mesh: Mesh, turn_deg: float) -> None:
     left, right, low, _ = extent
     bar_mm = 10.0 ** math.floor(math.log10((right - left) / 2.0))
     axes.plot([left, left + bar_mm], [low, low], color=INK, lw=2.0, solid_capstyle="butt", clip_on=False)
-    axes.annotate(f"{bar_mm:g} mm", (left, low), xytext=(0, -10), textcoords="offset points", fontsize=8)
+    axes.annotate(f"{bar_mm:g} mm", (left, low), xytext=(0, -10), textcoords="offset points")
 
 
 def _view(turn_deg: float) -> FloatArray:
@@ -141,7 +140,7 @@ def _draw_plan(axes: Axes, part: Part) -> None:
     for colour, what, depth in _seats(part):
         axes.fill([], [], color=colour, alpha=0.6, label=f"{what}\n{depth}")
     if part.cuts:
-        axes.legend(fontsize=7, loc="lower center", bbox_to_anchor=(0.5, 1.0))
+        axes.legend()
     axes.set_aspect("equal")
     axes.grid(visible=False)
     axes.axvline(0.0, color=LOST, lw=0.6, ls=(0, (6, 3)))

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -12,7 +11,7 @@ from matplotlib.ticker import NullFormatter
 from solen.arrays import FloatArray
 from solen.geometry.coupons import Coupon
 from solen.metrology.coupons import CouponMeasurement, MeasuredSize
-from solen.report.canvas import INK, LEFT, LOST, RIGHT, SERIES, SPACE, STYLE
+from solen.report.canvas import INK, LEFT, LOST, RIGHT, SERIES, SPACE
 
 WIDE_IN, PLOT_IN, HEAD_IN = 7.0, 2.6, 0.9
 MOST_PX = 1800
@@ -34,25 +33,24 @@ def fidelity_figure(measurement: CouponMeasurement) -> Figure:
     kinds = _shown(measurement)
     picture, extent = _upright(measurement)
     high = min(max(WIDE_IN * (extent[3] - extent[2]) / (extent[1] - extent[0]), 1.0), 4.5) + HEAD_IN
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(WIDE_IN, high + (PLOT_IN if kinds else 0.0)), layout="constrained")
-        ratios = [high, PLOT_IN] if kinds else [high]
-        grid = figure.add_gridspec(len(ratios), max(1, len(kinds)), height_ratios=ratios)
-        axes = figure.add_subplot(grid[0, :])
-        axes.imshow(picture, extent=extent, origin="lower", cmap="gray", interpolation="antialiased")
-        _overlay(axes, measurement)
-        axes.grid(visible=False)
-        axes.set(xlabel="x of the layout (mm)", ylabel="y (mm)")
-        simulated = "simulated: " if measurement.simulated else ""
-        title = f"{simulated}{measurement.sources[0].file}: {measurement.coupon}\n{_limits(measurement)}"
-        axes.set_title(title, fontsize=8)
-        for column, kind in enumerate(kinds):
-            below = figure.add_subplot(grid[1, column])
-            features = [one for one in measurement.measured if one.kind == kind]
-            if kind == "step":
-                _steps(below, measurement.layout, features)
-            else:
-                _deviations(below, kind, features)
+    figure = Figure(figsize=(WIDE_IN, high + (PLOT_IN if kinds else 0.0)))
+    ratios = [high, PLOT_IN] if kinds else [high]
+    grid = figure.add_gridspec(len(ratios), max(1, len(kinds)), height_ratios=ratios)
+    axes = figure.add_subplot(grid[0, :])
+    axes.imshow(picture, extent=extent, origin="lower", cmap="gray", interpolation="antialiased")
+    _overlay(axes, measurement)
+    axes.grid(visible=False)
+    axes.set(xlabel="x of the layout (mm)", ylabel="y (mm)")
+    simulated = "simulated: " if measurement.simulated else ""
+    title = f"{simulated}{measurement.sources[0].file}: {measurement.coupon}\n{_limits(measurement)}"
+    axes.set_title(title)
+    for column, kind in enumerate(kinds):
+        below = figure.add_subplot(grid[1, column])
+        features = [one for one in measurement.measured if one.kind == kind]
+        if kind == "step":
+            _steps(below, measurement.layout, features)
+        else:
+            _deviations(below, kind, features)
     return figure
 
 
@@ -115,11 +113,13 @@ def _overlay(axes: Axes, measurement: CouponMeasurement) -> None:
         if feature.kind != "mark" and not feature.round:
             box = {"boxstyle": "round", "fc": "white", "ec": "none", "alpha": 0.8}
             text = f"{height.measured_mm:.4f} mm"
-            axes.text(feature.x_mm, feature.y_mm, text, ha="center", va="center", fontsize=7, color=INK, bbox=box)
+            axes.text(feature.x_mm, feature.y_mm, text, ha="center", va="center", fontsize="small", color=INK, bbox=box)
 
 
 def _note(axes: Axes, x: float, y: float, text: str) -> None:
-    axes.annotate(text, (x, y), xytext=(0, 3), textcoords="offset points", ha="center", fontsize=5.5, color="#ffd24d")
+    axes.annotate(
+        text, (x, y), xytext=(0, 3), textcoords="offset points", ha="center", fontsize="small", color="#ffd24d"
+    )
 
 
 def _steps(axes: Axes, coupon: Coupon, features: Sequence[MeasuredSize]) -> None:
@@ -145,7 +145,7 @@ def _steps(axes: Axes, coupon: Coupon, features: Sequence[MeasuredSize]) -> None
                 label=f"{1e3 * size:g} µm" + ("" if good else ", no rise beyond chance") if these else None,
             )
     axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
-    axes.legend(fontsize=7, ncols=len(sizes), loc="lower right", bbox_to_anchor=(1.0, 1.0))
+    axes.legend()
     axes.set(xlabel="nominal height that the step leads to (mm)", ylabel="step (µm)")
 
 
@@ -162,11 +162,11 @@ def _deviations(axes: Axes, kind: str, features: Sequence[MeasuredSize]) -> None
     low, high = axes.get_ylim()
     axes.set_ylim(min(low, -0.15 * high), max(high, -0.15 * low))
     bottom = axes.get_ylim()[0]
-    axes.plot(
-        [one.nominal_mm for one in lost], [bottom] * len(lost), "x", color=LEFT, clip_on=False, label="not resolved"
-    )
     if lost:
-        axes.legend(fontsize=7, loc="lower right", bbox_to_anchor=(1.0, 1.0))
+        axes.plot(
+            [one.nominal_mm for one in lost], [bottom] * len(lost), "x", color=LEFT, clip_on=False, label="not resolved"
+        )
+        axes.legend()
     sizes = {feature.nominal_mm for feature in features}
     if len(sizes) > MANY and min(sizes) < WIDE * max(sizes):
         axes.set_xscale("log")

@@ -1,6 +1,5 @@
 """The figure of an inspection: the picture with the edge and the design on it, and how far they are apart."""
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
@@ -9,7 +8,7 @@ from matplotlib.figure import Figure
 
 from solen.arrays import FloatArray
 from solen.metrology.inspection import LensInspection
-from solen.report.canvas import INK, LOST, SERIES, STYLE
+from solen.report.canvas import INK, LOST, SERIES
 
 MOST_PX = 1400
 """Longer side of the picture as it is drawn."""
@@ -26,18 +25,17 @@ def inspect_figure(inspection: LensInspection) -> Figure:
     image, fit = inspection.image, inspection.outline.chosen.registration
     most = max(float(np.abs(fit.deviation_um).max()), 1e-3)
     norm = TwoSlopeNorm(0.0, -most, most)
-    with mpl.rc_context(STYLE):
-        x0, x1, y0, y1 = _window(fit.pose.to_px(inspection.nominal.front_mm), image.shape)
-        tall = float(np.clip(PICTURE * (y1 - y0) / (x1 - x0), 1.5, 7.0))
-        figure = Figure(figsize=(6.4, tall + BELOW), layout="constrained")
-        above, below = figure.subplots(2, 1, height_ratios=[tall, BELOW])
-        _picture(above, inspection)
-        edge = _coloured(above, inspection, norm)
-        figure.colorbar(edge, ax=above, label="deviation, + outwards (µm)", shrink=0.95)
-        _deviations(below, inspection, norm)
-        title = f"{'simulated: ' if inspection.simulated else ''}{inspection.sources[0].file}"
-        title += f", {image.um_per_px:.4g} µm per pixel: {fit.rms_um:.3g} µm (rms) from {inspection.nominal.name}"
-        above.set_title(title, fontsize=9)
+    x0, x1, y0, y1 = _window(fit.pose.to_px(inspection.nominal.front_mm), image.shape)
+    tall = float(np.clip(PICTURE * (y1 - y0) / (x1 - x0), 1.5, 7.0))
+    figure = Figure(figsize=(6.4, tall + BELOW))
+    above, below = figure.subplots(2, 1, height_ratios=[tall, BELOW])
+    _picture(above, inspection)
+    edge = _coloured(above, inspection, norm)
+    figure.colorbar(edge, ax=above, label="deviation, + outwards (µm)", shrink=0.95)
+    _deviations(below, inspection, norm)
+    title = f"{'simulated: ' if inspection.simulated else ''}{inspection.sources[0].file}"
+    title += f", {image.um_per_px:.4g} µm per pixel: {fit.rms_um:.3g} µm (rms) from {inspection.nominal.name}"
+    above.set_title(title)
     return figure
 
 
@@ -63,7 +61,7 @@ def _picture(axes: Axes, inspection: LensInspection) -> None:
     axes.grid(visible=False)
     for spine in axes.spines.values():
         spine.set_visible(False)
-    axes.legend(fontsize=7, loc="upper right", frameon=True, framealpha=0.85)
+    axes.legend()
 
 
 def _window(front: FloatArray, shape: tuple[int, int]) -> tuple[int, int, int, int]:
@@ -82,7 +80,7 @@ def _scale_bar(axes: Axes, um_per_px: float, window: tuple[int, int, int, int]) 
     box = {"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 1.5}
     for width, colour in ((3.0, "white"), (1.6, INK)):
         axes.plot([left, left + length / um_per_px], [height, height], "-", lw=width, color=colour)
-    axes.annotate(f"{length} µm", (left, height), xytext=(0, 4), textcoords="offset points", fontsize=7, bbox=box)
+    axes.annotate(f"{length} µm", (left, height), xytext=(0, 4), textcoords="offset points", fontsize="small", bbox=box)
 
 
 def _coloured(axes: Axes, inspection: LensInspection, norm: TwoSlopeNorm) -> LineCollection:
@@ -114,4 +112,4 @@ def _deviations(axes: Axes, inspection: LensInspection, norm: TwoSlopeNorm) -> N
     axes.axhline(0.0, color=INK, lw=0.7)
     most = float(np.abs(deviation).max())
     axes.set(xlabel="x (mm)", ylabel="deviation, + outwards (µm)", ylim=(-1.4 * most, 2.1 * most))
-    axes.legend(fontsize=7, loc="upper center", ncols=2, frameon=True, framealpha=0.85, edgecolor="none")
+    axes.legend()

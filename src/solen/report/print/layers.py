@@ -1,6 +1,5 @@
 """Figures of layers: some of them as the printer shows them, their pixels, the plate, and the stack over its height."""
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
@@ -9,7 +8,7 @@ from matplotlib.patches import Rectangle
 
 from solen.fabricate.grey import FULL
 from solen.fabricate.layers import Job, LayeredPrint
-from solen.report.canvas import INK, LEFT, LOST, RIGHT, STYLE
+from solen.report.canvas import INK, LEFT, LOST, RIGHT
 
 LIT = LinearSegmentedColormap.from_list("lit", ["#ffffff", RIGHT])
 SHOWN = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
@@ -28,21 +27,21 @@ def layers_figure(layered: LayeredPrint) -> Figure:
     job, (rows, columns) = layered.job, layered.job.tile
     shown = sorted({round(share * (job.count - 1)) for share in SHOWN})
     wide = columns > rows
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(8.4, 5.6 if wide else 7.0), layout="constrained")
-        halves = figure.add_gridspec(2, 1, height_ratios=(1.55, 1.0))
-        pictures, overview = (figure.add_subfigure(halves[half]) for half in (0, 1))
-        grid = (-(-len(shown) // COLUMNS), COLUMNS) if wide else (1, len(shown))
-        for number, layer in enumerate(shown, 1):
-            _draw_layer(pictures.add_subplot(*grid, number), job, layer)
-        edge, plate, side = overview.subplots(1, 3, width_ratios=(0.8, 1.2, 1.0))
-        _draw_edge(edge, job, shown[len(shown) // 2])
-        _draw_plate(plate, job)
-        _draw_side(side, job)
-        size = " × ".join(f"{length:.4g}" for length in job.solid.size_mm)
-        copies = "" if job.slicing.copies == 1 else f"{job.slicing.copies} copies, "
-        layers = f"{copies}{job.count} layers of {job.slicing.layer_um:g} µm on {job.printer.name}"
-        figure.suptitle(f"{layered.name}: {size} mm, {layers}", fontsize=10)
+    figure = Figure(figsize=(8.4, 5.6 if wide else 7.0))
+    across = COLUMNS if wide else len(shown)
+    down = -(-len(shown) // across)
+    grid = figure.add_gridspec(down + 1, 3 * across, height_ratios=(*(1.55 / down for _ in range(down)), 1.0))
+    for number, layer in enumerate(shown):
+        row, column = divmod(number, across)
+        _draw_layer(figure.add_subplot(grid[row, 3 * column : 3 * column + 3]), job, layer)
+    edge, plate, side = (figure.add_subplot(grid[down, place * across : (place + 1) * across]) for place in range(3))
+    _draw_edge(edge, job, shown[len(shown) // 2])
+    _draw_plate(plate, job)
+    _draw_side(side, job)
+    size = " × ".join(f"{length:.4g}" for length in job.solid.size_mm)
+    copies = "" if job.slicing.copies == 1 else f"{job.slicing.copies} copies, "
+    layers = f"{copies}{job.count} layers of {job.slicing.layer_um:g} µm on {job.printer.name}"
+    figure.suptitle(f"{layered.name}: {size} mm, {layers}")
     return figure
 
 
@@ -54,8 +53,7 @@ def _draw_layer(axes: Axes, job: Job, layer: int) -> None:
     extent = (left, left + columns * x, low, low + rows * y)
     axes.imshow(picture[::step, ::step], cmap=LIT, vmin=0, vmax=FULL, origin="lower", extent=extent)
     heights = f"{layer * job.layer_mm:.3f}–{(layer + 1) * job.layer_mm:.3f} mm"
-    axes.set_title(f"layer {layer + 1}: {job.seconds_of(layer):g} s\n{heights}", fontsize=8)
-    axes.tick_params(labelsize=7)
+    axes.set_title(f"layer {layer + 1}: {job.seconds_of(layer):g} s\n{heights}")
     axes.grid(visible=False)
 
 
@@ -72,8 +70,7 @@ def _draw_edge(axes: Axes, job: Job, layer: int) -> None:
     size = np.array(window.shape[::-1]) * pitch
     extent = (start[0], start[0] + size[0], start[1], start[1] + size[1])
     axes.imshow(window, cmap=LIT, vmin=0, vmax=FULL, origin="lower", extent=extent, interpolation="nearest")
-    axes.set_title(f"layer {layer + 1}: its pixels", fontsize=9)
-    axes.tick_params(labelsize=7)
+    axes.set_title(f"layer {layer + 1}: its pixels")
     axes.set(xlabel="mm from the origin")
     axes.grid(visible=False)
 
@@ -96,7 +93,7 @@ def _draw_plate(axes: Axes, job: Job) -> None:
     for left, low in job.places_mm:
         axes.add_patch(Rectangle((left - 0.5 * x, low - 0.5 * y), x, y, facecolor=RIGHT, alpha=0.5, lw=0))
     axes.set(xlim=(-0.53 * width, 0.53 * width), ylim=(-0.53 * depth, 0.53 * depth), xlabel="X (mm)", ylabel="Y (mm)")
-    axes.set_title(f"plate of {width:.4g} × {depth:.4g} mm", fontsize=9)
+    axes.set_title(f"plate of {width:.4g} × {depth:.4g} mm")
     axes.set_aspect("equal")
     axes.grid(visible=False)
 
@@ -113,4 +110,4 @@ def _draw_side(axes: Axes, job: Job) -> None:
         axes.plot([size[axis] for size in sizes], middles, color=colour, lw=1.2, label=label)
     axes.set(xlabel="extent of a layer (mm)", ylabel="height above the plate (mm)")
     axes.set(ylim=(0.0, job.height_mm), xlim=(0.0, 1.05 * max(1e-9, *(size.max() for size in sizes))))
-    axes.legend(fontsize=7)
+    axes.legend()

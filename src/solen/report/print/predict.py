@@ -1,12 +1,11 @@
 """The figure of a predicted print: how far the lens is from the wanted one, its walls or steps, and its response."""
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from solen.fabricate.process import PrintedDesign
-from solen.report.canvas import INK, LEFT, LOST, RIGHT, SPACE, STYLE
+from solen.report.canvas import INK, LEFT, LOST, RIGHT, SPACE
 from solen.sensor.print_loss import PrintLoss
 
 _EXAGGERATED = 10.0
@@ -15,18 +14,16 @@ _BAND = 0.2
 
 def printed_figure(prediction: PrintedDesign) -> Figure:
     """Outline and deviation; walls or steps; contrast where it was traced."""
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(9.6, 7.2), layout="constrained")
-        (outline, deviation), (through, response) = figure.subplots(2, 2)
-        _outline(outline, prediction)
-        _deviation(deviation, prediction)
-        (_walls if prediction.walls is not None else _steps)(through, prediction)
-        _response(response, prediction.response)
-        figure.suptitle(
-            f"simulated: {prediction.name}, printed {prediction.orientation} ({prediction.process}), off by "
-            f"{prediction.deviation.rms_um:.3g} µm rms, largest {prediction.deviation.largest_um:+.3g} µm",
-            fontsize=9,
-        )
+    figure = Figure(figsize=(9.6, 7.2))
+    (outline, deviation), (through, response) = figure.subplots(2, 2)
+    _outline(outline, prediction)
+    _deviation(deviation, prediction)
+    (_walls if prediction.walls is not None else _steps)(through, prediction)
+    _response(response, prediction.response)
+    figure.suptitle(
+        f"simulated: {prediction.name}, printed {prediction.orientation} ({prediction.process}), off by "
+        f"{prediction.deviation.rms_um:.3g} µm rms, largest {prediction.deviation.largest_um:+.3g} µm",
+    )
     return figure
 
 
@@ -38,8 +35,8 @@ def _outline(axes: Axes, prediction: PrintedDesign) -> None:
         axes.plot(*target.moved_um(_EXAGGERATED * made.drawn_um).T, "--", color=SPACE, lw=1.2, label="to be drawn")
         axes.plot(*target.moved_um(_EXAGGERATED * made.printed.um).T, color=RIGHT, lw=1.2, label="printed then")
     axes.set(xlabel="x (mm)", ylabel="z (mm)", aspect="equal")
-    axes.set_title(f"the lens, deviations drawn {_EXAGGERATED:g} times", fontsize=9)
-    axes.legend(fontsize=8, loc="upper center")
+    axes.set_title(f"the lens, deviations drawn {_EXAGGERATED:g} times")
+    axes.legend()
 
 
 def _deviation(axes: Axes, prediction: PrintedDesign) -> None:
@@ -53,21 +50,21 @@ def _deviation(axes: Axes, prediction: PrintedDesign) -> None:
         printed = prediction.compensation.printed
         axes.plot(x, printed.um, color=RIGHT, lw=1.4, label=f"compensated, {printed.rms_um:.2g} µm rms")
     axes.set(xlabel="x on the wanted lens (mm)", ylabel="beyond the wanted lens (µm)")
-    axes.set_title("deviation along the normal, more material upwards", fontsize=9)
-    axes.legend(fontsize=8)
+    axes.set_title("deviation along the normal, more material upwards")
+    axes.legend()
 
 
 def _walls(axes: Axes, prediction: PrintedDesign) -> None:
     if prediction.walls is not None:
         axes.plot(prediction.walls.beyond_um, 1e-3 * prediction.walls.height_um, ".-", ms=3, lw=0.8, color=RIGHT)
     axes.set(xlabel="straight wall beyond its image (µm)", ylabel="height above the platform (mm)")
-    axes.set_title("walls through the thickness, without shrinkage", fontsize=9)
+    axes.set_title("walls through the thickness, without shrinkage")
 
 
 def _steps(axes: Axes, prediction: PrintedDesign) -> None:
     axes.plot(prediction.deviation.target.along_mm, prediction.lens.ripple_um, color=RIGHT, lw=0.8)
     axes.set(xlabel="along the lens (mm)", ylabel="steps of the layers (µm)")
-    axes.set_title("steps that the traced profile leaves out", fontsize=9)
+    axes.set_title("steps that the traced profile leaves out")
 
 
 def _response(axes: Axes, response: PrintLoss | None) -> None:
@@ -86,5 +83,5 @@ def _response(axes: Axes, response: PrintLoss | None) -> None:
             label = f"{name}, {width}" + ("" if slope is None else f", {slope:.2g}/° at 0")
             axes.plot(emitter.angle_deg, contrast, style, marker=".", ms=4, lw=1.2, color=colour, label=label)
     axes.set(xlabel="angle (deg)", ylabel="contrast (R − L)/(R + L)")
-    axes.set_title("response, traced with both lenses", fontsize=9)
-    axes.legend(fontsize=8)
+    axes.set_title("response, traced with both lenses")
+    axes.legend()

@@ -1,12 +1,11 @@
 """The figure of a lens as it was printed: its deviation from the design, and what that does to the response."""
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from solen.lens import MeasuredLens
-from solen.report.canvas import INK, LOST, RIGHT, SOFT, SPACE, STYLE
+from solen.report.canvas import INK, LOST, RIGHT, SOFT, SPACE
 from solen.sensor import AsPrinted, Comparison
 
 PLACES = 400
@@ -17,20 +16,19 @@ MOST_DOTS = 400
 
 def printed_figure(as_printed: AsPrinted) -> Figure:
     """Deviation of the printed lens from the design, both responses, and their difference with its uncertainty."""
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(10.2, 3.8), layout="constrained")
-        shape_axes, contrast_axes, difference_axes = figure.subplots(1, 3)
-        draw_deviation(shape_axes, as_printed.lens)
-        shape_axes.set_title(f"lens {as_printed.label}", fontsize=9)
-        for one, colour in ((as_printed.emitter, INK), (as_printed.chip, SPACE)):
-            if one is not None:
-                _draw_responses(contrast_axes, one, colour)
-                _draw_difference(difference_axes, one, colour)
-        contrast_axes.set(xlabel="angle (deg)", ylabel="contrast (R − L)/(R + L)", ylim=(-1.05, 1.05))
-        _legend(contrast_axes)
-        difference_axes.axhline(0.0, color=INK, lw=0.8)
-        difference_axes.set(xlabel="angle (deg)", ylabel="contrast, printed less designed")
-        _legend(difference_axes)
+    figure = Figure(figsize=(10.2, 3.8))
+    shape_axes, contrast_axes, difference_axes = figure.subplots(1, 3)
+    draw_deviation(shape_axes, as_printed.lens)
+    shape_axes.set_title(f"lens {as_printed.label}")
+    for one, colour in ((as_printed.emitter, INK), (as_printed.chip, SPACE)):
+        if one is not None:
+            _draw_responses(contrast_axes, one, colour)
+            _draw_difference(difference_axes, one, colour)
+    contrast_axes.set(xlabel="angle (deg)", ylabel="contrast (R − L)/(R + L)", ylim=(-1.05, 1.05))
+    contrast_axes.legend()
+    difference_axes.axhline(0.0, color=INK, lw=0.8)
+    difference_axes.set(xlabel="angle (deg)", ylabel="contrast, printed less designed")
+    difference_axes.legend()
     return figure
 
 
@@ -48,12 +46,7 @@ def draw_deviation(axes: Axes, lens: MeasuredLens) -> None:
     axes.plot(x, more, color=RIGHT, lw=1.6, label="smoothed, as traced")
     axes.axhline(0.0, color=INK, lw=0.8, ls=":")
     axes.set(xlabel="x (mm)", ylabel="deviation from the design (µm)")
-    _legend(axes)
-
-
-def _legend(axes: Axes) -> None:
-    """Names below the axes, where no curve runs."""
-    axes.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2)
+    axes.legend()
 
 
 def _name(comparison: Comparison) -> str:

@@ -1,6 +1,5 @@
 """The figures of a working curve: thickness against dose, and the dose inside a part beside that of one layer."""
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
@@ -10,7 +9,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from solen.material.cure.curve import WorkingCurve
 from solen.material.cure.discs import MeasuredCurve
 from solen.material.cure.layers import StackDose
-from solen.report.canvas import INK, LEFT, LOST, RIGHT, SPACE, STYLE
+from solen.report.canvas import INK, LEFT, LOST, RIGHT, SPACE
 
 _BAND, _DISCS = 0.18, 0.09
 _MARGIN = 1.15  # of the dose axis beyond what is shown
@@ -18,21 +17,20 @@ _MARGIN = 1.15  # of the dose axis beyond what is shown
 
 def cure_figure(curve: MeasuredCurve) -> Figure:
     """Discs and curve; where a part's layers are known, the dose inside it in a second panel."""
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(5.4 if curve.stack is None else 9.6, 3.9), layout="constrained")
-        ratios = (1,) if curve.stack is None else (5, 4)
-        panels = figure.subplots(1, len(ratios), width_ratios=ratios, squeeze=False)[0]
-        _curve(panels[0], curve)
-        _layer(panels[0], curve)
-        if (rate := curve.irradiance_mW_per_cm2) is not None:
-            top = panels[0].secondary_xaxis("top", functions=(lambda e: e / rate, lambda s: s * rate))
-            top.set_xlabel(f"exposure (s) at {rate:g} mW/cm²")
-            _plain_ticks(top.xaxis)
-        panels[0].legend(fontsize=8, loc="upper left")
-        if curve.stack is not None:
-            _inside(panels[1], curve.stack)
-        where = f"{'simulated: ' if curve.simulated else ''}{curve.sources[0].file}"
-        figure.suptitle(f"{where}: {_title(curve)}", fontsize=9)
+    figure = Figure(figsize=(5.4 if curve.stack is None else 9.6, 3.9))
+    ratios = (1,) if curve.stack is None else (5, 4)
+    panels = figure.subplots(1, len(ratios), width_ratios=ratios, squeeze=False)[0]
+    _curve(panels[0], curve)
+    _layer(panels[0], curve)
+    if (rate := curve.irradiance_mW_per_cm2) is not None:
+        top = panels[0].secondary_xaxis("top", functions=(lambda e: e / rate, lambda s: s * rate))
+        top.set_xlabel(f"exposure (s) at {rate:g} mW/cm²")
+        _plain_ticks(top.xaxis)
+    panels[0].legend()
+    if curve.stack is not None:
+        _inside(panels[1], curve.stack)
+    where = f"{'simulated: ' if curve.simulated else ''}{curve.sources[0].file}"
+    figure.suptitle(f"{where}: {_title(curve)}")
     return figure
 
 
@@ -95,5 +93,5 @@ def _inside(axes: Axes, stack: StackDose) -> None:
     axes.axvline(float(stack.exposures_mJ_per_cm2[-1]), color=LOST, lw=1.2, ls="--", label="at the window")
     axes.set(xlabel="dose (mJ/cm²)", ylabel="height in the part (mm)", xlim=(0.0, None))
     times = f"{stack.interior_over_single_layer:.2g} times one layer's"
-    axes.set_title(f"inside: {stack.interior_mean_mJ_per_cm2:.3g} mJ/cm², {times}", fontsize=9)
-    axes.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncol=2)
+    axes.set_title(f"inside: {stack.interior_mean_mJ_per_cm2:.3g} mJ/cm², {times}")
+    axes.legend()

@@ -1,12 +1,11 @@
 """The figure of a cut-back: level against length, the line, its band, and outliers."""
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from solen.material.loss import GuideLoss, Line, Piece
-from solen.report.canvas import INK, LOST, SERIES, STYLE
+from solen.report.canvas import INK, LOST, SERIES
 
 _BAND = 0.15
 
@@ -15,25 +14,24 @@ def cutback_figure(loss: GuideLoss) -> Figure:
     """Pieces as dots, a colour for each orientation; levels count from what was launched where that is known."""
     zero = 0.0 if loss.launched_dB is None else loss.launched_dB
     source = loss.sources[0]
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(5.4, 3.8), layout="constrained")
-        axes = figure.add_subplot()
-        ways = list(dict.fromkeys(piece.orientation for piece in loss.points))
-        lines = {line.orientation: line for line in loss.by_orientation} or {"": loss}
-        for number, way in enumerate(ways):
-            colour = SERIES[number % len(SERIES)]
-            line = lines.get(way, lines.get(""))
-            dots = [piece for piece in loss.points if piece.orientation == way]
-            _dots(axes, dots, _label(way, line, loss), colour, zero)
-            if line is not None:
-                _line(axes, line, loss, colour, zero)
-        _crosses(axes, loss, zero)
-        axes.set(
-            xlabel="length (mm)", ylabel="level (dB)" + ("" if loss.launched_dB is None else ", from what was launched")
-        )
-        axes.set_xlim(left=0.0)
-        axes.legend(fontsize=8)
-        axes.set_title(f"{'simulated: ' if source.simulated else ''}{source.file}", fontsize=9)
+    figure = Figure(figsize=(5.4, 3.8))
+    axes = figure.add_subplot()
+    ways = list(dict.fromkeys(piece.orientation for piece in loss.points))
+    lines = {line.orientation: line for line in loss.by_orientation} or {"": loss}
+    for number, way in enumerate(ways):
+        colour = SERIES[number % len(SERIES)]
+        line = lines.get(way, lines.get(""))
+        dots = [piece for piece in loss.points if piece.orientation == way]
+        _dots(axes, dots, _label(way, line, loss), colour, zero)
+        if line is not None:
+            _line(axes, line, loss, colour, zero)
+    _crosses(axes, loss, zero)
+    axes.set(
+        xlabel="length (mm)", ylabel="level (dB)" + ("" if loss.launched_dB is None else ", from what was launched")
+    )
+    axes.set_xlim(left=0.0)
+    axes.legend()
+    axes.set_title(f"{'simulated: ' if source.simulated else ''}{source.file}")
     return figure
 
 
@@ -73,4 +71,4 @@ def _crosses(axes: Axes, loss: GuideLoss, zero: float) -> None:
     for number, outlier in enumerate(loss.outliers):
         at = (outlier.piece.length_mm, outlier.piece.level_dB - zero)
         axes.plot(*at, "x", ms=9, mew=1.6, color=INK, label="outlier, set aside" if number == 0 else None)
-        axes.annotate(outlier.piece.guide, at, xytext=(6, 4), textcoords="offset points", fontsize=7, color=LOST)
+        axes.annotate(outlier.piece.guide, at, xytext=(6, 4), textcoords="offset points", fontsize="small", color=LOST)

@@ -2,26 +2,24 @@
 
 from collections.abc import Sequence
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from solen.material.cure.exposures import ExposureTrends, Sample
-from solen.report.canvas import SERIES, STYLE
+from solen.report.canvas import SERIES
 
 _FEW_POINTS = 20
 
 
 def exposures_figure(trends: ExposureTrends) -> Figure:
     """Spectra, a colour for each exposure; values at some wavelengths against exposure, with their line."""
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(9.0, 3.6), layout="constrained")
-        left, right = figure.subplots(1, 2)
-        _spectra(left, trends.layers)
-        _values(right, trends)
-        if trends.simulated:
-            figure.suptitle("simulated", fontsize=9)
+    figure = Figure(figsize=(9.0, 3.6))
+    left, right = figure.subplots(1, 2)
+    _spectra(left, trends.layers)
+    _values(right, trends)
+    if trends.simulated:
+        figure.suptitle("simulated")
     return figure
 
 
@@ -35,7 +33,7 @@ def _spectra(axes: Axes, samples: Sequence[Sample]) -> None:
         style = "o-" if sample.wavelength_nm.size < _FEW_POINTS else "-"
         axes.plot(sample.wavelength_nm, 100.0 * sample.transmittance, style, ms=3, lw=1.3, color=colour, label=label)
     axes.set(xlabel="wavelength (nm)", ylabel="transmittance (%)")
-    axes.legend(fontsize=8)
+    axes.legend()
 
 
 def _values(axes: Axes, trends: ExposureTrends) -> None:
@@ -47,4 +45,4 @@ def _values(axes: Axes, trends: ExposureTrends) -> None:
         if row.trend_T is not None:
             axes.plot(ends, 100.0 * row.trend_T.value(ends), "-", lw=1.0, color=colour)
     axes.set(xlabel="exposure (s)", ylabel="transmittance (%)", xlim=(0.0, None))
-    axes.legend(fontsize=8)
+    axes.legend()

@@ -1,6 +1,5 @@
 """The figure of an index: transmittance, absorbance and index against wavelength, and what the index is."""
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -8,7 +7,7 @@ from matplotlib.figure import Figure
 from solen.arrays import FloatArray
 from solen.material.index.fit import Fit
 from solen.material.index.layer import LayerIndex
-from solen.report.canvas import INK, LEFT, LOST, RIGHT, SOFT, SPACE, STYLE
+from solen.report.canvas import INK, LEFT, LOST, RIGHT, SOFT, SPACE
 
 TITLES = {
     "measured": "from R and T, both measured",
@@ -25,19 +24,17 @@ _NEAR = 0.2  # how far from n a band is still drawn
 
 def index_figure(index: LayerIndex) -> Figure:
     """Three panels of an index result: T and R, absorbance and absorptance, n with its uncertainty and its masks."""
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(9.6, 3.4), layout="constrained")
-        light, loss, n = figure.subplots(1, 3)
-        nm = index.wavelength_nm
-        _draw_light(light, nm, index)
-        _draw_loss(loss, nm, index)
-        _draw_index(n, nm, index)
-        for letter, axes in zip("ABC", (light, loss, n), strict=True):
-            axes.set_xlabel("wavelength (nm)")
-            axes.set_title(letter, loc="left", fontweight="bold")
-        simulated = "simulated, " if index.simulated else ""
-        layer = " of a layer on its substrate" if index.options.substrate else ""
-        figure.suptitle(f"{simulated}index{layer} {TITLES.get(index.mode, index.mode)}", fontsize=10)
+    figure = Figure(figsize=(9.6, 3.4))
+    light, loss, n = figure.subplots(1, 3)
+    nm = index.wavelength_nm
+    _draw_light(light, nm, index)
+    _draw_loss(loss, nm, index)
+    _draw_index(n, nm, index)
+    for axes in (light, loss, n):
+        axes.set_xlabel("wavelength (nm)")
+    simulated = "simulated, " if index.simulated else ""
+    layer = " of a layer on its substrate" if index.options.substrate else ""
+    figure.suptitle(f"{simulated}index{layer} {TITLES.get(index.mode, index.mode)}")
     return figure
 
 
@@ -61,7 +58,7 @@ def _draw_light(axes: Axes, nm: FloatArray, index: LayerIndex) -> None:
         axes.plot(nm, index.R, "--", color=LEFT, lw=1.2, label="R, by difference")
     low, high = axes.get_ylim()
     axes.set(ylabel="fraction", ylim=(min(low, 0.0), max(high, 1.0)))
-    axes.legend(fontsize=8)
+    axes.legend()
 
 
 def _draw_loss(axes: Axes, nm: FloatArray, index: LayerIndex) -> None:
@@ -72,7 +69,7 @@ def _draw_loss(axes: Axes, nm: FloatArray, index: LayerIndex) -> None:
         index.mode in {"measured", "absorptance", "fringes"} and np.isfinite(r).any() and not index.options.substrate
     ):  # T and R of one baseline
         axes.plot(nm, 1.0 - r - t, _style(nm), color=SPACE, ms=3, lw=1.4, label="absorptance 1 − R − T")
-        axes.legend(fontsize=8)
+        axes.legend()
     axes.axhline(0.0, color=INK, lw=0.6)
     axes.set_ylabel("A, of two kinds" if axes.get_legend() else "absorbance −log10 T")
 
@@ -91,9 +88,9 @@ def _draw_index(axes: Axes, nm: FloatArray, index: LayerIndex) -> None:
     axes.set_ylim(*_widened(*limits))
     _draw_masks(axes, nm, n)
     if not index.measurement:
-        axes.set_title("no measurement: R made of T alone", loc="right", color=LEFT, fontsize=8, fontweight="bold")
+        axes.set_title("no measurement: R made of T alone", loc="right", color=LEFT, fontweight="bold")
     axes.set_ylabel("refractive index n")
-    axes.legend(fontsize=7, loc="upper right")
+    axes.legend()
 
 
 def _draw_literature(axes: Axes, nm: FloatArray, index: LayerIndex) -> None:

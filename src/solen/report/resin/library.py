@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -10,7 +9,7 @@ from solen.errors import DataError
 from solen.material.dispersion import AS_PUBLISHED, Tabulated
 from solen.material.facts import LISTED_NM, ResinFacts
 from solen.material.resin import Resin
-from solen.report.canvas import INK, LEFT, RIGHT, STYLE
+from solen.report.canvas import INK, LEFT, RIGHT
 from solen.spec.strict import told_of
 
 SHOWN_NM = (400.0, 1000.0)
@@ -48,25 +47,22 @@ def index_figure(resin: Resin, at_nm: Sequence[float] = ()) -> Figure:
     n = np.array([resin.index.index(float(nm)) for nm in wavelengths])
     u = [resin.index.u_index(float(nm)) for nm in wavelengths]
     published = resin.index.mode == AS_PUBLISHED
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(6.0, 3.6), layout="constrained")
-        axes = figure.add_subplot()
-        if all(value is not None for value in u):
-            band = np.array(u, dtype=float)
-            axes.fill_between(wavelengths, n - band, n + band, color=RIGHT, alpha=0.2, lw=0, label="± u(n), standard")
-        mode = resin.index.mode or resin.index.kind
-        label = "as published: see warning" if published else mode
-        axes.plot(
-            wavelengths, n, color=LEFT if published else RIGHT, lw=1.8, ls="--" if published else "-", label=label
-        )
-        if isinstance(resin.index, Tabulated):
-            axes.plot(resin.index.wavelength_nm, resin.index.n, ".", color=INK, ms=4)
-        for nm in at_nm:
-            axes.plot(nm, resin.index.index(nm), "o", color=INK, mfc="none", ms=6)
-            axes.annotate(f"{nm:g} nm: {resin.index.index(nm):.4f}", (nm, resin.index.index(nm)), (4, 6), fontsize=8,
-                          textcoords="offset points")  # fmt: skip
-        simulated = any(source.simulated for source in resin.sources if source.of == "index")
-        axes.set_title(resin.name + (" (simulated data)" if simulated else ""), fontsize=10)
-        axes.set(xlabel="wavelength (nm)", ylabel="refractive index")
-        axes.legend(fontsize=8)
+    figure = Figure(figsize=(6.0, 3.6))
+    axes = figure.add_subplot()
+    if all(value is not None for value in u):
+        band = np.array(u, dtype=float)
+        axes.fill_between(wavelengths, n - band, n + band, color=RIGHT, alpha=0.2, lw=0, label="± u(n), standard")
+    mode = resin.index.mode or resin.index.kind
+    label = "as published: see warning" if published else mode
+    axes.plot(wavelengths, n, color=LEFT if published else RIGHT, lw=1.8, ls="--" if published else "-", label=label)
+    if isinstance(resin.index, Tabulated):
+        axes.plot(resin.index.wavelength_nm, resin.index.n, ".", color=INK, ms=4)
+    for nm in at_nm:
+        axes.plot(nm, resin.index.index(nm), "o", color=INK, mfc="none", ms=6)
+        axes.annotate(f"{nm:g} nm: {resin.index.index(nm):.4f}", (nm, resin.index.index(nm)), (4, 6),
+                      textcoords="offset points")  # fmt: skip
+    simulated = any(source.simulated for source in resin.sources if source.of == "index")
+    axes.set_title(resin.name + (" (simulated data)" if simulated else ""))
+    axes.set(xlabel="wavelength (nm)", ylabel="refractive index")
+    axes.legend()
     return figure

@@ -6,7 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from solen.material.cure.penetration import Attenuation, Penetration
-from solen.report.canvas import INK, LEFT, LOST, RIGHT, STYLE
+from solen.report.canvas import INK, LEFT, LOST, RIGHT
 
 _BESIDE_NM = 60.0  # shown on both sides of the lamp
 _DEPTHS = 3.0  # penetration depths that are shown
@@ -16,18 +16,17 @@ _HIGHEST_UM = 2000.0
 def penetration_figure(penetration: Penetration) -> Figure:
     """Absorbance against wavelength; where a lamp is known, its light against depth in a second panel."""
     decay, absorbance = penetration.attenuation, penetration.absorbance
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(4.8 if decay is None else 9.0, 3.6), layout="constrained")
-        panels = figure.subplots(1, 1 if decay is None else 2, squeeze=False)[0]
-        label = f"absorbance, {penetration.path_um:g} µm"
-        panels[0].plot(penetration.wavelength_nm, absorbance, color=INK, lw=1.4, label=label)
-        panels[0].set(xlabel="wavelength (nm)", ylabel="absorbance (base 10)")
-        if decay is not None:
-            _lamp(panels[0], decay, float(np.nanmax(absorbance)))
-            _depth(panels[1], decay)
-        panels[0].legend(fontsize=8)
-        simulated = "simulated: " if penetration.simulated else ""
-        figure.suptitle(f"{simulated}{penetration.sources[0].file}", fontsize=9)
+    figure = Figure(figsize=(4.8 if decay is None else 9.0, 3.6))
+    panels = figure.subplots(1, 1 if decay is None else 2, squeeze=False)[0]
+    label = f"absorbance, {penetration.path_um:g} µm"
+    panels[0].plot(penetration.wavelength_nm, absorbance, color=INK, lw=1.4, label=label)
+    panels[0].set(xlabel="wavelength (nm)", ylabel="absorbance (base 10)")
+    if decay is not None:
+        _lamp(panels[0], decay, float(np.nanmax(absorbance)))
+        _depth(panels[1], decay)
+    panels[0].legend()
+    simulated = "simulated: " if penetration.simulated else ""
+    figure.suptitle(f"{simulated}{penetration.sources[0].file}")
     return figure
 
 
@@ -56,4 +55,4 @@ def _depth(axes: Axes, decay: Attenuation) -> None:
     axes.set(yscale="log", xlabel="depth (µm)", ylabel="share of the light")
     axes.yaxis.set_major_formatter(mpl.ticker.FuncFormatter(lambda value, _: f"{value:g}"))
     axes.yaxis.set_minor_formatter(mpl.ticker.NullFormatter())
-    axes.legend(fontsize=8, loc="lower left")
+    axes.legend()

@@ -1,11 +1,10 @@
 """The figure of a refractometer's index: what was measured, the curve through it with its band, and the literature."""
 
-import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from solen.material.index.literature import RESINS, band
 from solen.material.index.refractometer import WIDE95, RefractometerIndex
-from solen.report.canvas import LEFT, RIGHT, SOFT, STYLE
+from solen.report.canvas import LEFT, RIGHT, SOFT
 
 
 def refractometer_figure(index: RefractometerIndex) -> Figure:
@@ -13,19 +12,16 @@ def refractometer_figure(index: RefractometerIndex) -> Figure:
     nm, interval = index.wavelength_nm, index.interval95_n
     polymers = index.options.polymers if index.options else RESINS
     literature = band(nm, polymers, package=False)
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(6.4, 4.0), layout="constrained")
-        axes = figure.subplots()
-        names = " and ".join(f"{polymer}s" for polymer in polymers)
-        axes.fill_between(nm, literature.low, literature.high, color=SOFT, lw=0, label=f"literature of {names}")
-        axes.fill_between(nm, *interval.T, color=RIGHT, alpha=0.25, lw=0, label="95 %")
-        abbe = f"{index.abbe:.0f} ± {index.u_abbe:.0f}"
-        axes.plot(nm, index.n, color=RIGHT, lw=1.6, label=f"n, Abbe number {abbe}")
-        spread = WIDE95 * index.u_measured_n
-        axes.errorbar(
-            index.measured_nm, index.measured_n, spread, fmt="o", color=LEFT, ms=4, capsize=3, label="measured"
-        )
-        axes.set(xlabel="wavelength (nm)", ylabel="refractive index n", xlim=(nm[0], nm[-1]))
-        axes.legend(fontsize=8)
-        axes.set_title(f"n at 589.3 nm = {index.n_D:.4f} ± {index.u_n_D:.1g}, the rest by dispersion", fontsize=10)
+    figure = Figure(figsize=(6.4, 4.0))
+    axes = figure.subplots()
+    names = " and ".join(f"{polymer}s" for polymer in polymers)
+    axes.fill_between(nm, literature.low, literature.high, color=SOFT, lw=0, label=f"literature of {names}")
+    axes.fill_between(nm, *interval.T, color=RIGHT, alpha=0.25, lw=0, label="95 %")
+    abbe = f"{index.abbe:.0f} ± {index.u_abbe:.0f}"
+    axes.plot(nm, index.n, color=RIGHT, lw=1.6, label=f"n, Abbe number {abbe}")
+    spread = WIDE95 * index.u_measured_n
+    axes.errorbar(index.measured_nm, index.measured_n, spread, fmt="o", color=LEFT, ms=4, capsize=3, label="measured")
+    axes.set(xlabel="wavelength (nm)", ylabel="refractive index n", xlim=(nm[0], nm[-1]))
+    axes.legend()
+    axes.set_title(f"n at 589.3 nm = {index.n_D:.4f} ± {index.u_n_D:.1g}, the rest by dispersion")
     return figure

@@ -9,10 +9,8 @@ from matplotlib.figure import Figure
 
 from solen.recording import Spectrum
 from solen.recording.spectrum import Listing
-from solen.report.canvas import SERIES, STYLE
+from solen.report.canvas import SERIES
 
-_INSIDE = 5
-"""Traces whose names fit among the lines."""
 _NAMED = 14
 """Traces whose names a legend has room for; of more, the first and the last are named."""
 
@@ -22,15 +20,14 @@ def spectra_figure(listing: Listing) -> Figure:
     kinds: dict[tuple[str, str], list[Spectrum]] = {}
     for spectrum in listing.spectra:
         kinds.setdefault((spectrum.channel.quantity, spectrum.channel.unit), []).append(spectrum)
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(4.6 * len(kinds), 3.6), layout="constrained")
-        panels = figure.subplots(1, len(kinds), squeeze=False)[0]
-        for axes, ((quantity, unit), traces) in zip(panels, kinds.items(), strict=True):
-            _draw(axes, traces)
-            axes.set(xlabel="wavelength (nm)", ylabel=_label(quantity, unit))
-        source = listing.sources[0]
-        what = "simulated" if source.simulated else " ".join(filter(None, (source.instrument, source.date)))
-        figure.suptitle(source.file + (f": {what}" if what else ""), fontsize=9)
+    figure = Figure(figsize=(4.6 * len(kinds), 3.6))
+    panels = figure.subplots(1, len(kinds), squeeze=False)[0]
+    for axes, ((quantity, unit), traces) in zip(panels, kinds.items(), strict=True):
+        _draw(axes, traces)
+        axes.set(xlabel="wavelength (nm)", ylabel=_label(quantity, unit))
+    source = listing.sources[0]
+    what = "simulated" if source.simulated else " ".join(filter(None, (source.instrument, source.date)))
+    figure.suptitle(source.file + (f": {what}" if what else ""))
     return figure
 
 
@@ -53,8 +50,7 @@ def _draw(axes: Axes, traces: Sequence[Spectrum]) -> None:
             label=trace.channel.name if named else None,
         )
     title = f"first and last\nof {len(traces)} traces" if many else None
-    where = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)} if len(traces) > _INSIDE else {"loc": "best"}
-    axes.legend(fontsize=7, title=title, title_fontsize=7, **where)
+    axes.legend(title=title)
 
 
 def _label(quantity: str, unit: str) -> str:

@@ -3,13 +3,12 @@
 from collections.abc import Sequence
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from solen.material.stiffness import MODES, Fit, MaterialStiffness, MeasuredStiffness
-from solen.report.canvas import INK, LOST, SERIES, STYLE
+from solen.report.canvas import INK, LOST, SERIES
 
 _MARKERS = {"uniaxial": "o", "planar": "s", "equibiaxial": "^"}
 _DASHES = ((4, 2), (1, 1.5), (6, 2, 1, 2))
@@ -19,18 +18,17 @@ _ACROSS, _RIVALS = 3, 2
 def stiffness_figure(stiffness: MeasuredStiffness) -> Figure:
     """Curves of all specimens, and beside them the models of each material that has any."""
     fitted = [material for material in stiffness.materials if material.fits]
-    with mpl.rc_context(STYLE):
-        across = min(1 + len(fitted), _ACROSS)
-        down = -(-(1 + len(fitted)) // across)
-        figure = Figure(figsize=(4.4 * across, 3.7 * down), layout="constrained")
-        axes = figure.subplots(down, across, squeeze=False).ravel()
-        _draw_curves(axes[0], stiffness.materials)
-        for number, material in enumerate(fitted):
-            _draw_models(axes[1 + number], material)
-        for empty in axes[1 + len(fitted) :]:
-            empty.set_visible(False)
-        if stiffness.simulated:
-            figure.suptitle("simulated data", color=LOST, fontsize=9)
+    across = min(1 + len(fitted), _ACROSS)
+    down = -(-(1 + len(fitted)) // across)
+    figure = Figure(figsize=(4.4 * across, 3.7 * down))
+    axes = figure.subplots(down, across, squeeze=False).ravel()
+    _draw_curves(axes[0], stiffness.materials)
+    for number, material in enumerate(fitted):
+        _draw_models(axes[1 + number], material)
+    for empty in axes[1 + len(fitted) :]:
+        empty.set_visible(False)
+    if stiffness.simulated:
+        figure.suptitle("simulated data", color=LOST)
     return figure
 
 
@@ -48,8 +46,8 @@ def _draw_curves(axes: Axes, materials: Sequence[MaterialStiffness]) -> None:
     kind = "compressive " if down else ""
     axes.set(xlabel=f"{kind}engineering strain (%)", ylabel=f"{kind}engineering stress (MPa)")
     axes.axhline(0, color=INK, lw=0.6)
-    axes.legend(fontsize=8, loc="upper left")
-    axes.set_title("tests", fontsize=9, loc="left")
+    axes.legend()
+    axes.set_title("tests", loc="left")
 
 
 def _draw_slope(axes: Axes, material: MaterialStiffness, colour: str, sign: int) -> None:
@@ -89,8 +87,8 @@ def _draw_models(axes: Axes, material: MaterialStiffness) -> None:
         axes.plot([], [], color=INK, label=fit.kind + remark, **look)
     axes.set(xlabel="stretch λ", ylabel="engineering stress (MPa)")
     axes.axhline(0, color=INK, lw=0.6)
-    axes.legend(fontsize=8, loc="best")
-    axes.set_title(": ".join(filter(None, (material.label, "hyperelastic models"))), fontsize=9, loc="left")
+    axes.legend()
+    axes.set_title(": ".join(filter(None, (material.label, "hyperelastic models"))), loc="left")
 
 
 def _shown(material: MaterialStiffness) -> list[tuple[Fit, dict[str, Any]]]:

@@ -1,0 +1,360 @@
+"""A drawn figure made ready for its page: panels chosen and stacked, lettered, and no text cut off or in the way.
+
+What a module of a figure cannot know is done here for all of them: the width of the page, which panels are wanted,
+where a legend is not on the data, and which titles are too long for their panel.
+
+The interface: `finish` a figure for a look; `panels_of` a figure, `covers_data` and `titles_of` to look at one.
+"""
+
+import math
+import string
+import textwrap
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from matplotlib import rcParams
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.collections import Collection
+from matplotlib.figure import Figure
+from matplotlib.gridspec import GridSpec
+from matplotlib.image import AxesImage
+from matplotlib.legend import Legend
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.text import Text
+from matplotlib.ticker import FixedLocator, LogLocator, MaxNLocator
+from matplotlib.transforms import Bbox, ScaledTranslation
+
+from solen.errors import SpecError
+from solen.report.options import LEAST_PT, FigureOptions
+
+MM_PER_IN = 25.4
+NARROWEST_IN = 2.1
+"""Of a panel beside others, unless it was drawn narrower; panels that would be narrower are stacked."""
+TALLEST = 0.75
+"""Height of a graph in its widths, on a page; pictures keep their shape."""
+LOWEST_IN = 1.3
+_AIR_PX = 1.0
+_MANY = 4
+_CODES = range(1, 11)
+"""Places of a legend inside its panel."""
+_ROUNDS = 6
+"""Layouts until every text has its place."""
+
+
+def finish(figure: Figure, look: FigureOptions) -> Figure:
+    """A figure as its look asks for it; `SpecError` where that names a panel which is not there."""
+    panels = panels_of(figure)
+    if look.panels:
+        panels = _chosen(panels, look.panels)
+    if look.width_mm is not None or look.panels:
+        _fit(figure, panels, look)
+    _set_limits(panels, look)
+    if look.no_titles:
+        _take_titles(figure)
+    if look.letters is not None:
+        _letter(panels, look.letters)
+    if look.height_mm is not None:
+        figure.set_figheight(look.height_mm / MM_PER_IN)
+    _settle(figure, may_grow=look.height_mm is None)
+    figure.set_layout_engine("none")  # laid out; whoever saves it changes nothing
+    return figure
+
+
+def panels_of(figure: Figure) -> list[list[Axes]]:
+    """Panels in reading order as they were drawn: each the axes that share one place, colour bars with theirs."""
+    panels: list[list[Axes]] = []
+    for axes in figure.axes:
+        if axes.get_label() == "<colorbar>":
+            panels[-1].append(axes)
+        elif axes.get_visible():
+            there = [panel for panel in panels if panel[0].get_subplotspec() == axes.get_subplotspec()]
+            (there[0].append if there and axes.get_subplotspec() else lambda one: panels.append([one]))(axes)
+    return panels
+
+
+def titles_of(figure: Figure) -> str:
+    """Titles of a figure, those that were left out too, on one line."""
+    kept = getattr(figure, "left_out", ())
+    texts = [text.get_text() for text in _titles(figure)]
+    return "; ".join(" ".join(text.split()) for text in (*kept, *texts) if text)
+
+
+def _letter_of(number: int) -> str:
+    return string.ascii_uppercase[number]
+
+
+def _chosen(panels: list[list[Axes]], letters: str) -> list[list[Axes]]:
+    names = [_letter_of(number) for number in range(len(panels))]
+    for letter in letters.upper():
+        if letter not in names:
+            raise SpecError("--panels", value=letter, limit=f"the figure has the panels {''.join(names)}")
+    chosen = [panels[names.index(letter)] for letter in dict.fromkeys(letters.upper())]
+    for panel in panels:
+        for axes in reversed(panel if panel not in chosen else []):
+            axes.remove()
+    return chosen
+
+
+def _fit(figure: Figure, panels: list[list[Axes]], look: FigureOptions) -> None:
+    """Size for a page, and panels stacked where they would be too narrow side by side."""
+    width, height = figure.get_size_inches()
+    wide = width if look.width_mm is None else look.width_mm / MM_PER_IN
+    if figure.subfigs or any(panel[0].get_subplotspec() is None for panel in panels):
+        figure.set_size_inches(wide, height * max(1.0, wide / width) if wide > width else height)
+        return
+    sizes = [_size_in(panel[0], (width, height)) for panel in panels]
+    across = len({round(panel[0].get_subplotspec().get_position(figure).x0, 3) for panel in panels})  # type: ignore[union-attr]
+    fits = max(1, math.floor(wide / min(NARROWEST_IN, *(w for w, _ in sizes))))
+    if not look.panels and across <= fits:
+        shrink = wide / width
+        figure.set_size_inches(wide, max(height * shrink, min(height, 1.4 * LOWEST_IN * _down(panels, figure))))
+        return
+    across = min(across if not look.panels else len(panels), fits)
+    if look.width_mm is None:
+        wide = min(width, sum(w for w, _ in sizes[:across]) + 0.5)
+    each = wide / across
+    tallest = [TALLEST * each if panel[0].get_aspect() == "auto" else math.inf for panel in panels]
+    wanted = [min(h * min(1.0, each / w), most) for (w, h), most in zip(sizes, tallest, strict=True)]
+    heights = [max(LOWEST_IN, *wanted[at : at + across]) + 0.3 for at in range(0, len(panels), across)]
+    grid = GridSpec(len(heights), across, figure=figure, height_ratios=heights)
+    for number, panel in enumerate(panels):
+        place = grid[divmod(number, across)] if len(panels) > 1 else grid[0, 0]
+        for axes in panel:
+            if axes.get_subplotspec() is not None:
+                axes.set_subplotspec(place)
+    figure.set_size_inches(wide, sum(heights))
+
+
+def _down(panels: list[list[Axes]], figure: Figure) -> int:
+    return len({round(panel[0].get_subplotspec().get_position(figure).y0, 3) for panel in panels})  # type: ignore[union-attr]
+
+
+def _size_in(axes: Axes, size_in: Sequence[float]) -> tuple[float, float]:
+    place = axes.get_subplotspec()
+    assert place is not None  # noqa: S101  the caller saw to it
+    columns = place.get_gridspec().ncols
+    wide = np.asarray(place.get_gridspec().get_width_ratios(), dtype=float)
+    high = np.asarray(place.get_gridspec().get_height_ratios(), dtype=float)
+    first, last = place.num1, place.num2
+    across, down = slice(first % columns, last % columns + 1), slice(first // columns, last // columns + 1)
+    return (
+        size_in[0] * float(wide[across].sum() / wide.sum()),
+        size_in[1] * float(high[down].sum() / high.sum()),
+    )
+
+
+def _set_limits(panels: list[list[Axes]], look: FigureOptions) -> None:
+    names = [_letter_of(number) for number in range(len(panels))]
+    for letter, axis, low, high in look.ends():
+        if letter is not None and letter not in names:
+            raise SpecError("--limits", value=letter, limit=f"the figure has the panels {''.join(names)}")
+        for name, panel in zip(names, panels, strict=True):
+            if letter in {None, name}:
+                getattr(panel[0], f"set_{axis}lim")(low, high)
+
+
+def _titles(figure: Figure) -> list[Text]:
+    """Title of the figure, and those of its panels."""
+    whole = figure.get_suptitle()
+    texts = [text for text in figure.texts if whole and text.get_text() == whole]
+    for axes in figure.axes:
+        if axes.get_visible():
+            own = [child for child in axes.get_children() if isinstance(child, Text) and child not in axes.texts]
+            texts += [text for text in own if text.get_text()]
+    return texts
+
+
+def _take_titles(figure: Figure) -> None:
+    titles = _titles(figure)
+    figure.left_out = [title.get_text() for title in titles]  # type: ignore[attr-defined]
+    for title in titles:
+        title.set_text("")
+        title.set_in_layout(False)
+
+
+def _letter(panels: list[list[Axes]], first: str) -> None:
+    """Letters at the upper left corners, outside the axes."""
+    for number, panel in enumerate(panels):
+        letter = first.replace("A", _letter_of(number)).replace("a", _letter_of(number).lower())
+        panel[0].annotate(
+            letter, (0.0, 1.0), xytext=(-4.0, 3.0), xycoords="axes fraction", textcoords="offset points", ha="right",
+            weight="bold", annotation_clip=False,
+        )  # fmt: skip
+
+
+def _settle(figure: Figure, *, may_grow: bool) -> None:
+    """Lay the figure out until no text is too long for its place and no legend is on the data."""
+    for text in figure.findobj(Text):
+        text.set_fontsize(max(text.get_fontsize(), LEAST_PT))
+        text.set_fontfamily([*rcParams["font.sans-serif"][:1], "sans-serif"])  # as it is measured, so it is drawn
+    outside: set[Axes] = set()
+    for axes in figure.axes:
+        if (legend := axes.get_legend()) is not None:
+            legend.set_in_layout(False)  # inside its panel it needs no room beside it
+    if may_grow:
+        figure.set_figheight(figure.get_figheight() + _wrap(figure))
+    for _ in range(_ROUNDS):
+        figure.draw_without_rendering()
+        wrapped = (_wrap(figure) > 0.0) | _thin(figure) | _uncrowded(figure)
+        moved = [axes for panel in panels_of(figure) for axes in panel if _clear(axes, panel, outside)]
+        if moved and may_grow:
+            _grow(figure, moved)
+        if not wrapped and not moved:
+            break
+    figure.draw_without_rendering()  # labels stand where the ticks of the layout before left them
+
+
+def _wrap(figure: Figure) -> float:
+    """Break titles and labels that are longer than their panel; the height of the lines that it makes, in inches."""
+    places = [(text, figure.bbox.width) for text in figure.texts]
+    rows: dict[float, float] = {}
+    for axes in figure.axes:
+        own = [child for child in axes.get_children() if isinstance(child, Text) and child not in axes.texts]
+        places += [(text, axes.bbox.width) for text in (*own, axes.xaxis.label)] + [
+            (axes.yaxis.label, axes.bbox.height)
+        ]
+    for text, room in places:
+        lines = _broken(text, room)
+        row = -1.0 if text.axes is None else round(text.axes.bbox.y0 / figure.bbox.height, 1)
+        rows[row] = max(rows.get(row, 0.0), lines * 1.25 * float(text.get_fontsize()) / 72.0)
+    return sum(rows.values())
+
+
+def _broken(text: Text, room: float) -> int:
+    """Number of lines that were added."""
+    words, box = text.get_text(), text.get_window_extent()
+    long = max(box.width, box.height) if text.get_rotation() else box.width
+    if not words or not text.get_visible() or long <= 1.02 * room or "$" in words:
+        return 0
+    count = max(len(line) for line in words.split("\n"))
+    lines = [part for line in words.split("\n") for part in textwrap.wrap(line, max(8, int(count * room / long)))]
+    text.set_text("\n".join(lines))
+    return len(lines) - words.count("\n") - 1
+
+
+def _thin(figure: Figure) -> bool:
+    """Take ticks away whose numbers touch; whether there were any."""
+    return [_thinned(axes, axis) for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)].count(True) > 0
+
+
+def _thinned(axes: Axes, axis: Axis) -> bool:
+    if not (axes.get_visible() and axes.axison) or isinstance(axis.get_major_locator(), FixedLocator):
+        return False
+    low, high = sorted(axis.get_view_interval())
+    ticks = zip(axis.get_ticklocs(), axis.get_ticklabels(), strict=True)
+    boxes = [text.get_window_extent() for at, text in ticks if low <= at <= high and text.get_text()]
+    if not any(box.overlaps(other) for box, other in pairwise(box.padded(_AIR_PX) for box in boxes)):
+        return False
+    if isinstance(axis.get_major_locator(), LogLocator):
+        axis.set_major_locator(LogLocator(subs=(1.0, 3.0) if len(boxes) > _MANY else (1.0,)))
+    else:
+        axis.set_major_locator(MaxNLocator(max(1, len(boxes) - 2)))
+    return True
+
+
+def _uncrowded(figure: Figure) -> bool:
+    """Hide notes in a panel that would lie on an earlier one; whether there were any."""
+    hidden = False
+    for axes in figure.axes:
+        shown: list[Bbox] = []
+        for note in axes.texts:
+            box = note.get_window_extent()
+            if note.get_visible() and note.get_text() and box.count_overlaps(shown):
+                note.set_visible(False)
+                hidden = True
+            elif note.get_visible() and note.get_text():
+                shown.append(box)
+    return hidden
+
+
+def _clear(axes: Axes, panel: Sequence[Axes], outside: set[Axes]) -> bool:
+    """Move a legend off the data: to a free corner, else below its axes; whether it went below."""
+    legend = axes.get_legend()
+    if legend is None or axes in outside or not covers_data(legend, panel):
+        return False
+    for place in _CODES:
+        legend.set_loc(place)
+        if not covers_data(legend, panel):
+            return False
+    outside.add(axes)
+    _below(axes, legend)
+    return True
+
+
+def _below(axes: Axes, legend: Legend) -> None:
+    """The same legend below the axes and what is written there, in as many columns as fit."""
+    figure = axes.get_figure(root=True)
+    assert figure is not None  # noqa: S101  it has been drawn
+    by_label = {label: handle for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
+    room, wide = axes.bbox.width, legend.get_window_extent().width
+    labels = [text.get_text() for text in legend.get_texts()]
+    across = max(1, min(len(labels), int(room / wide)))
+    if wide > room:
+        most = max(8, int(max(map(len, labels)) * (room / wide) ** 1.3))
+        by_label = {"\n".join(textwrap.wrap(label, most)): by_label[label] for label in labels}
+        labels = list(by_label)
+    ticks = axes.xaxis.get_tightbbox() if axes.axison else None
+    drop_in = 0.06 + (0.0 if ticks is None else max(0.0, axes.bbox.y0 - ticks.y0) / figure.dpi)
+    shift = ScaledTranslation(0.0, -drop_in, figure.dpi_scale_trans)
+    axes.legend(
+        [by_label[label] for label in labels], labels, ncols=across, title=legend.get_title().get_text() or None,
+        loc="upper left", bbox_to_anchor=(0.0, 0.0), bbox_transform=axes.transAxes + shift, borderaxespad=0.0,
+    )  # fmt: skip
+
+
+def _grow(figure: Figure, moved: Sequence[Axes]) -> None:
+    """Room for legends that went below their axes, row by row."""
+    rows: dict[float, float] = {}
+    for axes in moved:
+        legend, row = axes.get_legend(), round(axes.bbox.y0 / figure.bbox.height, 1)
+        if legend is not None:
+            rows[row] = max(rows.get(row, 0.0), legend.get_window_extent().height / figure.dpi)
+    figure.set_figheight(figure.get_figheight() + sum(rows.values()))
+
+
+def covers_data(legend: Legend, panel: Sequence[Axes]) -> bool:
+    """Whether a legend lies on anything that is drawn from data or on a text, or leaves its panel."""
+    box, within = legend.get_window_extent(), panel[0].bbox.padded(_AIR_PX)
+    if box.x0 < within.x0 or box.x1 > within.x1 or box.y0 < within.y0 or box.y1 > within.y1:
+        return True
+    return any(_meets(artist, axes, box) for axes in panel for artist in axes.get_children() if artist.get_visible())
+
+
+def _meets(artist: Any, axes: Axes, box: Bbox) -> bool:
+    if isinstance(artist, Text):
+        return bool(artist.get_text()) and artist.get_window_extent().overlaps(box)
+    if isinstance(artist, AxesImage):
+        return artist.get_window_extent().overlaps(box)
+    if isinstance(artist, Line2D):
+        return artist.get_transform() == axes.transData and _line_meets(artist, box)
+    if isinstance(artist, Patch):
+        of_data = artist is not axes.patch and artist.get_data_transform().contains_branch(axes.transData)
+        whole = artist.get_transform().transform_path(artist.get_path())
+        return of_data and artist.get_alpha() is None and bool(whole.intersects_bbox(box, filled=True))
+    return isinstance(artist, Collection) and _collection_meets(artist, box)
+
+
+def _line_meets(line: Line2D, box: Bbox) -> bool:
+    points = line.get_transform().transform(np.asarray(line.get_xydata(), dtype=float))
+    if line.get_linestyle() in {"None", ""}:
+        return bool(_inside(points, box))
+    path = line.get_transform().transform_path(line.get_path()).cleaned(remove_nans=True)
+    return np.size(path.vertices) > 2 and bool(path.intersects_bbox(box, filled=False))
+
+
+def _collection_meets(collection: Collection, box: Bbox) -> bool:
+    offsets = np.asarray(collection.get_offsets(), dtype=float)
+    if offsets.any():
+        return _inside(collection.get_offset_transform().transform(offsets), box)
+    filled = bool(np.size(collection.get_facecolor()))
+    paths = (collection.get_transform().transform_path(path) for path in collection.get_paths())
+    return any(bool(path.intersects_bbox(box, filled=filled)) for path in paths)
+
+
+def _inside(points: Any, box: Bbox) -> bool:
+    x, y = np.asarray(points, dtype=float).T
+    return bool(((x > box.x0) & (x < box.x1) & (y > box.y0) & (y < box.y1)).any())

@@ -1,0 +1,84 @@
+"""How a figure is drawn and written: the options that every command with ``--figure`` has."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from annotated_types import Ge, Le
+from pydantic import Field
+
+from solen.errors import OutputError, SpecError
+from solen.spec.strict import Finite, Options
+
+KINDS = (".svg", ".pdf", ".eps", ".png", ".tiff", ".tif")
+LEAST_PT = 6.0
+"""Smallest lettering that is drawn, as journals ask for."""
+Limits = tuple[str | None, str, float, float]
+"""Panel or None for all, x or y, and the ends of the axis."""
+
+
+class FigureOptions(Options):
+    """File of a figure, and how it looks."""
+
+    figure: Path | None = None
+    """Draw the result into this .svg, .pdf, .eps, .png or .tiff."""
+    width_mm: Annotated[Finite, Ge(40.0), Le(600.0)] | None = None
+    """Width of the figure, as 90 for a column and 180 for a page; panels that do not fit side by side are stacked."""
+    height_mm: Annotated[Finite, Ge(30.0), Le(600.0)] | None = None
+    """Height of the figure; default: what its panels need."""
+    font: str | None = None
+    """Font of the lettering; default: Helvetica Neue, Arial, Liberation Sans or DejaVu Sans, the first installed."""
+    font_pt: Annotated[Finite, Ge(LEAST_PT), Le(24.0)] | None = None
+    """Size of the lettering; default: 9, and 8 with --width-mm. Nothing is smaller than 6."""
+    no_titles: bool = False
+    """Leave titles out of the picture; the file's description keeps them."""
+    letters: Literal["A", "a", "(a)"] | None = None
+    """Letter the panels, beginning so."""
+    panels: str = ""
+    """Draw some panels alone, by their letters, as in AC."""
+    limits: tuple[str, ...] = ()
+    """Ends of an axis: x=400:900 of all panels, B.y=0:1 of one; repeatable."""
+    dpi: int = Field(300, ge=72, le=1200)
+    """Pixels per inch of .png and .tiff."""
+
+    @property
+    def size_pt(self) -> float:
+        """Size of the lettering."""
+        return self.font_pt or (9.0 if self.width_mm is None else 8.0)
+
+    def ends(self) -> list[Limits]:
+        """The limits of axes; `SpecError` where one is not written as it should be."""
+        return [_ends(text) for text in self.limits]
+
+    def check(self, *others: Path | None) -> None:
+        """Check it and the files of other figures of the same look.
+
+        Raises
+        ------
+        OutputError
+            Where a figure has no known ending.
+        SpecError
+            Where a look is stated and there is no figure, or limits are not written as they should be.
+        """
+        files = [file for file in (self.figure, *others) if file is not None]
+        stated = [name for name, field in type(self).model_fields.items() if getattr(self, name) != field.default]
+        if stated and not files:
+            raise SpecError(f"--{stated[0].replace('_', '-')}", limit="is about a figure", remedy="add --figure FILE")
+        for file in files:
+            if file.suffix.lower() not in KINDS:
+                raise OutputError(str(file), limit=f"a figure ends in {', '.join(KINDS)}", remedy="rename it")
+        self.ends()
+
+
+def _ends(text: str) -> Limits:
+    place, _, ends = text.partition("=")
+    panel, _, axis = place.strip().rpartition(".")
+    low, _, high = ends.partition(":")
+    try:
+        least, most = float(low), float(high)
+    except ValueError:
+        least = most = 0.0
+    if axis not in {"x", "y"} or len(panel) > 1 or not abs(most - least) > 0.0:
+        raise SpecError(
+            "--limits", value=text, limit="is no axis with two ends", remedy="write as x=400:900 or B.y=0:1"
+        )
+    return panel.upper() or None, axis, least, most

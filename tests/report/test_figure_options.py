@@ -1,0 +1,99 @@
+"""The look of a figure: its page, panels, limits, titles and files, as a journal takes them."""
+
+import io
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from PIL import Image
+
+from solen.errors import OutputError, SpecError
+from solen.report.canvas import drawn, encoded
+from solen.report.options import FigureOptions
+from tests.report.lettering import faults
+
+
+def three_panels() -> Figure:
+    """Panels with a band behind a line, a legend and titles."""
+    figure = Figure(figsize=(9.6, 3.4))
+    x = np.linspace(0.0, 1.0, 50)
+    for number, axes in enumerate(figure.subplots(1, 3)):
+        axes.fill_between(x, x - 0.3, x + 0.3, color="#0072B2", alpha=0.25, lw=0, label="a band")
+        axes.plot(x, x**number, label="a line with a rather long name that needs its room")
+        axes.set(xlabel="length (mm)", ylabel="level (dB)", title=f"panel {number}")
+        axes.legend()
+    figure.suptitle("simulated: a figure with a long title that does not fit into a column of a journal")
+    return figure
+
+
+def test_panels_are_stacked_in_a_column_and_side_by_side_on_a_page() -> None:
+    column, page = (drawn(three_panels, FigureOptions(width_mm=width)) for width in (90.0, 180.0))
+    assert column.get_figwidth() * 25.4 == pytest.approx(90.0)
+    assert len({round(axes.get_position().y0, 2) for axes in column.axes}) == 3
+    assert len({round(axes.get_position().y0, 2) for axes in page.axes}) == 1
+    assert faults(column) == faults(page) == []
+
+
+def test_titles_are_left_out_of_the_picture_and_kept_in_the_description() -> None:
+    figure = drawn(three_panels, FigureOptions(no_titles=True))
+    for suffix in (".pdf", ".png", ".tiff", ".svg"):
+        data = encoded(figure, suffix, "a", 100)
+        assert b"simulated: a figure" in data
+    shown = re.sub(r"(?s)<metadata>.*?</metadata>|<title>.*?</title>", "", encoded(figure, ".svg", "a").decode())
+    assert "simulated: a figure" not in shown
+    assert "panel 1" not in shown
+
+
+def test_chosen_panels_are_lettered_and_have_the_stated_ends() -> None:
+    look = FigureOptions(panels="CA", letters="(a)", limits=("x=0.2:0.8", "B.y=-1:2"))
+    first, second = sorted(drawn(three_panels, look).axes, key=lambda axes: axes.get_position().x0)
+    assert (first.get_title(), second.get_title()) == ("panel 2", "panel 0")
+    assert [axes.texts[-1].get_text() for axes in (first, second)] == ["(a)", "(b)"]
+    assert first.get_xlim() == second.get_xlim() == (0.2, 0.8)
+    assert second.get_ylim() == (-1.0, 2.0)
+    assert first.get_ylim() != (-1.0, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("look", "named"),
+    [
+        ({"panels": "D"}, "ABC"),
+        ({"limits": ("E.x=0:1",)}, "ABC"),
+        ({"limits": ("z=0:1",)}, "z=0:1"),
+        ({"font": "No Such Font"}, "No Such Font"),
+    ],
+)
+def test_what_is_not_there_is_refused_by_name(look: dict[str, str], named: str) -> None:
+    with pytest.raises(SpecError, match=named):
+        drawn(three_panels, FigureOptions(**look))
+
+
+def test_a_look_without_a_figure_and_an_unknown_ending_are_refused() -> None:
+    with pytest.raises(SpecError, match="--width-mm"):
+        FigureOptions(width_mm=90.0).check()
+    FigureOptions(width_mm=90.0).check(Path("traces.svg"))
+    with pytest.raises(OutputError, match=r"a\.bmp"):
+        FigureOptions(figure=Path("a.bmp")).check()
+
+
+def test_pictures_have_the_stated_pixels() -> None:
+    figure = drawn(three_panels, FigureOptions(width_mm=90.0))
+    for suffix in (".png", ".tiff"):
+        picture = Image.open(io.BytesIO(encoded(figure, suffix, "a", 600)))
+        assert picture.width == pytest.approx(90.0 / 25.4 * 600, abs=1)
+        assert picture.info["dpi"][0] == pytest.approx(600, rel=1e-3)
+
+
+def test_an_eps_shows_bands_as_they_look_on_white_and_is_the_same_again() -> None:
+    one, other = (encoded(drawn(three_panels), ".eps", "a") for _ in range(2))
+    assert one == other
+    assert one.startswith(b"%!PS-Adobe")
+    blue = np.array([0x00, 0x72, 0xB2]) / 255.0
+    wanted = 1.0 - 0.25 * (1.0 - blue)
+    colours = [
+        np.array(list(map(float, found))) for found in re.findall(rb"([\d.]+) ([\d.]+) ([\d.]+) setrgbcolor", one)
+    ]
+    assert any(np.allclose(colour, wanted, atol=2e-3) for colour in colours)
+    assert not any(np.allclose(colour, blue, atol=2e-3) for colour in colours)
