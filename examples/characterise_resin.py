@@ -32,7 +32,7 @@ def results(folder: Path) -> dict[str, Path]:
     mm, mj = np.repeat([10, 20, 30, 40], 4), np.repeat([16, 25, 39], 5)
     mw, um = np.exp(-0.02 * mm + NOISE(0, 0.02, mm.size)), 150 * np.log(mj / 12) + NOISE(0, 4, mj.size)
     cutback.cutback(table(folder / "guides.csv", "length_mm,power_mW", mm, mw), out=out["cutback"])
-    cure.cure(table(folder / "discs.csv", "dose_mJ_per_cm2,depth_um", mj, um), out=out["cure"])
+    cure.cure([table(folder / "discs.csv", "dose_mJ_per_cm2,depth_um", mj, um)], out=out["cure"])
     stretch = np.linspace(1, 0.7, 61)
     mpa = 0.4 * (stretch - stretch**-2) - NOISE(0, 1e-3, 61)
     stiffness.stiffness([table(folder / "cube.csv", "stretch,stress_MPa", stretch, mpa)], out=out["stiffness"])

@@ -21,7 +21,7 @@ from solen.material.index.substrate import invert_on_substrate
 from solen.readout import circuit_of, settled, volts
 from solen.recording import Channel, Provenance, Recording
 from solen.report.bench.demodulate import demodulation_figure
-from solen.report.canvas import INK, LEFT, LOST, RIGHT, encoded
+from solen.report.canvas import INK, LEFT, LOST, RIGHT, drawn, encoded
 from solen.report.design.readout import readout_figure
 from solen.report.resin.index import index_figure
 from solen.sensor import Sensor
@@ -36,7 +36,7 @@ CHIPS = {"point emitter": 0.0, "chip 0.2 mm wide": 0.2}
 
 def four_motions() -> Figure:
     """Contrast over angle of the four motions, under a point emitter and under a chip."""
-    figure = Figure(figsize=(8.0, 3.4), layout="constrained")
+    figure = Figure(figsize=(8.0, 3.4))
     panels = figure.subplots(1, 2, sharey=True)
     design = loads(template("paper-860"))
     for axes, (title, width_mm) in zip(panels, CHIPS.items(), strict=True):
@@ -52,7 +52,7 @@ def four_motions() -> Figure:
 
 def index_routes() -> Figure:
     """Index of a simulated layer by four routes, beside its own."""
-    figure = Figure(figsize=(8.0, 3.6), layout="constrained")
+    figure = Figure(figsize=(8.0, 3.6))
     axes = figure.add_subplot()
     colours = {"R and T measured": RIGHT, "T alone, lossless": LOST, "as published": LEFT}
     for name, spectrum in routes().items():
@@ -82,7 +82,7 @@ def index_command() -> Figure:
 
 def two_indices() -> Figure:
     """T and R of a clear layer on PET against the layer's index, and the two that read the same."""
-    figure = Figure(figsize=(8.0, 3.2), layout="constrained")
+    figure = Figure(figsize=(8.0, 3.2))
     setup, n = Setup(Substrate(1.57, 0.0, 100.0)), np.linspace(1.0, 1.8, 161)
     read = on_substrate(n, 0.0, 25.0, 589.3, setup)
     seen = on_substrate(1.49, 0.0, 25.0, 589.3, setup)
@@ -103,7 +103,7 @@ def two_indices() -> Figure:
 
 def coins() -> Figure:
     """The outlines that ``examples/coins.py`` measures, on the photograph, coloured by their distance from a circle."""
-    figure = Figure(figsize=(6.4, 4.6), layout="constrained")
+    figure = Figure(figsize=(6.4, 4.6))
     axes = figure.add_subplot()
     photograph = data.coins()
     axes.imshow(photograph, cmap="gray")
@@ -147,15 +147,16 @@ def ambient_light() -> Figure:
 
 def main() -> None:
     """Draw them all."""
-    with Pillow.open(io.BytesIO(encoded(coins(), ".png", "coins"))) as drawn:  # a photograph: a PNG would have 700 kB
-        drawn.convert("RGB").save(IMAGES / "coins.jpg", quality=80)
-    (IMAGES / "two-indices.svg").write_bytes(encoded(two_indices(), ".svg", "two indices"))
-    (IMAGES / "index-routes.svg").write_bytes(encoded(index_routes(), ".svg", "index routes"))
-    (IMAGES / "index-figure.svg").write_bytes(encoded(index_command(), ".svg", "index figure"))
-    (IMAGES / "readout.svg").write_bytes(encoded(readout_picture(), ".svg", "readout"))
-    (IMAGES / "ambient-light.svg").write_bytes(encoded(ambient_light(), ".svg", "ambient light"))
-    (IMAGES / "board-wiring.svg").write_bytes(encoded(wiring(), ".svg", "board wiring"))
-    (IMAGES / "four-motions.svg").write_bytes(encoded(four_motions(), ".svg", "four motions"))
+    photograph = io.BytesIO(encoded(drawn(coins), ".png", "coins"))  # a PNG of it would have 700 kB
+    with Pillow.open(photograph) as picture:
+        picture.convert("RGB").save(IMAGES / "coins.jpg", quality=80)
+    (IMAGES / "two-indices.svg").write_bytes(encoded(drawn(two_indices), ".svg", "two indices"))
+    (IMAGES / "index-routes.svg").write_bytes(encoded(drawn(index_routes), ".svg", "index routes"))
+    (IMAGES / "index-figure.svg").write_bytes(encoded(drawn(index_command), ".svg", "index figure"))
+    (IMAGES / "readout.svg").write_bytes(encoded(drawn(readout_picture), ".svg", "readout"))
+    (IMAGES / "ambient-light.svg").write_bytes(encoded(drawn(ambient_light), ".svg", "ambient light"))
+    (IMAGES / "board-wiring.svg").write_bytes(encoded(drawn(wiring), ".svg", "board wiring"))
+    (IMAGES / "four-motions.svg").write_bytes(encoded(drawn(four_motions), ".svg", "four motions"))
 
 
 if __name__ == "__main__":

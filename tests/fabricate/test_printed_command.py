@@ -214,7 +214,6 @@ def test_layers_thicker_than_the_cure_depth_are_warned_of(sensor: Path, tmp_path
         ({}, {"compensate": "d.json"}, OutputError, "a design ends in .toml"),
         ({}, {"solid": "d.step"}, OutputError, "a solid ends in .stl"),
         ({}, {"out": "lens.toml"}, OutputError, "a result ends in .json"),
-        ({}, {"figure": "lens.gif"}, OutputError, "a figure ends in"),
         ({"process": "nowhere.toml"}, {}, DataError, "no such file"),
         ({"printer": "asiga-max-x72"}, {}, DataError, "not in the library"),
     ],
@@ -225,6 +224,11 @@ def test_bad_demands_are_refused(
     paths: dict[str, Any] = {name: Path(file) for name, file in files.items()}
     with pytest.raises(error, match=match):
         predict(sensor, PrintOptions(**options), response=False, **paths)
+
+
+def test_a_figure_of_an_unknown_kind_is_refused(sensor: Path) -> None:
+    with pytest.raises(OutputError, match="a figure ends in"):
+        predict(sensor, PrintOptions(), response=False, figure=FigureOptions(figure=Path("lens.gif")))
 
 
 def test_a_named_printer_gives_its_pixels(tmp_path: Path) -> None:

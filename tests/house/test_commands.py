@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 import pytest
 
@@ -102,3 +102,13 @@ def test_no_command_has_no_schema(
 
 def test_what_prints_no_result_has_no_schema(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     assert "schema" in refusal(capsys, tmp_path, "schema", "schema")
+
+
+def test_no_command_has_an_option_twice() -> None:
+    """Options of a stage and of a figure stand side by side: one name must be one option."""
+    for name, place in commands().items():
+        module, _, function = place.partition(":")
+        hints = get_type_hints(getattr(import_module(f"solen.cli.{module}"), function))
+        fields = [list(getattr(kind, "model_fields", [key])) for key, kind in hints.items() if key != "return"]
+        flat = [option for part in fields for option in part]
+        assert len(set(flat)) == len(flat), name

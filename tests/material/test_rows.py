@@ -120,7 +120,7 @@ def test_a_spectrum_is_of_one_sample(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="column sample"):
         penetration_of(recording, PenetrationOptions(path_um=100.0))
     with pytest.raises(DataError, match="column sample"):
-        spectra(tmp_path / "table.csv")
+        spectra([tmp_path / "table.csv"])
     found = index_of_layer(recording, IndexOptions(**options, where=("sample=B",)))
     assert np.nanmedian(found.n) == pytest.approx(1.55, abs=1e-3)
 

@@ -56,7 +56,7 @@ def test_any_table_of_guides(tmp_path: Path, rows: list[tuple[str, ...]]) -> Non
 def test_any_table_of_discs(tmp_path: Path, rows: list[tuple[str, ...]]) -> None:
     path = kept(tmp_path / "discs.csv", "dose_mJ_per_cm2,thickness_um,disc", rows)
     try:
-        is_sound(cure(path, DISCS, figure=FigureOptions(figure=tmp_path / "discs.svg")).to_dict())
+        is_sound(cure([path], DISCS, figure=FigureOptions(figure=tmp_path / "discs.svg")).to_dict())
     except SolenError as refusal:
         one_line(refusal)
 

@@ -207,7 +207,7 @@ def test_what_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        ([], "area of the specimen; is not stated; give --width-mm"),
+        ([], "area of the specimen; is not stated; give --strip-width-mm"),
         (["--area-mm2", "100"], "length of the specimen; is not stated; give --length-mm"),
         (["--cube-mm", "0"], "--cube-mm = '0'; must be greater than 0"),
         (["--cube-mm", "10", "--length-mm", "10"], "a cube's length is its side"),

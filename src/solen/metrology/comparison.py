@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from solen.arrays import FloatArray
 from solen.lens import OvalLens
 from solen.metrology.nominal import NominalFront, nominal_front
 from solen.metrology.outline import NamedEdge
@@ -41,6 +42,8 @@ class ComparedDesign:
         Name of the design.
     registration
         With the scale as stated and the size as designed.
+    front_mm
+        The front as designed, shape (n, 2).
     size
         Size, overgrowth and form of the print, if it is one of this design.
     probability
@@ -49,6 +52,7 @@ class ComparedDesign:
 
     name: str
     registration: Registration = field(metadata=HIDDEN)
+    front_mm: FloatArray = field(metadata=HIDDEN)
     size: PrintFit
     probability: float
 
@@ -115,6 +119,7 @@ def compare(
         ComparedDesign(
             front.name,
             register(traced.front_px, u_px, traced.pose, front, traced.u_scale or 0.0, size.on_front),
+            front.front_mm,
             size,
             float(probability),
         )

@@ -50,8 +50,8 @@ class Trace:
 
     Attributes
     ----------
-    name
-        Name of the trace.
+    file, name
+        Name of its file, and of the trace.
     quantity, unit
         What it is; null where the file does not state it.
     points, empty
@@ -62,6 +62,7 @@ class Trace:
         What a reader must know.
     """
 
+    file: str
     name: str
     quantity: str | None
     unit: str | None
@@ -74,18 +75,21 @@ class Trace:
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Listing(Measured):
-    """The spectra in a file.
+    """The spectra in some files.
 
     Attributes
     ----------
     file, format
-        Name of the file, and what it was read as.
+        Names of the files, and what they were read as.
+    repeats
+        Whether traces whose names differ in their last number alone are repeats of one.
     traces
-        What each spectrum is, in the order of the file.
+        What each spectrum is, in the order of the files.
     """
 
     file: str
     format: str
+    repeats: bool
     traces: tuple[Trace, ...]
     spectra: tuple[Spectrum, ...] = field(metadata=HIDDEN)
 
@@ -102,32 +106,44 @@ def spectra(recording: Recording) -> tuple[Spectrum, ...]:
     return found
 
 
-def listing(recording: Recording, names: Sequence[str] = ()) -> Listing:
-    """Spectra of a recording, by name or all; `DataError` where it has none of that name."""
-    every, source = spectra(recording), recording.provenance
+def listing(recordings: Sequence[Recording], names: Sequence[str] = (), *, repeats: bool = False) -> Listing:
+    """Spectra of recordings, by name or all; `DataError` where none has one of that name."""
     for name in names:
-        if recording.channel(name).name not in {one.channel.name for one in every}:
+        there = [recording for recording in recordings if name in recording.names] or recordings
+        if all(there[0].channel(name).name != one.channel.name for one in spectra(there[0])):
             raise DataError(f"trace {name}", limit="has no wavelengths", remedy="name another")
-    chosen = tuple(one for one in every if not names or one.channel.name in names)
+    chosen = [
+        (recording.provenance, one)
+        for recording in recordings
+        for one in spectra(recording)
+        if not names or one.channel.name in names
+    ]
+    sources = tuple(recording.provenance for recording in recordings)
+    return Listing(
+        file=", ".join(source.file for source in sources),
+        format=", ".join(dict.fromkeys(source.format for source in sources)),
+        repeats=repeats,
+        traces=tuple(_trace(source.file, one) for source, one in chosen),
+        spectra=tuple(one for _, one in chosen),
+        sources=sources,
+        warnings=tuple(text for recording in recordings for text in _remarks(recording, [one for _, one in chosen])),
+    )
+
+
+def _remarks(recording: Recording, chosen: Sequence[Spectrum]) -> list[str]:
+    """Notes of the channels that are used, those alike together."""
     used = {one.channel.axis for one in chosen} | {one.channel.name for one in chosen}
     remarks: dict[str, list[str]] = {}
     for channel in recording.channels:
         if channel.note and channel.name in used:
             remarks.setdefault(channel.note, []).append(channel.name)
-    warnings = tuple(f"{_listed(channels)}: {note}" for note, channels in remarks.items())
-    return Listing(
-        file=source.file,
-        format=source.format,
-        traces=tuple(_trace(one) for one in chosen),
-        spectra=chosen,
-        sources=(source,),
-        warnings=warnings,
-    )
+    return [f"{_listed(channels)}: {note}" for note, channels in remarks.items()]
 
 
-def _trace(spectrum: Spectrum) -> Trace:
+def _trace(file: str, spectrum: Spectrum) -> Trace:
     channel = spectrum.channel
     return Trace(
+        file=file,
         name=channel.name,
         quantity=channel.quantity or None,
         unit=channel.unit or None,

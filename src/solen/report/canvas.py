@@ -6,16 +6,19 @@ that and finishes the figure for the page it goes on. `encoded` writes it.
 
 import io
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.colors import to_rgba_array
 from matplotlib.figure import Figure
 from matplotlib.font_manager import fontManager
 
+from solen.arrays import FloatArray
 from solen.errors import SpecError
 from solen.report.finish import finish, titles_of
 from solen.report.options import FigureOptions
@@ -57,6 +60,24 @@ def series(number: int, *, dots: bool = False) -> dict[str, Any]:
     """Look of the one of several things that has this number: colour and dashes, or colour and marker of dots."""
     place = number % len(SERIES)
     return {"color": SERIES[place]} | ({"marker": MARKERS[place], "ls": ""} if dots else {"ls": LINES[place]})
+
+
+def draw_repeats(
+    axes: Axes, curves: Sequence[tuple[FloatArray, FloatArray]], number: int, label: str | None, **more: Any
+) -> None:
+    """Repeats of one curve, each x and y of shape (n,): thin lines, and their mean in its standard deviation."""
+    look = series(number) | more
+    if len(curves) == 1:
+        axes.plot(*curves[0], **look, label=label)
+        return
+    low, high = max(float(np.min(x)) for x, _ in curves), min(float(np.max(x)) for x, _ in curves)
+    x = np.unique(np.concatenate([along[(along >= low) & (along <= high)] for along, _ in curves]))
+    rows = np.array([np.interp(x, along[order], y[order]) for along, y in curves for order in [np.argsort(along)]])
+    mean, sd = rows.mean(axis=0), rows.std(axis=0, ddof=1)
+    for along, y in curves:
+        axes.plot(along, y, color=look["color"], lw=0.4, alpha=0.4)
+    axes.fill_between(x, mean - sd, mean + sd, color=look["color"], alpha=0.2, lw=0)
+    axes.plot(x, mean, **look, label=None if label is None else f"{label}: mean ± SD of {len(curves)}")
 
 
 def style(look: FigureOptions = FigureOptions()) -> dict[Any, Any]:

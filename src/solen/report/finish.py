@@ -21,6 +21,7 @@ from matplotlib.collections import Collection
 from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
 from matplotlib.image import AxesImage
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
@@ -188,9 +189,12 @@ def _letter(panels: list[list[Axes]], first: str) -> None:
 
 def _settle(figure: Figure, *, may_grow: bool) -> None:
     """Lay the figure out until no text is too long for its place and no legend is on the data."""
+    family = [*rcParams["font.sans-serif"][:1], "sans-serif"]  # as it is measured, so it is drawn
     for text in figure.findobj(Text):
         text.set_fontsize(max(text.get_fontsize(), LEAST_PT))
-        text.set_fontfamily([*rcParams["font.sans-serif"][:1], "sans-serif"])  # as it is measured, so it is drawn
+        text.set_fontfamily(family)
+    for axes in figure.axes:
+        axes.tick_params(which="both", labelfontfamily=family, labelsize=max(rcParams["font.size"], LEAST_PT))
     outside: set[Axes] = set()
     for axes in figure.axes:
         if (legend := axes.get_legend()) is not None:
@@ -206,6 +210,17 @@ def _settle(figure: Figure, *, may_grow: bool) -> None:
         if not wrapped and not moved:
             break
     figure.draw_without_rendering()  # labels stand where the ticks of the layout before left them
+    _keep_inside(figure)
+
+
+def _keep_inside(figure: Figure) -> None:
+    """Take what leaves the paper back onto it."""
+    box, (wide, high), engine = figure.get_tightbbox(), figure.get_size_inches(), figure.get_layout_engine()
+    left, low = max(0.0, -box.x0) / wide, max(0.0, -box.y0) / high
+    right, top = max(0.0, box.x1 - wide) / wide, max(0.0, box.y1 - high) / high
+    if max(left, low, right, top) > 0.0 and isinstance(engine, ConstrainedLayoutEngine):
+        engine.set(rect=(left, low, 1.0 - left - right, 1.0 - low - top))
+        figure.draw_without_rendering()
 
 
 def _wrap(figure: Figure) -> float:

@@ -55,7 +55,7 @@ def test_its_interval_covers_the_truth_at_its_nominal_rate() -> None:
 
 
 def test_dimensions_add_to_the_uncertainty() -> None:
-    stated = Dimensions(width_mm=6, thickness_mm=3, length_mm=30, u_geometry_mm=0.06)
+    stated = Dimensions(strip_width_mm=6, thickness_mm=3, length_mm=30, u_geometry_mm=0.06)
     made = as_test(STRAIN, 1000 * STRAIN, specimen_of(stated), "tension")
     by_force = replace(made, area_used=True, from_displacement=True)
     found = young(by_force, (0.001, 0.005))

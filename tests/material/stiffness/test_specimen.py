@@ -24,7 +24,7 @@ def test_a_cube() -> None:
 
 
 def test_sections() -> None:
-    strip = specimen_of(Dimensions(width_mm=6, thickness_mm=3, length_mm=33, u_geometry_mm=0.01))
+    strip = specimen_of(Dimensions(strip_width_mm=6, thickness_mm=3, length_mm=33, u_geometry_mm=0.01))
     assert strip.area_mm2 == 18
     assert strip.shape_factor == pytest.approx(18 / (18 * 33))
     assert strip.u_area == pytest.approx(math.hypot(0.01 / 6, 0.01 / 3))
@@ -76,7 +76,7 @@ def test_a_number_in_a_text(text: str, heading: str, value: float | None) -> Non
         ({"length_mm": 0.0}, "length_mm = 0.0; must be greater than 0"),
         ({"cube_mm": -10.0}, "cube_mm = -10.0; must be greater than 0"),
         ({"area_mm2": math.nan}, "area_mm2 = nan; must be"),
-        ({"width_mm": 5.0}, "needs both --width-mm and --thickness-mm"),
+        ({"strip_width_mm": 5.0}, "needs both --strip-width-mm and --thickness-mm"),
         ({"area_mm2": 5.0, "diameter_mm": 2.0}, "more than one way"),
         ({"cube_mm": 10.0, "length_mm": 9.0}, "a cube's length is its side"),
         ({"cube_mm": 10.0, "u_geometry_mm": -1.0}, "u_geometry_mm = -1.0; must be at least 0"),

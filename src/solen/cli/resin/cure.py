@@ -12,7 +12,7 @@ from solen.results import Outcome
 
 
 def cure(
-    file: Path,
+    files: list[Path],
     /,
     *,
     options: Annotated[CureOptions, FLAT] = CureOptions(),
@@ -24,12 +24,13 @@ def cure(
 
     Parameters
     ----------
-    file
-        A table with a row for each cured disc: thickness, and dose or time.
+    files
+        A table with a row for each cured disc: thickness, and dose or time; further ones, as of other resins, are
+        fitted and drawn beside the first.
     """
     from solen.pipeline.resin import cure as pipeline
 
-    return pipeline.cure(file, options, sheet=sheet, out=out, figure=figure)
+    return pipeline.cure(files, options, sheet=sheet, out=out, figure=figure)
 
 
 @lines.register
@@ -40,6 +41,8 @@ def _(curve: MeasuredCurve) -> Iterator[str]:
         f"from {curve.discs} discs at {curve.doses} doses; discs of {curve.mean_thickness_um:.3g} µm scatter by "
         f"{curve.sd_thickness_um:.2g} µm"
     )
+    for one in curve.beside:
+        yield f"{one.file}: Dp {one.Dp_um:.4g} µm ({_ends(one.interval95_Dp_um)}), Ec {one.Ec_mJ_per_cm2:.3g} mJ/cm²"
     if curve.layer is not None:
         yield _need(curve.layer)
     if curve.exposure is not None:

@@ -1,10 +1,12 @@
 """The working curve of a table of discs, and what it means for a print.
 
-The interface: `curve_of_discs` takes a recording and `CureOptions`, and gives a `MeasuredCurve`; `discs` finds the
-columns of dose, time and thickness.
+The interface: `curve_of_discs` takes a recording and `CureOptions`, and gives a `MeasuredCurve`; `curves_of_discs`
+takes several and puts the others beside the first; `discs` finds the columns of dose, time and thickness.
 """
 
+import dataclasses
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Self
 
@@ -135,6 +137,19 @@ class LayerExposure:
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class CurveBeside(WorkingCurve, Measured):
+    """Working curve of another table, beside the first.
+
+    Attributes
+    ----------
+    file
+        Name of the table.
+    """
+
+    file: str
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class MeasuredCurve(WorkingCurve, Measured):
     """Working curve of a table of discs, and what it means for a print.
 
@@ -144,6 +159,8 @@ class MeasuredCurve(WorkingCurve, Measured):
         Irradiance and wavelength of the lamp, as stated.
     layer, exposure, stack
         Exposure that a layer needs, what its exposure does, and the dose inside a part; None where not asked for.
+    beside
+        Working curves of further tables, as of other resins.
     """
 
     irradiance_mW_per_cm2: float | None
@@ -151,6 +168,7 @@ class MeasuredCurve(WorkingCurve, Measured):
     layer: LayerNeed | None
     exposure: LayerExposure | None
     stack: StackDose | None
+    beside: tuple[CurveBeside, ...] = ()
 
     @reported
     def u_interior_mean_mJ_per_cm2(self) -> float | None:
@@ -206,6 +224,18 @@ def curve_of_discs(recording: Recording, options: CureOptions = CureOptions()) -
             *_outside(curve, options.layer_um, exposure),
         ),
     )
+
+
+def curves_of_discs(recordings: Sequence[Recording], options: CureOptions = CureOptions()) -> MeasuredCurve:
+    """Curve of the first recording as `curve_of_discs` gives it, with those of the others beside it."""
+    first, *others = (curve_of_discs(recording, options) for recording in recordings)
+    fields = [field.name for field in dataclasses.fields(CurveBeside) if field.name != "file"]
+    beside = tuple(
+        CurveBeside(**{name: getattr(one, name) for name in fields}, file=one.sources[0].file) for one in others
+    )
+    warnings = (*first.warnings, *(f"{one.file}: {text}" for one in beside for text in one.warnings))
+    sources = (*first.sources, *(source for one in beside for source in one.sources))
+    return dataclasses.replace(first, beside=beside, warnings=warnings, sources=sources)
 
 
 @dataclass(frozen=True, eq=False)

@@ -108,7 +108,7 @@ def _stress(recording: Recording, specimen: Specimen) -> _Column:
     force = _only(recording, FORCE)
     if force is not None:
         if specimen.area_mm2 is None:
-            remedy = "give --width-mm and --thickness-mm, --area-mm2, --diameter-mm, or --cube-mm"
+            remedy = "give --strip-width-mm and --thickness-mm, --area-mm2, --diameter-mm, or --cube-mm"
             raise DataError(f"{_file(recording)}: area of the specimen", limit="is not stated", remedy=remedy)
         origin = f"{force.name} / {specimen.area_mm2:.6g} mm²"
         return _Column(force.to("N") / specimen.area_mm2, origin, made=True)

@@ -53,7 +53,7 @@ class Dimensions(Options):
     """Gauge length, or height in compression, that the displacement is divided by; overrules the file's strain."""
     area_mm2: Finite | None = Field(None, gt=0.0)
     """Cross-section before the test."""
-    width_mm: Finite | None = Field(None, gt=0.0)
+    strip_width_mm: Finite | None = Field(None, gt=0.0)
     """Its width, with --thickness-mm."""
     thickness_mm: Finite | None = Field(None, gt=0.0)
     """Its thickness."""
@@ -64,11 +64,11 @@ class Dimensions(Options):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        ways = [self.area_mm2, self.diameter_mm, self.cube_mm, self.width_mm or self.thickness_mm]
+        ways = [self.area_mm2, self.diameter_mm, self.cube_mm, self.strip_width_mm or self.thickness_mm]
         if sum(way is not None for way in ways) > 1:
             raise refused("area_mm2", "the cross-section is stated in more than one way", remedy="keep one of them")
-        if (self.width_mm is None) != (self.thickness_mm is None):
-            raise refused("width_mm", "a cross-section needs both --width-mm and --thickness-mm")
+        if (self.strip_width_mm is None) != (self.thickness_mm is None):
+            raise refused("strip_width_mm", "a cross-section needs both --strip-width-mm and --thickness-mm")
         if self.cube_mm is not None and self.length_mm is not None:
             raise refused("length_mm", "a cube's length is its side", remedy="drop one of the two")
         return self
@@ -198,7 +198,7 @@ def _plain(heading: str) -> str:
 def _stated_section(stated: Dimensions) -> _Section | None:
     if stated.cube_mm is not None:
         return _section(width=stated.cube_mm, thickness=stated.cube_mm)
-    return _section(stated.width_mm, stated.thickness_mm, stated.diameter_mm, stated.area_mm2)
+    return _section(stated.strip_width_mm, stated.thickness_mm, stated.diameter_mm, stated.area_mm2)
 
 
 def _section(

@@ -1,5 +1,6 @@
-"""The spectra in a file: the file in, what it holds and its figure out."""
+"""The spectra in files: the files in, what they hold and its figure out."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from solen.material.rows import RowOptions, chosen_rows, refuse_unused
@@ -11,15 +12,17 @@ from solen.results import Outcome
 
 
 def spectra(
-    file: Path,
+    paths: Sequence[Path],
     rows: RowOptions = RowOptions(),
     *,
     sheet: str | None = None,
     trace: tuple[str, ...] = (),
+    repeats: bool = False,
     figure: FigureOptions = FigureOptions(),
 ) -> Outcome[Listing]:
-    """Traces of a file, all or by name, with what each is and how far it reaches."""
+    """Traces of files, all or by name, with what each is and how far it reaches."""
     check_outputs(None, figure)
-    recording = chosen_rows(read(file, sheet=sheet), rows)
-    refuse_unused(recording, rows, (), labels_only=True)
-    return write(listing(recording, trace), "spectra", figure=figure)
+    recordings = [chosen_rows(read(path, sheet=sheet), rows) for path in paths]
+    for recording in recordings:
+        refuse_unused(recording, rows, (), labels_only=True)
+    return write(listing(recordings, trace, repeats=repeats), "spectra", figure=figure)

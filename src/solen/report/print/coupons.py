@@ -1,12 +1,14 @@
 """Plans of coupons, side by side: what stands, what is a hole, which mark orients it, and the nominal sizes."""
 
+from collections.abc import Sequence
+
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Polygon
+from matplotlib.patches import Circle, Polygon, Rectangle
 
 from solen.fabricate.coupons import CouponSet
 from solen.geometry.coupons import Coupon, Feature
-from solen.report.canvas import INK, LEFT, LOST, RIGHT, SOFT
+from solen.report.canvas import INK, LEFT, LOST, RIGHT, SOFT, SPACE
 
 COLOURS = {"mark": LEFT, "hole": "white"}
 WIDE_IN = 7.0
@@ -18,12 +20,52 @@ TITLE_IN, LEAST_IN, MOST_IN = 0.5, 0.5, 2.6
 def plans_figure(coupon_set: CouponSet) -> Figure:
     """A plan for each coupon, all as wide as the page, with the scale in mm below each."""
     coupons = coupon_set.layouts
+    if len(coupons) == 1 and len(coupons[0].stages) > 1:
+        return _sequence(coupons[0])
     heights = [_height_in(coupon) for coupon in coupons]
     figure = Figure(figsize=(WIDE_IN, sum(heights) + TITLE_IN * len(coupons)))
     grid = figure.add_gridspec(len(coupons), 1, height_ratios=[height + TITLE_IN for height in heights])
     for row, coupon in enumerate(coupons):
         _draw(figure.add_subplot(grid[row, 0]), coupon)
     return figure
+
+
+def _sequence(coupon: Coupon) -> Figure:
+    """A coupon of several runs as a sheet of pictures, from the side: after each run, before the next, and taken off.
+
+    Thicknesses are not to scale; they stand beside.
+    """
+    base, layer = (next(one for one in coupon.features if one.stage == stage.name) for stage in coupon.stages)
+    film_mm = coupon.stages[1].z_offset_mm - base.height_mm
+    stack = (
+        ("base", f"base, {base.height_mm:g} mm", LOST, 1.0),
+        ("film", f"film, {film_mm:g} mm", SPACE, 0.4),
+        ("layer", f"layer, {1e3 * layer.height_mm:g} µm, {layer.exposure_s:g} s", RIGHT, 0.4),
+    )
+    steps = (("base printed", stack[:1], True), ("film cured onto it", stack[:2], True), ("layer cured", stack, True),
+             ("taken off, for R and T", stack[1:], False))  # fmt: skip
+    figure = Figure(figsize=(7.0, 4.2))
+    for axes, (title, parts, on_platform) in zip(figure.subplots(2, 2).flat, steps, strict=True):
+        _side_view(axes, parts, on_platform=on_platform)
+        axes.set_title(title)
+    return figure
+
+
+def _side_view(axes: Axes, parts: Sequence[tuple[str, str, str, float]], *, on_platform: bool) -> None:
+    """What hangs from the build platform, upside down as it is printed, or the parts alone with the beam through."""
+    top = 2.6
+    if on_platform:
+        axes.add_patch(Rectangle((-1.3, top), 2.6, 0.5, facecolor=INK))
+        axes.text(0.0, top + 0.25, "build platform", ha="center", va="center", color="white")
+    else:
+        axes.annotate("", (0.0, 0.9), (0.0, 3.1), arrowprops={"arrowstyle": "->", "color": LEFT})
+        axes.text(0.06, 2.9, "light", color=LEFT, va="center")
+    for _, name, colour, high in parts:
+        top -= high
+        axes.add_patch(Rectangle((-1.0, top), 2.0, high, facecolor=colour, edgecolor="white"))
+        axes.text(1.06, top + 0.5 * high, name, va="center")
+    axes.set(xlim=(-1.4, 2.9), ylim=(0.5, 3.2))
+    axes.set_axis_off()
 
 
 def _height_in(coupon: Coupon) -> float:

@@ -1,5 +1,7 @@
 """The figure of an inspection: the picture with the edge and the design on it, and how far they are apart."""
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
@@ -7,13 +9,16 @@ from matplotlib.colors import TwoSlopeNorm
 from matplotlib.figure import Figure
 
 from solen.arrays import FloatArray
+from solen.metrology.comparison import ComparedDesign
 from solen.metrology.inspection import LensInspection
-from solen.report.canvas import INK, LOST, SERIES
+from solen.report.canvas import INK, LINES, SERIES
 
 MOST_PX = 1400
 """Longer side of the picture as it is drawn."""
 MARGIN = 0.18
 MAP = "coolwarm"
+RIVALS = (*SERIES[4:6], SERIES[3])
+"""Colours of designs that the lens was compared with."""
 LENGTHS_UM = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000)
 """Of a scale bar."""
 PICTURE, BELOW = 5.2, 2.4
@@ -53,6 +58,9 @@ def _picture(axes: Axes, inspection: LensInspection) -> None:
     for other in outline.edges[1:]:
         axes.plot(*other.edge.measured[0].T, ".", ms=1.2, color=SERIES[5], label=f"{other.name} edge")
     axes.plot(*front.T, "--", lw=1.1, color=SERIES[2], label=f"design: {inspection.nominal.name}")
+    for number, rival in enumerate(_rivals(inspection)):
+        placed = rival.registration.pose.to_px(rival.front_mm)
+        axes.plot(*placed.T, lw=0.9, color=RIVALS[number % 3], ls=LINES[2 + number % 3], label=f"rival: {rival.name}")
     rejected = outline.chosen.edge.points_px[~outline.chosen.edge.kept]
     if len(rejected):
         axes.plot(*rejected.T, "x", ms=2.5, mew=0.6, color=SERIES[3], label="rejected")
@@ -62,6 +70,12 @@ def _picture(axes: Axes, inspection: LensInspection) -> None:
     for spine in axes.spines.values():
         spine.set_visible(False)
     axes.legend()
+
+
+def _rivals(inspection: LensInspection) -> list[ComparedDesign]:
+    """The compared designs, without the lens's own."""
+    own = inspection.outline.chosen.registration.rms_um
+    return [one for one in inspection.designs.values() if abs(one.registration.rms_um - own) >= 1e-6 * own]
 
 
 def _window(front: FloatArray, shape: tuple[int, int]) -> tuple[int, int, int, int]:
@@ -99,13 +113,11 @@ def _deviations(axes: Axes, inspection: LensInspection, norm: TwoSlopeNorm) -> N
     """Deviation along x, its 95 % band, and that from the designs it was compared with."""
     fit = inspection.outline.chosen.registration
     x, deviation = fit.points_mm[:, 0], fit.deviation_um
-    for number, design in enumerate(inspection.designs.values()):
+    for number, design in enumerate(_rivals(inspection)):
         other = design.registration
-        if abs(other.rms_um - fit.rms_um) < 1e-6 * fit.rms_um:  # the design itself
-            continue
-        colour = (*SERIES[4:6], LOST)[number % 3]
+        look: dict[str, Any] = {"color": RIVALS[number % 3], "ls": LINES[2 + number % 3]}
         label = f"from {design.name} ({other.rms_um:.3g} µm rms)"
-        axes.plot(other.points_mm[:, 0], other.deviation_um, "-", lw=0.9, color=colour, label=label)
+        axes.plot(other.points_mm[:, 0], other.deviation_um, lw=0.9, label=label, **look)
     band = 1.96 * fit.u_um
     axes.fill_between(x, deviation - band, deviation + band, color=SERIES[0], alpha=0.2, lw=0)
     axes.scatter(x, deviation, c=deviation, cmap=MAP, norm=norm, s=4, lw=0, zorder=3)

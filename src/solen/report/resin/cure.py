@@ -1,5 +1,7 @@
 """The figures of a working curve: thickness against dose, and the dose inside a part beside that of one layer."""
 
+from pathlib import Path
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
@@ -7,9 +9,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from solen.material.cure.curve import WorkingCurve
-from solen.material.cure.discs import MeasuredCurve
+from solen.material.cure.discs import CurveBeside, MeasuredCurve
 from solen.material.cure.layers import StackDose
-from solen.report.canvas import INK, LEFT, LOST, RIGHT, SPACE
+from solen.report.canvas import INK, LEFT, LOST, RIGHT, SPACE, series
 
 _BAND, _DISCS = 0.18, 0.09
 _MARGIN = 1.15  # of the dose axis beyond what is shown
@@ -20,7 +22,10 @@ def cure_figure(curve: MeasuredCurve) -> Figure:
     figure = Figure(figsize=(5.4 if curve.stack is None else 9.6, 3.9))
     ratios = (1,) if curve.stack is None else (5, 4)
     panels = figure.subplots(1, len(ratios), width_ratios=ratios, squeeze=False)[0]
-    _curve(panels[0], curve)
+    if curve.beside:
+        _side_by_side(panels[0], curve)
+    else:
+        _curve(panels[0], curve)
     _layer(panels[0], curve)
     if (rate := curve.irradiance_mW_per_cm2) is not None:
         top = panels[0].secondary_xaxis("top", functions=(lambda e: e / rate, lambda s: s * rate))
@@ -29,9 +34,29 @@ def cure_figure(curve: MeasuredCurve) -> Figure:
     panels[0].legend()
     if curve.stack is not None:
         _inside(panels[1], curve.stack)
-    where = f"{'simulated: ' if curve.simulated else ''}{curve.sources[0].file}"
-    figure.suptitle(f"{where}: {_title(curve)}")
+    where = f"{'simulated: ' if curve.simulated else ''}{', '.join(source.file for source in curve.sources)}"
+    figure.suptitle(where if curve.beside else f"{where}: {_title(curve)}")
     return figure
+
+
+def _side_by_side(axes: Axes, curve: MeasuredCurve) -> None:
+    """Line, 95 % band and discs of each table, the discs of one dose as their mean ± SD."""
+    curves: tuple[MeasuredCurve | CurveBeside, ...] = (curve, *curve.beside)
+    for number, one in enumerate(curves):
+        look = series(number)
+        doses = np.array([disc.dose_mJ_per_cm2 for disc in one.used])
+        thick = np.array([disc.thickness_um for disc in one.used])
+        e = np.geomspace(min(doses.min(), one.Ec_mJ_per_cm2) / _MARGIN, doses.max() * _MARGIN, 161)
+        depth, half = one.depth_um(e), one.half_width_um(e)
+        axes.fill_between(e, depth - half, depth + half, color=look["color"], alpha=_BAND, lw=0)
+        axes.plot(e, depth, **look, lw=1.4, label=f"{Path(one.sources[0].file).stem}: Dp {one.Dp_um:.3g} µm")
+        at = np.unique(doses)
+        groups = [thick[doses == dose] for dose in at]
+        sd = [group.std(ddof=1) if len(group) > 1 else 0.0 for group in groups]
+        means, dots = [group.mean() for group in groups], series(number, dots=True)
+        axes.errorbar(at, means, sd, ms=4, capsize=2, lw=0.9, **dots)
+    axes.set(xscale="log", xlabel="dose (mJ/cm²)", ylabel="thickness (µm)", ylim=(0.0, None))
+    _plain_ticks(axes.xaxis)
 
 
 def _title(curve: WorkingCurve) -> str:

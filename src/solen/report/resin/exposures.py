@@ -7,13 +7,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from solen.material.cure.exposures import ExposureTrends, Sample
-from solen.report.canvas import SERIES
+from solen.report.canvas import MARKERS, draw_repeats, series
 
 _FEW_POINTS = 20
 
 
 def exposures_figure(trends: ExposureTrends) -> Figure:
-    """Spectra, a colour for each exposure; values at some wavelengths against exposure, with their line."""
+    """Spectra by exposure, repeats as mean ± SD; values at some wavelengths against exposure, with their line."""
     figure = Figure(figsize=(9.0, 3.6))
     left, right = figure.subplots(1, 2)
     _spectra(left, trends.layers)
@@ -24,14 +24,11 @@ def exposures_figure(trends: ExposureTrends) -> Figure:
 
 
 def _spectra(axes: Axes, samples: Sequence[Sample]) -> None:
-    seconds = sorted({sample.exposure_s for sample in samples})
-    seen = set()
-    for sample in samples:
-        colour = SERIES[seconds.index(sample.exposure_s) % len(SERIES)]
-        label = None if sample.exposure_s in seen else f"{sample.exposure_s:g} s"
-        seen.add(sample.exposure_s)
-        style = "o-" if sample.wavelength_nm.size < _FEW_POINTS else "-"
-        axes.plot(sample.wavelength_nm, 100.0 * sample.transmittance, style, ms=3, lw=1.3, color=colour, label=label)
+    for number, seconds in enumerate(sorted({sample.exposure_s for sample in samples})):
+        alike = [sample for sample in samples if sample.exposure_s == seconds]
+        marker = MARKERS[number % len(MARKERS)] if alike[0].wavelength_nm.size < _FEW_POINTS else ""
+        curves = [(sample.wavelength_nm, 100.0 * sample.transmittance) for sample in alike]
+        draw_repeats(axes, curves, number, f"{seconds:g} s", marker=marker, ms=3, lw=1.3)
     axes.set(xlabel="wavelength (nm)", ylabel="transmittance (%)")
     axes.legend()
 
@@ -40,9 +37,8 @@ def _values(axes: Axes, trends: ExposureTrends) -> None:
     seconds = trends.exposure_s
     ends = np.array([seconds.min(), seconds.max()])
     for number, row in enumerate(trends.wavelengths):
-        colour = SERIES[number % len(SERIES)]
-        axes.plot(seconds, 100.0 * row.T, "o", ms=5, color=colour, label=f"{row.wavelength_nm:g} nm")
+        axes.plot(seconds, 100.0 * row.T, **series(number, dots=True), ms=5, label=f"{row.wavelength_nm:g} nm")
         if row.trend_T is not None:
-            axes.plot(ends, 100.0 * row.trend_T.value(ends), "-", lw=1.0, color=colour)
+            axes.plot(ends, 100.0 * row.trend_T.value(ends), **series(number), lw=1.0)
     axes.set(xlabel="exposure (s)", ylabel="transmittance (%)", xlim=(0.0, None))
     axes.legend()

@@ -1,7 +1,9 @@
 """The figure of the spectra that a file holds, a panel for each quantity and unit."""
 
-from collections.abc import Sequence
-from itertools import cycle
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
@@ -9,46 +11,52 @@ from matplotlib.figure import Figure
 
 from solen.recording import Spectrum
 from solen.recording.spectrum import Listing
-from solen.report.canvas import SERIES
+from solen.report.canvas import draw_repeats
 
+_NUMBER = re.compile(r"[\s_#-]*\d+$")
 _NAMED = 14
 """Traces whose names a legend has room for; of more, the first and the last are named."""
 
 
 def spectra_figure(listing: Listing) -> Figure:
     """Spectra over wavelength, side by side where they are of several kinds, as transmittance and absorbance are."""
-    kinds: dict[tuple[str, str], list[Spectrum]] = {}
-    for spectrum in listing.spectra:
-        kinds.setdefault((spectrum.channel.quantity, spectrum.channel.unit), []).append(spectrum)
+    kinds: dict[tuple[str, str], dict[str, list[Spectrum]]] = {}
+    for label, spectrum in zip(_labels(listing), listing.spectra, strict=True):
+        kind = kinds.setdefault((spectrum.channel.quantity, spectrum.channel.unit), {})
+        kind.setdefault(label, []).append(spectrum)
     figure = Figure(figsize=(4.6 * len(kinds), 3.6))
     panels = figure.subplots(1, len(kinds), squeeze=False)[0]
     for axes, ((quantity, unit), traces) in zip(panels, kinds.items(), strict=True):
         _draw(axes, traces)
         axes.set(xlabel="wavelength (nm)", ylabel=_label(quantity, unit))
-    source = listing.sources[0]
-    what = "simulated" if source.simulated else " ".join(filter(None, (source.instrument, source.date)))
-    figure.suptitle(source.file + (f": {what}" if what else ""))
+    source, *others = listing.sources
+    what = "simulated" if listing.simulated else " ".join(filter(None, (source.instrument, source.date)))
+    figure.suptitle(listing.file + (f": {what}" if what and (listing.simulated or not others) else ""))
     return figure
 
 
-def _draw(axes: Axes, traces: Sequence[Spectrum]) -> None:
-    """Draw traces of one kind. Many traces are one colour's shades, in their order, so that a drift shows."""
+def _labels(listing: Listing) -> list[str]:
+    """Names of the traces, with their files where there are several, without the number of a repeat."""
+    several = len(listing.sources) > 1
+    names = [_NUMBER.sub("", trace.name) if listing.repeats else trace.name for trace in listing.traces]
+    alone = len(set(names)) == 1  # one name in all files says nothing
+    stems = [Path(trace.file).stem for trace in listing.traces]
+    if not several:
+        return names
+    return stems if alone else [f"{stem}, {name}" for stem, name in zip(stems, names, strict=True)]
+
+
+def _draw(axes: Axes, traces: Mapping[str, Sequence[Spectrum]]) -> None:
+    """Draw traces of one kind, by their names. Many are one colour's shades, in their order, so that a drift shows."""
     many = len(traces) > _NAMED
-    colours = cycle(SERIES)
     shades = mpl.colormaps["viridis"]
-    for number, trace in enumerate(traces):
-        named = not many or number in {0, len(traces) - 1}
-        colour = shades(0.9 * number / (len(traces) - 1)) if many else next(colours)
-        marker = "o" if trace.channel.values.size < 3 else ""
-        axes.plot(
-            trace.wavelength_nm,
-            trace.channel.values,
-            marker=marker,
-            lw=0.9 if many else 1.4,
-            ms=3,
-            color=colour,
-            label=trace.channel.name if named else None,
-        )
+    for number, (name, alike) in enumerate(traces.items()):
+        curves = [(trace.wavelength_nm, trace.channel.values) for trace in alike]
+        label = name if not many or number in {0, len(traces) - 1} else None
+        look: dict[str, Any] = {"marker": "o" if curves[0][0].size < 3 else "", "ms": 3, "lw": 1.4}
+        if many:
+            look |= {"color": shades(0.9 * number / (len(traces) - 1)), "ls": "-", "lw": 0.9}
+        draw_repeats(axes, curves, number, label, **look)
     title = f"first and last\nof {len(traces)} traces" if many else None
     axes.legend(title=title)
 

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from solen.material.stiffness import MODES, Fit, MaterialStiffness, MeasuredStiffness
-from solen.report.canvas import INK, LOST, SERIES
+from solen.report.canvas import INK, LOST, SERIES, draw_repeats
 
 _MARKERS = {"uniaxial": "o", "planar": "s", "equibiaxial": "^"}
 _DASHES = ((4, 2), (1, 1.5), (6, 2, 1, 2))
@@ -33,15 +33,20 @@ def stiffness_figure(stiffness: MeasuredStiffness) -> Figure:
 
 
 def _draw_curves(axes: Axes, materials: Sequence[MaterialStiffness]) -> None:
-    """Every specimen as a line, a colour for each material, and the slope of its modulus."""
+    """Specimens of each material, several as mean ± SD over the loading that they share, and the modulus's slope."""
     down = all(each.test.loading == "compression" for material in materials for each in material.specimens)
     sign = -1 if down else 1
     for number, material in enumerate(materials):
         colour = SERIES[number % len(SERIES)]
         alike = [each for each in material.specimens if each.mode == material.specimens[0].mode]
-        for first, each in enumerate(alike):
-            strain, stress = (sign * each.test.curve[name] for name in ("strain", "stress_MPa"))
-            axes.plot(100 * strain, stress, color=colour, lw=1.3, label=None if first else _name(material))
+        curves = [tuple(sign * each.test.curve[name] for name in ("strain", "stress_MPa")) for each in alike]
+        loading = [
+            (100 * strain[: int(np.argmax(strain)) + 1], stress[: int(np.argmax(strain)) + 1])
+            for strain, stress in curves
+        ]
+        draw_repeats(
+            axes, loading if len(curves) > 1 else [(100 * curves[0][0], curves[0][1])], number, _name(material), lw=1.3
+        )
         _draw_slope(axes, material, colour, sign)
     kind = "compressive " if down else ""
     axes.set(xlabel=f"{kind}engineering strain (%)", ylabel=f"{kind}engineering stress (MPa)")
@@ -65,7 +70,6 @@ def _name(material: MaterialStiffness) -> str:
     """Label of a material with its modulus."""
     sd = material.sd_modulus_MPa
     name = f"E = {material.modulus_MPa:.3g} ± {material.u_modulus_MPa if sd is None else sd:.2g} MPa"
-    name += "" if sd is None else f" (SD, n = {len(material.specimens)})"
     return f"{material.label}: {name}" if material.label else name
 
 
