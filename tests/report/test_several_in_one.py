@@ -53,6 +53,6 @@ def test_repeats_of_a_trace_are_its_mean_and_standard_deviation(tmp_path: Path) 
     for line in labelled:
         assert np.allclose(np.asarray(line.get_ydata(), dtype=float), values[1])
     band = next(one for one in axes.collections if isinstance(one, PolyCollection))
-    ys = band.get_paths()[0].vertices[:, 1]
+    ys = np.asarray(band.get_paths()[0].vertices, dtype=float)[:, 1]
     assert ys.min() == pytest.approx(0.89)
     assert ys.max() == pytest.approx(0.95)
