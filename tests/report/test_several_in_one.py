@@ -42,11 +42,11 @@ def test_repeats_of_a_trace_are_its_mean_and_standard_deviation(tmp_path: Path) 
     for name in ("one", "two"):
         np.savetxt(
             tmp_path / f"{name}.csv", np.column_stack([nm, *values]), delimiter=",",
-            header="wavelength_nm,T 1,T 2,T 3", comments="",
+            header="wavelength_nm,PU-1,PU-2,PU-3", comments="",
         )  # fmt: skip
     files = [tmp_path / "one.csv", tmp_path / "two.csv"]
     each = spectra(files).result
-    assert [(trace.file, trace.name) for trace in each.traces][3:] == [("two.csv", f"T {k}") for k in (1, 2, 3)]
+    assert [(trace.file, trace.name) for trace in each.traces][3:] == [("two.csv", f"PU-{k}") for k in (1, 2, 3)]
     (axes,) = solen.plot(spectra(files, repeats=True).result).axes
     labelled = [line for line in axes.lines if not str(line.get_label()).startswith("_")]
     assert [str(line.get_label()).partition(":")[0] for line in labelled] == ["one", "two"]

@@ -19,6 +19,8 @@ from pydantic import ConfigDict, Field, field_validator, model_validator
 from solen.errors import DataError, SolenError, SpecError
 from solen.files import read_text
 from solen.material.cross_checks import Row, index_apart, loss_apart, penetration_apart
+from solen.material.cure.curve import WorkingCurve
+from solen.material.cure.spectral import InLamp, in_lamp
 from solen.material.dispersion import KINDS, Dispersion, Tabulated
 from solen.material.mix import named_number
 from solen.material.resin import Cure, Interval, Loss, LossOf, Part, Resin, Source, Stiffness
@@ -311,6 +313,8 @@ class PenetrationResult(_Result):
     Dp_um: Positive | None = None
     between_Dp_um: Positive | None = None
     u_Dp_um: NotNegative | None = None
+    lamp: str | None = None
+    lamp_lines: tuple[tuple[Positive, Positive], ...] | None = None
 
     def as_table(self, selection: Selection = _EVERYTHING) -> None:
         """Nothing: a resin keeps the working curve's."""
@@ -443,6 +447,23 @@ def gather(results: Mapping[str, Path], options: BuildOptions) -> Resin:
     if sources:
         tables["sources"] = tuple(sources)
     return Resin(**tables)
+
+
+def lamp_fit(path: Path, curve: WorkingCurve) -> InLamp:
+    """Law with the spectrum of a lamp, of the result of `solen resin penetration`, fitted to a curve's discs.
+
+    Raises
+    ------
+    DataError
+        Where the file is not such a result, or names no lamp.
+    """
+    text = read_text(path, DataError)
+    with told_of(str(path)):
+        liquid = result_of(text, "penetration")
+    if not isinstance(liquid, PenetrationResult) or liquid.lamp_lines is None or liquid.Dp_um is None:
+        remedy = "run solen resin penetration with --led-nm and --led-fwhm-nm, or --led"
+        raise DataError(str(path), limit="has no lamp, and the law with its spectrum needs one", remedy=remedy)
+    return in_lamp(curve, liquid.lamp_lines, liquid.Dp_um, liquid.lamp or path.name)
 
 
 def _differences(readers: Mapping[str, Reader], tables: Mapping[str, Any]) -> dict[str, list[str]]:

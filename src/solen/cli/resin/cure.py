@@ -6,7 +6,8 @@ from typing import Annotated
 
 from solen.cli.app import FLAT, Out, Sheet, lines
 from solen.material.cure import CureOptions, MeasuredCurve
-from solen.material.cure.discs import LayerExposure, LayerNeed
+from solen.material.cure.discs import InLampExposure, LayerExposure, LayerNeed
+from solen.material.cure.spectral import InLamp
 from solen.report.options import FigureOptions
 from solen.results import Outcome
 
@@ -16,6 +17,7 @@ def cure(
     /,
     *,
     options: Annotated[CureOptions, FLAT] = CureOptions(),
+    penetration: Path | None = None,
     sheet: Sheet = None,
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     out: Out = None,
@@ -27,10 +29,12 @@ def cure(
     files
         A table with a row for each cured disc: thickness, and dose or time; further ones, as of other resins, are
         fitted and drawn beside the first.
+    penetration
+        Result of solen resin penetration (.json) with this printer's lamp: its law stands beside Jacobs'.
     """
     from solen.pipeline.resin import cure as pipeline
 
-    return pipeline.cure(files, options, sheet=sheet, out=out, figure=figure)
+    return pipeline.cure(files, options, penetration=penetration, sheet=sheet, out=out, figure=figure)
 
 
 @lines.register
@@ -43,6 +47,8 @@ def _(curve: MeasuredCurve) -> Iterator[str]:
     )
     for one in curve.beside:
         yield f"{one.file}: Dp {one.Dp_um:.4g} µm ({_ends(one.interval95_Dp_um)}), Ec {one.Ec_mJ_per_cm2:.3g} mJ/cm²"
+    if (lamp := curve.in_lamp) is not None:
+        yield from _in_lamp(lamp, curve.in_lamp_exposure)
     if curve.layer is not None:
         yield _need(curve.layer)
     if curve.exposure is not None:
@@ -54,6 +60,21 @@ def _(curve: MeasuredCurve) -> Iterator[str]:
             f"mJ/cm² ({low:.3g} to {high:.3g} within a layer), {stack.interior_over_single_layer:.2g} times the "
             f"{stack.single_layer_mean_mJ_per_cm2:.3g} mJ/cm² of one layer on its own, as the index is measured on; "
             f"the last {stack.layers_to_99_percent} layers get less than those inside"
+        )
+
+
+def _in_lamp(lamp: InLamp, exposure: InLampExposure | None) -> Iterator[str]:
+    prefers = {None: "do not tell which law holds", "spectrum": "prefer this law", "Jacobs": "prefer Jacobs' law"}
+    yield (
+        f"in the light of {lamp.lamp}: Dp {lamp.Dp_um:.4g} ± {lamp.u_Dp_um:.2g} µm at the surface, Ec "
+        f"{lamp.Ec_mJ_per_cm2:.3g} ± {lamp.u_Ec_mJ_per_cm2:.1g} mJ/cm²; the discs {prefers[lamp.preferred]} "
+        f"({lamp.rms_um:.2g} µm rms, by Jacobs' {lamp.jacobs_rms_um:.2g})"
+    )
+    if exposure is not None:
+        yield (
+            f"by it the exposure cures {exposure.cure_depth_um:.3g} µm and sets "
+            f"{exposure.print_through_many_layers_um:.3g} µm below many layers; the dose inside is "
+            f"{exposure.interior_mean_mJ_per_cm2:.3g} mJ/cm², {exposure.interior_over_jacobs:.3g} times Jacobs' law's"
         )
 
 

@@ -18,6 +18,7 @@ from solen.errors import DataError
 from solen.material.cure.cautions import cautions
 from solen.material.cure.curve import Scatter, WorkingCurve, working_curve
 from solen.material.cure.layers import StackDose, dose_below, stack_dose, stack_print_through_um
+from solen.material.cure.spectral import InLamp
 from solen.material.regression import group_means
 from solen.material.rows import REPEATS, RowOptions, below_each_other, chosen_rows, refuse_unused, stated_once
 from solen.ranks import DO_NOT_USE, NOTE
@@ -33,6 +34,7 @@ DISCS, REPLICATES = ("disc", "disk", "sample", "specimen", "id"), ("replicate", 
 DOSE = "mJ/cm2"
 MOST_LAYERS = 100_000
 """More than any printer prints: a metre of layers of 10 µm."""
+_APART = 0.2  # of a penetration depth by discs from that by absorbance
 _ROUNDED_DOSE = 0.05  # how far a stated dose may be from time times irradiance
 USUAL_DP_UM = (1.0, 1e4)
 """Far beyond both ends of printable resins' penetration depths: outside, a unit is wrong."""
@@ -136,6 +138,24 @@ class LayerExposure:
     print_through_many_layers_um: float
 
 
+@dataclass(frozen=True)
+class InLampExposure:
+    """What the exposure of a layer does in the lamp's light, beside what Jacobs' law says.
+
+    Attributes
+    ----------
+    cure_depth_um, print_through_many_layers_um, interior_mean_mJ_per_cm2
+        As of `LayerExposure` and `StackDose`, by the law with the spectrum.
+    interior_over_jacobs
+        The last over what Jacobs' law gives.
+    """
+
+    cure_depth_um: float
+    print_through_many_layers_um: float
+    interior_mean_mJ_per_cm2: float
+    interior_over_jacobs: float
+
+
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class CurveBeside(WorkingCurve, Measured):
     """Working curve of another table, beside the first.
@@ -161,6 +181,8 @@ class MeasuredCurve(WorkingCurve, Measured):
         Exposure that a layer needs, what its exposure does, and the dose inside a part; None where not asked for.
     beside
         Working curves of further tables, as of other resins.
+    in_lamp, in_lamp_exposure
+        The law with the lamp's spectrum, and what the exposure of a layer does by it; None where not asked for.
     """
 
     irradiance_mW_per_cm2: float | None
@@ -169,6 +191,8 @@ class MeasuredCurve(WorkingCurve, Measured):
     exposure: LayerExposure | None
     stack: StackDose | None
     beside: tuple[CurveBeside, ...] = ()
+    in_lamp: InLamp | None = None
+    in_lamp_exposure: InLampExposure | None = None
 
     @reported
     def u_interior_mean_mJ_per_cm2(self) -> float | None:
@@ -236,6 +260,33 @@ def curves_of_discs(recordings: Sequence[Recording], options: CureOptions = Cure
     warnings = (*first.warnings, *(f"{one.file}: {text}" for one in beside for text in one.warnings))
     sources = (*first.sources, *(source for one in beside for source in one.sources))
     return dataclasses.replace(first, beside=beside, warnings=warnings, sources=sources)
+
+
+def with_lamp(curve: MeasuredCurve, fit: InLamp) -> MeasuredCurve:
+    """The curve with the law of the lamp's spectrum beside it, and what that changes."""
+    exposure = None
+    if curve.exposure is not None and curve.layer is not None:
+        dose, layer_um = curve.exposure.dose_mJ_per_cm2, curve.layer.layer_um
+        inside = fit.interior_mean_mJ_per_cm2(dose, layer_um)
+        exposure = InLampExposure(
+            cure_depth_um=float(fit.depth_um(dose)),
+            print_through_many_layers_um=max(fit.print_through_um(dose, layer_um), 0.0),
+            interior_mean_mJ_per_cm2=inside,
+            interior_over_jacobs=inside * layer_um / (dose * curve.Dp_um),
+        )
+    notes = []
+    if fit.preferred == "spectrum":
+        notes = [
+            f"the discs prefer the law with the lamp's spectrum ({fit.rms_um:.2g} µm rms, {fit.jacobs_rms_um:.2g} by "
+            f"Jacobs' law): Dp is {fit.Dp_um:.3g} µm at the surface and grows with depth; {curve.Dp_um:.3g} µm holds "
+            "for discs of these thicknesses alone"
+        ]
+    off = fit.Dp_um / fit.liquid_Dp_um - 1.0
+    if abs(off) > _APART and abs(off) * fit.liquid_Dp_um > 3.0 * fit.u_Dp_um:
+        notes.append(
+            f"at the surface the discs give Dp {fit.Dp_um:.3g} µm and the liquid's absorbance {fit.liquid_Dp_um:.3g} µm"
+        )
+    return dataclasses.replace(curve, in_lamp=fit, in_lamp_exposure=exposure, warnings=(*curve.warnings, *notes))
 
 
 @dataclass(frozen=True, eq=False)

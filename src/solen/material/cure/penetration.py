@@ -28,7 +28,7 @@ from solen.material.rows import RowOptions, chosen_rows, refuse_unused
 from solen.recording import Recording
 from solen.recording.model import Measured
 from solen.recording.optical import OpticalSpectra, optical_spectra
-from solen.results import HIDDEN
+from solen.results import HIDDEN, reported
 from solen.spec.strict import Finite, refused
 
 SHALLOW_UM, DEEP_UM = 25.0, 200.0
@@ -155,6 +155,13 @@ class Penetration(Measured):
     spectral_Dp_um: FloatArray
     traces: tuple[str, ...]
     attenuation: Attenuation | None = field(metadata=HIDDEN)
+
+    @reported
+    def lamp_lines(self) -> tuple[tuple[float, float], ...] | None:
+        """Of each line of the lamp its share and its absorption over the mean at the surface; None without a lamp."""
+        from solen.material.cure.spectral import lamp_lines
+
+        return None if self.attenuation is None else lamp_lines(self.attenuation)
 
 
 def penetration_of(recording: Recording, options: PenetrationOptions) -> Penetration:

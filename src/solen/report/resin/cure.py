@@ -68,7 +68,7 @@ def _title(curve: WorkingCurve) -> str:
     )
 
 
-def _curve(axes: Axes, curve: WorkingCurve) -> None:
+def _curve(axes: Axes, curve: MeasuredCurve) -> None:
     doses = [disc.dose_mJ_per_cm2 for disc in curve.used]
     e = np.geomspace(min([*doses, curve.Ec_mJ_per_cm2]) / _MARGIN, max(doses) * _MARGIN, 161)
     depth, half, wide = curve.depth_um(e), curve.half_width_um(e), curve.half_width_um(e, of_one_disc=True)
@@ -78,6 +78,9 @@ def _curve(axes: Axes, curve: WorkingCurve) -> None:
     axes.plot(e[inside], depth[inside], color=RIGHT, lw=1.6, label="Dp ln(E/Ec)")
     axes.plot(e[~inside], depth[~inside], "--", color=RIGHT, lw=1.0)
     axes.plot(doses, [disc.thickness_um for disc in curve.used], "o", ms=4, color=INK, label="discs")
+    if curve.in_lamp is not None:
+        law = curve.in_lamp.depth_um(e)
+        axes.plot(e[law > 0.0], law[law > 0.0], "-.", color=SPACE, lw=1.4, label="with the lamp's spectrum")
     out = [one.disc for one in curve.left_out if np.isfinite(one.disc.thickness_um)]
     if out:
         at = [disc.dose_mJ_per_cm2 for disc in out], [disc.thickness_um for disc in out]

@@ -1,0 +1,202 @@
+"""The law of cure in the light of a lamp with a spectrum, beside Jacobs'.
+
+The idea: of each of the lamp's lines a depth z receives e^(-z r/Dp) of its share. Dp is the penetration depth at the
+surface, and r how much more of that line the resin takes than of all light there. Resin sets where the sum of what is
+left is Ec: E Σ w e^(-C r/Dp) = Ec, which is Jacobs' C = Dp ln(E/Ec) where all r are 1 (Caplins et al., Influence of
+spectral bandwidth on the working curve in vat photopolymerization, Additive Manufacturing, 2024). Both laws have two
+numbers, so the discs tell which one they prefer by their likelihoods alone.
+
+The interface: `lamp_lines` of an `Attenuation`, `left` at a depth, `depth` of a dose; `in_lamp` fits discs.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import least_squares
+
+from solen.arrays import FloatArray
+from solen.errors import DataError
+from solen.material.cure.curve import WorkingCurve
+from solen.material.cure.penetration import Attenuation
+from solen.results import HIDDEN, Result, reported
+
+Lines = tuple[tuple[float, float], ...]
+"""Of each line of a lamp its share of the light at the surface, and its absorption over the mean there."""
+ONE_LINE: Lines = ((1.0, 1.0),)
+MOST_LINES = 48
+SURE = 2.0
+"""Logarithm of the likelihoods' ratio from which on the discs prefer a law: 7 to 1."""
+_LEAST_DISCS = 5
+_POWERS = (0.0, 0.5, 1.0)  # of thickness that the scatter of discs goes with
+_STEPS = 60
+
+
+def lamp_lines(decay: Attenuation) -> Lines:
+    """Lines of a lamp in a resin, those of like absorption together: at most `MOST_LINES`."""
+    log = np.log(decay.per_um)
+    edges = np.linspace(log.min(), log.max() + 1e-9, MOST_LINES + 1)
+    bins = np.clip(np.digitize(log, edges) - 1, 0, MOST_LINES - 1)
+    share = np.bincount(bins, decay.weight, MOST_LINES)
+    taken = np.bincount(bins, decay.weight * decay.per_um, MOST_LINES)
+    total, mean = float(share.sum()), float(taken.sum() / share.sum())
+    return tuple(
+        (float(part) / total, float(loss / part) / mean) for part, loss in zip(share, taken, strict=True) if part > 0.0
+    )
+
+
+def left(lines: Lines, depth: ArrayLike) -> FloatArray:
+    """Share of the light that is left at depths in units of the penetration depth at the surface."""
+    share, absorption = np.array(lines).T
+    return np.asarray(np.exp(-np.asarray(depth, float)[..., None] * absorption) @ share)
+
+
+def depth(lines: Lines, ln_excess: ArrayLike) -> FloatArray:
+    """Cure depth, in units of the penetration depth at the surface, of logarithms of dose over critical dose.
+
+    Newton's iteration on the logarithm of what is left, which is convex: it does not leave the side it comes to first.
+    """
+    share, absorption = np.array(lines).T
+    wanted = np.asarray(ln_excess, float)
+    found = np.array(wanted)
+    for _ in range(_STEPS):
+        lit = share * np.exp(-found[..., None] * (absorption - absorption.min()))
+        whole = lit.sum(axis=-1)
+        step = (np.log(whole) - found * absorption.min() + wanted) * whole / (lit @ absorption)
+        found = found + step
+        if np.all(np.abs(step) <= 1e-12 * (1.0 + np.abs(found))):
+            break
+    return np.asarray(found)
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class InLamp(Result):
+    """The law with the lamp's spectrum, fitted to the discs of a working curve.
+
+    Attributes
+    ----------
+    lamp
+        Where the spectrum is from.
+    Dp_um, u_Dp_um, Ec_mJ_per_cm2, u_Ec_mJ_per_cm2
+        Penetration depth at the surface, critical dose, and their standard uncertainties by the discs' scatter.
+    liquid_Dp_um
+        The former as the liquid's absorbance has it.
+    rms_um, jacobs_rms_um
+        Of the discs about this law, and about Jacobs'.
+    ln_likelihood_ratio
+        Of this law over Jacobs', with the scatter unknown.
+    """
+
+    lamp: str
+    lines: Lines = field(metadata=HIDDEN)
+    Dp_um: float
+    u_Dp_um: float
+    Ec_mJ_per_cm2: float
+    u_Ec_mJ_per_cm2: float
+    liquid_Dp_um: float
+    rms_um: float
+    jacobs_rms_um: float
+    ln_likelihood_ratio: float
+
+    @reported
+    def preferred(self) -> Literal["spectrum", "Jacobs"] | None:
+        """The law that the discs prefer; None where they do not tell."""
+        if abs(self.ln_likelihood_ratio) < SURE:
+            return None
+        return "spectrum" if self.ln_likelihood_ratio > 0.0 else "Jacobs"
+
+    @reported
+    def lamp_lines(self) -> tuple[tuple[float, float], ...]:
+        """Lines of the lamp: share of the light, and absorption over the mean at the surface; a process takes them."""
+        return self.lines
+
+    def depth_um(self, dose: ArrayLike) -> FloatArray:
+        """Cure depth of doses in mJ/cm²."""
+        return self.Dp_um * depth(self.lines, np.log(np.asarray(dose, float) / self.Ec_mJ_per_cm2))
+
+    def interior_mean_mJ_per_cm2(self, dose: float, layer_um: float) -> float:
+        """Mean dose far inside a part, of the dose of a layer: E Dp Σ (w/r) / h."""
+        share, absorption = np.array(self.lines).T
+        return float(dose * self.Dp_um / layer_um * (share / absorption).sum())
+
+    def print_through_um(self, dose: float, layer_um: float) -> float:
+        """How far resin sets beyond the first of many layers above a gap; negative where none does."""
+        share, absorption = np.array(self.lines).T
+        piled = share / -np.expm1(-absorption * layer_um / self.Dp_um)
+        total = float(piled.sum())
+        lines = tuple(zip((piled / total).tolist(), absorption.tolist(), strict=True))
+        return float(self.Dp_um * depth(lines, math.log(dose * total / self.Ec_mJ_per_cm2))) - layer_um
+
+
+def in_lamp(curve: WorkingCurve, lines: Lines, liquid_Dp_um: float, lamp: str) -> InLamp:
+    """Fit of the law with a spectrum to the discs that a working curve was fitted to.
+
+    Each law takes the scatter, even or growing with thickness, that it explains the discs best with.
+
+    Raises
+    ------
+    DataError
+        With too few discs.
+    """
+    doses = np.array([disc.dose_mJ_per_cm2 for disc in curve.used])
+    um = np.array([disc.thickness_um for disc in curve.used])
+    if len(um) < _LEAST_DISCS:
+        limit = f"two laws are told apart by {_LEAST_DISCS} discs at least"
+        raise DataError("--penetration", value=f"{len(um)} discs", limit=limit, remedy="cure more discs")
+    start = (math.log(curve.Dp_um), math.log(curve.Ec_mJ_per_cm2))
+    ours, jacobs = (_best(doses, um, law, start) for law in (lines, ONE_LINE))
+    Dp, Ec = ours.Dp_um, ours.Ec
+    return InLamp(
+        lamp=lamp,
+        lines=lines,
+        Dp_um=Dp,
+        u_Dp_um=ours.u_Dp_um,
+        Ec_mJ_per_cm2=Ec,
+        u_Ec_mJ_per_cm2=ours.u_Ec,
+        liquid_Dp_um=liquid_Dp_um,
+        rms_um=ours.rms_um,
+        jacobs_rms_um=jacobs.rms_um,
+        ln_likelihood_ratio=ours.ln_likelihood - jacobs.ln_likelihood,
+    )
+
+
+@dataclass(frozen=True)
+class _Fit:
+    Dp_um: float
+    Ec: float
+    u_Dp_um: float
+    u_Ec: float
+    rms_um: float
+    ln_likelihood: float
+
+
+def _best(doses: FloatArray, um: FloatArray, lines: Lines, start: tuple[float, float]) -> _Fit:
+    """The most likely fit of a law, over how discs scatter."""
+    even = _residuals(doses, um, lines)
+    expected = um + even(np.asarray(least_squares(even, start, xtol=1e-12, ftol=1e-12).x))
+    expected = np.maximum(expected, 0.05 * um.max()) / um.max()
+    fits = (_fit(doses, um, expected**power, lines, start) for power in _POWERS)
+    return max(fits, key=lambda fit: fit.ln_likelihood)
+
+
+def _residuals(doses: FloatArray, um: FloatArray, lines: Lines) -> Callable[[FloatArray], FloatArray]:
+    def residuals(values: FloatArray) -> FloatArray:
+        return np.asarray(math.exp(values[0]) * depth(lines, np.log(doses) - values[1]) - um)
+
+    return residuals
+
+
+def _fit(doses: FloatArray, um: FloatArray, sd: FloatArray, lines: Lines, start: tuple[float, float]) -> _Fit:
+    """Of discs whose scatter is in proportion to ``sd``."""
+    away = _residuals(doses, um, lines)
+    fit = least_squares(lambda values: away(values) / sd, start, xtol=1e-12, ftol=1e-12)
+    count, squares = len(um), 2.0 * float(fit.cost)
+    jac = np.asarray(fit.jac, dtype=float)
+    u = np.sqrt(np.diag(np.linalg.inv(jac.T @ jac)) * squares / (count - 2))
+    Dp, Ec = (math.exp(value) for value in fit.x)
+    rms = float(np.sqrt(np.mean((fit.fun * sd) ** 2)))
+    ln_likelihood = -0.5 * count * math.log(squares / count) - float(np.log(sd).sum())
+    return _Fit(Dp, Ec, Dp * float(u[0]), Ec * float(u[1]), rms, ln_likelihood)
