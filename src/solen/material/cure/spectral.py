@@ -192,7 +192,11 @@ def _residuals(doses: FloatArray, um: FloatArray, lines: Lines) -> Callable[[Flo
 def _fit(doses: FloatArray, um: FloatArray, sd: FloatArray, lines: Lines, start: tuple[float, float]) -> _Fit:
     """Of discs whose scatter is in proportion to ``sd``."""
     away = _residuals(doses, um, lines)
-    fit = least_squares(lambda values: away(values) / sd, start, xtol=1e-12, ftol=1e-12)
+
+    def weighted(values: FloatArray) -> FloatArray:
+        return away(values) / sd
+
+    fit = least_squares(weighted, start, xtol=1e-12, ftol=1e-12)
     count, squares = len(um), 2.0 * float(fit.cost)
     jac = np.asarray(fit.jac, dtype=float)
     u = np.sqrt(np.diag(np.linalg.inv(jac.T @ jac)) * squares / (count - 2))
