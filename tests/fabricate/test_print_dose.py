@@ -114,3 +114,58 @@ def test_the_halo_widens_with_depth() -> None:
     depth = (terms.layer[len(terms.layer) // 2 :] + 1) * 25.0 - 260.0
     assert np.allclose(halo, np.hypot(60.0, 0.5 * depth))
     assert math.isclose(float(terms.dose[: len(halo)].sum() / terms.total), 0.95)
+
+
+LAMP = ((0.3, 1.9), (0.4, 0.85), (0.3, 0.3 / 0.9))
+"""Lines of a lamp, the last of which goes six times as deep as the first; shares times absorption add up to 1.01."""
+
+
+def lamp() -> tuple[tuple[float, float], ...]:
+    """The lines with their absorption over the mean."""
+    mean = sum(share * absorption for share, absorption in LAMP)
+    return tuple((share, absorption / mean) for share, absorption in LAMP)
+
+
+def of_each_line(height_um: float, images: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Dose as the sum of what each line alone would give."""
+    total = np.zeros(len(places))
+    for share, absorption in lamp():
+        alone = settings(**SMALL, Dp_um=100.0 / absorption, irradiance_mW_per_cm2=13.0 * share, Ec_mJ_per_cm2=0.1)
+        total += dose_at(images, alone, places, height_um)
+    return total
+
+
+def test_the_dose_of_a_lamp_is_the_sum_of_its_lines() -> None:
+    one = settings(**SMALL, lamp=lamp())
+    rng = np.random.default_rng(5)
+    image = np.zeros((40, 36))
+    image[14:24, 14:22] = rng.random((10, 8))
+    images = np.repeat(image[None], 6, axis=0)
+    for height in (10.0, 62.0, 112.5):
+        found = dose_map(FlatImage(image, 6), one, height)
+        rows, columns = rng.integers(50, 100, (2, 40))
+        places = np.column_stack([columns, rows]) * found.step_um + found.first_um
+        assert np.allclose(found.dose[rows, columns], of_each_line(height, images, places), rtol=1e-9)
+
+
+def test_a_lamp_cures_deeper_and_grows_walls_more_than_its_dp_at_the_surface() -> None:
+    with_lamp, without = (settings(burn_in_layers=0, lamp=lines) for lines in (lamp(), ()))
+    deep = with_lamp.cure_depth_um
+    left = sum(share * math.exp(-deep * absorption / 100.0) for share, absorption in lamp())
+    assert with_lamp.dose_mJ_per_cm2 * left == pytest.approx(with_lamp.Ec_mJ_per_cm2, rel=1e-9)
+    assert deep > 1.1 * without.cure_depth_um
+    assert growth_um(with_lamp) > growth_um(without)
+    slab = FlatImage(np.ones((4, 4)), 400)
+    inside = np.mean([dose_map(slab, with_lamp, 25.0 * 60 + s).dose.mean() for s in np.linspace(0.5, 24.5, 25)])
+    assert with_lamp.inside_mJ_per_cm2() == pytest.approx(float(inside), rel=2e-3)
+
+
+def test_two_like_lines_are_one_wavelength() -> None:
+    two, one = settings(lamp=((0.25, 1.0), (0.75, 1.0))), settings()
+    assert growth_um(two) == pytest.approx(growth_um(one), rel=1e-12)
+    assert two.inside_mJ_per_cm2() == pytest.approx(one.inside_mJ_per_cm2(), rel=1e-12)
+
+
+def test_shares_of_a_lamp_that_are_not_all_of_its_light_are_refused() -> None:
+    with pytest.raises(DataError, match=r"lamp.*0\.8"):
+        settings(lamp=((0.5, 1.0), (0.3, 1.0)))

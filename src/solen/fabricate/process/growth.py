@@ -30,7 +30,7 @@ Light = tuple[FloatArray, FloatArray]
 
 def layers_inside(settings: Settings) -> int:
     """Layers above which more make no difference."""
-    return math.ceil(25.0 * settings.Dp_um / settings.layer_um) + 1
+    return math.ceil(25.0 * settings.deep_Dp_um / settings.layer_um) + 1
 
 
 def inside(settings: Settings) -> Light:

@@ -21,13 +21,14 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 import tomli_w
+from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
 from solen.arrays import FloatArray
 from solen.errors import DataError, SolenError
 from solen.fabricate.grey import Greys
 from solen.files import read_text
-from solen.material.cure import cure_depth_um, stack_dose
+from solen.material.cure.spectral import ONE_LINE, Lines, depth, left
 from solen.spec.strict import Migrations, NotNegative, Number, Positive, Strict, Text, migrated, parse_toml, refused
 from solen.spec.strict import told_of as told_of_file
 
@@ -58,8 +59,13 @@ class Settings(Strict):
         6, description="How many layers, first, are exposed for burn_in_s."
     )
     burn_in_s: Seconds = Field(3.0, description="Exposure of these.")
-    Dp_um: Micrometres = Field(100.0, description="Penetration depth of the light.")
+    Dp_um: Micrometres = Field(100.0, description="Penetration depth of the light; with a lamp, at the surface.")
     Ec_mJ_per_cm2: Positive = Field(5.0, description="Critical dose, at which the resin sets.")
+    lamp: tuple[tuple[Positive, Positive], ...] = Field(
+        (),
+        description="Lines of the lamp: share of each and its absorption over the mean at the surface, as solen resin "
+        "cure --penetration gives them; without, one wavelength.",
+    )
     sigma_um: Annotated[Number, Field(gt=0, le=1000)] = Field(
         15.0, description="Standard deviation of the projector's point-spread at the window."
     )
@@ -101,6 +107,14 @@ class Settings(Strict):
         return self
 
     @model_validator(mode="after")
+    def _lamp_is_whole(self) -> Self:
+        share, absorption = np.array(self.lines).T
+        for name, total in (("shares", float(share.sum())), ("shares times absorption", float(share @ absorption))):
+            if abs(total - 1.0) > _WHOLE:
+                raise refused("lamp", f"{name} must add up to 1, not {total:.4g}", value=f"{len(self.lamp)} lines")
+        return self
+
+    @model_validator(mode="after")
     def _sets(self) -> Self:
         if self.halo_um < self.sigma_um:
             limit = f"must be at least sigma_um, {self.sigma_um:g}: scattered light is the wider"
@@ -125,13 +139,24 @@ class Settings(Strict):
 
     @property
     def cure_depth_um(self) -> float:
-        """How deep one ordinary layer's exposure sets resin, Dp ln(E/Ec)."""
-        return float(cure_depth_um(self.dose_mJ_per_cm2, self.Dp_um, self.Ec_mJ_per_cm2))
+        """How deep one ordinary layer's exposure sets resin; Dp ln(E/Ec) at one wavelength."""
+        return self.Dp_um * float(depth(self.lines, math.log(self.dose_mJ_per_cm2 / self.Ec_mJ_per_cm2)))
 
     @property
-    def q(self) -> float:
-        """Share of the light that a layer transmits."""
-        return math.exp(-self.layer_um / self.Dp_um)
+    def lines(self) -> Lines:
+        """Lines of the lamp, one at one wavelength."""
+        return self.lamp or ONE_LINE
+
+    def left(self, depth_um: ArrayLike) -> FloatArray:
+        """Share of the light that is left at a depth."""
+        return left(self.lines, np.asarray(depth_um, float) / self.Dp_um)
+
+    @property
+    def deep_Dp_um(self) -> float:
+        """Penetration depth far below the surface, which says how many layers matter."""
+        share, absorption = np.array(self.lines).T
+        lit = share * np.exp(-_FAR * absorption)
+        return self.Dp_um * float(lit.sum() / (lit @ absorption))
 
     @property
     def greys(self) -> Greys:
@@ -146,8 +171,8 @@ class Settings(Strict):
 
     def inside_mJ_per_cm2(self) -> float:
         """Mean dose far inside a part, where all layers are as wide."""
-        many = math.ceil(20.0 * self.Dp_um / self.layer_um) + 1
-        return stack_dose(self.Dp_um, self.layer_um, np.full(many, self.dose_mJ_per_cm2)).interior_mean_mJ_per_cm2
+        longer = sum(share / absorption for share, absorption in self.lines)
+        return self.dose_mJ_per_cm2 * self.Dp_um * longer / self.layer_um
 
     @property
     def pixels_um(self) -> tuple[float, float]:
@@ -184,6 +209,8 @@ UNCERTAIN: tuple[str, ...] = tuple(
 GROWTH = "growth_um"
 """Growth of a straight wall: what a calibration finds in place of the critical dose."""
 CRITICAL = "Ec_mJ_per_cm2"
+_WHOLE = 1e-3
+_FAR = 10.0  # penetration depths
 
 
 class Calibration(Strict):

@@ -1,7 +1,8 @@
 """Which light reaches a height of a part: of each later layer what the layers between let through, narrow and wide.
 
 The idea: resin at a height sees its own layer's exposure and those of all layers after it, each attenuated by
-e^(-depth/Dp) on its way from the window (Jacobs, Rapid Prototyping & Manufacturing, 1992), so a dose is a sum of
+e^(-depth/Dp) on its way from the window (Jacobs, Rapid Prototyping & Manufacturing, 1992), or by what is left of each
+line of a lamp, so a dose is a sum of
 blurred images. A share of the light is scattered: it makes a halo, whose width grows with depth. The blur of each part
 is a Gaussian; a halo of standard deviation h at the window is sqrt(h² + (g d)²) wide at the depth d.
 
@@ -16,7 +17,6 @@ import numpy as np
 from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.fabricate.process.settings import Settings
-from solen.material.cure import dose_below
 
 FAINT = 1e-9
 """Share of the dose below which later layers are left out."""
@@ -54,7 +54,7 @@ def terms_at(settings: Settings, layers: int, height_um: float) -> Terms:
     first = min(max(math.floor(height_um / h), 0), layers - 1)
     number = np.arange(first, layers)
     depth = (number + 1) * h - height_um
-    seen = dose_below(settings.exposures(layers)[first:], depth, settings.Dp_um)
+    seen = settings.exposures(layers)[first:] * settings.left(depth)
     bright = seen > FAINT * seen.max()
     number, depth, seen = number[bright], depth[bright], seen[bright]
     halo = np.hypot(settings.halo_um, settings.halo_per_depth * depth)

@@ -89,7 +89,7 @@ class SidePrint:
         layers = round((highest - platform) / h)
         low, high = wanted.min(axis=0), wanted.max(axis=0)
         first = max(0, math.floor((low[1] - platform - _MARGIN_UM) / h))
-        last = min(layers, math.ceil((high[1] - platform + settings.Dp_um * _DEPTHS) / h) + 1)
+        last = min(layers, math.ceil((high[1] - platform + settings.deep_Dp_um * _DEPTHS) / h) + 1)
         start = pitch * math.floor((low[0] - _MARGIN_UM) / pitch)
         _check_work(last - first, (high[0] - start + _MARGIN_UM) / pitch, settings)
         columns = fft.next_fast_len(math.ceil((high[0] + _MARGIN_UM - start) / pitch), real=True)
@@ -118,12 +118,12 @@ class SidePrint:
         """Spectra of the dose of each layer at a depth from its window side: its own light and that of later ones."""
         s = self.settings
         spectra = np.zeros_like(lit)
-        for later in range(min(len(lit), math.ceil(s.Dp_um * _DEPTHS / s.layer_um) + 1)):
+        for later in range(min(len(lit), math.ceil(s.deep_Dp_um * _DEPTHS / s.layer_um) + 1)):
             depth = depth_um + later * s.layer_um
             halo = math.hypot(s.halo_um, s.halo_per_depth * depth)
             blur = (1.0 - s.halo_fraction) * np.exp(-0.5 * (s.sigma_um * k) ** 2)
             blur += s.halo_fraction * np.exp(-0.5 * (halo * k) ** 2)
-            spectra[: len(lit) - later] += lit[later:] * (math.exp(-depth / s.Dp_um) * blur)
+            spectra[: len(lit) - later] += lit[later:] * (float(s.left(depth)) * blur)
         return spectra
 
     def log_excess(self, places_mm: FloatArray) -> FloatArray:
@@ -183,7 +183,7 @@ def _check_fine(wanted: FloatArray, settings: Settings, pixel_um: float) -> None
 
 def _check_work(layers: int, columns: float, settings: Settings) -> None:
     """`DataError` where the sums over later layers would take minutes."""
-    later = min(layers, settings.Dp_um * _DEPTHS / settings.layer_um)
+    later = min(layers, settings.deep_Dp_um * _DEPTHS / settings.layer_um)
     work = layers * later * columns * fineness(settings) * SUBLAYERS
     if work > MOST_WORK:
         limit = (
