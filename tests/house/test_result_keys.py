@@ -22,12 +22,12 @@ _STATISTICS = """
 F p t r_squared chi2 chi2_reduced aicc delta_aicc rms rms_relative lag_one degrees_of_freedom start_degrees_of_freedom
 p_curved p_orientation effective_points parameters residual neighbours widened weighted_squares correlation covariance
 covariance_ln sigma
-chance probability p_form independent_values ratio snr clearness
+chance probability ln_likelihood_ratio p_form independent_values ratio snr clearness
 """
 _SHARES = """
 strain peak_strain residual_strain strain_at_break strain_at_strength loss_fraction peak_stress stress_at_half work_in
 shift end low high length area overcure scatter_exponent halo_fraction halo_per_depth ln_Ec dose_below_over_Ec
-interior_over_single_layer phr volume_error bridged outside share on_share between_share depth
+interior_over_single_layer interior_over_jacobs phr volume_error bridged outside share on_share between_share depth
 seen contrast visibility pitch_ratio factor scale_factor size_factor rms_um_per_percent_of_scale
 ambiguous within_68 within_95
 """
