@@ -46,7 +46,7 @@ class _Rows:
 
 @contextmanager
 def outlet(where: str) -> Iterator[Outlet]:
-    """An outlet, closed in the end.
+    """An outlet that is closed on leaving the block.
 
     Raises
     ------

@@ -38,7 +38,7 @@ _CHUNK = 1 << 20
 
 
 class Record(NamedTuple):
-    """A whole record: what it is, its number, where it begins and where its payload, and how long that is."""
+    """A whole record: its kind and number, where it and its payload begin, and the payload's length."""
 
     kind: int
     stream: int

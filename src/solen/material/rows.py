@@ -82,7 +82,7 @@ def _sides(text: str, option: str, example: str) -> tuple[str, str]:
     """What stands before and after the equals sign."""
     name, equals, value = (part.strip() for part in text.partition("="))
     if not (name and equals and value):
-        raise SpecError(option, value=text, limit="is no name and value", remedy=f"write as in {example}")
+        raise SpecError(option, value=text, limit="is not a name and a value", remedy=f"write as in {example}")
     return name, value
 
 

@@ -110,7 +110,7 @@ def _pairs(source: Source, body: Lines) -> tuple[FloatArray, FloatArray]:
         cells = [cell for cell in re.split(r"[\s,;]+", text) if cell]
         wrong = next((cell for cell in cells if not _NUMBER.fullmatch(cell)), None)
         if wrong is not None or len(cells) % 2:
-            limit = "is no number" if wrong is not None else "holds half of a pair"
+            limit = "is not a number" if wrong is not None else "holds half of a pair"
             raise source.refused(f"line {number}", limit, "export the file again", wrong)
         for place, value in zip(cells[::2], cells[1::2], strict=True):
             if len(x) > 1 and not (float(place) - x[-1]) * (x[1] - x[0]) > 0.0:

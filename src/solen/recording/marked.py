@@ -193,7 +193,7 @@ def _rows(source: Source, body: Mapping[int, str]) -> list[list[float]]:
         except ValueError as bad:
             raise source.refused(f"line {place}", str(bad), "export it again", line[:40]) from None
         if len(row) < 2 or (rows and len(row) != len(rows[0])) or not np.isfinite(row).all():
-            raise source.refused(f"line {place}", "is no place with its values", "export it again", line[:40])
+            raise source.refused(f"line {place}", "is not a place followed by its values", "export it again", line[:40])
         rows.append(row)
     return rows
 

@@ -31,7 +31,7 @@ _CONTROL = re.compile("[\x00-\x08\x0b\x0e-\x1f\x7f\x80-\x9f\u2028\u2029\ufffe\uf
 
 @dataclass(frozen=True)
 class Source:
-    """A file as it lies on the disk.
+    """A file's bytes and its name.
 
     Attributes
     ----------

@@ -110,7 +110,7 @@ class Model:
         bend: Bend | None = None,
         spacing_deg: float = 0.0,
     ) -> "Model":
-        """Model of curves.
+        """Model of a sensor's mean curves.
 
         Parameters
         ----------
