@@ -48,7 +48,7 @@ def waveforms(recording: Recording, options: SignalOptions, *, angle: AngleSourc
     file = recording.provenance.file or "recording"
     whole = sampled(recording, options, angle)
     if whole.ambient_subtracted and options.rails is not None:
-        limit = f"do not apply as limits to {file}, from which ambient light was subtracted: its clipped readings are marked"
+        limit = f"do not apply to {file}, from which ambient light was subtracted: its clipped readings are marked"
         rails = " ".join(f"{rail:g}" for rail in options.rails)
         raise SpecError("--rails", value=rails, limit=limit, remedy="leave it out")
     parts = _by_emitter(whole, options)

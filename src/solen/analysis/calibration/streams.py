@@ -114,7 +114,7 @@ def chosen_sensor(names: Sequence[str], sensor: str | None, calibrated: str, sou
 def check_live(options: SignalOptions, *, subtracted: bool = False) -> None:
     """`SpecError` where an option is set that live readings have no use for, or none without their ambient light."""
     if subtracted and options.rails is not None:
-        limit = "do not apply as limits to readings whose ambient light was subtracted; clipped ones are marked"
+        limit = "do not apply to readings whose ambient light was subtracted; clipped ones are marked"
         raise SpecError("--rails", limit=limit, remedy="leave it out")
     for name in FILE_OPTIONS:
         if name in options.model_fields_set:
