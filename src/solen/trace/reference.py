@@ -20,7 +20,7 @@ from solen.curve import ROUNDING
 from solen.interface import fresnel, reflected, refracted
 from solen.plane import Point, Rigid, along, cross, dot, minus
 from solen.scene import Interface, Region, Scene, Surface
-from solen.trace.kernel.surface import chance, chance_of
+from solen.trace.kernel.surface import Event, chance, chance_of
 from solen.trace.kernel.treated import FREE_PATH, PHASE
 from solen.trace.reference_surfaces import Arrival, draws, treated
 from solen.trace.result import (
@@ -250,7 +250,7 @@ class Tracer:
         """How far a ray gets before a medium scatters it, drawn from the exponential distribution."""
         if region.scattering_per_mm == 0.0:
             return math.inf
-        share = chance_of(self.seed, ray.number, ray.hits, FREE_PATH)
+        share = chance_of(Event(self.seed, ray.number, ray.hits), FREE_PATH)
         return -math.log(1.0 - share) / region.scattering_per_mm
 
     def _scatter(self, ray: Ray, region: str, length_mm: float) -> Ray | None:
@@ -265,7 +265,7 @@ class Tracer:
             self._end(arrived, TRUNCATED, None)
             return None
         g = self.regions[region].anisotropy
-        share = chance_of(self.seed, ray.number, ray.hits, PHASE)
+        share = chance_of(Event(self.seed, ray.number, ray.hits), PHASE)
         turn = 2.0 * math.atan((1.0 - g) / (1.0 + g) * math.tan(math.pi * (share - 0.5)))
         direction = Rigid(math.cos(turn), math.sin(turn)).vector(ray.direction)
         way = ray.optical_mm + self.regions[region].index_at(ray.wavelength_nm) * length_mm

@@ -14,7 +14,7 @@ import numpy as np
 from solen.interface import fresnel, reflected, refracted
 from solen.plane import Point, cross, dot, left_of, minus, right_of, unit
 from solen.scene import Coating, Gaussian, Grating, HarveyShack, Interface, ScatterTable, Surface, Texture
-from solen.trace.kernel.surface import chance_of
+from solen.trace.kernel.surface import Event, chance_of
 from solen.trace.kernel.treated import BACK, FACET, KEEP, ON, ORDER, TRIES
 
 Draw = Callable[[int], float]
@@ -289,4 +289,4 @@ def _kept(scatter: HarveyShack, off: float) -> float:
 
 def draws(seed: int, ray: int, hit: int) -> Draw:
     """The numbers that belong to a ray and a hit."""
-    return lambda number: chance_of(seed, ray, hit, number)
+    return lambda number: chance_of(Event(seed, ray, hit), number)

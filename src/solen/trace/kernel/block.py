@@ -20,7 +20,7 @@ from solen.trace.kernel.hits import (
     oval_step,
     segment_hit,
 )
-from solen.trace.kernel.nearest import curve_hit, nearest
+from solen.trace.kernel.nearest import Ray, curve_hit, nearest
 from solen.trace.kernel.rows import (
     ARC,
     CONIC,
@@ -111,7 +111,7 @@ def find_block(  # noqa: C901  one inner loop per kind of curve
     best, which, place, work, pick = found
     if len(tables.grid_item) > 0:
         for i in range(n):
-            best[i], which[i], place[i] = nearest(k, tables, x[i], z[i], dx[i], dz[i], last[i], at[i])
+            best[i], which[i], place[i] = nearest(k, tables, Ray(x[i], z[i], dx[i], dz[i], last[i], at[i]))
         return
     kind, shape = tables.kind, tables.shape
     for i in range(n):
@@ -145,7 +145,7 @@ def find_block(  # noqa: C901  one inner loop per kind of curve
             oval_block(k, shape, c, n, rays, best, which, work, pick)
         else:
             for i in range(n):
-                t, u = curve_hit(k, kind, shape, tables.before, c, x[i], z[i], dx[i], dz[i], last[i], at[i])
+                t, u = curve_hit(k, tables, c, Ray(x[i], z[i], dx[i], dz[i], last[i], at[i]))
                 if t < best[i]:
                     best[i], which[i], place[i] = t, c, u
 

@@ -4,6 +4,7 @@ numba renews a cached function only when the file it stands in changes. The func
 so all of them carry one stamp: the newest change of any file that takes part.
 """
 
+import re
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -16,9 +17,23 @@ R = TypeVar("R")
 
 HERE = Path(__file__).parent
 ROOT = HERE.parent.parent
-COMPILED_IN = ("trace/tables.py", "trace/result.py", "curve/base.py", "scene/model.py", "scene/surface.py")
-"""Other files whose constants the kernel takes over."""
-SOURCES = (*sorted(HERE.glob("*.py")), *(ROOT / name for name in COMPILED_IN))
+IMPORTED = re.compile(r"^from solen\.([\w.]+) import", re.MULTILINE)
+
+
+def _files(module: str) -> list[Path]:
+    """Files of a module of solen's by its name; of a package all of them."""
+    path = ROOT.joinpath(*module.split("."))
+    return list(path.glob("*.py")) if path.is_dir() else [path.with_suffix(".py")]
+
+
+def sources() -> set[Path]:
+    """Files that the kernel stands in, and those whose constants it takes over."""
+    kernel = set(HERE.glob("*.py"))
+    taken = {module for file in kernel for module in IMPORTED.findall(file.read_text("utf-8"))}
+    return kernel.union(*map(_files, taken))
+
+
+SOURCES = sources()
 STAMP = (max(source.stat().st_mtime for source in SOURCES), sum(source.stat().st_size for source in SOURCES))
 OPTIONS: dict[str, Any] = {
     "nogil": True,

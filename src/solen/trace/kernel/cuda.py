@@ -36,9 +36,9 @@ from solen.trace.kernel.loop import (
     count_monitors,
     note_place,
 )
-from solen.trace.kernel.nearest import nearest
+from solen.trace.kernel.nearest import Ray, nearest
 from solen.trace.kernel.rows import Floats, Precision
-from solen.trace.kernel.step import Rules, corner_step, escape, leave, meet
+from solen.trace.kernel.step import Load, Rules, carried_on, escape, leave, meet, part, weakened
 from solen.trace.kernel.surface import BRANCHES
 from solen.trace.result import ABSORBED, DETECTED, GOES_ON, KEPT_PLACES, TRUNCATED
 from solen.trace.tables import Tables
@@ -92,101 +92,66 @@ def follow(  # noqa: C901  one loop, as that over blocks of rays
         columns.legs,
     )
     state, tags = waiting.state, waiting.tags
-    met, has_monitors = 0, len(tables.monitor) > 0
+    hits, has_monitors = 0, len(tables.monitor) > 0
     for number in range(thread, len(rays.x), threads):
-        x, z, dx, dz = rays.x[number], rays.z[number], rays.dx[number], rays.dz[number]
         s, p, colour = rays.s[number], rays.p[number], rays.colour[number]
-        least, at, optical = rules.min_weight * (s + p), k.zero, k.zero
-        region, last, hits, waits = -1, -1, 0, 0
+        least, waits = rules.min_weight * (s + p), 0
+        ray = Ray(rays.x[number], rays.z[number], rays.dx[number], rays.dz[number], -1, k.zero)
+        load = Load(s, p, least, k.zero, -1, colour, number, 0)
         while True:
-            goes_on, power = False, s + p
-            length, c, place = nearest(k, tables, x, z, dx, dz, last, at)
-            if c < 0:
-                loss, fate = escape(k, tables, rules, region, colour)
+            goes_on, power, hit = False, load.s + load.p, nearest(k, tables, ray)
+            if hit.curve < 0:
+                loss, fate = escape(k, tables, rules, load.region, colour)
                 if has_monitors:
-                    count_monitors(tables, sums, x, z, dx, dz, math.inf, power, loss)
+                    count_monitors(tables, sums, ray.x, ray.z, ray.dx, ray.dz, math.inf, power, loss)
                 sums.fate[fate] += power
             else:
-                px, pz, nx, nz, here, there, undefined, corner, loss, kept, fate = meet(
-                    k, tables, rules, c, length, place, x, z, dx, dz, last, at, region, colour, hits, power, least
-                )
-                if corner:
-                    step = corner_step(k, x, z)
-                    x, z, last, at = x + step * dx, z + step * dz, c, place
+                met = meet(k, tables, rules, ray, hit, load)
+                if met.corner:
+                    ray = carried_on(k, ray, hit)
                     continue
-                met += 1
-                if undefined:
-                    note_place(sums, UNDEFINED, px, pz)
+                hits += 1
+                if met.undefined:
+                    note_place(sums, UNDEFINED, met.x, met.z)
                 elif has_monitors:
-                    count_monitors(tables, sums, x, z, dx, dz, length, power, loss)
-                s, p = kept * s, kept * p
-                if loss > 0.0:
-                    sums.fate[ABSORBED] += power - (s + p)
-                    power = s + p
-                optical += tables.refractive_index[colour, here] * length
-                if fate != GOES_ON:
-                    sums.fate[fate] += power
-                    if fate == TRUNCATED and not undefined:
-                        note_place(sums, CUT, px, pz)
-                    if fate == DETECTED:
-                        count_arrival(k, tables, sums, c, px, pz, place, dx * nz - dz * nx, power, optical)
-                else:
-                    tx, tz, on_s, on_p, bx, bz, back_s, back_p, lost, cut, both, ends, goes_back = leave(
-                        k,
-                        tables,
-                        rules,
-                        None,  # scenes for a card have bare surfaces alone
-                        c,
-                        colour,
-                        here,
-                        there,
-                        number,
-                        hits,
-                        px,
-                        pz,
-                        dx,
-                        dz,
-                        nx,
-                        nz,
-                        s,
-                        p,
-                        least,
-                    )
-                    if lost > 0.0:
-                        sums.fate[ABSORBED] += lost
-                    goes_on = not ends
+                    count_monitors(tables, sums, ray.x, ray.z, ray.dx, ray.dz, hit.distance, power, met.loss)
+                load = weakened(load, met.kept, tables.refractive_index[colour, met.here] * hit.distance)
+                if met.loss > 0.0:
+                    sums.fate[ABSORBED] += power - (load.s + load.p)
+                    power = load.s + load.p
+                if met.fate != GOES_ON:
+                    sums.fate[met.fate] += power
+                    if met.fate == TRUNCATED and not met.undefined:
+                        note_place(sums, CUT, met.x, met.z)
+                    if met.fate == DETECTED:
+                        count_arrival(k, tables, sums, ray, hit, met, power, load.optical)
+                else:  # scenes for a card have bare surfaces alone
+                    gone = leave(k, tables, rules, None, ray, hit.curve, met, load)
+                    if gone.lost > 0.0:
+                        sums.fate[ABSORBED] += gone.lost
+                    goes_on, both, cut = not gone.ends, gone.both, gone.cut
+                    other, its = part(hit, met, gone.parts, load, not gone.goes_back)
                     if both and waits == len(state):  # powers too small for their type to be halved
-                        both, cut = False, on_s + on_p if goes_back else back_s + back_p
+                        both, cut = False, its.s + its.p
                     if cut > 0.0:
                         sums.fate[TRUNCATED] += cut
-                        note_place(sums, CUT, px, pz)
-                    hits += 1
+                        note_place(sums, CUT, met.x, met.z)
                     if both:
-                        state[waits, X, thread], state[waits, Z, thread] = px, pz
-                        state[waits, DX, thread] = tx if goes_back else bx
-                        state[waits, DZ, thread] = tz if goes_back else bz
-                        state[waits, S, thread] = on_s if goes_back else back_s
-                        state[waits, P, thread] = on_p if goes_back else back_p
-                        state[waits, AT, thread], state[waits, OPTICAL, thread] = place, optical
-                        tags[waits, REGION, thread] = there if goes_back else here
-                        tags[waits, LAST, thread], tags[waits, HIT, thread] = c, hits
+                        row, tag = state[waits, :, thread], tags[waits, :, thread]
+                        row[X], row[Z], row[DX], row[DZ], tag[LAST], row[AT] = other
+                        row[S], row[P], row[OPTICAL] = its.s, its.p, its.optical
+                        tag[REGION], tag[HIT] = its.region, its.hits
                         waits += 1
-                    x, z, last, at = px, pz, c, place
-                    if goes_back:
-                        dx, dz, s, p, region = bx, bz, back_s, back_p, here
-                    else:
-                        dx, dz, s, p, region = tx, tz, on_s, on_p, there
+                    ray, load = part(hit, met, gone.parts, load, gone.goes_back)
             if goes_on:
                 continue
             if waits == 0:
                 break
             waits -= 1
-            x, z = state[waits, X, thread], state[waits, Z, thread]
-            dx, dz = state[waits, DX, thread], state[waits, DZ, thread]
-            s, p = state[waits, S, thread], state[waits, P, thread]
-            at, optical = state[waits, AT, thread], state[waits, OPTICAL, thread]
-            region, last, hits = tags[waits, REGION, thread], tags[waits, LAST, thread], tags[waits, HIT, thread]
-    sums.counts[HITS] += met
+            row, tag = state[waits, :, thread], tags[waits, :, thread]
+            ray = Ray(row[X], row[Z], row[DX], row[DZ], tag[LAST], row[AT])
+            load = Load(row[S], row[P], least, row[OPTICAL], tag[REGION], colour, number, tag[HIT])
+    sums.counts[HITS] += hits
 
 
 def _on_card(function: Any, made: dict[Any, Any]) -> Any:

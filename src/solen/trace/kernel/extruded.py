@@ -26,6 +26,7 @@ from solen.trace.kernel.loop import (
     note_place,
     room_of_block,
 )
+from solen.trace.kernel.nearest import Hit, Ray
 from solen.trace.kernel.rows import MIRROR, RECEIVER, REFRACTING, TREATED, Floats, Precision
 from solen.trace.kernel.space import (
     Coherency,
@@ -38,8 +39,8 @@ from solen.trace.kernel.space import (
     unpolarised,
     upright,
 )
-from solen.trace.kernel.step import Rules, corner_step, escape, free_path, meet
-from solen.trace.kernel.surface import COUNT, ROULETTE, chance, chance_of, end_fate
+from solen.trace.kernel.step import Load, Rules, carried_on, escape, free_path, meet
+from solen.trace.kernel.surface import COUNT, ROULETTE, Event, chance, chance_of, end_fate
 from solen.trace.kernel.treated import PHASE, Amplitudes, acting
 from solen.trace.kernel.treated_space import henyey_greenstein, treated_parts
 from solen.trace.result import ABSORBED, DETECTED, ESCAPED, GOES_ON, TRUNCATED
@@ -190,10 +191,8 @@ def wall_parts(
 ) -> tuple[Parts, Vector, Vector]:
     """Both parts at a wall, and the basis that each is described in."""
     if behaviour >= TREATED:
-        ray = rules.first + rules.step * number
-        return treated_parts(
-            tables, rules.splitting, rules.seed, c, colour, ray, hits, from_right, d, e, n, light, n1, n2
-        )
+        event = Event(rules.seed, rules.first + rules.step * number, hits)
+        return treated_parts(tables, rules.splitting, c, colour, event, from_right, d, e, n, light, n1, n2)
     a = bare(n1, n2, -n1 * scalar(d, n))
     if behaviour == MIRROR:
         a = Amplitudes(1.0, 1.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -261,7 +260,8 @@ def trace_in_space(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
         find_block(k, tables, n, block, found)
         left = 0
         for i in range(n):
-            c, length, place = found.curve[i], found.distance[i], found.place[i]
+            hit = Hit(found.distance[i], found.curve[i], found.place[i])
+            c, length, place = hit.curve, hit.distance, hit.place
             x, z, y, flat, least = state[X, i], state[Z, i], state[Y, i], state[FLAT, i], state[LEAST, i]
             d = Vector(flat * state[UX, i], state[DY, i], flat * state[UZ, i])
             e = Vector(state[EX, i], state[EY, i], state[EZ, i])
@@ -276,15 +276,13 @@ def trace_in_space(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                     count_monitors(tables, sums, x, z, ux, uz, above * flat, power, loss / flat)
                 sums.fate[fate] += power
                 continue
-            met = meet(
-                k, tables, rules, c, length, place, x, z, state[UX, i], state[UZ, i], tags[LAST, i], state[AT, i],
-                region, colour, hits, power, least,
-            )  # fmt: skip
+            ray = Ray(x, z, state[UX, i], state[UZ, i], tags[LAST, i], state[AT, i])
+            load = Load(light.i1, light.i2, least, state[OPTICAL, i], region, colour, number, hits)
+            met = meet(k, tables, rules, ray, hit, load)
             if met.corner:
                 copy_ray(state, tags, i, left)
-                step = corner_step(k, x, z)
-                state[X, left], state[Z, left] = x + step * state[UX, i], z + step * state[UZ, i]
-                tags[LAST, left], state[AT, left] = c, place
+                ahead = carried_on(k, ray, hit)
+                state[X, left], state[Z, left], tags[LAST, left], state[AT, left] = ahead.x, ahead.z, c, place
                 left += 1
                 continue
             sums.counts[HITS] += 1
@@ -295,7 +293,7 @@ def trace_in_space(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
             n1, way = tables.refractive_index[colour, met.here], length / flat
             scatters = False
             if rules.turbid:
-                free = free_path(k, tables, rules, met.here, colour, number, hits)
+                free = free_path(k, tables, rules, met.here, load)
                 scatters = free < way
                 way = min(free, way)
             flight = fly(tables, sums, rules, slab, x, z, y, d, e, light, flat, way, n1, met.loss, hits, least)
@@ -310,9 +308,8 @@ def trace_in_space(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                     sums.fate[TRUNCATED] += power
                     note_place(sums, CUT, px, pz)
                     continue
-                ray = rules.first + rules.step * number
-                one = chance_of(rules.seed, ray, hits, PHASE)
-                two = chance_of(rules.seed, ray, hits, PHASE + 1)
+                event = Event(rules.seed, rules.first + rules.step * number, hits)
+                one, two = chance_of(event, PHASE), chance_of(event, PHASE + 1)
                 d = henyey_greenstein(one, two, tables.anisotropy[colour, met.here], d)
                 copy_ray(state, tags, i, left)
                 note_direction(state[:, left], d, upright(d), unpolarised(light))
@@ -332,8 +329,7 @@ def trace_in_space(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                 if fate == TRUNCATED:
                     note_place(sums, CUT, met.x, met.z)
                 if fate == DETECTED:
-                    sine = d.x * met.nz - d.z * met.nx
-                    count_arrival(k, tables, sums, c, met.x, met.z, place, sine, power, optical)
+                    count_arrival(k, tables, sums, Ray(x, z, d.x, d.z, c, place), hit, met, power, optical)
                 continue
             normal = Vector(-met.nx, 0.0, -met.nz) if from_right else Vector(met.nx, 0.0, met.nz)
             n2 = tables.refractive_index[colour, met.there]

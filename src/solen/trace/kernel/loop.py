@@ -15,9 +15,22 @@ from solen.arrays import IntArray
 from solen.curve import END_TOLERANCE_MM
 from solen.trace.kernel.block import BLOCK, Found, Rays, find_block
 from solen.trace.kernel.compiled import called, compiled
-from solen.trace.kernel.nearest import place_on
+from solen.trace.kernel.nearest import Hit, Ray, place_on
 from solen.trace.kernel.rows import Floats, Precision
-from solen.trace.kernel.step import Rules, corner_step, escape, free_path, leave, meet, phase_turn, turned
+from solen.trace.kernel.step import (
+    Load,
+    Meeting,
+    Rules,
+    carried_on,
+    escape,
+    free_path,
+    leave,
+    meet,
+    part,
+    phase_turn,
+    turned,
+    weakened,
+)
 from solen.trace.result import ABSORBED, DETECTED, FATES, GOES_ON, KEPT_PLACES, TRUNCATED
 from solen.trace.tables import Tables
 
@@ -68,6 +81,13 @@ class Rows(NamedTuple):
     s: Floats
     p: Floats
     colour: IntArray
+
+
+class Stem(NamedTuple):
+    """Which branch of a ray, and the one that it parted from (−1)."""
+
+    branch: int
+    parent: int
 
 
 class Space(NamedTuple):
@@ -133,53 +153,38 @@ def count_monitors(
 
 @compiled
 def count_arrival(
-    k: Precision,
-    tables: Tables,
-    sums: Sums,
-    c: int,
-    x: float,
-    z: float,
-    at: float,
-    sine: float,
-    power: float,
-    optical: float,
+    k: Precision, tables: Tables, sums: Sums, ray: Ray, hit: Hit, met: Meeting, power: float, optical: float
 ) -> None:
-    """Count what a receiver detects; ``sine`` of the angle of incidence, positive towards the end of the curve."""
+    """Count what a receiver detects."""
+    c = hit.curve
     receiver = tables.receiver[c]
     sums.detected[receiver] += power
     sums.arrived[receiver] += 1
     sums.optical[receiver] += power * optical
     many = sums.position.shape[1]
     if many > 0:
-        share = place_on(k, tables.kind[c], tables.shape, c, x, z, at)
+        share = place_on(k, tables.kind[c], tables.shape, c, met.x, met.z, hit.place)
         sums.position[tables.owner[c], min(max(int(share * many), 0), many - 1)] += power
     many = sums.angle.shape[1]
     if many > 0:
+        sine = ray.dx * met.nz - ray.dz * met.nx  # along the curve, as its left normal is (nx, nz)
         share = math.asin(min(max(sine, -1.0), 1.0)) / math.pi + 0.5
         sums.angle[receiver, min(max(int(share * many), 0), many - 1)] += power
 
 
 @compiled
 def note_leg(
-    sums: Sums,
-    rules: Rules,
-    state: Floats,
-    tags: IntArray,
-    i: int,
-    interface: int,
-    fate: int,
-    length: float,
-    kept: float,
+    sums: Sums, rules: Rules, ray: Ray, load: Load, stem: Stem, interface: int, fate: int, length: float, kept: float
 ) -> None:
-    """Keep ray i's straight stretch where there is room, in the order of `solen.trace.result.LEG`; count it anyway."""
+    """Keep a straight stretch where there is room, in the order of `solen.trace.result.LEG`; count it anyway."""
     row = sums.counts[LEGS]
     if row < len(sums.legs):
         leg = sums.legs[row]
-        leg[0], leg[1] = rules.first + rules.step * tags[NUMBER, i], tags[BRANCH, i]
-        leg[2], leg[3] = tags[PARENT, i], tags[HIT, i]
-        leg[4], leg[5], leg[10], leg[13], leg[14] = interface, fate, length, kept, state[OPTICAL, i]
-        leg[6], leg[7], leg[8], leg[9] = state[X, i], state[Z, i], state[DX, i], state[DZ, i]
-        leg[11], leg[12] = state[S, i], state[P, i]
+        leg[0], leg[1] = rules.first + rules.step * load.number, stem.branch
+        leg[2], leg[3] = stem.parent, load.hits
+        leg[4], leg[5], leg[10], leg[13], leg[14] = interface, fate, length, kept, load.optical
+        leg[6], leg[7], leg[8], leg[9] = ray.x, ray.z, ray.dx, ray.dz
+        leg[11], leg[12] = load.s, load.p
     sums.counts[LEGS] += 1
 
 
@@ -192,47 +197,43 @@ def note_place(sums: Sums, which: int, x: float, z: float) -> None:
     sums.counts[which] += 1
 
 
+@compiled
+def read(row: Floats, tag: IntArray) -> tuple[Ray, Load, Stem]:
+    """A ray as it is kept."""
+    ray = Ray(row[X], row[Z], row[DX], row[DZ], tag[LAST], row[AT])
+    load = Load(row[S], row[P], row[LEAST], row[OPTICAL], tag[REGION], tag[COLOUR], tag[NUMBER], tag[HIT])
+    return ray, load, Stem(tag[BRANCH], tag[PARENT])
+
+
+@compiled
+def write(row: Floats, tag: IntArray, ray: Ray, load: Load, stem: Stem) -> None:
+    """Keep a ray."""
+    row[X], row[Z], row[DX], row[DZ], tag[LAST], row[AT] = ray
+    row[S], row[P], row[LEAST], row[OPTICAL], tag[REGION], tag[COLOUR], tag[NUMBER], tag[HIT] = load
+    tag[BRANCH], tag[PARENT] = stem
+
+
 @called
 def scatter(
-    k: Precision,
-    tables: Tables,
-    sums: Sums,
-    rules: Rules,
-    state: Floats,
-    tags: IntArray,
-    i: int,
-    left: int,
-    here: int,
-    way: float,
-    loss: float,
-) -> int:
-    """Scatter ray i in a medium after a ``way`` and put it in place ``left``; 1 where it goes on, 0 where it ends."""
-    colour, number, hits = tags[COLOUR, i], tags[NUMBER, i], tags[HIT, i]
-    power = state[S, i] + state[P, i]
-    kept = math.exp(-loss * way) if loss > 0.0 else k.one
-    s, p = kept * state[S, i], kept * state[P, i]
-    worn_out = hits + 1 >= rules.max_hits or s + p < state[LEAST, i]
+    k: Precision, tables: Tables, sums: Sums, rules: Rules, ray: Ray, load: Load, stem: Stem, met: Meeting, way: float
+) -> tuple[bool, Ray, Load]:
+    """Scatter a ray in a medium after a ``way``; whether it goes on, and the ray that does."""
+    kept = math.exp(-met.loss * way) if met.loss > 0.0 else k.one
+    after = weakened(load, kept, tables.refractive_index[load.colour, met.here] * way)
+    power, left = load.s + load.p, after.s + after.p
+    worn_out = load.hits + 1 >= rules.max_hits or left < load.least
     if len(tables.monitor) > 0:
-        count_monitors(tables, sums, state[X, i], state[Z, i], state[DX, i], state[DZ, i], way, power, loss)
+        count_monitors(tables, sums, ray.x, ray.z, ray.dx, ray.dz, way, power, met.loss)
     if len(sums.legs) > 0:
-        note_leg(sums, rules, state, tags, i, -1, TRUNCATED if worn_out else GOES_ON, way, kept)
-    sums.fate[ABSORBED] += power - (s + p)
-    x, z = state[X, i] + way * state[DX, i], state[Z, i] + way * state[DZ, i]
+        note_leg(sums, rules, ray, load, stem, -1, TRUNCATED if worn_out else GOES_ON, way, kept)
+    sums.fate[ABSORBED] += power - left
+    x, z = ray.x + way * ray.dx, ray.z + way * ray.dz
     if worn_out:
-        sums.fate[TRUNCATED] += s + p
+        sums.fate[TRUNCATED] += left
         note_place(sums, CUT, x, z)
-        return 0
-    half = phase_turn(k, tables, rules, here, colour, number, hits)
-    for row in range(9):
-        state[row, left] = state[row, i]
-    for row in range(7):
-        tags[row, left] = tags[row, i]
-    state[DX, left], state[DZ, left] = turned(k, half, state[DX, left], state[DZ, left])
-    state[X, left], state[Z, left], state[S, left], state[P, left] = x, z, s, p
-    state[AT, left] = k.zero
-    state[OPTICAL, left] += tables.refractive_index[colour, here] * way
-    tags[HIT, left], tags[LAST, left], tags[REGION, left] = hits + 1, -1, here
-    return 1
+    dx, dz = turned(k, phase_turn(k, tables, rules, met.here, load), ray.dx, ray.dz)
+    ahead = Load(after.s, after.p, load.least, after.optical, met.here, load.colour, load.number, load.hits + 1)
+    return not worn_out, Ray(x, z, dx, dz, -1, k.zero), ahead
 
 
 @called
@@ -244,11 +245,7 @@ def trace_rays(  # noqa: C901  one loop: numba passes arrays between functions a
     ``treatments`` are those of the tables, or None where there are none.
     """
     state, tags, found = space.state, space.tags, space.found
-    x, z, dx, dz, s, p = state[X], state[Z], state[DX], state[DZ], state[S], state[P]
-    least, at, optical = state[LEAST], state[AT], state[OPTICAL]
-    region, last, hits, branch = tags[REGION], tags[LAST], tags[HIT], tags[BRANCH]
-    number, parent, colour = tags[NUMBER], tags[PARENT], tags[COLOUR]
-    block = Rays(x, z, dx, dz, last, at)
+    block = Rays(state[X], state[Z], state[DX], state[DZ], tags[LAST], state[AT])
     waiting_state, waiting_tags, branches = space.waiting_state, space.waiting_tags, space.branches
     keeps_legs, has_monitors = len(sums.legs) > 0, len(tables.monitor) > 0
     n, waiting, launched = 0, 0, 0
@@ -261,10 +258,10 @@ def trace_rays(  # noqa: C901  one loop: numba passes arrays between functions a
                 tags[row, n] = waiting_tags[waiting, row]
             n += 1
         while n < BLOCK and launched < len(rays.x):
-            x[n], z[n], dx[n], dz[n] = rays.x[launched], rays.z[launched], rays.dx[launched], rays.dz[launched]
-            s[n], p[n], colour[n] = rays.s[launched], rays.p[launched], rays.colour[launched]
-            least[n], at[n], optical[n] = rules.min_weight * (s[n] + p[n]), k.zero, k.zero
-            region[n], last[n], hits[n], branch[n], number[n], parent[n] = -1, -1, 0, 0, launched, -1
+            s, p = rays.s[launched], rays.p[launched]
+            ray = Ray(rays.x[launched], rays.z[launched], rays.dx[launched], rays.dz[launched], -1, k.zero)
+            load = Load(s, p, rules.min_weight * (s + p), k.zero, -1, rays.colour[launched], launched, 0)
+            write(state[:, n], tags[:, n], ray, load, Stem(0, -1))
             launched += 1
             n += 1
         if n == 0:
@@ -272,94 +269,64 @@ def trace_rays(  # noqa: C901  one loop: numba passes arrays between functions a
         find_block(k, tables, n, block, found)
         left = 0
         for i in range(n):
-            c, length, power = found.curve[i], found.distance[i], s[i] + p[i]
-            if c < 0:
-                loss, fate = escape(k, tables, rules, region[i], colour[i])
+            ray, load, stem = read(state[:, i], tags[:, i])
+            hit, power = Hit(found.distance[i], found.curve[i], found.place[i]), load.s + load.p
+            if hit.curve < 0:
+                loss, fate = escape(k, tables, rules, load.region, load.colour)
                 if has_monitors:
-                    count_monitors(tables, sums, x[i], z[i], dx[i], dz[i], math.inf, power, loss)
+                    count_monitors(tables, sums, ray.x, ray.z, ray.dx, ray.dz, math.inf, power, loss)
                 if keeps_legs:
-                    note_leg(sums, rules, state, tags, i, -1, fate, math.inf, 1.0)
+                    note_leg(sums, rules, ray, load, stem, -1, fate, math.inf, 1.0)
                 sums.fate[fate] += power
                 continue
-            place = found.place[i]
-            px, pz, nx, nz, here, there, undefined, corner, loss, kept, fate = meet(
-                k, tables, rules, c, length, place, x[i], z[i], dx[i], dz[i], last[i], at[i],
-                region[i], colour[i], hits[i], power, least[i],
-            )  # fmt: skip
-            if corner:
-                for row in range(9):
-                    state[row, left] = state[row, i]
-                for row in range(7):
-                    tags[row, left] = tags[row, i]
-                step = corner_step(k, x[i], z[i])
-                x[left], z[left] = x[i] + step * dx[i], z[i] + step * dz[i]
-                last[left], at[left] = c, place
+            met = meet(k, tables, rules, ray, hit, load)
+            if met.corner:
+                write(state[:, left], tags[:, left], carried_on(k, ray, hit), load, stem)
                 left += 1
                 continue
             sums.counts[HITS] += 1
-            if rules.turbid and not undefined:
-                way = free_path(k, tables, rules, here, colour[i], number[i], hits[i])
-                if way < length:
-                    left += scatter(k, tables, sums, rules, state, tags, i, left, here, way, loss)
+            if rules.turbid and not met.undefined:
+                way = free_path(k, tables, rules, met.here, load)
+                if way < hit.distance:
+                    goes_on, ray, load = scatter(k, tables, sums, rules, ray, load, stem, met, way)
+                    if goes_on:
+                        write(state[:, left], tags[:, left], ray, load, stem)
+                        left += 1
                     continue
-            if undefined:
-                note_place(sums, UNDEFINED, px, pz)
+            if met.undefined:
+                note_place(sums, UNDEFINED, met.x, met.z)
             elif has_monitors:
-                count_monitors(tables, sums, x[i], z[i], dx[i], dz[i], length, power, loss)
+                count_monitors(tables, sums, ray.x, ray.z, ray.dx, ray.dz, hit.distance, power, met.loss)
             if keeps_legs:
-                note_leg(sums, rules, state, tags, i, tables.owner[c], fate, length, kept)
-            s_here, p_here = kept * s[i], kept * p[i]
-            if loss > 0.0:
-                sums.fate[ABSORBED] += power - (s_here + p_here)
-                power = s_here + p_here
-            way = optical[i] + tables.refractive_index[colour[i], here] * length
-            if fate != GOES_ON:
-                sums.fate[fate] += power
-                if fate == TRUNCATED and not undefined:
-                    note_place(sums, CUT, px, pz)
-                if fate == DETECTED:
-                    sine = dx[i] * nz - dz[i] * nx  # along the curve, as its left normal is (nx, nz)
-                    count_arrival(k, tables, sums, c, px, pz, place, sine, power, way)
+                note_leg(sums, rules, ray, load, stem, tables.owner[hit.curve], met.fate, hit.distance, met.kept)
+            load = weakened(load, met.kept, tables.refractive_index[load.colour, met.here] * hit.distance)
+            if met.loss > 0.0:
+                sums.fate[ABSORBED] += power - (load.s + load.p)
+                power = load.s + load.p
+            if met.fate != GOES_ON:
+                sums.fate[met.fate] += power
+                if met.fate == TRUNCATED and not met.undefined:
+                    note_place(sums, CUT, met.x, met.z)
+                if met.fate == DETECTED:
+                    count_arrival(k, tables, sums, ray, hit, met, power, load.optical)
                 continue
-            tx, tz, on_s, on_p, bx, bz, back_s, back_p, lost, cut, both, ends, goes_back = leave(
-                k, tables, rules, treatments, c, colour[i], here, there, number[i], hits[i],
-                px, pz, dx[i], dz[i], nx, nz, s_here, p_here, least[i],
-            )  # fmt: skip
-            if lost > 0.0:
-                sums.fate[ABSORBED] += lost
-            if cut > 0.0:
-                sums.fate[TRUNCATED] += cut
-                note_place(sums, CUT, px, pz)
-            if ends:
+            gone = leave(k, tables, rules, treatments, ray, hit.curve, met, load)
+            if gone.lost > 0.0:
+                sums.fate[ABSORBED] += gone.lost
+            if gone.cut > 0.0:
+                sums.fate[TRUNCATED] += gone.cut
+                note_place(sums, CUT, met.x, met.z)
+            if gone.ends:
                 continue
-            own, above = branch[i], parent[i]
-            if both:
+            if gone.both:
                 if waiting == len(waiting_state):
                     return False
-                w = waiting_state[waiting]
-                w[X], w[Z], w[LEAST], w[AT], w[OPTICAL] = px, pz, least[i], place, way
-                if goes_back:
-                    w[DX], w[DZ], w[S], w[P] = tx, tz, on_s, on_p
-                else:
-                    w[DX], w[DZ], w[S], w[P] = bx, bz, back_s, back_p
-                tag = waiting_tags[waiting]
-                tag[REGION], tag[LAST], tag[HIT] = there if goes_back else here, c, hits[i] + 1
-                tag[BRANCH], tag[NUMBER], tag[PARENT], tag[COLOUR] = own, number[i], above, colour[i]
+                ray, its = part(hit, met, gone.parts, load, not gone.goes_back)
+                write(waiting_state[waiting], waiting_tags[waiting], ray, its, stem)
                 waiting += 1
-                own, above = branches[number[i]], own
-                branches[number[i]] += 1
-            hits[left], number[left], least[left], branch[left], parent[left], colour[left] = (
-                hits[i] + 1,
-                number[i],
-                least[i],
-                own,
-                above,
-                colour[i],
-            )
-            x[left], z[left], last[left], at[left], optical[left] = px, pz, c, place, way
-            if goes_back:
-                dx[left], dz[left], s[left], p[left], region[left] = bx, bz, back_s, back_p, here
-            else:
-                dx[left], dz[left], s[left], p[left], region[left] = tx, tz, on_s, on_p, there
+                stem = Stem(branches[load.number], stem.branch)
+                branches[load.number] += 1
+            ray, load = part(hit, met, gone.parts, load, gone.goes_back)
+            write(state[:, left], tags[:, left], ray, load, stem)
             left += 1
         n = left

@@ -1,8 +1,8 @@
 """The nearest interface ahead of one ray: all of them in turn, or through a grid where there are many."""
 
 import math
+from typing import NamedTuple
 
-from solen.arrays import IntArray
 from solen.trace.kernel.compiled import compiled
 from solen.trace.kernel.hits import (
     arc_hit,
@@ -31,21 +31,30 @@ from solen.trace.kernel.rows import (
 from solen.trace.tables import Tables
 
 
+class Ray(NamedTuple):
+    """Where a ray is and where it goes, the curve it stands on (−1: none) and the parameter there."""
+
+    x: float
+    z: float
+    dx: float
+    dz: float
+    last: int
+    at: float
+
+
+class Hit(NamedTuple):
+    """What a ray meets: the distance (infinity for nothing), which curve (−1), and the parameter there."""
+
+    distance: float
+    curve: int
+    place: float
+
+
 @compiled
-def curve_hit(
-    k: Precision,
-    kind: IntArray,
-    shape: Floats,
-    before: IntArray,
-    c: int,
-    x: float,
-    z: float,
-    dx: float,
-    dz: float,
-    last: int,
-    at: float,
-) -> tuple[float, float]:
-    """Distance to curve ``c`` and the parameter there (of cubic pieces alone); the ray stands on ``last`` at ``at``."""
+def curve_hit(k: Precision, tables: Tables, c: int, ray: Ray) -> tuple[float, float]:
+    """Distance to curve ``c`` and the parameter there (of cubic pieces alone)."""
+    kind, shape, before = tables.kind, tables.shape, tables.before
+    x, z, dx, dz, last, at = ray
     leaving = c == last
     if kind[c] == SEGMENT:
         return segment_hit(k, segment_row(shape, c), x, z, dx, dz, leaving), k.zero
@@ -133,25 +142,22 @@ def place_on(k: Precision, kind: int, shape: Floats, c: int, x: float, z: float,
 
 
 @compiled
-def nearest(
-    k: Precision, tables: Tables, x: float, z: float, dx: float, dz: float, last: int, at: float
-) -> tuple[float, int, float]:
-    """Distance to the nearest curve ahead of a ray (infinity for none), which one (−1), and the parameter there."""
+def nearest(k: Precision, tables: Tables, ray: Ray) -> Hit:
+    """The nearest curve ahead of a ray."""
     if len(tables.grid_item) > 0:
-        return nearest_by_grid(k, tables, x, z, dx, dz, last, at)
+        return nearest_by_grid(k, tables, ray)
     best, found, place = k.none, -1, k.zero
     for c in range(len(tables.kind)):
-        t, u = curve_hit(k, tables.kind, tables.shape, tables.before, c, x, z, dx, dz, last, at)
+        t, u = curve_hit(k, tables, c, ray)
         if t < best:
             best, found, place = t, c, u
-    return best, found, place
+    return Hit(best, found, place)
 
 
 @compiled
-def nearest_by_grid(
-    k: Precision, tables: Tables, x: float, z: float, dx: float, dz: float, last: int, at: float
-) -> tuple[float, int, float]:
+def nearest_by_grid(k: Precision, tables: Tables, ray: Ray) -> Hit:
     """As `nearest`, through the cells of the grid that the ray crosses, in order (Amanatides & Woo, 1987)."""
+    x, z, dx, dz, _, _ = ray
     low, cell, many = tables.grid_low, tables.grid_cell, tables.grid_many
     best, found, place = k.none, -1, k.zero
     enters, exits = k.zero, k.none
@@ -160,11 +166,11 @@ def nearest_by_grid(
         first, second = (low[axis] - o) / d, (low[axis] + cell[axis] * many[axis] - o) / d
         if d == 0.0:
             if o < low[axis] or o > low[axis] + cell[axis] * many[axis]:
-                return best, found, place
+                return Hit(best, found, place)
         else:
             enters, exits = max(enters, min(first, second)), min(exits, max(first, second))
     if enters > exits:
-        return best, found, place
+        return Hit(best, found, place)
     i = min(max(int((x + enters * dx - low[0]) / cell[0]), 0), many[0] - 1)
     j = min(max(int((z + enters * dz - low[1]) / cell[1]), 0), many[1] - 1)
     right, up = dx > 0.0, dz > 0.0
@@ -174,26 +180,24 @@ def nearest_by_grid(
         here = i * many[1] + j
         for item in range(tables.grid_first[here], tables.grid_first[here + 1]):
             c = tables.grid_item[item]
-            t, u = curve_hit(k, tables.kind, tables.shape, tables.before, c, x, z, dx, dz, last, at)
+            t, u = curve_hit(k, tables, c, ray)
             if t < best:
                 best, found, place = t, c, u
         if best <= min(tx, tz) - k.margin:
-            return best, found, place
+            return Hit(best, found, place)
         if tx < tz:
             i += 1 if right else -1
             if i < 0 or i >= many[0]:
-                return best, found, place
+                return Hit(best, found, place)
         else:
             j += 1 if up else -1
             if j < 0 or j >= many[1]:
-                return best, found, place
+                return Hit(best, found, place)
 
 
 @compiled
-def other_side(
-    k: Precision, tables: Tables, last: int, at: float, c: int, x: float, z: float, dx: float, dz: float
-) -> bool:
+def other_side(k: Precision, tables: Tables, ray: Ray, c: int) -> bool:
     """Whether curve ``c`` lies on the other side of the curve a ray stands on than the ray goes to."""
-    nx, nz = normal_at(k, tables.kind[last], tables.shape, last, x, z, at)
-    towards = (tables.middle[c, 0] - x) * nx + (tables.middle[c, 1] - z) * nz
-    return bool(towards * (dx * nx + dz * nz) < 0.0)
+    nx, nz = normal_at(k, tables.kind[ray.last], tables.shape, ray.last, ray.x, ray.z, ray.at)
+    towards = (tables.middle[c, 0] - ray.x) * nx + (tables.middle[c, 1] - ray.z) * nz
+    return bool(towards * (ray.dx * nx + ray.dz * nz) < 0.0)

@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 
 from solen.trace.kernel.compiled import called, compiled
 from solen.trace.kernel.extruded import wall_parts
-from solen.trace.kernel.nearest import nearest
+from solen.trace.kernel.nearest import Ray, nearest
 from solen.trace.kernel.rows import RECEIVER, REFRACTING, SEGMENT, TREATED, Floats, Precision
 from solen.trace.kernel.space import Coherency, Vector, bare, divided, scaled, upright
-from solen.trace.kernel.step import Rules, corner_step, escape, meet
+from solen.trace.kernel.step import Load, Rules, carried_on, escape, meet
 from solen.trace.kernel.surface import COUNT, chance, end_fate, scrambled
 from solen.trace.kernel.treated import acting
 from solen.trace.result import DETECTED, ESCAPED, GOES_ON, TRUNCATED
@@ -194,7 +194,9 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
             running = False
             continue
         ux, uz = d.x / flat, d.z / flat
-        length, c, place = nearest(k, tables, x, z, ux, uz, last, at)
+        ray = Ray(x, z, ux, uz, last, at)
+        hit = nearest(k, tables, ray)
+        length, c, place = hit
         if c < 0:
             _, fate = escape(k, tables, rules, region, colour)
             value[receivers + (0 if fate == ESCAPED else 1)] += gain * power
@@ -208,12 +210,10 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                 way_hash = scrambled(way_hash ^ np.uint64(8 + fate))
             running = False
             continue
-        px, pz, nx, nz, here, there, stray, corner, loss, _, _ = meet(
-            k, tables, rules, c, length, place, x, z, ux, uz, last, at, region, colour, hits, power, least,
-        )  # fmt: skip
+        load = Load(light.i1, light.i2, least, 0.0, region, colour, 0, hits)
+        px, pz, nx, nz, here, there, stray, corner, loss, _, _ = meet(k, tables, rules, ray, hit, load)
         if corner:
-            step = corner_step(k, x, z)
-            x, z, last, at = x + step * ux, z + step * uz, c, place
+            x, z, _, _, last, at = carried_on(k, ray, hit)
             continue
         undefined = undefined or stray
         mark = np.uint64(0)

@@ -1,16 +1,27 @@
 """What happens to a ray from one interface to the next, whoever follows it.
 
 The loop over blocks of rays, the tree of one ray and the thread of a graphics card carry rays differently, but each
-takes them through an interface by `meet`, which brings a ray to it, and `leave`, which says what goes on and what back.
+takes them through an interface by `meet`, which brings a ray to it, `leave`, which says what goes on and what back, and
+`part`, the ray that does.
 """
 
 import math
 from typing import NamedTuple
 
 from solen.trace.kernel.compiled import compiled
-from solen.trace.kernel.nearest import normal_at, other_side
+from solen.trace.kernel.nearest import Hit, Ray, normal_at, other_side
 from solen.trace.kernel.rows import TREATED, Floats, Precision, as_in
-from solen.trace.kernel.surface import COUNT, ROULETTE, at_surface, chance_of, drawn, end_fate
+from solen.trace.kernel.surface import (
+    COUNT,
+    ROULETTE,
+    Divided,
+    Event,
+    Incidence,
+    at_surface,
+    chance_of,
+    drawn,
+    end_fate,
+)
 from solen.trace.kernel.treated import FREE_PATH, PHASE, acting, at_treated
 from solen.trace.result import ABSORBED, ESCAPED, TRUNCATED
 from solen.trace.tables import Tables
@@ -29,6 +40,21 @@ class Rules(NamedTuple):
     """from one ray's number to the next one's"""
     turbid: bool
     """whether some medium scatters"""
+
+
+class Load(NamedTuple):
+    """What a ray carries: powers in s and p, the least that is followed, where it is and what it has behind it."""
+
+    s: float
+    p: float
+    least: float
+    optical: float
+    """optical path so far, mm"""
+    region: int
+    """−1: not known yet"""
+    colour: int
+    number: int
+    hits: int
 
 
 class Meeting(NamedTuple):
@@ -54,40 +80,29 @@ class Meeting(NamedTuple):
 
 
 @compiled
-def meet(
-    k: Precision,
-    tables: Tables,
-    rules: Rules,
-    c: int,
-    length: float,
-    place: float,
-    x: float,
-    z: float,
-    dx: float,
-    dz: float,
-    last: int,
-    at: float,
-    region: int,
-    colour: int,
-    hits: int,
-    power: float,
-    least: float,
-) -> Meeting:
-    """What becomes of a ray at curve ``c``, a ``length`` ahead, before the surface itself acts on it."""
-    px, pz = x + length * dx, z + length * dz
-    nx, nz = normal_at(k, tables.kind[c], tables.shape, c, px, pz, place)
-    from_right = dx * nx + dz * nz > 0.0
+def event_of(rules: Rules, load: Load) -> Event:
+    """The meeting that a ray is at."""
+    return Event(rules.seed, rules.first + rules.step * load.number, load.hits)
+
+
+@compiled
+def meet(k: Precision, tables: Tables, rules: Rules, ray: Ray, hit: Hit, load: Load) -> Meeting:
+    """What becomes of a ray on its way to a curve, before the surface itself acts on it."""
+    c, length = hit.curve, hit.distance
+    px, pz = ray.x + length * ray.dx, ray.z + length * ray.dz
+    nx, nz = normal_at(k, tables.kind[c], tables.shape, c, px, pz, hit.place)
+    from_right = ray.dx * nx + ray.dz * nz > 0.0
     here, there = tables.left[c], tables.right[c]
     if from_right:
         here, there = there, here
-    undefined = region != -1 and region != here
-    corner = length <= k.corner and last >= 0 and (undefined or other_side(k, tables, last, at, c, x, z, dx, dz))
-    loss = tables.absorption[colour, here] if rules.splitting != COUNT and not undefined else k.zero
+    undefined = load.region != -1 and load.region != here
+    corner = length <= k.corner and ray.last >= 0 and (undefined or other_side(k, tables, ray, c))
+    loss = tables.absorption[load.colour, here] if rules.splitting != COUNT and not undefined else k.zero
     kept = math.exp(-loss * length) if loss > 0.0 else k.one
-    worn_out = undefined or hits + 1 >= rules.max_hits or kept * power < least
+    worn_out = undefined or load.hits + 1 >= rules.max_hits or kept * (load.s + load.p) < load.least
     behaviour = tables.behaviour[c]
     if behaviour >= TREATED:
-        behaviour = acting(tables, c, colour)
+        behaviour = acting(tables, c, load.colour)
     fate = TRUNCATED if undefined else end_fate(behaviour, from_right, worn_out)
     return Meeting(px, pz, nx, nz, here, there, undefined, corner, loss, kept, fate)
 
@@ -100,23 +115,24 @@ def escape(k: Precision, tables: Tables, rules: Rules, region: int, colour: int)
 
 
 @compiled
-def corner_step(k: Precision, x: float, z: float) -> float:
-    """How far a ray in a corner is carried on, mm; far out less would be lost in rounding."""
-    return k.corner + k.rounding * (abs(x) + abs(z))
+def carried_on(k: Precision, ray: Ray, hit: Hit) -> Ray:
+    """A ray in a corner, carried on beyond the end of the curve it would meet; far out less is lost in rounding."""
+    step = k.corner + k.rounding * (abs(ray.x) + abs(ray.z))
+    return Ray(ray.x + step * ray.dx, ray.z + step * ray.dz, ray.dx, ray.dz, hit.curve, hit.place)
+
+
+@compiled
+def weakened(load: Load, kept: float, way: float) -> Load:
+    """A load of which a medium left so much, after so long an optical path."""
+    return Load(
+        kept * load.s, kept * load.p, load.least, load.optical + way, load.region, load.colour, load.number, load.hits
+    )
 
 
 class Leaving(NamedTuple):
-    """What leaves an interface: a part that goes on through it, and one that goes back."""
+    """What leaves an interface."""
 
-    on_x: float
-    """direction"""
-    on_z: float
-    on_s: float
-    on_p: float
-    back_x: float
-    back_z: float
-    back_s: float
-    back_p: float
+    parts: Divided
     lost: float
     """power that the surface absorbs"""
     cut: float
@@ -131,69 +147,58 @@ class Leaving(NamedTuple):
 
 @compiled
 def leave(
-    k: Precision,
-    tables: Tables,
-    rules: Rules,
-    treatments: Floats | None,
-    c: int,
-    colour: int,
-    here: int,
-    there: int,
-    number: int,
-    hits: int,
-    x: float,
-    z: float,
-    dx: float,
-    dz: float,
-    nx: float,
-    nz: float,
-    s: float,
-    p: float,
-    least: float,
+    k: Precision, tables: Tables, rules: Rules, treatments: Floats | None, ray: Ray, c: int, met: Meeting, load: Load
 ) -> Leaving:
-    """What the surface of curve ``c`` makes of ray ``number``, which has met ``hits`` interfaces before this one.
+    """What the surface of curve ``c`` makes of a ray; its powers are those that reach it.
 
     ``treatments`` are those of the tables, or None where there are none: then what they need is not even compiled.
     """
-    n1, n2, lost = tables.refractive_index[colour, here], tables.refractive_index[colour, there], k.zero
+    index = tables.refractive_index[load.colour]
+    n1, n2, lost = index[met.here], index[met.there], k.zero
+    incidence = Incidence(met.x, met.z, ray.dx, ray.dz, met.nx, met.nz, n1, n2, load.s, load.p)
     if treatments is None or tables.behaviour[c] < TREATED:
-        on_x, on_z, back_x, back_z, back_s, back_p = at_surface(
-            k, tables.behaviour[c], rules.splitting, dx, dz, nx, nz, n1, n2, s, p
-        )
-        on_s, on_p = s - back_s, p - back_p
+        parts = at_surface(k, tables.behaviour[c], rules.splitting, incidence)
     else:
-        ray = rules.first + rules.step * number
-        on_x, on_z, back_x, back_z, on_s, on_p, back_s, back_p = at_treated(
-            k, tables, rules.splitting, rules.seed, c, colour, ray, hits, x, z, dx, dz, nx, nz, n1, n2, s, p
-        )
-        lost = max((s - on_s - back_s) + (p - on_p - back_p), k.zero)
-    on, back = on_s + on_p, back_s + back_p
+        parts = at_treated(k, tables, rules.splitting, c, load.colour, event_of(rules, load), incidence)
+        lost = max((load.s - parts.on_s - parts.back_s) + (load.p - parts.on_p - parts.back_p), k.zero)
+    on, back = parts.on_s + parts.on_p, parts.back_s + parts.back_p
     if rules.splitting == ROULETTE and on > 0.0 and back > 0.0:
-        ray, power = rules.first + rules.step * number, s + p - lost
-        on_s, on_p, back_s, back_p, on, back = drawn(k, rules.seed, ray, hits, power, on_s, on_p, back_s, back_p)
-    cut = (on if on < least else k.zero) + (back if back < least else k.zero)
-    both = on >= least and back >= least
-    ends = not (on >= least or back >= least)
-    goes_back = back <= on if both else back >= least
-    return Leaving(on_x, on_z, on_s, on_p, back_x, back_z, back_s, back_p, lost, cut, both, ends, goes_back)
+        parts, on, back = drawn(k, event_of(rules, load), load.s + load.p - lost, parts)
+    cut = (on if on < load.least else k.zero) + (back if back < load.least else k.zero)
+    both = on >= load.least and back >= load.least
+    ends = not (on >= load.least or back >= load.least)
+    goes_back = back <= on if both else back >= load.least
+    return Leaving(parts, lost, cut, both, ends, goes_back)
 
 
 @compiled
-def free_path(k: Precision, tables: Tables, rules: Rules, region: int, colour: int, number: int, hits: int) -> float:
+def part(hit: Hit, met: Meeting, parts: Divided, load: Load, back: bool) -> tuple[Ray, Load]:
+    """The part of a ray that goes back from an interface, or the one that goes on."""
+    if back:
+        ray = Ray(met.x, met.z, parts.back_x, parts.back_z, hit.curve, hit.place)
+        s, p, region = parts.back_s, parts.back_p, met.here
+    else:
+        ray = Ray(met.x, met.z, parts.on_x, parts.on_z, hit.curve, hit.place)
+        s, p, region = parts.on_s, parts.on_p, met.there
+    return ray, Load(s, p, load.least, load.optical, region, load.colour, load.number, load.hits + 1)
+
+
+@compiled
+def free_path(k: Precision, tables: Tables, rules: Rules, region: int, load: Load) -> float:
     """How far a ray gets in a medium before it is scattered, mm: drawn from the exponential distribution."""
-    scattering = tables.scattering[colour, region]
+    scattering = tables.scattering[load.colour, region]
     if not scattering > 0.0:
         return k.none
-    share = chance_of(rules.seed, rules.first + rules.step * number, hits, FREE_PATH)
+    share = chance_of(event_of(rules, load), FREE_PATH)
     path: float = as_in(k.zero, -math.log(1.0 - share)) / scattering
     return path
 
 
 @compiled
-def phase_turn(k: Precision, tables: Tables, rules: Rules, region: int, colour: int, number: int, hits: int) -> float:
+def phase_turn(k: Precision, tables: Tables, rules: Rules, region: int, load: Load) -> float:
     """Tangent of half the angle by which scattering turns a ray in the plane: the wrapped Cauchy distribution."""
-    share = chance_of(rules.seed, rules.first + rules.step * number, hits, PHASE)
-    g = tables.anisotropy[colour, region]
+    share = chance_of(event_of(rules, load), PHASE)
+    g = tables.anisotropy[load.colour, region]
     half: float = (k.one - g) / (k.one + g) * as_in(k.zero, math.tan(math.pi * (share - 0.5)))
     return half
 

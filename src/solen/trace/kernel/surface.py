@@ -5,6 +5,7 @@ the powers that go there, whatever the loop over rays does with them.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,6 +17,47 @@ COUNT, BRANCHES, ROULETTE = range(3)
 """Ways to treat a partial reflection: all of the ray goes through; both parts are followed; one of them by chance."""
 SPLITTING = {"count": COUNT, "power": BRANCHES, "roulette": ROULETTE}
 """By the mode of a trace."""
+
+
+class Event(NamedTuple):
+    """A meeting of a ray, to which what is drawn there belongs."""
+
+    seed: int
+    ray: int
+    """the ray's number"""
+    hit: int
+    """how many meetings it had before"""
+
+
+class Incidence(NamedTuple):
+    """A ray at a surface; the normal is either of the two."""
+
+    x: float
+    z: float
+    dx: float
+    dz: float
+    nx: float
+    nz: float
+    n1: float
+    """refractive index that the ray comes from"""
+    n2: float
+    s: float
+    p: float
+
+
+class Divided(NamedTuple):
+    """What a surface makes of a ray: a part that goes on through it, and one that goes back."""
+
+    on_x: float
+    """direction"""
+    on_z: float
+    back_x: float
+    back_z: float
+    on_s: float
+    """power"""
+    on_p: float
+    back_s: float
+    back_p: float
 
 
 @compiled
@@ -37,23 +79,12 @@ def fresnel(cos_in: float, cos_out: float, n1: float, n2: float) -> tuple[float,
 
 
 @compiled
-def at_surface(
-    k: Precision,
-    behaviour: int,
-    splitting: int,
-    dx: float,
-    dz: float,
-    nx: float,
-    nz: float,
-    n1: float,
-    n2: float,
-    s: float,
-    p: float,
-) -> tuple[float, float, float, float, float, float]:
-    """Direction through, direction back, and the powers in s and p that go back.
+def at_surface(k: Precision, behaviour: int, splitting: int, ray: Incidence) -> Divided:
+    """Both parts of a ray at a smooth, clean and bare surface.
 
-    The normal is either of the two. Counting sends all of a ray through unless it is reflected totally.
+    Counting sends all of a ray through unless it is reflected totally.
     """
+    _, _, dx, dz, nx, nz, n1, n2, s, p = ray
     cos_in = -(dx * nx + dz * nz)
     if cos_in < 0.0:
         cos_in, nx, nz = -cos_in, -nx, -nz
@@ -62,34 +93,27 @@ def at_surface(
     bx, bz = mend * bx, mend * bz
     cos2 = (n2 - n1) * (n2 + n1) + (n1 * cos_in) * (n1 * cos_in)  # times n2²; exact also where the indices match
     if behaviour == MIRROR or cos2 <= 0.0:
-        return k.zero, k.zero, bx, bz, s, p
+        return Divided(k.zero, k.zero, bx, bz, k.zero, k.zero, s, p)
     ratio, cos_out = n1 / n2, math.sqrt(cos2) / n2
     bend = ratio * cos_in - cos_out
     tx, tz = ratio * dx + bend * nx, ratio * dz + bend * nz
     scale = k.one / math.sqrt(tx * tx + tz * tz)
     if splitting == COUNT:
-        return scale * tx, scale * tz, bx, bz, k.zero, k.zero
-    back_s, back_p = fresnel(cos_in, cos_out, n1, n2)
-    return scale * tx, scale * tz, bx, bz, s * back_s, p * back_p
+        return Divided(scale * tx, scale * tz, bx, bz, s, p, k.zero, k.zero)
+    share_s, share_p = fresnel(cos_in, cos_out, n1, n2)
+    back_s, back_p = s * share_s, p * share_p
+    return Divided(scale * tx, scale * tz, bx, bz, s - back_s, p - back_p, back_s, back_p)
 
 
 @compiled
-def drawn(
-    k: Precision,
-    seed: int,
-    ray: int,
-    hit: int,
-    power: float,
-    on_s: float,
-    on_p: float,
-    back_s: float,
-    back_p: float,
-) -> tuple[float, float, float, float, float, float]:
-    """Powers in s and p that go on and that go back after a draw gives all to one of both, and their two sums."""
-    on, back = on_s + on_p, back_s + back_p
-    if chance(seed, ray, hit) * power < back:
-        return on_s, on_p, back_s * power / back, back_p * power / back, k.zero, power
-    return on_s * power / on, on_p * power / on, back_s, back_p, power, k.zero
+def drawn(k: Precision, event: Event, power: float, d: Divided) -> tuple[Divided, float, float]:
+    """Both parts after a draw gives all the power to one of them, and how much each has."""
+    on, back = d.on_s + d.on_p, d.back_s + d.back_p
+    if chance(event.seed, event.ray, event.hit) * power < back:
+        back_s, back_p = d.back_s * power / back, d.back_p * power / back
+        return Divided(d.on_x, d.on_z, d.back_x, d.back_z, d.on_s, d.on_p, back_s, back_p), k.zero, power
+    on_s, on_p = d.on_s * power / on, d.on_p * power / on
+    return Divided(d.on_x, d.on_z, d.back_x, d.back_z, on_s, on_p, d.back_s, d.back_p), power, k.zero
 
 
 @compiled
@@ -102,10 +126,10 @@ def chance(seed: int, ray: int, hit: int) -> float:
 
 
 @compiled
-def chance_of(seed: int, ray: int, hit: int, draw: int) -> float:
+def chance_of(event: Event, draw: int) -> float:
     """As `chance`, for the several numbers that one hit may need: the n-th is that of ``draw`` n, from 1 on."""
-    number = scrambled(np.uint64(seed))
-    for part in (ray, hit, draw):
+    number = scrambled(np.uint64(event.seed))
+    for part in (event.ray, event.hit, draw):
         number = scrambled(number ^ np.uint64(part))
     return float(number >> np.uint64(11)) * 2.0**-53
 

@@ -25,7 +25,7 @@ from solen.trace.kernel.rows import (
     as_in,
     treatment_row,
 )
-from solen.trace.kernel.surface import BRANCHES, COUNT, at_surface, chance_of
+from solen.trace.kernel.surface import BRANCHES, COUNT, Divided, Event, Incidence, at_surface, chance_of
 from solen.trace.tables import Tables
 
 FREE_PATH, PHASE, ORDER, FACET, ON, BACK = 1, 2, 3, 1 << 10, 1 << 11, 1 << 12
@@ -63,43 +63,27 @@ def acting(tables: Tables, c: int, colour: int) -> int:
 
 @called
 def at_treated(  # noqa: C901  one case for each kind of surface
-    k: Precision,
-    tables: Tables,
-    splitting: int,
-    seed: int,
-    c: int,
-    colour: int,
-    ray: int,
-    hits: int,
-    x: float,
-    z: float,
-    dx: float,
-    dz: float,
-    nx: float,
-    nz: float,
-    n1: float,
-    n2: float,
-    s: float,
-    p: float,
-) -> tuple[float, float, float, float, float, float, float, float]:
-    """Direction through, direction back, powers in s and p that go through, and that go back; the rest is absorbed."""
+    k: Precision, tables: Tables, splitting: int, c: int, colour: int, event: Event, ray: Incidence
+) -> Divided:
+    """Both parts of a ray at curve ``c``; what neither has is absorbed."""
+    x, z, dx, dz, nx, nz, n1, n2, s, p = ray
     t, behaviour = treatment_row(tables.treatments, tables.treatment[c]), acting(tables, c, colour)
     if behaviour < 0:
-        tx, tz, bx, bz, back_s, back_p = at_surface(k, REFRACTING, splitting, dx, dz, nx, nz, n1, n2, s, p)
-        return tx, tz, bx, bz, s - back_s, p - back_p, back_s, back_p
+        return at_surface(k, REFRACTING, splitting, ray)
     from_right = dx * nx + dz * nz > 0.0
     if from_right:
         nx, nz = -nx, -nz
     if behaviour == GRATING:
-        return at_grating(k, tables, t, splitting, seed, colour, ray, hits, dx, dz, nx, nz, n1, n2, s, p)
+        return at_grating(k, tables, t, splitting, colour, event, Incidence(x, z, dx, dz, nx, nz, n1, n2, s, p))
     fx, fz = nx, nz
     if t.tilt > 0.0 and t.across == 0.0:
-        fx, fz = facet(seed, ray, hits, t.tilt, dx, dz, nx, nz, n1, n2)
+        fx, fz = facet(event, t.tilt, dx, dz, nx, nz, n1, n2)
     as_mirror = MIRROR if behaviour == MIRROR else REFRACTING
     split = COUNT if splitting == COUNT or t.partial == 0.0 else BRANCHES
     fx, fz = as_in(k.zero, fx), as_in(k.zero, fz)
-    tx, tz, bx, bz, back_s, back_p = at_surface(k, as_mirror, split, dx, dz, fx, fz, n1, n2, s, p)
-    on_s, on_p = s - back_s, p - back_p
+    tx, tz, bx, bz, on_s, on_p, back_s, back_p = at_surface(
+        k, as_mirror, split, Incidence(x, z, dx, dz, fx, fz, n1, n2, s, p)
+    )
     if behaviour == SPLITTER:
         tx, tz, on_s, on_p = dx, dz, t.transmitted * s, t.transmitted * p
         back_s, back_p = s - on_s, p - on_p
@@ -126,43 +110,29 @@ def at_treated(  # noqa: C901  one case for each kind of surface
         on_s, on_p = as_in(k.zero, found.on_s * s), as_in(k.zero, found.on_p * p)
         back_s, back_p = as_in(k.zero, found.back_s * s), as_in(k.zero, found.back_p * p)
     if t.scatter != SMOOTH:
-        ex, ez = scattered(tables, t, seed, ray, hits, ON, tx, tz, -nx, -nz)
+        ex, ez = scattered(tables, t, event, ON, tx, tz, -nx, -nz)
         tx, tz = as_in(k.zero, ex), as_in(k.zero, ez)
-        ex, ez = scattered(tables, t, seed, ray, hits, BACK, bx, bz, nx, nz)
+        ex, ez = scattered(tables, t, event, BACK, bx, bz, nx, nz)
         bx, bz = as_in(k.zero, ex), as_in(k.zero, ez)
-    return tx, tz, bx, bz, on_s, on_p, back_s, back_p
+    return Divided(tx, tz, bx, bz, on_s, on_p, back_s, back_p)
 
 
 @compiled
 def at_grating(
-    k: Precision,
-    tables: Tables,
-    t: Treatment,
-    splitting: int,
-    seed: int,
-    colour: int,
-    ray: int,
-    hits: int,
-    dx: float,
-    dz: float,
-    nx: float,
-    nz: float,
-    n1: float,
-    n2: float,
-    s: float,
-    p: float,
-) -> tuple[float, float, float, float, float, float, float, float]:
+    k: Precision, tables: Tables, t: Treatment, splitting: int, colour: int, event: Event, ray: Incidence
+) -> Divided:
     """As `at_treated`, at a grating whose normal faces the ray: one order, drawn by its share, has the power of all.
 
     Positive orders lie to the right of the light's way.
     """
+    _, _, dx, dz, nx, nz, n1, n2, s, p = ray
     after = n1 if t.lines < 0.0 else n2
     sine, step = (dz * nx - dx * nz) * n1 / after, abs(t.lines) * tables.wavelength[colour] / after
     total = 0.0
     for i in range(int(t.rows)):
         row = tables.layers[int(t.first_row) + i]
         total += row[1] if abs(sine + row[0] * step) < 1.0 else 0.0
-    left, chosen = chance_of(seed, ray, hits, ORDER) * total, 0.0
+    left, chosen = chance_of(event, ORDER) * total, 0.0
     for i in range(int(t.rows)):
         row = tables.layers[int(t.first_row) + i]
         if left >= 0.0 and row[1] > 0.0 and abs(sine + row[0] * step) < 1.0:
@@ -174,8 +144,8 @@ def at_grating(
     outx, outz = as_in(k.zero, cos * nx), as_in(k.zero, cos * nz)
     s, p = as_in(k.zero, total * s), as_in(k.zero, total * p)
     if t.lines < 0.0:
-        return k.zero, k.zero, ax + outx, az + outz, k.zero, k.zero, s, p
-    return ax - outx, az - outz, k.zero, k.zero, s, p, k.zero, k.zero
+        return Divided(k.zero, k.zero, ax + outx, az + outz, k.zero, k.zero, s, p)
+    return Divided(ax - outx, az - outz, k.zero, k.zero, s, p, k.zero, k.zero)
 
 
 @compiled
@@ -192,7 +162,7 @@ def focused(
 
 @compiled
 def facet(
-    seed: int, ray: int, hits: int, tilt: float, dx: float, dz: float, nx: float, nz: float, n1: float, n2: float
+    event: Event, tilt: float, dx: float, dz: float, nx: float, nz: float, n1: float, n2: float
 ) -> tuple[float, float]:
     """Normal of the stretch of a ripple that a ray meets, facing it.
 
@@ -202,9 +172,9 @@ def facet(
     cos_in, sine = -(dx * nx + dz * nz), dx * -nz + dz * nx
     steepest = 1.0 + tilt * abs(sine) / cos_in
     for i in range(TRIES):
-        slope = tilt * math.cos(2.0 * math.pi * chance_of(seed, ray, hits, FACET + 2 * i))
+        slope = tilt * math.cos(2.0 * math.pi * chance_of(event, FACET + 2 * i))
         seen = 1.0 - slope * sine / cos_in
-        if chance_of(seed, ray, hits, FACET + 2 * i + 1) * steepest > seen:
+        if chance_of(event, FACET + 2 * i + 1) * steepest > seen:
             continue
         scale = 1.0 / math.sqrt(1.0 + slope * slope)
         fx, fz = scale * (nx + slope * -nz), scale * (nz + slope * nx)
@@ -224,23 +194,14 @@ def facet(
 
 @compiled
 def scattered(
-    tables: Tables,
-    t: Treatment,
-    seed: int,
-    ray: int,
-    hits: int,
-    purpose: int,
-    dx: float,
-    dz: float,
-    nx: float,
-    nz: float,
+    tables: Tables, t: Treatment, event: Event, purpose: int, dx: float, dz: float, nx: float, nz: float
 ) -> tuple[float, float]:
     """Direction of a part that leaves on the side of the normal: as it was, or drawn from the profile about it."""
-    if not chance_of(seed, ray, hits, purpose) < t.share:
+    if not chance_of(event, purpose) < t.share:
         return dx, dz
     smooth = dx * -nz + dz * nx
     for i in range(TRIES):
-        one, two = chance_of(seed, ray, hits, purpose + 2 * i + 1), chance_of(seed, ray, hits, purpose + 2 * i + 2)
+        one, two = chance_of(event, purpose + 2 * i + 1), chance_of(event, purpose + 2 * i + 2)
         sine = 2.0 * one - 1.0
         if t.scatter == GAUSSIAN:
             sine = smooth + t.width * math.sqrt(-2.0 * math.log(1.0 - one)) * math.cos(2.0 * math.pi * two)
@@ -251,7 +212,7 @@ def scattered(
                 continue
         elif t.scatter == BY_TABLE:
             far, kept = offset(tables, t, one, False)
-            if not kept > chance_of(seed, ray, hits, purpose + KEEP + i):
+            if not kept > chance_of(event, purpose + KEEP + i):
                 continue
             sine = smooth + (far if two < 0.5 else -far)
         if abs(sine) < 1.0:

@@ -29,7 +29,7 @@ from solen.trace.kernel.space import (
     unpolarised,
     upright,
 )
-from solen.trace.kernel.surface import COUNT, chance_of
+from solen.trace.kernel.surface import COUNT, Event, chance_of
 from solen.trace.kernel.treated import (
     BACK,
     FACET,
@@ -50,11 +50,9 @@ from solen.trace.tables import Tables
 def treated_parts(
     tables: Tables,
     splitting: int,
-    seed: int,
     c: int,
     colour: int,
-    ray: int,
-    hits: int,
+    event: Event,
     from_right: bool,
     d: Vector,
     e: Vector,
@@ -68,7 +66,7 @@ def treated_parts(
     if behaviour < 0:
         found = smooth_parts(d, e, n, light, n1, n2)
         return found, found.s, found.s
-    f = facet(t, seed, ray, hits, d, n, n1, n2) if t.tilt > 0.0 else n
+    f = facet(t, event, d, n, n1, n2) if t.tilt > 0.0 else n
     counting = splitting == COUNT
     cos = -scalar(d, f)
     if t.rows > 0.0 and not counting:
@@ -95,25 +93,25 @@ def treated_parts(
         on_d = d
     if t.scatter != SMOOTH:
         away = Vector(-n.x, -n.y, -n.z)
-        if chance_of(seed, ray, hits, ON) < t.share:
-            on_d = scattered(tables, t, seed, ray, hits, ON, on_d, away)
+        if chance_of(event, ON) < t.share:
+            on_d = scattered(tables, t, event, ON, on_d, away)
             on_e, on_light = upright(on_d), unpolarised(on_light)
-        if chance_of(seed, ray, hits, BACK) < t.share:
-            back_d = scattered(tables, t, seed, ray, hits, BACK, back_d, n)
+        if chance_of(event, BACK) < t.share:
+            back_d = scattered(tables, t, event, BACK, back_d, n)
             back_e, back_light = upright(back_d), unpolarised(back_light)
     return Parts(on_d, back_d, found.s, on_light, back_light), on_e, back_e
 
 
 @compiled
-def facet(t: Treatment, seed: int, ray: int, hits: int, d: Vector, n: Vector, n1: float, n2: float) -> Vector:
+def facet(t: Treatment, event: Event, d: Vector, n: Vector, n1: float, n2: float) -> Vector:
     """Normal of the stretch of a ripple that a ray meets; see `solen.trace.kernel.treated.facet`."""
     along = Vector(0.0, 1.0, 0.0) if t.across > 0.0 else Vector(-n.z, 0.0, n.x)
     cos_in, sine = -scalar(d, n), scalar(d, along)
     steepest = 1.0 + t.tilt * abs(sine) / cos_in
     for i in range(TRIES):
-        slope = t.tilt * math.cos(2.0 * math.pi * chance_of(seed, ray, hits, FACET + 2 * i))
+        slope = t.tilt * math.cos(2.0 * math.pi * chance_of(event, FACET + 2 * i))
         seen = 1.0 - slope * sine / cos_in
-        if chance_of(seed, ray, hits, FACET + 2 * i + 1) * steepest > seen:
+        if chance_of(event, FACET + 2 * i + 1) * steepest > seen:
             continue
         f = unit_of(Vector(n.x + slope * along.x, n.y + slope * along.y, n.z + slope * along.z))
         cos, upwards = -scalar(d, f), scalar(f, n)
@@ -128,13 +126,11 @@ def facet(t: Treatment, seed: int, ray: int, hits: int, d: Vector, n: Vector, n1
 
 
 @compiled
-def scattered(
-    tables: Tables, t: Treatment, seed: int, ray: int, hits: int, purpose: int, d: Vector, n: Vector
-) -> Vector:
+def scattered(tables: Tables, t: Treatment, event: Event, purpose: int, d: Vector, n: Vector) -> Vector:
     """Direction drawn from the profile about the smooth one, on the side of the normal of a wall."""
     flat = d.x * -n.z + d.z * n.x
     for i in range(TRIES):
-        one, two = chance_of(seed, ray, hits, purpose + 2 * i + 1), chance_of(seed, ray, hits, purpose + 2 * i + 2)
+        one, two = chance_of(event, purpose + 2 * i + 1), chance_of(event, purpose + 2 * i + 2)
         radius, along, up = math.sqrt(one), flat, d.y
         if t.scatter == GAUSSIAN:
             radius = t.width * math.sqrt(-2.0 * math.log(1.0 - one))
@@ -142,7 +138,7 @@ def scattered(
             radius = t.width * harvey_shack_radius(t.width, t.wing, one)
         elif t.scatter == BY_TABLE:
             radius, kept = offset(tables, t, one, True)
-            if not kept > chance_of(seed, ray, hits, purpose + KEEP + i):
+            if not kept > chance_of(event, purpose + KEEP + i):
                 continue
         else:
             along, up = 0.0, 0.0

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solen.trace.kernel.compiled import called, compiled
-from solen.trace.kernel.nearest import nearest
+from solen.trace.kernel.nearest import Ray, nearest
 from solen.trace.kernel.rows import SEGMENT, Floats, Precision
-from solen.trace.kernel.step import Rules, corner_step, escape, leave, meet
+from solen.trace.kernel.step import Load, Meeting, Rules, carried_on, escape, leave, meet, part, weakened
 from solen.trace.kernel.surface import scrambled
 from solen.trace.result import ABSORBED, DETECTED, ESCAPED, GOES_ON
 from solen.trace.tables import Tables
@@ -76,10 +76,10 @@ def trace_tree(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
     for d in range(len(value)):
         value[d] = 0.0
     tree, many, waiting, undefined = np.uint64(0), 0, 0, False
-    x, z = family.x, family.z
-    dx, dz = -math.sin(family.axis + angle), math.cos(family.axis + angle)
-    s, p, least = family.s, family.p, family.rules.min_weight * (family.s + family.p)
-    region, last, hits, at = -1, -1, 0, k.zero
+    towards = family.axis + angle
+    ray = Ray(family.x, family.z, -math.sin(towards), math.cos(towards), -1, k.zero)
+    least = family.rules.min_weight * (family.s + family.p)
+    load = Load(family.s, family.p, least, 0.0, -1, family.colour, 0, 0)
     running = True
     while True:
         if not running:
@@ -87,79 +87,51 @@ def trace_tree(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                 return many, tree, undefined
             waiting -= 1
             w = stack[waiting]
-            x, z, dx, dz, s, p, at = w[0], w[1], w[2], w[3], w[4], w[5], w[6]
-            region, last, hits = int(w[7]), int(w[8]), int(w[9])
+            ray = Ray(w[0], w[1], w[2], w[3], int(w[8]), w[6])
+            load = Load(w[4], w[5], least, 0.0, int(w[7]), family.colour, 0, int(w[9]))
             running = True
         if many == len(legs):
             return NO_ROOM, tree, undefined
-        length, c, place = nearest(k, tables, x, z, dx, dz, last, at)
-        power, owner, bent = s + p, -1, 0.0
-        here, there, nx, nz = -1, -1, k.zero, k.zero
-        if c < 0:
-            _, fate = escape(k, tables, family.rules, region, family.colour)
-            px, pz, kept = x + family.far * dx, z + family.far * dz, k.one
-        else:
-            px, pz, nx, nz, here, there, stray, corner, _, kept, fate = meet(
-                k, tables, family.rules, c, length, place, x, z, dx, dz, last, at,
-                region, family.colour, hits, power, least,
+        hit, hits = nearest(k, tables, ray), load.hits
+        power, owner, bent = load.s + load.p, -1, 0.0
+        if hit.curve < 0:
+            _, fate = escape(k, tables, family.rules, load.region, family.colour)
+            met = Meeting(
+                ray.x + family.far * ray.dx, ray.z + family.far * ray.dz, k.zero, k.zero, -1, -1, False, False, k.zero,
+                k.one, fate,
             )  # fmt: skip
-            if corner:
-                step = corner_step(k, x, z)
-                x, z, last, at = x + step * dx, z + step * dz, c, place
+        else:
+            met = meet(k, tables, family.rules, ray, hit, load)
+            if met.corner:
+                ray = carried_on(k, ray, hit)
                 continue
-            undefined = undefined or stray
-            owner, bent = tables.owner[c], 0.0 if tables.kind[c] == SEGMENT else 1.0
-            value[receivers + 1] += power * (k.one - kept)
-        legs[many, 0], legs[many, 1], legs[many, 2], legs[many, 3] = x, z, px, pz
+            undefined = undefined or met.undefined
+            owner, bent = tables.owner[hit.curve], 0.0 if tables.kind[hit.curve] == SEGMENT else 1.0
+            value[receivers + 1] += power * (k.one - met.kept)
+        legs[many, 0], legs[many, 1], legs[many, 2], legs[many, 3] = ray.x, ray.z, met.x, met.z
         legs[many, 4] = bent
         many += 1
-        tree = scrambled(tree ^ np.uint64((owner + 2) * 8 + fate) ^ (np.uint64(hits) << np.uint64(40)))
-        s, p = kept * s, kept * p
-        if fate != GOES_ON:
-            if fate == DETECTED:
-                value[tables.receiver[c]] += s + p
-            elif fate in (ESCAPED, ABSORBED):
-                value[receivers + (0 if fate == ESCAPED else 1)] += s + p
+        tree = scrambled(tree ^ np.uint64((owner + 2) * 8 + met.fate) ^ (np.uint64(hits) << np.uint64(40)))
+        load = weakened(load, met.kept, k.zero)
+        if met.fate != GOES_ON:
+            if met.fate == DETECTED:
+                value[tables.receiver[hit.curve]] += load.s + load.p
+            elif met.fate in (ESCAPED, ABSORBED):
+                value[receivers + (0 if met.fate == ESCAPED else 1)] += load.s + load.p
             running = False
             continue
-        tx, tz, on_s, on_p, bx, bz, back_s, back_p, lost, _, both, ends, goes_back = leave(
-            k,
-            tables,
-            family.rules,
-            tables.treatments,
-            c,
-            family.colour,
-            here,
-            there,
-            0,
-            hits,
-            px,
-            pz,
-            dx,
-            dz,
-            nx,
-            nz,
-            s,
-            p,
-            least,
-        )
-        value[receivers + 1] += lost
-        if ends:
+        gone = leave(k, tables, family.rules, tables.treatments, ray, hit.curve, met, load)
+        value[receivers + 1] += gone.lost
+        if gone.ends:
             running = False
             continue
-        if both:
+        if gone.both:
             if waiting == len(stack):
                 return NO_ROOM, tree, undefined
+            other, its = part(hit, met, gone.parts, load, not gone.goes_back)
             w = stack[waiting]
-            w[0], w[1], w[6], w[8], w[9] = px, pz, place, c, hits + 1
-            if goes_back:
-                w[2], w[3], w[4], w[5], w[7] = tx, tz, on_s, on_p, there
-            else:
-                w[2], w[3], w[4], w[5], w[7] = bx, bz, back_s, back_p, here
+            w[0], w[1], w[2], w[3], w[8], w[6] = other
+            w[4], w[5], w[7], w[9] = its.s, its.p, its.region, its.hits
             waiting += 1
-            tree = scrambled(tree ^ np.uint64(1 if goes_back else 2))
-        if goes_back:
-            dx, dz, s, p, region = bx, bz, back_s, back_p, here
-        else:
-            dx, dz, s, p, region = tx, tz, on_s, on_p, there
-        x, z, last, at, hits = px, pz, c, place, hits + 1
+            tree = scrambled(tree ^ np.uint64(1 if gone.goes_back else 2))
+        ray, load = part(hit, met, gone.parts, load, gone.goes_back)
