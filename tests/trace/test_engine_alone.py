@@ -15,6 +15,8 @@ from solen.trace import Limits, Trace, trace, trace_reference
 from solen.trace.engine import CHUNK
 from solen.trace.kernel.block import BLOCK
 from tests.agreement.bits_support import bits
+from tests.agreement.random_scene_support import motley_scene
+from tests.agreement.scenes_support import same_readings
 
 REGIONS = (Region("air", 1.0), Region("glass", 1.5, 0.1))
 
@@ -185,3 +187,12 @@ def test_it_gives_the_references_paths(mode: str) -> None:
         assert mine.points_mm == pytest.approx(its.points_mm, abs=1e-9)
         assert mine.power == pytest.approx(its.power, abs=1e-12)
     assert engine.monitors["m"].power_by_bin == pytest.approx(truth.monitors["m"].power_by_bin, abs=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_counting_side_by_side_is_counting_ray_by_ray(seed: int) -> None:
+    """Rays that are counted are taken through surfaces in blocks; where angles are asked for, one by one."""
+    scene, limits = dataclasses.replace(motley_scene(seed, 300), monitors=()), Limits(max_hits=12)
+    together, apart = (trace(scene, "count", limits, angle_bins=bins) for bins in (0, 1))
+    same_readings(together, apart, 1e-12)
+    assert together.hits == apart.hits

@@ -89,6 +89,36 @@ def on_conic(k: Precision, q: Conic, r: float, w: float) -> bool:
     return bool((r >= q.low - k.end) & (r <= q.high + k.end) & (q.b * w < 1.0))
 
 
+@compiled
+def unit(x: float, z: float, side: float) -> tuple[float, float]:
+    """A vector brought to the length ``side``."""
+    scale = side / math.sqrt(x * x + z * z)
+    return scale * x, scale * z
+
+
+@compiled
+def arc_normal(a: Arc, x: float, z: float) -> tuple[float, float]:
+    """Left unit normal of an arc at a point of it."""
+    return unit(a.cx - x, a.cz - z, a.side)
+
+
+@compiled
+def conic_normal(k: Precision, q: Conic, x: float, z: float) -> tuple[float, float]:
+    """Left unit normal of a conic at a point of it."""
+    wx, wz = x - q.vx, z - q.vz
+    r, w = wx * q.lx + wz * q.lz, wz * q.lx - wx * q.lz
+    across, inwards = -q.c * r, k.one - q.b * w
+    return unit(across * q.lx - inwards * q.lz, across * q.lz + inwards * q.lx, q.side)
+
+
+@compiled
+def oval_normal(o: Oval, x: float, z: float) -> tuple[float, float]:
+    """Left unit normal of an oval's front at a point of it."""
+    ax, az, bx, bz = x - o.x1, z - o.z1, x - o.x2, z - o.z2
+    f1, f2 = o.n1 / math.sqrt(ax * ax + az * az), o.n2 / math.sqrt(bx * bx + bz * bz)
+    return unit(f1 * ax + f2 * bx, f1 * az + f2 * bz, o.side)
+
+
 # The Cartesian oval. Along a line its residual is convex: Newton's method from any point where the slope has the sign
 # that it has at the wanted root steps outside at most once and then runs down to that root without overshoot.
 

@@ -16,6 +16,7 @@ from solen.curve import END_TOLERANCE_MM
 from solen.trace.kernel.block import BLOCK, Found, Rays, find_block
 from solen.trace.kernel.compiled import called, compiled
 from solen.trace.kernel.nearest import Hit, Ray, place_on
+from solen.trace.kernel.passing import ASIDE, Carried, pass_block
 from solen.trace.kernel.rows import Floats, Precision
 from solen.trace.kernel.step import (
     Load,
@@ -31,9 +32,12 @@ from solen.trace.kernel.step import (
     turned,
     weakened,
 )
+from solen.trace.kernel.surface import COUNT
 from solen.trace.result import ABSORBED, DETECTED, FATES, GOES_ON, KEPT_PLACES, TRUNCATED
 from solen.trace.tables import Tables
 
+FEW = BLOCK // 8
+"""Rays left of a block when others are launched."""
 HITS, UNDEFINED, CUT, LEGS = range(4)
 MISSED, LEAKED = len(FATES), len(FATES) + 1
 """Of what escaped in an extruded scene, what left over top and bottom from around the bodies, and what from them."""
@@ -248,7 +252,10 @@ def trace_rays(  # noqa: C901  one loop: numba passes arrays between functions a
     block = Rays(state[X], state[Z], state[DX], state[DZ], tags[LAST], state[AT])
     waiting_state, waiting_tags, branches = space.waiting_state, space.waiting_tags, space.branches
     keeps_legs, has_monitors = len(sums.legs) > 0, len(tables.monitor) > 0
-    n, waiting, launched = 0, 0, 0
+    n, waiting, launched, fates = 0, 0, 0, found.pick
+    carried = Carried(state[OPTICAL], tags[REGION], tags[COLOUR], tags[HIT])
+    counts_only = rules.splitting == COUNT and not (keeps_legs or has_monitors or rules.turbid)
+    counts_only = counts_only and sums.position.shape[1] == 0 and sums.angle.shape[1] == 0
     while True:
         while n < BLOCK and waiting > 0:
             waiting -= 1
@@ -257,7 +264,8 @@ def trace_rays(  # noqa: C901  one loop: numba passes arrays between functions a
             for row in range(7):
                 tags[row, n] = waiting_tags[waiting, row]
             n += 1
-        while n < BLOCK and launched < len(rays.x):
+        fresh = n <= FEW  # rays launched together meet the same curves: they are not mixed with others
+        while fresh and n < BLOCK and launched < len(rays.x):
             s, p = rays.s[launched], rays.p[launched]
             ray = Ray(rays.x[launched], rays.z[launched], rays.dx[launched], rays.dz[launched], -1, k.zero)
             load = Load(s, p, rules.min_weight * (s + p), k.zero, -1, rays.colour[launched], launched, 0)
@@ -267,8 +275,28 @@ def trace_rays(  # noqa: C901  one loop: numba passes arrays between functions a
         if n == 0:
             return True
         find_block(k, tables, n, block, found)
+        if counts_only:
+            pass_block(k, tables, rules, n, block, carried, found, fates)
         left = 0
         for i in range(n):
+            if counts_only and fates[i] != ASIDE:
+                sums.counts[HITS] += 1
+                if fates[i] == GOES_ON:
+                    if left < i:
+                        for row in range(9):
+                            state[row, left] = state[row, i]
+                        for row in range(7):
+                            tags[row, left] = tags[row, i]
+                    left += 1
+                    continue
+                power = state[S, i] + state[P, i]
+                sums.fate[fates[i]] += power
+                if fates[i] == DETECTED:
+                    receiver = tables.receiver[found.curve[i]]
+                    sums.detected[receiver] += power
+                    sums.arrived[receiver] += 1
+                    sums.optical[receiver] += power * state[OPTICAL, i]
+                continue
             ray, load, stem = read(state[:, i], tags[:, i])
             hit, power = Hit(found.distance[i], found.curve[i], found.place[i]), load.s + load.p
             if hit.curve < 0:

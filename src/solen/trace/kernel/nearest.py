@@ -6,12 +6,16 @@ from typing import NamedTuple
 from solen.trace.kernel.compiled import compiled
 from solen.trace.kernel.hits import (
     arc_hit,
+    arc_normal,
     conic_hit,
+    conic_normal,
     cubic_beside,
     cubic_hit,
     cubic_tangent,
     oval_hit,
+    oval_normal,
     segment_hit,
+    unit,
 )
 from solen.trace.kernel.rows import (
     ARC,
@@ -92,25 +96,13 @@ def normal_at(k: Precision, kind: int, shape: Floats, c: int, x: float, z: float
     if kind == SEGMENT:
         return -shape[c, 3], shape[c, 2]
     if kind == CONIC:
-        q = conic_row(shape, c)
-        wx, wz = x - q.vx, z - q.vz
-        r, w = wx * q.lx + wz * q.lz, wz * q.lx - wx * q.lz
-        across, inwards = -q.c * r, k.one - q.b * w
-        nx, nz, side = across * q.lx - inwards * q.lz, across * q.lz + inwards * q.lx, q.side
-    elif kind == ARC:
-        a = arc_row(shape, c)
-        nx, nz, side = a.cx - x, a.cz - z, a.side
-    elif kind == OVAL:
-        o = oval_row(shape, c)
-        ax, az, bx, bz = x - o.x1, z - o.z1, x - o.x2, z - o.z2
-        f1, f2 = o.n1 / math.sqrt(ax * ax + az * az), o.n2 / math.sqrt(bx * bx + bz * bz)
-        nx, nz, side = f1 * ax + f2 * bx, f1 * az + f2 * bz, o.side
-    else:
-        cubic = cubic_row(shape, c)
-        tx, tz = cubic_tangent(k, cubic, at)
-        nx, nz, side = -tz, tx, k.one
-    scale = side / math.sqrt(nx * nx + nz * nz)
-    return scale * nx, scale * nz
+        return conic_normal(k, conic_row(shape, c), x, z)
+    if kind == ARC:
+        return arc_normal(arc_row(shape, c), x, z)
+    if kind == OVAL:
+        return oval_normal(oval_row(shape, c), x, z)
+    tx, tz = cubic_tangent(k, cubic_row(shape, c), at)
+    return unit(-tz, tx, k.one)
 
 
 @compiled

@@ -78,31 +78,55 @@ def fresnel(cos_in: float, cos_out: float, n1: float, n2: float) -> tuple[float,
     return s * s, p * p
 
 
-@compiled
-def at_surface(k: Precision, behaviour: int, splitting: int, ray: Incidence) -> Divided:
-    """Both parts of a ray at a smooth, clean and bare surface.
+class Ways(NamedTuple):
+    """Directions through a surface and back, and the shares of s and p that go back."""
 
-    Counting sends all of a ray through unless it is reflected totally.
+    on_x: float
+    on_z: float
+    back_x: float
+    back_z: float
+    share_s: float
+    share_p: float
+
+
+@compiled
+def bend(
+    k: Precision,
+    behaviour: int,
+    splitting: int,
+    dx: float,
+    dz: float,
+    nx: float,
+    nz: float,
+    n1: float,
+    n2: float,
+) -> Ways:
+    """Where a smooth, clean and bare surface sends a ray.
+
+    The normal is either of the two. Counting sends all of a ray through unless it is reflected totally.
     """
-    _, _, dx, dz, nx, nz, n1, n2, s, p = ray
-    cos_in = -(dx * nx + dz * nz)
-    if cos_in < 0.0:
-        cos_in, nx, nz = -cos_in, -nx, -nz
+    cos = -(dx * nx + dz * nz)
+    cos_in, nx, nz = abs(cos), (-nx if cos < 0.0 else nx), (-nz if cos < 0.0 else nz)
     bx, bz = dx + (cos_in + cos_in) * nx, dz + (cos_in + cos_in) * nz
     mend = k.one + k.half * (k.one - (bx * bx + bz * bz))  # its length drifts over thousands of reflections
-    bx, bz = mend * bx, mend * bz
     cos2 = (n2 - n1) * (n2 + n1) + (n1 * cos_in) * (n1 * cos_in)  # times n2²; exact also where the indices match
-    if behaviour == MIRROR or cos2 <= 0.0:
-        return Divided(k.zero, k.zero, bx, bz, k.zero, k.zero, s, p)
-    ratio, cos_out = n1 / n2, math.sqrt(cos2) / n2
-    bend = ratio * cos_in - cos_out
-    tx, tz = ratio * dx + bend * nx, ratio * dz + bend * nz
-    scale = k.one / math.sqrt(tx * tx + tz * tz)
-    if splitting == COUNT:
-        return Divided(scale * tx, scale * tz, bx, bz, s, p, k.zero, k.zero)
-    share_s, share_p = fresnel(cos_in, cos_out, n1, n2)
-    back_s, back_p = s * share_s, p * share_p
-    return Divided(scale * tx, scale * tz, bx, bz, s - back_s, p - back_p, back_s, back_p)
+    total = (behaviour == MIRROR) | (cos2 <= 0.0)
+    ratio, cos_out = n1 / n2, math.sqrt(max(cos2, k.zero)) / n2
+    turn = ratio * cos_in - cos_out
+    tx, tz = ratio * dx + turn * nx, ratio * dz + turn * nz
+    scale = k.zero if total else k.one / math.sqrt(tx * tx + tz * tz)
+    share_s, share_p = (k.zero, k.zero) if splitting == COUNT else fresnel(cos_in, cos_out, n1, n2)
+    share_s, share_p = (k.one if total else share_s), (k.one if total else share_p)
+    return Ways(scale * tx, scale * tz, mend * bx, mend * bz, share_s, share_p)
+
+
+@compiled
+def at_surface(k: Precision, behaviour: int, splitting: int, ray: Incidence) -> Divided:
+    """Both parts of a ray at a smooth, clean and bare surface; see `bend`."""
+    _, _, dx, dz, nx, nz, n1, n2, s, p = ray
+    way = bend(k, behaviour, splitting, dx, dz, nx, nz, n1, n2)
+    back_s, back_p = s * way.share_s, p * way.share_p
+    return Divided(way.on_x, way.on_z, way.back_x, way.back_z, s - back_s, p - back_p, back_s, back_p)
 
 
 @compiled
