@@ -103,7 +103,7 @@ def pair_response(
     )
     volts = np.where(passes.clipped, np.nan, passes.volts).mean(axis=1)
     rows = difference.volts[..., 0].mean(axis=1)
-    balance = over_cycles(np.array([_crossing(passes.angle_deg, row) for row in rows]))
+    balance = over_cycles(np.array([crossing(passes.angle_deg, row) for row in rows]))
     return PairResponse(
         **vars(receiver_response(difference, math.hypot(*noise_V))),
         balance_deg=balance.value,
@@ -116,7 +116,7 @@ def pair_response(
     )
 
 
-def _crossing(angle_deg: FloatArray, row: FloatArray) -> float:
+def crossing(angle_deg: FloatArray, row: FloatArray) -> float:
     """Angle nearest to 0 at which a cycle's difference is 0, by straight lines."""
     with np.errstate(invalid="ignore"):
         places = np.flatnonzero(row[:-1] * row[1:] <= 0.0)

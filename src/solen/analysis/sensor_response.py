@@ -16,6 +16,7 @@ from typing import Self
 import numpy as np
 from pydantic import Field, model_validator
 
+from solen.analysis.ageing import Ageing, ageing_of
 from solen.analysis.clipping import clipped
 from solen.analysis.figures_of_merit import ReceiverResponse, receiver_response
 from solen.analysis.motion import Motion, find_motion
@@ -63,6 +64,8 @@ class AnalysisOptions(SignalOptions):
     """Step of the grid of angles; default: one that fits the range."""
     dark_V: Finite | None = None
     """Voltage of a receiver without light, for cross-talk and contrast of the light itself."""
+    every: int | None = Field(None, ge=2)
+    """Show how response, null and noise change, in groups of so many cycles."""
 
     @model_validator(mode="after")
     def _check_angle(self) -> Self:
@@ -139,6 +142,8 @@ class SensorResponse(Result):
         Ways of all of them on one grid.
     warnings
         What cannot be concluded.
+    ageing
+        How it changes over its cycles, with ``every``.
     """
 
     label: str
@@ -150,6 +155,7 @@ class SensorResponse(Result):
     runs: tuple[Run, ...]
     passes: Passes = field(metadata=HIDDEN)
     warnings: tuple[str, ...] = field(metadata=HIDDEN)
+    ageing: Ageing | None = None
 
     @reported
     def cycles_used(self) -> int:
@@ -218,7 +224,20 @@ def sensor_response(
     warnings += _cautions(receivers, ways, runs)
     timing = _timing(runs, ways, receivers)
     warnings += _timing_warnings(timing, receivers)
-    return SensorResponse(first.label, first.lens, first.unit, receivers, pair, timing, runs, ways, tuple(warnings))
+    ageing = None
+    if options.every is not None:
+        ageing = ageing_of(
+            ways, [one for run in runs for one in _cycle_readings(run)], first.receivers, sides, options.every
+        )
+    told = tuple(warnings)
+    return SensorResponse(first.label, first.lens, first.unit, receivers, pair, timing, runs, ways, told, ageing)
+
+
+def _cycle_readings(run: Run) -> list[FloatArray]:
+    """Readings of each used cycle, NaN where they are clipped, (n, receivers)."""
+    times = [(run.motion.cycles[place].start_s, run.motion.cycles[place].end_s) for place in run.used]
+    volts = np.where(run.clipped, np.nan, run.signals.volts)
+    return [volts[slice(*np.searchsorted(run.signals.time_s, both))] for both in times]
 
 
 def _timing(runs: Sequence[Run], ways: Passes, receivers: dict[str, ReceiverResponse]) -> Timing:

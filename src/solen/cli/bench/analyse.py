@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 from solen.analysis import ReceiverResponse, SensorResponse, Study
+from solen.analysis.ageing import Ageing
 from solen.analysis.timing import ReceiverTiming, Timing
 from solen.cli.app import FLAT, Out, lines
 from solen.cli.bench.recorded import ANALYSED, LENS, Analysed, split_files
@@ -63,10 +64,21 @@ def _sensor(sensor: SensorResponse, *, simulated: bool) -> Iterator[str]:
     for name, receiver in sensor.receivers.items():
         yield from _receiver(name, receiver, sensor.timing.receivers[name], sensor.unit)
     yield _timing(sensor.timing)
+    if sensor.ageing is not None:
+        yield from _ageing(sensor.ageing, sensor.unit)
     pair = sensor.left_minus_right
     if pair is not None:
         what = "voltage" if sensor.unit == "V" else "value"
         yield f"  left and right show one {what} at {_pm(pair.balance_deg, pair.u_balance_deg, '°')}"
+
+
+def _ageing(ageing: Ageing, unit: str) -> Iterator[str]:
+    groups = len(ageing.first_cycle)
+    yield f"  over {groups} groups of {ageing.first_cycle[1] - 1} cycles, per 1000 cycles:"
+    for name, one in ageing.receivers.items():
+        change = _pm(1e3 * one.swing_V_per_cycle, 1e3 * one.u_swing_V_per_cycle, f" {unit}")
+        yield f"    {name}: swing {change}; noise {one.noise_V[0]:.2g} to {one.noise_V[-1]:.2g} {unit}"
+    yield f"    null {_pm(1e3 * ageing.balance_deg_per_cycle, 1e3 * ageing.u_balance_deg_per_cycle, '°')}"
 
 
 def _timing(timing: Timing) -> str:

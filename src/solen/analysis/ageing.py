@@ -1,0 +1,144 @@
+"""How a sensor changes over many cycles: its response, its null and its noise, every so many cycles.
+
+The idea: cycles that follow one another are taken together in groups. Each group gives swing, level and null with the
+uncertainty that the scatter of its cycles leaves, and the noise of a reading by second differences, which a motion does
+not touch. What changes from group to group by more than that is ageing, or drift; cycles alone do not tell which.
+
+The interface: `ageing_of` a sensor's ways and readings gives an `Ageing`.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from solen.analysis.figures_of_merit import Estimate, line_fit, over_cycles, swing
+from solen.analysis.receiver_pair import crossing
+from solen.analysis.response import Passes
+from solen.arrays import FloatArray, IntArray
+from solen.errors import DataError
+from solen.results import Result
+
+LEAST_GROUPS = 3
+"""Fewer groups make no trend."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ReceiverAgeing(Result):
+    """One receiver, group by group.
+
+    Attributes
+    ----------
+    swing_V, u_swing_V
+        Value at the upper end of the angles less that at the lower, (groups,).
+    level_V, u_level_V
+        Mean over the angles.
+    noise_V
+        Standard deviation of a reading.
+    swing_V_per_cycle, u_swing_V_per_cycle, level_V_per_cycle, u_level_V_per_cycle
+        Slopes of the first two, by the scatter of the groups about a line.
+    """
+
+    swing_V: FloatArray
+    u_swing_V: FloatArray
+    level_V: FloatArray
+    u_level_V: FloatArray
+    noise_V: FloatArray
+    swing_V_per_cycle: float
+    u_swing_V_per_cycle: float
+    level_V_per_cycle: float
+    u_level_V_per_cycle: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Ageing(Result):
+    """A sensor over its cycles.
+
+    Attributes
+    ----------
+    first_cycle
+        First of each group, among those that are used, from 1, (groups,).
+    receivers
+        Of each receiver, by its name.
+    balance_deg, u_balance_deg
+        Angle nearest to 0 at which left and right show one voltage, (groups,); NaN where the names do not tell them.
+    balance_deg_per_cycle, u_balance_deg_per_cycle
+        Its slope.
+    """
+
+    first_cycle: IntArray
+    receivers: dict[str, ReceiverAgeing]
+    balance_deg: FloatArray
+    u_balance_deg: FloatArray
+    balance_deg_per_cycle: float
+    u_balance_deg_per_cycle: float
+
+
+def ageing_of(
+    ways: Passes,
+    cycles: Sequence[FloatArray],
+    names: Sequence[str],
+    sides: tuple[int, int] | None,
+    every: int,
+) -> Ageing:
+    """Groups of so many cycles that follow one another; what is left over at the end is left out.
+
+    Parameters
+    ----------
+    ways
+        Of all cycles that are used, in their order.
+    cycles
+        Readings of each of these cycles, (n, receivers).
+    names, sides
+        Of the receivers; places of left and right.
+    every
+        Cycles in a group.
+
+    Raises
+    ------
+    DataError
+        Where there are fewer than three groups.
+    """
+    groups = ways.cycles // every
+    if groups < LEAST_GROUPS:
+        limit = f"makes {groups} groups of {ways.cycles} cycles; {LEAST_GROUPS} are needed"
+        raise DataError("--every", value=every, limit=limit, remedy="take fewer cycles for each")
+    volts = np.where(ways.clipped, np.nan, ways.volts).mean(axis=1)
+    middle: FloatArray = np.asarray(every * (np.arange(groups) + 0.5), np.float64)
+    receivers = {}
+    for place, name in enumerate(names):
+        rows = [volts[begin : begin + every, :, place] for begin in range(0, groups * every, every)]
+        swings, levels = ([of(one) for one in rows] for of in (lambda one: swing(ways.angle_deg, one), _level))
+        noise = [
+            _noise([one[:, place] for one in cycles[begin : begin + every]])
+            for begin in range(0, groups * every, every)
+        ]
+        receivers[name] = ReceiverAgeing(
+            *_columns(swings), *_columns(levels), np.array(noise), *_slope(middle, swings), *_slope(middle, levels)
+        )
+    nulls = [Estimate(np.nan, np.nan)] * groups
+    if sides is not None:
+        apart = volts[..., sides[0]] - volts[..., sides[1]]
+        each = np.array([crossing(ways.angle_deg, row) for row in apart])
+        nulls = [over_cycles(each[begin : begin + every]) for begin in range(0, groups * every, every)]
+    first = 1 + every * np.arange(groups)
+    return Ageing(first, receivers, *_columns(nulls), *_slope(middle, nulls))
+
+
+def _level(rows: FloatArray) -> Estimate:
+    held = np.isfinite(rows).all(axis=0)
+    return over_cycles(rows[:, held].mean(axis=1)) if held.any() else Estimate(np.nan, np.nan)
+
+
+def _columns(values: Sequence[Estimate]) -> tuple[FloatArray, FloatArray]:
+    return np.array([one.value for one in values]), np.array([one.u for one in values])
+
+
+def _slope(middle: FloatArray, values: Sequence[Estimate]) -> Estimate:
+    return line_fit(middle, np.array([one.value for one in values]))
+
+
+def _noise(cycles: Sequence[FloatArray]) -> float:
+    """Standard deviation of a reading, by second differences: a smooth motion is not in them."""
+    second = np.concatenate([np.diff(one, n=2) for one in cycles])
+    return float(np.sqrt(np.nanmean(second**2) / 6.0)) if len(second) else float("nan")
