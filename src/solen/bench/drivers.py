@@ -72,6 +72,17 @@ def _grbl(rig: "Rig", clock: Clock) -> Stage:
         return GrblStage(link, clock, unit=table.moves_in, axis=axis)
 
 
+def _marlin(rig: "Rig", clock: Clock) -> Stage:
+    from solen.bench.link import open_link
+    from solen.bench.marlin import MarlinStage
+
+    table = rig.stage
+    link = open_link(str(table.port), baud=table.baud)
+    with on_failure(link.close):
+        axis = table.axis if "axis" in table.model_fields_set else "X"
+        return MarlinStage(link, clock, unit=table.moves_in, axis=axis)
+
+
 def _zaber(rig: "Rig", clock: Clock) -> Stage:
     from solen.bench.link import open_link
     from solen.bench.zaber import ZaberStage
@@ -132,6 +143,7 @@ DRIVERS: registry.Registry[Driver] = registry.Registry(
         "gcs2": Driver("stage", _gcs2, needs="port"),
         "grbl": Driver("stage", _grbl, needs="port"),
         "hand": Driver("stage", _hand),
+        "marlin": Driver("stage", _marlin, needs="port"),
         "board": Driver("stage", _motor),
         "zaber": Driver("stage", _zaber, needs="port"),
         "serial": Driver("board", _serial, needs="port"),

@@ -121,6 +121,13 @@ class Lines:
         line, self._waiting = self._waiting.split(b"\n", 1)
         return line
 
+    def there(self) -> str | None:
+        """A line that has come already; None where none is whole."""
+        self._waiting += self._link.read(4096, 0.0)
+        if b"\n" not in self._waiting:
+            return None
+        return self.next().strip()
+
     def forget(self) -> bytes:
         """Drop what came and was not asked for, and give it."""
         dropped = self._waiting

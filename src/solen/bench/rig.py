@@ -23,7 +23,7 @@ from solen.errors import BenchError
 from solen.files import check_name
 from solen.spec.strict import NotNegative, Number, Positive, Text, refused, told_of
 
-MODELLESS = ("board", "grbl", "hand", "zaber")
+MODELLESS = ("board", "grbl", "hand", "marlin", "zaber")
 """Drivers of stages that have no model: whatever the axis turns or pushes."""
 STEPPED = ("board", "zaber")
 """Drivers of stages whose steps the rig states."""
@@ -49,7 +49,7 @@ class StageOf(BenchTable):
 
     driver: Text = Field(
         "simulated",
-        description="simulated, gcs2 for a controller of PI, grbl for a stepper, zaber, hand for one without a motor, "
+        description="simulated, gcs2 for a controller of PI, grbl or marlin for a stepper, zaber, hand for no motor, "
         "board for the motor of the board, or that of another package.",
     )
     model: Text = Field("M-060.DG", description=f"Name of the stage: {', '.join(STAGES)}.")
