@@ -49,8 +49,14 @@ def drawn(
     *,
     step_nm: float = 1.0,
     even: bool = True,
+    resonance: float = 0.0,
+    pole_nm: float = 0.0,
 ) -> Film:
-    """A film of some dispersion and absorption, 450 to 900 nm, through a triangular slit."""
+    """A film of some dispersion and absorption, 450 to 900 nm, through a triangular slit.
+
+    A ``resonance`` moves n about 650 nm by up to so much, up below and down above, as no Cauchy formula does. With a
+    ``pole_nm`` n is one pole of Sellmeier's formula instead.
+    """
     low, high = 450.0, 900.0
     a, b, c = rng.uniform(1.44, 1.56), rng.uniform(0.003, 0.008), rng.uniform(0.0, 5e-4)
     dark = 10.0 ** rng.uniform(-6.5, -4.3)
@@ -59,6 +65,10 @@ def drawn(
     grid = low + fine * np.arange(-margin, round((high - low) / fine) + margin + 1)
     um = grid / 1e3
     n, k = a + b / um**2 + c / um**4, dark * (1.0 + 2.0 * np.exp(-(grid - low) / 60.0))
+    if pole_nm:
+        n = np.sqrt(1.0 + (a**2 - 1.0) / (1.0 - (pole_nm / grid) ** 2))
+    x = (grid - 650.0) / 60.0
+    n = n - 2.0 * resonance * x / (1.0 + x**2)
     share = (np.arange(_DRAWS) + 0.5) / _DRAWS
     around = np.sqrt(3.0) * (2.0 * share - 1.0) if even else ndtri(share)
     sums = np.zeros((2, grid.size))

@@ -6,6 +6,9 @@ reading by the stated accuracy. Fringes then give n times thickness to a part in
 the micrometer helps to tell them apart, and the covariance holds what the data leave open. k is a line through knots,
 each at least 0. Scatter is judged by the residuals themselves.
 
+n is Cauchy's with three terms, or one pole of Sellmeier's, or free (`solen.material.index.course`): that only where the
+fringes are many, and where three terms leave more than noise.
+
 Fringes have many nearly equal solutions, an order apart. Those beside the best are tried; what a second one would say
 is in the covariance by its weight.
 
@@ -17,10 +20,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from solen.arrays import BoolArray, FloatArray
 from solen.errors import DataError
 from solen.material.index.coherence import Blur, layer, stacked
+from solen.material.index.course import LEAST_FRINGES, Course, Kind, free_knots
 from solen.material.index.fringes import Phase
 from solen.material.index.reading import Length, Reading
 from solen.material.index.stack import Setup, incoherent
@@ -32,11 +37,16 @@ U_THICKNESS = 0.1
 """Standard uncertainty of a thickness whose own is not stated, relative."""
 _MOST_SPREAD, _MOST_SLIT_NM = 0.1, 20.0
 _BEND = 0.01  # standard deviation of what the third term adds to n over half of the range, before anything is known
+_ADDED = 0.01  # the same of each curve of a free index
+_EVIDENCE = 10.0  # by which ln(probability) must be greater for a free index
 _OTHER = 0.02  # standard uncertainty of the contrast, relative, beside slit and thickness
 _KNOTS = 6
 _STEP = 1e-30
 _STATED_U = 1e-3  # weight of readings before their scatter is known
 _ORDERS, _MOST_ORDERS = (-1.0, 1.0), 4  # orders beside a solution that are tried, and how often
+_BEYOND = 1.5  # ratio of variances from which on more is left than scatter
+_CLEAN = 1.5  # widening by neighbours that err together, up to which a free index is taken for the film's
+_FREE_ORDERS = tuple(np.arange(-3.0, 3.1, 0.5))  # orders that are tried once the index is free
 _BLURRED = np.array([0.0, 0.5, 1.0, 2.0])  # standard deviations of the phase that are tried
 _TURNED = np.arange(0.0, 9.0, 0.7)  # half ranges of it
 _APART = 12.0  # of χ², from which on another solution has no weight
@@ -97,6 +107,8 @@ class Film:
         Root mean square of the fringes in it, by reading.
     fitted
         Fitted spectra, by reading.
+    course
+        What n was fitted as.
     """
 
     n: FloatArray
@@ -113,12 +125,15 @@ class Film:
     residual: dict[str, float]
     amplitude: dict[str, float]
     fitted: dict[str, FloatArray]
+    course: Kind
 
 
 class _Model:
     """Parameters of a layer and what they predict; names are places in the vector of parameters."""
 
-    def __init__(self, measured: Measured, level: float, optical_um: float, *, coherent: bool = True) -> None:
+    def __init__(
+        self, measured: Measured, level: float, optical_um: float, kind: Kind = "cauchy", *, coherent: bool = True
+    ) -> None:
         nm = measured.wavelength_nm
         self.measured, self.level, self.optical_um = measured, level, optical_um
         self.coherent = coherent
@@ -127,13 +142,17 @@ class _Model:
         self.middle = (ends[0] + ends[1]) / 2.0
         self.half = max((ends[1] - ends[0]) / 2.0, 1e-12)
         self.u = (x - self.middle) / self.half
-        self.u_per_nm = -2.0 * self.um**-3 / self.half / NM_PER_UM
+        u_per_nm = -2.0 * self.um**-3 / self.half / NM_PER_UM
+        self.fringes = 2.0 * optical_um * (1.0 / self.um[0] - 1.0 / self.um[-1])
+        self.course = Course.of(kind, self.u, u_per_nm, free_knots(self.fringes))
         self.hats = _hats(nm, min(_KNOTS, max(2, nm.size // 8)))
         self.k_unit = 1e-4
         names = ["n", "rise", "bend", "ln_optical", "slit", "rough", "wedge", "other"]
         if measured.setup is not None:
             names += ["sheet", "sheet_rise", "sheet_bend"] if measured.bare else ["sheet"]
         names += [f"off_{kind}" for kind in measured.readings]
+        self.added = slice(len(names), len(names) + self.course.curves)
+        names += [f"added_{number}" for number in range(self.course.curves)]
         self.names = {name: place for place, name in enumerate(names)}
         self.first_k = len(names)
         self.last_k = len(names) + self.hats.shape[1]
@@ -188,8 +207,7 @@ class _Model:
     def index(self, p: Any) -> tuple[Any, Any]:
         """Index and its derivative by the wavelength."""
         n, rise, bend = (p[self.names[name]] for name in ("n", "rise", "bend"))
-        u = self.u
-        return n + rise * u + bend * u**2, (rise + 2.0 * bend * u) * self.u_per_nm
+        return self.course.index(n, rise, bend, p[self.added])
 
     def thickness(self, p: Any) -> Any:
         """Thickness in µm."""
@@ -238,7 +256,8 @@ class _Model:
     def prior(self, p: Any) -> Any:
         """What is known before, in standard uncertainties."""
         at = {name: p[place] for name, place in self.names.items()}
-        rows = [at["bend"] / _BEND, at["rough"] / _MOST_SPREAD, at["wedge"] / _MOST_SPREAD]
+        bend = 1e-6 if self.course.kind == "sellmeier" else _BEND
+        rows = [at["bend"] / bend, *(p[self.added] / _ADDED), at["rough"] / _MOST_SPREAD, at["wedge"] / _MOST_SPREAD]
         rows.append(at["other"] / _OTHER)
         if (thickness := self.measured.thickness) is not None:
             u = U_THICKNESS * thickness.um if thickness.u_um is None else max(thickness.u_um, 1e-4 * thickness.um)
@@ -314,6 +333,52 @@ class _Model:
         moved[names["ln_optical"]] = np.log(paths[0] / self.optical_um)
         return moved
 
+    def freed(self, p: FloatArray) -> "tuple[_Model, FloatArray]":
+        """The same with a free index, and where its search begins."""
+        model = _Model(self.measured, self.level, self.optical_um, "free", coherent=self.coherent)
+        moved = np.insert(p, self.added.start, np.zeros(model.course.curves))
+        model.scatter = {kind: values.copy() for kind, values in self.scatter.items()}
+        return model, moved
+
+    def phased(self, p: FloatArray) -> FloatArray:
+        """The same with the phases that the fringes have along the spectrum, followed from their strongest part."""
+        n, h = self.index(p)[0], self.thickness(p)
+        width = max(5, round(2.0 * self.um.size / self.fringes))
+        carrier = np.exp(-4j * np.pi * n * h / self.um)
+        spectra = self.spectra(p)
+
+        def wave(values: dict[str, Any]) -> Any:
+            both = sum(values[kind] * (1.0 if kind == "T" else -1.0) for kind in self.measured.readings)
+            product = (both - uniform_filter1d(both, width)) * carrier
+            return uniform_filter1d(product.real, width) + 1j * uniform_filter1d(product.imag, width)
+
+        read = wave({kind: one.value for kind, one in self.measured.readings.items()})
+        turn = np.unwrap(np.angle(read * np.conj(wave(spectra))))
+        weight = np.abs(read)[:, None]
+        turn -= 2.0 * np.pi * np.round(turn[np.argmax(weight)] / (2.0 * np.pi))
+        u = self.u
+        terms = np.column_stack([np.ones_like(u), u, u**2, self.course.waves])
+        found = np.linalg.lstsq(weight * terms, weight[:, 0] * turn * self.um / (4.0 * np.pi * h), rcond=None)[0]
+        moved = p.copy()
+        moved[self.names["ln_optical"]] += found[0] / p[self.names["n"]]
+        moved[[self.names["rise"], self.names["bend"]]] += found[1:3]
+        moved[self.added] += found[3:]
+        return moved
+
+    def misses(self, p: FloatArray) -> bool:
+        """Whether more is left than the repeats scatter by, or neighbours err together."""
+        spectra = self.spectra(p)
+        left = [float(np.mean((one.value - spectra[kind]) ** 2)) for kind, one in self.blocks.items()]
+        known = [float(np.mean(one.u_random**2)) for one in self.blocks.values()]
+        beyond = any(0.0 < scatter < off / _BEYOND for off, scatter in zip(left, known, strict=True))
+        return beyond or _likeness(self, p) > 1.0
+
+    def likelihood(self, p: FloatArray) -> float:
+        """Logarithm of the probability of the readings, but for a constant, their scatter being unknown."""
+        spectra = self.spectra(p)
+        off = [reading.value - spectra[kind] for kind, reading in self.blocks.items()]
+        return -0.5 * float(sum(one.size * np.log(np.mean(one**2)) for one in off))
+
     def weigh(self, p: FloatArray) -> None:
         """Take the scatter of the residuals for that of the readings, where repeats do not say more."""
         spectra = self.spectra(p)
@@ -333,7 +398,7 @@ def _hats(nm: FloatArray, count: int) -> FloatArray:
     return np.stack([np.interp(nm, knots, row) for row in np.eye(count)], axis=1)
 
 
-def fit_film(measured: Measured, level: float, phases: Sequence[Phase]) -> Film:
+def fit_film(measured: Measured, level: float, phases: Sequence[Phase], kind: Kind | None = None) -> Film:
     """Layer whose fringes and levels are those that were read.
 
     Parameters
@@ -342,27 +407,59 @@ def fit_film(measured: Measured, level: float, phases: Sequence[Phase]) -> Film:
         Index to start from.
     phases
         What the fringes may be, the best first.
+    kind
+        Form of n; None for Cauchy's, and a free one where that explains much more.
 
     Raises
     ------
     DataError
-        Where the spectra do not determine a film.
+        Where the spectra do not determine a film, or a free index is asked for and the fringes are too few.
     """
     begun = []
     for phase in phases:
-        model = _Model(measured, level, phase.optical_um)
+        model = _Model(measured, level, phase.optical_um, "sellmeier" if kind == "sellmeier" else "cauchy")
         begun.append((model, *model.solve(model.start(phase), 6)))
     model, p, _ = min(begun, key=lambda one: one[2])
     p = _best_order(model, p)
     for _ in range(2):
         p, cost = model.solve(p)
         model.weigh(p)
+    if kind in {None, "free"}:
+        model, p = _freed(model, p, asked=kind == "free")
     solutions = [model.solve(p), *(model.solve(model.ordered(p, by), 12) for by in (-1.0, -0.5, 0.5, 1.0))]
     p, cost = min(solutions, key=lambda one: one[1])
     place = model.names["ln_optical"]
     order = 0.5 / np.sqrt(model.middle) / model.optical_um
     rivals = [one for one in solutions if one[1] < cost + _APART and abs(one[0][place] - p[place]) > order / 4.0]
     return _film(model, p, cost, rivals)
+
+
+def _freed(model: _Model, p: FloatArray, *, asked: bool) -> tuple[_Model, FloatArray]:
+    """A free index where it is asked for, or where three terms leave much more than it does; else the same."""
+    if not free_knots(model.fringes):
+        if not asked:
+            return model, p
+        remedy = "take cauchy or sellmeier; a thicker layer or a wider range has more"
+        limit = f"has {model.fringes:.0f} fringes; {LEAST_FRINGES} determine a free index"
+        raise DataError("film", limit=limit, remedy=remedy)
+    if not asked and not model.misses(p):
+        return model, p
+    free, moved = model.freed(p)
+    for _ in range(3):
+        moved = free.phased(moved)
+    tried = [free.solve(free.ordered(moved, by), 15) for by in _FREE_ORDERS]
+    moved = _best_order(free, min(tried, key=lambda one: one[1])[0])
+    for _ in range(2):
+        moved, _ = free.solve(moved)
+        free.weigh(moved)
+    clean = _likeness(free, moved) < _CLEAN
+    if asked and not clean:
+        limit = "leaves what noise does not explain with a free index, too"
+        raise DataError("film", limit=limit, remedy="leave the choice out: n is then from the levels, and less certain")
+    gain = (free.likelihood(moved) - model.likelihood(p)) / _likeness(free, moved)
+    points = model.um.size * len(model.blocks)
+    better = gain - 0.5 * free.course.curves * float(np.log(points)) > _EVIDENCE  # Schwarz's criterion
+    return (free, moved) if asked or (better and clean) else (model, p)
 
 
 def fit_levels(measured: Measured, level: float) -> Film:
@@ -433,6 +530,7 @@ def _film(model: _Model, p: FloatArray, cost: float, rivals: Sequence[tuple[Floa
         },
         amplitude={kind: float(np.std(spectra[kind] - clear[kind])) for kind in spectra},
         fitted=spectra,
+        course=model.course.kind,
     )
 
 

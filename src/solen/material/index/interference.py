@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from solen.arrays import FloatArray
 from solen.errors import DataError
+from solen.material.index.course import Kind
 from solen.material.index.film import Film, Measured, fit_film, fit_levels
 from solen.material.index.fringes import Phase, find_fringes
 from solen.material.index.inversion import invert
@@ -54,6 +55,8 @@ class Interference(Result):
         Whether no film explains the fringes, so that n is from the levels of the spectra.
     residual
         Root mean square of measured minus fitted, by reading.
+    dispersion
+        Form of n in the fit: cauchy (three terms), sellmeier (one pole), free (a smooth curve with knots).
     """
 
     thickness_um: float
@@ -65,6 +68,7 @@ class Interference(Result):
     visibility: float
     by_levels: bool
     residual: Mapping[str, float]
+    dispersion: str
     fitted: Mapping[str, FloatArray] = field(metadata=HIDDEN)
 
 
@@ -94,6 +98,7 @@ def fringed(
     slit_nm: float | None,
     setup: Setup | None = None,
     bare: Mapping[str, Reading] | None = None,
+    kind: Kind | None = None,
 ) -> tuple[IndexSpectrum, Interference | None]:
     """Index and extinction of a layer whose fringes were found, or that is fitted together with its bare sheet.
 
@@ -110,7 +115,7 @@ def fringed(
     level = _level(readings) if setup is None else _USUAL
     if not phases:
         return _spectrum(measured, fit_levels(measured, level), by_levels=False, mode=JOINT), None
-    film = fit_film(measured, level, phases)
+    film = fit_film(measured, level, phases, kind)
     left = {kind: one.value - film.fitted[kind] for kind, one in readings.items()}
     by_levels = bool(fringes_of(wavelength_nm, left, thickness))
     if by_levels:
@@ -139,6 +144,7 @@ def _facts(film: Film, *, by_levels: bool) -> Interference:
         visibility=film.visibility,
         by_levels=by_levels,
         residual=film.residual,
+        dispersion=film.course,
         fitted=film.fitted,
     )
 
@@ -163,7 +169,7 @@ def _spectrum(measured: Measured, film: Film, *, by_levels: bool, mode: str = MO
         reflectance=values.get("R", nothing_known),
         transmittance=values.get("T", nothing_known),
         thickness=Length(film.thickness_um, film.u_thickness_um),
-        warnings=(*_remarks(measured, mode, by_levels=by_levels), *counted("k", no_k)),
+        warnings=(*_remarks(measured, mode, film.course, by_levels=by_levels), *counted("k", no_k)),
     )
 
 
@@ -172,7 +178,7 @@ def _common(parts: FloatArray) -> Combined:
     return Combined(np.zeros(size), parts, np.full(size, np.inf))
 
 
-def _remarks(measured: Measured, mode: str, *, by_levels: bool) -> list[str]:
+def _remarks(measured: Measured, mode: str, dispersion: str, *, by_levels: bool) -> list[str]:
     """What was chosen, and what is missing."""
     found = ["fringes were detected: the index is that of a layer whose faces interfere, with its coherence fitted"]
     if by_levels:
@@ -180,6 +186,8 @@ def _remarks(measured: Measured, mode: str, *, by_levels: bool) -> list[str]:
             "fringes were detected that no film of one slit and one spread of its thickness has: n is from the levels "
             "of the spectra, with the fringes as scatter in its uncertainty; measure a flatter spot"
         ]
+    elif dispersion == "free":
+        found.append("three terms of Cauchy leave more than noise: n is a smooth curve with knots some fringes apart")
     if mode == JOINT:
         found = ["layer and bare sheet are fitted together, k at least 0 in each, with one error of the photometer"]
     elif measured.slit_nm is None:

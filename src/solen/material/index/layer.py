@@ -224,15 +224,22 @@ def _interfering(
     DataError, SpecError
         Where fringes are asked for and not there, or are there and another route is asked for.
     """
-    if options.mode in {"as-published", "absorptance"} or not {"T", "R"} & spectra.rows.keys():
+    added = options.mode in {"as-published", "absorptance"}
+    if added and options.dispersion is not None:
+        raise SpecError("--dispersion", limit=f"has no effect with --mode {options.mode}", remedy="leave it out")
+    if added or not {"T", "R"} & spectra.rows.keys():
         return None, None
     thickness = None if options.thickness_um is None else options.thickness
     kinds = [kind for kind in ("T", "R") if kind in spectra.rows and not (kind == "R" and options.mode == "lossless")]
     nm, readings = spectra.wavelength_nm, {kind: _reading(spectra, options, kind) for kind in kinds}
     phases = fringes_of(nm, {kind: one.value for kind, one in readings.items()}, thickness)
+    if options.dispersion is not None and not phases:
+        raise SpecError(
+            "--dispersion", value=options.dispersion, limit="no fringes are detected", remedy="leave it out"
+        )
     if options.bare_transmittance:
         bare, setup = _bare(recording, spectra, options)
-        return fringed(nm, readings, phases, options.thickness, bandwidth_nm, setup, bare)
+        return fringed(nm, readings, phases, options.thickness, bandwidth_nm, setup, bare, options.dispersion)
     if not phases:
         if options.mode == MODE:
             raise SpecError("--mode fringes", limit="no fringes are detected", remedy="leave --mode out")
@@ -243,7 +250,7 @@ def _interfering(
         raise DataError(
             f"--mode {options.mode}", limit=limit, remedy="leave --mode out: the route for fringes is taken"
         )
-    return fringed(nm, readings, phases, thickness, bandwidth_nm, options.setup(nm))
+    return fringed(nm, readings, phases, thickness, bandwidth_nm, options.setup(nm), kind=options.dispersion)
 
 
 def _bare(recording: Recording, spectra: OpticalSpectra, options: IndexOptions) -> tuple[dict[str, Reading], Setup]:

@@ -90,6 +90,8 @@ class IndexOptions(RowOptions):
     """Formula fitted to n, weighted, with its covariance; default: cauchy."""
     terms: int | None = None
     """Number of its terms; default: by Akaike's criterion."""
+    dispersion: Literal["cauchy", "sellmeier", "free"] | None = None
+    """How n runs while fringes are fitted; default: cauchy, and free where that explains much more."""
     polymer: tuple[Polymer, ...] = ()
     """A class of polymers of the literature that n is compared with; repeatable; default: acrylate and photoresin."""
     literature: Literal["table", "package", "none"] = "table"
