@@ -46,7 +46,7 @@ _STATED_U = 1e-3  # weight of readings before their scatter is known
 _ORDERS, _MOST_ORDERS = (-1.0, 1.0), 4  # orders beside a solution that are tried, and how often
 _BEYOND = 1.5  # ratio of variances from which on more is left than scatter
 _CLEAN = 1.5  # widening by neighbours that err together, up to which a free index is taken for the film's
-_FREE_ORDERS = tuple(np.arange(-3.0, 3.1, 0.5))  # orders that are tried once the index is free
+_FREE_ORDERS = tuple(np.arange(-3.0, 3.1))  # orders that are tried once the index is free
 _BLURRED = np.array([0.0, 0.5, 1.0, 2.0])  # standard deviations of the phase that are tried
 _TURNED = np.arange(0.0, 9.0, 0.7)  # half ranges of it
 _APART = 12.0  # of χ², from which on another solution has no weight
@@ -366,12 +366,13 @@ class _Model:
         return moved
 
     def misses(self, p: FloatArray) -> bool:
-        """Whether more is left than the repeats scatter by, or neighbours err together."""
+        """Whether more is left than the repeats scatter by; without repeats, whether neighbours err together."""
         spectra = self.spectra(p)
         left = [float(np.mean((one.value - spectra[kind]) ** 2)) for kind, one in self.blocks.items()]
         known = [float(np.mean(one.u_random**2)) for one in self.blocks.values()]
-        beyond = any(0.0 < scatter < off / _BEYOND for off, scatter in zip(left, known, strict=True))
-        return beyond or _likeness(self, p) > 1.0
+        if any(known):
+            return any(0.0 < scatter < off / _BEYOND for off, scatter in zip(left, known, strict=True))
+        return _likeness(self, p) > 1.0
 
     def likelihood(self, p: FloatArray) -> float:
         """Logarithm of the probability of the readings, but for a constant, their scatter being unknown."""
