@@ -268,7 +268,7 @@ def test_a_column_is_read_under_another_name(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("pair", "words"),
     [
-        ("way", "way=|equals|name and value"),
+        ("way", "stroke=displacement"),
         ("wy=force", "no such column"),
         ("way=force_N", "states mm"),
         ("way=clock", "clock already"),
