@@ -46,7 +46,7 @@ def working_curve(file: FilePath, *, sheet: str | None = None, **options: Any) -
     from solen.material.cure import CureOptions
     from solen.pipeline.resin.cure import cure
 
-    return cure(Path(file), CureOptions(**options), sheet=sheet).result
+    return cure([Path(file)], CureOptions(**options), sheet=sheet).result
 
 
 def measure_lens(
