@@ -15,6 +15,7 @@ import pytest
 
 from solen.arrays import FloatArray
 from solen.material.cure.penetration import Attenuation, attenuation
+from solen.material.cure.spectral import lamp_lines, left
 from solen.material.index.illuminant import Illuminant, led, measured_light
 from solen.recording import read, spectra
 
@@ -88,3 +89,20 @@ def test_the_printer_s_light_is_no_exponential(resin: tuple[FloatArray, FloatArr
     assert all(after > 1.3 * before for before, after in pairwise(local))
     single = at(resin, asiga.mean_nm).local_um()
     assert found.local_um() < single  # what absorbs most counts most at the surface
+
+
+def test_a_measured_lamp_has_a_dp_that_grows_with_depth_and_few_lines_keep_it(
+    resin: tuple[FloatArray, FloatArray], asiga: Illuminant
+) -> None:
+    """By sums over the measured spectra that use nothing of solen's."""
+    taken = np.interp(asiga.wavelength_nm, *resin) * math.log(10.0) / PATH_UM
+    weight = asiga.share / asiga.share.sum()
+    surface = 1.0 / float(weight @ taken)
+    lit = weight * np.exp(-300.0 * taken)
+    deep = float(lit.sum() / (lit @ taken))
+    assert (surface, deep) == pytest.approx((158.6, 494.6), abs=0.5)
+    found = attenuation(PATH_UM, *resin, asiga)
+    assert (found.local_um(), found.local_um(300.0)) == pytest.approx((surface, deep), rel=1e-9)
+    for um in (50.0, 100.0, 200.0, 300.0, 500.0):
+        wanted = float(weight @ np.exp(-um * taken))
+        assert float(left(lamp_lines(found), um / surface)) == pytest.approx(wanted, rel=1e-3)
