@@ -173,3 +173,21 @@ def test_the_command_writes_a_process_that_layers_take(
     assert len(process.process.grey) == 9
     assert process.uncertainty["grey_power"] == pytest.approx(said["u_power"])
     assert "grey_power" not in process.assumptions
+
+
+def test_greys_under_a_lamp_are_read_by_its_lines(tmp_path: Path) -> None:
+    """Each disc is as thick as where the sum over the lines reaches the critical dose, found by a root here."""
+    lines = ((0.5, 1.6), (0.5, 0.4))
+    process = known().with_settings(lamp=lines)
+    s = process.process
+    greys, light = np.array([0.4, 0.6, 0.8, 1.0]), np.array([0.25, 0.5, 0.75, 1.0])
+
+    def excess(um: float, dose: float) -> float:
+        return dose * sum(w * float(np.exp(-um * r / s.Dp_um)) for w, r in lines) - s.Ec_mJ_per_cm2
+
+    um = [brentq(excess, 0.0, 5000.0, args=(40.0 * s.Ec_mJ_per_cm2 * share,)) for share in light]
+    path = tmp_path / "lamp.csv"
+    rows = [f"{grey},{thick}" for grey, thick in zip(greys, um, strict=True) for _ in range(2)]
+    path.write_text("\n".join(["grey,thickness_um", *rows]) + "\n", encoding="utf-8")
+    found = measured_greys(read(path), process, GreyOptions(u_thickness_um=1.0))
+    assert np.allclose(found.light, light, rtol=1e-4)

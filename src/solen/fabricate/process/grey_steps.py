@@ -28,6 +28,7 @@ from solen.spec.strict import Finite
 GREYS = ("grey", "gray", "grey value", "gray value")
 U_THICKNESSES = tuple(f"u_{name}" for name in THICKNESSES)
 DISCS = ("disc", "disk", "sample", "specimen", "id", *REPEATS)
+_STEP_UM = 1e-3
 FEWEST = 4
 """Greys, the full one among them, that a curve is drawn through."""
 DARK = 0.5
@@ -111,9 +112,11 @@ def measured_greys(recording: Recording, process: Process, options: GreyOptions 
     mean, u_mean = np.bincount(which, depth[set_at] / u_disc**2) / weight, weight**-0.5
     Dp, u_Dp = process.process.Dp_um, process.uncertainty.get("Dp_um", 0.0)
     ascending = _ascending(greys, mean, u_mean)
-    log_light = np.minimum((ascending - ascending[-1]) / Dp, 0.0)
+    log_left = np.log(process.process.left(ascending))  # E(grey) times what is left at its depth is Ec for all
+    log_light = np.minimum(log_left[-1] - log_left, 0.0)
+    per_um = (log_left - np.log(process.process.left(ascending + _STEP_UM))) / _STEP_UM
     light = np.exp(log_light)
-    u_log = np.hypot(u_mean, u_mean[-1])[:-1] / Dp
+    u_log = np.hypot(u_mean * per_um, u_mean[-1] * per_um[-1])[:-1]
     u_light = np.append(light[:-1] * u_log, 0.0)
     if not log_light[0] < 0.0:
         raise DataError("thickness", limit="all discs are as thick as those of the full grey: was one picture shown?")
