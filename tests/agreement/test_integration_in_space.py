@@ -17,9 +17,10 @@ from solen.spec import loads, template, value_at, with_values
 from solen.trace import Limits, Trace, derivative, integrate, trace
 from solen.trace.adaptive import Lights, why_not
 from solen.trace.cone import DOUBLE
-from solen.trace.kernel.paths import path_room
+from solen.trace.kernel.paths import add_ray, at_angles, integrate_path, path_room
 from solen.trace.kernel.prism import NO_DRAW, trace_prism
 from solen.trace.kernel.space import Vector
+from solen.trace.space import LightInSpace
 
 CHIP = {
     "trace.dimension": "extruded",
@@ -247,6 +248,46 @@ def test_a_cell_in_which_both_rules_agree_by_chance() -> None:
     assert found.detectors["end"].power == pytest.approx(0.71617, abs=2.0 * found.u_power)
 
 
+def test_a_feature_at_the_border_of_a_cell() -> None:
+    """Where the flat face's light changes its arm, beside a border between cells: 8 u were lost there."""
+    flat = sensor(lens__shape="none")
+    rough, close = (flat.integrate(0.25, tolerance=tolerance) for tolerance in (1e-4, 1e-5))
+    agrees(rough, close)
+
+
+def test_parts_of_one_path_that_end_apart() -> None:
+    """Light of one path may leave above a gap or stay, by its height: the part that waits is looked at too."""
+    gap = sensor(receivers__coupling="air-gap", receivers__gap_mm=0.5, emitter__width_mm=0.3, emitter__height_mm=0.3)
+    light = Lights.of(gap.scene(1.7), "power", Limits(1e-6)).each[0]
+    assert isinstance(light, LightInSpace)
+    family = light.families[0]._replace(rules=light.families[0].rules._replace(min_weight=0.5, max_hits=4))
+    room, total = path_room(light.columns), np.empty(light.columns)
+    for rise, angle in ((0.05, 0.2), (0.6, 0.1), (0.8, 0.3)):
+        path = at_angles(family, angle, 0.0, rise, family.low, family.high)
+        room.counts[:] = 0
+        integrate_path(DOUBLE, light.tables, path, room, light.ends, 64, 1e-4, 1e-5, 1e-3, total)
+        assert room.counts[0] < 2000, "no jump is halved without end"
+        brute = np.zeros(light.columns)
+        for u in np.linspace(family.low, family.high, 4001)[:-1] + (family.high - family.low) / 8000:
+            room.counts[3] = 0
+            add_ray(DOUBLE, light.tables, path, room, 0, u)
+            brute += room.value[0] / 4000
+        assert total / (family.high - family.low) == pytest.approx(brute, abs=1e-3)
+
+
+def test_a_jump_on_which_two_rules_agree() -> None:
+    """The whole focus of a point changes its arm at one angle out of the plane: that is a jump."""
+    point = sensor(
+        emitter__width_mm=0.0, emitter__height_mm=0.2, emitter__cone_deg=60.0, emitter__distance_mm=1.3724548543384098,
+        emitter__offset_mm=0.03957445733338537, material__index=1.5168110610361751, lens__focus_mm=27.464176665316607,
+        body__stem_length_mm=16.51118078773456, body__arm_width_mm=2.7325136520062268,
+        body__thickness_mm=4.960004042937881,
+    )  # fmt: skip
+    for angle_deg in (-1.7, -1.6725, -1.65):
+        rough, close = (point.integrate(angle_deg, tolerance=tolerance) for tolerance in (1e-4, 1e-6))
+        agrees(rough, close)
+
+
 def test_a_part_of_the_heights_that_waits_for_a_reflection_by_rounding() -> None:
     """This integration never ended: a part of the heights was divided at its own end, again and again."""
     one = sensor(
@@ -260,8 +301,10 @@ def test_a_part_of_the_heights_that_waits_for_a_reflection_by_rounding() -> None
     assert one.integrate(-3.08, tolerance=3e-4).reached
 
 
-@pytest.mark.parametrize("hits", [1, 3, 12])
-@pytest.mark.parametrize("height_mm", [None, (0.4, 1.2), (-0.5, 0.5)])
+@pytest.mark.parametrize(
+    ("hits", "height_mm"),
+    [(1, None), (2, None), (1, (0.4, 1.2)), (3, (0.4, 1.2)), (12, (0.4, 1.2)), (3, (-0.5, 0.5)), (12, (-0.5, 0.5))],
+)
 def test_the_tail_takes_up_all_that_is_left(hits: int, height_mm: tuple[float, float] | None) -> None:
     """Ray by ray, what is sampled beyond the rules adds up to what was left there, and to all of the light with it."""
     scene = bar(chip(cone_deg=60.0, height_mm=1.5), height_mm=height_mm)

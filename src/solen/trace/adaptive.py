@@ -29,7 +29,7 @@ from solen.trace.kernel.step import Rules
 from solen.trace.kernel.surface import SPLITTING
 from solen.trace.kernel.tree import Family
 from solen.trace.result import Detected, Ledger, Limits, Mode, Trace, check_mode
-from solen.trace.space import LAST_LEVELS, LightInSpace, why_not_in_space
+from solen.trace.space import LightInSpace, why_not_in_space
 from solen.trace.tables import Tables, compile_scene
 from solen.trace.tail import Tail
 
@@ -44,6 +44,7 @@ EXACT_SHARE, NEGLIGIBLE = 0.7, 0.02
 """Shares of the tolerance: for the exact part beside a sampled tail; of light that is not worth sampling."""
 FEWEST_LEGS, LEGS_TOLERANCE, GREATEST_LEGS = 1_000_000, 1e-4, 20_000_000
 """Straight stretches of light at least, for a tolerance, and at most: their number grows as its root falls."""
+LAST_LEVELS = ((0.5, 3), (0.5, 1))
 FINE_LEVELS = ((1e-2, 24), *LAST_LEVELS)
 """Least weights and most hits: over one coordinate many branches can be followed; over several, what a trapped ray
 gives is chaos, and samples serve better."""

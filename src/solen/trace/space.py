@@ -4,8 +4,9 @@ Upright walls conserve the component of a ray along y, so a ray is a ray of the 
 heights at which it may start are an interval carried along (`solen.trace.kernel.prism`): that integral is exact. The
 integral over the place across the chip is taken along a path, edge by edge (`solen.trace.kernel.paths`): through a lens
 light changes its receiver with its place on the chip, all but independently of its angle. What remains is a function of
-two angles that has kinks but no jumps: it is integrated over cells, each a product of two Gauss–Kronrod rules, the cell
-of the largest error halved along its worse angle. A point has no places; its path runs over the angle in projection.
+two angles that has kinks and hardly a jump: it is integrated over cells, each a product of two Lobatto–Kronrod rules,
+the cell of the largest error halved along its worse angle. A point has no places; its path runs over the angle in
+projection.
 
 With dΩ = dφ d(sin ψ) for the angle φ in projection and ψ out of the plane, all directions count alike but for the
 pattern. The difference of the two rules is many times the error; by how much is learned from what halving cells
@@ -26,8 +27,8 @@ from solen.errors import DesignError
 from solen.scene import Scene
 from solen.scene.sources import Ambient, Emitter
 from solen.scene.sources.pattern import CosinePower, Isotropic, PatternTable
-from solen.trace.cone import COARSE, COARSE_TOLERANCE, DOUBLE, RULE, Integral, weighted_sum
-from solen.trace.kernel import adapt, paths
+from solen.trace.cone import COARSE_TOLERANCE, DOUBLE, Integral, weighted_sum
+from solen.trace.kernel import paths
 from solen.trace.kernel.prism import MORE_COLUMNS, FamilyInSpace
 from solen.trace.kernel.step import Rules
 from solen.trace.tables import Tables
@@ -37,8 +38,9 @@ FIRST_CELLS, FIRST_LINES = 4, 6
 """Cells along the angle in projection to begin with; of a point, stretches of the angle out of the plane."""
 LEARNED, PRIOR_RATIO = 4.0, 0.35
 """Weight and value of what is assumed of error over difference before any cell was halved."""
-LAST_LEVELS = ((0.5, 3), (0.5, 1))
-"""Least weight and most hits of what is followed exactly where following all of it does not do; then all is sampled."""
+FIRST_FACE = (0.5, 1)
+"""Least weight and most hits of what is followed exactly where following all of it does not do: light that is trapped
+comes through strips too narrow to be seen."""
 TRAPPED = 0.3
 """Share of the legs that the first cells may take: with more, light is trapped and halving cells does not help."""
 SPARE, FUTILE = 0.8, 0.1
@@ -53,9 +55,9 @@ DIFFERENCE_CLOSENESS, DIFFERENCE_SHARE, DIFFERENCE_FLOOR = 0.01, 3e-4, 1e-6
 change of a power over the step."""
 FLATNESS = 1e-3
 """Second difference of the powers along a chip's width that Simpson's rule is trusted with, times six."""
-NARROW, SOFT = 1e-3, 0.51
-"""Shares of a chip's width at which an edge is left, and up to which a stretch of one tree stays whole."""
-NARROW_RAD, SOFT_RAD = 1e-5, 0.01
+NARROW, SOFT = 1e-3, 0.1
+"""Shares of a chip's width at which an edge is left, and up to which nothing is looked for between two equal rays."""
+NARROW_RAD, SOFT_RAD = 1e-5, 0.001
 """The same for the angle of a point in radians, for a tolerance of 1e-4."""
 
 
@@ -71,8 +73,8 @@ def why_not_in_space(scene: Scene) -> str:
 class Cell(NamedTuple):
     """A part of the domain with its integral.
 
-    ``apart`` are differences of two rules along each coordinate and ``errors`` the largest of each, ``inner`` is the
-    error of the paths.
+    ``apart`` are differences of two rules along each coordinate and ``errors`` what each of them may be off by,
+    ``inner`` is the error of the paths.
     """
 
     bounds: tuple[float, ...]
@@ -95,6 +97,47 @@ class Cell(NamedTuple):
 
 
 Over = Callable[[tuple[float, ...]], Cell]
+
+
+class Rule(NamedTuple):
+    """Nodes in [−1, 1] (N,) and weights of three rules on them, from the best to the roughest."""
+
+    nodes: FloatArray
+    fine: FloatArray
+    coarse: FloatArray
+    rough: FloatArray
+
+    @classmethod
+    def of(cls, *halves: Sequence[float]) -> "Rule":
+        """Rule of an odd number of nodes, from the right halves of its columns, the middle first."""
+        nodes, *weights = (np.array([*half[:0:-1], *half]) for half in halves)
+        nodes[: len(nodes) // 2] *= -1.0
+        return cls(nodes, *weights)
+
+    def value(self, grid: FloatArray) -> FloatArray:
+        """Integral of values (N, ...) at the nodes."""
+        return np.tensordot(self.fine, grid, 1)
+
+    def apart(self, grid: FloatArray) -> tuple[FloatArray, float]:
+        """Difference of the best two rules, and the largest one: at least a share of what the rougher two differ by.
+
+        Where the function jumps two rules may agree by chance.
+        """
+        fine, coarse, rough = (np.tensordot(weights, grid, 1) for weights in self[1:])
+        return fine - coarse, max(_most(fine - coarse), LEAST_SHARE * _most(coarse - rough))
+
+
+# Lobatto's rules with Kronrod's extensions (Gander & Gautschi, BIT 40, 2000): with nodes at the ends of a cell, what
+# begins at its border is seen.
+_FOUR, _SEVEN = (0.0, 1 / 5**0.5, (2 / 3) ** 0.5, 1.0), (16 / 35, 125 / 294, 72 / 245, 11 / 210)
+COARSE = Rule.of(_FOUR, _SEVEN, (0.0, 5 / 6, 0.0, 1 / 6), (4 / 3, 0.0, 0.0, 1 / 3))
+FINE = Rule.of(
+    (0.0, 0.236383199662150, _FOUR[1], 0.641853342345781, _FOUR[2], 0.942882415695480, 1.0),
+    (0.242611071901408, 0.224926465333340, 0.199773405226859, 0.188821573960182, 0.155071987336585,
+     0.0942738402188500, 0.0158271919734802),
+    (_SEVEN[0], 0.0, _SEVEN[1], 0.0, _SEVEN[2], 0.0, _SEVEN[3]),
+    (0.0, 0.0, 5 / 6, 0.0, 0.0, 0.0, 1 / 6),
+)  # fmt: skip
 
 
 class Slopes(NamedTuple):
@@ -170,7 +213,7 @@ class LightInSpace:
 
     def levels(self, _: float) -> Sequence[tuple[float, int]]:
         """Least weight and most hits of what is followed exactly where following all of it does not do."""
-        return LAST_LEVELS
+        return (FIRST_FACE,)
 
     def tail(self, rules: Rules) -> Tail:
         """What is left beyond the rules."""
@@ -198,7 +241,7 @@ class LightInSpace:
             self.ends,
             family,
             (math.cos(half), math.sin(min(half, 0.5 * math.pi))),
-            COARSE if tolerance >= COARSE_TOLERANCE else RULE,
+            COARSE if tolerance >= COARSE_TOLERANCE and self.source.width_mm > 0.0 else FINE,
             (2.0 if self.mirrored else 1.0) / self.whole,
             room,
         )
@@ -233,7 +276,7 @@ class LightInSpace:
             plain = self.over(mine._replace(rules=rules), CHIP_TOLERANCE, room)
             begun, _ = divided(plain, self.first_cells, CHIP_TOLERANCE, most_legs, room)
             first = [over(cell.bounds) for cell in begun]
-            for cells, u in refined(over, first, floor):
+            for cells, u in refined(over, first):
                 most = _most(np.sum([cell.value for cell in cells], axis=0))
                 if u <= max(DIFFERENCE_SHARE * most, floor) or room.counts[1] >= most_legs:
                     break
@@ -263,13 +306,13 @@ class Domain(NamedTuple):
     family: FamilyInSpace
     cone: tuple[float, float]
     """cosine of half the cone, and the largest sine out of the plane"""
-    rule: adapt.Rule
+    rule: Rule
     scale: float
     room: paths.PathRoom
 
     def chip(self, bounds: tuple[float, ...], width: float, steps: tuple[float, float, float]) -> Cell:
         """Cell of the angle in projection (a share of the largest one) and t, over the width of a chip."""
-        nodes, kronrod, gauss = self.rule.nodes, self.rule.kronrod, self.rule.gauss
+        nodes, fine = self.rule.nodes, self.rule.fine
         columns = self.room.value.shape[1]
         grid = np.empty((len(nodes), len(nodes), columns))
         off = paths.over_places(
@@ -277,12 +320,10 @@ class Domain(NamedTuple):
             np.empty(columns), grid,
         )  # fmt: skip
         scale = 0.25 * (bounds[1] - bounds[0]) * (bounds[3] - bounds[2]) * self.scale / width
-        inner = np.einsum("ijd,j->id", grid, kronrod)
-        value = scale * (kronrod @ inner)
-        across = value - scale * (kronrod @ np.einsum("ijd,j->id", grid, gauss))
-        along = value - scale * (gauss @ inner)
-        errors = (_most(across), _most(along))
-        return Cell(bounds, value, (across, along), errors, scale * off * 4.0 / len(nodes) ** 2, len(nodes) ** 2)
+        of_q, of_t = scale * np.einsum("ijd,i->jd", grid, fine), scale * np.einsum("ijd,j->id", grid, fine)
+        (apart_q, error_q), (apart_t, error_t) = self.rule.apart(of_q), self.rule.apart(of_t)
+        inner, many = scale * off * 4.0 / len(nodes) ** 2, len(nodes) ** 2
+        return Cell(bounds, self.rule.value(of_t), (apart_q, apart_t), (error_q, error_t), inner, many)
 
     def point(self, bounds: tuple[float, ...], steps: tuple[float, float, float]) -> Cell:
         """Cell of t alone, over the angle in projection."""
@@ -293,9 +334,9 @@ class Domain(NamedTuple):
             np.empty(columns), grid,
         )  # fmt: skip
         scale = 0.5 * (bounds[1] - bounds[0]) * self.scale
-        value = scale * (self.rule.kronrod @ grid)
-        apart = value - scale * (self.rule.gauss @ grid)
-        return Cell(bounds, value, (apart,), (_most(apart),), scale * off * 2.0 / len(nodes), len(nodes))
+        apart, error = self.rule.apart(scale * grid)
+        inner = scale * off * 2.0 / len(nodes)
+        return Cell(bounds, scale * self.rule.value(grid), (apart,), (error,), inner, len(nodes))
 
 
 def _integrated(
@@ -329,7 +370,7 @@ def divided(
         beginning.append(over(bounds))
         if room.counts[1] > TRAPPED * most_legs:
             return [], 1.0
-    for cells, of_cells in refined(over, beginning, tolerance):
+    for cells, of_cells in refined(over, beginning):
         whole = math.fsum(math.fsum(accounted(cell.value)) for cell in cells)
         u = max(of_cells, abs(1.0 - whole))  # all light goes somewhere: what the sum lacks is an error that is known
         if u <= SPARE * tolerance or of_cells <= FUTILE * tolerance or room.counts[1] >= most_legs:
@@ -337,12 +378,11 @@ def divided(
     return cells, u
 
 
-def refined(over: Over, cells: list[Cell], unit: float) -> Iterator[tuple[list[Cell], float]]:
-    """Cells and the error of their sum, the cell of the largest error halved each time; ``unit`` is a usual error."""
-    changes, differences = 0.0, 0.0
+def refined(over: Over, cells: list[Cell]) -> Iterator[tuple[list[Cell], float]]:
+    """Cells and the error of their sum, the cell of the largest error halved each time."""
+    ratios, halved = LEARNED * PRIOR_RATIO**2, LEARNED
     while True:
-        ratio = math.sqrt((changes + LEARNED * PRIOR_RATIO**2 * unit**2) / (differences + LEARNED * unit**2))
-        yield cells, _u(cells, CAUTION * ratio)
+        yield cells, _u(cells, CAUTION * math.sqrt(ratios / halved))
         worst = max(range(len(cells)), key=lambda i: cells[i].error)
         cell, cells = cells[worst], cells[:worst] + cells[worst + 1 :]
         along = 2 * int(np.argmax(cell.errors))
@@ -351,8 +391,7 @@ def refined(over: Over, cells: list[Cell], unit: float) -> Iterator[tuple[list[C
         lower[along + 1], upper[along] = middle, middle
         halves = [over(tuple(lower)), over(tuple(upper))]
         change = _most(cell.value - halves[0].value - halves[1].value)
-        changes += change**2
-        differences += cell.error**2
+        ratios, halved = ratios + (change / cell.error) ** 2, halved + 1.0
         least = [LEAST_SHARE * error for error in cell.errors]
         least[along // 2] = max(least[along // 2], CHANGE_SHARE * change)
         cells += [half._replace(errors=tuple(map(max, half.errors, least))) for half in halves]

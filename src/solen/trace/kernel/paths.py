@@ -126,27 +126,6 @@ def sample_tails(
 
 
 @called
-def is_clear(room: PathRoom, i: int, j: int, ends: FloatArray) -> bool:
-    """Whether two rays have one path, and no curve ends in the beam between them."""
-    if room.path[i] != room.path[j] or room.many[i] != room.many[j]:
-        return False
-    legs = room.legs
-    for leg in range(room.many[i]):
-        a, b = room.first[i] + leg, room.first[j] + leg
-        ax, az, bx, bz = legs[a, 0], legs[a, 1], legs[a, 2], legs[a, 3]
-        cx, cz, dx, dz = legs[b, 2], legs[b, 3], legs[b, 0], legs[b, 1]
-        x_low, x_high = min(min(ax, bx), min(cx, dx)), max(max(ax, bx), max(cx, dx))
-        z_low, z_high = min(min(az, bz), min(cz, dz)), max(max(az, bz), max(cz, dz))
-        for e in range(len(ends)):
-            px, pz = ends[e, 0], ends[e, 1]
-            if px < x_low or px > x_high or pz < z_low or pz > z_high:
-                continue
-            if holds(ax, az, bx, bz, cx, cz, dx, dz, px, pz):
-                return False
-    return True
-
-
-@called
 def predicted_edge(room: PathRoom, i: int, j: int, ends: FloatArray) -> float:
     """Share of the stretch at which the beam between two rays passes an end of a curve; −1 where none is seen."""
     legs = room.legs
@@ -214,42 +193,35 @@ def integrate_path(  # noqa: C901  one loop over stretches
         hard = room.tree[i] != room.tree[j]
         full = n + 2 > len(room.u) or waiting + 4 > len(room.waiting)
         full = full or room.counts[3] + 2 * MOST_LEGS > len(room.legs)
-        if full or (hard and width <= narrow):
+        if full or width <= narrow:
             apart = 0.0
             for d in range(columns):
                 total[d] += 0.5 * width * (room.value[i, d] + room.value[j, d])
                 apart = max(apart, abs(room.value[i, d] - room.value[j, d]))
             error += (0.5 if full else 0.25) * width * apart
             continue
-        if hard:
-            share = predicted_edge(room, i, j, ends)
-            if 0.0 <= share <= 1.0:
-                edge = a + share * width
-                left, right = max(edge - 0.45 * narrow, a), min(edge + 0.45 * narrow, b)
-                m = i
-                if left > a:
-                    add_ray(k, tables, family, room, n, left)
-                    m = n
-                    n += 1
-                    room.waiting[waiting, 0], room.waiting[waiting, 1] = i, m
-                    waiting += 1
-                if right < b:
-                    add_ray(k, tables, family, room, n, right)
-                    room.waiting[waiting, 0], room.waiting[waiting, 1] = m, n
-                    room.waiting[waiting + 1, 0], room.waiting[waiting + 1, 1] = n, j
-                    waiting += 2
-                    n += 1
+        middle = 0.5 * (a + b)
+        if hard or width > soft:
+            edge = a + predicted_edge(room, i, j, ends) * width
+            if edge - narrow > a and edge + narrow < b:
+                if not hard:  # rays on both sides are alike: is the one between them?
+                    middle = edge
                 else:
-                    room.waiting[waiting, 0], room.waiting[waiting, 1] = m, j
-                    waiting += 1
-                continue
-        add_ray(k, tables, family, room, n, 0.5 * (a + b))
+                    add_ray(k, tables, family, room, n, edge - 0.45 * narrow)
+                    add_ray(k, tables, family, room, n + 1, edge + 0.45 * narrow)
+                    room.waiting[waiting, 0], room.waiting[waiting, 1] = i, n
+                    room.waiting[waiting + 1, 0], room.waiting[waiting + 1, 1] = n, n + 1
+                    room.waiting[waiting + 2, 0], room.waiting[waiting + 2, 1] = n + 1, j
+                    n, waiting = n + 2, waiting + 3
+                    continue
+        add_ray(k, tables, family, room, n, middle)
         m = n
         n += 1
         if (
             room.tree[m] == room.tree[i]
             and not hard
-            and (width <= soft or (is_clear(room, i, m, ends) and is_clear(room, m, j, ends)))
+            and middle == 0.5 * (a + b)
+            and (width <= soft or (room.path[m] == room.path[i] and room.path[m] == room.path[j]))
         ):
             apart = 0.0
             for d in range(columns):

@@ -29,14 +29,16 @@ from solen.trace.result import DETECTED, ESCAPED, GOES_ON, TRUNCATED
 from solen.trace.tables import Tables
 
 STACK_IN_SPACE = 256
-WIDTH_IN_SPACE = 19
-X, Z, LOW, HIGH, DX, DY, DZ, EX, EY, EZ, I1, I2, CR, CI, REGION, LAST, HIT, AT, STATE = range(19)
+WIDTH_IN_SPACE = 20
+X, Z, LOW, HIGH, DX, DY, DZ, EX, EY, EZ, I1, I2, CR, CI, REGION, LAST, HIT, AT, STATE, LEAST = range(20)
 SEEN, SILENT, TAIL = range(3)
 """States of a branch: its legs tell one path from another, they do not, it is followed one way only."""
 MORE_COLUMNS = 5
 """Numbers of a ray beside its power by receiver: escaped, absorbed, missed, leaked and unfinished."""
 FAINT = 1e-12
 """Weight at which the tail ends."""
+MOST_BOUNCES = 10_000
+"""Reflections at top and bottom between two walls, after which light is left to the tail."""
 NO_DRAW = -1
 """No sample: the exact part."""
 
@@ -145,21 +147,14 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
     light = Coherency(family.s, family.p, 0.0, 0.0)
     ya, yb = family.y_low, family.y_high
     least = rules.min_weight * (family.s + family.p)
-    if yb > ya:
-        low, high = max(ya, -half), min(yb, half)
-        if not high > low:
-            value[receivers] += gain * (family.s + family.p)
-            value[missed] += gain * (family.s + family.p)
-            return 0, tree, way_hash, False
-        light = scaled(light, (high - low) / (yb - ya))
-        past = gain * (family.s + family.p) * (1.0 - (high - low) / (yb - ya))
-        value[receivers] += past
-        value[missed] += past
-        ya, yb = low, high
-    elif abs(ya) > half:
-        value[receivers] += gain * (family.s + family.p)
-        value[missed] += gain * (family.s + family.p)
+    low, high = max(ya, -half), min(yb, half)
+    share = max(high - low, 0.0) / (yb - ya) if yb > ya else 1.0 if low == high else 0.0
+    past = gain * (family.s + family.p) * (1.0 - share)
+    value[receivers] += past
+    value[missed] += past
+    if not share > 0.0:
         return 0, tree, way_hash, False
+    light, least, ya, yb = scaled(light, share), least * share, low, high
     region, last, hits, at, silent = -1, -1, 0, k.zero, False
     running = True
     while True:
@@ -171,7 +166,7 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
             x, z, ya, yb = w[X], w[Z], w[LOW], w[HIGH]
             d, e = Vector(w[DX], w[DY], w[DZ]), Vector(w[EX], w[EY], w[EZ])
             light = Coherency(w[I1], w[I2], w[CR], w[CI])
-            region, last, hits, at = int(w[REGION]), int(w[LAST]), int(w[HIT]), w[AT]
+            region, last, hits, at, least = int(w[REGION]), int(w[LAST]), int(w[HIT]), w[AT], w[LEAST]
             silent, tail = w[STATE] != SEEN, w[STATE] == TAIL
             gain, running = 1.0 if tail or not sampling else 0.0, True
         if not tail and (many == most_legs or waiting + 4 > len(stack)):
@@ -186,7 +181,7 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
         if tail and yb > ya:  # one height by chance
             ya += chance(rules.seed, draw, draws) * (yb - ya)
             yb, draws = ya, draws + 1
-        wide, most, lowest = yb > ya, most_hits if tail else rules.max_hits, FAINT if tail else least
+        wide, most = yb > ya, most_hits if tail else rules.max_hits
         flat = math.sqrt(d.x * d.x + d.z * d.z)
         power = light.i1 + light.i2
         if flat < 1e-12:
@@ -240,7 +235,7 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                     value[receivers] += leaves
                     value[missed] += leaves
                     value[receivers + 1] += passing - leaves
-                    light = scaled(light, share)
+                    light, least = scaled(light, share), least * share
                     mark = np.uint64(2 if inside else 1)
                 ya, yb = low + rise, high + rise
                 ended = not inside
@@ -268,11 +263,12 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                         else:
                             put(w, x, z, ya, cut - tip, d, e, scaled(light, share))
                             ya = cut
-                        w[REGION], w[LAST], w[HIT], w[AT] = region, last, hits, at
+                        w[REGION], w[LAST], w[HIT], w[AT], w[LEAST] = region, last, hits, at, least * share
                         w[STATE] = SEEN if leaky and not silent else SILENT
                         waiting += 1
-                        light = scaled(light, 1.0 - share)
+                        light, least = scaled(light, 1.0 - share), least * (1.0 - share)
                 power, gone, kept = light.i1 + light.i2, 0.0, 1.0
+                lowest, worn = FAINT if tail else least, bounces > MOST_BOUNCES
                 if loss > 0.0:
                     first_low, first_high = (ya, yb) if rise > 0.0 else (-yb, -ya)
                     kept = mean_kept(loss, (half - first_high) / abs(d.y), (half - first_low) / abs(d.y))
@@ -290,17 +286,14 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                         light, ended = scaled(light, 0.0), True
                         break
                     d, e, light = parts.back, parts.s, parts.back_light
-                    hits += 1
+                    hits += 1 if tail else 0  # parts of one path shall end alike, whatever they do at top and bottom
                     left = kept * (light.i1 + light.i2)
-                    if left < lowest or hits + 1 >= most:
+                    if left < lowest or worn or (tail and hits + 1 >= most):
                         if tail or not sampling:
                             ended = True
                             break
                         value[unfinished] += left
-                        if hits + 1 >= most_hits:
-                            ended = True
-                            break
-                        tail, gain, most, lowest = True, 1.0, most_hits, FAINT
+                        tail, gain, most, lowest, worn = True, 1.0, most_hits, FAINT, False
                         power, gone = left, 0.0
                     kept *= math.exp(-loss * 2.0 * half / abs(d.y))
                 if loss > 0.0:
@@ -319,6 +312,9 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                 ya, yb = za, zb
                 mark = np.uint64(16 + bounces) ^ mark if leaky else np.uint64(0)
                 power = light.i1 + light.i2
+            if silent and (mark != np.uint64(0) or n1 == n2):
+                # from here on it does not end as the rest of its path does
+                mark, silent = mark ^ np.uint64(4), False
         if loss > 0.0 and not ended:
             kept = math.exp(-loss * way)
             value[receivers + 1] += gain * (1.0 - kept) * power
@@ -330,7 +326,7 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
         from_right = ux * nx + uz * nz > 0.0
         behaviour = tables.behaviour[c]
         acts = acting(tables, c, colour) if behaviour >= TREATED else behaviour
-        worn_out = hits + 1 >= most or power < lowest
+        worn_out = hits + 1 >= most or power < (FAINT if tail else least)
         lower, upper, above, above_low, above_high = -math.inf, math.inf, 0.0, 0.0, 0.0
         if acts == RECEIVER and not ended:
             lower, upper = tables.height[c, 0], tables.height[c, 1]
@@ -341,7 +337,7 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                 share = 1.0 if lower <= ya <= upper else 0.0
             if share < 1.0:
                 value[tables.receiver[c] if not from_right else receivers + 1] += gain * share * power
-                light = scaled(light, 1.0 - share)
+                light, least = scaled(light, 1.0 - share), least * (1.0 - share)
                 power = light.i1 + light.i2
                 mark = mark ^ np.uint64(256 if share > 0.0 else 512)
                 behaviour, acts = REFRACTING, REFRACTING
@@ -350,7 +346,8 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                     if outer > 0.0 and inner_part > 0.0:
                         # two parts go past the receiver: the upper one waits behind the wall and before it
                         above, above_low, above_high = outer / inner_part, upper, yb
-                        light = scaled(light, inner_part / (outer + inner_part))
+                        share = inner_part / (outer + inner_part)
+                        light, least = scaled(light, share), least * share
                         power = light.i1 + light.i2
                         yb = lower
                     elif outer > 0.0:
@@ -400,16 +397,17 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
             value[receivers + 1] += gain * (1.0 + above) * max(power - on - back, 0.0)
         for goes_on in (True, False):
             other = above * (on if goes_on else back)
-            if other > 0.0 and (other >= least or sampling):
+            faint = other < above * least
+            if other > 0.0 and (sampling or not faint):
                 w = stack[waiting]
                 if goes_on:
                     put(w, px, pz, above_low, above_high, parts.on, on_e, scaled(parts.on_light, above))
                 else:
                     put(w, px, pz, above_low, above_high, parts.back, back_e, scaled(parts.back_light, above))
                 w[REGION], w[LAST], w[HIT], w[AT] = there if goes_on else here, c, hits + 1, place
-                w[STATE] = TAIL if other < least else SILENT if silent else SEEN
+                w[STATE], w[LEAST] = TAIL if faint else SILENT if silent else SEEN, above * least
                 waiting += 1
-            value[unfinished] += other if other < least else 0.0
+            value[unfinished] += other if faint else 0.0
         if not on + back > 0.0:
             running = False
             continue
@@ -434,7 +432,7 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                 else:
                     put(w, px, pz, ya, yb, parts.back, back_e, parts.back_light)
                 w[REGION], w[LAST], w[HIT], w[AT] = there if goes_back else here, c, hits + 1, place
-                w[STATE] = SILENT if silent else SEEN
+                w[STATE], w[LEAST] = SILENT if silent else SEEN, least
                 waiting += 1
                 if not silent:
                     tree = scrambled(tree ^ np.uint64(32 if goes_back else 33))
