@@ -158,7 +158,7 @@ def _of_integrals(at: At, value: float, step: float, tolerance: float) -> Deriva
         powers = [np.array([reading.power for reading in end.detectors.values()]) for end in (low, high)]
         differences.append((powers[1] - powers[0]) / (2.0 * half))
         u = (low.u_power + high.u_power) / (2.0 * half)
-    return Derivative(_slopes(tuple(low.detectors), differences[0], differences[1], 5.0 / 3.0 * u), step, reached=True)
+    return Derivative(_slopes(tuple(low.detectors), differences[0], differences[1], u), step, reached=True)
 
 
 def _in_space(at: At, value: float, step: float, tolerance: float) -> Derivative:
@@ -182,4 +182,4 @@ def _in_space(at: At, value: float, step: float, tolerance: float) -> Derivative
 def _slopes(names: tuple[str, ...], wide: FloatArray, close: FloatArray, noise: float) -> dict[str, Slope]:
     """Two central differences, extrapolated; how far they are apart, and the noise of the numbers, bound the error."""
     best, apart = (4.0 * close - wide) / 3.0, np.abs(close - wide) / 3.0
-    return {name: Slope(float(best[i]), float(apart[i] + noise)) for i, name in enumerate(names)}
+    return {name: Slope(float(best[i]), float(apart[i] + 5.0 / 3.0 * noise)) for i, name in enumerate(names)}

@@ -2,7 +2,9 @@
 
 Between two rays of one tree the powers are smooth: Simpson's rule serves, checked against the trapezium. Where trees
 differ there is an edge. It is where the beam passes an end of a curve, at a leg that begins alike for both rays: the
-secant of the distance to that end predicts it, and two rays about the prediction confirm it.
+secant of the distance to that end predicts it, and two rays about the prediction confirm it. Equal trees prove nothing:
+a strip of other light may lie between. So a ray is traced at every end that the beam passes, of trees that are equal
+too.
 """
 
 import math
@@ -170,9 +172,9 @@ def integrate_path(  # noqa: C901  one loop over stretches
 ) -> float:
     """Integral of the powers from ``family.low`` to ``family.high``, into ``total`` (D + 5,).
 
-    The path begins as ``first`` stretches. ``density`` is the error allowed per parameter; an edge is left at a width
-    of ``narrow``, and a stretch that may hide one, its rays' paths being different, at ``soft``. Where the room ends
-    the mean of what is known stands for the rest. Returns what the integral may be off by.
+    The path begins as ``first`` stretches. ``density`` is the error allowed per parameter; a stretch is left at a width
+    of ``narrow``, and not searched for hidden edges from ``soft`` on. Where the room ends the mean of what is known
+    stands for the rest. Returns what the integral may be off by.
     """
     low, high = family.low, family.high
     n, waiting, error, columns = 0, 0, 0.0, len(total)
