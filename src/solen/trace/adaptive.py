@@ -50,7 +50,7 @@ FINE_LEVELS = ((1e-2, 24), *LAST_LEVELS)
 gives is chaos, and samples serve better."""
 ROUGH = 3e-5
 """Tolerance from which on samples do for a source with a size."""
-TAIL_LEGS, TAIL_SHARE, LAST_EFFORT, MANY_HITS = 60_000_000, 60, 5, 10
+TAIL_LEGS, TAIL_SHARE, LAST_EFFORT, MANY_HITS = 120_000_000, 120, 5, 10
 LEAST_TOLERANCE, MOST_TOLERANCE = 1e-12, 0.1
 POINT_TOLERANCE, EXTENDED_TOLERANCE = 1e-6, 1e-4
 """Default tolerance of powers: for a point of the plane in one wavelength, and for any other source."""
