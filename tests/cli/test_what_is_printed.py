@@ -288,6 +288,8 @@ def test_paths_are_added_with_json(told: Told, design: str) -> None:
     plain = told.json("trace", design, "--rays", "8", "--angle-deg", "1", "--json")
     found = told.json("trace", design, "--rays", "8", "--angle-deg", "1", "--paths", "--json")
     paths = found.pop("branches")
+    lengths = [result["detectors"]["left"].pop("optical_path_mm") for result in (found, plain)]
+    assert lengths[0] == pytest.approx(lengths[1], rel=1e-12)
     assert found | {"branches": None} == plain
     assert [path["ray"] for path in paths] == list(range(8))
     for path in paths:

@@ -196,3 +196,18 @@ def test_counting_side_by_side_is_counting_ray_by_ray(seed: int) -> None:
     together, apart = (trace(scene, "count", limits, angle_bins=bins) for bins in (0, 1))
     same_readings(together, apart, 1e-12)
     assert together.hits == apart.hits
+
+
+@pytest.mark.parametrize("max_hits", [3, 20])
+def test_no_ray_passes_one_surface_twice(max_hits: int) -> None:
+    """Rays that a block leaves aside at a surface do not send the others through it again: nothing leaves the box."""
+    corners = [(-3.0, -3.0), (3.0, -3.0), (3.0, 3.0), (-3.0, 3.0)]
+    walls = [Segment(corners[i], corners[(i + 1) % 4]) for i in range(4)]
+    mirrors = [Interface(f"wall-{i}", walls[i], "air", "air", "mirror") for i in (0, 1, 3)]
+    lid = Interface("lid", walls[2], "air", "air", "receiver", "lid")
+    glass = Interface("ball", Arc.circle((0.0, 0.0), 1.0), "glass", "air")
+    scene = Scene(REGIONS, (*mirrors, lid, glass), (Fan((0.3, -2.0), 0.0, 85.0, 5001),))
+    together = trace(scene, "count", Limits(max_hits=max_hits))
+    apart = trace(scene, "count", Limits(max_hits=max_hits), angle_bins=1)
+    assert together.ledger.escaped == 0.0
+    same_readings(together, apart, 1e-12)

@@ -279,7 +279,7 @@ def trace_rays(  # noqa: C901  one loop: numba passes arrays between functions a
             pass_block(k, tables, rules, n, block, carried, found, fates)
         left = 0
         for i in range(n):
-            if counts_only and fates[i] != ASIDE:
+            if counts_only and fates[i] > ASIDE:
                 sums.counts[HITS] += 1
                 if fates[i] == GOES_ON:
                     if left < i:

@@ -31,8 +31,8 @@ from solen.trace.kernel.surface import COUNT, bend
 from solen.trace.result import ABSORBED, DETECTED, GOES_ON
 from solen.trace.tables import Tables
 
-ASIDE = -1
-"""Of a ray that is left to the loop over single rays."""
+ASIDE, LEFT = -1, -2
+"""Of a ray not yet looked at here, and of one that is left to the loop over single rays; that loop takes both."""
 MOST_CURVES = 8
 """Curves that a block is taken through in this way: neighbouring rays meet few."""
 
@@ -50,7 +50,7 @@ class Carried(NamedTuple):
 def pass_block(
     k: Precision, tables: Tables, rules: Rules, n: int, rays: Rays, carried: Carried, found: Found, fate: IntArray
 ) -> None:
-    """Take rays 0 to n through what they meet; ``fate`` (BLOCK,) becomes what became of each, or `ASIDE`.
+    """Take rays 0 to n through what they meet; ``fate`` (BLOCK,) becomes what became of each, `ASIDE` or `LEFT`.
 
     Rays that go on then are where they do; of those that ended only the optical path is new.
     """
@@ -129,7 +129,8 @@ def refract(
         known, clear = (region[i] == here) | (region[i] == -1), (t[i] > k.corner) | (last[i] < 0)
         before = fate[i]
         mine = (which[i] == c) & (before == ASIDE) & known & clear & (hits[i] + 1 < rules.max_hits)
-        fate[i] = GOES_ON if mine else before
+        passed_by = (which[i] == c) & (before == ASIDE)
+        fate[i] = GOES_ON if mine else (LEFT if passed_by else before)
     for i in range(n):
         mine = (which[i] == c) & (fate[i] == GOES_ON)
         old_x, old_z, old = x[i], z[i], optical[i]
@@ -186,6 +187,7 @@ def end(
         before, way = fate[i], optical[i]
         mine = (which[i] == c) & (before == ASIDE) & known & clear
         ended = DETECTED if receives & (not from_right) else ABSORBED
-        fate[i] = ended if mine else before
+        passed_by = (which[i] == c) & (before == ASIDE)
+        fate[i] = ended if mine else (LEFT if passed_by else before)
         new = way + (b if from_right else a) * t[i]
         optical[i] = new if mine else way
