@@ -94,6 +94,13 @@ def test_a_design_becomes_layers_stl_and_settings(told: Run) -> None:
     assert Path("f.svg").read_text(encoding="utf-8").startswith("<?xml")
 
 
+def test_without_anti_aliasing_no_pixel_is_grey(told: Run) -> None:
+    found = told("print", "layers", "my sensor.toml", "--out", "out", *QUICK, "--no-anti-aliasing")
+    assert set(np.unique(pictures(found["files"]["layers"])[0])) == {0, 255}
+    with zipfile.ZipFile(found["files"]["layers"]) as opened:
+        assert json.loads(opened.read("job.json"))["anti_aliasing"] is False
+
+
 def test_the_sheet_says_what_to_type_in(told: Run) -> None:
     options = ("--copies", "2", "--z-offset-um", "600", "--irradiance-mW-per-cm2", "12", "--orientation", "upright")
     found = told("print", "layers", "my sensor.toml", "--out", "out", "--sheet-only", "--gap-mm", "3", *options)

@@ -192,7 +192,7 @@ def test_the_origin_stands_where_it_is_asked_to() -> None:
 
 def test_without_anti_aliasing_pixels_are_lit_or_dark() -> None:
     box = mesh_solid(closed(trimesh.creation.box(bounds=[(0.1, 0.1, 0), (0.5, 0.5, 1)])), orientation("flat"))
-    slicing = Slicing(layer_um=1000.0, phase_px=(0.25, 0.0), anti_aliasing=False)
+    slicing = Slicing(layer_um=1000.0, phase_px=(0.25, 0.0), no_anti_aliasing=True)
     job = Job(box, printer(100.0, 21, 21), slicing)
     picture = job.copy_of_layer(0)
     assert picture[1].tolist()[:5] == [255, 255, 255, 255, 0]

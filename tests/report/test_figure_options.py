@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from PIL import Image
 
 from solen.errors import OutputError, SpecError
@@ -62,6 +63,8 @@ def test_chosen_panels_are_lettered_and_have_the_stated_ends() -> None:
         ({"panels": "D"}, "ABC"),
         ({"limits": ("E.x=0:1",)}, "ABC"),
         ({"limits": ("z=0:1",)}, "z=0:1"),
+        ({"limits": ("x=0:inf",)}, "x=0:inf"),
+        ({"limits": ("x=-inf:1",)}, "x=-inf:1"),
         ({"font": "No Such Font"}, "No Such Font"),
     ],
 )
@@ -76,6 +79,48 @@ def test_a_look_without_a_figure_and_an_unknown_ending_are_refused() -> None:
     FigureOptions(width_mm=90.0).check(Path("traces.svg"))
     with pytest.raises(OutputError, match=r"a\.bmp"):
         FigureOptions(figure=Path("a.bmp")).check()
+
+
+def test_a_resolution_of_a_figure_without_pixels_is_refused() -> None:
+    with pytest.raises(SpecError, match="600"):
+        FigureOptions(figure=Path("a.svg"), dpi=600).check()
+    FigureOptions(figure=Path("a.svg"), dpi=600).check(Path("traces.png"))
+
+
+def test_ends_of_a_logarithmic_axis_are_above_0() -> None:
+    def logarithmic() -> Figure:
+        figure = three_panels()
+        figure.axes[1].set_xscale("log")
+        return figure
+
+    assert drawn(logarithmic, FigureOptions(limits=("A.x=0:1",))).axes[0].get_xlim() == (0.0, 1.0)
+    with pytest.raises(SpecError, match="0:1"):
+        drawn(logarithmic, FigureOptions(limits=("B.x=0:1",)))
+
+
+def test_panels_that_share_axes_keep_the_numbers_of_the_outer_ones_apart() -> None:
+    def shared() -> Figure:
+        figure = Figure(figsize=(6.0, 6.0))
+        for axes in figure.subplots(2, 3, sharex=True, sharey=True).flat:
+            axes.plot([0.0, 1e5], [0.0, 1.0])
+            axes.xaxis.set_major_locator(MaxNLocator(12))
+        return figure
+
+    figure = drawn(shared, FigureOptions(width_mm=180.0))
+    numbers = [[text for text in axes.get_xticklabels() if text.get_text()] for axes in figure.axes]
+    assert [bool(shown) for shown in numbers] == [False] * 3 + [True] * 3
+    assert faults(figure) == []
+
+
+def test_panels_beyond_z_have_two_letters() -> None:
+    def many() -> Figure:
+        figure = Figure(figsize=(12.0, 12.0))
+        figure.subplots(4, 7)
+        return figure
+
+    figure = drawn(many, FigureOptions(letters="A", limits=("y=0:2",)))
+    assert [axes.texts[-1].get_text() for axes in figure.axes[24:]] == ["Y", "Z", "AA", "AB"]
+    assert {axes.get_ylim() for axes in figure.axes} == {(0.0, 2.0)}
 
 
 def test_pictures_have_the_stated_pixels() -> None:

@@ -85,7 +85,9 @@ def titles_of(figure: Figure) -> str:
 
 
 def _letter_of(number: int) -> str:
-    return string.ascii_uppercase[number]
+    """A to Z, then AA, AB..."""
+    before, last = divmod(number, len(string.ascii_uppercase))
+    return (_letter_of(before - 1) if before else "") + string.ascii_uppercase[last]
 
 
 def _chosen(panels: list[list[Axes]], letters: str) -> list[list[Axes]]:
@@ -155,6 +157,9 @@ def _set_limits(panels: list[list[Axes]], look: FigureOptions) -> None:
             raise SpecError("--limits", value=letter, limit=f"the figure has the panels {''.join(names)}")
         for name, panel in zip(names, panels, strict=True):
             if letter in {None, name}:
+                if min(low, high) <= 0.0 and getattr(panel[0], f"get_{axis}scale")() == "log":
+                    limit = f"ends of {axis} of panel {name} must be above 0: its axis is logarithmic"
+                    raise SpecError("--limits", value=f"{low:g}:{high:g}", limit=limit)
                 getattr(panel[0], f"set_{axis}lim")(low, high)
 
 
@@ -260,8 +265,9 @@ def _thinned(axes: Axes, axis: Axis) -> bool:
     if not (axes.get_visible() and axes.axison) or isinstance(axis.get_major_locator(), FixedLocator):
         return False
     low, high = sorted(axis.get_view_interval())
-    ticks = zip(axis.get_ticklocs(), axis.get_ticklabels(), strict=True)
-    boxes = [text.get_window_extent() for at, text in ticks if low <= at <= high and text.get_text()]
+    along = 0 if axis is axes.xaxis else 1
+    shown = [text for text in axis.get_ticklabels() if text.get_text()]  # of a shared axis some or all are hidden
+    boxes = [text.get_window_extent() for text in shown if low <= text.get_position()[along] <= high]
     if not any(box.overlaps(other) for box, other in pairwise(box.padded(_AIR_PX) for box in boxes)):
         return False
     if isinstance(axis.get_major_locator(), LogLocator):

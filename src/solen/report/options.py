@@ -1,5 +1,6 @@
 """How a figure is drawn and written: the options that every command with ``--figure`` has."""
 
+import math
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -9,7 +10,8 @@ from pydantic import Field
 from solen.errors import OutputError, SpecError
 from solen.spec.strict import Finite, Options
 
-KINDS = (".svg", ".pdf", ".eps", ".png", ".tiff", ".tif")
+PIXELS = (".png", ".tiff", ".tif")
+KINDS = (".svg", ".pdf", ".eps", *PIXELS)
 LEAST_PT = 6.0
 """Smallest lettering that is drawn, as journals ask for."""
 Limits = tuple[str | None, str, float, float]
@@ -66,6 +68,9 @@ class FigureOptions(Options):
         for file in files:
             if file.suffix.lower() not in KINDS:
                 raise OutputError(str(file), limit=f"a figure ends in {', '.join(KINDS)}", remedy="rename it")
+        if files and "dpi" in stated and not any(file.suffix.lower() in PIXELS for file in files):
+            limit = f"is about {', '.join(PIXELS)}, and {files[0].name} has no pixels"
+            raise SpecError("--dpi", value=self.dpi, limit=limit, remedy="leave it out")
         self.ends()
 
 
@@ -77,7 +82,7 @@ def _ends(text: str) -> Limits:
         least, most = float(low), float(high)
     except ValueError:
         least = most = 0.0
-    if axis not in {"x", "y"} or len(panel) > 1 or not abs(most - least) > 0.0:
+    if axis not in {"x", "y"} or len(panel) > 1 or not 0.0 < abs(most - least) < math.inf:
         raise SpecError(
             "--limits", value=text, limit="is no axis with two ends", remedy="write as x=400:900 or B.y=0:1"
         )

@@ -146,7 +146,7 @@ def _described(job: Job, stack: Stack, part: Printable | None) -> dict[str, Any]
         "view": VIEW,
         "mirror": job.mirror,
         "phase_px": slicing.phase_px,
-        "anti_aliasing": slicing.anti_aliasing,
+        "anti_aliasing": not slicing.no_anti_aliasing,
         "printer": job.printer.name,
         "pitch_mm": job.printer.pitches_mm,
         "pixels": {"columns": columns, "rows": rows},

@@ -130,7 +130,7 @@ def _header(job: Job, lift: Lift, part: Printable | None) -> bytes:
     data = b"V3.0" + MAGIC
     data += _text("solen", 32) + _text(__version__, 24) + bytes(24)
     data += _text(printer.name, 32) + _text("DLP", 32) + _text(name, 32)
-    data += struct.pack(">3H", 8 if slicing.anti_aliasing else 1, 0, 0)
+    data += struct.pack(">3H", 1 if slicing.no_anti_aliasing else 8, 0, 0)
     data += bytes(2 * SMALL**2) + END + bytes(2 * LARGE**2) + END
     data += struct.pack(">I2H2?", job.count, columns, rows, job.mirror == "x", job.mirror == "y")
     data += struct.pack(">3f2f", *printer.size_mm, job.layer_mm, (job.solid.exposures_s or (slicing.exposure_s,))[0])

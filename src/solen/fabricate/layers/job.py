@@ -219,7 +219,7 @@ class Job:
     def _drawn(self, rings: Rings) -> Bytes:
         """Covered shares of one copy's tile in 255ths, rows upwards."""
         shares = coverage_bytes(rings, self.printer.pitches_mm, self.tile_from_mm, self.tile)
-        return shares if self.slicing.anti_aliasing else np.where(shares > FULL // 2, FULL, 0).astype(np.uint8)
+        return np.where(shares > FULL // 2, FULL, 0).astype(np.uint8) if self.slicing.no_anti_aliasing else shares
 
     def _placed(self, tile: Bytes) -> Bytes:
         """The plate's picture: a tile for each copy, the largest Y first."""

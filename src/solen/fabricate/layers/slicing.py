@@ -43,8 +43,8 @@ class Slicing(Options):
     """Flip the pictures along x or y; default: as the printer's file says, else none."""
     phase_px: tuple[Phase, Phase] = (0.0, 0.0)
     """Where the part's origin, a sensor's lens vertex, stands in its pixel along X and Y; 0 is on a corner."""
-    anti_aliasing: bool = True
-    """Draw pixels at an edge grey; without, those covered by half or more are lit and no others."""
+    no_anti_aliasing: bool = False
+    """Light pixels that are covered by half or more, and no others; without it, pixels at an edge are grey."""
     process: Path | None = None
     """Process file whose measured greys an edge is drawn by, so that its pixels get their covered share of light."""
     format: Literal["zip", "goo"] = "zip"
