@@ -3,7 +3,7 @@
 The idea: a warning is a sentence, often with a name before it (``cube 1.csv: ...``). What must not be used begins with
 `DO_NOT_USE`, what need not be acted on with `NOTE`; every other sentence is worth a look. The words are in the text,
 so files of results hold them too. One sentence of several things, such as of each specimen, is shown once with their
-count; sentences that differ in numbers alone are the same one, shown with the first's.
+count; warnings that differ in numbers alone are one line that lists the numbers, in one order.
 
 The interface: `do_not_use` and `note` state a rank, `ranked` sorts and groups warnings for a reader.
 """
@@ -18,7 +18,6 @@ RANKS = (DO_NOT_USE, LOOK_AT, NOTE)
 _STATED = re.compile(rf"(?:(?<=: )|^)({DO_NOT_USE}|{NOTE}): ")
 _NUMBER = re.compile(r"[-+−]?\d+(?:[.,]\d+)*(?:e[-+]?\d+)?", re.IGNORECASE)
 _NAMES = 3  # parts before a sentence that may be names
-_SHOWN = 4  # names in one line
 
 
 @dataclass(frozen=True)
@@ -58,34 +57,35 @@ def ranked(warnings: Iterable[str]) -> list[str]:
     every = [_Warning(rank_of(text), unranked(text)) for text in dict.fromkeys(warnings)]
     lines: list[str] = []
     for rank in RANKS:
-        group = [one for one in every if one.rank == rank]
+        group = list(dict.fromkeys(one for one in every if one.rank == rank))
         while group:
-            alike = _alike(group)
-            lines.append(f"{rank}: {_line(alike)}")
-            group = [one for one in group if all(one is not each for each, _, _ in alike)]
+            alike, line = _merged(group)
+            lines.append(f"{rank}: {line}")
+            group = [one for one in group if one not in alike]
     return lines
 
 
-def _alike(group: Sequence[_Warning]) -> list[tuple[_Warning, str, str]]:
-    """The first warning and those that say the same of something else, each with its name and sentence."""
-    return max((_of_kind(group, name, sentence) for name, sentence in group[0].tails()), key=len)
+def _merged(group: Sequence[_Warning]) -> tuple[list[_Warning], str]:
+    """Warnings that say the same as the first, of something else or in other numbers, and their line."""
+    named = (_of_sentence(group, sentence) for _, sentence in group[0].tails())
+    return max((*named, _of_numbers(group)), key=lambda found: len(found[0]))
 
 
-def _of_kind(group: Sequence[_Warning], name: str, sentence: str) -> list[tuple[_Warning, str, str]]:
-    """Warnings whose sentence behind their names is that of the first but for numbers."""
-    kind, found = _NUMBER.sub("#", sentence), [(group[0], name, sentence)]
-    for one in group[1:]:
-        found += [(one, other, tail) for other, tail in one.tails() if _NUMBER.sub("#", tail) == kind][:1]
-    return found
+def _of_sentence(group: Sequence[_Warning], sentence: str) -> tuple[list[_Warning], str]:
+    """Warnings of one sentence behind their names."""
+    found = {one: name for one in group for name, tail in one.tails() if tail == sentence}
+    if len(found) == 1:
+        return list(found), group[0].text
+    return list(found), f"{len(found)} times ({', '.join(filter(None, found.values()))}): {sentence}"
 
 
-def _line(alike: Sequence[tuple[_Warning, str, str]]) -> str:
-    _, first, sentence = alike[0]
+def _of_numbers(group: Sequence[_Warning]) -> tuple[list[_Warning], str]:
+    """Warnings whose whole text is that of the first but for numbers; all that differ are listed in its place."""
+    words = _NUMBER.split(group[0].text)
+    alike = [one for one in group if _NUMBER.split(one.text) == words]
     if len(alike) == 1:
-        return alike[0][0].text
-    names = [name for _, name, _ in alike if name]
-    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
-    whose = ", ".join(names[:_SHOWN]) + more
-    differs = any(tail != sentence for _, _, tail in alike)
-    numbers = f"numbers of {first or 'the first'}" if differs else ""
-    return f"{len(alike)} times ({'; '.join(filter(None, (whose, numbers)))}): {sentence}"
+        return alike, group[0].text
+    columns = zip(*(_NUMBER.findall(one.text) for one in alike), strict=True)
+    shown = [numbers[0] if len(set(numbers)) == 1 else ", ".join(numbers) for numbers in columns]
+    text = "".join(word + number for word, number in zip(words, (*shown, ""), strict=True))
+    return alike, f"{len(alike)} times: {text}"

@@ -191,3 +191,13 @@ def test_greys_under_a_lamp_are_read_by_its_lines(tmp_path: Path) -> None:
     path.write_text("\n".join(["grey,thickness_um", *rows]) + "\n", encoding="utf-8")
     found = measured_greys(read(path), process, GreyOptions(u_thickness_um=1.0))
     assert np.allclose(found.light, light, rtol=1e-4)
+
+
+def test_a_blank_cell_above_a_grey_that_set_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "steps.csv"
+    table(tmp_path, np.random.default_rng(1))
+    lines = path.read_text(encoding="utf-8").split("\n")
+    grey, _, u = lines[4].split(",")
+    path.write_text("\n".join([*lines[:4], f"{grey},,{u}", *lines[5:]]), encoding="utf-8")
+    with pytest.raises(DataError, match=r"thickness.*row 4.*0\.7"):
+        measured_greys(read(path), known())

@@ -15,6 +15,7 @@ from solen.material.index.layer import index_of_layer
 from solen.material.index.options import IndexOptions
 from solen.material.index.stack import forward
 from solen.material.loss import CutbackOptions, guide_loss
+from solen.material.rows import RowOptions, chosen_rows
 from solen.material.stiffness import Dimensions, MechanicalTest, StiffnessOptions, stiffness_of
 from solen.pipeline.resin.spectra import spectra
 from solen.recording import Recording, read
@@ -179,3 +180,14 @@ def test_a_wrong_choice_of_rows_is_refused(options: dict[str, tuple[str, ...]], 
     recording = discs(tmp_path, "dose_mJ_per_cm2,thickness_um,resin", {"A": 90.0, "B": 130.0})
     with pytest.raises((DataError, SpecError), match=re.escape(line)):
         curve_of_discs(recording, CureOptions(**options))
+
+
+def test_a_mean_beside_its_replicates_is_no_replicate(tmp_path: Path) -> None:
+    rows = [f"{dose},{90 * math.log(dose / 10):.3f},{90 * math.log(dose / 10):.3f},70" for dose in (20, 40, 80, 160)]
+    with pytest.raises(DataError, match=r"column thickness; .*thickness 1, thickness 2"):
+        curve_of_discs(table(tmp_path, "dose (mJ/cm2),thickness (um),thickness 1 (um),thickness 2 (um)", *rows))
+
+
+def test_a_mapped_name_is_read_as_a_header_of_that_name(tmp_path: Path) -> None:
+    recording = table(tmp_path, "wavelength_nm,tr", *(f"{nm},0.9" for nm in range(450, 500, 10)))
+    assert chosen_rows(recording, RowOptions(map=("tr=T",))).channel("T").quantity == "transmittance"

@@ -133,3 +133,6 @@ def test_the_command_puts_it_beside_jacobs_law(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "cure.json").read_text(encoding="utf-8"))["in_lamp"]["lamp_lines"]
     with pytest.raises(DataError, match="no lamp"):
         cure([tmp_path / "discs.csv"], options, penetration=without)
+    other = options.model_copy(update={"wavelength_nm": 460.0})
+    with pytest.raises(DataError, match=r"460 nm.*41"):
+        cure([tmp_path / "discs.csv"], other, penetration=liquid)

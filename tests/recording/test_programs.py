@@ -278,3 +278,25 @@ def test_a_name_that_cannot_be_mapped_is_refused(tmp_path: Path, pair: str, word
     text = "clock (s),way (mm)\n" + "".join(f"{a},{b}\n" for a, b in zip(TIME, TRAVEL, strict=True))
     with pytest.raises(SolenError, match=words):
         chosen_rows(read(saved(tmp_path, text)), RowOptions(map=(pair,)))
+
+
+def test_a_specimen_has_the_line_of_its_own_number(tmp_path: Path) -> None:
+    """Lines 1, 2 and 4 of four specimens; in names that the list does not share."""
+    text = programs.trapezium(4)
+    lines = [line for line in text.split("\r\n") if not line.startswith('"1 _ 3","2')]
+    lines = [line.replace('"1 _ ', '"', 1) if line.count(",") == 3 else line for line in lines]
+    parts = read_parts(saved(tmp_path, "\r\n".join(lines)))
+    assert [one.provenance.metadata.get("Width", "") for _, one in parts] == ["6.0 mm", "6.1 mm", "", "6.3 mm"]
+
+
+def test_lines_of_unnamed_specimens_are_as_many_as_they(tmp_path: Path) -> None:
+    text = programs.bluehill(4).replace('3,"2.2","3.2"\r\n', "")
+    with pytest.raises(DataError, match="none of the 4 specimens"):
+        list(read_parts(saved(tmp_path, text)))
+
+
+@pytest.mark.parametrize(("right", "wrong", "named"), [("1.0", "2.0", "y factor"), ("0.0", "0.5", "y offset")])
+def test_scaled_values_of_perkin_elmer_are_refused(right: str, wrong: str, named: str, tmp_path: Path) -> None:
+    text = programs.perkin_elmer().replace(f"\r\n{right}\r\n", f"\r\n{wrong}\r\n")
+    with pytest.raises(DataError, match=named):
+        read(saved(tmp_path, text))

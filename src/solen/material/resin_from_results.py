@@ -20,6 +20,7 @@ from solen.errors import DataError, SolenError, SpecError
 from solen.files import read_text
 from solen.material.cross_checks import Row, index_apart, loss_apart, penetration_apart
 from solen.material.cure.curve import WorkingCurve
+from solen.material.cure.discs import MeasuredCurve
 from solen.material.cure.spectral import InLamp, in_lamp
 from solen.material.dispersion import KINDS, Dispersion, Tabulated
 from solen.material.mix import named_number
@@ -314,6 +315,7 @@ class PenetrationResult(_Result):
     between_Dp_um: Positive | None = None
     u_Dp_um: NotNegative | None = None
     lamp: str | None = None
+    lamp_nm: Positive | None = None
     lamp_lines: tuple[tuple[Positive, Positive], ...] | None = None
 
     def as_table(self, selection: Selection = _EVERYTHING) -> None:
@@ -449,6 +451,9 @@ def gather(results: Mapping[str, Path], options: BuildOptions) -> Resin:
     return Resin(**tables)
 
 
+_ONE_LAMP_NM = 15.0  # between an LED's name and its mean wavelength
+
+
 def lamp_fit(path: Path, curve: WorkingCurve) -> InLamp:
     """Law with the spectrum of a lamp, of the result of `solen resin penetration`, fitted to a curve's discs.
 
@@ -463,6 +468,10 @@ def lamp_fit(path: Path, curve: WorkingCurve) -> InLamp:
     if not isinstance(liquid, PenetrationResult) or liquid.lamp_lines is None or liquid.Dp_um is None:
         remedy = "run solen resin penetration with --led-nm and --led-fwhm-nm, or --led"
         raise DataError(str(path), limit="has no lamp, and the law with its spectrum needs one", remedy=remedy)
+    stated_nm = curve.wavelength_nm if isinstance(curve, MeasuredCurve) else None
+    if stated_nm is not None and liquid.lamp_nm is not None and abs(stated_nm - liquid.lamp_nm) > _ONE_LAMP_NM:
+        limit = f"the lamp of {path.name} has a mean wavelength of {liquid.lamp_nm:.4g} nm"
+        raise DataError("wavelength of the discs' lamp", value=f"{stated_nm:g} nm", limit=limit, remedy="change one")
     return in_lamp(curve, liquid.lamp_lines, liquid.Dp_um, liquid.lamp or path.name)
 
 

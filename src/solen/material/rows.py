@@ -19,7 +19,7 @@ import numpy as np
 from solen.errors import DataError, SpecError
 from solen.ranks import NOTE
 from solen.recording import Channel, Recording
-from solen.recording.words import heading, plain, quantity_of
+from solen.recording.words import AXES, heading, plain, quantity_of
 from solen.spec.strict import Options
 from solen.units import factor
 
@@ -88,14 +88,15 @@ def _sides(text: str, option: str, example: str) -> tuple[str, str]:
 
 def _renamed(recording: Recording, name: str, wanted: str) -> Recording:
     """Recording with a column under another name, and in the unit that the name states where the file does not."""
-    column, head = _column(recording, name, "--map"), heading(wanted)
+    optical = any(one.quantity in AXES.values() for one in recording.channels)
+    column, head = _column(recording, name, "--map"), heading(wanted, optical=optical)
     if head.name != column and head.name in {*recording.names, *recording.texts}:
         raise DataError(f"--map {name}={wanted}", limit=f"there is a column {head.name} already", remedy="map that too")
     texts = {head.name if key == column else key: cells for key, cells in recording.texts.items()}
     return replace(
         recording,
         channels=tuple(
-            _as(one, head.name, head.unit)
+            _as(one, head.name, head.unit, optical=optical)
             if one.name == column
             else replace(one, axis=head.name if one.axis == column else one.axis)
             for one in recording.channels
@@ -104,11 +105,12 @@ def _renamed(recording: Recording, name: str, wanted: str) -> Recording:
     )
 
 
-def _as(channel: Channel, name: str, unit: str) -> Channel:
+def _as(channel: Channel, name: str, unit: str, *, optical: bool) -> Channel:
     if unit and channel.unit and factor(unit, channel.unit) != 1.0:
         limit = f"its header states {channel.unit}"
         raise SpecError(f"--map {channel.name}", value=unit, limit=limit, remedy="leave out the unit")
-    return replace(channel, name=name, quantity=quantity_of(name, unit or channel.unit), unit=channel.unit or unit)
+    quantity = quantity_of(name, unit or channel.unit, optical=optical)
+    return replace(channel, name=name, quantity=quantity, unit=channel.unit or unit)
 
 
 def below_each_other(recording: Recording, names: Sequence[str], labels: Sequence[str]) -> Recording:
@@ -128,6 +130,14 @@ def below_each_other(recording: Recording, names: Sequence[str], labels: Sequenc
         if plain(channel.name) in {plain(name) for name in names}
         or ((match := _NUMBERED.fullmatch(channel.name)) and plain(match[1]) in known)
     ]
+    numbered = [one.name for one in columns if _NUMBERED.fullmatch(one.name)]
+    alone = [one.name for one in columns if one.name not in numbered]
+    if alone and len(numbered) > 1:
+        raise DataError(
+            f"column {alone[0]}",
+            limit=f"stands beside its replicates {', '.join(numbered)}: it may be their mean, and is none of them",
+            remedy=f"delete it, or leave it out by --map {alone[0]}=summary --ignore summary",
+        )
     if len(columns) < 2 or any(recording.label(label) is not None for label in labels):
         return recording
     times, first = len(columns), columns[0]

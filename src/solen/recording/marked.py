@@ -70,6 +70,7 @@ def _pairs(separator: str) -> Callable[[Sequence[str]], Header]:
 
 _PERKIN = {2: "file", 3: "date", 7: "analyst", 8: "name", 11: "instrument", 12: "serial number", 13: "software"}
 _PERKIN_GRAPH = ("XUNITS", "YUNITS", "y factor", "y offset", "FIRSTX", "DELTAX", "NPOINTS")
+_PERKIN_NEUTRAL = {"y factor": "1", "y offset": "0"}
 
 
 def _perkin(lines: Sequence[str]) -> Header:
@@ -136,6 +137,10 @@ def _read(source: Source, name: str, program: Program) -> Recording:
         raise source.refused("", "has no whole line that begins its numbers", "export it again")
     metadata = program.header(lines[: begin - program.named])
     stated = metadata | {program.labels[key]: value for key, value in metadata.items() if key in program.labels}
+    for key, neutral in _PERKIN_NEUTRAL.items() if name == "perkin-elmer" else ():
+        text = stated.get(key, neutral)
+        if not is_number(text) or parse(text, ".") != float(neutral):
+            raise source.refused(key, f"is not {neutral}: scaled values are not read", "export it unscaled", text)
     if stated.get("XAxis mode", "Wavelengths") != "Wavelengths":
         limit = f"has an axis of {stated['XAxis mode']}, which is not read"
         raise source.refused("", limit, "save it along wavelengths")

@@ -29,6 +29,11 @@ _MTS = re.compile(r"MTS793\|")
 _EXPORT = re.compile(r"results? table\b|mts793\|", re.IGNORECASE)
 _LISTED = {"", "name", "specimen", "sample", "specimen label"}
 _UNITS = {"", "unit", "units"}
+_SUMMARIES = {"mean", "average", "median", "maximum", "minimum", "max", "min", "range", "mittelwert"} | {
+    *("sd", "std", "s.d", "std dev", "std. dev", "standard deviation", "coefficient of variation", "cv", "c.v"),
+    *("std deviation", "std.dev", "standardabweichung", "mean + sd", "mean - sd", "mean + 1 sd", "mean - 1 sd"),
+}
+"""Lines of a list that are of no specimen."""
 _LEAST_ROWS = 2
 
 
@@ -76,9 +81,10 @@ def specimens(grid: Grid) -> list[Table]:
     above = [grid.rows[row] for row in others if row not in listed]
     if _MTS.match(grid.rows[0][0]):
         return [_table(grid, _joined(grid, blocks), "", above)]
-    names = _names(blocks)
+    names, titled = _names(blocks), [block.title for block in blocks]
+    chosen = [(rows[0], rows[1], _of_each(grid, rows[2:], names, by_name=names == titled)) for rows in lists]
     return [
-        _table(grid, block, name, [*above, *_lines(grid, lists, name, number)])
+        _table(grid, block, name, [*above, *_lines(grid, chosen, number)])
         for number, (name, block) in enumerate(zip(names, blocks, strict=True))
     ]
 
@@ -159,15 +165,48 @@ def _states_units(cells: Sequence[str]) -> bool:
     return plain(cells[0]) in _UNITS and bool(stated) and all(map(stated_unit, stated))
 
 
-def _lines(grid: Grid, lists: Sequence[Sequence[int]], name: str, number: int) -> Iterator[list[str]]:
-    """Parameters of a specimen, by its name in a list or by its place there."""
-    for header, *rows in lists:
-        units, *cells = [[cell.strip("()[]") for cell in grid.rows[row]] for row in rows]
-        named = [line for line in cells if line[0] == name]
-        line = named[0] if named else cells[number] if number < len(cells) else []
-        for place, key in enumerate(grid.rows[header][: len(line)]):
-            if place and key and line[place]:
-                yield [key, line[place], *units[place : place + 1]]
+def _of_each(grid: Grid, rows: Sequence[int], names: Sequence[str], *, by_name: bool) -> dict[int, int]:
+    """Row of a list for each specimen: by its name, the number in it, or, of as many as there are, its place.
+
+    Raises
+    ------
+    DataError
+        With the line that belongs to no specimen.
+    """
+    rows = [row for row in rows if plain(grid.rows[row][0]).rstrip(".:") not in _SUMMARIES]
+    found: dict[int, int] = {}
+    for key in (plain, _number) if by_name else ():
+        keys, listed = [key(name) for name in names], [key(grid.rows[row][0]) for row in rows]
+        found = {
+            keys.index(one): row
+            for one, row in zip(listed, rows, strict=True)
+            if one and keys.count(one) == listed.count(one) == 1
+        }
+        if len(found) == len(rows):
+            return found
+    if not found and len(rows) == len(names):
+        return dict(enumerate(rows))
+    left = next(row for row in rows if row not in found.values())
+    limit = f"is of none of the {len(names)} specimens, and {len(rows)} are listed: which is which is open"
+    raise grid.refused(left, None, limit, "name them alike, or delete its line")
+
+
+def _number(name: str) -> str:
+    """The number that a name ends in, without zeros before it; empty without one."""
+    found = re.search(r"(\d+)\W*$", name)
+    return "" if found is None else f"{int(found[1])}"
+
+
+def _lines(grid: Grid, lists: Sequence[tuple[int, int, dict[int, int]]], number: int) -> Iterator[list[str]]:
+    """Parameters of a specimen in lists, each a row of names, one of units, and that of each specimen."""
+    for header, below, rows in lists:
+        names, units, line = (
+            [cell.strip("()[]") for cell in grid.rows[row]] if row is not None else []
+            for row in (header, below, rows.get(number))
+        )
+        for place, value in enumerate(line[: len(names)]):
+            if place and names[place] and value:
+                yield [grid.rows[header][place], value, *units[place : place + 1]]
 
 
 def _names(blocks: Sequence[_Block]) -> list[str]:

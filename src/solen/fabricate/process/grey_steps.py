@@ -102,6 +102,10 @@ def measured_greys(recording: Recording, process: Process, options: GreyOptions 
     depth = thickness.to("um")
     set_at = np.isfinite(depth) & (depth > 0.0)
     greys, which, counts = np.unique(shares[set_at], return_inverse=True, return_counts=True)
+    blank = np.flatnonzero(~np.isfinite(depth) & (shares > greys.min(initial=1.0)))
+    if len(blank):
+        limit = f"is blank at a grey of {shares[blank[0]]:g}, and {greys[0]:g} set: a disc was not measured"
+        raise DataError(f"{thickness.name} in row {blank[0] + 1}", limit=limit, remedy="delete the row, or measure it")
     if not len(greys) or greys[-1] != 1.0:
         raise DataError("grey", limit="no disc of the full grey set: all others are compared with it")
     if len(greys) < FEWEST:

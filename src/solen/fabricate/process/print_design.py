@@ -22,7 +22,7 @@ from solen.fabricate.process.flat import walls_um
 from solen.fabricate.process.predict import Orientation, Phase, Prediction, best_phase, points_for, predicted
 from solen.fabricate.process.settings import Process, Settings
 from solen.fabricate.process.solid import printed_solid
-from solen.fabricate.process.source import PrintOptions, process_of, with_resin
+from solen.fabricate.process.source import PrintOptions, curve_left_out, process_of, with_resin
 from solen.fabricate.process.target import Deviation, Target
 from solen.geometry.measures import area_mm2
 from solen.lens.profile import MeasuredProfile, profile_of
@@ -216,6 +216,7 @@ def print_design(
     """
     _check_flat(options, compensate=compensate, part=part)
     process, sources = process_of(options)
+    left_out = curve_left_out(process, sensor.design)
     made = _Print(sensor, with_resin(process, sensor.design), options)
     lens = made.lens(None if progress is None else lambda done: progress(0.5 * done))
     prediction = PrintedDesign(
@@ -242,7 +243,8 @@ def print_design(
         warnings=(),
     )
     prediction = replace(
-        prediction, warnings=(*made.process.warnings(), *_of_layers(prediction), *_of_compensation(prediction))
+        prediction,
+        warnings=(*made.process.warnings(), *left_out, *_of_layers(prediction), *_of_compensation(prediction)),
     )
     return _with_response(prediction, sensor, progress) if response else prediction
 

@@ -80,6 +80,19 @@ def with_printer(process: Process, name: str | None) -> Process:
     return changed.model_copy(update={"source": changed.source | {"pixel_um": source}})
 
 
+def curve_left_out(process: Process, design: Design) -> list[str]:
+    """Warning where the process keeps its lamp's curve though the design's resin has a measured one."""
+    resin = None if design.material.resin is None else resin_of(design.material.resin, design.resin_file)
+    if resin is None or resin.cure is None or not process.process.lamp:
+        return []
+    mine = process.process
+    return [
+        f"the working curve of the resin {resin.name} (Dp {resin.cure.Dp_um:.4g} µm, Ec {resin.cure.Ec_mJ_per_cm2:.4g} "
+        f"mJ/cm²) is not used: the process {process.name} states a lamp, with Dp {mine.Dp_um:.4g} µm at the surface "
+        f"and Ec {mine.Ec_mJ_per_cm2:.4g} mJ/cm²"
+    ]
+
+
 def with_resin(process: Process, design: Design) -> Process:
     """Process with the working curve of the design's resin, where it has one and the process only assumes its own."""
     resin = None if design.material.resin is None else resin_of(design.material.resin, design.resin_file)

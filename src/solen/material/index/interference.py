@@ -120,7 +120,7 @@ def fringed(
     by_levels = bool(fringes_of(wavelength_nm, left, thickness))
     if by_levels:
         film = fit_levels(measured, level)
-    return _spectrum(measured, film, by_levels=by_levels), _facts(film, by_levels=by_levels)
+    return _spectrum(measured, film, by_levels=by_levels, kind=kind), _facts(film, by_levels=by_levels)
 
 
 def _level(readings: Mapping[str, Reading]) -> float:
@@ -149,7 +149,9 @@ def _facts(film: Film, *, by_levels: bool) -> Interference:
     )
 
 
-def _spectrum(measured: Measured, film: Film, *, by_levels: bool, mode: str = MODE) -> IndexSpectrum:
+def _spectrum(
+    measured: Measured, film: Film, *, by_levels: bool, mode: str = MODE, kind: Kind | None = None
+) -> IndexSpectrum:
     nm, nothing_known = measured.wavelength_nm, np.full(film.n.size, np.nan)
     n, k = (_common(parts) for parts in (film.parts_n, film.parts_k))
     fine = np.full(nm.size, int(Why.FINE), dtype=np.int8)
@@ -169,7 +171,10 @@ def _spectrum(measured: Measured, film: Film, *, by_levels: bool, mode: str = MO
         reflectance=values.get("R", nothing_known),
         transmittance=values.get("T", nothing_known),
         thickness=Length(film.thickness_um, film.u_thickness_um),
-        warnings=(*_remarks(measured, mode, film.course, by_levels=by_levels), *counted("k", no_k)),
+        warnings=(
+            *_remarks(measured, mode, "" if kind == "free" else film.course, by_levels=by_levels),
+            *counted("k", no_k),
+        ),
     )
 
 
