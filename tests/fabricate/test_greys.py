@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 from scipy.optimize import brentq
 
 from solen.errors import DataError, SpecError
@@ -19,12 +20,13 @@ from solen.fabricate.process import (
     default_process,
     dose_map,
     measured_greys,
+    process_text,
     read_process,
     straight_edge_um,
 )
 from solen.geometry.coupons import CouponOptions
 from solen.recording import Recording, read
-from tests.command_support import answered
+from tests.command_support import answered, refusal
 from tests.fabricate.print_support import settings
 from tests.fabricate.test_layers import printer
 
@@ -173,6 +175,33 @@ def test_the_command_writes_a_process_that_layers_take(
     assert len(process.process.grey) == 9
     assert process.uncertainty["grey_power"] == pytest.approx(said["u_power"])
     assert "grey_power" not in process.assumptions
+    trimesh.creation.box((2.0, 2.0, 0.1)).export("box.stl")
+    made = answered(
+        capfd, "print", "layers", "box.stl", "--out", "out", "--process", "mine.toml", "--phase-px", "0.25", "0.5"
+    )
+    assert any("27 µm" in line and "50 µm" in line for line in made["warnings"])
+    settings = json.loads(Path(made["files"]["settings"]).read_text(encoding="utf-8"))
+    assert (settings["process"], settings["phase_px"]) == ("mine.toml", [0.25, 0.5])
+    assert settings["greys"] == [list(pair) for pair in process.process.grey]
+    sheet = Path(made["files"]["sheet"]).read_text(encoding="utf-8")
+    assert "9 greys of `mine.toml`" in sheet
+    assert "0.25, 0.5" in sheet
+
+
+def test_a_process_of_these_pixels_warns_of_none_and_one_without_greys_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    trimesh.creation.box((2.0, 2.0, 0.1)).export("box.stl")
+    greys = read_greys(tmp_path)
+    Path("mine.toml").write_text(process_text(greys.with_settings(pixel_um=50.0, pixel_y_um=50.0)), encoding="utf-8")
+    Path("bare.toml").write_text(process_text(known()), encoding="utf-8")
+    command = ("print", "layers", "box.stl", "--out", "out")
+    made = answered(capfd, *command, "--process", "mine.toml")
+    assert not any("the process has pixels" in line for line in made["warnings"])
+    assert "bare.toml" in refusal(capfd, tmp_path, *command, "--process", "bare.toml")
+    for option in (("--format", "goo"), ("--process", "mine.toml"), ("--no-anti-aliasing",)):
+        assert "--sheet-only" in refusal(capfd, tmp_path, *command, "--sheet-only", *option)
 
 
 def test_greys_under_a_lamp_are_read_by_its_lines(tmp_path: Path) -> None:

@@ -34,11 +34,14 @@ class Greys:
         Whether pixels are drawn by the grey that gives their share of light.
     power
         Exponent of the light beyond the answer; 1 where that is right.
+    pixels_um
+        Sides of the process's pixels along X and Y.
     """
 
     answer: tuple[tuple[float, float], ...] = ()
     corrected: bool = True
     power: float = 1.0
+    pixels_um: tuple[float, float] | None = None
 
     def light_of(self, grey: FloatArray) -> FloatArray:
         """Light of greys, both 0 to 1: a monotone curve through the pairs, 0 and 1."""

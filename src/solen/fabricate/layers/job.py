@@ -73,6 +73,7 @@ class Job:
         if self.greys.answer and isinstance(self.solid, Exposures) and self.solid.greys:
             limit = "is for parts: grey steps show the greys themselves, as they are measured"
             raise SpecError("--process", limit=limit, remedy="leave it out")
+        self._check_pictures()
         least, most = self.printer.layers_um
         if not least <= self.slicing.layer_um <= most:
             limit = f"{self.printer.name} makes layers of {least:g} to {most:g} µm"
@@ -259,6 +260,18 @@ class Job:
         wanted = math.ceil(math.sqrt(self.slicing.copies * tall * y / (wide * x)))
         chosen = min(max(wanted, math.ceil(self.slicing.copies / rows)), columns, self.slicing.copies)
         return math.ceil(self.slicing.copies / chosen), chosen
+
+    def _check_pictures(self) -> None:
+        """Refuse what changes pictures where there are none, and a process that draws no grey another way."""
+        slicing = self.slicing
+        for key in ("format", "phase_px", "no_anti_aliasing", "process"):
+            if slicing.sheet_only and getattr(slicing, key) != type(slicing).model_fields[key].default:
+                limit = "is about pictures, and --sheet-only makes none"
+                raise SpecError(f"--{key.replace('_', '-')}", limit=limit, remedy="leave one of them out")
+        if slicing.process is not None and not (self.greys.answer and self.greys.corrected):
+            limit = "has no measured greys to draw by" if not self.greys.answer else "draws its greys in proportion"
+            remedy = "measure them with solen print grey" if not self.greys.answer else "leave it out"
+            raise SpecError("--process", value=slicing.process.name, limit=limit, remedy=remedy)
 
     def _check_size(self) -> None:
         size, room = self.solid.size_mm, self.printer.size_mm

@@ -107,6 +107,7 @@ def layered_print(job: Job, part: Printable, stl: str, stack: Stack | None) -> L
 def _warnings(job: Job, settings: PrintSettings, cure: Cure | None, stack: Stack | None) -> list[str]:
     warnings = [
         *_of_printer(job),
+        *_of_greys(job),
         *_of_size(job),
         *_of_burn_in(job),
         *_of_level_faces(job),
@@ -124,6 +125,15 @@ def _of_printer(job: Job) -> list[str]:
     if job.slicing.irradiance_mW_per_cm2 is None and job.printer.irradiance_mw_per_cm2 is None:
         warnings.append(f"doses are for {PAPER_MW_PER_CM2:g} mW/cm², the paper's printer; measure yours")
     return warnings
+
+
+def _of_greys(job: Job) -> list[str]:
+    """Greys that were measured with other pixels."""
+    here, there = tuple(1000.0 * side for side in job.printer.pitches_mm), job.greys.pixels_um
+    if not job.greys.answer or there is None or all(map(math.isclose, here, there)):
+        return []
+    of, to = (" × ".join(dict.fromkeys(f"{side:.4g}" for side in sides)) for sides in (there, here))
+    return [f"the process has pixels of {of} µm, {job.printer.name} of {to} µm: its greys may give other light here"]
 
 
 def _of_size(job: Job) -> list[str]:

@@ -52,6 +52,9 @@ class PrintSettings(Result):
         Pictures that are shown one after the other at one height, each with its own exposure; empty for a stack.
     irradiance_mW_per_cm2, burn_in_dose_mJ_per_cm2, dose_mJ_per_cm2
         Irradiance and doses at the window.
+    phase_px, anti_aliasing, process, greys
+        Of the pictures, None without: where the part's origin stands in its pixel, whether edges are grey, the process
+        file, and its pairs of grey and light by which edges are drawn.
     z_offset_um
         Thickness of what lies between plate and window and is not printed: a film, a base that is there already.
     volume_ml
@@ -83,6 +86,10 @@ class PrintSettings(Result):
     irradiance_mW_per_cm2: float
     burn_in_dose_mJ_per_cm2: float
     dose_mJ_per_cm2: float
+    phase_px: tuple[float, float] | None
+    anti_aliasing: bool | None
+    process: str | None
+    greys: tuple[tuple[float, float], ...] | None
     z_offset_um: float
     expected_layers: int
     stack_height_mm: float
@@ -120,6 +127,10 @@ def print_settings(job: Job, *, name: str, stl: str, material: str, cure: Cure |
         irradiance_mW_per_cm2=job.irradiance_mW_per_cm2,
         burn_in_dose_mJ_per_cm2=burn_in_dose,
         dose_mJ_per_cm2=dose,
+        phase_px=None if slicing.sheet_only else slicing.phase_px,
+        anti_aliasing=None if slicing.sheet_only else not slicing.no_anti_aliasing,
+        process=None if slicing.process is None else slicing.process.name,
+        greys=job.greys.answer or None,
         z_offset_um=slicing.z_offset_um,
         expected_layers=job.count,
         stack_height_mm=job.height_mm,
@@ -165,9 +176,20 @@ def _settings(s: PrintSettings) -> list[tuple[str, str]]:
         *_exposures(s),
         ("Light intensity", f"{s.irradiance_mW_per_cm2:g} mW/cm² at the window: measure yours"),
         ("Z offset", f"{s.z_offset_um:g} µm above the calibrated zero of the plate"),
+        *_pictured(s),
         ("Supports", "none; solen makes none"),
         ("Anti-aliasing, scaling, shrinkage compensation", "off, unless you calibrated them yourself"),
     ]
+
+
+def _pictured(s: PrintSettings) -> list[tuple[str, str]]:
+    """How solen's own pictures are drawn."""
+    if s.phase_px is None:
+        return []
+    x, y = s.phase_px
+    edges = f"grey, by the {len(s.greys)} greys of `{s.process}`" if s.greys else "grey, by the covered share"
+    rows = [("solen's pictures: edges", edges if s.anti_aliasing else "no grey pixels")]
+    return [*rows, ("solen's pictures: origin", f"at {x:g}, {y:g} of its pixel")]
 
 
 def _exposures(s: PrintSettings) -> list[tuple[str, str]]:

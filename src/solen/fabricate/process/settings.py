@@ -161,7 +161,7 @@ class Settings(Strict):
     @property
     def greys(self) -> Greys:
         """Light of grey pixels."""
-        return Greys(self.grey, self.grey_drawn == "corrected", self.grey_power)
+        return Greys(self.grey, self.grey_drawn == "corrected", self.grey_power, self.pixels_um)
 
     def exposures(self, layers: int) -> FloatArray:
         """Dose at the window of each of some layers, the first printed first, shape (layers,)."""
