@@ -219,6 +219,9 @@ def test_a_motor_on_the_board_makes_its_ramp_by_the_board_s_clock() -> None:
     assert len(number) > 80
     with pytest.raises(BenchError, match="move: cannot be done so"):
         stage.begin_move(0.0, 1e4)
+    for target, velocity, name in ((3e7, 1.0, "position"), (0.0, 1e5, "velocity"), (math.nan, 1.0, "position")):
+        with pytest.raises(BenchError, match=f"{name} must be .* 32 bits"):
+            stage.begin_move(target, velocity)
     controller.hardware.most_steps_per_s = 0
     with pytest.raises(BenchError, match="has no motor"):
         stage.position()

@@ -1,6 +1,7 @@
 """Before a run: a rig that is looked over, watched, and its stage moved."""
 
 import io
+import math
 import re
 from contextlib import redirect_stdout
 from dataclasses import dataclass
@@ -66,6 +67,11 @@ def crossed(at: Levels) -> None:
     at.pull[:, [1, 2]] = at.pull[:, [2, 1]]
 
 
+def crossed_and_leaking(at: Levels) -> None:
+    crossed(at)
+    at.pull[at.pull == 0.0] = 0.1
+
+
 def dead(at: Levels) -> None:
     at.pull[1] = 0.0
 
@@ -99,6 +105,7 @@ def lamps(_: Levels) -> Any:
     [
         (cut, [r"A left \(input 2\) at 4.8 V: answers to no emitter"]),
         (crossed, [r"A left .* emitter 2 for 1: answers", r"B left \(input 3\), emitter 1 for 2: answers"]),
+        (crossed_and_leaking, ["A left .* emitter 2 for 1: answers", "B left .* emitter 1 for 2: answers"]),
         (dead, ["B right .* no emitter", "B left .* no emitter", "no input sees emitter 2"]),
         (short, [r"A right \(input 1\) at 0.00\d+ V: stays"]),
         (swapped, ["B right .* rises with its emitter on"]),
@@ -143,6 +150,19 @@ def test_a_simulated_rig_is_looked_over_and_watched(bench: Path, kind: str) -> N
     assert seen[0].signal_V["A"][0] == pytest.approx(found.sensors["A"]["right"].signal_V, abs=0.05)
 
 
+@pytest.mark.parametrize("setup", ['switching = "counter"', 'switching = "external"\nsync = "ai8"'])
+def test_switching_slower_than_a_look_leaves_no_gaps(bench: Path, setup: str) -> None:
+    rig = bench / "rig.toml"
+    text = rig.read_text(encoding="utf-8").replace("[board]\n", f"[daq]\n{setup}\nswitch_hz = 12.5\n")
+    rig.write_text(text, encoding="utf-8")
+    found = check(rig, CheckOptions(seconds=2.0))
+    assert found.periods >= 15
+    assert np.isfinite(found.answers_V).all()
+    seen: list[Seen] = []
+    assert watch(rig, WatchOptions(seconds=1.0, every_s=0.02), seen.append).looks >= 3
+    assert np.isfinite([one.signal_V["A"] + one.off_V["B"] for one in seen]).all()
+
+
 def test_lines_that_are_watched_are_a_table(bench: Path) -> None:
     shown = io.StringIO()
     with redirect_stdout(shown):
@@ -173,17 +193,28 @@ def test_a_stage_is_jogged_within_its_travel(tmp_path: Path) -> None:
     device = ZaberDevice(WallClock())
     with Served(device) as served:
         rig = zaber(tmp_path, served.url)
-        assert jog(rig).stands_deg == 0.0
+        assert jog(rig).stands_deg is None  # no zero was set
         assert jog(rig, JogOptions(to=1.0, velocity=20.0)).stands_deg == 1.0
         moved = jog(rig, JogOptions(by=-1.5, velocity=20.0))
         assert (moved.begun_deg, moved.stands_deg) == (1.0, -0.5)
         begun = len(device.axis.moves)
+        assert jog(rig).stands_deg == -0.5
         for options in (JogOptions(to=3.5), JogOptions(by=4.0)):
             with pytest.raises(BenchError, match=r"3\.5; is beyond travel in the rig, -3 to 3"):
                 jog(rig, options)
         with pytest.raises(SpecError, match="give one of them"):
             jog(rig, JogOptions(to=1.0, by=1.0))
         assert len(device.axis.moves) == begun
+        rig.write_text(rig.read_text(encoding="utf-8").replace("-3.0, 3.0", "0.0, 3.0"), encoding="utf-8")
+        assert jog(rig, JogOptions(to=0.5, velocity=20.0)).stands_deg == 0.5  # back from beyond
+
+
+@pytest.mark.parametrize(
+    ("key", "value"), [("to", math.nan), ("to", math.inf), ("by", math.nan), ("velocity", math.inf)]
+)
+def test_a_jog_takes_finite_numbers(key: str, value: float) -> None:
+    with pytest.raises(SpecError, match=rf"^{key} = .*finite"):
+        JogOptions(**{key: value})
 
 
 def test_several_wires_are_all_named_to_a_reader() -> None:

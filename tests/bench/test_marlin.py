@@ -91,6 +91,12 @@ def test_what_is_said_is_the_reference_s() -> None:
     stage.close()
 
 
+def test_a_board_that_could_not_stop_is_refused() -> None:
+    said = b"FIRMWARE_NAME:Marlin 2.1.2\nCap:EMERGENCY_PARSER:0\nok\n"
+    with pytest.raises(BenchError, match="EMERGENCY_PARSER"):
+        MarlinStage(Written([(b"M115\n", said)]), SimulatedClock())
+
+
 def test_it_has_a_position_at_rest_only_and_stops() -> None:
     stage, board, clock, _ = driven()
     homes: Homes = stage

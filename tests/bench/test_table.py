@@ -48,6 +48,14 @@ def test_the_table_gives_the_decoder_s_angles() -> None:
     assert made(5).off_deg(calibration)[0] > 2.0 * off_deg  # a coarse one says so
 
 
+def test_a_name_cannot_leave_its_comment() -> None:
+    table = BoardTable(np.ones((1, 9)), 1.0, name='S 1 (a)\\"\n""*/"\n#*/', ambient='dark"""\\', version="0.1+b")
+    assert table.python.startswith('"""Angles of a calibrated sensor: S 1 (a). Written by solen 0.1+b.')
+    compile(table.python, "solen_decode.py", "exec")
+    assert table.c.startswith("/* Angles of a calibrated sensor: S 1 (a). Written")
+    assert "as they were calibrated: dark." in table.c
+
+
 PROGRAM = """
 #include <stdio.h>
 #include "solen_decode.h"

@@ -236,13 +236,14 @@ class BoardStage:
 
     def set_position(self, position: float) -> None:
         """Take where it stands for a position; nothing moves."""
-        self.board.command(PLACE, _PLACE.pack(round(position * self._per_unit)))
+        self.board.command(PLACE, _PLACE.pack(self._steps("position", position, self._per_unit)))
         self._referenced = True
 
     def begin_move(self, target: float, velocity: float) -> None:
         """Begin to move to a position at a velocity, in deg and deg/s or mm and mm/s."""
-        to, speed = round(target * self._per_unit), round(1e3 * velocity * self._per_unit)
-        ramp = max(1, round(self._acceleration * self._per_unit))
+        to = self._steps("position", target, self._per_unit)
+        speed = self._steps("velocity", velocity, 1e3 * self._per_unit, signed=False)
+        ramp = max(1, self._steps("acceleration", self._acceleration, self._per_unit, signed=False))
         self.board.command(MOVE, _MOVE.pack(to, speed, ramp))
         self._target = to
 
@@ -272,6 +273,14 @@ class BoardStage:
             self.stop()
         finally:
             self.board.close()
+
+    def _steps(self, what: str, value: float, scale: float, *, signed: bool = True) -> int:
+        """A number as the board takes it; `BenchError` where 32 bits do not hold it."""
+        low, high = (-(2**31), 2**31 - 1) if signed else (0, 2**32 - 1)
+        if not low <= value * scale <= high:
+            limit = f"{what} must be {low / scale:.6g} to {high / scale:.6g} {self.unit}: steps have 32 bits"
+            raise BenchError(self.name, value=value, limit=limit, remedy="check steps_per_unit in [stage]")
+        return round(value * scale)
 
     def _where(self) -> tuple[int, int, int]:
         return cast("tuple[int, int, int]", _WHERE.unpack(self.board.command(WHERE)))

@@ -19,7 +19,7 @@ from pydantic import Field
 from solen.arrays import FloatArray
 from solen.bench.clock import Clock, SimulatedClock, WallClock
 from solen.bench.glance import Glance, Glances, sampler_of, stage_of
-from solen.bench.homing import Confirm, make_known
+from solen.bench.homing import Confirm, knows_zero, make_known
 from solen.bench.interrupts import ended_by_signals
 from solen.bench.rig import Rig, SensorOf, load_rig
 from solen.errors import BenchError, SpecError
@@ -36,6 +36,7 @@ third is advised against: twice as much must not reach the bottom."""
 ROOM = 0.1
 """Share of a signal by which light of the room may vary."""
 LOOK_S = 0.1
+Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
 class CheckOptions(Options):
@@ -178,12 +179,12 @@ def _faults(
     for side, one in found.items():
         what = f"{sensor.name} {side} (input {one.input})"
         mine = answers[:, one.input - 1]
-        strongest = int(np.argmax(np.abs(mean[:, one.input - 1]))) + 1
+        strongest = int(np.argmax(np.where(mine, np.abs(mean[:, one.input - 1]), 0.0))) + 1
         if one.on_V < AT_RAIL * span and one.off_V < AT_RAIL * span:
             yield f"{what} at {one.off_V:.3g} V: stays there, lit or not; a short, or far too much light"
         elif not mine.any():
             yield f"{what} at {one.off_V:.3g} V: answers to no emitter; check its wire and its receiver"
-        elif not mine[sensor.emitter - 1]:
+        elif strongest != sensor.emitter:
             yield f"{what}, emitter {strongest} for {sensor.emitter}: answers to another one; check rig file and wires"
         elif mean[sensor.emitter - 1, one.input - 1] < 0.0:
             yield f"{what}: rises with its emitter on; load and receiver are swapped"
@@ -209,11 +210,11 @@ def _trimmed(what: str, one: InputCheck, glance: Glance) -> Iterator[str]:
 class JogOptions(Options):
     """Where to, how fast."""
 
-    to: float | None = None
+    to: Finite | None = None
     """Position to go to, in deg or mm."""
-    by: float | None = None
+    by: Finite | None = None
     """How far to go from where it stands, in deg or mm."""
-    velocity: Annotated[float, Field(gt=0)] = 1.0
+    velocity: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1.0
     """In deg/s or mm/s."""
 
 
@@ -239,22 +240,23 @@ class Jogged(Result):
 
 
 def jog(rig_file: Path, options: JogOptions = JogOptions(), *, confirm: Confirm | None = None) -> Jogged:
-    """Move the stage of a rig, or ask it where it stands; whatever ends the move stops it.
+    """Move the stage of a rig, or, with neither ``to`` nor ``by``, ask it where it stands; what ends the move stops it.
 
     Raises
     ------
     BenchError, SpecError
-        Where options, rig file or stage are at fault, or the way leaves the rig's travel.
+        Where options, rig file or stage are at fault, or the target lies beyond the rig's travel.
     """
     if options.to is not None and options.by is not None:
         raise SpecError("--to", value=options.to, limit="stands beside --by", remedy="give one of them")
     rig, clock = load_rig(rig_file), WallClock()
     with ended_by_signals(), stage_of(rig, clock) as stage:
-        make_known(stage, rig.stage.home, rig.stage.zero, confirm)
-        begun = stage.position()
+        if options.to is not None or options.by is not None:
+            make_known(stage, rig.stage.home, rig.stage.zero, confirm)
+        begun = stage.position() if knows_zero(stage) else math.nan
         target = options.to if options.by is None else begun + options.by
         if target is not None:
-            _check_way(rig, stage.name, begun, target)
+            _check_way(rig, stage.name, target)
             patience = getattr(stage, "patience_s", 10.0)
             way = abs(target - begun) if math.isfinite(begun) else 0.0
             due = clock.now_s() + way / options.velocity + patience
@@ -263,14 +265,13 @@ def jog(rig_file: Path, options: JogOptions = JogOptions(), *, confirm: Confirm 
                 if clock.now_s() > due:
                     raise BenchError(stage.name, limit=f"has not arrived at {target:g}", remedy="is it free to move?")
                 clock.sleep(0.02)
-        places = {f"begun_{stage.unit}": begun, f"stands_{stage.unit}": stage.position()}
+        places = {f"begun_{stage.unit}": begun, f"stands_{stage.unit}": begun if target is None else stage.position()}
         return Jogged(stage.name, **{key: at for key, at in places.items() if math.isfinite(at)})
 
 
-def _check_way(rig: Rig, name: str, begun: float, target: float) -> None:
+def _check_way(rig: Rig, name: str, target: float) -> None:
     if not math.isfinite(target):
         raise SpecError("--by", limit="where it stands is not known", remedy="use --to")
-    for position in (begun, target):
-        if rig.stage.travel is not None and not rig.stage.travel[0] <= position <= rig.stage.travel[1]:
-            low, high = rig.stage.travel
-            raise BenchError(name, value=position, limit=f"is beyond travel in the rig, {low:g} to {high:g}")
+    if rig.stage.travel is not None and not rig.stage.travel[0] <= target <= rig.stage.travel[1]:
+        low, high = rig.stage.travel
+        raise BenchError(name, value=target, limit=f"is beyond travel in the rig, {low:g} to {high:g}")

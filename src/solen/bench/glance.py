@@ -6,6 +6,7 @@ all inputs are read with every emitter. Of a data acquisition the phases are fou
 The interface: `sampler_of` a rig, started; `Glances`, of which `read` gives a `Glance`; `stage_of` a rig.
 """
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ import numpy as np
 
 from solen.arrays import FloatArray
 from solen.bench.clock import Clock
+from solen.bench.daq import Samples
 from solen.bench.drivers import DRIVERS
 from solen.bench.frames import UNSOUND
 from solen.bench.interrupts import uninterrupted
@@ -28,7 +30,9 @@ from solen.bench.simulated.stage import SimulatedStage
 REACH = {"deg": 3.0, "mm": 2.0}
 """How far from zero a simulated rig is traced where no protocol says so."""
 GROUP_S = 0.05
-"""Samples of a data acquisition are averaged over so long."""
+"""Samples of a data acquisition are averaged over so long, or over a period of its switching if that is longer."""
+LEAST_PERIODS = 3.0
+"""Periods of the switching in which its clock is sought: they hold two rises of a sync, and a fall after the first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +63,7 @@ class Glances:
 
     def __init__(self, sampler: EmitterBoard | Daq, rig: Rig) -> None:
         self._sampler, self._rig = sampler, rig
+        self._kept: Samples | None = None
 
     def read(self) -> Glance | None:
         """What came since the last call; None where that is nothing, or shows no switching."""
@@ -72,9 +77,11 @@ class Glances:
         return Glance(volts[:, :, 0], volts[:, :, 1], 0.0, top * self._sampler.volts_per_count)
 
     def _of_samples(self, daq: Daq) -> Glance | None:
-        samples, setup = daq.read(), daq.setup
-        group = max(1, round(GROUP_S * daq.rate_hz))
-        if len(samples.counts) < group:
+        samples, setup = self._with_kept(daq.read()), daq.setup
+        period = daq.rate_hz / daq.switch_hz
+        group = math.ceil(max(GROUP_S * daq.rate_hz, period))
+        if len(samples.counts) < max(group, LEAST_PERIODS * period):
+            self._kept = samples
             return None
         number = samples.first + np.arange(len(samples.counts))
         volts = np.column_stack(
@@ -88,13 +95,22 @@ class Glances:
             for emitter in range(setup.emitters):
                 for phase, state in enumerate((emitter + 1, 0)):
                     means[phase, :, emitter, channel] = _means(volts[:, channel], lit == state, rows, group)
-        return Glance(means[0], means[1], -setup.range_v, setup.range_v)
+        means = means[:, np.isfinite(means).all(axis=(0, 2, 3))]
+        return Glance(means[0], means[1], -setup.range_v, setup.range_v) if means.shape[1] else None
+
+    def _with_kept(self, samples: Samples) -> Samples:
+        """Samples after those that were too few by themselves, unless some are missing between them."""
+        kept, self._kept = self._kept, None
+        if kept is None or kept.stretch != samples.stretch or kept.first + len(kept.counts) != samples.first:
+            return samples
+        return Samples(kept.stretch, kept.first, np.concatenate([kept.counts, samples.counts]))
 
 
 def _means(volts: FloatArray, chosen: FloatArray, rows: int, group: int) -> FloatArray:
-    """Mean of what is chosen in each group."""
+    """Mean of what is chosen in each group; NaN where that is nothing."""
     weight = chosen[: rows * group].reshape(rows, group).astype(float)
-    return np.asarray((volts[: rows * group].reshape(rows, group) * weight).sum(axis=1) / weight.sum(axis=1))
+    total, count = (volts[: rows * group].reshape(rows, group) * weight).sum(axis=1), weight.sum(axis=1)
+    return np.asarray(np.divide(total, count, out=np.full(rows, np.nan), where=count > 0.0))
 
 
 @contextmanager

@@ -4,7 +4,7 @@ The idea: a search for the reference switch may turn the stage as far as it goes
 done where the rig file allows it (``home = true``), or where somebody at the terminal, having read how far it
 goes, agrees. ``home = "here"`` takes the place where the stage stands for the rig's zero, and nothing moves.
 
-The interface: `make_known`.
+The interface: `make_known`; `knows_zero`.
 """
 
 from collections.abc import Callable
@@ -53,6 +53,11 @@ def make_known(stage: Stage, home: Home, zero: float, confirm: Confirm | None = 
     else:
         remedy = 'home = true in [stage] allows it; home = "here" takes the place where it stands for zero'
         raise BenchError(stage.name, limit=f"does not know its zero. {stage.search}", remedy=remedy)
+
+
+def knows_zero(stage: Stage) -> bool:
+    """Whether positions of a stage mean anything now; nothing moves."""
+    return not _moves_to_know(stage) or stage.referenced
 
 
 def _moves_to_know(stage: object) -> TypeGuard[Homes]:

@@ -39,7 +39,7 @@ class MarlinStage(LineStage):
     Raises
     ------
     BenchError
-        Where the board does not answer, or is no Marlin.
+        Where the board does not answer, is no Marlin, or could not stop a move (no ``EMERGENCY_PARSER``).
     """
 
     patience_s = 30.0
@@ -126,6 +126,9 @@ class MarlinStage(LineStage):
                 continue
             if "FIRMWARE_NAME:Marlin" not in text:
                 raise self._refusal(f"answered {text[:60]!r} as its name", "it is not Marlin")
+            if "Cap:EMERGENCY_PARSER:0" in text:
+                limit = "has no EMERGENCY_PARSER: M410 would wait behind M400, and nothing could stop a move"
+                raise self._refusal(limit, "build its firmware with EMERGENCY_PARSER")
             return text
 
     def _settled(self) -> bool:

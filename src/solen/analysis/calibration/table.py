@@ -5,9 +5,10 @@ nearest to a reading has a closed form, in units of the reading's covariance; th
 the middle of what `solen.analysis.calibration.decoder` gives, without its bands: rising and falling ways are one curve
 here, their difference counts as spread, and where two angles explain a reading only the likelier one is given.
 
-The interface: `BoardTable.of` a calibration; its `python` and `c` are source texts.
+The interface: `BoardTable.of` a calibration; its `python` and `c` are source texts. `DecodingTable` judges it.
 """
 
+import re
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Any
@@ -19,10 +20,13 @@ from scipy.stats import f as f_distribution
 from solen.analysis.calibration.decoder import OUTSIDE, Decoder
 from solen.analysis.calibration.estimate import Calibration, at_angles
 from solen.arrays import FloatArray
+from solen.results import Result, reported
 from solen.spec.strict import Options
 
 TRIED = 20
 """Places of each piece at which the table is compared with the whole decoder."""
+MOST_OFF = 0.5
+"""Standard uncertainties that a table may lie beside the whole decoder without a warning."""
 _PYTHON = '''"""Angles of a calibrated sensor: {name}. Written by solen {version}.
 
 decode(left_V, right_V) gives the angle in degrees, its standard uncertainty, and whether the voltages lie on no point
@@ -140,8 +144,8 @@ class BoardTable:
 
     @property
     def _said(self) -> dict[str, Any]:
-        name = self.name.replace("*/", "").replace('"""', "")
-        return {"name": name, "ambient": self.ambient, "version": self.version, "limit": self.limit}
+        texts = {"name": self.name, "ambient": self.ambient, "version": self.version}
+        return {"limit": self.limit} | {key: re.sub(r"[^\w .,()+-]", "", text) for key, text in texts.items()}
 
     def _rows(self, row: str, suffix: str) -> str:
         return "".join(
@@ -163,3 +167,39 @@ class BoardTable:
         off = np.abs(self.decode(volts) - whole.angle_deg)
         spread = np.maximum(0.5 * (whole.high_deg[:, 0] - whole.low_deg[:, 0]), 1e-9)
         return float(off.max()), float((off / spread).max())
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class DecodingTable(Result):
+    """A calibration as a table.
+
+    Attributes
+    ----------
+    sensor
+        What was calibrated.
+    pieces
+        Straight pieces of the table.
+    low_deg, high_deg
+        Its range.
+    off_deg
+        Largest difference from the whole decoder along the curve.
+    sigma
+        The same in standard uncertainties of an angle.
+    simulated
+        Whether the calibration rests on simulated recordings.
+    """
+
+    sensor: str
+    pieces: int
+    low_deg: float
+    high_deg: float
+    off_deg: float
+    sigma: float
+    simulated: bool
+
+    @reported
+    def warnings(self) -> tuple[str, ...]:
+        """Whether the table is too coarse."""
+        if self.sigma <= MOST_OFF:
+            return ()
+        return (f"the table lies up to {self.off_deg:.2g}° beside the whole decoder; take more --points",)

@@ -8,10 +8,9 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from solen.analysis.calibration import CalibrationOptions, DecodeOptions, Decoding, SensorCalibrations
-from solen.analysis.calibration.table import TableOptions
+from solen.analysis.calibration.table import DecodingTable, TableOptions
 from solen.cli.app import FLAT, SHOWN, lines
 from solen.cli.bench.recorded import ANALYSED, RECORDED, Analysed, Recorded, split_files
-from solen.pipeline.bench.table import DecodingTable
 from solen.ranks import ranked
 from solen.report.options import FigureOptions
 from solen.results import Outcome

@@ -1,52 +1,12 @@
 """A calibration to a table and code that decodes by it on a board."""
 
-from dataclasses import dataclass
 from pathlib import Path
 
 from solen import __version__, files
 from solen.analysis.calibration.file import load
-from solen.analysis.calibration.table import BoardTable, TableOptions
+from solen.analysis.calibration.table import BoardTable, DecodingTable, TableOptions
 from solen.errors import OutputError
-from solen.results import Outcome, Result, reported
-
-MOST_OFF = 0.5
-"""Standard uncertainties that a table may lie beside the whole decoder without a warning."""
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class DecodingTable(Result):
-    """A calibration as a table.
-
-    Attributes
-    ----------
-    sensor
-        What was calibrated.
-    pieces
-        Straight pieces of the table.
-    low_deg, high_deg
-        Its range.
-    off_deg
-        Largest difference from the whole decoder along the curve.
-    sigma
-        The same in standard uncertainties of an angle.
-    simulated
-        Whether the calibration rests on simulated recordings.
-    """
-
-    sensor: str
-    pieces: int
-    low_deg: float
-    high_deg: float
-    off_deg: float
-    sigma: float
-    simulated: bool
-
-    @reported
-    def warnings(self) -> tuple[str, ...]:
-        """Whether the table is too coarse."""
-        if self.sigma <= MOST_OFF:
-            return ()
-        return (f"the table lies up to {self.off_deg:.2g}° beside the whole decoder; take more --points",)
+from solen.results import Outcome
 
 
 def table(calibration: Path, folder: Path, options: TableOptions = TableOptions()) -> Outcome[DecodingTable]:
