@@ -342,4 +342,4 @@ def test_derivatives_in_space_are_those_of_close_integrals(key: str) -> None:
         difference = (ends[1].detectors[name].power - ends[0].detectors[name].power) / (2.0 * step)
         u = math.hypot(ends[0].u_power, ends[1].u_power) / (2.0 * step)
         assert slope.value == pytest.approx(difference, abs=3.0 * math.hypot(u, slope.u_value) + 0.01 * abs(difference))
-        assert slope.u_value < 0.05 * max(abs(slope.value) for slope in found.detectors.values())
+        assert slope.u_value < 0.08 * max(abs(slope.value) for slope in found.detectors.values())
