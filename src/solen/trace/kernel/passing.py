@@ -128,9 +128,9 @@ def refract(
         here = right if dx[i] * nx[i] + dz[i] * nz[i] > 0.0 else left
         known, clear = (region[i] == here) | (region[i] == -1), (t[i] > k.corner) | (last[i] < 0)
         before = fate[i]
-        mine = (which[i] == c) & (before == ASIDE) & known & clear & (hits[i] + 1 < rules.max_hits)
-        passed_by = (which[i] == c) & (before == ASIDE)
-        fate[i] = GOES_ON if mine else (LEFT if passed_by else before)
+        meets = (which[i] == c) & (before == ASIDE)
+        mine = meets & known & clear & (hits[i] + 1 < rules.max_hits)
+        fate[i] = GOES_ON if mine else (LEFT if meets else before)
     for i in range(n):
         mine = (which[i] == c) & (fate[i] == GOES_ON)
         old_x, old_z, old = x[i], z[i], optical[i]
@@ -185,9 +185,9 @@ def end(
         here = right if from_right else left
         known, clear = (region[i] == here) | (region[i] == -1), (t[i] > k.corner) | (last[i] < 0)
         before, way = fate[i], optical[i]
-        mine = (which[i] == c) & (before == ASIDE) & known & clear
+        meets = (which[i] == c) & (before == ASIDE)
+        mine = meets & known & clear
         ended = DETECTED if receives & (not from_right) else ABSORBED
-        passed_by = (which[i] == c) & (before == ASIDE)
-        fate[i] = ended if mine else (LEFT if passed_by else before)
+        fate[i] = ended if mine else (LEFT if meets else before)
         new = way + (b if from_right else a) * t[i]
         optical[i] = new if mine else way

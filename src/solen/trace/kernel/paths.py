@@ -202,12 +202,12 @@ def integrate_path(  # noqa: C901  one loop over stretches
                 apart = max(apart, abs(room.value[i, d] - room.value[j, d]))
             error += (0.5 if full else 0.25) * width * apart
             continue
-        middle = 0.5 * (a + b)
+        middle, halved = 0.5 * (a + b), True
         if hard or width > soft:
             edge = a + predicted_edge(room, i, j, ends) * width
             if edge - narrow > a and edge + narrow < b:
                 if not hard:  # rays on both sides are alike: is the one between them?
-                    middle = edge
+                    middle, halved = edge, False
                 else:
                     add_ray(k, tables, family, room, n, edge - 0.45 * narrow)
                     add_ray(k, tables, family, room, n + 1, edge + 0.45 * narrow)
@@ -222,7 +222,7 @@ def integrate_path(  # noqa: C901  one loop over stretches
         if (
             room.tree[m] == room.tree[i]
             and not hard
-            and middle == 0.5 * (a + b)
+            and halved
             and (width <= soft or (room.path[m] == room.path[i] and room.path[m] == room.path[j]))
         ):
             apart = 0.0
