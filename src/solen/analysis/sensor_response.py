@@ -229,8 +229,9 @@ def sensor_response(
         ageing = ageing_of(
             ways, [one for run in runs for one in _cycle_readings(run)], first.receivers, sides, options.every
         )
-    told = tuple(warnings)
-    return SensorResponse(first.label, first.lens, first.unit, receivers, pair, timing, runs, ways, told, ageing)
+    return SensorResponse(
+        first.label, first.lens, first.unit, receivers, pair, timing, runs, ways, tuple(warnings), ageing
+    )
 
 
 def _cycle_readings(run: Run) -> list[FloatArray]:

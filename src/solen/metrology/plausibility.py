@@ -32,7 +32,7 @@ MOST_OF_PICTURE, LEAST_SHARE = 1.2, 0.1
 COARSEST_PX = 60
 """Pixels across the lens, at least."""
 NEAR_PX = 4
-"""Pixels within which two edges are not told apart."""
+"""Pixels within which two edges cannot be resolved."""
 RESOLVED_PX = 200
 """Pixels across the lens from which on two faces that both show are usually two edges."""
 WIDER, LEAST_PLACES = 1.3, 20

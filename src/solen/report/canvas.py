@@ -29,7 +29,7 @@ SERIES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#22
 """Colours of things of one kind, distinguishable with colour vision deficiency too (Okabe and Ito)."""
 LINES = ("-", (0, (5, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)), (0, (3, 1)), (0, (6, 1, 1, 1, 1, 1)), (0, (9, 2)))
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
-"""Dashes and markers of the same things: nothing is told by its colour alone."""
+"""Dashes and markers of the same series, which then differ in more than colour."""
 FONTS = ("Helvetica Neue", "Arial", "Liberation Sans", "DejaVu Sans")
 STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
@@ -108,7 +108,7 @@ def encoded(figure: Figure, suffix: str, salt: str, dpi: int = 200) -> bytes:
     with mpl.rc_context({**STYLE, "svg.hashsalt": f"solen-{salt}"}):
         if suffix == ".svg":  # savefig would draw it twice, once for the layout: the bytes are the same
             stated = {"Date": None, "Creator": None} | ({"Title": title} if title else {})
-            FigureCanvasSVG(figure).print_svg(data, metadata=stated)  # type: ignore[no-untyped-call]
+            FigureCanvasSVG(figure).print_svg(data, metadata=stated)  # type: ignore[no-untyped-call]  # matplotlib's own
         elif suffix == ".pdf":
             figure.savefig(data, format="pdf", metadata={"CreationDate": None, "Title": title or None})
         elif suffix == ".eps":
@@ -124,7 +124,7 @@ def encoded(figure: Figure, suffix: str, salt: str, dpi: int = 200) -> bytes:
 
 
 def _without_transparency(figure: Figure) -> None:
-    """Paint what shines through as it looks on white: PostScript knows no transparency and would paint it solid."""
+    """Blend translucent colours with white: PostScript has no transparency and would draw them opaque."""
     for artist in _all(figure):
         for part in ("facecolor", "edgecolor", "color"):
             get, put = getattr(artist, f"get_{part}", None), getattr(artist, f"set_{part}", None)

@@ -110,7 +110,7 @@ def _fit(figure: Figure, panels: list[list[Axes]], look: FigureOptions) -> None:
         figure.set_size_inches(wide, height * max(1.0, wide / width) if wide > width else height)
         return
     sizes = [_size_in(panel[0], (width, height)) for panel in panels]
-    across = len({round(panel[0].get_subplotspec().get_position(figure).x0, 3) for panel in panels})  # type: ignore[union-attr]
+    across = len({round(panel[0].get_subplotspec().get_position(figure).x0, 3) for panel in panels})  # type: ignore[union-attr]  # made by subplots
     fits = max(1, math.floor(wide / min(NARROWEST_IN, *(w for w, _ in sizes))))
     if not look.panels and across <= fits:
         shrink = wide / width
@@ -133,7 +133,7 @@ def _fit(figure: Figure, panels: list[list[Axes]], look: FigureOptions) -> None:
 
 
 def _down(panels: list[list[Axes]], figure: Figure) -> int:
-    return len({round(panel[0].get_subplotspec().get_position(figure).y0, 3) for panel in panels})  # type: ignore[union-attr]
+    return len({round(panel[0].get_subplotspec().get_position(figure).y0, 3) for panel in panels})  # type: ignore[union-attr]  # made by subplots
 
 
 def _size_in(axes: Axes, size_in: Sequence[float]) -> tuple[float, float]:
@@ -176,7 +176,7 @@ def _titles(figure: Figure) -> list[Text]:
 
 def _take_titles(figure: Figure) -> None:
     titles = _titles(figure)
-    figure.left_out = [title.get_text() for title in titles]  # type: ignore[attr-defined]
+    figure.left_out = [title.get_text() for title in titles]  # type: ignore[attr-defined]  # read by titles_of
     for title in titles:
         title.set_text("")
         title.set_in_layout(False)

@@ -58,27 +58,27 @@ class Hardware:
 
     def now_us(self) -> int:
         """Microseconds since some beginning, never going back and never wrapping."""
-        raise NotImplementedError
+        raise NotImplementedError  # MicroPython has no abc
 
     def light(self, emitter: int) -> None:
         """Light one emitter, from 0, and no other; -1 for none."""
-        raise NotImplementedError
+        raise NotImplementedError  # MicroPython has no abc
 
     def sample(self, buffer: bytearray, at: int, inputs: int) -> None:
         """Write counts of the inputs into a buffer, 2 bytes each, the low one first."""
-        raise NotImplementedError
+        raise NotImplementedError  # MicroPython has no abc
 
     def send(self, data: bytearray) -> None:
         """Send bytes to the host; the buffer is used again afterwards."""
-        raise NotImplementedError
+        raise NotImplementedError  # MicroPython has no abc
 
     def fits(self, half_us: int, emitters: int, inputs: int) -> bool:
         """Whether it has so many emitters and inputs, and samples them within a half."""
-        raise NotImplementedError
+        raise NotImplementedError  # MicroPython has no abc
 
     def step(self, position: int, forward: bool) -> None:
         """Bring the motor one step on, to a position."""
-        raise NotImplementedError
+        raise NotImplementedError  # MicroPython has no abc
 
 
 class Axis:

@@ -144,7 +144,7 @@ def in_lamp(curve: WorkingCurve, lines: Lines, liquid_Dp_um: float, lamp: str) -
     doses = np.array([disc.dose_mJ_per_cm2 for disc in curve.used])
     um = np.array([disc.thickness_um for disc in curve.used])
     if len(um) < _LEAST_DISCS:
-        limit = f"two laws are told apart by {_LEAST_DISCS} discs at least"
+        limit = f"two laws need at least {_LEAST_DISCS} discs to be distinguished"
         raise DataError("--penetration", value=f"{len(um)} discs", limit=limit, remedy="cure more discs")
     start = (math.log(curve.Dp_um), math.log(curve.Ec_mJ_per_cm2))
     ours, jacobs = (_best(doses, um, law, start) for law in (lines, ONE_LINE))
