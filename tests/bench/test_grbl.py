@@ -115,7 +115,7 @@ def test_what_is_no_grbl_is_refused() -> None:
     with pytest.raises(BenchError, match=r"'\[VER:0\.9j\]'"):
         GrblStage(Written(other), clock)
     with pytest.raises(BenchError, match=r"\$10=1"):
-        GrblStage(Written([(b"?", b"<Idle|WPos:0.000,0.000,0.000>\r\n")] * 2), clock)
+        GrblStage(Written([(b"?", b"<Idle|WPos:0.000,0.000,0.000>\r\n")] * 200), clock)
     with pytest.raises(BenchError, match=r"hello.* and no state"):
         GrblStage(_Chatty(), _Hasty())
     _, _, clock, wire = driven()

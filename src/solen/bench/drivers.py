@@ -19,7 +19,13 @@ from solen.errors import BenchError
 
 if TYPE_CHECKING:  # the rig's tables name drivers of this module
     from solen.bench.board import SerialBoard
-    from solen.bench.rig import Rig
+    from solen.bench.link import Link
+    from solen.bench.rig import Rig, StageOf
+
+
+KINDS = ("model", "port", "baud", "axis", "address", "steps_per_unit")
+"""Keys of a stage's table that say what it is and where."""
+_LINE = ("port", "baud", "axis")
 
 
 @dataclass(frozen=True)
@@ -34,11 +40,14 @@ class Driver:
         Opens the instrument of a rig, with the clock that its waiting follows; raises `BenchError` where it cannot.
     needs
         Key of that table which the driver cannot do without: ``port``, ``device``, or none.
+    takes
+        Of the keys that tell stages apart (`KINDS`), those that mean something to it; None for all.
     """
 
     role: Literal["stage", "board", "daq"]
     open: "Callable[[Rig, Clock], Stage | EmitterBoard | Daq]"
     needs: str = ""
+    takes: tuple[str, ...] | None = None
 
 
 @contextmanager
@@ -51,53 +60,57 @@ def on_failure(undo: Callable[[], object]) -> Iterator[None]:
         raise
 
 
-def _gcs2(rig: "Rig", clock: Clock) -> Stage:
-    from solen.bench.gcs2 import Gcs2Stage
+def _on_its_line(rig: "Rig", made: "Callable[[StageOf, Link], Stage]") -> Stage:
+    """A stage on a line of its own, which is closed where the stage cannot be driven."""
     from solen.bench.link import open_link
 
-    table = rig.stage
-    link = open_link(str(table.port), baud=table.baud)
+    link = open_link(str(rig.stage.port), baud=rig.stage.baud)
     with on_failure(link.close):
+        return made(rig.stage, link)
+
+
+def _gcs2(rig: "Rig", clock: Clock) -> Stage:
+    from solen.bench.gcs2 import Gcs2Stage
+
+    def made(table: "StageOf", link: "Link") -> Stage:
         return Gcs2Stage(link, clock, stage=table.model, unit=table.unit, axis=table.axis, address=table.address)
+
+    return _on_its_line(rig, made)
+
+
+def _letter(table: "StageOf") -> str:
+    """The axis of a stepper's board, which are letters."""
+    return table.axis if "axis" in table.model_fields_set else "X"
 
 
 def _grbl(rig: "Rig", clock: Clock) -> Stage:
     from solen.bench.grbl import GrblStage
-    from solen.bench.link import open_link
 
-    table = rig.stage
-    link = open_link(str(table.port), baud=table.baud)
-    with on_failure(link.close):
-        axis = table.axis if "axis" in table.model_fields_set else "X"
-        return GrblStage(link, clock, unit=table.moves_in, axis=axis)
+    return _on_its_line(rig, lambda table, link: GrblStage(link, clock, unit=table.moves_in, axis=_letter(table)))
 
 
 def _marlin(rig: "Rig", clock: Clock) -> Stage:
-    from solen.bench.link import open_link
     from solen.bench.marlin import MarlinStage
 
-    table = rig.stage
-    link = open_link(str(table.port), baud=table.baud)
-    with on_failure(link.close):
-        axis = table.axis if "axis" in table.model_fields_set else "X"
-        return MarlinStage(link, clock, unit=table.moves_in, axis=axis)
+    return _on_its_line(rig, lambda table, link: MarlinStage(link, clock, unit=table.moves_in, axis=_letter(table)))
 
 
 def _zaber(rig: "Rig", clock: Clock) -> Stage:
-    from solen.bench.link import open_link
     from solen.bench.zaber import ZaberStage
 
-    table = rig.stage
-    link = open_link(str(table.port), baud=table.baud)
-    with on_failure(link.close):
-        return ZaberStage(
-            link,
-            clock,
-            steps_per_unit=table.steps_per_unit or 1.0,  # the rig has checked that it is stated
-            unit=table.moves_in,
-            axis=table.axis,
-            address=table.address or 1,
-        )
+    def made(table: "StageOf", link: "Link") -> Stage:
+        steps, unit = table.steps, table.moves_in
+        return ZaberStage(link, clock, steps_per_unit=steps, unit=unit, axis=table.axis, address=table.address or 1)
+
+    return _on_its_line(rig, made)
+
+
+def _kinesis(rig: "Rig", clock: Clock) -> Stage:
+    from solen.bench.kinesis import KinesisStage
+
+    return _on_its_line(
+        rig, lambda table, link: KinesisStage(link, clock, counts_per_unit=table.steps, unit=table.moves_in)
+    )
 
 
 def _hand(rig: "Rig", clock: Clock) -> Stage:  # noqa: ARG001  a hand needs no clock
@@ -112,8 +125,7 @@ def _motor(rig: "Rig", clock: Clock) -> Stage:
     table = rig.stage
     board = _serial(rig, clock)
     with on_failure(board.close):
-        # the rig has checked that there is such a board, and that the steps are stated
-        return BoardStage(board, clock, steps_per_unit=table.steps_per_unit or 1.0, unit=table.moves_in)
+        return BoardStage(board, clock, steps_per_unit=table.steps, unit=table.moves_in)
 
 
 def _serial(rig: "Rig", clock: Clock) -> "SerialBoard":
@@ -140,12 +152,13 @@ def _nidaqmx(rig: "Rig", clock: Clock) -> Daq:
 DRIVERS: registry.Registry[Driver] = registry.Registry(
     registry.INSTRUMENTS,
     {
-        "gcs2": Driver("stage", _gcs2, needs="port"),
-        "grbl": Driver("stage", _grbl, needs="port"),
-        "hand": Driver("stage", _hand),
-        "marlin": Driver("stage", _marlin, needs="port"),
-        "board": Driver("stage", _motor),
-        "zaber": Driver("stage", _zaber, needs="port"),
+        "gcs2": Driver("stage", _gcs2, needs="port", takes=(*_LINE, "model", "address")),
+        "grbl": Driver("stage", _grbl, needs="port", takes=_LINE),
+        "hand": Driver("stage", _hand, takes=()),
+        "kinesis": Driver("stage", _kinesis, needs="port", takes=("port", "steps_per_unit")),
+        "marlin": Driver("stage", _marlin, needs="port", takes=_LINE),
+        "board": Driver("stage", _motor, takes=("steps_per_unit",)),
+        "zaber": Driver("stage", _zaber, needs="port", takes=(*_LINE, "address", "steps_per_unit")),
         "serial": Driver("board", _serial, needs="port"),
         "nidaqmx": Driver("daq", _nidaqmx, needs="device"),
     },

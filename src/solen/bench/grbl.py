@@ -10,20 +10,16 @@ The interface: `GrblStage`, a `Stage` that `solen.bench.roles.Homes`.
 """
 
 import re
-from typing import Literal
+from typing import Any
 
 from solen.bench.clock import Clock
-from solen.bench.line_stage import LineStage
+from solen.bench.gcode import AXES, GcodeStage
 from solen.bench.link import Link
-from solen.errors import BenchError
 
 CANCEL, STATUS = b"\x85", b"?"
-WAKES_S = 5.0
-"""A board that is reset as its port is opened answers after some seconds."""
 BEGINS_S = 0.25
 """So long after its command a move may not have begun yet."""
 AT_REST = {"Idle", "Alarm", "Check", "Sleep"}
-AXES = "XYZABC"
 ERRORS = {
     5: "homing is not enabled ($22)",
     8: "it is not idle",
@@ -37,44 +33,18 @@ _STATUS = re.compile(r"<(\w+)(?::\d)?\|(?:.*\|)?MPos:([-\d.,]+)")
 _SETTING = re.compile(r"\$(\d+)=([-\d.]+)")
 
 
-class GrblStage(LineStage):
-    """One axis of a controller.
+class GrblStage(GcodeStage):
+    """One axis of a controller, the step of which is set up by ``$100``; it must report machine positions."""
 
-    Parameters
-    ----------
-    link, clock
-        Line to the controller, and the clock that time-outs follow.
-    unit
-        Of the axis, as its steps per unit are configured (``$100``): GRBL says mm for both.
-    axis
-        Its letter.
-    answer_s, home_s
-        How long an answer, and homing, may take.
+    firmware, wakes_s = "GRBL", 5.0
 
-    Raises
-    ------
-    BenchError
-        Where the controller does not answer, is no GRBL 1.1, or reports no machine position.
-    """
-
-    def __init__(
-        self,
-        link: Link,
-        clock: Clock,
-        *,
-        unit: Literal["deg", "mm"] = "deg",
-        axis: str = "X",
-        answer_s: float = 1.0,
-        home_s: float = 120.0,
-    ) -> None:
-        if axis not in AXES[:3]:
-            raise BenchError("axis", value=axis, limit="must be X, Y or Z")
-        super().__init__(f"GRBL axis {axis} at {link.name}", link, clock, answer_s)
-        self.unit, self._home_s = unit, home_s
-        self._axis, self._place = axis, AXES.index(axis)
+    def __init__(self, link: Link, clock: Clock, **more: Any) -> None:
+        super().__init__(link, clock, **more)
+        self._place = AXES.index(self._axis)
         self._zero: float | None = None
         self._target, self._begun_s = 0.0, 0.0
-        self._wake()
+        self._awake(self._status)
+        self._lines.forget()
         self.identity = next((line for line in self._command("$I") if line.startswith("[VER:")), "")
         if not self.identity.startswith("[VER:1.1"):
             raise self._refusal(f"answered {self.identity!r} as its version", "GRBL 1.1 is needed")
@@ -143,22 +113,6 @@ class GrblStage(LineStage):
         self._lines.forget()
         self._come_to_rest(lambda: self._status()[0] in AT_REST)
 
-    def _wake(self) -> None:
-        """Wait until it answers: opening the port resets most boards, and what came before is of no use."""
-        due, line = self._clock.now_s() + WAKES_S, b""
-        self._link.write(STATUS)
-        while not line.startswith(b"<"):
-            try:
-                line = self._lines.next_bytes()
-            except BenchError:
-                if self._clock.now_s() > due:
-                    raise
-                self._link.write(STATUS)
-            if self._clock.now_s() > due:
-                raise self._refusal(f"says {line[:40]!r} and no state", "is it GRBL? check the baud rate")
-        self._lines.forget()
-        self._status()
-
     def _status(self) -> tuple[str, float]:
         """State and machine position."""
         self._send(STATUS)
@@ -172,25 +126,13 @@ class GrblStage(LineStage):
                 if found is None or len(places) <= self._place:
                     raise self._refusal(f"answered {line!r}", "let it report machine positions: $10=1")
                 return found[1], float(places[self._place])
-        raise self._refusal("does not answer to ?", "check the baud rate")
+        raise self._refusal(f"says {line[:40]!r} and no state", "is it GRBL? check the baud rate")
 
-    def _command(self, text: str, timeout_s: float | None = None) -> list[str]:
-        """Send a line; what is answered before ``ok``. `BenchError` with the controller's reason."""
-        self._send(f"{text}\n".encode("ascii"))
-        lines: list[str] = []
-        due = self._clock.now_s() + (timeout_s or 0.0)
-        while True:
-            try:
-                line = self._lines.next().strip()
-            except BenchError:
-                if self._clock.now_s() >= due:
-                    raise
-                continue
-            if line == "ok":
-                return lines
-            if line.startswith(("error:", "ALARM:")):
-                raise self._refusal(f"{text}: {_meaning(line)}", "see the wiki of GRBL")
-            lines.append(line)
+    def _ends(self, line: str, text: str) -> bool:
+        """Whether a line ends an answer; `BenchError` where it is the controller's reason against it."""
+        if line.startswith(("error:", "ALARM:")):
+            raise self._refusal(f"{text}: {_meaning(line)}", "see the wiki of GRBL")
+        return line == "ok"
 
     def _setting(self, number: int) -> float:
         return self._settings.get(number, 0.0)

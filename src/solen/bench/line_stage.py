@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 
 from solen.bench.clock import Clock
-from solen.bench.link import Lines, Link
+from solen.bench.link import Cut, Lines, Link, line_of
 from solen.errors import BenchError
 
 STOPS_S, STOP_LOOK_S, HOME_LOOK_S = 2.0, 0.01, 0.05
@@ -24,12 +24,14 @@ class LineStage(ABC):
         Line to it, and the clock that time-outs follow.
     answer_s
         How long an answer may take.
+    cut
+        What an answer is, where it is no line.
     """
 
-    def __init__(self, name: str, link: Link, clock: Clock, answer_s: float = 1.0) -> None:
+    def __init__(self, name: str, link: Link, clock: Clock, answer_s: float = 1.0, cut: Cut = line_of) -> None:
         self.name = name
         self._link, self._clock = link, clock
-        self._lines = Lines(link, clock, timeout_s=answer_s)
+        self._lines = Lines(link, clock, timeout_s=answer_s, cut=cut)
 
     @abstractmethod
     def stop(self) -> None:

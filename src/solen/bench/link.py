@@ -4,9 +4,10 @@ The idea: a driver knows what to say, a link how it gets there. Drivers are give
 to a serial port, to a controller that is simulated behind a socket, and to a written-down conversation.
 
 The interface: `Link`; `open_link` makes one of a name such as ``COM3``, ``/dev/ttyUSB0`` or ``socket://127.0.0.1:5000``
-(pyserial's names; extra ``bench``). `Lines` reads whole lines from a link.
+(pyserial's names; extra ``bench``). `Lines` reads whole lines from a link, or messages that end otherwise.
 """
 
+from collections.abc import Callable
 from typing import Any, Protocol
 
 from solen.bench.clock import Clock
@@ -87,13 +88,24 @@ def _ports() -> str:
     return f"there are {ports}" if ports else "there is no serial port"
 
 
-class Lines:
-    """Lines from a link, without their ends; what came after a line waits for the next."""
+Cut = Callable[[bytes], tuple[bytes, bytes] | None]
+"""The first whole message of what came, and the rest; None where none is whole."""
 
-    def __init__(self, link: Link, clock: Clock, *, timeout_s: float = 1.0) -> None:
+
+def line_of(data: bytes) -> tuple[bytes, bytes] | None:
+    """The first line without its end, and the rest."""
+    line, end, rest = data.partition(b"\n")
+    return (line, rest) if end else None
+
+
+class Lines:
+    """Lines from a link, without their ends; what came after a line waits for the next. `cut` knows other messages."""
+
+    def __init__(self, link: Link, clock: Clock, *, timeout_s: float = 1.0, cut: Cut = line_of) -> None:
         self._link = link
         self._clock = clock
         self._timeout_s = timeout_s
+        self._cut = cut
         self._waiting = b""
         self.late = False
         """Whether an answer did not come in time, so that it may come yet, as if it were another's."""
@@ -110,7 +122,7 @@ class Lines:
     def next_bytes(self) -> bytes:
         """One line as it came; `BenchError` where none came in time."""
         due = self._clock.now_s() + self._timeout_s
-        while b"\n" not in self._waiting:
+        while (found := self._cut(self._waiting)) is None:
             left = due - self._clock.now_s()
             if left <= 0.0:
                 self.late = True
@@ -118,15 +130,13 @@ class Lines:
                 limit = f"no answer within {self._timeout_s:g} s ({came})"
                 raise BenchError(self._link.name, limit=limit, remedy="check cable, power and baud rate")
             self._waiting += self._link.read(4096, left)
-        line, self._waiting = self._waiting.split(b"\n", 1)
+        line, self._waiting = found
         return line
 
     def there(self) -> str | None:
         """A line that has come already; None where none is whole."""
         self._waiting += self._link.read(4096, 0.0)
-        if b"\n" not in self._waiting:
-            return None
-        return self.next().strip()
+        return None if self._cut(self._waiting) is None else self.next().strip()
 
     def forget(self) -> bytes:
         """Drop what came and was not asked for, and give it."""

@@ -10,57 +10,26 @@ The interface: `MarlinStage`, a `Stage` that `solen.bench.roles.Homes`.
 
 import math
 import re
-from typing import Literal
+from typing import Any
 
 from solen.bench.clock import Clock
-from solen.bench.line_stage import LineStage
+from solen.bench.gcode import GcodeStage
 from solen.bench.link import Link
-from solen.errors import BenchError
-
-WAKES_S = 8.0
-"""A board that is reset as its port is opened answers after some seconds."""
-AXES = "XYZ"
 
 
-class MarlinStage(LineStage):
-    """One axis of a board.
+class MarlinStage(GcodeStage):
+    """One axis of a board, the step of which is set up by ``M92``.
 
-    Parameters
-    ----------
-    link, clock
-        Line to the board, and the clock that time-outs follow.
-    unit
-        Of the axis, as its steps per unit are configured (``M92``): Marlin calls both mm.
-    axis
-        Its letter.
-    answer_s, home_s
-        How long an answer, and homing, may take.
-
-    Raises
-    ------
-    BenchError
-        Where the board does not answer, is no Marlin, or could not stop a move (no ``EMERGENCY_PARSER``).
+    `BenchError` also where nothing could stop a move (no ``EMERGENCY_PARSER``).
     """
 
-    patience_s = 30.0
+    firmware, wakes_s, patience_s = "Marlin", 8.0, 30.0
 
-    def __init__(
-        self,
-        link: Link,
-        clock: Clock,
-        *,
-        unit: Literal["deg", "mm"] = "deg",
-        axis: str = "X",
-        answer_s: float = 2.0,
-        home_s: float = 120.0,
-    ) -> None:
-        if axis not in AXES:
-            raise BenchError("axis", value=axis, limit="must be X, Y or Z")
-        super().__init__(f"Marlin axis {axis} at {link.name}", link, clock, answer_s)
-        self.unit: Literal["deg", "mm"] = unit
-        self._axis, self._home_s = axis, home_s
+    def __init__(self, link: Link, clock: Clock, *, answer_s: float = 2.0, **more: Any) -> None:
+        super().__init__(link, clock, answer_s=answer_s, **more)
         self.referenced, self._owed, self._target = False, 0, 0.0
-        self.identity = self._wake()
+        self.identity = " ".join(self._awake(lambda: self._command("M115")))
+        self._check_identity(self.identity)
         self._command("G90")
 
     @property
@@ -113,45 +82,18 @@ class MarlinStage(LineStage):
         self._come_to_rest(self._settled)
         self.referenced = self.referenced and not moved
 
-    def _wake(self) -> str:
-        """Its name, when it answers: opening the port resets most boards, and what came before is of no use."""
-        due = self._clock.now_s() + WAKES_S
-        while True:
-            self._lines.forget()
-            try:
-                text = " ".join(self._command("M115"))
-            except BenchError:
-                if self._clock.now_s() > due:
-                    raise
-                continue
-            if "FIRMWARE_NAME:Marlin" not in text:
-                raise self._refusal(f"answered {text[:60]!r} as its name", "it is not Marlin")
-            if "Cap:EMERGENCY_PARSER:0" in text:
-                limit = "has no EMERGENCY_PARSER: M410 would wait behind M400, and nothing could stop a move"
-                raise self._refusal(limit, "build its firmware with EMERGENCY_PARSER")
-            return text
+    def _check_identity(self, text: str) -> None:
+        if "FIRMWARE_NAME:Marlin" not in text:
+            raise self._refusal(f"answered {text[:60]!r} as its name", "it is not Marlin")
+        if "Cap:EMERGENCY_PARSER:0" in text:
+            limit = "has no EMERGENCY_PARSER: M410 would wait behind M400, and nothing could stop a move"
+            raise self._refusal(limit, "build its firmware with EMERGENCY_PARSER")
 
     def _settled(self) -> bool:
         """Whether nothing is owed any more, with what has come."""
         while self._owed and (line := self._lines.there()) is not None:
             self._owed -= self._ends(line, "M400")
         return not self._owed
-
-    def _command(self, text: str, timeout_s: float = 0.0) -> list[str]:
-        """Send a line; what is answered before ``ok``. `BenchError` with the board's reason."""
-        self._send(f"{text}\n".encode("ascii"))
-        lines: list[str] = []
-        due = self._clock.now_s() + timeout_s
-        while True:
-            try:
-                line = self._lines.next().strip()
-            except BenchError:
-                if self._clock.now_s() >= due:
-                    raise
-                continue
-            if self._ends(line, text):
-                return lines
-            lines.append(line)
 
     def _ends(self, line: str, text: str) -> bool:
         """Whether a line ends an answer; `BenchError` where it is the board's reason against it."""

@@ -16,18 +16,13 @@ from pydantic import Field, model_validator
 
 from solen.arrays import FloatArray
 from solen.bench.daq import MODELS, Setup
-from solen.bench.drivers import DRIVERS
+from solen.bench.drivers import DRIVERS, KINDS
 from solen.bench.gcs2 import STAGES, unit_of
 from solen.bench.tables import BenchTable, load_table
 from solen.errors import BenchError
 from solen.files import check_name
 from solen.spec.strict import NotNegative, Number, Positive, Text, refused, told_of
 
-MODELLESS = ("board", "grbl", "hand", "marlin", "zaber")
-"""Drivers of stages that have no model: whatever the axis turns or pushes."""
-STEPPED = ("board", "zaber")
-"""Drivers of stages whose steps the rig states."""
-OWN = ("simulated", "gcs2", *MODELLESS)
 Input = Annotated[int, Field(strict=True, ge=1, le=64)]
 
 
@@ -49,8 +44,8 @@ class StageOf(BenchTable):
 
     driver: Text = Field(
         "simulated",
-        description="simulated, gcs2 for a controller of PI, grbl or marlin for a stepper, zaber, hand for no motor, "
-        "board for the motor of the board, or that of another package.",
+        description="simulated, gcs2 for a controller of PI, kinesis for one of Thorlabs, grbl or marlin for a "
+        "stepper, zaber, hand for no motor, board for the motor of a board, or that of another package.",
     )
     model: Text = Field("M-060.DG", description=f"Name of the stage: {', '.join(STAGES)}.")
     unit: Literal["deg", "mm"] | None = Field(
@@ -63,7 +58,8 @@ class StageOf(BenchTable):
         None, description="Address of the controller where several share a line."
     )
     steps_per_unit: Positive | None = Field(
-        None, description="Steps per deg or mm: of a board's motor, or microsteps of a stage of Zaber."
+        None,
+        description="Steps per deg or mm: of a board's motor, microsteps or counts of a stage of Zaber or Thorlabs.",
     )
     zero: Number = Field(0.0, description="Position at which the sensor is straight, in deg or mm.")
     home: Literal["here"] | bool = Field(
@@ -83,19 +79,27 @@ class StageOf(BenchTable):
         _check_driver(self, "port")
         if self.travel is not None and not self.travel[0] <= self.zero <= self.travel[1]:
             raise refused("travel", f"must be from below zero = {self.zero:g} to above it", value=self.travel)
-        if (self.driver in STEPPED) != (self.steps_per_unit is not None) and self.driver in OWN:
-            raise refused("steps_per_unit", "is for board and zaber, and needed there", value=self.steps_per_unit)
-        if self.driver not in OWN:
+        takes = ("model",) if self.driver == "simulated" else DRIVERS[self.driver].takes
+        if takes is None:
             return self
-        if self.driver in MODELLESS and "model" in self.model_fields_set:
-            raise refused("model", "is for a stage of gcs2", value=self.model)
+        for key in KINDS:
+            if key in self.model_fields_set and key not in takes and getattr(self, key) is not None:
+                limit = f"means nothing to the driver {self.driver}"
+                raise refused(key, limit, value=getattr(self, key), remedy="leave it out")
+        if "steps_per_unit" in takes and self.steps_per_unit is None:
+            raise refused("steps_per_unit", f"is needed by the driver {self.driver}")
         try:
-            unit = self.unit if self.driver in MODELLESS else unit_of(self.model, self.unit)
+            unit = unit_of(self.model, self.unit) if "model" in takes else self.unit
         except BenchError as bad:
             raise refused("model" if bad.what == "stage" else bad.what, bad.limit, value=bad.value) from None
         if unit is not None and (unit == "mm") != (self.lever_mm is not None):
             raise refused("lever_mm", "is for a linear stage, and a linear stage needs it", value=self.lever_mm)
         return self
+
+    @property
+    def steps(self) -> float:
+        """Steps per unit of a driver that needs them."""
+        return self.steps_per_unit or 1.0
 
     @property
     def moves_in(self) -> Literal["deg", "mm"]:

@@ -1,0 +1,90 @@
+"""What boards that take G-code have in common: an axis by its letter, and lines that are answered by ``ok``.
+
+The interface: `GcodeStage`, the base of drivers.
+"""
+
+from abc import abstractmethod
+from collections.abc import Callable
+from typing import ClassVar, Literal, TypeVar
+
+from solen.bench.clock import Clock
+from solen.bench.line_stage import LineStage
+from solen.bench.link import Link
+from solen.errors import BenchError
+
+AXES = "XYZ"
+AGAIN_S = 0.05
+_Said = TypeVar("_Said")
+
+
+class GcodeStage(LineStage):
+    """One axis of a board.
+
+    Parameters
+    ----------
+    link, clock
+        Line to the board, and the clock that time-outs follow.
+    unit
+        Of the axis, as its steps per unit are configured: G-code says mm for both.
+    axis
+        Its letter.
+    answer_s, home_s
+        How long an answer, and homing, may take.
+
+    Raises
+    ------
+    BenchError
+        Where the board does not answer, or not as its firmware would.
+    """
+
+    firmware: ClassVar[str]
+    wakes_s: ClassVar[float]
+    """A board that is reset as its port is opened answers after some seconds."""
+
+    def __init__(
+        self,
+        link: Link,
+        clock: Clock,
+        *,
+        unit: Literal["deg", "mm"] = "deg",
+        axis: str = "X",
+        answer_s: float = 1.0,
+        home_s: float = 120.0,
+    ) -> None:
+        if axis not in AXES:
+            raise BenchError("axis", value=axis, limit="must be X, Y or Z")
+        super().__init__(f"{self.firmware} axis {axis} at {link.name}", link, clock, answer_s)
+        self.unit: Literal["deg", "mm"] = unit
+        self._axis, self._home_s = axis, home_s
+
+    @abstractmethod
+    def _ends(self, line: str, text: str) -> bool:
+        """Whether a line ends the answer to a text; `BenchError` where it is the board's reason against it."""
+
+    def _awake(self, ask: Callable[[], _Said]) -> _Said:
+        """What it answers, as soon as it does; what came before is of no use."""
+        due = self._clock.now_s() + self.wakes_s
+        while True:
+            self._lines.forget()
+            try:
+                return ask()
+            except BenchError:
+                if self._clock.now_s() > due:
+                    raise
+            self._clock.sleep(AGAIN_S)
+
+    def _command(self, text: str, timeout_s: float = 0.0) -> list[str]:
+        """Send a line; what is answered before its end. `BenchError` with the board's reason."""
+        self._send(f"{text}\n".encode("ascii"))
+        lines: list[str] = []
+        due = self._clock.now_s() + timeout_s
+        while True:
+            try:
+                line = self._lines.next().strip()
+            except BenchError:
+                if self._clock.now_s() >= due:
+                    raise
+                continue
+            if self._ends(line, text):
+                return lines
+            lines.append(line)
