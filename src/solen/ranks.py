@@ -5,12 +5,15 @@ The idea: a warning is a sentence, often with a name before it (``cube 1.csv: ..
 so files of results hold them too. One sentence of several things, such as of each specimen, is shown once with their
 count; warnings that differ in numbers alone are one line that lists the numbers, in one order.
 
-The interface: `do_not_use` and `note` state a rank, `ranked` sorts and groups warnings for a reader.
+The interface: `do_not_use`, `look_at` and `note` make a `Caution` of a sentence, `of` puts a name before it; `ranked`
+sorts and groups warnings for a reader. A result that holds ``tuple[Caution, ...]`` takes no sentence without a rank:
+the type checker refuses it.
 """
 
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import NewType
 
 DO_NOT_USE, LOOK_AT, NOTE = "do not use", "warning", "note"
 RANKS = (DO_NOT_USE, LOOK_AT, NOTE)
@@ -31,14 +34,28 @@ class _Warning:
         return [(": ".join(parts[:n]), ": ".join(parts[n:])) for n in range(min(_NAMES, len(parts) - 1) + 1)]
 
 
-def do_not_use(text: str) -> str:
+Caution = NewType("Caution", str)
+"""A warning whose rank somebody chose."""
+
+
+def do_not_use(text: str) -> Caution:
     """Warning of a number that must not be used."""
-    return f"{DO_NOT_USE}: {text}"
+    return Caution(f"{DO_NOT_USE}: {text}")
 
 
-def note(text: str) -> str:
+def look_at(text: str) -> Caution:
+    """Warning of a number that is to be looked at before it is used."""
+    return Caution(text)
+
+
+def note(text: str) -> Caution:
     """Remark that asks for nothing."""
-    return f"{NOTE}: {text}"
+    return Caution(f"{NOTE}: {text}")
+
+
+def of(name: str, caution: Caution) -> Caution:
+    """A warning with the name of what it is about before it; with no name, as it is."""
+    return Caution(f"{name}: {caution}") if name else caution
 
 
 def rank_of(text: str) -> str:

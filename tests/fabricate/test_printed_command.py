@@ -199,7 +199,9 @@ def test_layers_thicker_than_the_cure_depth_are_warned_of(sensor: Path, tmp_path
     process = sure(tmp_path, layer_um=100.0, exposure_s=0.9, Dp_um=100.0)
     found = predict(sensor, PrintOptions(process=process), response=False).result
     assert found.cure_depth_um < 100.0
-    assert any(text.startswith("the layers do not hold: 0.9 s (11.7 mJ/cm2) cure 85 µm") for text in found.warnings)
+    assert any(
+        text.startswith("do not use: the layers do not hold: 0.9 s (11.7 mJ/cm2) cure 85 µm") for text in found.warnings
+    )
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,41 @@
 """Warnings for a reader: ranked, and one sentence once."""
 
+import ast
+import inspect
+from collections.abc import Iterator
+from pathlib import Path
+
+import solen
 from solen.errors import SolenError
 from solen.ranks import do_not_use, note, ranked
+
+RANKED = ("fabricate", "material", "metrology", "recording")
+"""Folders whose sentences the type checker takes only with a rank, as they are `Caution` and not text."""
+FROM_FILES = {"recording/model.py", "recording/spectrum.py", "material/resin.py", "material/facts.py"}
+"""Where a sentence comes with its rank from a file or a channel."""
+
+
+def nodes() -> Iterator[tuple[str, ast.AST]]:
+    root = Path(inspect.getfile(solen)).parent
+    for path in (file for folder in RANKED for file in (root / folder).rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            yield path.relative_to(root).as_posix(), node
+
+
+def test_every_warning_of_resin_and_print_states_a_rank() -> None:
+    """Fields and functions called warnings hold `Caution`, and nobody makes one but by the words for a rank."""
+    kinds = [
+        (file, ast.unparse(kind))
+        for file, node in nodes()
+        if isinstance(node, ast.AnnAssign | ast.FunctionDef)
+        and (node.name if isinstance(node, ast.FunctionDef) else ast.unparse(node.target)) in {"warnings", "_warnings"}
+        and (kind := node.returns if isinstance(node, ast.FunctionDef) else node.annotation) is not None
+    ]
+    assert len(kinds) > 30
+    written = {"material/resin.py", "material/dispersion.py", "material/resin_from_results.py"}
+    assert not [(file, kind) for file, kind in kinds if "Caution" not in kind and file not in written]
+    made = {file for file, node in nodes() if isinstance(node, ast.Call) and ast.unparse(node.func) == "Caution"}
+    assert made == FROM_FILES
 
 
 def test_the_most_serious_come_first() -> None:

@@ -94,11 +94,11 @@ def test_fringes_wider_than_the_bandwidth_are_warned_of() -> None:
     assert fringe_warnings(NM, N, 500.0, 5.0) == ()
     (line,) = fringe_warnings(NM, N, 25.0, 8.0)[:1]
     assert line.startswith(
-        "fringes of a layer of 25 µm are 6.6 nm apart at 700 nm and 13 nm at 1000 nm, and from 772 nm"
+        "do not use: fringes of a layer of 25 µm are 6.6 nm apart at 700 nm and 13 nm at 1000 nm, and from 772 nm"
     )
     assert "more than the bandwidth of 8 nm" in line
     (coarse,) = fringe_warnings(NM[::4], N[::4], 25.0, 2.0)[1:]
-    assert coarse.startswith("its wavelengths are 8 nm apart, too far to show the fringes")
+    assert coarse.startswith("do not use: its wavelengths are 8 nm apart, too far to show the fringes")
     (unknown,) = fringe_warnings(NM, N, 25.0, None)
     assert "the instrument's is not stated" in unknown
     assert len(fringe_warnings(NM[:1], N[:1], 25.0, 2.0)) == 2

@@ -256,7 +256,7 @@ def sampled(recording: Recording, options: SignalOptions, angle: AngleSource = "
     DataError, SpecError
         Where a column is missing, holds no numbers or has a unit of another kind.
     """
-    warnings = list(recording.warnings)
+    warnings: list[str] = list(recording.warnings)
     base = sample_times(recording, options, warnings)
     angle_deg = None if angle == "elsewhere" else recorded_angle_deg(recording, options, warnings)
     if angle_deg is None and angle == "required":

@@ -20,6 +20,7 @@ from solen.fabricate.step import as_step, check_kernel
 from solen.fabricate.svg import as_svg
 from solen.geometry import Body
 from solen.geometry.measures import area_mm2
+from solen.ranks import Caution, look_at, note
 from solen.results import HIDDEN, Result
 from solen.spec import Design
 
@@ -136,7 +137,7 @@ class ExportedSolid(Result):
     seats: tuple[Seat, ...]
     mesh: MeshSize | None
     layers: LayeredPrint | None
-    warnings: tuple[str, ...]
+    warnings: tuple[Caution, ...]
 
 
 def exported_solid(export: Export, formats: Sequence[str], layers: LayeredPrint | None = None) -> ExportedSolid:
@@ -164,20 +165,22 @@ def _pieces(part: Part) -> int:
     return sum(area_mm2([outline]) > 0.0 for prism in part.prisms for outline in prism.outlines)
 
 
-def _warnings(export: Export, formats: Sequence[str]) -> list[str]:
+def _warnings(export: Export, formats: Sequence[str]) -> list[Caution]:
     warnings = []
     if export.design.lens.shape == "measured":
-        warnings.append('the lens is as it was measured; set lens.shape = "cartesian-oval" for the one to print')
+        warnings.append(
+            look_at('the lens is as it was measured; set lens.shape = "cartesian-oval" for the one to print')
+        )
     if (pieces := _pieces(export.part)) > 1:
-        warnings.append(f"the outlines make {pieces} pieces, and nothing holds them together")
+        warnings.append(look_at(f"the outlines make {pieces} pieces, and nothing holds them together"))
     if export.body.apart:
         names = ", ".join(face.name for face in export.body.apart)
         warnings.append(
-            f"{names} stand apart in the air: they are in the DXF and SVG drawings and not part of the solid"
+            note(f"{names} stand apart in the air: they are in the DXF and SVG drawings and not part of the solid")
         )
     if export.part.cuts:
-        warnings.append("light is traced without pockets and slots")
+        warnings.append(look_at("light is traced without pockets and slots"))
         flat = [kind for kind in formats if FORMATS[kind].flat]
         if flat:
-            warnings.append(f"pockets and slots are in the solid alone, not in the drawings ({', '.join(flat)})")
+            warnings.append(note(f"pockets and slots are in the solid alone, not in the drawings ({', '.join(flat)})"))
     return warnings

@@ -16,6 +16,7 @@ import numpy as np
 from solen.arrays import FloatArray
 from solen.material.dispersion import Dispersion
 from solen.material.resin import Cure, Loss
+from solen.ranks import Caution, look_at
 
 SURE = 3.0
 """Standard uncertainties from which on two results differ."""
@@ -30,13 +31,13 @@ Row = tuple[float, float | None, float | None, float | None]
 """Wavelength in nm, k, its standard uncertainty and its upper 95 % bound; None where one is not known."""
 
 
-def loss_apart(rows: Sequence[Row], loss: Loss) -> list[str]:
+def loss_apart(rows: Sequence[Row], loss: Loss) -> list[Caution]:
     """Whether the loss that a layer's k makes is that of guides."""
     if not rows or loss.u_absorption_per_mm is None:
         return []
     nm = loss.wavelength_nm
     if nm is None:
-        return ["the cut-back states no wavelength, so the layer's k is not compared with it"]
+        return [look_at("the cut-back states no wavelength, so the layer's k is not compared with it")]
     near = [row for row in rows if abs(row[0] - nm) <= NEAR_NM]
     guide, u_guide = (_DB_PER_CM * value for value in (loss.absorption_per_mm, loss.u_absorption_per_mm))
     measured = f"the cut-back says {guide:.2g} ± {u_guide:.1g} dB/cm at {nm:g} nm"
@@ -46,13 +47,15 @@ def loss_apart(rows: Sequence[Row], loss: Loss) -> list[str]:
         if abs(layer - guide) <= SURE * math.hypot(u_layer, u_guide):
             return []
         return [
-            f"{measured}, the layer's k {layer:.2g} ± {u_layer:.1g}: they disagree, and the cut-back is kept; what a "
-            "layer scatters, an error of its baseline and fringes look like k"
+            look_at(
+                f"{measured}, the layer's k {layer:.2g} ± {u_layer:.1g}: they disagree, and the cut-back is kept; what "
+                "a layer scatters, an error of its baseline and fringes look like k"
+            )
         ]
     bounds = [4.0 * math.pi * row[3] / row[0] * NM_PER_MM * _DB_PER_CM for row in near if row[3] is not None]
     if not bounds or guide - SURE * u_guide <= min(bounds):
         return []
-    return [f"{measured}, above what the layer's spectra allow, {min(bounds):.2g} dB/cm: they disagree"]
+    return [look_at(f"{measured}, above what the layer's spectra allow, {min(bounds):.2g} dB/cm: they disagree")]
 
 
 def _levels(row: Row) -> tuple[float, float]:
@@ -61,7 +64,7 @@ def _levels(row: Row) -> tuple[float, float]:
     return per_k * (row[1] or 0.0), per_k * (row[2] or 0.0)
 
 
-def index_apart(index: Dispersion, other: Dispersion, at_nm: Sequence[float]) -> list[str]:
+def index_apart(index: Dispersion, other: Dispersion, at_nm: Sequence[float]) -> list[Caution]:
     """Whether two indices agree at wavelengths that both know; worst first."""
     low, high = (end(one.range_nm[i] for one in (index, other)) for i, end in ((0, max), (1, min)))
     inside = [nm for nm in at_nm if low <= nm <= high]
@@ -73,8 +76,10 @@ def index_apart(index: Dispersion, other: Dispersion, at_nm: Sequence[float]) ->
         return []
     i = int(np.nanargmax(off))
     return [
-        f"n({inside[i]:g} nm) is {_pm(n[i], u_n[i])} by the spectra and {_pm(m[i], u_m[i])} by the refractometer, "
-        f"{off[i]:.1f} standard uncertainties apart: one of them is wrong"
+        look_at(
+            f"n({inside[i]:g} nm) is {_pm(n[i], u_n[i])} by the spectra and {_pm(m[i], u_m[i])} by the refractometer, "
+            f"{off[i]:.1f} standard uncertainties apart: one of them is wrong"
+        )
     ]
 
 
@@ -82,13 +87,15 @@ def _pm(value: FloatArray, u: FloatArray) -> str:
     return f"{float(value):.4f} ± {float(u):.1g}"
 
 
-def penetration_apart(cure: Cure, Dp_um: float, u_Dp_um: float | None) -> list[str]:
+def penetration_apart(cure: Cure, Dp_um: float, u_Dp_um: float | None) -> list[Caution]:
     """Whether a working curve and an absorbance have the same penetration depth."""
     u_curve = math.sqrt(cure.covariance[0][0]) if cure.covariance else 0.0
     u = math.hypot(u_curve, u_Dp_um or 0.0)
     if abs(cure.Dp_um - Dp_um) <= max(SURE * u, WORTH * cure.Dp_um):
         return []
     return [
-        f"Dp is {cure.Dp_um:.3g} µm by the working curve and {Dp_um:.3g} µm by the absorbance: check the path of the "
-        "cell and the lamp's spectrum, and the irradiance; bleaching and oxygen make a smaller difference"
+        look_at(
+            f"Dp is {cure.Dp_um:.3g} µm by the working curve and {Dp_um:.3g} µm by the absorbance: check the path of "
+            "the cell and the lamp's spectrum, and the irradiance; bleaching and oxygen make a smaller difference"
+        )
     ]

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from solen.errors import SolenError
 from solen.material.dispersion import Dispersion
 from solen.material.resin import Cure, Loss, Part, Resin, Source, Stiffness, library, library_resin
+from solen.ranks import Caution, of
 from solen.results import HIDDEN, Result, reported
 from solen.spec.strict import Options, Wavelength, told_of
 
@@ -102,10 +103,12 @@ class ResinFacts(Result):
         return any(source.simulated for source in self.sources)
 
     @reported
-    def warnings(self) -> tuple[str, ...]:
+    def warnings(self) -> tuple[Caution, ...]:
         """What a user of the resin must know."""
         others = {"cure": self.cure, "stiffness": self.stiffness}
-        warnings = (f"{name}: {text}" for name, table in others.items() if table is not None for text in table.warnings)
+        warnings = (
+            of(name, Caution(text)) for name, table in others.items() if table is not None for text in table.warnings
+        )
         return (*self.contents.warnings, *warnings)
 
 

@@ -21,6 +21,7 @@ from pydantic import Field, field_validator, model_validator
 from solen.errors import DataError, SolenError
 from solen.material.dispersion import KINDS, Covariance, Dispersion, Unknown, refuse_covariance
 from solen.parts import light_of
+from solen.ranks import Caution, do_not_use, look_at, of
 from solen.results import HIDDEN, reported
 from solen.spec import Design, Material
 from solen.spec.shipped import Library
@@ -177,12 +178,12 @@ class Resin(Strict):
         return table in self.model_fields_set
 
     @property
-    def warnings(self) -> tuple[str, ...]:
+    def warnings(self) -> tuple[Caution, ...]:
         """What a user of its index and its loss must know."""
         simulated = [source.of for source in self.sources if source.simulated and source.of in {"index", "loss"}]
-        warnings = [f"{of}: from simulated data, not measured" for of in dict.fromkeys(simulated)]
+        warnings = [of(name, look_at("from simulated data, not measured")) for name in dict.fromkeys(simulated)]
         tables = {"index": self.index.warnings, "loss": self.loss.warnings}
-        return (*warnings, *(f"{name}: {text}" for name, texts in tables.items() for text in texts))
+        return (*warnings, *(of(name, Caution(text)) for name, texts in tables.items() for text in texts))
 
 
 def _refuse_parts(parts: tuple[Part, ...]) -> None:
@@ -223,7 +224,7 @@ class Optical:
     source: str
     dispersion: Dispersion | None = field(default=None, compare=False, repr=False, metadata=HIDDEN)
     u_absorption_per_mm: float | None = None
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Caution, ...] = ()
 
     @reported
     def mode(self) -> str | None:
@@ -302,13 +303,15 @@ def optical(design: Design) -> Optical:
     )
 
 
-def _overruled(material: Material, resin: Resin) -> list[str]:
+def _overruled(material: Material, resin: Resin) -> list[Caution]:
     """Warning where a design's absorption of 0, perhaps left from an example, hides the loss of its resin."""
     if material.absorption_per_mm > 0.0 or not resin.loss.absorption_per_mm > 0.0:
         return []
     return [
-        f"material.absorption_per_mm = 0 overrules the loss of {resin.name}, {resin.loss.absorption_per_mm:.3g} per "
-        "mm: the sensor is traced without loss; remove that line to take the resin's"
+        do_not_use(
+            f"material.absorption_per_mm = 0 overrules the loss of {resin.name}, {resin.loss.absorption_per_mm:.3g} "
+            "per mm: the sensor is traced without loss; remove that line to take the resin's"
+        )
     ]
 
 
@@ -317,12 +320,14 @@ def resin_of(name: str, path: Path | None) -> Resin:
     return library_resin(name) if path is None else load_resin(path)
 
 
-def loss_apart(loss: Loss, wavelength_nm: float) -> list[str]:
+def loss_apart(loss: Loss, wavelength_nm: float) -> list[Caution]:
     """Warning where a loss was measured more than `LOSS_APART_NM` from a wavelength."""
     if loss.wavelength_nm is None or abs(loss.wavelength_nm - wavelength_nm) <= LOSS_APART_NM:
         return []
     apart_nm = abs(loss.wavelength_nm - wavelength_nm)
     return [
-        f"loss: measured at {loss.wavelength_nm:g} nm, {apart_nm:g} nm from the emitter's {wavelength_nm:g} nm; "
-        "absorption changes with wavelength"
+        look_at(
+            f"loss: measured at {loss.wavelength_nm:g} nm, {apart_nm:g} nm from the emitter's {wavelength_nm:g} nm; "
+            "absorption changes with wavelength"
+        )
     ]

@@ -25,7 +25,7 @@ from solen.material.cure.spectral import InLamp, in_lamp
 from solen.material.dispersion import KINDS, Dispersion, Tabulated
 from solen.material.mix import named_number
 from solen.material.resin import Cure, Interval, Loss, LossOf, Part, Resin, Source, Stiffness
-from solen.ranks import unranked
+from solen.ranks import Caution, look_at, unranked
 from solen.spec.objects import parsed
 from solen.spec.strict import NotNegative, Number, Options, Positive, Strict, Text, Wavelength, refused, told_of
 
@@ -197,22 +197,24 @@ def _unique(rows: list[tuple[float, float, float | None]]) -> list[tuple[float, 
     return [(nm, *_mean(same)[1:]) for nm, same in sorted(together.items())]
 
 
-def without_u(wavelengths_nm: list[float], of: int) -> tuple[str, ...]:
+def without_u(wavelengths_nm: list[float], of: int) -> tuple[Caution, ...]:
     """A sentence where some of the wavelengths have no uncertainty, so that the table keeps none."""
     if len(wavelengths_nm) in {0, of}:
         return ()
     return (
-        f"{len(wavelengths_nm)} of {of} indices state no uncertainty, the first at {wavelengths_nm[0]:g} nm: the "
-        "resin's index keeps none",
+        look_at(
+            f"{len(wavelengths_nm)} of {of} indices state no uncertainty, the first at {wavelengths_nm[0]:g} nm: the "
+            "resin's index keeps none"
+        ),
     )
 
 
-def gaps(wavelengths_nm: list[float]) -> tuple[str, ...]:
+def gaps(wavelengths_nm: list[float]) -> tuple[Caution, ...]:
     """Sentences on wide ranges in which no index is known."""
     steps = sorted(high - low for low, high in pairwise(wavelengths_nm))
     wide = max(WIDE_NM, WIDE_STEPS * steps[len(steps) // 2])
     return tuple(
-        f"no index from {low:g} to {high:g} nm: a straight line stands for it there"
+        look_at(f"no index from {low:g} to {high:g} nm: a straight line stands for it there")
         for low, high in pairwise(wavelengths_nm)
         if high - low > wide
     )
@@ -241,7 +243,7 @@ class _Line(_Result):
             )
         return self
 
-    def numbers(self) -> tuple[dict[str, Any], list[str]]:
+    def numbers(self) -> tuple[dict[str, Any], list[Caution]]:
         """Absorption of the resin with its uncertainty and interval, and what must be known of it.
 
         A negative loss does not exist: where its interval reaches 0, 0 is used with a warning.
@@ -259,7 +261,8 @@ class _Line(_Result):
             limit, remedy = "a guide cannot amplify", "check the lengths and the readings"
             raise DataError("loss_dB_per_cm", value=self.loss_dB_per_cm, limit=limit, remedy=remedy)
         measured = f"measured {self.loss_dB_per_cm:.2g} dB/cm, which is not a loss"
-        return found | {"absorption_per_mm": 0.0}, [f"{measured}: 0 is taken, {interval[1]:.2g} per mm is possible"]
+        possible = f"{measured}: 0 is taken, {interval[1]:.2g} per mm is possible"
+        return found | {"absorption_per_mm": 0.0}, [look_at(possible)]
 
 
 class CutbackResult(_Line):
@@ -278,9 +281,9 @@ class CutbackResult(_Line):
             limit = f"not in the result, whose orientations are {', '.join(lines) or 'none'}"
             raise DataError("--orientation", value=orientation, limit=limit)
         numbers, warnings = (lines[orientation] if orientation else self).numbers()
-        kept = tuple(text for text in self.remarks if not (orientation and text.startswith(DEPENDS)))
+        kept = tuple(text for text in self.remarks if not (orientation and unranked(text).startswith(DEPENDS)))
         if wavelength_nm is None:
-            warnings.append("the wavelength that it was measured at is not stated")
+            warnings.append(look_at("the wavelength that it was measured at is not stated"))
         return Loss(
             **numbers,
             wavelength_nm=wavelength_nm,
@@ -475,9 +478,9 @@ def lamp_fit(path: Path, curve: WorkingCurve) -> InLamp:
     return in_lamp(curve, liquid.lamp_lines, liquid.Dp_um, liquid.lamp or path.name)
 
 
-def _differences(readers: Mapping[str, Reader], tables: Mapping[str, Any]) -> dict[str, list[str]]:
+def _differences(readers: Mapping[str, Reader], tables: Mapping[str, Any]) -> dict[str, list[Caution]]:
     """By table of the resin, where results by two ways differ."""
-    notes: dict[str, list[str]] = {}
+    notes: dict[str, list[Caution]] = {}
     layer, other, liquid = (readers.get(option) for option in ("index", "refractometer", "penetration"))
     if isinstance(layer, IndexResult) and "loss" in tables:
         notes["loss"] = loss_apart(layer.extinction, tables["loss"])

@@ -17,7 +17,7 @@ from dataclasses import replace
 import numpy as np
 
 from solen.errors import DataError, SpecError
-from solen.ranks import NOTE
+from solen.ranks import Caution, note
 from solen.recording import Channel, Recording
 from solen.recording.words import AXES, heading, plain, quantity_of
 from solen.spec.strict import Options
@@ -158,7 +158,7 @@ def below_each_other(recording: Recording, names: Sequence[str], labels: Sequenc
 
 def refuse_unused(
     recording: Recording, options: RowOptions, used: Collection[str], *, labels_only: bool = False
-) -> list[str]:
+) -> list[Caution]:
     """Raise where a column varies and is not used; else what must be known of those that are left out.
 
     Parameters
@@ -190,7 +190,7 @@ def refuse_unused(
             f"--ignore {left[0]}",
         )
     remarks = [name for name in varying if plain(name) in _REMARKS]
-    return [f"{NOTE}: not used: column{'s' * (len(remarks) > 1)} {', '.join(remarks)}"] if remarks else []
+    return [note(f"not used: column{'s' * (len(remarks) > 1)} {', '.join(remarks)}")] if remarks else []
 
 
 def stated_once(recording: Recording, names: Sequence[str], unit: str) -> float | None:

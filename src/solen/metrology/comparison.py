@@ -20,6 +20,7 @@ from solen.metrology.nominal import NominalFront, nominal_front
 from solen.metrology.outline import NamedEdge
 from solen.metrology.print_fit import PrintFit, PrintPriors, fit_print
 from solen.metrology.registration import Registration, register
+from solen.ranks import Caution, do_not_use, look_at
 from solen.results import HIDDEN, reported
 from solen.sensor import Sensor
 from solen.spec import Design, with_values
@@ -128,20 +129,24 @@ def compare(
     return sorted(designs, key=lambda design: -design.size.log_evidence)
 
 
-def doubts(designs: Sequence[ComparedDesign], form_um: float) -> list[str]:
+def doubts(designs: Sequence[ComparedDesign], form_um: float) -> list[Caution]:
     """What the comparison does not show, in sentences."""
     first = designs[0]
     if not any(design.possible for design in designs):
         none = "none of these designs" if len(designs) > 1 else f"no usual print of {first.name}"
         return [
-            f"{none}: {first.size.form_um:.3g} µm (rms) of form are left beside size and overgrowth, and a print of "
-            f"the right design has about {form_um:g} µm (--form-um; probability {first.size.p_form:.2g})"
+            do_not_use(
+                f"{none}: {first.size.form_um:.3g} µm (rms) of form are left beside size and overgrowth, and a print "
+                f"of the right design has about {form_um:g} µm (--form-um; probability {first.size.p_form:.2g})"
+            )
         ]
     if len(designs) < 2 or first.probability >= SURE:
         return []
     second = designs[1]
     return [
-        f"{first.name} and {second.name} cannot be distinguished: beside size and overgrowth the outline deviates by "
-        f"{first.size.form_um:.3g} and {second.size.form_um:.3g} µm (rms) from them, and neighbouring points are not "
-        f"independent ({first.size.independent_values:.0f} independent values)"
+        look_at(
+            f"{first.name} and {second.name} cannot be distinguished: beside size and overgrowth the outline deviates "
+            f"by {first.size.form_um:.3g} and {second.size.form_um:.3g} µm (rms) from them, and neighbouring points "
+            f"are not independent ({first.size.independent_values:.0f} independent values)"
+        )
     ]

@@ -18,6 +18,7 @@ from solen.errors import DataError
 from solen.metrology.raster import Plane, read_bytes, read_raster
 from solen.metrology.scale import Scale, ScaleOptions, choose_scale
 from solen.metrology.tiff import MAGIC, read_tiff
+from solen.ranks import Caution, look_at
 from solen.recording import Provenance
 
 CLIPPED_SHARE = 1e-3
@@ -49,7 +50,7 @@ class Image:
     bits: int | None
     ceiling: float
     provenance: Provenance
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Caution, ...] = ()
 
     @property
     def um_per_px(self) -> float:
@@ -94,7 +95,9 @@ def read_image(
     warnings += [*given.rescaled(*plane.grey.shape), *plane.warnings]
     if np.isfinite(ceiling):
         share = float(np.mean(plane.grey >= ceiling))
-        warnings.append(f"{100.0 * share:.2g} % of the picture is at the camera's limit: edges there are not measured")
+        warnings.append(
+            look_at(f"{100.0 * share:.2g} % of the picture is at the camera's limit: edges there are not measured")
+        )
     return Image(plane.grey, scale, plane.bits, ceiling, source, tuple(warnings))
 
 

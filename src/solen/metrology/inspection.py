@@ -20,6 +20,7 @@ from solen.metrology.plausibility import of_pixels
 from solen.metrology.print_fit import EDGE_BIAS_PX, U_SCALE, PrintFit, PrintPriors
 from solen.metrology.raster import check_vision
 from solen.metrology.scale import Scale, ScaleOptions
+from solen.ranks import Caution, look_at, note
 from solen.recording import Provenance
 from solen.results import HIDDEN, Result, plain, reported
 from solen.spec import Design
@@ -230,7 +231,7 @@ class LensInspection(Result):
     outline_deviation_um: FloatArray
     u_outline_deviation_um: FloatArray
     sources: tuple[Provenance, ...]
-    warnings: tuple[str, ...]
+    warnings: tuple[Caution, ...]
     image: Image = field(metadata=HIDDEN)
     outline: Outline = field(metadata=HIDDEN)
     nominal: NominalFront = field(metadata=HIDDEN)
@@ -338,24 +339,30 @@ def measure_lens(
     )
 
 
-def _size_warnings(scale: Scale, chosen: NamedEdge) -> list[str]:
+def _size_warnings(scale: Scale, chosen: NamedEdge) -> list[Caution]:
     size, warnings = chosen.size, []
     if scale.u_um_per_px is None:
         warnings.append(
-            "no uncertainty of the scale is stated (--u-um-per-px): deviations exclude it, and 1 % of scale changes "
-            f"them by {chosen.registration.um_per_percent_of_scale:.2g} µm (rms); scale and shrinkage are parted as if "
-            f"it were {100.0 * U_SCALE:g} %"
+            look_at(
+                "no uncertainty of the scale is stated (--u-um-per-px): deviations exclude it, and 1 % of scale "
+                f"changes them by {chosen.registration.um_per_percent_of_scale:.2g} µm (rms); scale and shrinkage are "
+                f"parted as if it were {100.0 * U_SCALE:g} %"
+            )
         )
     off = size.size_factor - 1.0
     if abs(off) > OTHER_SIZE and abs(off) > SURE_SIZE * size.u_size_factor:
         warnings.append(
-            f"beside its overgrowth the outline is {100.0 * abs(off):.2f} % {'larger' if off > 0.0 else 'smaller'} "
-            "than designed: the scale is off, or the print has shrunk or grown, or it lies tilted; this picture does "
-            "not show which"
+            look_at(
+                f"beside its overgrowth the outline is {100.0 * abs(off):.2f} % {'larger' if off > 0.0 else 'smaller'} "
+                "than designed: the scale is off, or the print has shrunk or grown, or it lies tilted; this picture "
+                "does not show which"
+            )
         )
     if abs(size.overgrowth_um) > SURE_SIZE * size.u_overgrowth_um:
         warnings.append(
-            f"all walls stand {'out' if size.overgrowth_um > 0.0 else 'back'} evenly by "
-            f"{abs(size.overgrowth_um):.3g} ± {size.u_overgrowth_um:.2g} µm"
+            note(
+                f"all walls stand {'out' if size.overgrowth_um > 0.0 else 'back'} evenly by "
+                f"{abs(size.overgrowth_um):.3g} ± {size.u_overgrowth_um:.2g} µm"
+            )
         )
     return warnings

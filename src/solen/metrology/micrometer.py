@@ -20,6 +20,7 @@ from scipy import ndimage, signal, stats
 from solen.arrays import FloatArray, IntArray
 from solen.errors import DataError
 from solen.metrology.scale import ScaleFile
+from solen.ranks import Caution, look_at
 from solen.recording import Measured, Provenance
 from solen.spec.strict import Finite, Options
 
@@ -313,16 +314,20 @@ def _even(number: IntArray, places: FloatArray) -> tuple[float, float, float, fl
     )
 
 
-def _warnings(options: MicrometerOptions, number: IntArray, stretch_percent: float | None) -> list[str]:
+def _warnings(options: MicrometerOptions, number: IntArray, stretch_percent: float | None) -> list[Caution]:
     warnings = []
     if options.u_spacing_mm is None:
-        warnings.append("the micrometer's own uncertainty is not stated (--u-spacing-mm) and not in that of the scale")
+        warnings.append(
+            look_at("the micrometer's own uncertainty is not stated (--u-spacing-mm) and not in that of the scale")
+        )
     if stretch_percent is not None:
         warnings.append(
-            f"the scale changes by {stretch_percent:+.2g} % across the picture: distortion, or a tilted micrometer; "
-            "measure parts in its middle"
+            look_at(
+                f"the scale changes by {stretch_percent:+.2g} % across the picture: distortion, or a tilted "
+                "micrometer; measure parts in its middle"
+            )
         )
     missing = int(np.ptp(number)) + 1 - len(number)
     if missing:
-        warnings.append(f"{missing} lines between the first and the last were not read")
+        warnings.append(look_at(f"{missing} lines between the first and the last were not read"))
     return warnings

@@ -37,6 +37,7 @@ from solen.metrology.pose import Pose
 from solen.metrology.print_fit import PrintFit, PrintPriors, Traced, fit_print
 from solen.metrology.registration import Registration, register
 from solen.metrology.template_match import Match, match_template
+from solen.ranks import Caution, do_not_use, look_at
 
 EdgeChoice = Literal["auto", "outer", "inner", "sharper"]
 SeenFrom = Literal["top", "bottom"]
@@ -52,7 +53,7 @@ SIDES = 0.8
 """Ratio of rms deviations above which it is not clear from which side a picture was taken."""
 
 
-UNKNOWN_SIDE = (
+UNKNOWN_SIDE = look_at(
     "the design is its own mirror image, so the picture does not show from which face it was taken: left and right, "
     "and the sign of what is not symmetric, may be exchanged (--seen-from top or bottom)"
 )
@@ -112,7 +113,7 @@ class Outline:
     seen: float
     ends_x_mm: tuple[float, float]
     width_mm: float | None
-    warnings: tuple[str, ...]
+    warnings: tuple[Caution, ...]
 
     @property
     def chosen(self) -> NamedEdge:
@@ -181,7 +182,7 @@ def measure_outline(
     return Outline(tuple(ordered), band.share_seen, ends, width, tuple(warnings))
 
 
-def _match(image: Image, nominal: NominalFront, sides: Sequence[bool]) -> tuple[Match, list[str]]:
+def _match(image: Image, nominal: NominalFront, sides: Sequence[bool]) -> tuple[Match, list[Caution]]:
     """Where the lens is, and a warning of what else may be one; ``sides`` are whether it may be seen mirrored."""
     matches = [one for side in sides for one in match_template(image.grey, image.um_per_px, nominal, mirrored=side)]
     matches.sort(key=lambda one: -one.score)
@@ -194,7 +195,7 @@ def _match(image: Image, nominal: NominalFront, sides: Sequence[bool]) -> tuple[
         for match in matches
     )
     warning = f"{rivals + 1} places look like the lens: the one with its vertex at ({x:.0f}, {y:.0f}) px is taken"
-    return best, [warning] if rivals else []
+    return best, [look_at(warning)] if rivals else []
 
 
 def _traced(image: Image, pose: Pose, nominal: NominalFront) -> tuple[Pose, Band, list[TracedEdge]]:
@@ -258,7 +259,7 @@ def _beside(walls: Sequence[list[Edge]], place: int, count: int) -> tuple[Edge |
     return tuple(wall[place] if len(wall) == count else None for wall in walls)
 
 
-def _side(edges: list[Edge], pose: Pose, nominal: NominalFront, sides: Sequence[bool]) -> tuple[Pose, list[str]]:
+def _side(edges: list[Edge], pose: Pose, nominal: NominalFront, sides: Sequence[bool]) -> tuple[Pose, list[Caution]]:
     """Pose from a side that is allowed and on which the edge lies best, and a warning where that is in doubt."""
     edge = max(edges, key=lambda one: one.share_kept)
     if nominal.is_symmetric:
@@ -270,20 +271,23 @@ def _side(edges: list[Edge], pose: Pose, nominal: NominalFront, sides: Sequence[
     if best.pose.mirrored not in sides:
         seen = "bottom" if best.pose.mirrored else "top"
         doubt = f"the front fits the design better as seen from the {seen} ({best.rms_um:.3g} µm rms, and "
-        return other.pose, [f"{doubt}{other.rms_um:.3g} as --seen-from has it): check which face the picture shows"]
+        stated = f"{other.rms_um:.3g} as --seen-from has it): check which face the picture shows"
+        return other.pose, [do_not_use(f"{doubt}{stated}")]
     if len(sides) == 1 or best.rms_um <= SIDES * other.rms_um:
         return best.pose, []
     return best.pose, [
-        f"the front also fits the design's mirror image ({other.rms_um:.3g} and {best.rms_um:.3g} µm rms): "
-        "the picture may show it from either side (--seen-from)"
+        look_at(
+            f"the front also fits the design's mirror image ({other.rms_um:.3g} and {best.rms_um:.3g} µm rms): "
+            "the picture may show it from either side (--seen-from)"
+        )
     ]
 
 
-def _ordered(named: list[NamedEdge], choice: EdgeChoice) -> tuple[list[NamedEdge], list[str]]:
+def _ordered(named: list[NamedEdge], choice: EdgeChoice) -> tuple[list[NamedEdge], list[Caution]]:
     """The chosen edge first, and warnings of the choice."""
     if len(named) == 1:
         without_choice = choice in {"inner", "sharper"}
-        return named, [f"only one edge is seen: --edge {choice} has no effect"] if without_choice else []
+        return named, [look_at(f"only one edge is seen: --edge {choice} has no effect")] if without_choice else []
     by_name = {one.name: one for one in named}
     sharp = next((one for one in named if one.sharpest or one.name == "sharper"), None)
     if choice == "sharper" and sharp is None:
@@ -295,4 +299,4 @@ def _ordered(named: list[NamedEdge], choice: EdgeChoice) -> tuple[list[NamedEdge
     warning = f"{len(named)} edges are seen ({', '.join(one.name for one in named)}; {gaps} apart): {why} is taken"
     if chosen is not sharp and choice == "auto":
         warning += ", as none is sharper: the picture does not show which face it belongs to (--edge)"
-    return [chosen, *others], [warning]
+    return [chosen, *others], [look_at(warning)]

@@ -17,6 +17,7 @@ from solen.metrology.image import Image
 from solen.metrology.nominal import NominalFront
 from solen.metrology.pose import Pose
 from solen.metrology.registration import Registration
+from solen.ranks import Caution, look_at
 
 SIDES = ("left", "right")
 WALL_REACH = 0.3
@@ -83,15 +84,18 @@ def _other_unit(image: Image, nominal: NominalFront) -> str:
     return likely[0] if likely else "check the scale"
 
 
-def of_pixels(image: Image, nominal: NominalFront) -> list[str]:
+def of_pixels(image: Image, nominal: NominalFront) -> list[Caution]:
     """Warning of a lens of few pixels: edges that are nearer than a blur are measured as one, between them."""
     across = nominal.width_mm * 1e3 / image.um_per_px
     if across >= RESOLVED_PX:
         return []
     near_um = NEAR_PX * image.um_per_px
     return [
-        f"the lens is {across:.0f} pixels wide: edges of its two faces less than {near_um:.2g} µm apart are measured "
-        f"as one, which stands between them; magnify to {RESOLVED_PX} pixels or more, or light it from above"
+        look_at(
+            f"the lens is {across:.0f} pixels wide: edges of its two faces less than {near_um:.2g} µm apart are "
+            f"measured as one, which stands between them; magnify to {RESOLVED_PX} pixels or more, or light it from "
+            "above"
+        )
     ]
 
 
@@ -137,43 +141,52 @@ def part_width_mm(walls: Sequence[Edge | None], pose: Pose, nominal: NominalFron
     return nominal.width_mm + sum(offsets) if len(offsets) == len(SIDES) else None
 
 
-def merged_edges(walls: Sequence[Edge | None], edge: Edge) -> list[str]:
+def merged_edges(walls: Sequence[Edge | None], edge: Edge) -> list[Caution]:
     """Warning of a single edge that is clearly more blurred than the walls beside it: it may be two in one."""
     blurs = [wall.blur for wall in walls if wall is not None]
     if not blurs or edge.blur < WIDER * min(blurs):
         return []
     return [
-        f"the edge of the front is blurred over {edge.blur:.2g} px, {edge.blur / min(blurs):.2g} times as far as a "
-        f"wall's ({min(blurs):.2g} px): it is out of focus, or two edges closer than about two blurs were "
-        "measured as one, which lies between them"
+        look_at(
+            f"the edge of the front is blurred over {edge.blur:.2g} px, {edge.blur / min(blurs):.2g} times as far as a "
+            f"wall's ({min(blurs):.2g} px): it is out of focus, or two edges closer than about two blurs were "
+            "measured as one, which lies between them"
+        )
     ]
 
 
-def missing_ends(edge: Edge) -> list[str]:
+def missing_ends(edge: Edge) -> list[Caution]:
     """Warnings of ends of the front that are in the picture and have no edge."""
     return [
-        f"the last {share:.0%} of the front on the {side} is in the picture and has no edge that can be measured"
+        look_at(
+            f"the last {share:.0%} of the front on the {side} is in the picture and has no edge that can be measured"
+        )
         for share, side in zip(_missing(edge), SIDES, strict=True)
         if share > MOST_MISSING
     ]
 
 
-def odd_width(width: float | None, nominal: NominalFront) -> list[str]:
+def odd_width(width: float | None, nominal: NominalFront) -> list[Caution]:
     """Warning of a part that is wider or narrower than the design."""
     if width is None or abs(width / nominal.width_mm - 1.0) < ODD_WIDTH:
         return []
     return [
-        f"the part is {width:.3f} mm wide right behind the front where the design has {nominal.width_mm:.3f} mm "
-        f"({100.0 * (width / nominal.width_mm - 1.0):+.1f} %): the scale is off, or the print is"
+        look_at(
+            f"the part is {width:.3f} mm wide right behind the front where the design has {nominal.width_mm:.3f} mm "
+            f"({100.0 * (width / nominal.width_mm - 1.0):+.1f} %): the scale is off, or the print is"
+        )
     ]
 
 
-def cropped(seen: float, ends: tuple[float, float]) -> list[str]:
+def cropped(seen: float, ends: tuple[float, float]) -> list[Caution]:
     """Warning of a front that is only partly in the picture."""
     if seen > 0.99:
         return []
     return [
-        f"the picture shows {seen:.0%} of the front: it is measured from x = {ends[0]:.2f} to {ends[1]:.2f} mm alone"
+        look_at(
+            f"the picture shows {seen:.0%} of the front: it is measured from x = {ends[0]:.2f} to {ends[1]:.2f} mm "
+            "alone"
+        )
     ]
 
 

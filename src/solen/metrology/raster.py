@@ -17,6 +17,7 @@ from solen.arrays import FloatArray
 from solen.errors import DataError, SolenError
 from solen.extras import need
 from solen.metrology.scale import Tag
+from solen.ranks import Caution, look_at
 
 LARGEST_MB = 1_000
 LARGEST_PIXELS = 100_000_000
@@ -53,7 +54,7 @@ class Plane:
     date: str = ""
     metadata: Mapping[str, str] = field(default_factory=dict)
     simulated: bool = False
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Caution, ...] = ()
 
 
 def read_bytes(path: Path) -> bytes:
@@ -107,10 +108,10 @@ def readable(file: str) -> Iterator[None]:
         raise DataError(file, limit=f"is damaged: {bad}", remedy="export it again") from None
 
 
-def brightness(values: FloatArray) -> tuple[FloatArray, tuple[str, ...]]:
+def brightness(values: FloatArray) -> tuple[FloatArray, tuple[Caution, ...]]:
     """Brightness of (rows, columns, 3), and a warning where the picture is coloured."""
     spread = float(np.mean(values.max(axis=2) - values.min(axis=2)))
-    warning = "the picture is coloured: its luminance is measured, which a lens's colour fringes can shift"
+    warning = look_at("the picture is coloured: its luminance is measured, which a lens's colour fringes can shift")
     return values @ LUMINANCE, (warning,) if spread > COLOURED else ()
 
 
@@ -146,10 +147,8 @@ def read_raster(file: str, data: bytes) -> Plane:
         texts = {key: value for key, value in opened.info.items() if isinstance(key, str) and isinstance(value, str)}
         words = (str(exif.get(tag, "")).strip() for tag in (ExifTags.Base.Make, ExifTags.Base.Model))
         if kind in LOSSY:
-            warned = (
-                *warned,
-                f"{kind} is compressed with loss: its blocks of 8 pixels shift edges; TIFF or PNG do not",
-            )
+            lossy = f"{kind} is compressed with loss: its blocks of 8 pixels shift edges; TIFF or PNG do not"
+            warned = (*warned, look_at(lossy))
         return Plane(
             upright(grey, int(exif.get(ExifTags.Base.Orientation, 1))),
             bits,
@@ -163,7 +162,7 @@ def read_raster(file: str, data: bytes) -> Plane:
         )
 
 
-def _grey(file: str, opened: Pillow.Image) -> tuple[FloatArray, int | None, tuple[str, ...]]:
+def _grey(file: str, opened: Pillow.Image) -> tuple[FloatArray, int | None, tuple[Caution, ...]]:
     mode = opened.mode
     plain = opened.convert(PLAIN[mode]) if mode in PLAIN else opened
     values = np.asarray(plain)

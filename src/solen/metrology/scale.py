@@ -19,6 +19,7 @@ from pydantic import Field, model_validator
 
 from solen.errors import DataError, SolenError, SpecError
 from solen.files import read_text
+from solen.ranks import Caution, look_at
 from solen.spec.strict import (
     Finite,
     Migrations,
@@ -105,7 +106,7 @@ class ScaleOptions(Options):
         found = read_scale(Path(data["scale"]))
         return data | {"um_per_px": found.um_per_px, "u_um_per_px": found.u_um_per_px}
 
-    def rescaled(self, rows: int, columns: int) -> list[str]:
+    def rescaled(self, rows: int, columns: int) -> list[Caution]:
         """Warning where a picture has the proportions of the one that the scale was measured in, and another size."""
         if self.scale is None:
             return []
@@ -114,8 +115,10 @@ class ScaleOptions(Options):
         if columns == taken.columns or abs(rows / taken.rows / factor - 1.0) > SAME:
             return []
         return [
-            f"the picture has {columns} x {rows} pixels, and the scale was measured in {taken.columns} x {taken.rows}: "
-            f"if it was binned or rescaled, a pixel is {taken.um_per_px / factor:.6g} µm"
+            look_at(
+                f"the picture has {columns} x {rows} pixels, and the scale was measured in {taken.columns} x "
+                f"{taken.rows}: if it was binned or rescaled, a pixel is {taken.um_per_px / factor:.6g} µm"
+            )
         ]
 
 
@@ -178,7 +181,7 @@ class Tag:
         return ""
 
 
-def choose_scale(file: str, tags: Sequence[Tag], given: ScaleOptions) -> tuple[Scale, list[str]]:
+def choose_scale(file: str, tags: Sequence[Tag], given: ScaleOptions) -> tuple[Scale, list[Caution]]:
     """Scale of a picture, and warnings.
 
     The user's number takes precedence, with a warning where a usable tag differs by more than `SAME`: a wrong tag must
@@ -206,27 +209,34 @@ def choose_scale(file: str, tags: Sequence[Tag], given: ScaleOptions) -> tuple[S
     return scale, warnings
 
 
-def _contradictions(um_per_px: float, usable: Sequence[Tag]) -> list[str]:
+def _contradictions(um_per_px: float, usable: Sequence[Tag]) -> list[Caution]:
     return [
-        f"--um-per-px {um_per_px:g} is taken although {tag.origin} says {tag.x_um:.6g} "
-        f"({100.0 * (um_per_px / tag.x_um - 1.0):+.1f} %): one of them is wrong"
+        look_at(
+            f"--um-per-px {um_per_px:g} is taken although {tag.origin} says {tag.x_um:.6g} "
+            f"({100.0 * (um_per_px / tag.x_um - 1.0):+.1f} %): one of them is wrong"
+        )
         for tag in usable
         if abs(um_per_px / tag.x_um - 1.0) > SAME
     ]
 
 
-def _ambiguities(usable: Sequence[Tag]) -> list[str]:
+def _ambiguities(usable: Sequence[Tag]) -> list[Caution]:
     """Warnings of the first tag, which is taken."""
     first = usable[0]
     warnings = [
-        f"{other.origin} says {other.x_um:.6g} µm per pixel and {first.origin} {first.x_um:.6g}: the latter is taken"
+        look_at(
+            f"{other.origin} says {other.x_um:.6g} µm per pixel and {first.origin} {first.x_um:.6g}: the latter is "
+            "taken"
+        )
         for other in usable[1:]
         if abs(other.x_um / first.x_um - 1.0) > SAME
     ]
     if not first.calibrated:
         warnings.append(
-            f"{first.x_um:.6g} µm per pixel is taken from {first.origin}, which any program may have written: "
-            "check it against a scale bar, or give --um-per-px"
+            look_at(
+                f"{first.x_um:.6g} µm per pixel is taken from {first.origin}, which any program may have written: "
+                "check it against a scale bar, or give --um-per-px"
+            )
         )
     return warnings
 

@@ -22,6 +22,7 @@ from solen.metrology.raster import (
     upright,
 )
 from solen.metrology.scale import Tag, in_um
+from solen.ranks import Caution
 
 if TYPE_CHECKING:
     import tifffile
@@ -114,7 +115,7 @@ def _decoded(file: str, data: bytes, page: Any) -> NDArray[Any]:
     return values
 
 
-def _grey(file: str, page: Any, values: NDArray[Any]) -> tuple[FloatArray, int | None, tuple[str, ...]]:
+def _grey(file: str, page: Any, values: NDArray[Any]) -> tuple[FloatArray, int | None, tuple[Caution, ...]]:
     values = np.squeeze(values)
     if page.photometric == PALETTE:
         values = np.moveaxis(np.asarray(page.colormap)[:, values], 0, -1)

@@ -15,9 +15,13 @@ from dataclasses import dataclass, field, replace
 
 from solen.arrays import FloatArray
 from solen.errors import DataError
+from solen.ranks import NOTE, Caution, note, of, rank_of
 from solen.recording.words import plain
 from solen.results import Result, reported
 from solen.units import factor
+
+FROM_WAVENUMBERS = note("computed from the wavenumbers")
+"""Note of wavelengths."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -59,9 +63,15 @@ class Channel(Result):
             raise DataError(f"unit of {self.name}", value=self.unit or "none", limit=limit, remedy=remedy)
         return self.values * scale
 
+    @property
+    def remark(self) -> Caution:
+        """The note as a warning with the channel's name."""
+        return of(self.name, Caution(self.note))
+
     def noted(self, *notes: str) -> "Channel":
         """The same with further notes, those that are not empty."""
-        return replace(self, note="; ".join(filter(None, (self.note, *notes))))
+        every = sorted(filter(None, (self.note, *notes)), key=lambda one: rank_of(one) == NOTE)
+        return replace(self, note="; ".join(every))
 
 
 @dataclass(frozen=True)
@@ -104,7 +114,7 @@ class Measured(Result):
     """
 
     sources: tuple[Provenance, ...] = ()
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Caution, ...] = ()
 
     @reported
     def simulated(self) -> bool:
@@ -172,9 +182,9 @@ class Recording(Result):
         return None
 
     @property
-    def warnings(self) -> list[str]:
+    def warnings(self) -> list[Caution]:
         """What a reader of the numbers must know, a sentence for each channel that has a note."""
-        return [f"{channel.name}: {channel.note}" for channel in self.channels if channel.note]
+        return [channel.remark for channel in self.channels if channel.note]
 
 
 def _listed(names: tuple[str, ...], most: int = 12) -> str:

@@ -13,6 +13,7 @@ import numpy as np
 
 from solen.arrays import FloatArray
 from solen.errors import DataError
+from solen.ranks import Caution, look_at
 from solen.recording.model import Channel, Recording
 from solen.recording.spectrum import Spectrum, spectra
 
@@ -47,7 +48,7 @@ class OpticalSpectra:
     rows: Mapping[str, FloatArray]
     names: Mapping[str, tuple[str, ...]]
     unused: tuple[str, ...]
-    warnings: tuple[str, ...]
+    warnings: tuple[Caution, ...]
 
     def mean(self, kind: str) -> FloatArray:
         """Mean of the repeats of a kind, shape (n,)."""
@@ -68,12 +69,12 @@ def optical_spectra(recording: Recording, chosen: Mapping[str, Sequence[str]]) -
     nm = next(iter(traces.values()))[0][0]
     names = {kind: tuple(spectrum.channel.name for spectrum in group) for kind, group in groups.items()}
     taken = [spectrum.channel for group in groups.values() for spectrum in group]
-    warnings = [f"{channel.name}: {channel.note}" for channel in taken if channel.note]
+    warnings = [channel.remark for channel in taken if channel.note]
     for kind, group in traces.items():
         moved = [name for name, (own, _) in zip(names[kind], group, strict=True) if not _same(nm, own)]
         if moved:
             what = "other wavelengths than the first trace: linear between its own, masked outside them"
-            warnings.append(f"{', '.join(moved)} has {what}")
+            warnings.append(look_at(f"{', '.join(moved)} has {what}"))
     rows = {kind: np.array([_on(nm, *trace) for trace in group]) for kind, group in traces.items()}
     used = {channel.name for channel in taken}
     others = [spectrum.channel for spectrum in available if spectrum.channel.name not in used]

@@ -10,6 +10,7 @@ import numpy as np
 
 from solen.arrays import FloatArray
 from solen.errors import DataError
+from solen.ranks import Caution, of
 from solen.recording.model import Channel, Measured, Recording
 from solen.results import HIDDEN
 
@@ -130,14 +131,14 @@ def listing(recordings: Sequence[Recording], names: Sequence[str] = (), *, repea
     )
 
 
-def _remarks(recording: Recording, chosen: Sequence[Spectrum]) -> list[str]:
+def _remarks(recording: Recording, chosen: Sequence[Spectrum]) -> list[Caution]:
     """Notes of the channels that are used, those alike together."""
     used = {one.channel.axis for one in chosen} | {one.channel.name for one in chosen}
     remarks: dict[str, list[str]] = {}
     for channel in recording.channels:
         if channel.note and channel.name in used:
             remarks.setdefault(channel.note, []).append(channel.name)
-    return [f"{_listed(channels)}: {note}" for note, channels in remarks.items()]
+    return [of(_listed(channels), Caution(note)) for note, channels in remarks.items()]
 
 
 def _trace(file: str, spectrum: Spectrum) -> Trace:

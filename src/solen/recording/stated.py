@@ -15,7 +15,7 @@ import numpy as np
 
 from solen.arrays import FloatArray
 from solen.recording import dates
-from solen.recording.model import Channel, Provenance, Recording
+from solen.recording.model import FROM_WAVENUMBERS, Channel, Provenance, Recording
 from solen.recording.numbers import is_number, parse
 from solen.recording.source import Source
 from solen.recording.table import is_simulated, unique
@@ -113,7 +113,7 @@ def _axes(unit: str, x: FloatArray) -> list[Channel]:
     if name == "wavelength":
         return [axis]
     with np.errstate(divide="ignore"):
-        return [axis, Channel("wavelength", "wavelength", "nm", 1e7 / x, note="computed from the wavenumbers")]
+        return [axis, Channel("wavelength", "wavelength", "nm", 1e7 / x, note=FROM_WAVENUMBERS)]
 
 
 def _plain(unit: str) -> str:

@@ -19,7 +19,7 @@ from solen.arrays import FloatArray
 from solen.recording import dates
 from solen.recording.grid import Grid, cut_note
 from solen.recording.layout import Layout
-from solen.recording.model import Channel, Provenance, Recording
+from solen.recording.model import FROM_WAVENUMBERS, Channel, Provenance, Recording
 from solen.recording.numbers import all_numbers, is_missing, is_number
 from solen.recording.scan import RANGE_NM, alone_note, disorder
 from solen.recording.words import Heading, heading, is_label, plain
@@ -228,7 +228,7 @@ def _with_wavelengths(channels: list[Channel]) -> list[Channel]:
     with np.errstate(divide="ignore"):
         waves_nm = 1e7 / numbers[0].to("1/cm")
     place = channels.index(numbers[0]) + 1
-    made = Channel("wavelength", "wavelength", "nm", waves_nm, note="computed from the wavenumbers")
+    made = Channel("wavelength", "wavelength", "nm", waves_nm, note=FROM_WAVENUMBERS)
     return [*channels[:place], made, *channels[place:]]
 
 

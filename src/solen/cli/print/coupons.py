@@ -10,6 +10,7 @@ from solen.cli.app import FLAT, lines
 from solen.errors import SpecError
 from solen.fabricate.coupons import CouponOutput, CouponSet, coupon_set
 from solen.geometry.coupons import CouponOptions
+from solen.ranks import ranked
 from solen.report.options import FigureOptions
 from solen.results import Outcome
 
@@ -53,5 +54,4 @@ def _(result: CouponSet) -> Iterator[str]:
             yield f"{coupon.name}: {coupon.title}; {' x '.join(f'{side:.4g}' for side in coupon.size_mm)} mm"
             for reading in coupon.readings:
                 yield f'  {reading.about}: printed "{reading.printed}"; taken: {reading.taken}'
-        for warning in coupon.warnings:
-            yield f"  note: {warning}"
+        yield from (f"  {warning}" for warning in ranked(coupon.warnings))

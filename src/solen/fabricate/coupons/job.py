@@ -15,6 +15,7 @@ from solen import __version__
 from solen.errors import DataError, SpecError
 from solen.files import read_text
 from solen.geometry.coupons import Coupon, CouponOptions, Stage, coupon_of
+from solen.ranks import Caution, look_at, note
 from solen.spec.objects import parsed
 
 JOB_KIND = "coupon-job"
@@ -85,12 +86,12 @@ def _stage(coupon: Coupon, options: CouponOptions, stage: Stage, files: dict[str
     }
 
 
-def cautions(coupon: Coupon, options: CouponOptions) -> list[str]:
+def cautions(coupon: Coupon, options: CouponOptions) -> list[Caution]:
     """What this printer, as far as its layer and pixel are known, cannot make of the coupon."""
-    return [*coupon.cautions, *_of_layers(coupon, options), *_of_pixels(coupon, options.pitch_um)]
+    return [*map(note, coupon.cautions), *_of_layers(coupon, options), *_of_pixels(coupon, options.pitch_um)]
 
 
-def _of_layers(coupon: Coupon, options: CouponOptions) -> list[str]:
+def _of_layers(coupon: Coupon, options: CouponOptions) -> list[Caution]:
     """Heights that are not a whole number of layers, and steps below a layer."""
     if coupon.name in ("cure-discs", "grey-steps"):
         return []
@@ -101,25 +102,27 @@ def _of_layers(coupon: Coupon, options: CouponOptions) -> list[str]:
     if broken:
         shown = _listed(broken[:6]) + (" …" if len(broken) > 6 else "")
         warnings.append(
-            f"{len(broken)} of {len(heights)} heights ({shown} mm) are not a whole number of layers of "
-            f"{options.layer_um:g} µm: they come out rounded"
+            look_at(
+                f"{len(broken)} of {len(heights)} heights ({shown} mm) are not a whole number of layers of "
+                f"{options.layer_um:g} µm: they come out rounded"
+            )
         )
     thin = sorted({step.step_mm for step in coupon.steps if step.step_mm < layer_mm * (1.0 - WHOLE)})
     if thin:
         steps = _listed(1e3 * step for step in thin)
-        warnings.append(f"steps of {steps} µm are less than a layer of {options.layer_um:g} µm")
+        warnings.append(look_at(f"steps of {steps} µm are less than a layer of {options.layer_um:g} µm"))
     return warnings
 
 
-def _of_pixels(coupon: Coupon, pitch_um: float | None) -> list[str]:
+def _of_pixels(coupon: Coupon, pitch_um: float | None) -> list[Caution]:
     """Sizes and gaps below a pixel."""
     if pitch_um is None:
         return []
     pitch_mm = 1e-3 * pitch_um
     small = [feature.name for feature in coupon.features if min(feature.width_mm, feature.depth_mm) < pitch_mm]
     narrow = [gap.name for gap in coupon.gaps if gap.gap_mm < pitch_mm]
-    warnings = [f"{', '.join(small)}: smaller than a pixel of {pitch_um:g} µm"] if small else []
-    grey = f"{', '.join(narrow)}: gaps below a pixel of {pitch_um:g} µm show as grey values alone"
+    warnings = [look_at(f"{', '.join(small)}: smaller than a pixel of {pitch_um:g} µm")] if small else []
+    grey = look_at(f"{', '.join(narrow)}: gaps below a pixel of {pitch_um:g} µm show as grey values alone")
     return [*warnings, grey] if narrow else warnings
 
 

@@ -14,6 +14,7 @@ from solen.fabricate.layers.slicing import Slicing
 from solen.fabricate.layers.solid import MESH_MM, Solid, exposures_of, solid_of
 from solen.fabricate.mesh import mesh_of
 from solen.geometry.coupons import Coupon, Stage
+from solen.ranks import note
 from solen.recording import Provenance
 
 
@@ -61,7 +62,7 @@ def printable_coupon(path: Path, slicing: Slicing, run: str | None = None) -> tu
         solid = solid_of(part, np.eye(3))
     label = Label(part.name, data["sha256"], f"coupon: {coupon.title}")
     material, cure = ("not named: give --resin", None) if slicing.resin is None else resin_named(slicing.resin)
-    notes = tuple(text for text in (stage.note, *coupon.cautions) if text)
+    notes = tuple(note(text) for text in (stage.note, *coupon.cautions) if text)
     source = Provenance(path.name, hashlib.sha256(path.read_bytes()).hexdigest(), JOB_KIND)
     placed = placed_mesh(mesh_of(part, MESH_MM), np.eye(3))
     return Printable(solid, placed, label, source, material, cure, notes), sliced

@@ -21,6 +21,7 @@ from solen.fabricate.meshfiles import as_stl, as_threemf
 from solen.fabricate.step import as_step, check_kernel
 from solen.geometry.coupons import Coupon, CouponOptions, Reading, layouts
 from solen.parts import printer_of
+from solen.ranks import Caution
 from solen.results import HIDDEN, Result
 from solen.spec.strict import Options
 
@@ -65,7 +66,7 @@ class CouponSummary:
     steps: int
     readings: tuple[Reading, ...]
     parts: tuple[CouponPart, ...]
-    warnings: tuple[str, ...]
+    warnings: tuple[Caution, ...]
 
     @classmethod
     def of(cls, coupon: Coupon, options: CouponOptions, parts: Sequence[CouponPart] = ()) -> "CouponSummary":

@@ -9,7 +9,7 @@ from solen.fabricate.layers.printable import Printable
 from solen.fabricate.layers.sheet import PrintSettings, print_settings
 from solen.material.resin import Cure
 from solen.parts import Printer
-from solen.ranks import DO_NOT_USE
+from solen.ranks import Caution, do_not_use, look_at, note
 from solen.recording import Provenance
 from solen.results import HIDDEN, Result
 
@@ -72,7 +72,7 @@ class LayeredPrint(Result):
     islands: tuple[tuple[int, int], ...]
     settings: PrintSettings
     sources: tuple[Provenance, ...]
-    warnings: tuple[str, ...]
+    warnings: tuple[Caution, ...]
 
 
 def layered_print(job: Job, part: Printable, stl: str, stack: Stack | None) -> LayeredPrint:
@@ -104,7 +104,7 @@ def layered_print(job: Job, part: Printable, stl: str, stack: Stack | None) -> L
     )
 
 
-def _warnings(job: Job, settings: PrintSettings, cure: Cure | None, stack: Stack | None) -> list[str]:
+def _warnings(job: Job, settings: PrintSettings, cure: Cure | None, stack: Stack | None) -> list[Caution]:
     warnings = [
         *_of_printer(job),
         *_of_greys(job),
@@ -116,52 +116,60 @@ def _warnings(job: Job, settings: PrintSettings, cure: Cure | None, stack: Stack
     return warnings if stack is None else warnings + _of_stack(job, stack)
 
 
-def _of_printer(job: Job) -> list[str]:
+def _of_printer(job: Job) -> list[Caution]:
     warnings = []
     if job.printer.unconfirmed:
         *others, last = job.printer.unconfirmed
         numbers = f"{', '.join(others)} and {last}" if others else last
-        warnings.append(f"{numbers} of {job.printer.name} are estimates: check them before using the pictures")
+        warnings.append(look_at(f"{numbers} of {job.printer.name} are estimates: check them before using the pictures"))
     if job.slicing.irradiance_mW_per_cm2 is None and job.printer.irradiance_mw_per_cm2 is None:
-        warnings.append(f"doses are for {PAPER_MW_PER_CM2:g} mW/cm², the paper's printer; measure yours")
+        warnings.append(look_at(f"doses are for {PAPER_MW_PER_CM2:g} mW/cm², the paper's printer; measure yours"))
     return warnings
 
 
-def _of_greys(job: Job) -> list[str]:
+def _of_greys(job: Job) -> list[Caution]:
     """Greys that were measured with other pixels."""
     here, there = tuple(1000.0 * side for side in job.printer.pitches_mm), job.greys.pixels_um
     if not job.greys.answer or there is None or all(map(math.isclose, here, there)):
         return []
     of, to = (" × ".join(dict.fromkeys(f"{side:.4g}" for side in sides)) for sides in (there, here))
-    return [f"the process has pixels of {of} µm, {job.printer.name} of {to} µm: its greys may give other light here"]
+    return [
+        look_at(
+            f"the process has pixels of {of} µm, {job.printer.name} of {to} µm: its greys may give other light here"
+        )
+    ]
 
 
-def _of_size(job: Job) -> list[str]:
+def _of_size(job: Job) -> list[Caution]:
     warnings, longest_mm = [], max(job.solid.size_mm)
     if not SMALLEST_MM <= longest_mm <= LARGEST_MM:
-        warnings.append(f"the part is {longest_mm:.3g} mm long: is that its unit? An STL has none and is read as mm")
+        warnings.append(
+            look_at(f"the part is {longest_mm:.3g} mm long: is that its unit? An STL has none and is read as mm")
+        )
     off_um = (job.height_mm - job.solid.size_mm[2]) * 1000.0
     if abs(off_um) > HEIGHT_UM:
         way = "higher" if off_um > 0.0 else "lower"
         warnings.append(
-            f"{job.count} layers of {job.slicing.layer_um:g} µm are {abs(off_um):.1f} µm {way} than the part"
+            note(f"{job.count} layers of {job.slicing.layer_um:g} µm are {abs(off_um):.1f} µm {way} than the part")
         )
     return warnings
 
 
-def _of_burn_in(job: Job) -> list[str]:
+def _of_burn_in(job: Job) -> list[Caution]:
     """Burn-in of a part that ends within it: no layer has the exposure that was meant for all others."""
     slicing = job.slicing
     if job.count != job.burn_in_layers or slicing.burn_in_s == slicing.exposure_s:
         return []
     part = "the part is one layer" if job.count == 1 else f"all {job.count} layers of the part are burn-in layers"
     return [
-        f"{part}: burn-in exposes it for {slicing.burn_in_s:g} s, not for {slicing.exposure_s:g} s; --burn-in-layers 0 "
-        "leaves burn-in out"
+        look_at(
+            f"{part}: burn-in exposes it for {slicing.burn_in_s:g} s, not for {slicing.exposure_s:g} s; "
+            "--burn-in-layers 0 leaves burn-in out"
+        )
     ]
 
 
-def _of_level_faces(job: Job) -> list[str]:
+def _of_level_faces(job: Job) -> list[Caution]:
     """Faces between the heights of two layers, which are printed at one of them."""
     faces = [height for height in job.solid.heights_mm if 0.0 < height < job.solid.size_mm[2] - 1e-4]
     moves_um = [abs(math.ceil(height / job.layer_mm - 0.5) * job.layer_mm - height) * 1000.0 for height in faces]
@@ -169,40 +177,44 @@ def _of_level_faces(job: Job) -> list[str]:
     if not between:
         return []
     first = f"the first at {between[0]:.4g} mm"
-    return [f"{len(between)} level faces lie within a layer ({first}) and move by up to {max(moves_um):.1f} µm"]
+    return [
+        look_at(f"{len(between)} level faces lie within a layer ({first}) and move by up to {max(moves_um):.1f} µm")
+    ]
 
 
-def _of_cure(settings: PrintSettings, cure: Cure | None, printer: Printer) -> list[str]:
+def _of_cure(settings: PrintSettings, cure: Cure | None, printer: Printer) -> list[Caution]:
     if cure is None or settings.cure_depth_um is None:
         return []
     warnings = []
     if settings.cure_depth_um <= settings.layer_um:
         depth = f"{settings.cure_depth_um:.0f} µm, a layer is {settings.layer_um:g} µm"
-        warnings.append(f"{DO_NOT_USE}: one exposure cures {depth}: layers would not hold together")
+        warnings.append(do_not_use(f"one exposure cures {depth}: layers would not hold together"))
     light = printer.wavelength_nm
     if light is not None and cure.wavelength_nm is not None and abs(light.usual - cure.wavelength_nm) > APART_NM:
         apart = f"{cure.wavelength_nm:g} nm, the printer has {light.usual:g} nm"
-        warnings.append(f"{DO_NOT_USE}: the working curve was measured at {apart}: its depths do not hold")
+        warnings.append(do_not_use(f"the working curve was measured at {apart}: its depths do not hold"))
     return warnings
 
 
-def _of_stack(job: Job, stack: Stack) -> list[str]:
+def _of_stack(job: Job, stack: Stack) -> list[Caution]:
     warnings = []
     if stack.islands:
         index, pieces = stack.islands[0]
         where = f"{pieces} at layer {index + 1}, {index * job.layer_mm:.4g} mm"
         total = sum(count for _, count in stack.islands)
         warnings.append(
-            f"{total} pieces begin in the air (first {where}): they need supports, which solen does not make"
+            look_at(f"{total} pieces begin in the air (first {where}): they need supports, which solen does not make")
         )
     if stack.first_mm2 < NARROW * stack.largest_mm2:
         first, largest = (area / job.slicing.copies for area in (stack.first_mm2, stack.largest_mm2))
         areas = f"{first:.3g} mm² where its largest layer has {largest:.3g} mm²"
-        warnings.append(f"the part stands on {areas}: give it a base or supports, or turn it")
+        warnings.append(look_at(f"the part stands on {areas}: give it a base or supports, or turn it"))
     off = stack.volume_mm3 / job.volume_mm3 - 1.0
     if abs(off) > OTHER_VOLUME:
         warnings.append(
-            f"the layers hold {stack.volume_mm3:.4g} mm³ and the solid {job.volume_mm3:.4g} ({100.0 * off:+.1f} %): "
-            "the mesh crosses itself, or is finer than a layer or a pixel"
+            do_not_use(
+                f"the layers hold {stack.volume_mm3:.4g} mm³ and the solid {job.volume_mm3:.4g} ({100.0 * off:+.1f} "
+                "%): the mesh crosses itself, or is finer than a layer or a pixel"
+            )
         )
     return warnings

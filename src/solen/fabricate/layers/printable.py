@@ -23,6 +23,7 @@ from solen.fabricate.part import Part
 from solen.fabricate.stl import read_stl
 from solen.fabricate.threemf import read_threemf
 from solen.material.resin import Cure, resin_of
+from solen.ranks import Caution, look_at, note
 from solen.recording import Provenance
 from solen.spec import Design
 
@@ -55,7 +56,7 @@ class Printable:
     source: Provenance
     material: str
     cure: Cure | None
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Caution, ...] = ()
 
     def write_stl(self, path: Path) -> None:
         """Write its mesh as STL."""
@@ -91,15 +92,15 @@ def printable_mesh(path: Path, slicing: Slicing) -> Printable:
     if kind not in MESH_READERS:
         raise DataError(str(path), limit="must be a design (.toml) or a mesh (.stl, .3mf)", remedy="export it as STL")
     mesh = MESH_READERS[kind](path)
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Caution, ...] = ()
     if mesh.volume_mm3 < 0.0 and not mesh.open_edges():
         mesh = Mesh(mesh.vertices, mesh.triangles[:, ::-1].copy(), mesh.tolerance_mm)
-        warnings = ("the mesh was inside out; its triangles are turned",)
+        warnings = (note("the mesh was inside out; its triangles are turned"),)
     rotation = orientation(slicing.orientation, slicing.rotate_deg)
     solid = mesh_solid(mesh, rotation, str(path))
     if solid.overlap_mm3 > 0.0:
         overlap = f"shells of the mesh overlap: {solid.overlap_mm3:.4g} mm³ that two of them fill count once"
-        warnings = (*warnings, overlap)
+        warnings = (*warnings, look_at(overlap))
     label = Label(path.stem, hashlib.sha256(path.read_bytes()).hexdigest(), slicing.orientation)
     material, cure = ("not named: give --resin", None) if slicing.resin is None else resin_named(slicing.resin)
     source = Provenance(path.name, label.sha256, kind[1:])

@@ -26,6 +26,7 @@ from solen.fabricate.process.coupon_fit import CouponFit, FittedFeature, Solutio
 from solen.fabricate.process.features import MeasuredCoupon, MeasuredFeature, printed_mm
 from solen.fabricate.process.scales import U_SCALE, FittedScale, Scales
 from solen.fabricate.process.settings import Calibration, Process, Settings
+from solen.ranks import Caution, look_at, note
 from solen.recording import Provenance
 from solen.results import HIDDEN, Result, reported
 
@@ -100,7 +101,7 @@ class PrinterCalibration(Result):
     scale: float
     disagree: tuple[MeasuredFeature, ...]
     sources: tuple[Provenance, ...]
-    warnings: tuple[str, ...]
+    warnings: tuple[Caution, ...]
 
     @reported
     def name(self) -> str:
@@ -183,7 +184,7 @@ def _calibration(problem: CouponFit, fit: Solution, coupons: Sequence[MeasuredCo
         scale=fit.scale,
         disagree=_disagreeing(settings, features),
         sources=tuple(coupon.source for coupon in coupons if coupon.source is not None),
-        warnings=("the features are simulated, not measured",) if simulated else (),
+        warnings=(look_at("the features are simulated, not measured"),) if simulated else (),
     )
     more = (*_of_scales(calibration), *_unknown(calibration), *_inseparable(calibration), *_of_fit(calibration))
     return replace(calibration, warnings=(*calibration.warnings, *more))
@@ -217,50 +218,62 @@ def _disagreeing(settings: Settings, features: Sequence[MeasuredFeature]) -> tup
     )
 
 
-def _of_scales(fit: PrinterCalibration) -> list[str]:
+def _of_scales(fit: PrinterCalibration) -> list[Caution]:
     unstated = list(dict.fromkeys(scale.file for scale in fit.scales if not scale.stated))
     if not unstated:
         return []
     return [
-        f"{', '.join(unstated)}: no uncertainty of the scale is stated; {100.0 * U_SCALE:g} % is taken, and shrinkage "
-        "is known no better than the scale: measure with --u-um-per-px (--u-z-um for heights), from a stage micrometer"
+        look_at(
+            f"{', '.join(unstated)}: no uncertainty of the scale is stated; {100.0 * U_SCALE:g} % is taken, and "
+            "shrinkage is known no better than the scale: measure with --u-um-per-px (--u-z-um for heights), from a "
+            "stage micrometer"
+        )
     ]
 
 
-def _unknown(fit: PrinterCalibration) -> list[str]:
+def _unknown(fit: PrinterCalibration) -> list[Caution]:
     return [
-        f"these coupons do not determine {number.key}: it stays {number.value:.3g} ± {number.u:.2g}, as assumed before"
+        look_at(
+            f"these coupons do not determine {number.key}: it stays {number.value:.3g} ± {number.u:.2g}, as assumed "
+            "before"
+        )
         for number in fit.numbers
         if number.learned < LEARNED
     ]
 
 
-def _inseparable(fit: PrinterCalibration) -> list[str]:
+def _inseparable(fit: PrinterCalibration) -> list[Caution]:
     """What changes coupons alike."""
     warnings = [
-        "washing, critical dose, exposure and scattering move edges alike and cannot be separated here: Ec_mJ_per_cm2 "
-        f"is an effective one, for edges at wash_um = {fit.settings.wash_um:g} and not for depths; what is known is "
-        "the growth of walls, and it is kept"
+        note(
+            "washing, critical dose, exposure and scattering move edges alike and cannot be separated here: "
+            f"Ec_mJ_per_cm2 is an effective one, for edges at wash_um = {fit.settings.wash_um:g} and not for depths; "
+            "what is known is the growth of walls, and it is kept"
+        )
     ]
     for i, j in combinations(range(len(fit.numbers)), 2):
         correlation = float(fit.correlation[i, j])
         if abs(correlation) > INSEPARABLE:
             warnings.append(
-                f"{fit.numbers[i].key} and {fit.numbers[j].key} can hardly be separated (correlation "
-                f"{correlation:+.2f}): measure features of more different sizes"
+                look_at(
+                    f"{fit.numbers[i].key} and {fit.numbers[j].key} can hardly be separated (correlation "
+                    f"{correlation:+.2f}): measure features of more different sizes"
+                )
             )
     return warnings
 
 
-def _of_fit(fit: PrinterCalibration) -> list[str]:
+def _of_fit(fit: PrinterCalibration) -> list[Caution]:
     warnings = []
     if fit.scale > _DOUBT:
         warnings.append(
-            f"features are off by {fit.scale:.2g} times their stated uncertainty (rms {fit.rms_um:.2g} µm): the model "
-            "does not describe them, or they are less certain than stated; uncertainties were widened by that"
+            look_at(
+                f"features are off by {fit.scale:.2g} times their stated uncertainty (rms {fit.rms_um:.2g} µm): the "
+                "model does not describe them, or they are less certain than stated; uncertainties were widened by that"
+            )
         )
     if fit.disagree:
         listed = ", ".join(f"{feature.kind} of {feature.nominal_mm:g} mm" for feature in fit.disagree[:6])
         more = "" if len(fit.disagree) <= 6 else f" and {len(fit.disagree) - 6} more"
-        warnings.append(f"the model and the coupons disagree on which of these are resolved: {listed}{more}")
+        warnings.append(look_at(f"the model and the coupons disagree on which of these are resolved: {listed}{more}"))
     return warnings

@@ -21,6 +21,7 @@ from solen.fabricate.grey import FULL
 from solen.fabricate.process.settings import Process
 from solen.material.cure.discs import THICKNESSES
 from solen.material.rows import REPEATS, RowOptions, chosen_rows, refuse_unused
+from solen.ranks import Caution, look_at
 from solen.recording import Measured, Recording
 from solen.results import HIDDEN, reported
 from solen.spec.strict import Finite
@@ -190,16 +191,20 @@ def _with_greys(process: Process, pairs: tuple[tuple[float, float], ...], u_powe
     return Process(**data)
 
 
-def _warnings(process: Process, shares: FloatArray, set_at: NDArray[np.bool_], greys: FloatArray) -> list[str]:
+def _warnings(process: Process, shares: FloatArray, set_at: NDArray[np.bool_], greys: FloatArray) -> list[Caution]:
     warnings = []
     if "Dp_um" in process.assumptions:
         warnings.append(
-            f"Dp is assumed, {process.process.Dp_um:g} µm: measure it by cure discs on the same printer, all light of "
-            "greys rests on it"
+            look_at(
+                f"Dp is assumed, {process.process.Dp_um:g} µm: measure it by cure discs on the same printer, all light "
+                "of greys rests on it"
+            )
         )
     dark = np.unique(shares[~set_at])
     if len(dark):
-        warnings.append(f"greys up to {dark.max():g} set nothing; below {greys[0]:g} the light is interpolated to 0")
+        warnings.append(
+            look_at(f"greys up to {dark.max():g} set nothing; below {greys[0]:g} the light is interpolated to 0")
+        )
     elif greys[0] > DARK:
-        warnings.append(f"no grey below {greys[0]:g} was measured; there the light is interpolated to 0")
+        warnings.append(look_at(f"no grey below {greys[0]:g} was measured; there the light is interpolated to 0"))
     return warnings

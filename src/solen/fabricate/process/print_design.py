@@ -26,6 +26,7 @@ from solen.fabricate.process.source import PrintOptions, curve_left_out, process
 from solen.fabricate.process.target import Deviation, Target
 from solen.geometry.measures import area_mm2
 from solen.lens.profile import MeasuredProfile, profile_of
+from solen.ranks import Caution, do_not_use, look_at
 from solen.recording import Provenance
 from solen.results import HIDDEN, Result, plain, reported
 from solen.sensor import Sensor
@@ -160,7 +161,7 @@ class PrintedDesign(Result):
     compensated_response: PrintLoss | None
     part: PrintedPart | None
     sources: tuple[Provenance, ...]
-    warnings: tuple[str, ...]
+    warnings: tuple[Caution, ...]
 
     @reported
     def cure_depth_um(self) -> float:
@@ -365,9 +366,11 @@ def profile_of_print(
         sources=tuple(plain(source) for source in sources),
     )
     warnings = (
-        f"predicted by a print model ({process}), not measured",
-        f"the uncertainty of the process, {u_um:.2g} µm root mean square along the lens, moves all points together and "
-        "is not in u_mm",
+        look_at(f"predicted by a print model ({process}), not measured"),
+        look_at(
+            f"the uncertainty of the process, {u_um:.2g} µm root mean square along the lens, moves all points together "
+            "and is not in u_mm"
+        ),
     )
     return replace(profile, warnings=warnings)
 
@@ -402,7 +405,7 @@ def _with_response(prediction: PrintedDesign, sensor: Sensor, progress: Progress
         again = None if compensated is None else print_loss(sensor, compensated)
         return replace(prediction, response=response, compensated_response=again)
     except SolenError as bad:
-        return replace(prediction, warnings=(*prediction.warnings, f"no response: {bad}"))
+        return replace(prediction, warnings=(*prediction.warnings, look_at(f"no response: {bad}")))
 
 
 def _shape(deviation: Deviation) -> Shape:
@@ -417,31 +420,38 @@ def _ripple(lens: Prediction, orientation: Orientation) -> Ripple:
     return Ripple("profile", float(high - low), _rms(lens.ripple_um))
 
 
-def _of_layers(prediction: PrintedDesign) -> list[str]:
+def _of_layers(prediction: PrintedDesign) -> list[Caution]:
     """What layers do to the lens that the profile does not hold."""
     walls = prediction.walls
     if walls is None:
         return [
-            f"the steps of the layers, {prediction.ripple.rms_um:.2g} µm root mean square along the profile, scatter "
-            "light; the traced profile is without them"
+            look_at(
+                f"the steps of the layers, {prediction.ripple.rms_um:.2g} µm root mean square along the profile, "
+                "scatter light; the traced profile is without them"
+            )
         ]
     first, middle, last = walls.first_um, walls.middle_um, walls.last_um
     if max(first, middle, last) - min(first, last) < _TAPER_UM:
         return []
     return [
-        f"walls stand {first:+.3g} µm beyond their image at the first layer, {middle:+.3g} in the middle and "
-        f"{last:+.3g} at the last: light at another height meets another lens"
+        look_at(
+            f"walls stand {first:+.3g} µm beyond their image at the first layer, {middle:+.3g} in the middle and "
+            f"{last:+.3g} at the last: light at another height meets another lens"
+        )
     ]
 
 
-def _of_compensation(prediction: PrintedDesign) -> list[str]:
+def _of_compensation(prediction: PrintedDesign) -> list[Caution]:
     """A drawing against the print is worth no more than the process is known."""
     u_um = prediction.u_rms_um
     if prediction.compensation is None or u_um < max(2.0 * prediction.compensation.printed.rms_um, _WELL_KNOWN_UM):
         return []
     return [
-        f"compensated, the lens is {prediction.compensation.printed.rms_um:.2g} µm off in the model, whose "
-        f"uncertainty is {u_um:.2g} µm: calibrate the process with coupons of your printer before you trust the drawing"
+        do_not_use(
+            f"compensated, the lens is {prediction.compensation.printed.rms_um:.2g} µm off in the model, whose "
+            f"uncertainty is {u_um:.2g} µm: calibrate the process with coupons of your printer before you trust the "
+            "drawing"
+        )
     ]
 
 

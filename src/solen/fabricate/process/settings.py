@@ -29,6 +29,7 @@ from solen.errors import DataError, SolenError
 from solen.fabricate.grey import Greys
 from solen.files import read_text
 from solen.material.cure.spectral import ONE_LINE, Lines, depth, left
+from solen.ranks import Caution, do_not_use, look_at
 from solen.spec.strict import Migrations, NotNegative, Number, Positive, Strict, Text, migrated, parse_toml, refused
 from solen.spec.strict import told_of as told_of_file
 
@@ -297,22 +298,30 @@ class Process(Strict):
         """Keys whose value is an assumption, by its source's first word or for want of one."""
         return tuple(key for key in KEYS if self.source.get(key, "assumption").lower().startswith("assum"))
 
-    def warnings(self) -> list[str]:
+    def warnings(self) -> list[Caution]:
         """Limits of what a print modelled with these numbers shows."""
         messages, s = [], self.process
         if s.cure_depth_um < s.layer_um:
             messages.append(
-                f"the layers do not hold: {s.exposure_s:g} s ({s.dose_mJ_per_cm2:.3g} mJ/cm2) cure "
-                f"{s.cure_depth_um:.3g} µm, less than a layer of {s.layer_um:g} µm; expose for longer or slice thinner"
+                do_not_use(
+                    f"the layers do not hold: {s.exposure_s:g} s ({s.dose_mJ_per_cm2:.3g} mJ/cm2) cure "
+                    f"{s.cure_depth_um:.3g} µm, less than a layer of {s.layer_um:g} µm; expose for longer or slice "
+                    "thinner"
+                )
             )
         assumed = [key for key in self.assumptions if key in UNCERTAIN]
         if assumed:
             messages.append(
-                f"assumed, not measured: {', '.join(assumed)}; calibrate them with coupons: solen print calibrate"
+                look_at(
+                    f"assumed, not measured: {', '.join(assumed)}; calibrate them with coupons: solen print calibrate"
+                )
             )
         if self.calibration is not None and self.calibration.simulated:
             messages.append(
-                "numbers of the process rest on simulated coupons or a simulated working curve, not on measured ones"
+                look_at(
+                    "numbers of the process rest on simulated coupons or a simulated working curve, not on measured "
+                    "ones"
+                )
             )
         return messages
 

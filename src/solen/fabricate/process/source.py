@@ -16,6 +16,7 @@ from solen.fabricate.process.predict import Orientation
 from solen.fabricate.process.settings import Calibration, Process, default_process, read_process
 from solen.material.resin import resin_of
 from solen.parts import printer_of
+from solen.ranks import Caution, look_at
 from solen.recording import Provenance
 from solen.spec import Design
 from solen.spec.strict import Options
@@ -80,16 +81,18 @@ def with_printer(process: Process, name: str | None) -> Process:
     return changed.model_copy(update={"source": changed.source | {"pixel_um": source}})
 
 
-def curve_left_out(process: Process, design: Design) -> list[str]:
+def curve_left_out(process: Process, design: Design) -> list[Caution]:
     """Warning where the process keeps its lamp's curve though the design's resin has a measured one."""
     resin = None if design.material.resin is None else resin_of(design.material.resin, design.resin_file)
     if resin is None or resin.cure is None or not process.process.lamp:
         return []
     mine = process.process
     return [
-        f"the working curve of the resin {resin.name} (Dp {resin.cure.Dp_um:.4g} µm, Ec {resin.cure.Ec_mJ_per_cm2:.4g} "
-        f"mJ/cm²) is not used: the process {process.name} states a lamp, with Dp {mine.Dp_um:.4g} µm at the surface "
-        f"and Ec {mine.Ec_mJ_per_cm2:.4g} mJ/cm²"
+        look_at(
+            f"the working curve of the resin {resin.name} (Dp {resin.cure.Dp_um:.4g} µm, Ec "
+            f"{resin.cure.Ec_mJ_per_cm2:.4g} mJ/cm²) is not used: the process {process.name} states a lamp, with Dp "
+            f"{mine.Dp_um:.4g} µm at the surface and Ec {mine.Ec_mJ_per_cm2:.4g} mJ/cm²"
+        )
     ]
 
 

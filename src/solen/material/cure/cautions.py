@@ -9,19 +9,19 @@ import numpy as np
 
 from solen.material.cure.curve import SIGNIFICANCE, LeftOut, WorkingCurve, means_of
 from solen.material.regression import chance, fitted, t_quantile
-from solen.ranks import DO_NOT_USE
+from solen.ranks import Caution, do_not_use, look_at
 
 _FAR = 3.0  # times the critical dose from which on it is an extrapolation
 _FEW_DF = 4.0
 _SHOWN = 4
 
 
-def cautions(curve: WorkingCurve) -> list[str]:
+def cautions(curve: WorkingCurve) -> list[Caution]:
     """What does not follow from a working curve."""
     return [*_of_discs(curve), *_of_shape(curve), *_of_intervals(curve), *_of_threshold(curve)]
 
 
-def _of_discs(curve: WorkingCurve) -> list[str]:
+def _of_discs(curve: WorkingCurve) -> list[Caution]:
     warnings = []
     by_reason: dict[str, list[LeftOut]] = {}
     for left in curve.left_out:
@@ -33,7 +33,7 @@ def _of_discs(curve: WorkingCurve) -> list[str]:
         more = f" and {len(alike) - _SHOWN} more" if len(alike) > _SHOWN else ""
         t = [abs(left.t) for left in alike if left.t is not None]
         off = f" by {min(t):.1f} standard errors or more; --keep-all keeps it" if t else ""
-        warnings.append(f"left out, {reason}{off}: {', '.join(where)}{more}")
+        warnings.append(look_at(f"left out, {reason}{off}: {', '.join(where)}{more}"))
     return warnings
 
 
@@ -42,23 +42,27 @@ def _size(left: LeftOut) -> str:
     return "no number" if math.isnan(thick) else f"{thick:.3g} µm"
 
 
-def _of_shape(curve: WorkingCurve) -> list[str]:
+def _of_shape(curve: WorkingCurve) -> list[Caution]:
     lack = curve.lack_of_fit
     doses = {disc.dose_mJ_per_cm2 for disc in curve.used}
     if len(doses) == 2:
-        return ["two doses cannot show whether the points lie on a line; add a third"]
+        return [look_at("two doses cannot show whether the points lie on a line; add a third")]
     if lack is None:
         if len(curve.used) > len(doses):
             return []
         return [
-            "no dose was repeated: whether the points lie on a line, and how discs scatter, is judged from the line "
-            "alone; cure three discs at each dose"
+            look_at(
+                "no dose was repeated: whether the points lie on a line, and how discs scatter, is judged from the "
+                "line alone; cure three discs at each dose"
+            )
         ]
     if lack.p >= SIGNIFICANCE:
         return []
     return [
-        f"the doses' means are off the line by more than their discs scatter (F = {lack.F:.1f}, by chance "
-        f"{chance(lack.p)}): {_bend(curve)}; each dose counts as one point for the intervals"
+        look_at(
+            f"the doses' means are off the line by more than their discs scatter (F = {lack.F:.1f}, by chance "
+            f"{chance(lack.p)}): {_bend(curve)}; each dose counts as one point for the intervals"
+        )
     ]
 
 
@@ -78,34 +82,40 @@ def _bend(curve: WorkingCurve) -> str:
     return "without a clear bend: something changed from dose to dose"
 
 
-def _of_intervals(curve: WorkingCurve) -> list[str]:
+def _of_intervals(curve: WorkingCurve) -> list[Caution]:
     warnings = []
     if curve.fit.error_df < _FEW_DF:
         warnings.append(
-            f"{curve.fit.error_df} more points than numbers sought: intervals are "
-            f"{t_quantile(0.95, curve.fit.error_df):.1f} standard uncertainties or more to each side"
+            look_at(
+                f"{curve.fit.error_df} more points than numbers sought: intervals are "
+                f"{t_quantile(0.95, curve.fit.error_df):.1f} standard uncertainties or more to each side"
+            )
         )
     if curve.interval95_Dp_um[0] <= 0.0 or curve.interval95_Ec_mJ_per_cm2 is None:
         warnings.append(
-            f"{DO_NOT_USE}: the slope is so uncertain that the critical dose has no interval: take doses further apart"
+            do_not_use("the slope is so uncertain that the critical dose has no interval: take doses further apart")
         )
     return warnings
 
 
-def _of_threshold(curve: WorkingCurve) -> list[str]:
+def _of_threshold(curve: WorkingCurve) -> list[Caution]:
     warnings = []
     lowest, _ = curve.dose_range_mJ_per_cm2
     if lowest > _FAR * curve.Ec_mJ_per_cm2:
         warnings.append(
-            f"the critical dose is an extrapolation: the lowest dose, {lowest:.3g} mJ/cm², is "
-            f"{lowest / curve.Ec_mJ_per_cm2:.1f} times it; add discs at lower doses"
+            look_at(
+                f"the critical dose is an extrapolation: the lowest dose, {lowest:.3g} mJ/cm², is "
+                f"{lowest / curve.Ec_mJ_per_cm2:.1f} times it; add discs at lower doses"
+            )
         )
     set_below = [disc for disc in curve.used if disc.dose_mJ_per_cm2 <= curve.Ec_mJ_per_cm2]
     if set_below:
         dose = min(disc.dose_mJ_per_cm2 for disc in set_below)
-        warnings.append(f"a disc set at {dose:.3g} mJ/cm², below the critical dose of {curve.Ec_mJ_per_cm2:.3g}")
+        warnings.append(
+            look_at(f"a disc set at {dose:.3g} mJ/cm², below the critical dose of {curve.Ec_mJ_per_cm2:.3g}")
+        )
     liquid = [left.disc.dose_mJ_per_cm2 for left in curve.left_out if left.disc.thickness_um == 0.0]
     if liquid and max(liquid) > curve.Ec_mJ_per_cm2:
         depth = float(curve.depth_um(max(liquid)))
-        warnings.append(f"nothing set at {max(liquid):.3g} mJ/cm², where the line has {depth:.3g} µm")
+        warnings.append(look_at(f"nothing set at {max(liquid):.3g} mJ/cm², where the line has {depth:.3g} µm"))
     return warnings

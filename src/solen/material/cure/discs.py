@@ -21,7 +21,7 @@ from solen.material.cure.layers import StackDose, dose_below, stack_dose, stack_
 from solen.material.cure.spectral import InLamp
 from solen.material.regression import group_means
 from solen.material.rows import REPEATS, RowOptions, below_each_other, chosen_rows, refuse_unused, stated_once
-from solen.ranks import DO_NOT_USE, NOTE
+from solen.ranks import Caution, do_not_use, look_at, note, of
 from solen.recording import Channel, Measured, Recording
 from solen.results import reported
 from solen.spec.strict import Finite, Wavelength, refused
@@ -237,11 +237,7 @@ def curve_of_discs(recording: Recording, options: CureOptions = CureOptions()) -
         sources=(recording.provenance,),
         warnings=(
             *_unusual(curve),
-            *(
-                f"{channel.name}: {channel.note}"
-                for channel in recording.channels
-                if channel.note and channel.name in table.columns
-            ),
+            *(channel.remark for channel in recording.channels if channel.note and channel.name in table.columns),
             *beside,
             *table.warnings,
             *cautions(curve),
@@ -257,7 +253,7 @@ def curves_of_discs(recordings: Sequence[Recording], options: CureOptions = Cure
     beside = tuple(
         CurveBeside(**{name: getattr(one, name) for name in fields}, file=one.sources[0].file) for one in others
     )
-    warnings = (*first.warnings, *(f"{one.file}: {text}" for one in beside for text in one.warnings))
+    warnings = (*first.warnings, *(of(one.file, text) for one in beside for text in one.warnings))
     sources = (*first.sources, *(source for one in beside for source in one.sources))
     return dataclasses.replace(first, beside=beside, warnings=warnings, sources=sources)
 
@@ -277,14 +273,19 @@ def with_lamp(curve: MeasuredCurve, fit: InLamp) -> MeasuredCurve:
     notes = []
     if fit.preferred == "spectrum":
         notes = [
-            f"the discs prefer the law with the lamp's spectrum ({fit.rms_um:.2g} µm rms, {fit.jacobs_rms_um:.2g} by "
-            f"Jacobs' law): Dp is {fit.Dp_um:.3g} µm at the surface and grows with depth; {curve.Dp_um:.3g} µm holds "
-            "for discs of these thicknesses alone"
+            look_at(
+                f"the discs prefer the law with the lamp's spectrum ({fit.rms_um:.2g} µm rms, {fit.jacobs_rms_um:.2g} "
+                f"by Jacobs' law): Dp is {fit.Dp_um:.3g} µm at the surface and grows with depth; {curve.Dp_um:.3g} µm "
+                "holds for discs of these thicknesses alone"
+            )
         ]
     off = fit.Dp_um / fit.liquid_Dp_um - 1.0
     if abs(off) > _APART and abs(off) * fit.liquid_Dp_um > 3.0 * fit.u_Dp_um:
         notes.append(
-            f"at the surface the discs give Dp {fit.Dp_um:.3g} µm and the liquid's absorbance {fit.liquid_Dp_um:.3g} µm"
+            look_at(
+                f"at the surface the discs give Dp {fit.Dp_um:.3g} µm and the liquid's absorbance "
+                f"{fit.liquid_Dp_um:.3g} µm"
+            )
         )
     return dataclasses.replace(curve, in_lamp=fit, in_lamp_exposure=exposure, warnings=(*curve.warnings, *notes))
 
@@ -297,7 +298,7 @@ class Table:
     thickness_um: FloatArray
     rows: list[int]
     columns: list[str]
-    warnings: list[str]
+    warnings: list[Caution]
 
 
 def discs(recording: Recording, irradiance_mW_per_cm2: float | None) -> Table:
@@ -316,7 +317,7 @@ def discs(recording: Recording, irradiance_mW_per_cm2: float | None) -> Table:
     means = group_means(keys, thickness_um)
     warnings = []
     if len(means) < len(keys):
-        warnings = [f"{NOTE}: {len(keys)} rows are readings of {len(means)} discs: those of one disc are averaged"]
+        warnings = [note(f"{len(keys)} rows are readings of {len(means)} discs: those of one disc are averaged")]
     doses = np.array([value for value, _ in means])
     return Table(doses, np.array(list(means.values())), [keys.index(key) + 1 for key in means], used, warnings)
 
@@ -407,7 +408,7 @@ def _stack(Dp_um: float, options: CureOptions) -> StackDose | None:
     return stack_dose(Dp_um, options.layer_um, seconds * options.irradiance_mW_per_cm2)
 
 
-def _unusual(curve: WorkingCurve) -> list[str]:
+def _unusual(curve: WorkingCurve) -> list[Caution]:
     """Warning of what a wrong unit looks like."""
     low, high = USUAL_DP_UM
     if low <= curve.Dp_um <= high:
@@ -415,31 +416,37 @@ def _unusual(curve: WorkingCurve) -> list[str]:
     for factor_, what in ((1e3, "mm under a header in µm"), (1e-3, "µm under a header in mm")):
         if low <= factor_ * curve.Dp_um <= high:
             return [
-                f"{DO_NOT_USE}: "
-                f"the thicknesses look like {what}: Dp would be {factor_ * curve.Dp_um:.3g} µm instead of "
-                f"{curve.Dp_um:.3g} µm, which no printable resin has; correct the header"
+                do_not_use(
+                    f"the thicknesses look like {what}: Dp would be {factor_ * curve.Dp_um:.3g} µm instead of "
+                    f"{curve.Dp_um:.3g} µm, which no printable resin has; correct the header"
+                )
             ]
     return [
-        f"{DO_NOT_USE}: "
-        f"Dp = {curve.Dp_um:.3g} µm is that of no printable resin (tens to hundreds of µm): check the unit of the "
-        "thickness in the table's header"
+        do_not_use(
+            f"Dp = {curve.Dp_um:.3g} µm is that of no printable resin (tens to hundreds of µm): check the unit of the "
+            "thickness in the table's header"
+        )
     ]
 
 
-def _outside(curve: WorkingCurve, layer_um: float | None, exposure: LayerExposure | None) -> list[str]:
+def _outside(curve: WorkingCurve, layer_um: float | None, exposure: LayerExposure | None) -> list[Caution]:
     """Warnings of a layer's exposure outside the doses of the discs, or that does not cure the layer for certain."""
     if exposure is None or layer_um is None:
         return []
     warnings, dose, (lowest, highest) = [], exposure.dose_mJ_per_cm2, curve.dose_range_mJ_per_cm2
     if not lowest <= dose <= highest:
         warnings.append(
-            f"an exposure of {dose:.3g} mJ/cm² lies outside the discs' {lowest:.3g} to {highest:.3g} mJ/cm²: "
-            "its cure depth is an extrapolation"
+            look_at(
+                f"an exposure of {dose:.3g} mJ/cm² lies outside the discs' {lowest:.3g} to {highest:.3g} mJ/cm²: "
+                "its cure depth is an extrapolation"
+            )
         )
     low, _ = exposure.interval95_cure_depth_um
     if low < layer_um:
         warnings.append(
-            f"{exposure.exposure_s:g} s cure {exposure.cure_depth_um:.3g} ± {exposure.cure_depth_um - low:.2g} µm: "
-            f"a layer of {layer_um:g} µm may not reach the one before"
+            look_at(
+                f"{exposure.exposure_s:g} s cure {exposure.cure_depth_um:.3g} ± {exposure.cure_depth_um - low:.2g} µm: "
+                f"a layer of {layer_um:g} µm may not reach the one before"
+            )
         )
     return warnings

@@ -25,7 +25,7 @@ from solen.material.index import Length, measured, reading
 from solen.material.index.interference import fringes_of
 from solen.material.regression import fitted, t_tail
 from solen.material.rows import RowOptions, chosen_rows, refuse_unused
-from solen.ranks import NOTE
+from solen.ranks import Caution, look_at, note
 from solen.recording import Channel, Recording, Spectrum, spectra
 from solen.recording.model import Measured
 from solen.recording.optical import kind_of
@@ -225,7 +225,7 @@ def _time(recording: Recording) -> Channel | None:
     return next((channel for channel in times if channel and factor(channel.unit or "1", "s")), None)
 
 
-def _unused(recording: Recording, options: ExposureOptions) -> list[str]:
+def _unused(recording: Recording, options: ExposureOptions) -> list[Caution]:
     """Refuse conditions without effect: on traces side by side by their labels, on a long table by every column."""
     time, every = _time(recording), spectra(recording)
     if time is None:
@@ -327,28 +327,32 @@ def _at(nm: float, layers: Sequence[Sample], seconds: FloatArray, thickness_um: 
 
 def _warnings(
     layers: Sequence[Sample], kinds: int, at: Sequence[AtWavelength], thickness_um: float | None
-) -> list[str]:
+) -> list[Caution]:
     warnings = []
     if len(layers) < _FEW:
         warnings.append(
-            f"{len(layers)} samples leave {max(len(layers) - 2, 0)} to judge a trend by: its interval is as wide as "
-            "that makes it; measure several layers of each exposure"
+            look_at(
+                f"{len(layers)} samples leave {max(len(layers) - 2, 0)} to judge a trend by: its interval is as wide "
+                "as that makes it; measure several layers of each exposure"
+            )
         )
     if kinds == 2:
-        warnings.append(f"{NOTE}: two exposures do not show whether the change is along a straight line")
+        warnings.append(note("two exposures do not show whether the change is along a straight line"))
     unclear = [f"{one.wavelength_nm:g} nm" for one in at if not _resolved(one.trend_T)]
     if unclear:
-        warnings.append(f"no trend of T with exposure is resolved at {', '.join(unclear)}")
+        warnings.append(look_at(f"no trend of T with exposure is resolved at {', '.join(unclear)}"))
     warnings.append(
-        "a layer that was exposed longer may be thicker too, unless a gap held it: measure each layer's thickness "
-        "before the resin is blamed"
+        note(
+            "a layer that was exposed longer may be thicker too, unless a gap held it: measure each layer's thickness "
+            "before the resin is blamed"
+        )
     )
     if all(layer.reflectance is None for layer in layers):
-        warnings.append("no reflectance: transmittance alone does not say how the index changes")
+        warnings.append(note("no reflectance: transmittance alone does not say how the index changes"))
     elif thickness_um is None:
-        warnings.append("the index needs --thickness-um")
+        warnings.append(note("the index needs --thickness-um"))
     elif fringed := [one.name for one in layers if one.reflectance is not None and one.interferes(thickness_um)]:
-        warnings.append(f"no index of {', '.join(fringed)}: fringes are detected; solen resin index fits them")
+        warnings.append(look_at(f"no index of {', '.join(fringed)}: fringes are detected; solen resin index fits them"))
     return warnings
 
 

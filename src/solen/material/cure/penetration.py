@@ -25,6 +25,7 @@ from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.material.index.illuminant import Illuminant, led, named_light
 from solen.material.rows import RowOptions, chosen_rows, refuse_unused
+from solen.ranks import Caution, look_at, note
 from solen.recording import Recording
 from solen.recording.model import Measured
 from solen.recording.optical import OpticalSpectra, optical_spectra
@@ -184,10 +185,10 @@ def penetration_of(recording: Recording, options: PenetrationOptions) -> Penetra
     if absorbs.any():
         spectral[absorbs] = penetration_depth_um(path_um, absorbance[absorbs])
     if decay is None:
-        warnings.append("no lamp is named (--led-nm, --led-fwhm-nm or --led): which wavelength counts is open")
+        warnings.append(look_at("no lamp is named (--led-nm, --led-fwhm-nm or --led): which wavelength counts is open"))
     else:
         warnings += _lamp_warnings(decay, nm, absorbance, path_um)
-    limits = (
+    limits = note(
         "this is what the liquid absorbs; a working curve's Dp also has in it which wavelengths start the cure, and "
         "what changes as the resin sets"
     )
@@ -282,7 +283,7 @@ def _sorted(nm: ArrayLike, values: ArrayLike) -> tuple[FloatArray, FloatArray]:
     return unique, np.bincount(place, weights=y[known]) / np.bincount(place)
 
 
-def _absorbance(recording: Recording, spectra: OpticalSpectra) -> tuple[FloatArray, list[str]]:
+def _absorbance(recording: Recording, spectra: OpticalSpectra) -> tuple[FloatArray, list[Caution]]:
     """Absorbance, base 10, mean of the traces, and what must be known of it."""
     if "A" in spectra.rows:
         names = spectra.names["A"]
@@ -295,7 +296,9 @@ def _absorbance(recording: Recording, spectra: OpticalSpectra) -> tuple[FloatArr
     t = spectra.mean("T")
     with np.errstate(divide="ignore", invalid="ignore"):
         absorbance = np.where(t > 0.0, -np.log10(t), np.nan)
-    return absorbance, ["absorbance is −log10 of the transmittance: what the cell's faces reflect counts as absorbed"]
+    return absorbance, [
+        look_at("absorbance is −log10 of the transmittance: what the cell's faces reflect counts as absorbed")
+    ]
 
 
 def _uncertainty(surface_um: float, options: PenetrationOptions) -> float | None:
@@ -306,16 +309,18 @@ def _uncertainty(surface_um: float, options: PenetrationOptions) -> float | None
     return surface_um * math.hypot((options.u_path_um or 0.0) / options.path_um, by_a)
 
 
-def _lamp_warnings(decay: Attenuation, nm: FloatArray, absorbance: FloatArray, path_um: float) -> list[str]:
+def _lamp_warnings(decay: Attenuation, nm: FloatArray, absorbance: FloatArray, path_um: float) -> list[Caution]:
     warnings, surface, deep = [], decay.local_um(), decay.between_um(SHALLOW_UM, DEEP_UM)
     if deep > (1.0 + _BENT) * surface:
         warnings.append(
-            f"the lamp's light is no exponential: Dp is {surface:.3g} µm at the surface and {deep:.3g} µm between "
-            f"{SHALLOW_UM:g} and {DEEP_UM:g} µm, so that a working curve bends upwards"
+            look_at(
+                f"the lamp's light is no exponential: Dp is {surface:.3g} µm at the surface and {deep:.3g} µm between "
+                f"{SHALLOW_UM:g} and {DEEP_UM:g} µm, so that a working curve bends upwards"
+            )
         )
     highest = float(decay.per_um.max()) * path_um / math.log(10.0)
     if highest > _SATURATED:
-        warnings.append(f"absorbance reaches {highest:.2g} in the lamp's light: take a shorter path")
+        warnings.append(look_at(f"absorbance reaches {highest:.2g} in the lamp's light: take a shorter path"))
     lowest = int(np.nanargmin(absorbance))
     offset = float(absorbance[lowest]) * math.log(10.0) / path_um * surface
     if abs(offset) > _OFFSET:
@@ -323,7 +328,9 @@ def _lamp_warnings(decay: Attenuation, nm: FloatArray, absorbance: FloatArray, p
         if offset < _ALL_OFFSET:
             change = f"{abs(offset) / (1.0 - offset):.0%} {'longer' if offset > 0.0 else 'shorter'}"
         warnings.append(
-            f"the lowest absorbance is {absorbance[lowest]:.2g}, at {nm[lowest]:.0f} nm: if that is an offset, as of "
-            f"the cell's faces, Dp is {change}"
+            look_at(
+                f"the lowest absorbance is {absorbance[lowest]:.2g}, at {nm[lowest]:.0f} nm: if that is an offset, as "
+                f"of the cell's faces, Dp is {change}"
+            )
         )
     return warnings

@@ -29,7 +29,7 @@ from solen.errors import DataError
 from solen.material.dispersion import Cauchy, Sellmeier
 from solen.material.index.formulas import CauchyForm, Form, OnePole, TwoPoles, UnfitError, covariance_rows, resonance_nm
 from solen.material.index.squares import Points, Solved, points_of, solved
-from solen.ranks import DO_NOT_USE
+from solen.ranks import Caution, do_not_use, look_at
 from solen.results import HIDDEN, Result, reported
 from solen.units import NM_PER_UM
 
@@ -78,7 +78,7 @@ class Fit(Result):
     widened: float
     aicc: Mapping[int, float]
     refused: Mapping[int, str]
-    warnings: tuple[str, ...]
+    warnings: tuple[Caution, ...]
 
     @reported
     def wavelength_nm(self) -> FloatArray:
@@ -247,7 +247,7 @@ def _check_delivered(kind: str, one: Solved, model: Cauchy | Sellmeier, points: 
             raise DataError(f"{kind} fit", limit=limit, remedy="take fewer terms, or a wider range")
 
 
-def _warnings(model: Cauchy | Sellmeier, one: Solved, points: Points) -> list[str]:
+def _warnings(model: Cauchy | Sellmeier, one: Solved, points: Points) -> list[Caution]:
     """What the numbers of a fit cannot be used for."""
     low, high = model.range_nm
     warnings = []
@@ -255,20 +255,26 @@ def _warnings(model: Cauchy | Sellmeier, one: Solved, points: Points) -> list[st
     spread = math.hypot(model.u_index(low) or 0.0, model.u_index(high) or 0.0)
     if rise > 2 * spread:
         warnings.append(
-            f"{DO_NOT_USE}: "
-            f"the fitted index rises by {rise:.2g} from {low:g} to {high:g} nm; that of transparent matter falls"
+            do_not_use(
+                f"the fitted index rises by {rise:.2g} from {low:g} to {high:g} nm; that of transparent matter falls"
+            )
         )
     if points.u is not None and one.widened > 1:
         warnings.append(
-            f"the points scatter about the formula, or err together with their neighbours (correlation "
-            f"{one.neighbours:.2f}), beyond their stated uncertainties, which were multiplied with "
-            f"{one.widened:.2g}"
+            look_at(
+                f"the points scatter about the formula, or err together with their neighbours (correlation "
+                f"{one.neighbours:.2f}), beyond their stated uncertainties, which were multiplied with "
+                f"{one.widened:.2g}"
+            )
         )
     if points.u is None and not points.shared.size:
-        warnings.append("the uncertainty of the fit is from scatter alone: what all points share is not in it")
+        warnings.append(look_at("the uncertainty of the fit is from scatter alone: what all points share is not in it"))
     if isinstance(model, Sellmeier):
         warnings += [
-            f"the resonance at {nm:.0f} nm is close to the points, from {low:g} nm: the fit is of use only among them"
+            look_at(
+                f"the resonance at {nm:.0f} nm is close to the points, from {low:g} nm: the fit is of use only among "
+                "them"
+            )
             for nm in resonance_nm(model)
             if 0.85 * low < nm < low
         ]

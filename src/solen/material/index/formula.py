@@ -11,6 +11,7 @@ from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.material.index.fit import Fit, fit
 from solen.material.index.spectrum import Estimate, IndexSpectrum
+from solen.ranks import Caution, look_at
 
 _FEW, _BEND = 10, 3.0  # points that show no scatter; residuals above this many steps have a shape of their own
 _SMALL = 1e-4  # of n, not worth a word
@@ -19,7 +20,7 @@ _BESIDE = 15  # points to either side whose scatter is taken together
 
 def formula_through(
     spectrum: IndexSpectrum, kind: str | None = None, terms: int | None = None
-) -> tuple[Fit | None, list[str]]:
+) -> tuple[Fit | None, list[Caution]]:
     """Formula through n, and what must be known of it, or why there is none.
 
     Parameters
@@ -47,7 +48,7 @@ def formula_through(
     except DataError as bad:
         if kind is not None:
             raise
-        return None, [f"no formula is fitted: {bad}"]
+        return None, [look_at(f"no formula is fitted: {bad}")]
     if not spectrum.measurement:
         formula = replace(formula, model=formula.model.model_copy(update={"covariance": None}))
     return formula, [*formula.warnings, *_misfit(formula)]
@@ -69,12 +70,14 @@ def smoothed_scatter(n: Estimate) -> FloatArray | None:
     return scatter
 
 
-def _misfit(formula: Fit) -> list[str]:
+def _misfit(formula: Fit) -> list[Caution]:
     left = formula.residuals[np.isfinite(formula.residuals)]
     step = float(np.median(np.abs(np.diff(left)))) if left.size > _FEW else np.inf
     if formula.rms <= max(_BEND * step, _SMALL):
         return []
     return [
-        f"the {formula.kind} formula does not follow the points: it is off by {formula.rms:.2g} where neighbours "
-        f"differ by {step:.2g}; strong absorption does that; narrow the range, or take the points themselves"
+        look_at(
+            f"the {formula.kind} formula does not follow the points: it is off by {formula.rms:.2g} where neighbours "
+            f"differ by {step:.2g}; strong absorption does that; narrow the range, or take the points themselves"
+        )
     ]

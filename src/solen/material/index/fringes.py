@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from solen.arrays import FloatArray
+from solen.ranks import Caution, do_not_use, look_at
 from solen.units import NM_PER_UM
 
 _FEWEST = 24  # points in which fringes can be looked for
@@ -206,7 +207,7 @@ def _polished(um: FloatArray, u: FloatArray, off: FloatArray, p: FloatArray) -> 
 
 def fringe_warnings(
     wavelength_nm: FloatArray, n: FloatArray, thickness_um: float, bandwidth_nm: float | None
-) -> tuple[str, ...]:
+) -> tuple[Caution, ...]:
     """What fringes mean for a spectrum along ascending wavelengths.
 
     ``n`` may hold NaN; the median of the rest serves there. A bandwidth of None is one that is not known.
@@ -220,14 +221,16 @@ def fringe_warnings(
         ends += f" and {spacing[-1]:.2g} nm at {wavelength_nm[-1]:g} nm"
     what = f"fringes of a layer of {thickness_um:g} µm are {ends}"
     if bandwidth_nm is None:
-        return (f"{what}: powers add for a bandwidth above that; the instrument's is not stated",)
+        return (look_at(f"{what}: powers add for a bandwidth above that; the instrument's is not stated"),)
     wide = spacing > bandwidth_nm
     if not wide.any():
         return ()
     lost = f"{what}, and from {wavelength_nm[np.argmax(wide)]:g} nm on more than the bandwidth of {bandwidth_nm:g} nm"
-    found = [f"{lost}: the spectrum follows the interference, which the sum of powers leaves out"]
+    found = [do_not_use(f"{lost}: the spectrum follows the interference, which the sum of powers leaves out")]
     step = float(np.median(np.diff(wavelength_nm))) if wavelength_nm.size > 1 else np.inf
     if step > spacing[wide].min() / 2.0:
         apart = f"its wavelengths are {step:g} nm apart" if np.isfinite(step) else "it has one wavelength"
-        found.append(f"{apart}, too far to show the fringes: they are in n as an error that looks like scatter")
+        found.append(
+            do_not_use(f"{apart}, too far to show the fringes: they are in n as an error that looks like scatter")
+        )
     return tuple(found)

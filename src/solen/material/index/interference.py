@@ -24,6 +24,7 @@ from solen.material.index.masks import THREE_SIGMAS, Why, counted
 from solen.material.index.reading import Combined, Length, Reading
 from solen.material.index.spectrum import IndexSpectrum, estimate, nothing
 from solen.material.index.stack import Setup
+from solen.ranks import Caution, look_at, note
 from solen.results import HIDDEN, Result
 
 MODE = "fringes"
@@ -183,30 +184,42 @@ def _common(parts: FloatArray) -> Combined:
     return Combined(np.zeros(size), parts, np.full(size, np.inf))
 
 
-def _remarks(measured: Measured, mode: str, dispersion: str, *, by_levels: bool) -> list[str]:
+def _remarks(measured: Measured, mode: str, dispersion: str, *, by_levels: bool) -> list[Caution]:
     """What was chosen, and what is missing."""
-    found = ["fringes were detected: the index is that of a layer whose faces interfere, with its coherence fitted"]
+    found = [
+        note("fringes were detected: the index is that of a layer whose faces interfere, with its coherence fitted")
+    ]
     if by_levels:
         found = [
-            "fringes were detected that no film of one slit and one spread of its thickness has: n is from the levels "
-            "of the spectra, with the fringes as scatter in its uncertainty; measure a flatter spot"
+            look_at(
+                "fringes were detected that no film of one slit and one spread of its thickness has: n is from the "
+                "levels of the spectra, with the fringes as scatter in its uncertainty; measure a flatter spot"
+            )
         ]
     elif dispersion == "free":
-        found.append("three terms of Cauchy leave more than noise: n is a smooth curve with knots some fringes apart")
+        found.append(
+            note("three terms of Cauchy leave more than noise: n is a smooth curve with knots some fringes apart")
+        )
     if mode == JOINT:
-        found = ["layer and bare sheet are fitted together, k at least 0 in each, with one error of the photometer"]
+        found = [
+            note("layer and bare sheet are fitted together, k at least 0 in each, with one error of the photometer")
+        ]
     elif measured.slit_nm is None:
         found.append(
-            "the bandwidth is not stated and was fitted: --bandwidth-nm, as the contrast of fringes depends on it"
+            look_at(
+                "the bandwidth is not stated and was fitted: --bandwidth-nm, as the contrast of fringes depends on it"
+            )
         )
     if mode == MODE and ((thickness := measured.thickness) is None or thickness.u_um is None):
-        found.append("the uncertainty of the thickness is not stated: 10 % is taken, and the fringes decide")
+        found.append(look_at("the uncertainty of the thickness is not stated: 10 % is taken, and the fringes decide"))
     unknown = [kind for kind, one in measured.readings.items() if not one.u_common.any()]
     if unknown:
         options = " and ".join(f"--u-{kind}" for kind in unknown)
-        found.append(f"the accuracy of {' and '.join(unknown)} is not stated and not in u(n): {options}")
+        found.append(look_at(f"the accuracy of {' and '.join(unknown)} is not stated and not in u(n): {options}"))
     if "R" not in measured.readings:
         found.append(
-            "R was not measured: n rests on the contrast of the fringes and on the thickness; measure R as well"
+            look_at(
+                "R was not measured: n rests on the contrast of the fringes and on the thickness; measure R as well"
+            )
         )
     return [*found, *(remark for one in measured.readings.values() for remark in one.remarks)]

@@ -30,7 +30,7 @@ from solen.material.index.routes import BASES, is_absorbance
 from solen.material.index.spectrum import IndexSpectrum
 from solen.material.index.stack import Setup, Substrate
 from solen.material.rows import chosen_rows, refuse_unused
-from solen.ranks import NOTE
+from solen.ranks import Caution, look_at, note
 from solen.recording import Recording
 from solen.recording.model import Measured
 from solen.recording.optical import OPTIONS, OpticalSpectra, optical_spectra
@@ -160,8 +160,10 @@ def index_of_layer(recording: Recording, options: IndexOptions = IndexOptions())
         []
         if repeats_n is None
         else [
-            f"lossless n({repeats_nm:g} nm) of the {repeats_n.size} repeats, in their order: "
-            f"{repeats_n[0]:.3f} … {repeats_n[-1]:.3f}"
+            note(
+                f"lossless n({repeats_nm:g} nm) of the {repeats_n.size} repeats, in their order: "
+                f"{repeats_n[0]:.3f} … {repeats_n[-1]:.3f}"
+            )
         ]
     )
     n, k = spectrum.n, spectrum.k
@@ -356,7 +358,7 @@ def _stated_bandwidth_nm(recording: Recording) -> float | None:
     return None
 
 
-def _literature(spectrum: IndexSpectrum, options: IndexOptions) -> tuple[Band | None, list[str]]:
+def _literature(spectrum: IndexSpectrum, options: IndexOptions) -> tuple[Band | None, list[Caution]]:
     """Band of the literature's indices, and warnings where n lies elsewhere, or falls as none of them does."""
     if options.literature == "none":
         return None, []
@@ -376,7 +378,7 @@ def _repeats(spectra: OpticalSpectra) -> tuple[float | None, FloatArray | None]:
     return float(spectra.wavelength_nm[at[-1]]), n[:, at[-1]]
 
 
-def _other_baseline(spectra: OpticalSpectra, options: IndexOptions) -> list[str]:
+def _other_baseline(spectra: OpticalSpectra, options: IndexOptions) -> list[Caution]:
     """Whether an absorbance beside a transmittance has another baseline."""
     base = BASES.get(options.absorbance_kind or "")
     if base is None or not {"A", "T"} <= spectra.rows.keys():
@@ -384,32 +386,39 @@ def _other_baseline(spectra: OpticalSpectra, options: IndexOptions) -> list[str]
     if is_absorbance(spectra.mean("A"), spectra.mean("T"), base):
         return []
     name, other = spectra.names["A"][0], spectra.names["T"][0]
-    return [f"{name} is not the absorbance of {other}: they have different baselines, or are of different samples"]
+    return [
+        look_at(f"{name} is not the absorbance of {other}: they have different baselines, or are of different samples")
+    ]
 
 
 def _about_instrument(
     spectrum: IndexSpectrum, spectra: OpticalSpectra, options: IndexOptions, bandwidth_nm: float | None
-) -> list[str]:
+) -> list[Caution]:
     """What was not stated of the instrument and of the layer, and where T or the fringes contradict it."""
     warnings = []
     if options.baseline is None:
-        warnings.append("the baseline is not stated and taken as air, of a layer that stands free: state --baseline")
+        warnings.append(
+            look_at("the baseline is not stated and taken as air, of a layer that stands free: state --baseline")
+        )
     if options.substrate is None and "T" in spectra.rows:
         t = spectra.mean("T")
         if (above := float(np.mean(t > 1.0))) >= _ABOVE:
             warnings.append(
-                f"T exceeds 1 at {above:.0%} of the wavelengths, up to {np.nanmax(t):.4f}: that of a free-standing "
-                "layer cannot, that of one measured against its bare substrate can; if so, state --baseline substrate"
+                look_at(
+                    f"T exceeds 1 at {above:.0%} of the wavelengths, up to {np.nanmax(t):.4f}: that of a free-standing "
+                    "layer cannot, that of one measured against its bare substrate can; if so, state --baseline "
+                    "substrate"
+                )
             )
     if options.thickness_um is not None and spectrum.mode not in {MODE, JOINT}:
         n = spectrum.lossless.value
         warnings += fringe_warnings(spectrum.wavelength_nm, n, options.thickness_um, bandwidth_nm)
         if options.u_thickness_um is None and spectrum.k.known.any():
-            warnings.append("the uncertainty of the thickness is not stated and not in u_k: k goes with 1/thickness")
+            warnings.append(
+                look_at("the uncertainty of the thickness is not stated and not in u_k: k goes with 1/thickness")
+            )
     known = {*options.ignore, *options.bare_transmittance, *options.bare_reflectance}
     if others := [name for name in spectra.unused if name not in known]:
         more = len(others) - _MOST_UNUSED
-        warnings.append(
-            f"{NOTE}: not used: {', '.join(others[:_MOST_UNUSED])}{f' and {more} more' if more > 0 else ''}"
-        )
+        warnings.append(note(f"not used: {', '.join(others[:_MOST_UNUSED])}{f' and {more} more' if more > 0 else ''}"))
     return warnings

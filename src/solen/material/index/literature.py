@@ -26,6 +26,7 @@ from numpy.typing import ArrayLike
 from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.extras import installed, need
+from solen.ranks import Caution, do_not_use, look_at
 from solen.results import HIDDEN
 from solen.units import NM_PER_UM
 
@@ -270,7 +271,7 @@ def check_index(
     polymers: Sequence[str] = RESINS,
     *,
     package: bool | None = None,
-) -> list[str]:
+) -> list[Caution]:
     """A warning where an index lies outside what the literature has for such polymers; empty where it does not.
 
     What lies within `MARGIN` and two standard uncertainties of the band is not remarked.
@@ -297,10 +298,12 @@ def check_index(
     spread = f" ± {(slack[i] - MARGIN) / 2:.2g}" if slack[i] > MARGIN else ""
     names = " and ".join(f"{polymer}s" for polymer in polymers)
     return [
-        f"n = {values[i]:.4f}{spread} at {nm[i]:g} nm is {gap:.3f} {way} the literature of {names}, "
-        f"{known.low[i]:.3f} ({known.lowest[i]}) to {known.high[i]:.3f} ({known.highest[i]}), and {int(outside.sum())} "
-        f"of {judged} wavelengths lie outside it: suspect the baseline, the kind of absorbance, R, or "
-        "a loss that was taken for reflection"
+        look_at(
+            f"n = {values[i]:.4f}{spread} at {nm[i]:g} nm is {gap:.3f} {way} the literature of {names}, "
+            f"{known.low[i]:.3f} ({known.lowest[i]}) to {known.high[i]:.3f} ({known.highest[i]}), and "
+            f"{int(outside.sum())} of {judged} wavelengths lie outside it: suspect the baseline, the kind of "
+            "absorbance, R, or a loss that was taken for reflection"
+        )
     ]
 
 
@@ -313,7 +316,7 @@ def dispersions(low_nm: float, high_nm: float, *, package: bool | None = None) -
 
 def check_dispersion(
     wavelength_nm: ArrayLike, n: ArrayLike, u_n: ArrayLike | None = None, *, package: bool | None = None
-) -> list[str]:
+) -> list[Caution]:
     """A warning where an index falls several times as fast as that of any polymer, or rises; empty where it does not.
 
     The fall is that between the ends of the range, 450 to 860 nm at most, of a parabola in 1/λ² through all points, so
@@ -348,9 +351,11 @@ def check_dispersion(
     known = f"polymers have {others[0]:.3f} to {others[-1]:.3f}"
     if fall - 2 * u_fall > TIMES * others[-1]:
         times = f"{fall / others[-1]:.1f} times the largest and {fall / float(np.median(others)):.1f} times the usual"
-        return [f"{fall_text} is {times}; {known}: such a fall is that of a loss which was taken for reflection"]
+        return [
+            do_not_use(f"{fall_text} is {times}; {known}: such a fall is that of a loss which was taken for reflection")
+        ]
     if fall + 2 * u_fall < 0:
-        return [f"{fall_text}: the index rises with the wavelength, that of transparent matter falls; {known}"]
+        return [look_at(f"{fall_text}: the index rises with the wavelength, that of transparent matter falls; {known}")]
     return []
 
 

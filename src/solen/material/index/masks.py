@@ -21,6 +21,7 @@ from scipy.special import pdtrik
 from solen.arrays import BoolArray, FloatArray
 from solen.material.index.inversion import Inverted
 from solen.material.index.reading import Combined, student
+from solen.ranks import Caution, look_at
 
 Codes = NDArray[np.int8]
 
@@ -141,11 +142,14 @@ def _reason(no_n: Why, no_k: Why) -> str | None:
     return "; ".join(f"{name}: {why.words}" for name, why in (("n", no_n), ("k", no_k)) if why) or None
 
 
-def counted(name: str, why: Codes, beside: Codes | None = None) -> list[str]:
+def counted(name: str, why: Codes, beside: Codes | None = None) -> list[Caution]:
     """How many points are masked, by reason; those masked for the same reason ``beside`` are left out."""
     codes = why if beside is None else np.where(why == beside, Why.FINE, why)
     counts = Counter(Why(code) for code in codes.tolist() if code != Why.FINE)
-    return [f"{name} is masked at {count} of {codes.size} wavelengths: {one.words}" for one, count in counts.items()]
+    return [
+        look_at(f"{name} is masked at {count} of {codes.size} wavelengths: {one.words}")
+        for one, count in counts.items()
+    ]
 
 
 def _beyond(excess: FloatArray, u_sum: Combined) -> BoolArray:

@@ -24,6 +24,7 @@ from scipy.special import ndtri, stdtrit
 
 from solen.arrays import FloatArray
 from solen.errors import DataError
+from solen.ranks import Caution, look_at
 
 ONE_SIGMA = 0.682689492137086
 """Share of a normal distribution within one standard deviation."""
@@ -71,7 +72,7 @@ class Reading:
     freedom_random: float = np.inf
     known: bool = True
     repeats: int = 1
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[Caution, ...] = ()
 
     def shares(self, slope: FloatArray | float) -> list[Share]:
         """Parts that it adds to the uncertainty of what depends on it with this slope; NaN where none is known."""
@@ -198,7 +199,7 @@ def _of_neighbours(variance: FloatArray) -> FloatArray:
     return np.where(known, sums / np.where(known, np.maximum(counts, 1.0 / width), 1.0), np.nan)
 
 
-def _scatter(rows: FloatArray, name: str) -> tuple[FloatArray, FloatArray, float, tuple[str, ...]]:
+def _scatter(rows: FloatArray, name: str) -> tuple[FloatArray, FloatArray, float, tuple[Caution, ...]]:
     """Mean, scatter of one row about its own offset, standard error of the offsets' mean, remarks."""
     count, points = rows.shape
     mean = rows.mean(axis=0)
@@ -213,7 +214,7 @@ def _scatter(rows: FloatArray, name: str) -> tuple[FloatArray, FloatArray, float
     if not drifts:
         return mean, scatter, spread / np.sqrt(count), ()
     first, last = (float(np.nanmean(rows[i])) for i in (0, -1))
-    remark = (
+    remark = look_at(
         f"the {count} repeats of {name} drift in one direction, on average from {first:.5f} to {last:.5f}: they are "
         "not independent, and the uncertainty is that of one of them, not of their mean"
     )

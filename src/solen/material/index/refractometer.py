@@ -40,6 +40,7 @@ from solen.material.index.literature import (
     check_index,
     materials,
 )
+from solen.ranks import Caution, look_at
 from solen.recording.model import Measured, Provenance
 from solen.results import reported
 from solen.spec.strict import Finite, Options, Wavelength, refused
@@ -422,18 +423,22 @@ def _derivatives(function: Callable[[NDArray[Any]], Any], p: FloatArray) -> Floa
     return np.stack(columns, axis=1)
 
 
-def _warnings(values: _Values, prior: Prior, model: Cauchy, abbe: tuple[float, float], chi2: float) -> list[str]:
+def _warnings(values: _Values, prior: Prior, model: Cauchy, abbe: tuple[float, float], chi2: float) -> list[Caution]:
     """What the numbers of a result cannot be used for."""
     freedom = values.n.size - 1
     if freedom == 0:
         return [
-            "one wavelength was measured; how n changes from there on is not measured but expected, from "
-            f"{prior.source}: V = {prior.abbe:.0f} ± {prior.u_abbe:.0f}, which makes u(n) "
-            f"{model.u_index(450.0):.4f} at 450 nm and {model.u_index(860.0):.4f} at 860 nm"
+            look_at(
+                "one wavelength was measured; how n changes from there on is not measured but expected, from "
+                f"{prior.source}: V = {prior.abbe:.0f} ± {prior.u_abbe:.0f}, which makes u(n) "
+                f"{model.u_index(450.0):.4f} at 450 nm and {model.u_index(860.0):.4f} at 860 nm"
+            )
         ]
     if gammaincc(freedom / 2, chi2 / 2) < _SURE:
         return [
-            f"values and prior are at odds (χ² = {chi2:.1f} for {freedom}): together they say V = {abbe[0]:.1f} ± "
-            f"{abbe[1]:.1f}, expected was {prior.abbe:.0f} ± {prior.u_abbe:.0f}; check the wavelengths and u(n)"
+            look_at(
+                f"values and prior are at odds (χ² = {chi2:.1f} for {freedom}): together they say V = {abbe[0]:.1f} ± "
+                f"{abbe[1]:.1f}, expected was {prior.abbe:.0f} ± {prior.u_abbe:.0f}; check the wavelengths and u(n)"
+            )
         ]
     return []

@@ -11,9 +11,10 @@ from solen.material.index.masks import ROUNDING, THREE_SIGMAS
 from solen.material.index.reading import Combined, Reading, student
 from solen.material.index.spectrum import Estimate
 from solen.material.index.stack import Setup
+from solen.ranks import Caution, do_not_use, look_at, note
 
 
-def too_bright(result: FloatArray, k: Combined) -> list[str]:
+def too_bright(result: FloatArray, k: Combined) -> list[Caution]:
     """What all k together say where their weighted mean is below 0 by more than its own uncertainty explains."""
     with np.errstate(all="ignore"):
         weight = 1.0 / (k.random**2 + (k.parts**2).sum(axis=0))
@@ -27,35 +28,41 @@ def too_bright(result: FloatArray, k: Combined) -> list[str]:
     if not mean < -u * float(student(THREE_SIGMAS, freedom)) - ROUNDING:
         return []
     return [
-        f"all wavelengths together say k = {mean:.1e} ± {u:.1e}, below 0: no layer gives light back, so a 100 % "
-        "reading, a baseline or the substrate's index is wrong, and n with it"
+        do_not_use(
+            f"all wavelengths together say k = {mean:.1e} ± {u:.1e}, below 0: no layer gives light back, so a 100 % "
+            "reading, a baseline or the substrate's index is wrong, and n with it"
+        )
     ]
 
 
-def assumed(t: FloatArray) -> str:
+def assumed(t: FloatArray) -> Caution:
     """What assuming k = 0 does to n, by the transmittance in the middle."""
     assumption = "lossless: k = 0 is assumed, so that n is an upper bound"
     if not t.size:
-        return assumption
+        return look_at(assumption)
     middle = float(np.median(t))
     by = -0.001 * float(lossless_slope(middle))
-    return f"{assumption}; 0.1 % of the light absorbed or scattered raises it by {by:.4f} at T = {middle:.4f}"
+    return look_at(f"{assumption}; 0.1 % of the light absorbed or scattered raises it by {by:.4f} at T = {middle:.4f}")
 
 
-def unstated(read: Mapping[str, Reading]) -> list[str]:
+def unstated(read: Mapping[str, Reading]) -> list[Caution]:
     """What is missing for an uncertainty of a layer in air."""
     names = [name for name, reading in read.items() if not reading.known]
     if names:
         by = {"R": "0.0039 in R", "A": "0.0039 in A", "T": "0.0003 in T" if "R" in read else "0.0042 in T"}
         moves = " and by ".join(by[name] for name in names)
         return [
-            f"no uncertainty of {' and '.join(names)} is known, so none of n and k: state it with {_options(names)}, "
-            f"or give repeats; near n = 1.5 an error of 0.001 moves n by {moves}"
+            look_at(
+                f"no uncertainty of {' and '.join(names)} is known, so none of n and k: state it with "
+                f"{_options(names)}, or give repeats; near n = 1.5 an error of 0.001 moves n by {moves}"
+            )
         ]
     alone = [name for name, one in read.items() if one.repeats > 1 and not one.u_common[1].any()]
     return [
-        f"the instrument's own accuracy is not in the uncertainty: only the repeats of {' and '.join(alone)} are; "
-        f"state it with {_options(alone)}"
+        look_at(
+            f"the instrument's own accuracy is not in the uncertainty: only the repeats of {' and '.join(alone)} are; "
+            f"state it with {_options(alone)}"
+        )
     ] * bool(alone)
 
 
@@ -63,23 +70,28 @@ def _options(names: Sequence[str]) -> str:
     return " and ".join(f"--u-{name}" for name in names)
 
 
-def about_substrate(inverse: Inverse, n: Estimate, read: Mapping[str, Reading], setup: Setup) -> list[str]:
+def about_substrate(inverse: Inverse, n: Estimate, read: Mapping[str, Reading], setup: Setup) -> list[Caution]:
     """What errors of the readings and of the substrate do to n, in the middle of what is known; what is not stated."""
     warnings, at = [], np.flatnonzero(n.known)
     i = at[at.size // 2] if at.size else None
     if i is not None:
         moves = [f"{abs(inverse.n_by[name][i]) * 1e-3:.4f} by 0.001 in {name}" for name in ("R", "T") if name in read]
         sheet = f"{abs(inverse.n_by['sheet_n'][i]) * 0.01:.4f} by 0.01 in the substrate's index"
-        warnings.append(f"on this substrate n = {inverse.n[i]:.4f} moves {', '.join(moves)}, and {sheet}")
+        warnings.append(note(f"on this substrate n = {inverse.n[i]:.4f} moves {', '.join(moves)}, and {sheet}"))
     if names := [name for name, reading in read.items() if not reading.known]:
         unknown = f"no uncertainty of {' and '.join(names)} is known, so none of n"
-        warnings.append(f"{unknown}: state it with {_options(names)}, or give repeats")
+        warnings.append(look_at(f"{unknown}: state it with {_options(names)}, or give repeats"))
     u_sheet = np.broadcast_to(np.asarray(setup.substrate.u_n), n.value.shape)
     if not (u_sheet > 0).any():
-        warnings.append("the substrate's index is taken as exact: an error of it goes over into n nearly one to one")
+        warnings.append(
+            look_at("the substrate's index is taken as exact: an error of it goes over into n nearly one to one")
+        )
     if i is not None and (part := abs(float(inverse.n_by["sheet_n"][i] * u_sheet[i]))) ** 2 > float(n.u[i]) ** 2 / 2:
         warnings.append(
-            f"most of u(n) = {n.u[i]:.2g}, {part:.2g}, is the uncertainty of the substrate's index: measure T and R of "
-            "the bare sheet in air, find its index by solen resin index, and state it: --substrate and --u-substrate-n"
+            look_at(
+                f"most of u(n) = {n.u[i]:.2g}, {part:.2g}, is the uncertainty of the substrate's index: measure T and "
+                "R of the bare sheet in air, find its index by solen resin index, and state it: --substrate and "
+                "--u-substrate-n"
+            )
         )
     return warnings

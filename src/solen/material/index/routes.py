@@ -37,8 +37,9 @@ from solen.material.index.route_warnings import about_substrate, assumed, too_br
 from solen.material.index.spectrum import Estimate, IndexSpectrum, estimate, nothing
 from solen.material.index.stack import Setup
 from solen.material.index.substrate import extinction, invert_lossless, invert_on_substrate, most_transmitted
+from solen.ranks import do_not_use, look_at
 
-AS_PUBLISHED = (
+AS_PUBLISHED = do_not_use(
     "as published, refused as a measurement: R = 1 − T − A with A = −log10 T makes R a function of T alone, so this n "
     "says nothing of the reflectance; so read, a clear layer of n = 1.50 gives 1.351"
 )
@@ -136,7 +137,7 @@ def lossless(wavelength_nm: ArrayLike, transmittance: Reading, setup: Setup | No
         inverse = invert_lossless(t, nm, setup)
         n = _lossless_on_substrate(nm, transmittance, inverse, setup)
         assumption = "lossless: k = 0 is assumed, so that n is an upper bound: whatever the layer absorbs or scatters "
-        head = [f"{assumption}raises it", *about_substrate(inverse, n, {"T": transmittance}, setup)]
+        head = [look_at(f"{assumption}raises it"), *about_substrate(inverse, n, {"T": transmittance}, setup)]
     return IndexSpectrum(
         mode="lossless",
         measurement=True,

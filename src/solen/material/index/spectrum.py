@@ -7,6 +7,7 @@ import numpy as np
 from solen.arrays import BoolArray, FloatArray
 from solen.material.index.masks import UNRESOLVED, Codes, Why, reasons
 from solen.material.index.reading import Combined, Length
+from solen.ranks import Caution
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +93,7 @@ class IndexSpectrum:
     reflectance: FloatArray
     transmittance: FloatArray
     thickness: Length | None
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Caution, ...] = ()
 
     @property
     def reason(self) -> tuple[str | None, ...]:

@@ -19,6 +19,7 @@ from solen.arrays import BoolArray, FloatArray
 from solen.material.loss.levels import MM_PER_CM, absorption_per_mm, smallest_loss_dB_per_cm
 from solen.material.loss.pieces import Piece, Table, pieces_of
 from solen.material.regression import LinearFit, bad_points, chance, f_tail, t_quantile, t_tail
+from solen.ranks import Caution, do_not_use, look_at, note
 from solen.recording import Measured
 from solen.results import HIDDEN, Result, reported
 
@@ -335,29 +336,35 @@ def _curved(table: Table, keep: BoolArray) -> tuple[float | None, float | None]:
     return (t_tail(bend / u, fit.df(last)) if u > 0.0 else 1.0), 2.0 * bend
 
 
-def _of_pieces(loss: GuideLoss) -> list[str]:
+def _of_pieces(loss: GuideLoss) -> list[Caution]:
     warnings = []
     for outlier in loss.outliers:
         side = "above" if outlier.deviation_dB > 0.0 else "below"
         warnings.append(
-            f"{outlier.piece.name} is set aside: {abs(outlier.deviation_dB):.2g} dB {side} the line of the others, "
-            f"{abs(outlier.t):.1f} of its standard errors; look at it, or keep it with --keep-all"
+            look_at(
+                f"{outlier.piece.name} is set aside: {abs(outlier.deviation_dB):.2g} dB {side} the line of the others, "
+                f"{abs(outlier.t):.1f} of its standard errors; look at it, or keep it with --keep-all"
+            )
         )
     if loss.with_outliers is not None:
         low, high = loss.with_outliers.interval95_loss_dB_per_cm
         warnings.append(
-            f"with {'it' if len(warnings) == 1 else 'them'} the loss is "
-            f"{loss.with_outliers.loss_dB_per_cm:.3g} dB/cm, {low:.3g} to {high:.3g}"
+            look_at(
+                f"with {'it' if len(warnings) == 1 else 'them'} the loss is "
+                f"{loss.with_outliers.loss_dB_per_cm:.3g} dB/cm, {low:.3g} to {high:.3g}"
+            )
         )
     if loss.degrees_of_freedom < 4.0:
         warnings.append(
-            f"{loss.pieces} pieces of {loss.guides} guides leave {loss.degrees_of_freedom:.1f} degrees of freedom: "
-            f"the interval is {t_quantile(0.95, loss.degrees_of_freedom):.1f} standard uncertainties to each side"
+            look_at(
+                f"{loss.pieces} pieces of {loss.guides} guides leave {loss.degrees_of_freedom:.1f} degrees of freedom: "
+                f"the interval is {t_quantile(0.95, loss.degrees_of_freedom):.1f} standard uncertainties to each side"
+            )
         )
     return warnings
 
 
-def _of_size(loss: GuideLoss) -> list[str]:
+def _of_size(loss: GuideLoss) -> list[Caution]:
     low, high = loss.interval95_loss_dB_per_cm
     shortest, longest = loss.lengths_mm
     drop = loss.loss_dB_per_cm * (longest - shortest) / MM_PER_CM
@@ -366,18 +373,26 @@ def _of_size(loss: GuideLoss) -> list[str]:
         f"{loss.sd_piece_dB:.2g} dB"
     )
     if high <= 0.0:
-        return [f"longer guides are brighter ({span}): this is not a loss; check lengths, dark reading and unit"]
+        return [
+            do_not_use(f"longer guides are brighter ({span}): this is not a loss; check lengths, dark reading and unit")
+        ]
     if low <= 0.0:
         most = loss.loss_dB_per_cm + t_quantile(0.9, loss.degrees_of_freedom) * loss.u_loss_dB_per_cm
-        return [f"the loss is not resolved ({span}): below {most:.2g} dB/cm with 95 %; take longer guides or more"]
+        return [
+            do_not_use(
+                f"the loss is not resolved ({span}): below {most:.2g} dB/cm with 95 %; take longer guides or more"
+            )
+        ]
     if high - low > loss.loss_dB_per_cm:
-        return [f"the loss is known within a factor {high / low:.1f} only ({span}): take longer guides or more"]
+        return [
+            look_at(f"the loss is known within a factor {high / low:.1f} only ({span}): take longer guides or more")
+        ]
     return []
 
 
-def _of_shape(loss: GuideLoss) -> list[str]:
+def _of_shape(loss: GuideLoss) -> list[Caution]:
     if loss.lengths == 2:
-        return ["two lengths cannot show whether the level falls along a straight line; add a third"]
+        return [look_at("two lengths cannot show whether the level falls along a straight line; add a third")]
     if loss.p_curved is None or loss.curvature_dB_per_cm2 is None or loss.p_curved > SIGNIFICANCE:
         return []
     flattens = loss.curvature_dB_per_cm2 > 0.0
@@ -387,30 +402,36 @@ def _of_shape(loss: GuideLoss) -> list[str]:
         else "short guides saturate the receiver, or long ones have defects"
     )
     return [
-        f"the line {'flattens' if flattens else 'steepens'} with length (by chance {chance(loss.p_curved)}): {why}; "
-        "one loss does not describe it"
+        look_at(
+            f"the line {'flattens' if flattens else 'steepens'} with length (by chance {chance(loss.p_curved)}): "
+            f"{why}; one loss does not describe it"
+        )
     ]
 
 
-def _of_orientation(loss: GuideLoss) -> list[str]:
+def _of_orientation(loss: GuideLoss) -> list[Caution]:
     warnings = []
     named = dict.fromkeys(piece.orientation for piece in loss.points if piece.orientation)
     if flat := [way for way in named if way not in {line.orientation for line in loss.by_orientation}]:
-        warnings.append(f"too few lengths or pieces for a loss of its own: {', '.join(flat)}")
+        warnings.append(look_at(f"too few lengths or pieces for a loss of its own: {', '.join(flat)}"))
     if loss.p_orientation is None:
         return warnings
     values = ", ".join(f"{line.orientation}: {line.loss_dB_per_cm:.3g}" for line in loss.by_orientation)
     if loss.p_orientation < SIGNIFICANCE:
         warnings.append(
-            f"the loss depends on the build orientation (dB/cm: {values}; by chance {chance(loss.p_orientation)}): "
-            "use the value of your orientation, not the common one"
+            look_at(
+                f"the loss depends on the build orientation (dB/cm: {values}; by chance {chance(loss.p_orientation)}): "
+                "use the value of your orientation, not the common one"
+            )
         )
     else:
         warnings.append(
-            f"no difference between orientations is seen (dB/cm: {values}; by chance {chance(loss.p_orientation)}); "
-            "that does not prove that there is none"
+            note(
+                f"no difference between orientations is seen (dB/cm: {values}; by chance "
+                f"{chance(loss.p_orientation)}); that does not prove that there is none"
+            )
         )
     lone = [line.orientation for line in loss.by_orientation if line.guides == 1]
     if lone:
-        warnings.append(f"one guide each for {', '.join(lone)}: guides are compared there, not orientations")
+        warnings.append(look_at(f"one guide each for {', '.join(lone)}: guides are compared there, not orientations"))
     return warnings

@@ -14,7 +14,7 @@ from solen.errors import DataError
 from solen.material.loss.cutback import GuideLoss, cut_back
 from solen.material.loss.levels import full_level_dB, levels_dB, pulls_down
 from solen.material.rows import REPEATS, RowOptions, below_each_other, chosen_rows, refuse_unused, stated_once
-from solen.ranks import DO_NOT_USE, NOTE
+from solen.ranks import Caution, do_not_use, look_at, note
 from solen.recording import Channel, Recording
 from solen.spec.strict import Finite, Wavelength
 from solen.units import factor, is_unit
@@ -81,7 +81,7 @@ class Readings:
     guide: list[str] | None
     orientation: list[str] | None
     columns: tuple[str, ...]
-    warnings: list[str]
+    warnings: list[Caution]
 
 
 def guide_loss(recording: Recording, options: CutbackOptions = CutbackOptions()) -> GuideLoss:
@@ -109,11 +109,7 @@ def guide_loss(recording: Recording, options: CutbackOptions = CutbackOptions())
         sources=(recording.provenance,),
         warnings=(
             *_unusual(loss, recording.need(*LENGTHS).unit),
-            *(
-                f"{channel.name}: {channel.note}"
-                for channel in recording.channels
-                if channel.note and channel.name in rows.columns
-            ),
+            *(channel.remark for channel in recording.channels if channel.note and channel.name in rows.columns),
             *beside,
             *rows.warnings,
             *_launch_unknown(launched_dB),
@@ -131,27 +127,33 @@ def readings(recording: Recording, unit: str | None = None, dark: float | None =
     complete = np.isfinite(length) & np.isfinite(channel.values)
     if not complete.all():
         missing = int(np.sum(~complete))
-        warnings.append(f"{missing} row{'s' * (missing > 1)} without a length or a power: left out")
+        warnings.append(look_at(f"{missing} row{'s' * (missing > 1)} without a length or a power: left out"))
     if not complete.any():
         raise DataError(recording.provenance.file, limit="has no row with a length and a power")
     values = channel.values[complete] * (-1.0 if recording.find(*LOSSES) is channel else 1.0)
     (of_guide, guide), (of_way, orientation) = (_texts(recording, complete, names) for names in (GUIDES, ORIENTATIONS))
     if guide is None:
         warnings.append(
-            "no column names the guide (guide): readings of one length are averaged as those of one guide, "
-            "which is safe and gives a wide interval"
+            look_at(
+                "no column names the guide (guide): readings of one length are averaged as those of one guide, "
+                "which is safe and gives a wide interval"
+            )
         )
     elif len(set(guide)) == 1 and len(guide) > 1:
-        warnings.append(f"all rows are of guide {guide[0]}: evaluated as one guide that was cut; others may differ")
+        warnings.append(
+            look_at(f"all rows are of guide {guide[0]}: evaluated as one guide that was cut; others may differ")
+        )
     if unit in _VOLTS and dark is None:
-        warnings.append("voltages without a dark reading (--dark): an offset bends the line and changes the loss")
+        warnings.append(
+            look_at("voltages without a dark reading (--dark): an offset bends the line and changes the loss")
+        )
     columns = (lengths.name, channel.name, *of_guide, *of_way)
     return Readings(
         length[complete], values, unit, levels_dB(values, unit, dark), guide, orientation, columns, warnings
     )
 
 
-def _unit(channel: Channel, stated: str | None) -> tuple[str, list[str]]:
+def _unit(channel: Channel, stated: str | None) -> tuple[str, list[Caution]]:
     """Unit of the powers in solen's spelling, and warnings about it."""
     given = (stated if stated is not None else channel.unit).strip()
     logarithm = {"dbm": "dBm", "db": "dB"}.get(given.casefold())
@@ -162,7 +164,7 @@ def _unit(channel: Channel, stated: str | None) -> tuple[str, list[str]]:
             return "", []
         if channel.quantity == "transmittance" or channel.name == "T":
             return "1", []
-        return "", [f"{channel.name} has no unit: read as proportional to power (--unit)"]
+        return "", [look_at(f"{channel.name} has no unit: read as proportional to power (--unit)")]
     if (share := factor(given, "1")) in _SHARES:
         return _SHARES[share], []
     if not is_unit(given) or all(factor(given, unit) is None for unit in _LINEAR):
@@ -182,12 +184,14 @@ def _texts(recording: Recording, complete: BoolArray, names: Sequence[str]) -> t
     return column[:1], [text for text, kept in zip(texts, complete.tolist(), strict=True) if kept]
 
 
-def _launch_unknown(launched_dB: float | None) -> list[str]:
+def _launch_unknown(launched_dB: float | None) -> list[Caution]:
     if launched_dB is not None:
         return []
     return [
-        f"{NOTE}: "
-        "what was launched is not known (--launched), so the coupling loss is not either; the loss per cm needs neither"
+        note(
+            "what was launched is not known (--launched), so the coupling loss is not either; the loss per cm needs "
+            "neither"
+        )
     ]
 
 
@@ -200,7 +204,7 @@ def _refuse_rising(loss: GuideLoss, rows: Readings, dark: float | None) -> None:
         raise DataError(f"voltages of {rows.columns[1]}", limit=limit, remedy=remedy)
 
 
-def _unusual(loss: GuideLoss, length_unit: str) -> list[str]:
+def _unusual(loss: GuideLoss, length_unit: str) -> list[Caution]:
     """Warning of what swapped columns or a wrong unit of length look like."""
     if loss.loss_dB_per_cm <= USUAL_DB_PER_CM:
         return []
@@ -208,11 +212,14 @@ def _unusual(loss: GuideLoss, length_unit: str) -> list[str]:
     in_mm = loss.loss_dB_per_cm / UM_PER_MM
     if factor(length_unit, "um") == 1.0 and in_mm <= USUAL_DB_PER_CM:
         return [
-            f"{DO_NOT_USE}: "
-            f"the lengths, up to {longest * UM_PER_MM:.3g} µm, look like mm under a header in µm: the loss would be "
-            f"{in_mm:.3g} dB/cm instead of {loss.loss_dB_per_cm:.3g}; correct the header"
+            do_not_use(
+                f"the lengths, up to {longest * UM_PER_MM:.3g} µm, look like mm under a header in µm: the loss would "
+                f"be {in_mm:.3g} dB/cm instead of {loss.loss_dB_per_cm:.3g}; correct the header"
+            )
         ]
     return [
-        f"{DO_NOT_USE}: {loss.loss_dB_per_cm:.3g} dB/cm leave nothing after a centimetre: "
-        "check which column is the length, and its unit"
+        do_not_use(
+            f"{loss.loss_dB_per_cm:.3g} dB/cm leave nothing after a centimetre: "
+            "check which column is the length, and its unit"
+        )
     ]

@@ -7,30 +7,32 @@ import numpy as np
 
 from solen.material.stiffness.hyperelastic import Fit
 from solen.material.stiffness.modes import MODES
-from solen.ranks import DO_NOT_USE, NOTE
+from solen.ranks import Caution, do_not_use, look_at, note
 
 _POOR = 0.1
 
 
-def cautions(fit: Fit) -> list[str]:
+def cautions(fit: Fit) -> list[Caution]:
     """Sentences: range of validity, modes not measured, instability, parameters not determined, misfit."""
     warnings = [_range(fit), _unmeasured(fit), *_unstable(fit), _undetermined(fit), *_misfit(fit)]
     return [each for each in warnings if each]
 
 
-def _range(fit: Fit) -> str:
+def _range(fit: Fit) -> Caution:
     ranges = "; ".join(f"{q.mode} {q.stretch_range[0]:.3g} to {q.stretch_range[1]:.3g}" for q in fit.quality)
-    return f"{NOTE}: {fit.model.kind} holds over the stretches it was fitted to ({ranges}); beyond, it extrapolates"
+    return note(f"{fit.model.kind} holds over the stretches it was fitted to ({ranges}); beyond, it extrapolates")
 
 
-def _unmeasured(fit: Fit) -> str:
+def _unmeasured(fit: Fit) -> Caution | None:
     missing = [name for name in MODES if name not in {q.mode for q in fit.quality}]
     if not missing or len(fit.values) == 1:
-        return ""
-    return f"{' and '.join(missing)} deformation was not measured: models that agree on these data may differ there"
+        return None
+    return look_at(
+        f"{' and '.join(missing)} deformation was not measured: models that agree on these data may differ there"
+    )
 
 
-def _unstable(fit: Fit) -> list[str]:
+def _unstable(fit: Fit) -> list[Caution]:
     measured = {q.mode: q.stretch_range for q in fit.quality}
     everywhere = (min(low for low, _ in measured.values()), max(high for _, high in measured.values()))
     warnings = []
@@ -42,26 +44,30 @@ def _unstable(fit: Fit) -> list[str]:
         ends = [f"below {stable.low:.4g}"] if stable.low is not None and stable.low > low else []
         ends += [f"above {stable.high:.4g}"] if stable.high is not None and stable.high < high else []
         warnings.append(
-            f"{DO_NOT_USE}: {fit.model.kind} is unstable (Drucker) {where}: {name} stretch {' and '.join(ends)}"
+            do_not_use(f"{fit.model.kind} is unstable (Drucker) {where}: {name} stretch {' and '.join(ends)}")
         )
     return warnings
 
 
-def _undetermined(fit: Fit) -> str:
+def _undetermined(fit: Fit) -> Caution | None:
     if fit.scatter.covariance is None:
-        return f"the parameters of {fit.model.kind} are not determined one by one: their covariance does not exist"
+        return look_at(
+            f"the parameters of {fit.model.kind} are not determined one by one: their covariance does not exist"
+        )
     spread = np.sqrt(np.diag(fit.scatter.covariance))
     loose = [n for n, p, u in zip(fit.model.names, fit.values, spread, strict=True) if u > abs(p)]
     if not loose:
-        return ""
+        return None
     names = ", ".join(loose)
-    return f"{names} of {fit.model.kind}: uncertainty beyond the value itself; fewer parameters would do"
+    return look_at(f"{names} of {fit.model.kind}: uncertainty beyond the value itself; fewer parameters would do")
 
 
-def _misfit(fit: Fit) -> list[str]:
+def _misfit(fit: Fit) -> list[Caution]:
     return [
-        f"{fit.model.kind} misses the {q.mode} stresses by {100 * q.rms_relative:.0f} % in root mean square "
-        f"({q.rms_MPa:.2g} MPa)"
+        look_at(
+            f"{fit.model.kind} misses the {q.mode} stresses by {100 * q.rms_relative:.0f} % in root mean square "
+            f"({q.rms_MPa:.2g} MPa)"
+        )
         for q in fit.quality
         if q.rms_relative > _POOR
     ]

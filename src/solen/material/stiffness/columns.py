@@ -18,6 +18,7 @@ from solen.errors import DataError
 from solen.material.stiffness.modes import TestMode
 from solen.material.stiffness.specimen import Specimen
 from solen.material.stiffness.stress_strain import StressStrain, as_test, sense
+from solen.ranks import Caution, look_at
 from solen.recording import Channel, Recording
 
 FORCE = ("force", "standard force", "load")
@@ -48,7 +49,7 @@ class _Column:
     values: FloatArray
     origin: str
     made: bool = False
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Caution, ...] = ()
 
 
 def read_test(
@@ -174,7 +175,7 @@ def _stem(name: str) -> str:
     return name.rsplit(" (", 1)[0]
 
 
-def _other_length(recording: Recording, specimen: Specimen, strain: FloatArray, name: str) -> tuple[str, ...]:
+def _other_length(recording: Recording, specimen: Specimen, strain: FloatArray, name: str) -> tuple[Caution, ...]:
     """Warning where the file's strain was made with another length than the file states."""
     travel, absolute = _travel(recording)
     if travel is None or absolute or specimen.length_mm is None:
@@ -188,8 +189,10 @@ def _other_length(recording: Recording, specimen: Specimen, strain: FloatArray, 
     if abs(implied / specimen.length_mm - 1) < 0.01:
         return ()
     return (
-        f"{name} is {travel.name} over {implied:.5g} mm, the file states a length of {specimen.length_mm:.6g} mm; "
-        "the file's strain is used as it stands (--length-mm divides the displacement instead)",
+        look_at(
+            f"{name} is {travel.name} over {implied:.5g} mm, the file states a length of {specimen.length_mm:.6g} mm; "
+            "the file's strain is used as it stands (--length-mm divides the displacement instead)"
+        ),
     )
 
 

@@ -35,7 +35,7 @@ from solen.material.stiffness.modulus import (
 from solen.material.stiffness.specimen import held_ends
 from solen.material.stiffness.stress_strain import StressStrain
 from solen.material.stiffness.toe import Toe, find_toe
-from solen.ranks import NOTE
+from solen.ranks import Caution, look_at, note
 from solen.results import Result, reported
 from solen.spec.strict import Finite, refused
 
@@ -110,7 +110,7 @@ class Evaluated:
     cycles: tuple[Cycle, ...]
     softening: Softening | None
     fitted: Curve
-    warnings: tuple[str, ...]
+    warnings: tuple[Caution, ...]
     name: str = ""
     file: str = ""
 
@@ -201,7 +201,7 @@ def _toe(test: StressStrain, wanted: str) -> Toe:
     return find_toe(test)
 
 
-def _warnings(test: StressStrain, modulus: Young, options: StiffnessOptions, cycles: Sequence[Cycle]) -> list[str]:
+def _warnings(test: StressStrain, modulus: Young, options: StiffnessOptions, cycles: Sequence[Cycle]) -> list[Caution]:
     """What the numbers of a test do not know."""
     warnings = [
         _of_friction(test, options),
@@ -214,69 +214,70 @@ def _warnings(test: StressStrain, modulus: Young, options: StiffnessOptions, cyc
     return [each for each in warnings if each]
 
 
-def _of_friction(test: StressStrain, options: StiffnessOptions) -> str:
+def _of_friction(test: StressStrain, options: StiffnessOptions) -> Caution | None:
     if test.loading != "compression" or options.lubricated:
-        return ""
+        return None
     shape = test.specimen.shape_factor
     ratio = None if shape is None else held_ends(shape)
     if shape is None or ratio is None:
-        return "compression between dry platens overestimates the modulus; height and area would tell by how much"
-    return (
+        return look_at(
+            "compression between dry platens overestimates the modulus; height and area would tell by how much"
+        )
+    return look_at(
         f"shape factor {shape:.3g}: platens that hold the ends let the modulus appear up to {100 * (ratio - 1):.0f} % "
         f"too high: the material's lies between {1 / ratio:.2f} and 1 of it; --lubricated says that the ends slid"
     )
 
 
-def _of_dimensions(test: StressStrain, modulus: Young) -> str:
+def _of_dimensions(test: StressStrain, modulus: Young) -> Caution | None:
     per_mm = test.specimen.area_error_per_mm
     if not test.area_used or modulus.u_dimensions_MPa is not None or per_mm is None:
-        return ""
-    return (
+        return None
+    return look_at(
         "the uncertainty of the modulus leaves out the specimen's dimensions (--u-geometry-mm): "
         f"0.05 mm on each side would make the area uncertain by {100 * 0.05 * per_mm:.1g} %"
     )
 
 
-def _of_compliance(test: StressStrain, modulus: Young) -> str:
+def _of_compliance(test: StressStrain, modulus: Young) -> Caution | None:
     area, length = test.specimen.area_mm2, test.specimen.length_mm
     if not test.from_displacement or test.compliance_removed or area is None or length is None:
-        return ""
+        return None
     stiffness = modulus.modulus_MPa * area / length
-    return (
+    return look_at(
         f"the strain holds what machine and fixture give way: with {100 * stiffness:.2g} N/mm they make it 1 % "
         f"too low, as the specimen has {stiffness:.2g} N/mm; --compliance-mm-per-N subtracts it"
     )
 
 
-def _of_points(modulus: Young) -> str:
+def _of_points(modulus: Young) -> Caution | None:
     if modulus.effective_points >= _WORTH:
-        return ""
-    return (
+        return None
+    return look_at(
         f"the {modulus.points} points of the modulus are worth {modulus.effective_points:.1f} independent ones, as "
         "neighbouring residuals are alike; below 8 its interval is too narrow"
     )
 
 
-def _of_bending(test: StressStrain, modulus: Young) -> str:
+def _of_bending(test: StressStrain, modulus: Young) -> Caution | None:
     if test.loading == "both":
-        return ""
+        return None
     low, high = modulus.strain_range
     ratio = ideal_ratio(test.mode, test.sign, (low, min(high, 0.9) if test.sign < 0 else high))
     if abs(ratio - 1) < _BENT:
-        return ""
+        return None
     off = f"{100 * abs(ratio - 1):.0f} % {'higher' if ratio > 1 else 'lower'}"
-    return (
-        f"{NOTE}: "
+    return note(
         f"over {100 * low:.3g} to {100 * high:.3g} % strain an ideal rubber's slope is {off} than its modulus at zero "
         "strain, which a model's initial modulus gives"
     )
 
 
-def _of_loss(cycles: Sequence[Cycle]) -> str:
+def _of_loss(cycles: Sequence[Cycle]) -> Caution | None:
     losses = [each.loss_fraction for each in cycles if each.loss_fraction is not None]
     if not losses or losses[-1] < _LOSSY:
-        return ""
-    return (
+        return None
+    return look_at(
         f"cycle {len(losses)} loses {100 * losses[-1]:.0f} % of the work put in: a hyperelastic model has no such loss "
         "and describes the loading only"
     )

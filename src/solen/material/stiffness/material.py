@@ -23,7 +23,7 @@ from solen.material.stiffness.modes import TestMode
 from solen.material.stiffness.modulus import Range
 from solen.material.stiffness.specimen import Dimensions, number_in, specimen_of
 from solen.material.stiffness.stress_strain import StressStrain
-from solen.ranks import NOTE
+from solen.ranks import Caution, look_at, note, of
 from solen.recording import Measured, Recording
 
 _RIGID_MPA = 100.0  # anything stiffer is not a rubber: auto fits no hyperelastic model to it
@@ -95,7 +95,7 @@ class MaterialStiffness(MeanModulus):
     specimens: tuple[Evaluated, ...]
     model: Fit | None
     fits: tuple[Fit, ...]
-    warnings: tuple[str, ...]
+    warnings: tuple[Caution, ...]
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -152,9 +152,7 @@ def stiffness_of(tests: Sequence[MechanicalTest], options: StiffnessOptions = St
     groups = tuple(_material([each for each in specimens if each.label == label], options) for label in labels)
     warnings = tuple(dict.fromkeys([*remarks, *(warning for group in groups for warning in group.warnings)]))
     if len(groups) > 1:
-        beside = (
-            f"{NOTE}: modulus and model beside groups are those of {labels[0]} alone; groups holds all {len(labels)}"
-        )
+        beside = note(f"modulus and model beside groups are those of {labels[0]} alone; groups holds all {len(labels)}")
         warnings = (*warnings, beside)
     sources = {each.recording.provenance.sha256: each.recording.provenance for each in specimens}
     return MeasuredStiffness(
@@ -190,8 +188,8 @@ def _evaluated(test: StressStrain, options: StiffnessOptions, strain_range: Rang
             raise
     evaluated = evaluate(test, options)
     low, high = (100 * end for end in evaluated.young.strain_range)
-    warning = f"modulus over {low:.3g} to {high:.3g} %, as the range of the other specimens holds too few points here"
-    return replace(evaluated, warnings=(*evaluated.warnings, warning))
+    other = f"modulus over {low:.3g} to {high:.3g} %, as the range of the other specimens holds too few points here"
+    return replace(evaluated, warnings=(*evaluated.warnings, look_at(other)))
 
 
 def _parts(recording: Recording) -> list[tuple[str, str, Recording]]:
@@ -232,19 +230,22 @@ def _material(specimens: Sequence[_Specimen], options: StiffnessOptions) -> Mate
         specimens=tuple(specimen.evaluated for specimen in specimens),
         model=chosen,
         fits=fits,
-        warnings=tuple(f"{label}: {warning}" if label else warning for warning in warnings),
+        warnings=tuple(of(label, warning) for warning in warnings),
     )
 
 
 def _fits(
     specimens: Sequence[_Specimen], options: StiffnessOptions, modulus_MPa: float
-) -> tuple[tuple[Fit, ...], list[str]]:
+) -> tuple[tuple[Fit, ...], list[Caution]]:
     """Fits that are asked for, and a warning where ``auto`` makes none."""
     if "none" in options.fit:
         return (), []
     if "auto" in options.fit and abs(modulus_MPa) > _RIGID_MPA:
         return (), [
-            f"no hyperelastic model: {modulus_MPa:.4g} MPa is not the modulus of a rubber; --fit all fits them still"
+            note(
+                f"no hyperelastic model: {modulus_MPa:.4g} MPa is not the modulus of a rubber; --fit all fits them "
+                "still"
+            )
         ]
     curves = [specimen.evaluated.fitted for specimen in specimens]
     kinds = list(KINDS) if {"all", "auto"} & set(options.fit) else [str(kind) for kind in options.fit]
@@ -253,35 +254,39 @@ def _fits(
     return fit_each(possible or kinds[:1], curves, options.weighting), []
 
 
-def _of_specimens(specimens: Sequence[_Specimen]) -> list[str]:
+def _of_specimens(specimens: Sequence[_Specimen]) -> list[Caution]:
     """Warnings of the specimens, with their names where not all say the same."""
     shared = set.intersection(*(set(each.evaluated.warnings) for each in specimens))
-    warnings: list[str] = []
+    warnings: list[Caution] = []
     for each in specimens:
         own = (*each.evaluated.warnings, *each.recording.warnings, *_of_machine(each))
-        warnings += [warning if warning in shared else f"{each.evaluated.name}: {warning}" for warning in own]
+        warnings += [warning if warning in shared else of(each.evaluated.name, warning) for warning in own]
     return list(dict.fromkeys(warnings))
 
 
-def _of_machine(specimen: _Specimen) -> list[str]:
+def _of_machine(specimen: _Specimen) -> list[Caution]:
     """Warning where the machine's own modulus differs."""
     for heading, text in specimen.recording.provenance.metadata.items():
         if heading.casefold().strip() not in _MACHINE:
             continue
         theirs, ours = number_in(text, "MPa", heading), specimen.evaluated.young.modulus_MPa
         if theirs and abs(ours / theirs - 1) > 0.01:
-            return [f"the machine's own {heading} is {theirs:.6g} MPa: {100 * (theirs / ours - 1):+.1f} % from this"]
+            return [
+                look_at(
+                    f"the machine's own {heading} is {theirs:.6g} MPa: {100 * (theirs / ours - 1):+.1f} % from this"
+                )
+            ]
     return []
 
 
-def _of_count(specimens: int) -> list[str]:
+def _of_count(specimens: int) -> list[Caution]:
     if specimens == 1:
-        return ["one specimen: how far specimens of this material differ is not known"]
-    return ["two specimens: their standard deviation is itself uncertain by 76 %"] if specimens == 2 else []
+        return [look_at("one specimen: how far specimens of this material differ is not known")]
+    return [look_at("two specimens: their standard deviation is itself uncertain by 76 %")] if specimens == 2 else []
 
 
-def _of_fits(fits: Sequence[Fit], chosen: Fit | None) -> list[str]:
+def _of_fits(fits: Sequence[Fit], chosen: Fit | None) -> list[Caution]:
     if chosen is not None:
         return cautions(chosen)
     kinds = ", ".join(each.kind for each in fits)
-    return [f"no model is chosen: none of {kinds} is stable over the data"] if fits else []
+    return [look_at(f"no model is chosen: none of {kinds} is stable over the data")] if fits else []

@@ -18,6 +18,7 @@ from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.material.stiffness.modes import MODES, UNIAXIAL, Mode, TestMode
 from solen.material.stiffness.specimen import Specimen
+from solen.ranks import Caution, look_at
 from solen.results import HIDDEN, reported
 
 Loading = Literal["tension", "compression", "both"]
@@ -67,7 +68,7 @@ class StressStrain:
     compliance_removed: bool = False
     preload: str = ""
     notes: tuple[str, ...] = ()
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Caution, ...] = ()
 
     @property
     def stretch(self) -> FloatArray:
@@ -142,7 +143,7 @@ def as_test(
     if strain.max() > _PERCENT_BY_MISTAKE:
         warnings = (
             *warnings,
-            f"strain reaches {strain.max():.4g}, {100 * strain.max():.4g} %: check that it is not in per cent",
+            look_at(f"strain reaches {strain.max():.4g}, {100 * strain.max():.4g} %: check that it is not in per cent"),
         )
     return StressStrain(
         mode=MODES.get(mode or "", UNIAXIAL),
@@ -202,7 +203,7 @@ def _loading(
     mode: TestMode | None,
     name: str,
     assumed: bool,
-) -> tuple[Loading, tuple[str, ...], tuple[str, ...]]:
+) -> tuple[Loading, tuple[str, ...], tuple[Caution, ...]]:
     """Direction of loading, what was decided, and what to beware of."""
     if mode in {None, "uniaxial"} and _two_sided(strain):
         return _both_ways(strain, stress, name)
@@ -218,15 +219,19 @@ def _loading(
         raise DataError(name, limit=limit, remedy="state it: --mode tension or --mode compression")
     if exported[0] < 0:
         return "compression", (f"compression, by its signs: {signs}",), ()
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Caution, ...] = ()
     if assumed:
         warnings = (
-            "taken as tension: nothing in the file says so, and its signs are positive; --mode compression if not",
+            look_at(
+                "taken as tension: nothing in the file says so, and its signs are positive; --mode compression if not"
+            ),
         )
     return "tension", (f"tension, by its signs: {signs}",), warnings
 
 
-def _both_ways(strain: FloatArray, stress: FloatArray, name: str) -> tuple[Loading, tuple[str, ...], tuple[str, ...]]:
+def _both_ways(
+    strain: FloatArray, stress: FloatArray, name: str
+) -> tuple[Loading, tuple[str, ...], tuple[Caution, ...]]:
     if float(np.sum(np.sign(strain) * np.sign(stress))) <= 0:
         remedy = "state --mode, or turn the sign of one column"
         raise DataError(name, limit="stress and strain have opposite signs on both sides of zero", remedy=remedy)

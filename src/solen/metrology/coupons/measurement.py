@@ -18,6 +18,7 @@ from solen.metrology.image import Image
 from solen.metrology.pose import Pose
 from solen.metrology.scale import Scale
 from solen.metrology.zmap import ZMap
+from solen.ranks import Caution, look_at
 from solen.recording import Provenance
 from solen.results import HIDDEN, Result, reported
 
@@ -93,7 +94,7 @@ class CouponMeasurement(Result):
     pitch_ratio: float | None
     u_pitch_ratio: float | None
     sources: tuple[Provenance, ...]
-    warnings: tuple[str, ...]
+    warnings: tuple[Caution, ...]
     z_um: float | None
     u_z_um: float | None
     layout: Coupon = field(metadata=HIDDEN)
@@ -352,7 +353,7 @@ def _warnings(
     measured: Sequence[MeasuredSize],
     blur: float | None,
     ratio: float | None,
-) -> list[str]:
+) -> list[Caution]:
     scale = image.scale
     outside = sum(one.reason == OUTSIDE for one in measured)
     small = ", ".join(one.name for one in measured if one.reason == TOO_SMALL)
@@ -379,4 +380,4 @@ def _warnings(
             (blur or 0.0) > BLURRED_PX
         ),
     }
-    return [doubt for doubt, holds in doubts.items() if holds]
+    return [look_at(doubt) for doubt, holds in doubts.items() if holds]
