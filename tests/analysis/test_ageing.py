@@ -52,6 +52,18 @@ def test_what_does_not_age_is_within_its_uncertainty() -> None:
     assert np.mean(np.array(beyond) < 2.45) > 0.8  # 95 % of a t with 6 degrees of freedom
 
 
+def test_noise_is_one_thing_for_groups_and_for_all_cycles() -> None:
+    """What alternates from reading to reading, as flicker that is left, counts as it is in both."""
+    truth = Truth(protocol=Protocol(cycles=10), noise_V=0.003)
+    signals = made(truth)
+    alternates = 0.004 * (-1.0) ** np.arange(len(signals.volts))[:, None]
+    found = sensor_response([replace(signals, volts=signals.volts + alternates)], AnalysisOptions(every=3, drop=0))
+    assert found.ageing is not None
+    for name, own in found.receivers.items():
+        assert own.noise_V == pytest.approx(0.005, rel=0.05)
+        assert found.ageing.receivers[name].noise_V == pytest.approx(own.noise_V, rel=0.08)
+
+
 def test_too_few_cycles_are_refused() -> None:
     with pytest.raises(DataError, match=r"--every = 3; makes 2 groups of 6 cycles; 3 are needed"):
         sensor_response([made(Truth(noise_V=0.01))], AnalysisOptions(every=3, drop=0))

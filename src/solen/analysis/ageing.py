@@ -1,8 +1,8 @@
 """How a sensor changes over many cycles: its response, its null and its noise, every so many cycles.
 
 The idea: cycles that follow one another are taken together in groups. Each group gives swing, level and null with the
-uncertainty that the scatter of its cycles leaves, and the noise of a reading by second differences, which a motion does
-not touch. What changes from group to group by more than that is ageing, or drift; cycles alone do not tell which.
+uncertainty that the scatter of its cycles leaves, and the noise of a reading as everywhere (`solen.analysis.noise`).
+What changes from group to group by more than that is ageing, or drift; cycles alone do not tell which.
 
 The interface: `ageing_of` a sensor's ways and readings gives an `Ageing`.
 """
@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from solen.analysis.figures_of_merit import Estimate, line_fit, over_cycles, swing
+from solen.analysis.noise import Scatter, pooled_noise
 from solen.analysis.receiver_pair import crossing
 from solen.analysis.response import Passes
 from solen.arrays import FloatArray, IntArray
@@ -76,7 +77,7 @@ class Ageing(Result):
 
 def ageing_of(
     ways: Passes,
-    cycles: Sequence[FloatArray],
+    scatters: Sequence[Scatter],
     names: Sequence[str],
     sides: tuple[int, int] | None,
     every: int,
@@ -87,8 +88,8 @@ def ageing_of(
     ----------
     ways
         Of all cycles that are used, in their order.
-    cycles
-        Readings of each of these cycles, (n, receivers).
+    scatters
+        Of the readings of each of these cycles.
     names, sides
         Of the receivers; places of left and right.
     every
@@ -105,22 +106,20 @@ def ageing_of(
         raise DataError("--every", value=every, limit=limit, remedy="take fewer cycles for each")
     volts = np.where(ways.clipped, np.nan, ways.volts).mean(axis=1)
     middle: FloatArray = np.asarray(every * (np.arange(groups) + 0.5), np.float64)
+    begins = range(0, groups * every, every)
+    noise = np.array([pooled_noise(scatters[begin : begin + every]) for begin in begins])
     receivers = {}
     for place, name in enumerate(names):
-        rows = [volts[begin : begin + every, :, place] for begin in range(0, groups * every, every)]
+        rows = [volts[begin : begin + every, :, place] for begin in begins]
         swings, levels = ([of(one) for one in rows] for of in (lambda one: swing(ways.angle_deg, one), _level))
-        noise = [
-            _noise([one[:, place] for one in cycles[begin : begin + every]])
-            for begin in range(0, groups * every, every)
-        ]
         receivers[name] = ReceiverAgeing(
-            *_columns(swings), *_columns(levels), np.array(noise), *_slope(middle, swings), *_slope(middle, levels)
+            *_columns(swings), *_columns(levels), noise[:, place], *_slope(middle, swings), *_slope(middle, levels)
         )
     nulls = [Estimate(np.nan, np.nan)] * groups
     if sides is not None:
         apart = volts[..., sides[0]] - volts[..., sides[1]]
         each = np.array([crossing(ways.angle_deg, row) for row in apart])
-        nulls = [over_cycles(each[begin : begin + every]) for begin in range(0, groups * every, every)]
+        nulls = [over_cycles(each[begin : begin + every]) for begin in begins]
     first = 1 + every * np.arange(groups)
     return Ageing(first, receivers, *_columns(nulls), *_slope(middle, nulls))
 
@@ -136,9 +135,3 @@ def _columns(values: Sequence[Estimate]) -> tuple[FloatArray, FloatArray]:
 
 def _slope(middle: FloatArray, values: Sequence[Estimate]) -> Estimate:
     return line_fit(middle, np.array([one.value for one in values]))
-
-
-def _noise(cycles: Sequence[FloatArray]) -> float:
-    """Standard deviation of a reading, by second differences: a smooth motion is not in them."""
-    second = np.concatenate([np.diff(one, n=2) for one in cycles])
-    return float(np.sqrt(np.nanmean(second**2) / 6.0)) if len(second) else float("nan")

@@ -20,6 +20,7 @@ from solen.analysis.ageing import Ageing, ageing_of
 from solen.analysis.clipping import clipped
 from solen.analysis.figures_of_merit import ReceiverResponse, receiver_response
 from solen.analysis.motion import Motion, find_motion
+from solen.analysis.noise import Scatter, noise_of, pooled_noise
 from solen.analysis.protocol_angle import Protocol
 from solen.analysis.receiver_pair import PairResponse, pair_response, sign_warnings
 from solen.analysis.response import Passes, common_range, grid_deg, nice_step, passes
@@ -31,9 +32,6 @@ from solen.recording.column_roles import left_right
 from solen.results import HIDDEN, Result, reported
 from solen.spec.strict import Finite, refused
 
-_SETTLE = 0.2
-"""Share of a hold at its beginning that its noise is not taken from."""
-_LEAST_HOLD = 8
 _TENTH = 0.1
 _ROUNDING_V = 1e-9
 
@@ -210,7 +208,7 @@ def sensor_response(
     known = {} if motions is None else motions
     runs = tuple(_run(signals, options, known) for signals in recordings)
     ways = _pooled_passes(runs, options.step_deg, first.label)
-    noise = _noise(runs)
+    noise = pooled_noise([_scatter(run) for run in runs]).tolist()
     receivers = {
         name: receiver_response(ways.of(n), noise[n], sum(int(run.clipped[:, n].sum()) for run in runs))
         for n, name in enumerate(first.receivers)
@@ -227,18 +225,26 @@ def sensor_response(
     ageing = None
     if options.every is not None:
         ageing = ageing_of(
-            ways, [one for run in runs for one in _cycle_readings(run)], first.receivers, sides, options.every
+            ways, [one for run in runs for one in _cycle_scatters(run)], first.receivers, sides, options.every
         )
     return SensorResponse(
         first.label, first.lens, first.unit, receivers, pair, timing, runs, ways, tuple(warnings), ageing
     )
 
 
-def _cycle_readings(run: Run) -> list[FloatArray]:
-    """Readings of each used cycle, NaN where they are clipped, (n, receivers)."""
-    times = [(run.motion.cycles[place].start_s, run.motion.cycles[place].end_s) for place in run.used]
-    volts = np.where(run.clipped, np.nan, run.signals.volts)
-    return [volts[slice(*np.searchsorted(run.signals.time_s, both))] for both in times]
+def _scatter(run: Run, start_s: float = -math.inf, end_s: float = math.inf) -> Scatter:
+    """Scatter of a run's readings, or of those of one cycle."""
+    time = run.signals.time_s
+    begin, end = np.searchsorted(time, (start_s, end_s)).tolist()
+    volts = np.where(run.clipped, np.nan, run.signals.volts)[begin:end]
+    holds = [(start - begin, stop - begin) for start, stop in run.motion.holds if begin <= start and stop <= end]
+    return noise_of(time[begin:end], volts, holds)
+
+
+def _cycle_scatters(run: Run) -> list[Scatter]:
+    """Scatter of each cycle that is used."""
+    cycles = [run.motion.cycles[place] for place in run.used]
+    return [_scatter(run, cycle.start_s, cycle.end_s) for cycle in cycles]
 
 
 def _timing(runs: Sequence[Run], ways: Passes, receivers: dict[str, ReceiverResponse]) -> Timing:
@@ -312,36 +318,6 @@ def _clip_warnings(signals: Signals, marked: BoolArray) -> list[str]:
                 "clipped have no mean, and the numbers are those of the rest"
             )
     return warnings
-
-
-def _noise(runs: Sequence[Run]) -> list[float]:
-    """Standard deviation of a reading of each receiver, about a straight line within each hold.
-
-    Without holds, from second differences of neighbouring samples.
-    """
-    squares, freedom = np.zeros(len(runs[0].signals.receivers)), np.zeros(len(runs[0].signals.receivers))
-    for run in runs:
-        for start, stop in run.motion.holds:
-            begin = start + math.ceil(_SETTLE * (stop - start))
-            if stop - begin >= _LEAST_HOLD:
-                part = run.signals.volts[begin:stop]
-                good = np.isfinite(part).all(axis=0) & ~run.clipped[begin:stop].any(axis=0)
-                squares += np.where(good, _about_line(run.signals.time_s[begin:stop], part), 0.0)
-                freedom += np.where(good, part.shape[0] - 2, 0)
-    second = np.vstack([np.diff(run.signals.volts, 2, axis=0) for run in runs])
-    with np.errstate(invalid="ignore", divide="ignore"):
-        held = np.sqrt(squares / freedom)
-        other = np.sqrt(np.nanmean(second**2, axis=0) / 6.0)
-    return [float(value) for value in np.where(freedom > 0, held, other)]
-
-
-def _about_line(time_s: FloatArray, volts: FloatArray) -> FloatArray:
-    """Sum of squares of each column about its straight line over time."""
-    away = (time_s - time_s.mean())[:, None]
-    rest = volts - volts.mean(axis=0)
-    total = float((away**2).sum())
-    slope = (away * rest).sum(axis=0) / total if total > 0.0 else 0.0
-    return np.asarray(((rest - slope * away) ** 2).sum(axis=0))
 
 
 def _rest_warnings(runs: Sequence[Run]) -> list[str]:

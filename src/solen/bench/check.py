@@ -10,12 +10,14 @@ The interface: `check` gives a `RigCheck`; `jog` a `Jogged`.
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
+from solen.analysis.noise import noise_of, pooled_noise
 from solen.arrays import FloatArray
 from solen.bench.clock import Clock, SimulatedClock, WallClock
 from solen.bench.glance import Glance, Glances, sampler_of, stage_of
@@ -23,18 +25,25 @@ from solen.bench.homing import Confirm, knows_zero, make_known
 from solen.bench.interrupts import ended_by_signals
 from solen.bench.rig import Rig, SensorOf, load_rig
 from solen.errors import BenchError, SpecError
+from solen.ranks import do_not_use, note
 from solen.results import HIDDEN, Result, reported
 from solen.spec.strict import Options
 
 ANSWERS_SD, ANSWERS_V = 6.0, 0.002
 """An input answers to an emitter by so many standard errors of the mean, and so many volts."""
-AT_RAIL = 0.005
-"""Share of the range within which a level counts as at its end."""
-WANTED, LEAST, MOST = 0.35, 0.12, 0.45
-"""Share of the level with the emitters off that light should pull down at rest; less than the second or more than the
-third is advised against: twice as much must not reach the bottom."""
+SHORTED = 0.005
+"""Share of the range below which a level is that of a short."""
+BOTTOM = 0.05
+"""Share of the level with the emitters off below which a receiver is saturated."""
+GROWS = 1.5
+"""By what a receiver's light grows in a bent sensor at least: 1.5 to 2.1 in the shipped designs."""
+WANTED, LEAST, MOST = 0.4, 0.12, (1.0 - BOTTOM) / GROWS
+"""Share of the level with the emitters off that light should pull down at rest; less than the second is little of the
+range, more than the third saturates in any motion."""
 ROOM = 0.1
 """Share of a signal by which light of the room may vary."""
+PIECE_S = 0.8
+"""Noise is taken from stretches as long as the paper's protocol holds."""
 LOOK_S = 0.1
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
@@ -59,11 +68,11 @@ class InputCheck(Result):
     signal_V
         By how much its emitter pulls it down.
     noise_V
-        Standard deviation of that from period to period.
+        Standard deviation of a reading, as `solen bench analyse` states it of a run.
     room_V
         Standard deviation of its level with all emitters off: light of the room that varies, and noise.
-    factor
-        By what the load that its trimmer sets should be multiplied; null where no signal says so.
+    load_factor
+        By what the load that its trimmer sets should be multiplied; null where it is well as it is, or no signal says.
     """
 
     input: int
@@ -72,7 +81,7 @@ class InputCheck(Result):
     signal_V: float
     noise_V: float
     room_V: float
-    factor: float | None
+    load_factor: float | None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -133,8 +142,7 @@ def check(rig_file: Path, options: CheckOptions = CheckOptions()) -> RigCheck:
         name = sampler.name
     if not parts:
         raise BenchError(name, limit="has said nothing", remedy="check its cable and power")
-    joined = [np.concatenate([getattr(part, phase) for part in parts]) for phase in ("on", "off")]
-    return judged(rig, Glance(joined[0], joined[1], parts[0].low_V, parts[0].high_V))
+    return judged(rig, Glance.joined(parts))
 
 
 def judged(rig: Rig, glance: Glance) -> RigCheck:
@@ -142,69 +150,82 @@ def judged(rig: Rig, glance: Glance) -> RigCheck:
     signal = glance.signal
     mean, error = signal.mean(axis=0), signal.std(axis=0) / math.sqrt(max(len(signal), 1))
     answers = np.abs(mean) > np.maximum(ANSWERS_SD * error, ANSWERS_V)
-    found = {one.name: {side: _input(one, side, glance) for side in ("right", "left")} for one in rig.sensor}
-    faults = [line for one in rig.sensor for line in _faults(one, found[one.name], glance, mean, answers)]
+    inputs = {one.name: {side: _input(one, side, glance) for side in ("right", "left")} for one in rig.sensor}
+    faults = [line for one in rig.sensor for line in _faults(one, inputs[one.name], glance, mean, answers)]
     if dark := [str(number) for number, seen in enumerate(answers.any(axis=1).tolist(), 1) if not seen]:
-        faults.append(f"no input sees emitter {' and '.join(dark)}; check its wire, its transistor and its supply")
+        wire = "check its wire, its transistor and its supply"
+        faults.append(do_not_use(f"no input sees emitter {' and '.join(dark)}; {wire}"))
     rows = tuple(tuple(row) for row in mean.tolist())
-    return RigCheck(rig.name, len(signal), found, rows, rig.simulated, tuple(faults))
+    return RigCheck(rig.name, len(signal), inputs, rows, rig.simulated, tuple(faults))
 
 
 def _input(sensor: SensorOf, side: str, glance: Glance) -> InputCheck:
     number = getattr(sensor, side)
-    on, off = (values[:, sensor.emitter - 1, number - 1] for values in (glance.on, glance.off))
-    signal = float((off - on).mean())
-    level = float(off.mean())
+    on, off = (float(values[:, sensor.emitter - 1, number - 1].mean()) for values in (glance.on, glance.off))
     return InputCheck(
         input=number,
-        off_V=level,
-        on_V=float(on.mean()),
-        signal_V=signal,
-        noise_V=_apart(off - on),
-        room_V=float(off.std()),
-        factor=WANTED * level / signal if signal > ANSWERS_V else None,
+        off_V=off,
+        on_V=on,
+        signal_V=off - on,
+        noise_V=_noise(glance.time_s, glance.signal[:, sensor.emitter - 1, number - 1]),
+        room_V=float(glance.off[:, sensor.emitter - 1, number - 1].std()),
+        load_factor=_load_factor(sensor, off, off - on),
     )
 
 
-def _apart(values: FloatArray) -> float:
-    """Standard deviation from one to the next, without drift."""
-    return float(np.std(np.diff(values)) / math.sqrt(2.0)) if len(values) > 2 else math.nan
+def _load_factor(sensor: SensorOf, off_V: float, signal_V: float) -> float | None:
+    """What brings a receiver to the wanted share; without a lens its light hardly changes as the sensor moves."""
+    if signal_V <= ANSWERS_V or LEAST <= signal_V / off_V <= (MOST if sensor.lens else 1.0 - BOTTOM):
+        return None
+    return WANTED * off_V / signal_V
+
+
+def _noise(time_s: FloatArray, signal: FloatArray) -> float:
+    pieces = max(1, round((time_s[-1] - time_s[0]) / PIECE_S))
+    edges = np.linspace(0, len(time_s), pieces + 1).astype(int).tolist()
+    return float(pooled_noise([noise_of(time_s, signal[:, None], pairwise(edges))])[0])
 
 
 def _faults(
-    sensor: SensorOf, found: dict[str, InputCheck], glance: Glance, mean: FloatArray, answers: FloatArray
+    sensor: SensorOf, inputs: dict[str, InputCheck], glance: Glance, mean: FloatArray, answers: FloatArray
 ) -> Iterator[str]:
-    """What is wrong with a sensor; what differs from one receiver to the next stands before the colon."""
-    span = glance.high_V - glance.low_V
-    for side, one in found.items():
-        what = f"{sensor.name} {side} (input {one.input})"
-        mine = answers[:, one.input - 1]
-        strongest = int(np.argmax(np.where(mine, np.abs(mean[:, one.input - 1]), 0.0))) + 1
-        if one.on_V < AT_RAIL * span and one.off_V < AT_RAIL * span:
-            yield f"{what} at {one.off_V:.3g} V: stays there, lit or not; a short, or far too much light"
+    """What is wrong with a sensor; the name of the receiver stands before the colon."""
+    short_V = SHORTED * (glance.high_V - glance.low_V)
+    for side, own in inputs.items():
+        what = f"{sensor.name} {side} (input {own.input})"
+        mine = answers[:, own.input - 1]
+        strongest = int(np.argmax(np.where(mine, np.abs(mean[:, own.input - 1]), 0.0))) + 1
+        if own.on_V < short_V and own.off_V < short_V:
+            yield f"{what}: {do_not_use('stands near 0 V, lit or not; a short, or far too much light')}"
         elif not mine.any():
-            yield f"{what} at {one.off_V:.3g} V: answers to no emitter; check its wire and its receiver"
+            yield f"{what}: {do_not_use('answers to no emitter; check its wire and its receiver')}"
         elif strongest != sensor.emitter:
-            yield f"{what}, emitter {strongest} for {sensor.emitter}: answers to another one; check rig file and wires"
-        elif mean[sensor.emitter - 1, one.input - 1] < 0.0:
-            yield f"{what}: rises with its emitter on; load and receiver are swapped"
+            wires = f"answers to emitter {strongest}, not to {sensor.emitter}; check rig file and wires"
+            yield f"{what}: {do_not_use(wires)}"
+        elif mean[sensor.emitter - 1, own.input - 1] < 0.0:
+            yield f"{what}: {do_not_use('rises with its emitter on; load and receiver are swapped')}"
         else:
-            yield from _trimmed(what, one, glance)
+            yield from (f"{what}: {line}" for line in _settings(own, glance, sensor.emitter - 1))
 
 
-def _trimmed(what: str, one: InputCheck, glance: Glance) -> Iterator[str]:
+def _settings(own: InputCheck, glance: Glance, emitter: int) -> Iterator[str]:
     """What a receiver that works could do better."""
-    share, span = one.signal_V / max(one.off_V, 1e-9), glance.high_V - glance.low_V
-    if one.off_V > glance.high_V - AT_RAIL * span:
-        yield f"{what}: stands at the upper end of the range with its emitter off; what lies beyond is cut off"
-    if one.on_V < 0.05 * one.off_V:
-        yield f"{what} at {one.on_V:.3g} V: is at the bottom with its emitter on"
-    if share > MOST or share < LEAST:
-        way = "less" if share > MOST else "more"
-        numbers = f"pulled down by {100 * share:.0f} % at rest, about {one.factor:.2g} times its load"
-        yield f"{what}, {numbers}: turn its trimmer to {way} load, or its emitter's"
-    if one.room_V > ROOM * one.signal_V and one.room_V > 3.0 * one.noise_V:
-        yield f"{what}, {1e3 * one.room_V:.0f} mV: varies with the emitters off; shade it, or switch lamps off"
+    clipped = float(glance.clipped[:, emitter, own.input - 1].mean())
+    if clipped > 0.0:
+        upper = glance.high_V - own.off_V < own.on_V - glance.low_V
+        phase, end = ("off", "upper") if upper else ("on", "lower")
+        yield (
+            f"with its emitter {phase} it stands at the {end} end of the range in {100 * clipped:.2g} % of the "
+            "readings; what lies beyond is cut off"
+        )
+    if own.on_V < BOTTOM * own.off_V:
+        yield "is saturated with its emitter on; turn its trimmer to less load"
+    elif own.load_factor is not None and own.load_factor < 1.0:
+        yield f"{GROWS:g} times the light, as in a bent sensor, would saturate it; turn its trimmer to less load"
+    elif own.load_factor is not None:
+        yield note(f"light pulls it down by less than {100 * LEAST:.0f} %; more load would use more of the range")
+    if own.room_V > ROOM * own.signal_V and own.room_V > 3.0 * own.noise_V:
+        yield f"varies by {1e3 * own.room_V:.0f} mV with the emitters off; shade it, or switch lamps off"
 
 
 class JogOptions(Options):

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from solen.arrays import FloatArray
 from solen.bench.journal import read_journal, read_on
 from solen.bench.journal_content import Rows, dtypes_of
-from solen.bench.readings import sound, subtracted
+from solen.bench.readings import Converter, sound, subtracted
 from solen.bench.records import END, ROWS
 from solen.errors import DataError
 
@@ -75,7 +75,8 @@ class Following:
         begun = self._begun_us.setdefault(part, int(rows["board_us"][0]))
         both = np.concatenate([before, rows])
         time_s = 1e-6 * (both["board_us"] - begun).astype(np.float64)
-        readings = subtracted(both["counts"], time_s, wires, self.header)
+        inputs, converter = [wires["right"] - 1, wires["left"] - 1], Converter.of(self.header)
+        readings = subtracted(both["counts"], time_s, wires["emitter"], inputs, converter)
         kept = readings.of(wires["emitter"]) & (readings.time_s >= time_s[len(before)])
         kept &= sound(both["flags"], time_s, readings.time_s)
         return Fresh(readings.time_s[kept], readings.signal[kept][:, ::-1], readings.clipped[kept][:, ::-1])

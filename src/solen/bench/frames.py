@@ -30,6 +30,7 @@ import binascii
 import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,6 +110,10 @@ class Periods:
 
     def __len__(self) -> int:
         return len(self.number)
+
+    def __getitem__(self, which: Any) -> "Periods":
+        """Some of the periods."""
+        return Periods(self.number[which], self.board_us[which], self.flags[which], self.counts[which])
 
     @staticmethod
     def joined(parts: Sequence["Periods"], layout: "Layout") -> "Periods":

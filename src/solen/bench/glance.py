@@ -6,8 +6,7 @@ all inputs are read with every emitter. Of a data acquisition the phases are fou
 The interface: `sampler_of` a rig, started; `Glances`, of which `read` gives a `Glance`; `stage_of` a rig.
 """
 
-import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,47 +14,81 @@ from typing import cast
 
 import numpy as np
 
-from solen.arrays import FloatArray
+from solen.analysis.demodulation import Demodulated, slots_of, subtract
+from solen.arrays import BoolArray, FloatArray
 from solen.bench.clock import Clock
-from solen.bench.daq import Samples
+from solen.bench.daq import Samples, volts_of
 from solen.bench.drivers import DRIVERS
-from solen.bench.frames import UNSOUND
+from solen.bench.frames import UNSOUND, Periods
 from solen.bench.interrupts import uninterrupted
 from solen.bench.phases import clock_of, states
 from solen.bench.protocol import Protocol, Step
+from solen.bench.readings import Converter, subtracted
 from solen.bench.rig import Rig
 from solen.bench.roles import Daq, EmitterBoard, Stage
 from solen.bench.simulated.stage import SimulatedStage
+from solen.bench.waveform import ENDS
 
 REACH = {"deg": 3.0, "mm": 2.0}
 """How far from zero a simulated rig is traced where no protocol says so."""
-GROUP_S = 0.05
-"""Samples of a data acquisition are averaged over so long, or over a period of its switching if that is longer."""
 LEAST_PERIODS = 3.0
 """Periods of the switching in which its clock is sought: they hold two rises of a sync, and a fall after the first."""
 
 
 @dataclass(frozen=True, eq=False)
 class Glance:
-    """Volts of each input.
+    """Readings of each input with each emitter, made as those of a run: on less the off phases before and after it.
 
     Attributes
     ----------
-    on, off
-        With each emitter on, and after it off again: (N, emitters, inputs).
+    time_s
+        By the instrument's clock, (N,).
+    signal, off
+        By how much each emitter pulls each input down, and the level without it, in V: (N, emitters, inputs).
+    clipped
+        Which readings hold a sample at an end of the range, (N, emitters, inputs).
     low_V, high_V
         Ends of the converter's range.
     """
 
-    on: FloatArray
+    time_s: FloatArray
+    signal: FloatArray
     off: FloatArray
+    clipped: BoolArray
     low_V: float
     high_V: float
 
     @property
-    def signal(self) -> FloatArray:
-        """By how much each emitter pulls each input down, in V: (N, emitters, inputs)."""
-        return self.off - self.on
+    def on(self) -> FloatArray:
+        """Levels with each emitter on, in V: (N, emitters, inputs)."""
+        return self.off - self.signal
+
+    @classmethod
+    def of(cls, rows: Sequence[Sequence[Demodulated]], ends_V: tuple[float, float]) -> "Glance | None":
+        """Glance at the readings of each emitter, of one group of inputs after the other; None without any."""
+        chosen = [
+            [np.flatnonzero(one.of(emitter) & ~one.one_sided) for one in row] for emitter, row in enumerate(rows, 1)
+        ]
+        n = min(len(places) for row in chosen for places in row)
+        signal, off, clipped = (
+            np.stack(
+                [
+                    np.concatenate([getattr(one, name)[at[:n]] for one, at in zip(row, places, strict=True)], axis=1)
+                    for row, places in zip(rows, chosen, strict=True)
+                ],
+                axis=1,
+            )
+            for name in ("signal", "ambient", "clipped")
+        )
+        return cls(rows[0][0].time_s[chosen[0][0][:n]], -signal, off, clipped, *ends_V) if n else None
+
+    @classmethod
+    def joined(cls, parts: Sequence["Glance"]) -> "Glance":
+        """Glances one after the other."""
+        time_s, signal, off, clipped = (
+            np.concatenate([getattr(one, name) for one in parts]) for name in ("time_s", "signal", "off", "clipped")
+        )
+        return cls(time_s, signal, off, clipped, parts[0].low_V, parts[0].high_V)
 
 
 class Glances:
@@ -63,54 +96,51 @@ class Glances:
 
     def __init__(self, sampler: EmitterBoard | Daq, rig: Rig) -> None:
         self._sampler, self._rig = sampler, rig
-        self._kept: Samples | None = None
+        self._samples: Samples | None = None
+        self._periods: Periods | None = None
 
     def read(self) -> Glance | None:
         """What came since the last call; None where that is nothing, or shows no switching."""
-        if isinstance(self._sampler, Daq):
-            return self._of_samples(self._sampler)
-        periods = self._sampler.read()
-        volts = periods.counts[periods.flags & UNSOUND == 0] * self._sampler.volts_per_count
-        if len(volts) == 0:
+        return self._of_samples(self._sampler) if isinstance(self._sampler, Daq) else self._of_periods(self._sampler)
+
+    def _of_periods(self, board: EmitterBoard) -> Glance | None:
+        """Readings of sound periods; the last of those that came before lends its off phases."""
+        came = board.read()
+        periods = came if self._periods is None else Periods.joined([self._periods, came], board.layout)
+        self._periods = periods[-1:]
+        periods = periods[periods.flags & UNSOUND == 0]
+        if len(periods) < 2:
             return None
         top = 2**self._rig.board.bits - 1
-        return Glance(volts[:, :, 0], volts[:, :, 1], 0.0, top * self._sampler.volts_per_count)
+        converter = Converter(board.period_s, board.volts_per_count, top)
+        inputs, time_s = range(board.layout.receivers), 1e-6 * periods.board_us.astype(np.float64)
+        rows = [
+            [subtracted(periods.counts, time_s, one + 1, inputs, converter)] for one in range(board.layout.emitters)
+        ]
+        return Glance.of(rows, (0.0, top * board.volts_per_count))
 
     def _of_samples(self, daq: Daq) -> Glance | None:
         samples, setup = self._with_kept(daq.read()), daq.setup
-        period = daq.rate_hz / daq.switch_hz
-        group = math.ceil(max(GROUP_S * daq.rate_hz, period))
-        if len(samples.counts) < max(group, LEAST_PERIODS * period):
-            self._kept = samples
+        if len(samples.counts) < LEAST_PERIODS * daq.rate_hz / daq.switch_hz:
+            self._samples = samples
             return None
-        number = samples.first + np.arange(len(samples.counts))
-        volts = np.column_stack(
-            [np.polyval(line[::-1], column) for line, column in zip(daq.coefficients, samples.counts.T, strict=True)]
-        )
-        clock = clock_of(number / daq.rate_hz, volts, setup, daq.switch_hz)
-        rows = len(volts) // group
-        means = np.full((2, rows, setup.emitters, setup.inputs), np.nan)
+        taken_s = (samples.first + np.arange(len(samples.counts))) / daq.rate_hz
+        volts = volts_of(samples.counts, daq.coefficients)
+        clock = clock_of(taken_s, volts, setup, daq.switch_hz)
+        low, high = volts_of(np.repeat(ENDS, len(setup.channels), axis=1), daq.coefficients)
+        readings = []
         for channel in range(setup.inputs):
-            lit = states(clock, channel * daq.convert_s, 1e-6 * setup.settle_us, setup.emitters)
-            for emitter in range(setup.emitters):
-                for phase, state in enumerate((emitter + 1, 0)):
-                    means[phase, :, emitter, channel] = _means(volts[:, channel], lit == state, rows, group)
-        means = means[:, np.isfinite(means).all(axis=(0, 2, 3))]
-        return Glance(means[0], means[1], -setup.range_v, setup.range_v) if means.shape[1] else None
+            state = states(clock, channel * daq.convert_s, 1e-6 * setup.settle_us, setup.emitters)
+            one = slice(channel, channel + 1)
+            readings.append(subtract(slots_of(taken_s, volts[:, one], state, limits=(low[one], high[one]))))
+        return Glance.of([readings] * setup.emitters, (-setup.range_v, setup.range_v))
 
     def _with_kept(self, samples: Samples) -> Samples:
         """Samples after those that were too few by themselves, unless some are missing between them."""
-        kept, self._kept = self._kept, None
+        kept, self._samples = self._samples, None
         if kept is None or kept.stretch != samples.stretch or kept.first + len(kept.counts) != samples.first:
             return samples
         return Samples(kept.stretch, kept.first, np.concatenate([kept.counts, samples.counts]))
-
-
-def _means(volts: FloatArray, chosen: FloatArray, rows: int, group: int) -> FloatArray:
-    """Mean of what is chosen in each group; NaN where that is nothing."""
-    weight = chosen[: rows * group].reshape(rows, group).astype(float)
-    total, count = (volts[: rows * group].reshape(rows, group) * weight).sum(axis=1), weight.sum(axis=1)
-    return np.asarray(np.divide(total, count, out=np.full(rows, np.nan), where=count > 0.0))
 
 
 @contextmanager

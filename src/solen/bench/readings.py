@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,7 +53,10 @@ def sensor_readings(
         for begin in range(first, last, AT_ONCE):
             end = min(begin + AT_ONCE, last)
             low, high = max(begin - 1, first), min(end + 1, last)  # neighbours lend their off phases
-            readings = subtracted(board["counts"][low:high], time_s[low:high], sensor, header)
+            inputs = [sensor["right"] - 1, sensor["left"] - 1]
+            readings = subtracted(
+                board["counts"][low:high], time_s[low:high], sensor["emitter"], inputs, Converter.of(header)
+            )
             kept = readings.of(sensor["emitter"]) & (readings.time_s >= time_s[begin])
             kept &= sound(board["flags"][low:high], time_s[low:high], readings.time_s)
             if end < last:
@@ -61,21 +64,34 @@ def sensor_readings(
             yield columns_of(readings, kept, journaled, cuts)
 
 
-def subtracted(
-    counts: NDArray[np.uint16], time_s: FloatArray, sensor: Mapping[str, Any], header: Mapping[str, Any]
-) -> Demodulated:
-    """Demodulated readings of a sensor's two inputs in some periods.
+class Converter(NamedTuple):
+    """Length of a board's period, volts for each count, and the highest count."""
 
-    Of a period only the sensor's own on phase and the off phases beside it are looked at.
+    period_s: float
+    volts_per_count: float
+    top_count: float
+
+    @classmethod
+    def of(cls, header: Mapping[str, Any]) -> "Converter":
+        """Converter that a journal's header states."""
+        return cls(header["period_s"], header["volts_per_count"], header["top_count"])
+
+
+def subtracted(
+    counts: NDArray[np.uint16], time_s: FloatArray, emitter: int, inputs: Sequence[int], converter: Converter
+) -> Demodulated:
+    """Demodulated readings of some inputs with one emitter, in some periods.
+
+    Of a period only the emitter's own on phase and the off phases beside it are looked at.
     """
-    phases, on = 2 * header["emitters"], 2 * (sensor["emitter"] - 1)
+    phases, on = 2 * counts.shape[1], 2 * (emitter - 1)
     near = np.unique([(on - 1) % phases, on, on + 1])
-    inputs = counts.reshape(len(counts), phases, -1)[:, near][..., [sensor["right"] - 1, sensor["left"] - 1]]
-    time = (time_s[:, None] + (near + 1.0) / phases * header["period_s"]).ravel()
-    state = np.where(near == on, sensor["emitter"], 0)
-    top = np.full(2, header["top_count"] * header["volts_per_count"])
-    values = inputs.reshape(-1, 2) * header["volts_per_count"]
-    return subtract(slots_of(time, values, np.tile(state, len(counts)), limits=(np.zeros(2), top)))
+    taken = counts.reshape(len(counts), phases, -1)[:, near][..., inputs].reshape(-1, len(inputs))
+    values: FloatArray = np.multiply(taken, converter.volts_per_count, dtype=np.float64)
+    time = (time_s[:, None] + (near + 1.0) / phases * converter.period_s).ravel()
+    state = np.tile(np.where(near == on, emitter, 0), len(counts))
+    ends = np.array([0.0, converter.top_count])[:, None] * np.full(len(inputs), converter.volts_per_count)
+    return subtract(slots_of(time, values, state, limits=(ends[0], ends[1])))
 
 
 def sound(flags: NDArray[np.uint8], period_s: FloatArray, reading_s: FloatArray) -> NDArray[np.bool_]:

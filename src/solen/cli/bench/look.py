@@ -57,19 +57,21 @@ def watch(*, rig: Path, options: Annotated[WatchOptions, FLAT] = WatchOptions())
 
 
 @lines.register
-def _(found: RigCheck) -> Iterator[str]:
-    yield f"{found.rig}: {found.periods} periods{', simulated' if found.simulated else ''}"
-    for name, receivers in found.sensors.items():
-        for side, one in receivers.items():
-            yield f"  {name} {side:5} (input {one.input}): {_levels(one)}"
-    if not found.faults:
+def _(checked: RigCheck) -> Iterator[str]:
+    yield f"{checked.rig}: {checked.periods} periods{', simulated' if checked.simulated else ''}"
+    for name, receivers in checked.sensors.items():
+        for side, own in receivers.items():
+            yield f"  {name} {side:5} (input {own.input}): {_levels(own)}"
+    if not checked.faults:
         yield "nothing is wrong"
 
 
-def _levels(one: InputCheck) -> str:
+def _levels(own: InputCheck) -> str:
+    turn = "" if own.load_factor is None else f"; turn its trimmer to {own.load_factor:.2g} times its load"
     return (
-        f"{one.off_V:.3f} V off, {one.on_V:.3f} V on; signal {one.signal_V:.3f} V, "
-        f"noise {1e3 * one.noise_V:.2g} mV, off varies by {1e3 * one.room_V:.2g} mV"
+        f"{own.off_V:.3f} V off, {own.on_V:.3f} V on; signal {own.signal_V:.3f} V "
+        f"({100 * own.signal_V / own.off_V:.0f} %), noise {1e3 * own.noise_V:.2g} mV, "
+        f"off varies by {1e3 * own.room_V:.2g} mV{turn}"
     )
 
 
