@@ -1,4 +1,4 @@
-"""A USB-6218 behind NI-DAQmx's C functions, as `nidaqmx` calls them, and the conversation with it in writing.
+"""Devices behind NI-DAQmx's C functions, as `nidaqmx` calls them, and the conversation with it in writing.
 
 The package itself runs as it is: each function takes its arguments as ctypes would pass them, by the argument types
 that the package states, writes them down as the C call they make, and answers by what the instrument would hold. Errors
@@ -7,16 +7,24 @@ of the driver are answered where a test asks for them. Numbers of attributes and
 
 import ctypes
 from collections.abc import Callable
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from solen.bench.clock import Clock
+from tests.bench.daqmx_devices import DEVICES
 
 READ = {0x1223: "AvailSampPerChan"}
 TIMING = {0x1344: "SampClk.Rate", 0x1848: "AIConv.Rate"}
-CHANNEL = {0x1930: "AI.DevScalingCoeff", 0x1178: "CO.Pulse.Freq", 0x18E1: "CO.Pulse.Term"}
+CHANNEL = {
+    0x1930: "AI.DevScalingCoeff",
+    0x1178: "CO.Pulse.Freq",
+    0x18E1: "CO.Pulse.Term",
+    0x1815: "AI.Rng.High",
+    0x1816: "AI.Rng.Low",
+    0x1765: "AI.Resolution",
+}
 SYSTEM = {0x1272: "MajorVersion", 0x1923: "MinorVersion", 0x2F22: "UpdateVersion", 0x193B: "DevNames"}
 WORDS = {
     -200220: "Device identifier is invalid.\nDevice Specified: Dev9",
@@ -25,6 +33,7 @@ WORDS = {
     -200361: "Onboard device memory overflow.",
     -88709: "The specified operation cannot be performed because a task has been aborted or a device is being removed.",
     -200170: "Physical channel specified does not exist on this device.",
+    -200197: "Specified property is not supported by the device or is not applicable to the task.",
     -200999: "Words that nobody foresaw.\nSecond line",
 }
 SILENT = {
@@ -32,8 +41,10 @@ SILENT = {
     "DAQmxGetTaskAttribute",
     "DAQmxGetExtendedErrorInfo",
     "DAQmxSetRuntimeEnvironment",
+    "DAQmxGetDeviceAttribute",
+    "DAQmxGetPhysicalChanAttribute",
 }
-"""Calls that the package makes for itself."""
+"""Calls that the package makes for itself, and questions for what a device can do."""
 
 
 class Function:
@@ -111,10 +122,11 @@ class Library:
         Functions that an older driver does not have.
     """
 
-    devices: ClassVar = {"Dev1": "USB-6218 (BNC)", "Dev2": "USB-6009"}
     coefficients = (1.5e-3, 1.6e-4, 2e-13, -1e-18)
 
-    def __init__(self) -> None:
+    def __init__(self, kind: str = "USB-6218") -> None:
+        self.devices = {"Dev1": kind, "Dev2": "USB-6009"}
+        self.facts = DEVICES[kind]
         self.said: list[str] = []
         self.faults: dict[str, list[int]] = {}
         self.words = ""
@@ -123,7 +135,7 @@ class Library:
         self.running: set[int] = set()
         self.tasks: dict[int, list[str]] = {}
         self.missing: set[str] = {"DAQmxInternalGetLastCreatedChan"}
-        self._made, self._rate, self._frequency = 0, 0.0, 0.0
+        self._made, self._rate, self._frequency, self._range_v = 0, 0.0, 0.0, 0.0
         self._functions: dict[str, Function] = {}
 
     def __getattr__(self, name: str) -> Function:
@@ -145,12 +157,32 @@ class Library:
         to.to.value = 20
         return 0
 
-    def _GetDeviceAttribute(self, device: str, attribute: int, to: Any, size: int) -> int:
-        assert attribute == 0x631
+    def _GetDeviceAttribute(self, device: str, attribute: int, to: Any, size: int = 0) -> int:
         if device not in self.devices:
             self.words = WORDS[-200220]
             return -200220
-        return _text(self.devices[device], to, size)
+        value = DEVICES[self.devices[device]].property(attribute)
+        if value is None:
+            return self._unknown()
+        if isinstance(value, str):
+            return _text(value, to, size)
+        if not isinstance(value, tuple):
+            to.to.value = value
+        elif value and isinstance(value[0], float):
+            return _numbers(value, to, size)
+        else:
+            return _text(", ".join(f"{device}/{name}" for name in value), to, size)
+        return 0
+
+    def _GetPhysicalChanAttribute(self, channel: str, attribute: int, to: Any) -> int:
+        assert attribute == 0x2342
+        device, _, name = channel.partition("/")
+        to.to.value = DEVICES[self.devices[device]].wired[name]
+        return 0
+
+    def _unknown(self) -> int:
+        self.words = WORDS[-200197]
+        return -200197
 
     def _GetExtendedErrorInfo(self, to: Any, _: int) -> None:
         to.value = self.words.encode()
@@ -164,8 +196,12 @@ class Library:
         assert attribute == 0x1276
         return _text(f"_unnamedTask<{task}>", to, size)
 
-    def _CreateAIVoltageChan(self, task: int, channel: str, *_: Any) -> None:
+    def _CreateAIVoltageChan(
+        self, task: int, channel: str, _: str, wired: int, _low: float, high: float, *__: Any
+    ) -> None:
         self.tasks[task].append(channel)
+        alone = self.facts.real_v if wired != 10106 else 0.0
+        self._range_v = alone or high
 
     def _CreateCOPulseChanFreq(self, task: int, counter: str, *more: Any) -> None:
         self.tasks[task].append(counter)
@@ -189,17 +225,18 @@ class Library:
     def _SetChanAttribute(self, _task: int, _channel: str, attribute: int, _: str) -> None:
         assert CHANNEL[attribute] == "CO.Pulse.Term"
 
-    def _GetTimingAttribute(self, _task: int, attribute: int, to: Pointer) -> None:
+    def _GetTimingAttribute(self, _task: int, attribute: int, to: Pointer) -> int:
+        if TIMING[attribute] == "AIConv.Rate" and not self.facts.converts:
+            return self._unknown()
         to.to.value = self._rate if TIMING[attribute] == "SampClk.Rate" else 71_428.0
+        return 0
 
     def _GetChanAttribute(self, _task: int, _channel: str, attribute: int, to: Any, size: int = 0) -> int:
-        if CHANNEL[attribute] == "CO.Pulse.Freq":
-            to.to.value = self._frequency
-            return 0
-        if size == 0:
-            return len(self.coefficients)
-        values = (ctypes.c_double * size)(*self.coefficients)
-        ctypes.memmove(to.to.value, values, ctypes.sizeof(values))
+        name = CHANNEL[attribute]
+        if name == "AI.DevScalingCoeff":
+            return _numbers(self.coefficients, to, size)
+        ends = {"AI.Rng.High": self._range_v, "AI.Rng.Low": -self._range_v, "AI.Resolution": float(self.facts.bits)}
+        to.to.value = self._frequency if name == "CO.Pulse.Freq" else ends[name]
         return 0
 
     def _GetReadAttribute(self, _task: int, attribute: int, to: Pointer) -> None:
@@ -242,6 +279,14 @@ def _text(text: str, to: Any, size: int) -> int:
     if size == 0:
         return len(text) + 1
     to.value = text.encode()
+    return 0
+
+
+def _numbers(values: tuple[float, ...], to: Any, size: int) -> int:
+    """How an array is answered: its length where no place is given."""
+    if size == 0:
+        return len(values)
+    ctypes.memmove(to.to.value, (ctypes.c_double * size)(*values), 8 * size)
     return 0
 
 

@@ -5,16 +5,16 @@ One converter is switched from input to input, so that a sample of the second in
 first. What switches the emitters is stated separately: something outside, or the instrument's own counters, which run
 by the clock of the samples. When an emitter is on is found afterwards (`solen.bench.phases`).
 
-The interface: `Setup`, checked before the hardware is touched; `Samples` that came, `DaqLosses` that did not; `MODELS`,
-the instruments whose limits are known.
+The interface: `Setup`; `Model`, what an instrument can do, which checks a setup before the hardware is touched;
+`Samples` that came, `DaqLosses` that did not; `MODELS` are known without asking.
 """
 
-import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from solen.errors import BenchError
 
@@ -23,35 +23,104 @@ Terminal = Literal["rse", "nrse", "differential"]
 
 LEAST_IN_PHASE = 2
 """Settled samples of a phase of the emitters, at the least."""
+ENDS = np.array([[-(1 << 15)], [(1 << 15) - 1]], np.int16)
+"""Of counts."""
 
 
 @dataclass(frozen=True)
 class Model:
-    """Limits of an instrument.
+    """What an instrument can do.
 
     Attributes
     ----------
     name
-        As the instrument itself tells it.
-    rate_hz
-        Highest number of samples per second of all inputs together.
+        As the instrument itself states it.
+    rate_hz, alone_hz
+        Highest number of samples per second: of all inputs together, or of each where it samples simultaneously; and of
+        an input alone.
     ranges_v
         Ends of its ranges, ± V.
-    single, differential
-        Numbers of its inputs for each way of wiring.
+    inputs
+        For each way of wiring.
     switches
-        Counters, each with the terminal on which its pulses come out and the static line on the same terminal.
+        Counters that put out pulses, each with the terminal on which they come out and the static line on the same
+        terminal; empty where its driver chooses the terminal, and where there is no such line.
     lines
         Static digital outputs.
+    simultaneous
+        Whether each input has a converter of its own.
     """
 
     name: str
     rate_hz: float
+    alone_hz: float
     ranges_v: tuple[float, ...]
-    single: tuple[int, ...]
-    differential: tuple[int, ...]
+    inputs: Mapping[Terminal, tuple[str, ...]]
     switches: tuple[tuple[str, str, str], ...]
     lines: tuple[str, ...]
+    simultaneous: bool = False
+
+    def check(self, setup: "Setup") -> None:
+        """`BenchError` where it cannot do what is asked of it."""
+        self._check_channels(setup)
+        self._check_rate(setup)
+        if setup.range_v not in self.ranges_v:
+            ranges = ", ".join(f"{one:g}" for one in self.ranges_v) or "no range that is even about 0"
+            raise BenchError("daq.range_v", value=setup.range_v, limit=f"{self.name} has ±{ranges} V")
+        for key, line in setup.static_lines.items():
+            if line not in self.lines:
+                which = (
+                    f"one of {self.name}'s static outputs, {self.lines[0]} to {self.lines[-1]}" if self.lines else ""
+                )
+                limit = f"must be {which}" if which else f"is no line of {self.name}, which has no static outputs"
+                raise BenchError(f"daq.{key}", value=line, limit=limit)
+        if setup.switching == "counter":
+            self._check_counters(setup)
+
+    def highest_hz(self, channels: int) -> float:
+        """Samples per second of each of so many inputs, at the most."""
+        if channels == 1:
+            return self.alone_hz
+        return self.rate_hz if self.simultaneous else self.rate_hz / channels
+
+    def _check_channels(self, setup: "Setup") -> None:
+        known = self.inputs.get(setup.terminal, ())
+        if not known:
+            limit = f"is no way to wire {self.name}, which has {', '.join(self.inputs) or 'no analog inputs'}"
+            raise BenchError("daq.terminal", value=setup.terminal, limit=limit)
+        for channel in setup.channels:
+            if channel not in known:
+                limit = f"is not among the {setup.terminal} inputs of {self.name}: {known[0]} to {known[-1]}"
+                pairs = ", without the second inputs of pairs" if setup.terminal == "differential" else ""
+                raise BenchError("daq.channels", value=channel, limit=limit + pairs)
+
+    def _check_rate(self, setup: "Setup") -> None:
+        channels = len(setup.channels)
+        highest = self.highest_hz(channels)
+        if setup.rate_hz <= highest:
+            return
+        limit = f"is too fast: an input of {self.name} takes {highest:.0f} samples per second"
+        if channels > 1 and not self.simultaneous:
+            limit = (
+                f"of {channels} inputs are {setup.rate_hz * channels:.0f} samples per second; one converter serves all "
+                f"inputs of {self.name} and takes {self.rate_hz:.0f}"
+            )
+        raise BenchError("daq.rate_hz", value=setup.rate_hz, limit=limit, remedy=f"{highest:.0f} or less")
+
+    def _check_counters(self, setup: "Setup") -> None:
+        if setup.emitters > len(self.switches):
+            has = f"{len(self.switches) or 'no'} counters that put out pulses"
+            limit = f"take turns; {self.name} has {has}, and its other outputs are not timed"
+            remedy = 'light them by something outside (switching = "external"), with a sync where they take turns'
+            raise BenchError("sensor.emitter", value=setup.emitters, limit=limit, remedy=remedy)
+        taken = [line for _, _, line in self.switches[: setup.emitters]]
+        for key, line in setup.static_lines.items():
+            if line in taken:
+                raise BenchError(f"daq.{key}", value=line, limit="is the line on which a counter lights an emitter")
+
+
+def _named(*numbers: range) -> tuple[str, ...]:
+    return tuple(f"ai{number}" for some in numbers for number in some)
 
 
 MODELS = {
@@ -60,13 +129,18 @@ MODELS = {
     "USB-6218": Model(
         "USB-6218",
         250_000.0,
+        250_000.0,
         (0.2, 1.0, 5.0, 10.0),
-        tuple(range(32)),
-        (*range(8), *range(16, 24)),
+        {
+            "rse": _named(range(32)),
+            "nrse": _named(range(32)),
+            "differential": _named(range(8), range(16, 24)),
+        },
         (("ctr0", "PFI4", "port1/line0"), ("ctr1", "PFI5", "port1/line1")),
         tuple(f"port1/line{number}" for number in range(8)),
     )
 }
+"""Instruments that can be simulated, and whose rigs are checked as they are read."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +160,7 @@ class Setup:
     switching
         ``external``, or ``counter`` for the instrument's own.
     model, range_v, terminal
-        The instrument, its range ± V, and how inputs are wired.
+        The instrument (empty where it is asked what it is), its range ± V, and how inputs are wired.
     enable
         A static digital output that is high while samples are taken.
     alive
@@ -108,7 +182,7 @@ class Setup:
     emitters: int
     switch_hz: float
     switching: Switching = "external"
-    model: str = "USB-6218"
+    model: str = ""
     range_v: float = 10.0
     terminal: Terminal = "rse"
     enable: str | None = None
@@ -117,23 +191,22 @@ class Setup:
     buffer_s: float = 10.0
 
     def __post_init__(self) -> None:
-        model = MODELS[self.model]
-        self._check_channels(model)
-        self._check_rate(model)
-        if self.range_v not in model.ranges_v:
-            ranges = ", ".join(f"{one:g}" for one in model.ranges_v)
-            raise BenchError("daq.range_v", value=self.range_v, limit=f"{self.model} has ±{ranges} V")
-        if self.switching == "counter":
-            self._check_counters(model)
-        elif self.emitters > 1 and not self.synced:
+        if len(set(self.channels)) < len(self.channels):
+            raise BenchError("daq.channels", value=", ".join(self.channels), limit="name an input twice")
+        if self.model in MODELS:
+            MODELS[self.model].check(self)
+        self._check_phase()
+        if self.switching == "external" and self.emitters > 1 and not self.synced:
             limit = f"is needed with {self.emitters} emitters in turn: nothing else tells which of them is on"
             raise BenchError("daq.sync", limit=limit, remedy="record what lights emitter 1, or light all at once")
-        for key, line in (("enable", self.enable), ("alive", self.alive)):
-            if line is not None and line not in model.lines:
-                limit = f"must be one of {self.model}'s static outputs, {model.lines[0]} to {model.lines[-1]}"
-                raise BenchError(f"daq.{key}", value=line, limit=limit)
         if self.alive is not None and self.alive == self.enable:
             raise BenchError("daq.alive", value=self.alive, limit="is the line of daq.enable")
+
+    @property
+    def static_lines(self) -> dict[str, str]:
+        """Lines that are set by the program, by their keys."""
+        stated = {"enable": self.enable, "alive": self.alive}
+        return {key: line for key, line in stated.items() if line is not None}
 
     @property
     def inputs(self) -> int:
@@ -145,26 +218,7 @@ class Setup:
         """Samples that are kept together: about those of a period of the emitters."""
         return max(1, round(self.rate_hz / self.switch_hz))
 
-    def _check_channels(self, model: Model) -> None:
-        known = model.differential if self.terminal == "differential" else model.single
-        for channel in self.channels:
-            match = re.fullmatch(r"ai(\d+)", channel)
-            if match is None or int(match[1]) not in known:
-                limit = f"is not among the {self.terminal} inputs of {self.model}: ai{known[0]} to ai{known[-1]}"
-                pairs = ", without the second inputs of pairs" if self.terminal == "differential" else ""
-                raise BenchError("daq.channels", value=channel, limit=limit + pairs)
-        if len(set(self.channels)) < len(self.channels):
-            raise BenchError("daq.channels", value=", ".join(self.channels), limit="name an input twice")
-
-    def _check_rate(self, model: Model) -> None:
-        total = self.rate_hz * len(self.channels)
-        if total > model.rate_hz:
-            limit = (
-                f"of {len(self.channels)} inputs are {total:.0f} samples per second; one converter serves all inputs "
-                f"of {self.model} and takes {model.rate_hz:.0f}"
-            )
-            remedy = f"{model.rate_hz / len(self.channels):.0f} or less"
-            raise BenchError("daq.rate_hz", value=self.rate_hz, limit=limit, remedy=remedy)
+    def _check_phase(self) -> None:
         phase_s = 0.5 / (self.switch_hz * self.emitters)
         settled = (phase_s - 1e-6 * self.settle_us) * self.rate_hz
         if settled < LEAST_IN_PHASE:
@@ -173,16 +227,6 @@ class Setup:
                 f"{self.settle_us:g} µs of settling; {LEAST_IN_PHASE} are needed"
             )
             raise BenchError("daq.rate_hz", value=self.rate_hz, limit=limit, remedy="sample faster or settle less")
-
-    def _check_counters(self, model: Model) -> None:
-        if self.emitters > len(model.switches):
-            limit = f"take turns; {self.model} has {len(model.switches)} counters, and its other outputs are not timed"
-            remedy = 'light them all at once, or by something outside (switching = "external" with a sync)'
-            raise BenchError("sensor.emitter", value=self.emitters, limit=limit, remedy=remedy)
-        taken = [line for _, _, line in model.switches[: self.emitters]]
-        for key, line in (("enable", self.enable), ("alive", self.alive)):
-            if line in taken:
-                raise BenchError(f"daq.{key}", value=line, limit="is the line on which a counter lights an emitter")
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,3 +273,11 @@ def volts_of(counts: NDArray[np.int16], coefficients: NDArray[np.float64]) -> ND
     for power in range(coefficients.shape[1] - 2, -1, -1):
         volts = volts * counts + coefficients[:, power]
     return np.asarray(volts)
+
+
+def ends_of(coefficients: NDArray[np.float64], limits_V: ArrayLike | None = None) -> NDArray[np.float64]:
+    """Lowest and highest volts of each channel, (2, channels): of its counts, or of its range if that ends before."""
+    counts = np.repeat(ENDS, len(coefficients), axis=1)
+    low, high = volts_of(counts, coefficients)
+    stated = np.stack([low, high], axis=1) if limits_V is None else np.asarray(limits_V)
+    return np.stack([np.maximum(low, stated[:, 0]), np.minimum(high, stated[:, 1])])

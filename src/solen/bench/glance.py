@@ -17,7 +17,7 @@ import numpy as np
 from solen.analysis.demodulation import Demodulated, slots_of, subtract
 from solen.arrays import BoolArray, FloatArray
 from solen.bench.clock import Clock
-from solen.bench.daq import Samples, volts_of
+from solen.bench.daq import Samples, ends_of, volts_of
 from solen.bench.drivers import DRIVERS
 from solen.bench.frames import UNSOUND, Periods
 from solen.bench.interrupts import uninterrupted
@@ -27,7 +27,6 @@ from solen.bench.readings import Converter, subtracted
 from solen.bench.rig import Rig
 from solen.bench.roles import Daq, EmitterBoard, Stage
 from solen.bench.simulated.stage import SimulatedStage
-from solen.bench.waveform import ENDS
 
 REACH = {"deg": 3.0, "mm": 2.0}
 """How far from zero a simulated rig is traced where no protocol says so."""
@@ -127,13 +126,13 @@ class Glances:
         taken_s = (samples.first + np.arange(len(samples.counts))) / daq.rate_hz
         volts = volts_of(samples.counts, daq.coefficients)
         clock = clock_of(taken_s, volts, setup, daq.switch_hz)
-        low, high = volts_of(np.repeat(ENDS, len(setup.channels), axis=1), daq.coefficients)
+        low, high = ends_of(daq.coefficients, getattr(daq, "limits_V", None))
         readings = []
         for channel in range(setup.inputs):
             state = states(clock, channel * daq.convert_s, 1e-6 * setup.settle_us, setup.emitters)
             one = slice(channel, channel + 1)
             readings.append(subtract(slots_of(taken_s, volts[:, one], state, limits=(low[one], high[one]))))
-        return Glance.of([readings] * setup.emitters, (-setup.range_v, setup.range_v))
+        return Glance.of([readings] * setup.emitters, (float(low.max()), float(high.min())))
 
     def _with_kept(self, samples: Samples) -> Samples:
         """Samples after those that were too few by themselves, unless some are missing between them."""

@@ -1,10 +1,10 @@
-"""National Instruments' USB-6218 by NI-DAQmx: inputs sampled by its clock, emitters by its counters or from outside.
+"""Instruments of National Instruments by NI-DAQmx: inputs sampled by their clock, emitters by counters or outside.
 
 The idea: the instrument's clock says when samples are taken, and its driver keeps them until they are read; the program
 only has to come by often enough. Samples are read as the counts they are, without the driver's scaling, whose
-coefficients are asked once. What the instrument cannot do is known (`solen.bench.daq.MODELS`) and not asked of it: its
-digital outputs follow the program, not a clock, so that only its two counters can switch emitters 200 times a second.
-They begin with the first sample and run by the same quartz.
+coefficients are asked once. What the instrument can do is asked as well (`solen.bench.nidaq_model`). Digital outputs
+are set by the program, not by a clock, so that only counters can switch emitters 200 times a second. They begin with
+the first sample and run by the same quartz.
 
 Where the program reads too late, samples are overwritten: that is counted and reported, and another stretch begins. Any
 other fault ends the run. However it ends, the counters are released and their lines, and the enabling one, set low.
@@ -14,18 +14,18 @@ The interface: `NiDaq`, a `Daq`. Extra ``bench``; NI-DAQmx itself is National In
 """
 
 import contextlib
-import importlib
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from solen.bench.clock import Clock
-from solen.bench.daq import MODELS, DaqLosses, Samples, Setup
+from solen.bench.daq import DaqLosses, Model, Samples, Setup
 from solen.bench.drivers import on_failure
+from solen.bench.nidaq_model import WIRED, answer_or, model_of, nidaqmx_package, no_driver
 from solen.errors import BenchError
-from solen.extras import need
 
 OVERRUNS = {
     -200279: "samples were overwritten before the program read them",
@@ -47,6 +47,8 @@ FAULTS = {
     -88710: ("was unplugged or reset", "check its cable"),
 }
 """What other error codes mean, and what to do."""
+MOST_BITS = 16
+"""Wider converters do not fit into the counts that are kept."""
 MOST_OVERRUNS, WITHIN_S = 3, 10.0
 """So many overruns in so much time end the run."""
 
@@ -66,20 +68,24 @@ class NiDaq:
     Raises
     ------
     BenchError
-        Where nidaqmx or NI-DAQmx is not installed, or the device is not there, another, in use or at fault.
+        Where nidaqmx or NI-DAQmx is not installed, or the device is not there, another, in use, at fault, or cannot do
+        what is asked of it.
     """
 
     def __init__(self, clock: Clock, device: str, setup: Setup) -> None:
-        self.setup, self.losses = setup, DaqLosses()
-        self.name = f"{setup.model} {device}"
+        self.losses = DaqLosses()
         self._clock, self._device = clock, device
-        self._ni = _nidaqmx()
-        self._switches = MODELS[setup.model].switches[: setup.emitters] if setup.switching == "counter" else ()
+        self._ni = nidaqmx_package()
+        self._model = self._checked(setup)
+        self.setup = replace(setup, model=setup.model or self._model.name)
+        self.name = f"{self.setup.model} {device}"
+        self._switches = self._model.switches[: setup.emitters] if setup.switching == "counter" else ()
+        self._remarks: list[str] = []
+        self.switch_hz = setup.switch_hz
         self._tasks: list[Any] = []
         self._stretch, self._next, self._begun_s = 0, 0, 0.0
         self._overruns_s: list[float] = []
         self._beat = False
-        self._check_device()
         with on_failure(self._off):
             self._lines(False)
             self._prepare()
@@ -88,6 +94,11 @@ class NiDaq:
     def coefficients(self) -> NDArray[np.float64]:
         """Of its converter as it was calibrated, by channel."""
         return self._coefficients
+
+    @property
+    def limits_V(self) -> NDArray[np.float64]:
+        """Ends of each channel's range as the instrument has it, shape (channels, 2)."""
+        return self._limits_V
 
     @property
     def no_watchdog(self) -> str | None:
@@ -132,7 +143,8 @@ class NiDaq:
             self._beat = not self._beat
             self._put((self.setup.alive,), self._beat)
         first, self._next = self._next, self._next + counts.shape[1]
-        return Samples(self._stretch, first, np.ascontiguousarray(counts.T))
+        remarks, self._remarks = tuple(self._remarks), []
+        return Samples(self._stretch, first, np.ascontiguousarray(counts.T), remarks)
 
     def stop(self) -> None:
         """Emitters off, no more samples; `BenchError` where the lines cannot be set."""
@@ -145,13 +157,17 @@ class NiDaq:
         if self._tasks:
             self.stop()
 
-    def _check_device(self) -> None:
-        """That it is there, and what it is taken for."""
+    def _checked(self, setup: Setup) -> Model:
+        """What the device can do; `BenchError` where it is not what the rig says, or cannot do what is asked."""
         with self._translated("find"):
-            product_type = self._ni.system.Device(self._device).product_type
-        if self.setup.model not in product_type:
-            limit = f"is a {product_type}, not a {self.setup.model}"
-            raise BenchError(f"NI-DAQmx device {self._device}", limit=limit, remedy="name another device")
+            device = self._ni.system.Device(self._device)
+            product = device.product_type
+            if setup.model not in product:
+                limit = f"is a {product}, not a {setup.model}"
+                raise BenchError(f"NI-DAQmx device {self._device}", limit=limit, remedy="name another device")
+            model = model_of(device, self._ni)
+        model.check(setup)
+        return model
 
     def _prepare(self) -> None:
         """Tasks of the counters and of the inputs, reserved and not started; the inputs are the last."""
@@ -164,7 +180,7 @@ class NiDaq:
         constants, setup = self._ni.constants, self.setup
         task = self._ni.Task()
         with on_failure(lambda: _clear(task, self._ni)):
-            wired = {"rse": "RSE", "nrse": "NRSE", "differential": "DIFF"}[setup.terminal]
+            wired = WIRED[setup.terminal]
             channels = [
                 task.ai_channels.add_ai_voltage_chan(
                     f"{self._device}/{channel}",
@@ -181,9 +197,32 @@ class NiDaq:
             task.in_stream.input_buf_size = buffer
             task.control(constants.TaskMode.TASK_COMMIT)
             self.rate_hz = float(task.timing.samp_clk_rate)
-            self.convert_s = 1.0 / float(task.timing.ai_conv_rate) if len(channels) > 1 else 0.0
+            self.convert_s = self._converts(task) if len(channels) > 1 and not self._model.simultaneous else 0.0
             self._coefficients = np.array([channel.ai_dev_scaling_coeff for channel in channels], dtype=float)
+            self._limits_V = np.array([(channel.ai_rng_low, channel.ai_rng_high) for channel in channels], dtype=float)
+            self._check_bits([channel.ai_resolution for channel in channels])
         return task
+
+    def _check_bits(self, bits: list[float]) -> None:
+        if max(bits) > MOST_BITS:
+            limit = f"has a converter of {max(bits):g} bits, and counts of {MOST_BITS} are kept"
+            raise BenchError(self.name, limit=limit, remedy="take a device of 16 bits or less")
+
+    def _converts(self, task: Any) -> float:
+        """From one channel to the next, in s; where its driver does not state that, the longest that it can be.
+
+        A sample that is taken for later than it was is never taken for one of the phase before.
+        """
+        channels = len(self.setup.channels)
+        stated = answer_or(0.0, lambda: float(task.timing.ai_conv_rate), self._ni)
+        if stated:
+            return 1.0 / stated
+        longest, shortest = 1.0 / (self.rate_hz * channels), 1.0 / self._model.rate_hz
+        self._remarks = [
+            f"{self.name} does not state when it converts: inputs are taken to follow one another by "
+            f"{1e6 * longest:.3g} µs, and it may be {1e6 * shortest:.3g} µs"
+        ]
+        return longest
 
     def _pulses(self, place: int, counter: str, terminal: str) -> Any:
         """Pulses for an emitter: on for the first half of its slot, from the first sample on."""
@@ -197,7 +236,8 @@ class NiDaq:
                 freq=setup.switch_hz,
                 duty_cycle=0.5 / setup.emitters,
             )
-            channel.co_pulse_term = f"/{self._device}/{terminal}"
+            if terminal:
+                channel.co_pulse_term = f"/{self._device}/{terminal}"
             task.timing.cfg_implicit_timing(sample_mode=constants.AcquisitionType.CONTINUOUS)
             task.triggers.start_trigger.cfg_dig_edge_start_trig(f"/{self._device}/ai/StartTrigger")
             task.control(constants.TaskMode.TASK_COMMIT)
@@ -245,8 +285,8 @@ class NiDaq:
 
     def _lines(self, high: bool) -> None:
         """Set every line that lights something."""
-        stated = (line for line in (self.setup.enable, self.setup.alive) if line is not None)
-        self._put((*(line for _, _, line in self._switches), *stated), high)
+        taken = tuple(line for _, _, line in self._switches if line)
+        self._put((*taken, *self.setup.static_lines.values()), high)
 
     def _put(self, lines: tuple[str, ...], high: bool) -> None:
         for line in lines:
@@ -270,7 +310,7 @@ class NiDaq:
                 raise _OverrunError(bad.error_code) from None
             raise self._fault(what, bad) from None
         except (errors.DaqNotFoundError, errors.DaqNotSupportedError, errors.DaqFunctionNotSupportedError) as bad:
-            raise _no_driver(bad) from None
+            raise no_driver(bad) from None
 
     def _fault(self, what: str, bad: Any) -> BenchError:
         code, name = bad.error_code, f"NI-DAQmx device {self._device}"
@@ -300,20 +340,3 @@ def _clear(task: Any, ni: Any) -> None:
     """Let go of a task, whatever state it is in."""
     with contextlib.suppress(ni.errors.Error):
         task.close()
-
-
-def _nidaqmx() -> Any:
-    """The package; `BenchError` where it is not installed."""
-    need("nidaqmx", what="daq.driver", value="nidaqmx", error=BenchError)
-    for part in ("constants", "errors", "stream_readers", "stream_writers", "system"):
-        importlib.import_module(f"nidaqmx.{part}")
-    return importlib.import_module("nidaqmx")
-
-
-def _no_driver(bad: Exception) -> BenchError:
-    kind = type(bad).__name__
-    if kind == "DaqNotSupportedError":
-        return BenchError("NI-DAQmx", limit="does not run on this system", remedy="use Windows, or a Linux it supports")
-    if kind == "DaqFunctionNotSupportedError":
-        return BenchError("NI-DAQmx", limit="is too old for nidaqmx", remedy="install a newer NI-DAQmx from ni.com")
-    return BenchError("NI-DAQmx", limit="must be installed, and is not", remedy="get the driver from ni.com/downloads")

@@ -135,7 +135,6 @@ _ASKED = {
     "rate_hz",
     "switch_hz",
     "switching",
-    "model",
     "range_v",
     "terminal",
     "enable",
@@ -156,8 +155,10 @@ class DaqOf(BenchTable):
         description="simulated, nidaqmx for an instrument of National Instruments, or that of another package.",
     )
     device: Text | None = Field(None, description="Name of a real one, as NI-DAQmx calls it: Dev1.")
-    model: Text = Field("USB-6218", description=f"Kind of the instrument: {', '.join(MODELS)}.")
-    rate_hz: Annotated[Number, Field(ge=100, le=250_000)] = Field(
+    model: Text | None = Field(
+        None, description=f"What it must be; default: whatever it says it is. Simulated: {', '.join(MODELS)}."
+    )
+    rate_hz: Annotated[Number, Field(ge=100, le=2_000_000)] = Field(
         10_000.0, description="Samples of each input per second."
     )
     range_v: Positive = Field(10.0, description="Its range, ± V: one that goes beyond the circuit's supply.")
@@ -185,17 +186,22 @@ class DaqOf(BenchTable):
 
     @model_validator(mode="after")
     def _is_there(self) -> Self:
-        if self.model not in MODELS:
+        if self.driver == "simulated" and self.kind not in MODELS:
             raise refused("model", f"must be one of {', '.join(MODELS)}", value=self.model)
         _check_driver(self, "device")
         if self.switching == "counter" and self.sync is not None:
             raise refused("sync", "has no use beside counters, which run by the clock of the samples", value=self.sync)
         return self
 
+    @property
+    def kind(self) -> str:
+        """Its model; empty for a real one that is asked."""
+        return self.model or ("USB-6218" if self.driver == "simulated" else "")
+
     def setup(self, emitters: int, inputs: int) -> Setup:
-        """What it is asked to do for so many emitters and inputs; `BenchError` where it cannot."""
-        pool = MODELS[self.model].differential if self.terminal == "differential" else MODELS[self.model].single
-        channels = self.channels or tuple(f"ai{number}" for number in pool[:inputs])
+        """What it is asked to do for so many emitters and inputs; `BenchError` where it is known that it cannot."""
+        pool = MODELS[self.kind].inputs[self.terminal] if self.kind in MODELS else None
+        channels = self.channels or (pool or tuple(f"ai{number}" for number in range(inputs)))[:inputs]
         if len(channels) != inputs:
             limit = f"names {len(channels)} inputs; the sensors are on {inputs}"
             raise BenchError("daq.channels", limit=limit, remedy="name one for each, in their order")
@@ -203,6 +209,7 @@ class DaqOf(BenchTable):
             channels=channels if self.sync is None else (*channels, self.sync),
             synced=self.sync is not None,
             emitters=emitters,
+            model=self.kind,
             **self.model_dump(include=_ASKED),
         )
 

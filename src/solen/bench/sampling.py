@@ -107,6 +107,7 @@ class DaqSampling:
     def header(self) -> dict[str, Any]:
         """What a journal's header says of it."""
         daq = self._daq
+        limits = getattr(daq, "limits_V", None)  # where a converter's counts end, if they end before 16 bits do
         return {
             "daq": {
                 "name": daq.name,
@@ -115,6 +116,7 @@ class DaqSampling:
                 "switch_hz": daq.switch_hz,
                 "convert_s": daq.convert_s,
                 "coefficients": daq.coefficients.tolist(),
+                "limits_V": None if limits is None else limits.tolist(),
             },
             "bulky": ["samples"],
         }

@@ -18,7 +18,7 @@ import numpy as np
 from solen.analysis.demodulation import Clock, Demodulated, slots_of, subtract
 from solen.arrays import BoolArray, FloatArray
 from solen.bench.clock_fit import ClockLine, fit_clock
-from solen.bench.daq import Setup, volts_of
+from solen.bench.daq import Setup, ends_of, volts_of
 from solen.bench.journal_content import JournalContent
 from solen.bench.phases import clock_of, states
 from solen.bench.timing import came_by, exchanges
@@ -32,7 +32,6 @@ CHUNK = 1 << 14
 """Samples that are compressed together."""
 OVERLAP = 4
 """Frames, each of a period, that a window looks beyond its borders."""
-ENDS = np.array([[-(1 << 15)], [(1 << 15) - 1]], np.int16)
 
 
 @dataclass(frozen=True)
@@ -70,6 +69,7 @@ class Waveform:
         self._setup = Setup(**daq["setup"] | {"channels": tuple(daq["setup"]["channels"])})
         self._rate_hz, self._switch_hz, self._convert_s = daq["rate_hz"], daq["switch_hz"], daq["convert_s"]
         self._coefficients = np.array(daq["coefficients"])
+        self._limits = ends_of(self._coefficients, daq.get("limits_V"))
         self.remarks: list[str] = []
         frames = journaled.counts["samples"]
         self.part, self.stretch = np.zeros(frames, np.uint16), np.zeros(frames, np.uint16)
@@ -173,7 +173,7 @@ class Waveform:
         delays = self._convert_s * (np.array(inputs) - place)
         right, left = (states(clock, delay, 1e-6 * self._setup.settle_us, self._setup.emitters) for delay in delays)
         time = line.at(taken_s + self._convert_s * float(np.mean(inputs)))
-        low, high = volts_of(np.repeat(ENDS, volts.shape[1], axis=1), self._coefficients)[:, inputs]
+        low, high = self._limits[:, inputs]
         state = np.where(right == left, right, -1)
         return subtract(slots_of(time, volts[:, inputs], state, limits=(low, high)))
 

@@ -160,7 +160,7 @@ def converter(rig: Rig) -> Adc:
     board, daq = rig.board, rig.daq
     if daq is None:
         return Adc("board", board.bits, 0.0, board.range_v, 1e-6 * board.noise_uv)
-    part = cast(AdcPart, library_part(daq.model))  # of that kind in the library that is shipped
+    part = cast(AdcPart, library_part(daq.kind))  # of that kind in the library that is shipped
     adc = Adc.of(part, daq.range_v, (-daq.range_v, daq.range_v))
     return adc if daq.noise_uv is None else replace(adc, noise_V=1e-6 * daq.noise_uv)
 

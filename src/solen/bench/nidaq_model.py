@@ -1,0 +1,88 @@
+"""What a device of National Instruments can do, asked of its driver.
+
+The idea: NI-DAQmx knows of each device its inputs and how they may be wired, ranges, rates, whether inputs share a
+converter, counters that put out pulses, and static lines. A property that a device does not have is an error of the
+driver, and stands for none.
+
+The interface: `nidaqmx_package`; `model_of` a device; `answer_or` what stands for none; `WIRED`; `no_driver`.
+"""
+
+import importlib
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+from solen.bench.daq import Model, Terminal
+from solen.errors import BenchError
+from solen.extras import need
+
+WIRED: dict[Terminal, str] = {"rse": "RSE", "nrse": "NRSE", "differential": "DIFF"}
+"""Ways of wiring, and what NI-DAQmx calls them."""
+OUTPUTS = {"USB-621": {"ctr0": ("PFI4", "port1/line0"), "ctr1": ("PFI5", "port1/line1")}}
+"""Where counters come out, and the static line that holds that terminal afterwards (USB-621x user manual)."""
+_Value = TypeVar("_Value")
+
+
+def nidaqmx_package() -> Any:
+    """The package; `BenchError` where it is not installed."""
+    need("nidaqmx", what="daq.driver", value="nidaqmx", error=BenchError)
+    for part in ("constants", "errors", "stream_readers", "stream_writers", "system"):
+        importlib.import_module(f"nidaqmx.{part}")
+    return importlib.import_module("nidaqmx")
+
+
+def no_driver(bad: Exception) -> BenchError:
+    """What to say where the driver itself is missing, or is not what it should be."""
+    kind = type(bad).__name__
+    if kind == "DaqNotSupportedError":
+        return BenchError("NI-DAQmx", limit="does not run on this system", remedy="use Windows, or a Linux it supports")
+    if kind == "DaqFunctionNotSupportedError":
+        return BenchError("NI-DAQmx", limit="is too old for nidaqmx", remedy="install a newer NI-DAQmx from ni.com")
+    return BenchError("NI-DAQmx", limit="must be installed, and is not", remedy="get the driver from ni.com/downloads")
+
+
+def model_of(device: Any, ni: Any) -> Model:
+    """What a device of NI-DAQmx says it can do; what it has nothing of is empty."""
+
+    def asked(nothing: _Value, ask: Callable[[], _Value]) -> _Value:
+        return answer_or(nothing, ask, ni)
+
+    product = str(device.product_type)
+    outputs = next((known for begin, known in OUTPUTS.items() if product.startswith(begin)), {})
+    no_names: list[str] = []
+    ends = asked(list[float](), lambda: list(device.ai_voltage_rngs))
+    counters = asked(no_names, lambda: device.co_physical_chans.channel_names)
+    rate = asked(0.0, lambda: float(device.ai_max_multi_chan_rate))
+    return Model(
+        name=product,
+        rate_hz=rate,
+        alone_hz=asked(rate, lambda: float(device.ai_max_single_chan_rate)),
+        ranges_v=tuple(sorted(high for low, high in zip(ends[::2], ends[1::2], strict=True) if low == -high)),
+        inputs=_inputs(device, ni),
+        switches=tuple((name, *outputs.get(name, ("", ""))) for name in map(_of, counters) if name.startswith("ctr")),
+        lines=tuple(map(_of, asked(no_names, lambda: device.do_lines.channel_names))),
+        simultaneous=asked(False, lambda: bool(device.ai_simultaneous_sampling_supported)),
+    )
+
+
+def answer_or(nothing: _Value, ask: Callable[[], _Value], ni: Any) -> _Value:
+    """An answer of the driver, or what stands for none where the device has no such property."""
+    try:
+        return ask()
+    except ni.errors.DaqError:
+        return nothing
+
+
+def _inputs(device: Any, ni: Any) -> dict[Terminal, tuple[str, ...]]:
+    """Analog inputs by the ways they may be wired, less ways that none has."""
+    channels = answer_or(list[Any](), lambda: list(device.ai_physical_chans), ni)
+    ways = {_of(channel.name): [way.name for way in channel.ai_term_cfgs] for channel in channels}
+    found = {
+        terminal: tuple(channel for channel, allowed in ways.items() if name in allowed)
+        for terminal, name in WIRED.items()
+    }
+    return {terminal: names for terminal, names in found.items() if names}
+
+
+def _of(name: str) -> str:
+    """A channel's name without its device's."""
+    return name.partition("/")[2]
