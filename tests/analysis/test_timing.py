@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from solen.analysis import AnalysisOptions, SensorResponse, Signals, sensor_response
+from solen.analysis.timing import of_main_speed
 from solen.arrays import FloatArray
 from tests.analysis.made_support import Protocol
 
@@ -64,7 +65,7 @@ def test_two_speeds_tell_a_lag_from_a_hysteresis(lag_s: float, hysteresis_V: flo
         if hysteresis_V == 0.0 and lag_s:
             assert one.hysteresis_percent > 3.0
             assert own.hysteresis_percent < 0.5
-    assert any("two speeds" in line for line in found.warnings)
+    assert not any("speed" in line for line in found.warnings)
 
 
 def test_intervals_of_a_lag_by_two_speeds_hold() -> None:
@@ -73,6 +74,42 @@ def test_intervals_of_a_lag_by_two_speeds_hold() -> None:
         timing = found_of(Two(0.008, 0.05, noise_V=0.01, seed=seed)).timing
         pulls.append(abs(timing.lag_s - 0.008) / timing.u_lag_s)
     assert sum(pull > 2.45 for pull in pulls) <= 6  # t with 6 degrees of freedom; 2 of 40 expected
+
+
+def test_figures_of_merit_are_of_one_speed() -> None:
+    """A lag moves fast and slow ways apart; what they have in common is no scatter of the sensor."""
+    both, fast = found_of(Two(0.016)), found_of(Two(0.016, slow=0))
+    assert (both.runs[0].used, both.runs[0].timed) == (tuple(range(1, 6)), tuple(range(1, 9)))
+    assert both.cycles_used == fast.cycles_used == 5
+    for name, own in both.receivers.items():
+        alone = fast.receivers[name]
+        assert own.mean_V == pytest.approx(alone.mean_V, abs=0.004)
+        assert own.repeatability_percent == pytest.approx(alone.repeatability_percent, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("speeds", "used"),
+    [
+        ([15, 15, 14.9, 5, 5], [1, 1, 1, 0, 0]),
+        ([15, 15, 5, 5], [1, 1, 0, 0]),
+        ([5, 5, 5, 15, 15], [1, 1, 1, 0, 0]),
+        ([15, 13, 11, 9, 6, 5], [1, 1, 1, 1, 1, 1]),  # turned by hand: no second speed was meant
+        ([15, 14.9, 12, 15, 11], [1, 1, 1, 1, 1]),
+        ([15, 5, 30], [1, 1, 1]),
+    ],
+)
+def test_the_speed_of_most_cycles_is_the_main_one(speeds: list[float], used: list[int]) -> None:
+    assert of_main_speed(np.array(speeds, dtype=np.float64)).tolist() == [bool(one) for one in used]
+
+
+def test_angles_across_corners_are_in_the_uncertainty_of_a_lag() -> None:
+    """A stage that is asked every 20 ms: straight lines between its answers cut the corners of every cycle alike."""
+    two = Two(noise_V=1e-5)
+    signals = two.signals()
+    coarse = np.arange(signals.time_s[0], signals.time_s[-1], 0.0203)
+    cut = np.interp(signals.time_s, coarse, np.interp(coarse, signals.time_s, signals.angle_deg))
+    timing = sensor_response([replace(signals, angle_deg=cut)], AnalysisOptions()).timing
+    assert abs(timing.lag_s) < 3.0 * timing.u_lag_s
 
 
 def test_at_one_speed_nothing_can() -> None:

@@ -60,6 +60,10 @@ class Passes:
         columns = ([getattr(part, name) for part in parts] for name in ("volts", "clipped", "middle_s"))
         return cls(parts[0].angle_deg, *(np.concatenate(column) for column in columns))
 
+    def rows(self, which: BoolArray) -> "Passes":
+        """Those of some cycles."""
+        return Passes(self.angle_deg, self.volts[which], self.clipped[which], self.middle_s[which])
+
     def of(self, receiver: int) -> "Passes":
         """Those of one receiver, with a last axis of one."""
         part = slice(receiver, receiver + 1)

@@ -25,7 +25,7 @@ from solen.analysis.protocol_angle import Protocol
 from solen.analysis.receiver_pair import PairResponse, pair_response, sign_warnings
 from solen.analysis.response import Passes, common_range, grid_deg, nice_step, passes
 from solen.analysis.signals import SignalOptions, Signals
-from solen.analysis.timing import Source, Timing, angle_bound_s, cycle_speeds, timing_of
+from solen.analysis.timing import Source, Timing, angle_bound_s, cycle_speeds, of_main_speed, timing_of
 from solen.arrays import BoolArray, FloatArray
 from solen.errors import DataError
 from solen.recording.column_roles import left_right
@@ -99,7 +99,9 @@ class Run(Result):
     motion
         Its ramps, holds and cycles.
     used
-        Places of the cycles that are used.
+        Places of the cycles that response and figures of merit rest on: those at the speed of most.
+    timed
+        Places of all that timing is known from: those of other speeds, too.
     clipped
         Which samples are clipped, (n, m).
     warnings
@@ -109,6 +111,7 @@ class Run(Result):
     signals: Signals = field(metadata=HIDDEN)
     motion: Motion
     used: tuple[int, ...]
+    timed: tuple[int, ...]
     clipped: BoolArray = field(metadata=HIDDEN)
     warnings: tuple[str, ...] = field(metadata=HIDDEN)
 
@@ -207,7 +210,8 @@ def sensor_response(
             raise DataError(f"{other.source} ({other.label})", limit=limit, remedy="name them alike with --channel")
     known = {} if motions is None else motions
     runs = tuple(_run(signals, options, known) for signals in recordings)
-    ways = _pooled_passes(runs, options.step_deg, first.label)
+    every = _pooled_passes(runs, options.step_deg, first.label)
+    ways = every.rows(np.array([place in run.used for run in runs for place in run.timed]))
     noise = pooled_noise([_scatter(run) for run in runs]).tolist()
     receivers = {
         name: receiver_response(ways.of(n), noise[n], sum(int(run.clipped[:, n].sum()) for run in runs))
@@ -220,7 +224,7 @@ def sensor_response(
     warnings = [warning for run in runs for warning in (*run.motion.warnings, *run.warnings)]
     warnings += [] if first.lens is False else sign_warnings(receivers, sides, first.unit)
     warnings += _cautions(receivers, ways, runs)
-    timing = _timing(runs, ways, receivers)
+    timing = _timing(runs, every, receivers)
     warnings += _timing_warnings(timing, receivers)
     ageing = None
     if options.every is not None:
@@ -247,26 +251,22 @@ def _cycle_scatters(run: Run) -> list[Scatter]:
     return [_scatter(run, cycle.start_s, cycle.end_s) for cycle in cycles]
 
 
-def _timing(runs: Sequence[Run], ways: Passes, receivers: dict[str, ReceiverResponse]) -> Timing:
-    """Timing of all recordings: the worst of their bounds."""
+def _timing(runs: Sequence[Run], every: Passes, receivers: dict[str, ReceiverResponse]) -> Timing:
+    """Timing of all recordings by cycles of every speed: the worst of their bounds."""
     speeds, bounds = [], []
     for run in runs:
         signals = run.signals
-        speeds.append(cycle_speeds(signals.time_s, signals.angle_deg, run.motion, run.used))
+        speeds.append(cycle_speeds(signals.time_s, signals.angle_deg, run.motion, run.timed))
         own: tuple[float, Source] = (angle_bound_s(signals.time_s, signals.angle_deg, run.motion), "angle")
         bounds.append(signals.timing_bound_s or own)
-    return timing_of(ways, np.concatenate(speeds), max(bounds), receivers)
+    return timing_of(every, np.concatenate(speeds), max(bounds), receivers)
 
 
 def _timing_warnings(timing: Timing, receivers: dict[str, ReceiverResponse]) -> list[str]:
     """Whether a hysteresis may be timing."""
     speed, adds = max(timing.speeds_deg_per_s), timing.timing_deg
     if timing.separated:
-        shown = [f"{name} {one.hysteresis_percent:.2g} %" for name, one in timing.receivers.items()]
-        return [
-            f"two speeds tell a lag of {1e3 * timing.lag_s:.3g} ± {1e3 * timing.u_lag_s:.2g} ms from a hysteresis; "
-            f"without that lag the hysteresis is: {', '.join(shown)} of full scale"
-        ]
+        return []
     if not any(one.hysteresis_V > 3.0 * one.u_hysteresis_V for one in receivers.values()):
         return []
     return [
@@ -290,18 +290,21 @@ def _run(signals: Signals, options: AnalysisOptions, known: dict[int, Motion]) -
         marked |= np.column_stack([clipped(column, moving, options.rails) for column in signals.volts.T])
     if signals.clipped is not None:
         marked |= signals.clipped
-    return Run(signals, motion, tuple(range(options.drop, count)), marked, tuple(_clip_warnings(signals, marked)))
+    timed = tuple(range(options.drop, count))
+    main = of_main_speed(cycle_speeds(signals.time_s, signals.angle_deg, motion, timed))
+    used = tuple(place for place, at_main in zip(timed, main.tolist(), strict=True) if at_main)
+    return Run(signals, motion, used, timed, marked, tuple(_clip_warnings(signals, marked)))
 
 
 def _pooled_passes(runs: Sequence[Run], step_deg: float | None, label: str) -> Passes:
     """Ways of all recordings on one grid."""
-    ranges = [common_range(run.signals.angle_deg, run.motion, run.used) for run in runs]
+    ranges = [common_range(run.signals.angle_deg, run.motion, run.timed) for run in runs]
     low, high = max(low for low, _ in ranges), min(high for _, high in ranges)
     if low >= high:
         limit = f"has no angle that all its ways reach ({low:.3g}° to {high:.3g}°)"
         raise DataError(f"sensor {label}", limit=limit, remedy="analyse its recordings separately")
     grid = grid_deg(low, high, step_deg or nice_step(high - low))
-    parts = [passes(run.signals.angle_deg, run.signals.volts, run.motion, run.used, grid, run.clipped) for run in runs]
+    parts = [passes(run.signals.angle_deg, run.signals.volts, run.motion, run.timed, grid, run.clipped) for run in runs]
     return Passes.joined(parts)
 
 

@@ -24,6 +24,9 @@ from solen.arrays import BoolArray, FloatArray
 from solen.results import Result
 
 _APART = 1.2  # ratio of two speeds from which on they are two
+_MEANT = 1.5  # ratio from which on a second speed was meant, where the cycles of the first are alike
+_ALIKE = 1.1  # largest ratio of speeds that are alike
+_PARTS = 6  # of the range, each with a lag of its own
 _LEAST_CYCLES = 3  # a line over the speed has a scatter from three on
 
 Source = Literal["recording", "log", "angle"]
@@ -59,7 +62,7 @@ class Timing(Result):
     source
         What states it: the ``recording`` itself, a ``log`` that was laid on it, or how often the ``angle`` changes.
     speeds_deg_per_s
-        Speeds of the cycles that are used, each once.
+        Speeds of all cycles that timing is known from, each once.
     timing_deg
         Most that timing adds between both ways, at the highest speed.
     lag_s, u_lag_s
@@ -122,9 +125,13 @@ def timing_of(
 
 def _distinct(speeds: FloatArray) -> list[float]:
     """Speeds that differ by more than a fifth, each the median of those that do not."""
+    return [float(np.median(group)) for group in _groups(speeds)]
+
+
+def _groups(speeds: FloatArray) -> list[FloatArray]:
+    """Speeds in ascending order, parted where the next is more than a fifth higher."""
     ordered = np.sort(speeds)
-    parts = np.split(ordered, np.flatnonzero(ordered[1:] > _APART * ordered[:-1]) + 1)
-    return [float(np.median(part)) for part in parts]
+    return np.split(ordered, np.flatnonzero(ordered[1:] > _APART * ordered[:-1]) + 1)
 
 
 def _lag(apart: FloatArray, slope: FloatArray, speeds: FloatArray) -> tuple[float, float]:
@@ -137,9 +144,39 @@ def _lag(apart: FloatArray, slope: FloatArray, speeds: FloatArray) -> tuple[floa
     total = float((weight * np.where(held, slope, 0.0)).sum())
     if not total > 0.0:
         return math.nan, math.nan
-    along = (weight * np.where(held, apart, 0.0)).sum(axis=(1, 2)) / total
-    line = line_fit(speeds, along)
-    return -0.5 * line.value, 0.5 * line.u
+    products, squares = weight * np.where(held, apart, 0.0), weight * np.where(held, slope, 0.0)
+    line = line_fit(speeds, products.sum(axis=(1, 2)) / total)
+    return -0.5 * line.value, 0.5 * max(line.u, _u_of_parts(products, squares, speeds, line.value))
+
+
+def _u_of_parts(products: FloatArray, squares: FloatArray, speeds: FloatArray, whole: float) -> float:
+    """Uncertainty of a slope over the speed by how parts of the range differ.
+
+    Angles that are interpolated across the corners of a ramp are early at one end and late at the other, in every cycle
+    alike: that is no lag, and the scatter of the cycles does not show it.
+    """
+    places = np.array_split(np.arange(len(squares)), _PARTS)
+    weights = np.array([squares[part].sum() for part in places])
+    there = weights > 0.0
+    if there.sum() < 2:
+        return 0.0
+    own = [
+        line_fit(speeds, products[:, part].sum(axis=(1, 2)) / squares[part].sum()).value
+        for part, some in zip(places, there, strict=True)
+        if some
+    ]
+    share = weights[there] / weights.sum()
+    return math.sqrt(float(share @ (np.array(own) - whole) ** 2) / (len(own) - 1))
+
+
+def of_main_speed(speeds: FloatArray) -> BoolArray:
+    """Which cycles are at the speed of most, (cycles,); all where no second speed is plainly meant."""
+    main = max(_groups(speeds), key=lambda group: (len(group), group[0]))
+    low, high = float(main.min()), float(main.max())
+    inside = (speeds >= low) & (speeds <= high)
+    others = speeds[~inside]
+    meant = others.size and high <= _ALIKE * low and bool(((others > _MEANT * high) | (_MEANT * others < low)).all())
+    return inside if meant and 2 * inside.sum() >= speeds.size else np.ones(speeds.size, dtype=bool)
 
 
 def cycle_speeds(time_s: FloatArray, angle_deg: FloatArray, motion: Motion, used: Sequence[int]) -> FloatArray:

@@ -60,7 +60,9 @@ def _sensor(sensor: SensorResponse, *, simulated: bool) -> Iterator[str]:
     motion = sensor.runs[0].motion
     cycles = f"{sensor.cycles_used} of {sum(len(run.motion.cycles) for run in sensor.runs)} cycles"
     reach = f"{motion.low_deg:.3g}° to {motion.high_deg:.3g}°"
-    yield f"{sensor.label}{LENS[sensor.lens]}: {cycles}, {reach}{'; simulated' if simulated else ''}"
+    others = sum(len(run.timed) - len(run.used) for run in sensor.runs)
+    speeds = f"; {others} more, at another speed, for timing" if others else ""
+    yield f"{sensor.label}{LENS[sensor.lens]}: {cycles}, {reach}{speeds}{'; simulated' if simulated else ''}"
     for name, receiver in sensor.receivers.items():
         yield from _receiver(name, receiver, sensor.timing.receivers[name], sensor.unit)
     yield _timing(sensor.timing)
@@ -84,7 +86,7 @@ def _ageing(ageing: Ageing, unit: str) -> Iterator[str]:
 def _timing(timing: Timing) -> str:
     if timing.separated:
         lag = f"{1e3 * timing.lag_s:.3g} ± {1e3 * timing.u_lag_s:.2g} ms"
-        return f"  two speeds: the voltages come {lag} after the angle"
+        return f"  timing: by two speeds, the voltages come {lag} after the angle"
     return (
         f"  timing: ±{1e3 * timing.bound_s:.2g} ms, up to {timing.timing_deg:.2g}° between both ways; at one speed "
         "nothing tells more of it from a hysteresis"

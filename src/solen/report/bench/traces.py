@@ -49,7 +49,7 @@ def _draw(axes: Axes, response: SensorResponse, run: Run) -> None:
     axes.set_ylabel("voltage (V)" if signals.unit == "V" else f"signal ({signals.unit})")
     axes.set_xlim(signals.time_s[0], signals.time_s[-1])
     several = f", {signals.source}" if len(response.runs) > 1 else ""
-    axes.set_title(f"{title_of(response)}{several}; grey: holds, cropped; hatched: not used", loc="left")
+    axes.set_title(f"{title_of(response)}{several}; grey: holds, cropped; hatched: not averaged", loc="left")
     handles, names = axes.get_legend_handles_labels()
     unique = dict(zip(names, handles, strict=True))
     axes.legend(unique.values(), unique.keys())
