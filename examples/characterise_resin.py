@@ -28,14 +28,14 @@ def results(folder: Path) -> dict[str, Path]:
     layer = IndexOptions(thickness_um=50.0, u_T=0.001, u_R=0.001, baseline="air")
     n = 1.48 + 0.005 / ((nm := np.arange(430, 901, 2)) * 1e-3) ** 2
     t, r = (one / (n**2 + 1) + NOISE(0, 1e-3, nm.size) for one in (2 * n, (n - 1) ** 2))
-    index.index(table(folder / "layer.csv", "wavelength_nm,T,R", nm, t, r), layer, out=out["index"])
+    index.index(table(folder / "layer.csv", "wavelength_nm,T,R", nm, t, r), options=layer, out=out["index"])
     mm, mj = np.repeat([10, 20, 30, 40], 4), np.repeat([16, 25, 39], 5)
     mw, um = np.exp(-0.02 * mm + NOISE(0, 0.02, mm.size)), 150 * np.log(mj / 12) + NOISE(0, 4, mj.size)
     cutback.cutback(table(folder / "guides.csv", "length_mm,power_mW", mm, mw), out=out["cutback"])
     cure.cure([table(folder / "discs.csv", "dose_mJ_per_cm2,depth_um", mj, um)], out=out["cure"])
     stretch = np.linspace(1, 0.7, 61)
     mpa = 0.4 * (stretch - stretch**-2) - NOISE(0, 1e-3, 61)
-    stiffness.stiffness([table(folder / "cube.csv", "stretch,stress_MPa", stretch, mpa)], out=out["stiffness"])
+    stiffness.stiffness(table(folder / "cube.csv", "stretch,stress_MPa", stretch, mpa), out=out["stiffness"])
     return out
 
 
@@ -43,7 +43,7 @@ def main() -> dict[str, float]:
     """What is found of the resin, and how far its response moves within the uncertainty of the index."""
     with tempfile.TemporaryDirectory() as name:
         out, options = Path(name) / "resin.toml", BuildOptions(name="simulated resin")
-        made = library.build(out, results(Path(name)), options).result.to_dict()
+        made = library.build(out, options=options, force=False, **results(Path(name))).result.to_dict()
         changes = {"material.resin": made["resin"], "emitter.width_mm": 0.2, "motion.step_deg": 0.5}
         sensor = Sensor.of(with_values(loads(template("paper-860")), changes))
     near, u_n = np.linspace(-1.0, -0.25, 7).tolist(), sensor.material.u_index or 0.0  # degrees, beside the null

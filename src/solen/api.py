@@ -46,7 +46,7 @@ def working_curve(file: FilePath, *, sheet: str | None = None, **options: Any) -
     from solen.material.cure import CureOptions
     from solen.pipeline.resin.cure import cure
 
-    return cure([Path(file)], CureOptions(**options), sheet=sheet).result
+    return cure([Path(file)], options=CureOptions(**options), sheet=sheet).result
 
 
 def measure_lens(
@@ -88,7 +88,7 @@ def calibrate_printer(*measurements: FilePath, process: FilePath | None = None) 
     """Blur, growth and shrinkage of a printer from files of measured coupons, as `solen print fidelity` writes them."""
     from solen.pipeline.print.calibrate import calibrate_printer as run
 
-    return run([Path(file) for file in measurements], None if process is None else Path(process)).result
+    return run([Path(file) for file in measurements], process=None if process is None else Path(process)).result
 
 
 def export(design: "Design | FilePath", folder: FilePath, *formats: str) -> "Outcome[ExportedSolid]":

@@ -69,7 +69,7 @@ def test_the_command_in_full_gives_the_same_numbers(tmp_path: Path) -> None:
 def test_both_ways_are_one_road(tmp_path: Path) -> None:
     """`solen bench demodulate`, then analyse: the same curves, clipped readings and corners as of the raw file."""
     path = SHORT.write(tmp_path, name="daq.mat")
-    demodulate_file(path, DemodulationOptions(rate_hz=200.0), out=tmp_path / "readings.csv")
+    demodulate_file(path, options=DemodulationOptions(rate_hz=200.0), out=tmp_path / "readings.csv")
     log = AnalysisOptions(angle_file=(tmp_path / "stage.csv",))
     one, two = (next(iter(study([each], log).sensors.values())) for each in (path, tmp_path / "readings.csv"))
     for name, other in zip(one.receivers, two.receivers, strict=True):
@@ -124,7 +124,7 @@ def test_what_is_asked_for_is_not_detected(tmp_path: Path) -> None:
 
 def test_rails_are_no_limits_of_differences(tmp_path: Path) -> None:
     demodulate_file(
-        SHORT.write(tmp_path, name="daq.mat"), DemodulationOptions(rate_hz=200.0), out=tmp_path / "readings.csv"
+        SHORT.write(tmp_path, name="daq.mat"), options=DemodulationOptions(rate_hz=200.0), out=tmp_path / "readings.csv"
     )
     with pytest.raises(SpecError, match="0 5"):
         study([tmp_path / "readings.csv"], AnalysisOptions(rails=(0.0, 5.0)))

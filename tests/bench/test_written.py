@@ -4,16 +4,16 @@ from pathlib import Path
 
 import pytest
 
-from solen.bench.firmware.written import BOARDS
+from solen.bench.firmware.written import BOARDS, Board
 from solen.errors import OutputError
 from solen.pipeline.bench.firmware import firmware
 
 
 @pytest.mark.parametrize("board", BOARDS)
-def test_sources_of_a_board_are_written_once(tmp_path: Path, board: str) -> None:
-    outcome = firmware(tmp_path / "board", board)
+def test_sources_of_a_board_are_written_once(tmp_path: Path, board: Board) -> None:
+    outcome = firmware(tmp_path / "board", board=board)
     found = {path.relative_to(tmp_path / "board").as_posix() for path in outcome.files.values()}
     assert found == set(BOARDS[board])
     assert all(path.stat().st_size > 200 for path in outcome.files.values())
     with pytest.raises(OutputError, match="exists already"):
-        firmware(tmp_path / "board", board)
+        firmware(tmp_path / "board", board=board)

@@ -270,7 +270,7 @@ from solen.pipeline.print.layers import layers
 from solen.fabricate.layers import Slicing
 begun = time.perf_counter()
 how = Slicing(printer="asiga-ultra-32", orientation="upright", copies=12)
-found = layers(Path("my sensor.toml"), Path("out"), how, ["body.stem_length_mm=25.9"])
+found = layers(Path("my sensor.toml"), out=Path("out"), slicing=how, set_=["body.stem_length_mm=25.9"])
 peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024) / 1e6
 print(found.result.layers, peak, time.perf_counter() - begun, found.result.volume_error)
 """

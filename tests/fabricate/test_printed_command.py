@@ -71,7 +71,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, PrintedDesign]
     sensor.write_text(template("paper-860"), encoding="utf-8")
     outcome = predict(
         sensor,
-        PrintOptions(process=sure(folder)),
+        options=PrintOptions(process=sure(folder)),
         response=False,
         out=folder / "lens.json",
         compensate=folder / "drawn.toml",
@@ -128,7 +128,9 @@ def test_a_predicted_profile_goes_back_into_the_design(made: tuple[Path, Printed
 
 
 def test_the_response_of_both_lenses_is_traced(sensor: Path, tmp_path: Path) -> None:
-    response = predict(sensor, PrintOptions(process=sure(tmp_path)), ["motion.step_deg=3.0"]).result.response
+    response = predict(
+        sensor, options=PrintOptions(process=sure(tmp_path)), set_=["motion.step_deg=3.0"]
+    ).result.response
     assert response is not None
     assert response.chip is not None
     assert response.own.angle_deg.tolist() == [-3.0, 0.0, 3.0]
@@ -146,7 +148,7 @@ def test_the_response_of_both_lenses_is_traced(sensor: Path, tmp_path: Path) -> 
 @pytest.mark.parametrize("orientation", ["upright", "on-edge"])
 def test_other_orientations_have_steps(sensor: Path, tmp_path: Path, orientation: Orientation) -> None:
     options = PrintOptions(process=sure(tmp_path), orientation=orientation)
-    found = predict(sensor, options, response=False, figure=FigureOptions(figure=tmp_path / "a.svg")).result
+    found = predict(sensor, options=options, response=False, figure=FigureOptions(figure=tmp_path / "a.svg")).result
     assert found.walls is None
     assert found.ripple.along == "profile"
     assert 5.0 < found.ripple.peak_to_valley_um < 40.0
@@ -197,7 +199,7 @@ def test_bad_processes_are_refused_in_one_line(line: str) -> None:
 
 def test_layers_thicker_than_the_cure_depth_are_warned_of(sensor: Path, tmp_path: Path) -> None:
     process = sure(tmp_path, layer_um=100.0, exposure_s=0.9, Dp_um=100.0)
-    found = predict(sensor, PrintOptions(process=process), response=False).result
+    found = predict(sensor, options=PrintOptions(process=process), response=False).result
     assert found.cure_depth_um < 100.0
     assert any(
         text.startswith("do not use: the layers do not hold: 0.9 s (11.7 mJ/cm2) cure 85 µm") for text in found.warnings
@@ -226,12 +228,12 @@ def test_bad_demands_are_refused(
 ) -> None:
     paths: dict[str, Any] = {name: Path(file) for name, file in files.items()}
     with pytest.raises(error, match=match):
-        predict(sensor, PrintOptions(**options), response=False, **paths)
+        predict(sensor, options=PrintOptions(**options), response=False, **paths)
 
 
 def test_a_figure_of_an_unknown_kind_is_refused(sensor: Path) -> None:
     with pytest.raises(OutputError, match="a figure ends in"):
-        predict(sensor, PrintOptions(), response=False, figure=FigureOptions(figure=Path("lens.gif")))
+        predict(sensor, options=PrintOptions(), response=False, figure=FigureOptions(figure=Path("lens.gif")))
 
 
 def test_a_named_printer_gives_its_pixels(tmp_path: Path) -> None:
@@ -252,7 +254,7 @@ def test_a_sensor_without_a_lens_has_none_to_print(sensor: Path, tmp_path: Path)
     coarse = sure(tmp_path, pixel_um=250.0, sigma_um=120.0, halo_um=200.0)
     out = tmp_path / "lens.json"
     with pytest.raises(DataError, match="must have 20 pixels at least; take a printer of pixels below 200 µm"):
-        predict(sensor, PrintOptions(process=coarse), response=False, out=out)
+        predict(sensor, options=PrintOptions(process=coarse), response=False, out=out)
     assert not out.exists()
 
 

@@ -79,7 +79,9 @@ def test_the_command_s_solid_is_the_sensor(tmp_path: Path) -> None:
     design, target = tmp_path / "sensor.toml", tmp_path / "printed.stl"
     design.write_text(template("paper-860"), encoding="utf-8")
     thin = ["body.thickness_mm=0.1"]
-    found = predict(design, PrintOptions(process=sure(tmp_path)), thin, solid=target, response=False).result
+    found = predict(
+        design, options=PrintOptions(process=sure(tmp_path)), set_=thin, solid=target, response=False
+    ).result
     mesh = trimesh.load(io.BytesIO(target.read_bytes()), file_type="stl")
     assert mesh.is_watertight
     assert found.part is not None

@@ -117,13 +117,15 @@ def test_the_command_puts_it_beside_jacobs_law(tmp_path: Path) -> None:
     np.savetxt(tmp_path / "resin.csv", np.column_stack([nm, absorbance]), delimiter=",",
                header="wavelength_nm,absorbance", comments="")  # fmt: skip
     liquid, without = tmp_path / "liquid.json", tmp_path / "without.json"
-    penetration(tmp_path / "resin.csv", PenetrationOptions(path_um=93.0, led_nm=412.0, led_fwhm_nm=20.0), out=liquid)
-    penetration(tmp_path / "resin.csv", PenetrationOptions(path_um=93.0), out=without)
+    penetration(
+        tmp_path / "resin.csv", options=PenetrationOptions(path_um=93.0, led_nm=412.0, led_fwhm_nm=20.0), out=liquid
+    )
+    penetration(tmp_path / "resin.csv", options=PenetrationOptions(path_um=93.0), out=without)
     um = np.array([cured_um(dose, 6.0) for dose in DOSES])
     np.savetxt(tmp_path / "discs.csv", np.column_stack([DOSES, um * (1.0 + 0.01 * np.sin(7.0 * np.arange(um.size)))]),
                delimiter=",", header="dose_mJ_per_cm2,thickness_um", comments="")  # fmt: skip
     options = CureOptions(irradiance_mW_per_cm2=13.0, layer_um=25.0, exposure_s=2.0)
-    result = cure([tmp_path / "discs.csv"], options, penetration=liquid, out=tmp_path / "cure.json").result
+    result = cure([tmp_path / "discs.csv"], options=options, penetration=liquid, out=tmp_path / "cure.json").result
     assert result.in_lamp is not None
     assert result.in_lamp_exposure is not None
     assert result.in_lamp.preferred == "spectrum"
@@ -132,7 +134,7 @@ def test_the_command_puts_it_beside_jacobs_law(tmp_path: Path) -> None:
     assert any("spectrum" in text for text in result.warnings)
     assert json.loads((tmp_path / "cure.json").read_text(encoding="utf-8"))["in_lamp"]["lamp_lines"]
     with pytest.raises(DataError, match="no lamp"):
-        cure([tmp_path / "discs.csv"], options, penetration=without)
+        cure([tmp_path / "discs.csv"], options=options, penetration=without)
     other = options.model_copy(update={"wavelength_nm": 460.0})
     with pytest.raises(DataError, match=r"460 nm.*41"):
-        cure([tmp_path / "discs.csv"], other, penetration=liquid)
+        cure([tmp_path / "discs.csv"], options=other, penetration=liquid)

@@ -77,7 +77,7 @@ def inspected(folder: Path, shot: Shot, seed: int, *, design: str = "solen-860",
     picture = folder / "picture.png"
     picture.write_bytes(png(shot.taken(seed)))
     scale = InspectOptions(**{"um_per_px": shot.um_per_px, **options})
-    return inspect(picture, design_file(folder, design), scale).to_dict()
+    return inspect(picture, design=design_file(folder, design), options=scale).to_dict()
 
 
 def lens(name: str = "solen-860", **values: Any) -> FloatArray:

@@ -106,8 +106,8 @@ def test_a_photograph_needs_its_scale_and_is_measured_with_a_caution(form: str, 
     picture.write_bytes(written(SHOT.taken(4)))
     design = design_file(tmp_path)
     with pytest.raises(SolenError, match="does not state the size of a pixel"):
-        inspect(picture, design)
-    found = inspect(picture, design, InspectOptions(um_per_px=8.0)).to_dict()
+        inspect(picture, design=design)
+    found = inspect(picture, design=design, options=InspectOptions(um_per_px=8.0)).to_dict()
     off = found["deviation"]
     assert off["rms_um"] < 3.0 * off["u_rms_um"]
     words = "compressed with loss" if form == "compressed" else "coloured"

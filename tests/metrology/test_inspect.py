@@ -141,7 +141,9 @@ def test_a_simulated_picture_is_called_so(tmp_path: Path, folder: Path) -> None:
     about.add_text("Description", "simulated micrograph")
     Pillow.fromarray(levels).save(tmp_path / "a.png", pnginfo=about)
     out = tmp_path / "lens.json"
-    found = inspect(tmp_path / "a.png", folder / "design.toml", InspectOptions(um_per_px=UM_PER_PX), out=out).result
+    found = inspect(
+        tmp_path / "a.png", design=folder / "design.toml", options=InspectOptions(um_per_px=UM_PER_PX), out=out
+    ).result
     assert found.simulated
     assert read_profile(out).simulated
 
@@ -149,4 +151,4 @@ def test_a_simulated_picture_is_called_so(tmp_path: Path, folder: Path) -> None:
 def test_a_missing_extra_is_one_line(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "tifffile", None)
     with pytest.raises(SolenError, match=r'pip install "\.\[vision\]"'):
-        inspect(folder / "lens.ome.tif", folder / "design.toml")
+        inspect(folder / "lens.ome.tif", design=folder / "design.toml")

@@ -47,7 +47,7 @@ def test_the_machines_own_four_results_to_all_printed_digits(mechanics: Path) ->
     strength: the largest force over b0·a0; its strain; strain at break: the last row.
     """
     file = mechanics / "zwick_TRA_ETFE" / "ETFE_specimen17.TRA.csv"
-    found = stiffness([file]).result
+    found = stiffness(file).result
     specimen, ends = found.specimens[0], found.specimens[0].extremes
     assert ends.strain_at_break is not None
     stated = found.sources[0].metadata
@@ -134,9 +134,9 @@ def test_meuniers_silicone(mechanics: Path) -> None:
 def test_the_command_on_three_modes(mechanics: Path) -> None:
     folder = mechanics / "hyperelastic"
     found = stiffness(
-        [folder / "Meunier_2008_UT.txt"],
-        planar=[folder / "Meunier_2008_PS.txt"],
-        biaxial=[folder / "Meunier_2008_ET.txt"],
+        folder / "Meunier_2008_UT.txt",
+        planar=(folder / "Meunier_2008_PS.txt",),
+        biaxial=(folder / "Meunier_2008_ET.txt",),
         columns=BARE,
     ).result
     assert found.model is not None
@@ -169,7 +169,7 @@ def test_true_and_engineering_columns_of_silicones(mechanics: Path, name: str, o
 def test_the_command_on_a_silicone(mechanics: Path) -> None:
     """Its secants are the file's own stress over its own strain, and a fit of one mode says what it leaves open."""
     file = mechanics / "SoftRoboticsMaterialsDB" / "Dragon Skin 20.csv"
-    found = stiffness([file], StiffnessOptions(secant_percent=(100, 300), fit=("yeoh",))).result
+    found = stiffness(file, options=StiffnessOptions(secant_percent=(100, 300), fit=("yeoh",))).result
     strain, stress = (read(file).need(name).values for name in ("strain", "stress"))
     for secant in found.specimens[0].secants:
         wanted = np.interp(secant.strain, strain, stress) / secant.strain

@@ -56,7 +56,7 @@ def test_any_table_of_guides(tmp_path: Path, rows: list[tuple[str, ...]]) -> Non
 def test_any_table_of_discs(tmp_path: Path, rows: list[tuple[str, ...]]) -> None:
     path = kept(tmp_path / "discs.csv", "dose_mJ_per_cm2,thickness_um,disc", rows)
     try:
-        is_sound(cure([path], DISCS, figure=FigureOptions(figure=tmp_path / "discs.svg")).to_dict())
+        is_sound(cure([path], options=DISCS, figure=FigureOptions(figure=tmp_path / "discs.svg")).to_dict())
     except SolenError as refusal:
         one_line(refusal)
 
@@ -72,7 +72,7 @@ def test_any_absorbance(tmp_path: Path, rows: list[tuple[str, ...]], nm: float) 
     path = kept(tmp_path / "resin.csv", "wavelength_nm,absorbance", rows)
     try:
         options = PenetrationOptions(path_um=93.0, led_nm=nm, led_fwhm_nm=10.0)
-        is_sound(penetration(path, options, figure=FigureOptions(figure=tmp_path / "resin.svg")).to_dict())
+        is_sound(penetration(path, options=options, figure=FigureOptions(figure=tmp_path / "resin.svg")).to_dict())
     except SolenError as refusal:
         one_line(refusal)
 
@@ -83,6 +83,6 @@ def test_any_exposures(tmp_path: Path, rows: list[tuple[str, ...]]) -> None:
     path = kept(tmp_path / "long.csv", "exposure_s,wavelength_nm,T,R", [(s, "450", t, r) for s, t, r in rows])
     try:
         options = ExposureOptions(wavelength_nm=(450.0,), thickness_um=25.0)
-        is_sound(exposures([path], options, figure=FigureOptions(figure=tmp_path / "long.svg")).to_dict())
+        is_sound(exposures([path], options=options, figure=FigureOptions(figure=tmp_path / "long.svg")).to_dict())
     except SolenError as refusal:
         one_line(refusal)

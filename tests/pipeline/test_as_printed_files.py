@@ -80,7 +80,7 @@ def test_it_is_exported_as_it_is_traced(folder: Path) -> None:
 
 @pytest.fixture(scope="module")
 def ran(folder: Path) -> dict[str, Any]:
-    return run(folder / "sensor.toml", folder / "out").to_dict()
+    return run(folder / "sensor.toml", out=folder / "out").to_dict()
 
 
 def test_a_run_shows_designed_against_printed(folder: Path, ran: dict[str, Any]) -> None:
@@ -114,7 +114,7 @@ def test_a_measured_print_is_called_measured(folder: Path, ran: dict[str, Any]) 
     assert ran["as_printed"]["simulated"]
     text = (folder / "lens.json").read_text(encoding="utf-8").replace('"simulated": true', '"simulated": false')
     (folder / "real.json").write_text(text, encoding="utf-8")
-    found = pipeline.lens(folder / "sensor.toml", ["lens.profile=real.json"]).to_dict()
+    found = pipeline.lens(folder / "sensor.toml", set_=["lens.profile=real.json"]).to_dict()
     assert found["lens"]["fit"]["simulated"] is False
 
 

@@ -68,7 +68,7 @@ def test_a_coarser_tolerance_takes_fewer_points(design: Path, tmp_path: Path) ->
 
 
 def test_a_flat_face_has_a_straight_profile(design: Path, tmp_path: Path) -> None:
-    found = pipeline.lens(design, ["lens.shape=none"], csv=tmp_path / "lens.csv").result
+    found = pipeline.lens(design, set_=["lens.shape=none"], csv=tmp_path / "lens.csv").result
     assert found.lens.shape == "none"
     header, *rows = (tmp_path / "lens.csv").read_text(encoding="utf-8").splitlines()
     assert header == "x_mm,z_mm"
@@ -84,7 +84,7 @@ def test_without_a_table_none_is_written(design: Path, tmp_path: Path, monkeypat
 
 def test_a_lens_of_another_material_crosses_the_axis_elsewhere(design: Path) -> None:
     same = pipeline.lens(design).result
-    other = pipeline.lens(design, ["lens.design_index=1.44", "material.index=1.49"]).result
+    other = pipeline.lens(design, set_=["lens.design_index=1.44", "material.index=1.49"]).result
     assert same.foci[1].paraxial_focus_mm == pytest.approx(F)
     focus = other.foci[1]
     assert (other.to_dict()["lens"]["design_index"], focus.material_index) == (1.44, 1.49)
@@ -96,7 +96,7 @@ def test_a_lens_of_another_material_crosses_the_axis_elsewhere(design: Path) -> 
 
 @pytest.mark.parametrize("example", template_names())
 def test_new_writes_a_design_that_checks(tmp_path: Path, example: str) -> None:
-    found = new(tmp_path / "my sensor", example).result
+    found = new(tmp_path / "my sensor", example=example).result
     target = tmp_path / "my sensor" / "sensor.toml"
     assert (found.design, found.example) == (target, example)
     assert target.read_text(encoding="utf-8") == template(example)
@@ -117,7 +117,7 @@ def test_new_never_overwrites(tmp_path: Path) -> None:
 
 def test_new_refuses_an_unknown_example_and_makes_no_folder(tmp_path: Path) -> None:
     with pytest.raises(SpecError, match="solen-860"):
-        new(tmp_path / "new", "solen-680")
+        new(tmp_path / "new", example="solen-680")
     assert list(tmp_path.iterdir()) == []
 
 

@@ -19,8 +19,10 @@ from solen.report.options import FigureOptions
 from tests.analysis.switching_support import PERIOD_S, stream, waveform
 
 
-def demodulate(path: Path, options: DemodulationOptions | None = None, out: Path | None = None) -> Demodulation:
-    return outcome_of(path, options, out=out).result
+def demodulate(
+    path: Path, options: DemodulationOptions = DemodulationOptions(), out: Path | None = None
+) -> Demodulation:
+    return outcome_of(path, options=options, out=out).result
 
 
 def written(path: Path, heads: str, *columns: Sequence[object] | FloatArray) -> Path:
@@ -79,7 +81,9 @@ def test_a_waveform_is_demodulated_by_its_own_edges(tmp_path: Path) -> None:
     shaken = values + 0.2 * np.cos(2 * np.pi * 100.0 * time)[:, None] + 0.1 * time[:, None]
     path = written(tmp_path / "w.csv", "# simulated: yes\ntime_s,right (V),left (V)", time, shaken[:, 0], shaken[:, 1])
     options = DemodulationOptions(rate_hz=200.0)
-    found = outcome_of(path, options, out=tmp_path / "r.csv", figure=FigureOptions(figure=tmp_path / "r.svg")).result
+    found = outcome_of(
+        path, options=options, out=tmp_path / "r.csv", figure=FigureOptions(figure=tmp_path / "r.svg")
+    ).result
     assert found.method == "waveform"
     assert found.off_stated_ppm == pytest.approx(60.0, abs=30.0)
     assert found.readings_averaged is None

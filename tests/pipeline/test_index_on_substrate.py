@@ -34,7 +34,7 @@ def table(folder: Path, **columns: FloatArray) -> Path:
 
 
 def found(folder: Path, columns: dict[str, FloatArray], **more: Any) -> dict[str, Any]:
-    result = pipeline.index(table(folder, **columns), IndexOptions(**{"thickness_um": 25.0} | more)).to_dict()
+    result = pipeline.index(table(folder, **columns), options=IndexOptions(**{"thickness_um": 25.0} | more)).to_dict()
     assert json.loads(json.dumps(result, allow_nan=False)) == result
     return result
 
@@ -191,7 +191,7 @@ def test_the_figure_shows_layer_and_formula(tmp_path: Path) -> None:
     t, r = on_substrate(N, 5e-5, 25.0, NM, Setup(SHEET))
     figure = tmp_path / "n.svg"
     options = IndexOptions(thickness_um=25.0, fit="cauchy", u_T="0.001", u_R="0.001", **ON_PET)
-    pipeline.index(table(tmp_path, T=t, R=r), options, figure=FigureOptions(figure=figure))
+    pipeline.index(table(tmp_path, T=t, R=r), options=options, figure=FigureOptions(figure=figure))
     text = figure.read_text(encoding="utf-8")
     assert "index of a layer on its substrate from R and T, both measured" in text
     assert "cauchy fit ± u" in text

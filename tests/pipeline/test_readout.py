@@ -27,11 +27,11 @@ def design(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def found(design: Path) -> dict[str, Any]:
-    return readout(design, FAST).to_dict()
+    return readout(design, set_=FAST).to_dict()
 
 
 def test_its_source_and_its_idle_keys_are_told(design: Path) -> None:
-    found = readout(design, (*FAST, "motion.step_deg=3", "receivers.height_mm=1")).to_dict()
+    found = readout(design, set_=(*FAST, "motion.step_deg=3", "receivers.height_mm=1")).to_dict()
     (source,) = found["sources"]
     assert (source["file"], source["format"], len(source["sha256"])) == ("sensor.toml", "design", 64)
     assert any(text.startswith("receivers.height_mm = 1 has no effect in the plane") for text in found["warnings"])
@@ -94,7 +94,7 @@ def test_what_rests_on_estimates_is_told(found: dict[str, Any]) -> None:
     ],
 )
 def test_what_must_be_known_is_said(design: Path, assignments: tuple[str, ...], words: str) -> None:
-    told = readout(design, ("motion.step_deg=3", *assignments)).result.warnings
+    told = readout(design, set_=("motion.step_deg=3", *assignments)).result.warnings
     assert any(words in one for one in told), told
 
 
@@ -107,7 +107,7 @@ def test_nothing_is_said_where_nothing_is_wrong(design: Path) -> None:
     mine += '[pattern]\nangle_deg = [0, 90]\nrelative = [1, 0]\nbasis = "measured"\nsource = "bench"\n'
     (design.parent / "red.toml").write_text(mine, encoding="utf-8")
     parts = ("readout.part=TEMT7000X01", "readout.emitter_part=red.toml", "readout.emitter_current_ma=1")
-    told = readout(design, (*FAST, "motion.step_deg=0.75", "emitter.wavelength_nm=650", *parts)).result.warnings
+    told = readout(design, set_=(*FAST, "motion.step_deg=0.75", "emitter.wavelength_nm=650", *parts)).result.warnings
     assert len(told) == 1, told
 
 
@@ -120,7 +120,7 @@ def test_a_directional_part_loses_light_from_the_side(design: Path) -> None:
     (design.parent / "narrow.toml").write_text(text, encoding="utf-8")
     (design.parent / "flat.toml").write_text(text.replace("= 10\n", "= 60\n"), encoding="utf-8")
     narrow, flat = (
-        readout(design, ("motion.step_deg=3", f"readout.part={name}.toml")).result.power_fraction[0, 0]
+        readout(design, set_=("motion.step_deg=3", f"readout.part={name}.toml")).result.power_fraction[0, 0]
         for name in ("narrow", "flat")
     )
     assert 0.01 < narrow / flat < 0.9
@@ -138,16 +138,16 @@ def test_a_design_without_a_readout_is_refused(
     design: Path, assignments: tuple[str, ...], error: type[Exception], words: str
 ) -> None:
     with pytest.raises(error) as refusal:
-        readout(design, assignments)
+        readout(design, set_=assignments)
     assert words in str(refusal.value)
     assert not isinstance(refusal.value, DesignError)
 
 
 def test_files_are_written_or_none(design: Path, tmp_path: Path) -> None:
     with pytest.raises(OutputError, match=r"ends in \.json"):
-        readout(design, FAST, out=tmp_path / "a.csv", figure=FigureOptions(figure=tmp_path / "a.png"))
+        readout(design, set_=FAST, out=tmp_path / "a.csv", figure=FigureOptions(figure=tmp_path / "a.png"))
     found = readout(
-        design, ("motion.step_deg=3",), out=tmp_path / "a.json", figure=FigureOptions(figure=tmp_path / "a.svg")
+        design, set_=("motion.step_deg=3",), out=tmp_path / "a.json", figure=FigureOptions(figure=tmp_path / "a.svg")
     )
     drawn = (tmp_path / "a.svg").read_text(encoding="utf-8")
     assert "simulated: Paper 860 nm" in drawn

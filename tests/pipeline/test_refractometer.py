@@ -15,7 +15,7 @@ from solen.report.options import FigureOptions
 
 
 def found(*n: float, u: float = 5e-4, **more: Any) -> dict[str, Any]:
-    return refractometer(n, RefractometerOptions(u=(u,), **more)).to_dict()
+    return refractometer(list(n), options=RefractometerOptions(u=(u,), **more)).to_dict()
 
 
 def test_the_arrays_are_those_of_an_index() -> None:
@@ -66,9 +66,9 @@ def test_temperature_goes_into_the_uncertainty() -> None:
 
 
 def test_files_are_both_written_or_neither(tmp_path: Path) -> None:
-    n, options = (1.5, 1.49), RefractometerOptions(u=(5e-4,), wavelength_nm=(450.0, 600.0))
+    n, options = [1.5, 1.49], RefractometerOptions(u=(5e-4,), wavelength_nm=(450.0, 600.0))
     out, figure = tmp_path / "n.json", tmp_path / "n.svg"
-    result = refractometer(n, options, out=out, figure=FigureOptions(figure=figure)).to_dict()
+    result = refractometer(n, options=options, out=out, figure=FigureOptions(figure=figure)).to_dict()
     written = json.loads(out.read_text(encoding="utf-8"))
     assert written["kind"] == "refractometer"
     assert written["n"] == result["n"]
@@ -76,7 +76,7 @@ def test_files_are_both_written_or_neither(tmp_path: Path) -> None:
     assert "literature of acrylates and photoresins" in text
     assert "measured" in text
     with pytest.raises(OutputError, match="a figure ends in"):
-        refractometer(n, options, out=tmp_path / "other.json", figure=FigureOptions(figure=tmp_path / "n.gif"))
+        refractometer(n, options=options, out=tmp_path / "other.json", figure=FigureOptions(figure=tmp_path / "n.gif"))
     assert not (tmp_path / "other.json").exists()
 
 
@@ -97,7 +97,8 @@ def test_bad_input_is_one_line(more: dict[str, Any], error: type[SolenError], li
     n = more.get("n", (1.49,))
     with pytest.raises(error) as refusal:
         refractometer(
-            n, RefractometerOptions(**{"u": (5e-4,)} | {key: value for key, value in more.items() if key != "n"})
+            n,
+            options=RefractometerOptions(**{"u": (5e-4,)} | {key: value for key, value in more.items() if key != "n"}),
         )
     assert line in str(refusal.value)
     assert len(str(refusal.value).splitlines()) == 1

@@ -66,7 +66,7 @@ def told() -> list[float]:
 
 @pytest.fixture(scope="module")
 def found(design: Path, out: Path, told: list[float]) -> dict[str, Any]:
-    return pipeline.run(design, out, [STEP], told.append).to_dict()
+    return pipeline.run(design, out=out, set_=[STEP], progress=told.append).to_dict()
 
 
 def test_all_files_are_written_and_named(found: dict[str, Any], out: Path) -> None:
@@ -96,10 +96,10 @@ def test_a_second_run_replaces_the_files(design: Path, tmp_path: Path, monkeypat
     monkeypatch.setattr(html, "figures", lambda *_: dict.fromkeys(("response", "rays", "rays-at-the-lens"), "<svg/>"))
     (tmp_path / "results.csv").write_text("old", encoding="utf-8")
     (tmp_path / "notes.txt").write_text("mine", encoding="utf-8")
-    pipeline.run(design, tmp_path, [STEP, "lens.shape=none"])
+    pipeline.run(design, out=tmp_path, set_=[STEP, "lens.shape=none"])
     first = (tmp_path / "results.csv").read_bytes()
     assert first.startswith(b"angle_deg,")
-    pipeline.run(design, tmp_path, [STEP, "lens.shape=none", "emitter.rays=50"])
+    pipeline.run(design, out=tmp_path, set_=[STEP, "lens.shape=none", "emitter.rays=50"])
     assert (tmp_path / "results.csv").read_bytes() != first
     assert (tmp_path / "notes.txt").read_text(encoding="utf-8") == "mine"
 
@@ -107,7 +107,7 @@ def test_a_second_run_replaces_the_files(design: Path, tmp_path: Path, monkeypat
 def test_no_figure_of_an_earlier_design_stays(design: Path, tmp_path: Path) -> None:
     for name in (*PICTURES, "mine.svg"):
         (tmp_path / name).write_text("<svg/>", encoding="utf-8")
-    pipeline.run(design, tmp_path, [STEP, "lens.shape=none"])
+    pipeline.run(design, out=tmp_path, set_=[STEP, "lens.shape=none"])
     there = {path.name for path in tmp_path.iterdir()}
     assert there == EVERYTHING - {"lens-profile.svg", "focus.svg", "rays-without-lens.svg"} | {"mine.svg"}
     assert (tmp_path / "mine.svg").read_text(encoding="utf-8") == "<svg/>"
@@ -119,7 +119,7 @@ def test_a_folder_that_has_the_name_of_a_figure_not_drawn_stays(
 ) -> None:
     monkeypatch.setattr(html, "figures", lambda *_: dict.fromkeys(("response", "rays", "rays-at-the-lens"), "<svg/>"))
     (tmp_path / "lens-profile.svg").mkdir()
-    found = pipeline.run(design, tmp_path, [STEP, "lens.shape=none"])
+    found = pipeline.run(design, out=tmp_path, set_=[STEP, "lens.shape=none"])
     assert (tmp_path / "lens-profile.svg").is_dir()
     assert all(path.is_file() for path in found.files.values())
 
@@ -135,20 +135,20 @@ def test_the_same_design_gives_the_same_bytes(design: Path, out: Path, found: di
 
 def test_interrupted_while_tracing_a_new_folder_goes_again(design: Path, tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
-        pipeline.run(design, tmp_path / "new", [STEP], stop_at_once)
+        pipeline.run(design, out=tmp_path / "new", set_=[STEP], progress=stop_at_once)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_interrupted_while_tracing_all_folders_made_go_again(design: Path, tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
-        pipeline.run(design, tmp_path / "new" / "inner", [STEP], stop_at_once)
+        pipeline.run(design, out=tmp_path / "new" / "inner", set_=[STEP], progress=stop_at_once)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_interrupted_while_tracing_an_old_folder_stays_as_it_was(design: Path, tmp_path: Path) -> None:
     (tmp_path / "report.html").write_text("old", encoding="utf-8")
     with pytest.raises(KeyboardInterrupt):
-        pipeline.run(design, tmp_path, [STEP], stop_at_once)
+        pipeline.run(design, out=tmp_path, set_=[STEP], progress=stop_at_once)
     assert [path.name for path in tmp_path.iterdir()] == ["report.html"]
     assert (tmp_path / "report.html").read_text(encoding="utf-8") == "old"
 
@@ -181,7 +181,7 @@ def interrupt(monkeypatch: pytest.MonkeyPatch, owner: Any, name: str, nth: int) 
 
 
 def test_a_quick_run_writes_what_a_run_does(design: Path, tmp_path: Path, quick: dict[str, bytes]) -> None:
-    pipeline.run(design, tmp_path, [STEP])
+    pipeline.run(design, out=tmp_path, set_=[STEP])
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == quick
 
 
@@ -193,7 +193,7 @@ def test_interrupted_before_the_first_rename_nothing_has_changed(
         (tmp_path / name).write_bytes(b"old")
     interrupt(monkeypatch, os, "fsync", nth)
     with pytest.raises(KeyboardInterrupt):
-        pipeline.run(design, tmp_path, [STEP])
+        pipeline.run(design, out=tmp_path, set_=[STEP])
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == dict.fromkeys(quick, b"old")
 
 
@@ -205,7 +205,7 @@ def test_interrupted_between_two_renames_every_file_is_the_whole_old_or_the_whol
         (tmp_path / name).write_bytes(b"old")
     interrupt(monkeypatch, Path, "replace", nth)
     with pytest.raises(KeyboardInterrupt):
-        pipeline.run(design, tmp_path, [STEP])
+        pipeline.run(design, out=tmp_path, set_=[STEP])
     there = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     assert there.keys() == quick.keys()
     new = {name for name, data in there.items() if data != b"old"}
@@ -220,7 +220,7 @@ def test_interrupted_before_the_first_file_is_there_a_new_folder_goes_again(
     assert quick
     interrupt(monkeypatch, owner, name, 1 if owner is Path else 3)
     with pytest.raises(KeyboardInterrupt):
-        pipeline.run(design, tmp_path / "new" / "inner", [STEP])
+        pipeline.run(design, out=tmp_path / "new" / "inner", set_=[STEP])
     assert list(tmp_path.iterdir()) == []
 
 
@@ -232,7 +232,7 @@ def test_a_file_that_cannot_be_replaced_leaves_all_as_they_were(
     (tmp_path / "report.html").unlink()
     (tmp_path / "report.html").mkdir()
     with pytest.raises(OutputError, match=r"report\.html; cannot be written: not an ordinary file"):
-        pipeline.run(design, tmp_path, [STEP])
+        pipeline.run(design, out=tmp_path, set_=[STEP])
     (tmp_path / "report.html").rmdir()
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {
         name: b"old" for name in quick if name != "report.html"
@@ -269,21 +269,23 @@ def test_a_folder_that_cannot_be_is_refused_before_tracing(design: Path, tmp_pat
     file = tmp_path / "file"
     file.write_text("mine", encoding="utf-8")
     with pytest.raises(OutputError, match="cannot be written"):
-        pipeline.run(design, file / under if under else file, [STEP], stop_at_once)
+        pipeline.run(design, out=file / under if under else file, set_=[STEP], progress=stop_at_once)
     assert file.read_text(encoding="utf-8") == "mine"
 
 
 def test_a_bad_design_makes_no_folder(design: Path, tmp_path: Path) -> None:
     with pytest.raises(SolenError):
-        pipeline.run(design, tmp_path / "new", ["lens.half_width_mm=2.95"])
+        pipeline.run(design, out=tmp_path / "new", set_=["lens.half_width_mm=2.95"])
     with pytest.raises(SpecError):
-        pipeline.run(design, tmp_path / "new", ["lens.half_width_mm=-1"])
+        pipeline.run(design, out=tmp_path / "new", set_=["lens.half_width_mm=-1"])
     assert list(tmp_path.iterdir()) == []
 
 
 def test_an_extruded_design_runs_to_its_report_with_pictures_of_the_plane(design: Path, tmp_path: Path) -> None:
     chosen = ["trace.dimension=extruded", "motion.from_deg=-1", "motion.to_deg=1", "motion.step_deg=2"]
-    found = pipeline.run(design, tmp_path / "out", [*chosen, "emitter.pattern=lambertian", "emitter.cone_deg=60"])
+    found = pipeline.run(
+        design, out=tmp_path / "out", set_=[*chosen, "emitter.pattern=lambertian", "emitter.cone_deg=60"]
+    )
     assert (tmp_path / "out" / "rays.svg").is_file()
     assert 0.0 < (found.result.summary["lens"].contrast_from or 0.0) < 1.0
 

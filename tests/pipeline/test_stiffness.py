@@ -60,7 +60,9 @@ def test_two_materials_of_two_cubes_each(tmp_path: Path) -> None:
     files = tuple(pressed(tmp_path / f"cube{n}.csv", m, seed=n) for n, m in enumerate(moduli))
     figure, table, out = tmp_path / "f.svg", tmp_path / "t.csv", tmp_path / "r.json"
     labels, options = ("a-PU", "a-PU", "ma-PU", "ma-PU"), StiffnessOptions(fit=("neo-hookean",))
-    outcome = stiffness(files, options, CUBE, labels=labels, figure=FigureOptions(figure=figure), csv=table, out=out)
+    outcome = stiffness(
+        *files, options=options, dimensions=CUBE, label=labels, figure=FigureOptions(figure=figure), csv=table, out=out
+    )
     assert dict(outcome.files) == {"figure": figure, "csv": table, "out": out}
     found = outcome.result
     stiff, soft = found.groups
@@ -95,7 +97,9 @@ def test_two_materials_of_two_cubes_each(tmp_path: Path) -> None:
 def test_three_modes_in_one_fit(tmp_path: Path) -> None:
     uniaxial, planar, biaxial = (pulled(tmp_path / f"{name}.txt", name) for name in ("ut", "ps", "et"))
     options = StiffnessOptions(mode="tension")
-    found = stiffness((uniaxial,), options, planar=(planar,), biaxial=(biaxial,), columns=("stress_MPa", "stretch"))
+    found = stiffness(
+        uniaxial, options=options, planar=(planar,), biaxial=(biaxial,), columns=("stress_MPa", "stretch")
+    )
     best = found.result.model
     assert found.result.groups == ()
     assert best is not None

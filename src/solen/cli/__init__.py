@@ -1,4 +1,4 @@
-"""The commands. Each is a thin door on `solen.pipeline`; `solen.cli.commands` is the table of them.
+"""The command line. Its commands are functions of `solen.pipeline`; `solen.cli.commands` is the table of them.
 
 With ``--json`` a command prints one JSON object on stdout and everything else on stderr. Bad input ends with one line
 on stderr and exit code 2; Ctrl-C with one line and 130.
@@ -8,10 +8,11 @@ import io
 import os
 import sys
 from collections.abc import Sequence
+from typing import Any
 
 import cyclopts
 
-from solen.cli.app import SHOWN, app, show_outcome
+from solen.cli.app import SHOWN, app, progress_bar, show_outcome
 from solen.errors import SolenError
 from solen.results import Outcome
 
@@ -31,7 +32,7 @@ def run_command(arguments: Sequence[str]) -> int:
     SHOWN.as_json, SHOWN.quiet = "--json" in arguments, "--quiet" in arguments
     rest = [argument for argument in arguments if argument not in {"--json", "--quiet"}]
     try:
-        answer = app(rest, exit_on_error=False, print_error=False, result_action="return_value")
+        answer = _answer(rest)
         if isinstance(answer, Outcome):
             show_outcome(answer)
         sys.stdout.flush()
@@ -48,6 +49,15 @@ def run_command(arguments: Sequence[str]) -> int:
         _drop_output()
         return _refuse(f"output cannot be written: {bad.strerror or bad}", BAD_INPUT)
     return 0
+
+
+def _answer(arguments: Sequence[str]) -> Any:
+    """What a command returns; its share that is done, where it reports one, is a bar in the terminal."""
+    command, bound, unset = app.parse_args(arguments, exit_on_error=False, print_error=False)
+    if "progress" not in unset:
+        return command(*bound.args, **bound.kwargs)
+    with progress_bar(command.__name__) as progress:
+        return command(*bound.args, **bound.kwargs, progress=progress)
 
 
 def _one_line(bad: cyclopts.CycloptsError) -> str:

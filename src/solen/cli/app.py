@@ -1,8 +1,8 @@
-"""What the commands share: the application, options that many have, and how an answer is printed.
+"""What the commands share: the application, and how an answer is printed.
 
-A command is a function that returns an `Outcome`: a typed result and the files that were written. `show_outcome` prints
-it: as one JSON object with ``--json``; else the lines that `lines` makes of the result's type, then its warnings, then
-the files. A command module registers the lines of its result::
+A command returns an `Outcome`: a typed result and the files that were written. `show_outcome` prints it: as one JSON
+object with ``--json``; else the lines that `lines` makes of the result's type, then its warnings, then the files. A
+command module registers the lines of its result::
 
     @lines.register
     def _(loss: GuideLoss) -> Iterator[str]:
@@ -15,8 +15,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 from cyclopts import App, Parameter
 
@@ -24,19 +23,6 @@ from solen import __version__
 from solen.cli.commands import COMMANDS, DESIGN, GROUPS
 from solen.ranks import ranked
 from solen.results import Outcome
-
-Set = Annotated[
-    list[str] | None,
-    Parameter(
-        name="--set", negative=(), help="A key of the design and its value, as in --set lens.focus_mm=25; repeatable."
-    ),
-]
-Sheet = Annotated[
-    str | None, Parameter(name="--sheet", help="Sheet of a workbook; default: the only one with numbers.")
-]
-FLAT = Parameter(name="*")
-"""Annotation of a command's `Options`: each field is an option of its own, ``Annotated[CutbackOptions, FLAT]``."""
-Out = Annotated[Path | None, Parameter(name="--out", help="Write the result to this .json file.")]
 
 EVERYWHERE = "Every command also takes --json (one JSON object on stdout) and --quiet (nothing but warnings)."
 

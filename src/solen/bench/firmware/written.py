@@ -4,6 +4,9 @@ The interface: `BOARDS`; `sources_of` one of them.
 """
 
 from importlib.resources import files as resources
+from typing import Literal
+
+Board = Literal["pico", "esp32", "uno"]
 
 _MICROPYTHON = {"solen_board.py": "solen_board.py", "main.py": "sources/main-micropython.py"}
 _C = ("solen_board.c", "solen_board.h")
@@ -13,7 +16,11 @@ BOARDS: dict[str, dict[str, str]] = {
     "uno": {f"solen_uno/{name}": f"sources/{name}" for name in (*_C, "uno.c", "solen_uno.ino")},
 }
 """Files of each board's firmware, and what is shipped as each."""
-CONVERTERS = {"pico": (16, 3.3, 115_200), "esp32": (16, 3.3, 115_200), "uno": (12, 5.0, 500_000)}
+CONVERTERS = {
+    "pico": (16, 3.3, 115_200),
+    "esp32": (16, 3.3, 115_200),
+    "uno": (12, 5.0, 500_000),
+}
 """Bits, range in V and baud rate that a rig file states for each."""
 
 

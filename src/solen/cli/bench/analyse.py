@@ -2,47 +2,15 @@
 
 import math
 from collections.abc import Iterator
-from pathlib import Path
-from typing import Annotated
 
 from solen.analysis import ReceiverResponse, SensorResponse, Study
 from solen.analysis.ageing import Ageing
 from solen.analysis.timing import ReceiverTiming, Timing
-from solen.cli.app import FLAT, Out, lines
-from solen.cli.bench.recorded import ANALYSED, LENS, Analysed, split_files
-from solen.report.options import FigureOptions
-from solen.results import Outcome
+from solen.cli.app import lines
+from solen.pipeline.bench.analyse import analyse as analyse
 
-
-def analyse(
-    *files: Path,
-    options: Analysed = ANALYSED,
-    example: Path | None = None,
-    traces: Path | None = None,
-    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
-    out: Out = None,
-) -> Outcome[Study]:
-    """Cycles, response curve and figures of merit of recorded sensors.
-
-    Emitters that switch, flicker of lamps, clipped samples and the log of a stage in the same folder are detected, and
-    the command that states all of it is printed.
-
-    Parameters
-    ----------
-    files
-        Recordings: tables (CSV, TSV, ;, .xlsx) with a time, an angle and receivers' voltages.
-    example
-        Write the simulated recording that solen ships to this .csv, and analyse it as well.
-    traces
-        Draw voltages over time with the cycles found into this .svg, .png or .pdf.
-    """
-    from solen.pipeline.bench import analyse as pipeline
-
-    files, options = split_files(files, options)
-    if example is not None:
-        pipeline.write_example(example)
-        files = (*files, example)
-    return pipeline.analyse(*files, options=options, out=out, figure=figure, traces=traces)
+LENS = {None: "", True: ", lens", False: ", no lens"}
+"""How lines state the lens of a sensor."""
 
 
 @lines.register

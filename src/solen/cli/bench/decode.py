@@ -8,9 +8,11 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from solen.analysis.calibration import CalibrationOptions, DecodeOptions, Decoding, SensorCalibrations
-from solen.analysis.calibration.table import DecodingTable, TableOptions
-from solen.cli.app import FLAT, SHOWN, lines
-from solen.cli.bench.recorded import ANALYSED, RECORDED, Analysed, Recorded, split_files
+from solen.analysis.calibration.table import DecodingTable
+from solen.cli.app import SHOWN, lines
+from solen.pipeline.bench.recorded import ANALYSED, RECORDED, Analysed, Recorded, split_files
+from solen.pipeline.bench.table import table as table
+from solen.pipeline.options import FLAT
 from solen.ranks import ranked
 from solen.report.options import FigureOptions
 from solen.results import Outcome
@@ -97,23 +99,6 @@ def decode(
         files = (f"{name}: {path}" for name, path in outcome.files.items())
         print("\n".join([*lines(outcome.result), *files]), file=summary)
     return None
-
-
-def table(
-    calibration: Path, folder: Path, /, *, options: Annotated[TableOptions, FLAT] = TableOptions()
-) -> Outcome[DecodingTable]:
-    """Write a calibration as a small table, with code in MicroPython and C that decodes by it on a board.
-
-    Parameters
-    ----------
-    calibration
-        File of solen bench calibrate.
-    folder
-        Where solen_decode.py and solen_decode.h go.
-    """
-    from solen.pipeline.bench import table as pipeline
-
-    return pipeline.table(calibration, folder, options)
 
 
 @lines.register

@@ -2,39 +2,11 @@
 
 import math
 from collections.abc import Iterator
-from pathlib import Path
-from typing import Annotated
 
-from cyclopts import Parameter
-
-from solen.analysis.demodulation import Demodulation, DemodulationOptions
+from solen.analysis.demodulation import Demodulation
 from solen.analysis.demodulation.demodulate import Rejection
-from solen.cli.app import FLAT, Sheet, lines, short, text
-from solen.report.options import FigureOptions
-from solen.results import Outcome
-
-Table = Annotated[Path | None, Parameter(name="--out", help="Write the readings to this .csv.")]
-
-
-def demodulate(
-    file: Path,
-    /,
-    *,
-    options: Annotated[DemodulationOptions, FLAT] = DemodulationOptions(),
-    sheet: Sheet = None,
-    out: Table = None,
-    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
-) -> Outcome[Demodulation]:
-    """Take ambient light out of a recording whose emitters switch on and off: on less off, with its uncertainty.
-
-    Parameters
-    ----------
-    file
-        A table with a time and a column for each receiver.
-    """
-    from solen.pipeline.bench import demodulate as pipeline
-
-    return pipeline.demodulate(file, options, sheet=sheet, out=out, figure=figure)
+from solen.cli.app import lines, short, text
+from solen.pipeline.bench.demodulate import demodulate as demodulate
 
 
 @lines.register

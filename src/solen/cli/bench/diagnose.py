@@ -1,35 +1,11 @@
 """The command of diagnoses: `solen bench diagnose`."""
 
 from collections.abc import Iterator
-from pathlib import Path
-from typing import Annotated
 
-from solen.analysis.diagnosis import DiagnosisOptions, SensorDiagnoses
-from solen.cli.app import FLAT, Out, lines, progress_bar
-from solen.cli.bench.recorded import ANALYSED, LENS, Analysed, Flat, split_files
-from solen.report.options import FigureOptions
-from solen.results import Outcome
-
-
-def diagnose(
-    *files: Path,
-    options: Annotated[DiagnosisOptions, Flat] = DiagnosisOptions(),
-    analysis: Analysed = ANALYSED,
-    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
-    out: Out = None,
-) -> Outcome[SensorDiagnoses]:
-    """Diagnose a sensor from its recording: emitter decentre, chip width, loss, gains and offsets, with intervals.
-
-    Parameters
-    ----------
-    files
-        Recordings, as of solen bench analyse.
-    """
-    from solen.pipeline.bench import diagnose as pipeline
-
-    files, analysis = split_files(files, analysis)
-    with progress_bar("tracing the design") as bar:
-        return pipeline.diagnose(*files, options=options, analysis=analysis, out=out, figure=figure, progress=bar)
+from solen.analysis.diagnosis import SensorDiagnoses
+from solen.cli.app import lines
+from solen.cli.bench.analyse import LENS
+from solen.pipeline.bench.diagnose import diagnose as diagnose
 
 
 @lines.register

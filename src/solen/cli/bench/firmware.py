@@ -1,25 +1,10 @@
 """The command of boards: `solen bench firmware`."""
 
 from collections.abc import Iterator
-from pathlib import Path
-from typing import Literal
 
 from solen.cli.app import lines
 from solen.pipeline.bench import firmware as pipeline
-from solen.results import Outcome
-
-
-def firmware(folder: Path, /, *, board: Literal["pico", "esp32", "uno"]) -> Outcome[pipeline.Firmware]:
-    """Write the firmware of an emitter board into a folder, ready to be copied onto it or uploaded.
-
-    Parameters
-    ----------
-    folder
-        Where its files go.
-    board
-        Raspberry Pi Pico or ESP32 (MicroPython), or Arduino Uno (a sketch in C).
-    """
-    return pipeline.firmware(folder, board)
+from solen.pipeline.bench.firmware import firmware as firmware
 
 
 @lines.register

@@ -7,11 +7,13 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from solen.bench.check import CheckOptions, InputCheck, Jogged, JogOptions, RigCheck
+from solen.bench.check import InputCheck, Jogged, JogOptions, RigCheck
 from solen.bench.watch import Seen, Watched, WatchOptions
-from solen.cli.app import FLAT, SHOWN, lines
+from solen.cli.app import SHOWN, lines
 from solen.cli.bench.record import confirmation
 from solen.pipeline.bench import look as pipeline
+from solen.pipeline.bench.look import check as check
+from solen.pipeline.options import FLAT
 from solen.results import Outcome
 
 if TYPE_CHECKING:
@@ -20,17 +22,6 @@ if TYPE_CHECKING:
 BLOCKS = "▁▂▃▄▅▆▇█"
 KEPT = 60
 """Looks that a live plot goes back."""
-
-
-def check(*, rig: Path, options: Annotated[CheckOptions, FLAT] = CheckOptions()) -> Outcome[RigCheck]:
-    """Look a rig over before a run: wires, emitters, rails, noise, light of the room, trimmers. Nothing moves.
-
-    Parameters
-    ----------
-    rig
-        The instruments, and which sensors are wired to them.
-    """
-    return pipeline.check(rig, options)
 
 
 def jog(*, rig: Path, options: Annotated[JogOptions, FLAT] = JogOptions()) -> Outcome[Jogged]:

@@ -11,21 +11,13 @@ from solen.bench.interrupts import Ended, pass_over
 from solen.bench.netcdf import RecordedRun
 from solen.bench.record import RecordOptions
 from solen.bench.run import Tick
-from solen.cli.app import FLAT, SHOWN, lines
+from solen.cli.app import SHOWN, lines
 from solen.pipeline.bench import record as pipeline
+from solen.pipeline.bench.record import new as new
+from solen.pipeline.bench.record import recordings as recordings
+from solen.pipeline.bench.record import recover as recover
+from solen.pipeline.options import FLAT
 from solen.results import Outcome
-
-
-def new(folder: Path, /) -> Outcome[pipeline.BenchFolder]:
-    """Write protocols and simulated rigs with their designs into a folder.
-
-    Parameters
-    ----------
-    folder
-        Where rotation.toml, bending.toml, rig.toml (with a board), rig-daq.toml (with a data acquisition) and
-        sensor.toml go.
-    """
-    return pipeline.new(folder)
 
 
 def run(
@@ -48,30 +40,6 @@ def run(
         except Ended:
             pass_over()  # what is kept is still to be said
             raise
-
-
-def recover(journal: Path, /) -> Outcome[RecordedRun]:
-    """Close the journal of a run that was stopped or killed into a recording.
-
-    Parameters
-    ----------
-    journal
-        The .journal file that it left.
-    """
-    return pipeline.recover(journal)
-
-
-def recordings(folder: Path = Path(), /, *, look: bool = False) -> Outcome[RecordingList]:
-    """List the recordings of a folder.
-
-    Parameters
-    ----------
-    folder
-        The folder; by default this one.
-    look
-        Look for recordings that were put there by hand.
-    """
-    return pipeline.recordings(folder, look=look)
 
 
 @lines.register

@@ -2,13 +2,13 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated
 
-from solen.cli.app import FLAT, Set, lines, listing, text
+from solen.cli.app import lines, listing, text
 from solen.cli.design.trace import SCENE_SUFFIX, refuse_for_scene
-from solen.report.options import FigureOptions
+from solen.pipeline.design.check import lens as lens
+from solen.pipeline.options import Set
 from solen.results import Outcome, scalars
-from solen.sensor import Check, Focus, LensCheck, LensOptions
+from solen.sensor import Check, Focus, LensCheck
 from solen.trace.described import SceneCheck
 
 
@@ -26,29 +26,6 @@ def check(file: Path, /, *, set_: Set = None) -> Outcome[Check | SceneCheck]:
         refuse_for_scene({"--set": set_ and set_[0]})
         return pipeline.check_scene(file)
     return pipeline.check(file, set_)
-
-
-def lens(
-    file: Path,
-    /,
-    *,
-    options: Annotated[LensOptions, FLAT] = LensOptions(),
-    set_: Set = None,
-    csv: Path | None = None,
-    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
-) -> Outcome[LensCheck]:
-    """Show the lens of a design: shape, acceptance, magnification, focus in the material it is made of.
-
-    Parameters
-    ----------
-    file
-        The design file.
-    csv
-        Write the profile as a table of x and z in mm.
-    """
-    from solen.pipeline.design import check as pipeline
-
-    return pipeline.lens(file, set_, options, csv=csv, figure=figure)
 
 
 @lines.register

@@ -6,11 +6,12 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from solen.cli.app import FLAT, Set, lines, listing, progress_bar
+from solen.cli.app import lines, listing
 from solen.errors import SpecError
 from solen.fabricate import ExportedSolid
 from solen.fabricate.layers import Slicing
 from solen.fabricate.seats import SeatOptions
+from solen.pipeline.options import FLAT, ProgressBar, Set
 from solen.report.options import FigureOptions
 from solen.results import Outcome
 
@@ -34,6 +35,7 @@ def export(
     tolerance_mm: float = 1e-3,
     set_: Set = None,
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
+    progress: ProgressBar = None,
 ) -> Outcome[ExportedSolid]:
     """Write the solid and the drawings of a sensor, in mm; without a format, STL and 3MF.
 
@@ -72,17 +74,16 @@ def export(
     formats = tuple(kind for kind, wanted in asked.items() if wanted)
     if slicing is not None and not layers:
         raise SpecError("options of layers", limit="have no meaning without --layers", remedy="add --layers")
-    with progress_bar("layers") as progress:
-        return pipeline.export(
-            file,
-            out,
-            formats,
-            assignments,
-            tolerance_mm=tolerance_mm,
-            figure=figure,
-            slicing=(slicing or Slicing()) if layers else None,
-            progress=progress,
-        )
+    return pipeline.export(
+        file,
+        out,
+        formats,
+        assignments,
+        tolerance_mm=tolerance_mm,
+        figure=figure,
+        slicing=(slicing or Slicing()) if layers else None,
+        progress=progress,
+    )
 
 
 @lines.register

@@ -2,34 +2,15 @@
 
 import math
 from collections.abc import Iterator
-from pathlib import Path
-from typing import Annotated
 
-from solen.cli.app import FLAT, Out, Set, lines, progress_bar, text
+from solen.cli.app import lines, text
+from solen.pipeline.design.readout import readout as readout
 from solen.readout import Setting
-from solen.report.options import FigureOptions
-from solen.results import Outcome
 from solen.sensor.readings import DesignReadings
 
 MOST_ROWS = 8
 ANY_LOAD_OHM = 1e8
 """Beyond it nothing limits a load."""
-
-
-def readout(
-    file: Path, /, *, set_: Set = None, figure: Annotated[FigureOptions, FLAT] = FigureOptions(), out: Out = None
-) -> Outcome[DesignReadings]:
-    """Show the voltages of a design's receivers over its motion, with noise, and which load suits them.
-
-    Parameters
-    ----------
-    file
-        The design file; its [readout] states the circuit.
-    """
-    from solen.pipeline.design import readout as pipeline
-
-    with progress_bar("tracing") as progress:
-        return pipeline.readout(file, set_, figure=figure, out=out, progress=progress)
 
 
 @lines.register

@@ -1,33 +1,16 @@
 """The command that does the whole chain of a design."""
 
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from solen.cli.app import Set, lines, progress_bar, short
-from solen.results import Outcome
+from solen.cli.app import lines, short
+from solen.pipeline.design.run import run as run
 from solen.sensor import AsPrinted, DesignStudy
 
 if TYPE_CHECKING:
     from solen.report.design.answer import Matter
 
 NAME = 16
-
-
-def run(file: Path, /, *, out: Path, set_: Set = None) -> Outcome[DesignStudy]:
-    """Simulate a design over its motion: lens, body, response with and without lens, figures, tables, report.
-
-    Parameters
-    ----------
-    file
-        The design file.
-    out
-        Folder for report.html, results.json, results.csv and the figures; made if need be.
-    """
-    from solen.pipeline.design import run as pipeline
-
-    with progress_bar("tracing") as progress:
-        return pipeline.run(file, out, set_, progress)
 
 
 @lines.register

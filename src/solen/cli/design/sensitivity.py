@@ -1,64 +1,11 @@
 """The commands that show the sensitivities of a design, and how its trace converges."""
 
 from collections.abc import Iterator
-from pathlib import Path
-from typing import Annotated
 
-from solen.cli.app import FLAT, Set, lines, progress_bar, short
-from solen.report.options import FigureOptions
-from solen.results import Outcome
+from solen.cli.app import lines, short
+from solen.pipeline.design.trace import convergence as convergence
+from solen.pipeline.design.trace import sensitivity as sensitivity
 from solen.sensor.traced import DesignConvergence, Sensitivities
-from solen.trace import Mode
-
-
-def convergence(
-    file: Path,
-    /,
-    *,
-    angle_deg: float = 0.0,
-    mode: Mode = "power",
-    set_: Set = None,
-    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
-) -> Outcome[DesignConvergence]:
-    """Show how the error falls with the number of rays, by fan, by Sobol' samples and by adaptive integration.
-
-    Parameters
-    ----------
-    file
-        The design file.
-    angle_deg
-        Angle in degrees, counter-clockwise: a negative one turns to the right. Above -90, below 90.
-    mode
-        How light meets faces.
-    """
-    from solen.pipeline.design import trace as pipeline
-
-    return pipeline.convergence(file, set_, mode=mode, angle_deg=angle_deg, figure=figure)
-
-
-def sensitivity(
-    file: Path,
-    /,
-    *keys: str,
-    angle_deg: float = 0.0,
-    set_: Set = None,
-    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
-) -> Outcome[Sensitivities]:
-    """Show how the readings change with the numbers of the design, ranked by what a tolerance of each does.
-
-    Parameters
-    ----------
-    file
-        The design file.
-    keys
-        Numbers of the design, as in body.arm_width_mm; default: all that the light depends on.
-    angle_deg
-        Angle in degrees, counter-clockwise: a negative one turns to the right. Above -90, below 90.
-    """
-    from solen.pipeline.design import trace as pipeline
-
-    with progress_bar("differentiating") as progress:
-        return pipeline.sensitivity(file, keys, set_, angle_deg=angle_deg, figure=figure, progress=progress)
 
 
 @lines.register

@@ -9,8 +9,9 @@ from typing import Annotated
 from cyclopts import Parameter
 from pydantic import Field
 
-from solen.cli.app import FLAT, SHOWN, Set, lines, short
+from solen.cli.app import SHOWN, lines, short
 from solen.errors import SpecError
+from solen.pipeline.options import FLAT, Set
 from solen.report.options import FigureOptions
 from solen.results import Outcome
 from solen.sensor.traced import DesignTrace

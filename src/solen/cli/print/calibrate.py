@@ -1,37 +1,10 @@
 """The command that calibrates a printer by measured coupons."""
 
 from collections.abc import Iterator
-from pathlib import Path
-from typing import Annotated
 
-from cyclopts import Parameter
-
-from solen.cli.app import FLAT, lines
+from solen.cli.app import lines
 from solen.fabricate.process import PrinterCalibration
-from solen.report.options import FigureOptions
-from solen.results import Outcome
-
-
-def calibrate(
-    files: list[Path],
-    /,
-    *,
-    process: Path | None = None,
-    out: Annotated[Path | None, Parameter(name="--out", help="Write the process to this .toml.")] = None,
-    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
-) -> Outcome[PrinterCalibration]:
-    """Find a printer's blur, edge growth and shrinkage from measured coupons, for solen print predict.
-
-    Parameters
-    ----------
-    files
-        Files of measured features (JSON), as solen print fidelity --out writes them of a coupon.
-    process
-        Process that the coupons were printed with, as far as it is known; default: the published settings.
-    """
-    from solen.pipeline.print import calibrate as pipeline
-
-    return pipeline.calibrate_printer(files, process, out, figure)
+from solen.pipeline.print.calibrate import calibrate_printer as calibrate_printer
 
 
 @lines.register

@@ -1,21 +1,11 @@
 """The command that measures a printed coupon."""
 
 from collections.abc import Iterator
-from pathlib import Path
-from typing import Annotated
 
-from cyclopts import Parameter
-
-from solen.cli.app import FLAT, lines, short
+from solen.cli.app import lines, short
 from solen.metrology.coupons import CouponMeasurement, Limit
-from solen.metrology.zmap import ZMapOptions
-from solen.report.options import FigureOptions
-from solen.results import Outcome
+from solen.pipeline.print.fidelity import fidelity as fidelity
 
-Choose = Annotated[
-    list[str] | None,
-    Parameter(name="--set", negative=(), help="A parameter and its value, as in --set spacing_mm=2; repeatable."),
-]
 MINIMA = {
     "positive_diameter": "smallest pillar that stands",
     "gap": "smallest gap that is open",
@@ -23,35 +13,6 @@ MINIMA = {
     "hole_variation": "smallest variation of holes",
     "z_step": "smallest step of height",
 }
-
-
-def fidelity(
-    file: Path,
-    /,
-    *,
-    coupon: str | None = None,
-    job: Path | None = None,
-    options: Annotated[ZMapOptions, FLAT] = ZMapOptions(),
-    set_: Choose = None,
-    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
-    out: Annotated[
-        Path | None, Parameter(help="Write the result, with nominal and measured sizes, to this .json.")
-    ] = None,
-) -> Outcome[CouponMeasurement]:
-    """Measure a printed coupon in a picture or a z map, and the smallest features that are resolved.
-
-    Parameters
-    ----------
-    file
-        A picture (TIFF, PNG and others), or with --z-um a z map (TIFF of 16 bits or with points, or a table of text).
-    coupon
-        Which coupon it shows: group-a, group-b, group-c, holes or z-reference; default: that of the job.
-    job
-        The job file that solen print coupons wrote beside the coupon, with the coupon's parameters.
-    """
-    from solen.pipeline.print import fidelity as pipeline
-
-    return pipeline.fidelity(file, coupon, options, job=job, assignments=set_ or (), figure=figure, out=out)
 
 
 @lines.register

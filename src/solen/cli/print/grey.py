@@ -1,39 +1,10 @@
 """The command that measures which light grey pixels let through."""
 
 from collections.abc import Iterator
-from pathlib import Path
-from typing import Annotated
 
-from cyclopts import Parameter
-
-from solen.cli.app import FLAT, lines
-from solen.fabricate.process import GreyOptions, MeasuredGreys
-from solen.results import Outcome
-
-
-def grey(
-    file: Path,
-    /,
-    *,
-    options: Annotated[GreyOptions, FLAT] = GreyOptions(),
-    process: Path | None = None,
-    sheet: str | None = None,
-    out: Annotated[Path | None, Parameter(name="--out", help="Write the process with the greys to this .toml.")] = None,
-) -> Outcome[MeasuredGreys]:
-    """Measure which light grey pixels let through, from discs of the coupon grey-steps.
-
-    Parameters
-    ----------
-    file
-        A table with the greys (shares, % or 255ths) and the thicknesses of discs that one exposure cured together.
-    process
-        Process that the greys are added to, and whose Dp turns thickness into light; default: the published settings.
-    sheet
-        Sheet of a workbook.
-    """
-    from solen.pipeline.print import grey as pipeline
-
-    return pipeline.grey(file, options, process=process, sheet=sheet, out=out)
+from solen.cli.app import lines
+from solen.fabricate.process import MeasuredGreys
+from solen.pipeline.print.grey import grey as grey
 
 
 @lines.register

@@ -1,50 +1,11 @@
 """The command that compares a picture of a printed lens with its design."""
 
 from collections.abc import Iterator
-from pathlib import Path
-from typing import Annotated
 
-from cyclopts import Parameter
-
-from solen.cli.app import FLAT, Set, lines
-from solen.metrology.inspection import InspectOptions, LensInspection
+from solen.cli.app import lines
+from solen.metrology.inspection import LensInspection
 from solen.metrology.print_fit import PrintFit
-from solen.report.options import FigureOptions
-from solen.results import Outcome
-
-Profile = Annotated[
-    Path | None,
-    Parameter(name="--out", help='Write the measured profile to this .json, which [lens] shape = "measured" takes.'),
-]
-
-
-def inspect(
-    image: Path,
-    /,
-    *,
-    design: Path,
-    options: Annotated[InspectOptions, FLAT] = InspectOptions(),
-    against: Annotated[list[Path] | None, Parameter(negative=())] = None,
-    set_: Set = None,
-    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
-    out: Profile = None,
-) -> Outcome[LensInspection]:
-    """Measure a printed lens in a picture: its outline, its deviations from the design, the nearest of several designs.
-
-    Parameters
-    ----------
-    image
-        A micrograph of the lens, seen along y: TIFF, OME-TIFF, PNG, JPEG (needs the extra vision).
-    design
-        The design file of the part.
-    against
-        A design file to compare with as well; repeatable. Default: the paper's three indices, if it is its lens.
-    """
-    from solen.pipeline.print import inspect as pipeline
-
-    return pipeline.inspect(
-        image, design, options, assignments=set_ or (), against=against or (), figure=figure, out=out
-    )
+from solen.pipeline.print.inspect import inspect as inspect
 
 
 @lines.register

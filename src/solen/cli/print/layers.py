@@ -1,45 +1,13 @@
 """The commands of layers: cut a part for a printer, list the printers."""
 
 from collections.abc import Iterator
-from pathlib import Path
-from typing import Annotated
 
-from solen.cli.app import FLAT, Set, lines, listing, progress_bar
-from solen.fabricate.layers import LayeredPrint, Slicing
-from solen.fabricate.seats import SeatOptions
+from solen.cli.app import lines, listing
+from solen.fabricate.layers import LayeredPrint
 from solen.parts import PrinterList, PrinterSummary
 from solen.parts import printers as library
-from solen.report.options import FigureOptions
+from solen.pipeline.print.layers import layers as layers
 from solen.results import Outcome
-
-
-def layers(
-    file: Path,
-    /,
-    *,
-    out: Path,
-    slicing: Annotated[Slicing, FLAT] = Slicing(),
-    seats: Annotated[SeatOptions, FLAT] = SeatOptions(),
-    set_: Set = None,
-    run: str | None = None,
-    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
-) -> Outcome[LayeredPrint]:
-    """Cut a design, a coupon's job or a mesh into anti-aliased layers for a printer, with STL and settings.
-
-    Parameters
-    ----------
-    file
-        A design (.toml), the job of a coupon (.json) or a closed mesh (.stl in mm, .3mf); its name names the files.
-    out
-        Folder for the files; made if need be.
-    run
-        Which run of a coupon that is printed in several: base or layer of film-layer.
-    """
-    from solen.pipeline.print import layers as pipeline
-
-    with progress_bar("layers") as progress:
-        assignments = [*(set_ or ()), *seats.assignments]
-        return pipeline.layers(file, out, slicing, assignments, run=run, figure=figure, progress=progress)
 
 
 def printers(name: str | None = None, /) -> Outcome[PrinterList | PrinterSummary]:

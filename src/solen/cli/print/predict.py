@@ -1,57 +1,11 @@
 """The command that predicts what a printer makes of a lens."""
 
 from collections.abc import Iterator
-from pathlib import Path
-from typing import Annotated
 
-from cyclopts import Parameter
-
-from solen.cli.app import FLAT, Set, lines, progress_bar
-from solen.fabricate.process import PrintedDesign, PrintOptions
-from solen.report.options import FigureOptions
-from solen.results import Outcome
+from solen.cli.app import lines
+from solen.fabricate.process import PrintedDesign
+from solen.pipeline.print.predict import predict as predict
 from solen.sensor.print_loss import EmitterLoss, PrintLoss
-
-
-def predict(
-    file: Path,
-    /,
-    *,
-    options: Annotated[PrintOptions, FLAT] = PrintOptions(),
-    compensate: Path | None = None,
-    solid: Path | None = None,
-    response: Annotated[bool, Parameter(negative="--no-response")] = True,
-    set_: Set = None,
-    out: Annotated[Path | None, Parameter(name="--out", help="Write the printed lens's profile to this .json.")] = None,
-    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
-) -> Outcome[PrintedDesign]:
-    """Predict the lens that the printer makes of a design: how far from the wanted one, and what response is lost.
-
-    Parameters
-    ----------
-    file
-        The design file.
-    compensate
-        Write a design to this .toml whose outline prints as the wanted lens (flat parts).
-    solid
-        Write the whole part as it is printed flat to this .stl, .3mf or .glb.
-    response
-        Trace the sensor with both lenses.
-    """
-    from solen.pipeline.print import predict as pipeline
-
-    with progress_bar("printing") as progress:
-        return pipeline.predict(
-            file,
-            options,
-            set_ or (),
-            response=response,
-            out=out,
-            compensate=compensate,
-            figure=figure,
-            solid=solid,
-            progress=progress,
-        )
 
 
 @lines.register

@@ -1,36 +1,10 @@
 """The command that measures the scale of an objective."""
 
 from collections.abc import Iterator
-from pathlib import Path
-from typing import Annotated
 
-from cyclopts import Parameter
-
-from solen.cli.app import FLAT, lines
-from solen.metrology.micrometer import MeasuredScale, MicrometerOptions
-from solen.results import Outcome
-
-
-def scale(
-    picture: Path,
-    /,
-    *,
-    options: Annotated[MicrometerOptions, FLAT],
-    out: Annotated[
-        Path | None,
-        Parameter(name="--out", help="Write the scale to this .toml, which --scale of other commands takes."),
-    ] = None,
-) -> Outcome[MeasuredScale]:
-    """Measure the scale of an objective once, in a picture of a stage micrometer.
-
-    Parameters
-    ----------
-    picture
-        A picture of even parallel lines: TIFF, PNG, JPEG and others (needs the extra vision).
-    """
-    from solen.pipeline.print import scale as pipeline
-
-    return pipeline.scale(picture, options, out)
+from solen.cli.app import lines
+from solen.metrology.micrometer import MeasuredScale
+from solen.pipeline.print.scale import scale as scale
 
 
 @lines.register

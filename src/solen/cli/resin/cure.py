@@ -1,40 +1,12 @@
 """The command of the working curve."""
 
 from collections.abc import Iterator
-from pathlib import Path
-from typing import Annotated
 
-from solen.cli.app import FLAT, Out, Sheet, lines
-from solen.material.cure import CureOptions, MeasuredCurve
+from solen.cli.app import lines
+from solen.material.cure import MeasuredCurve
 from solen.material.cure.discs import InLampExposure, LayerExposure, LayerNeed
 from solen.material.cure.spectral import InLamp
-from solen.report.options import FigureOptions
-from solen.results import Outcome
-
-
-def cure(
-    files: list[Path],
-    /,
-    *,
-    options: Annotated[CureOptions, FLAT] = CureOptions(),
-    penetration: Path | None = None,
-    sheet: Sheet = None,
-    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
-    out: Out = None,
-) -> Outcome[MeasuredCurve]:
-    """Fit the working curve of a resin, Dc = Dp ln(E/Ec), and say what it means for a print in layers.
-
-    Parameters
-    ----------
-    files
-        A table with a row for each cured disc: thickness, and dose or time; further ones, as of other resins, are
-        fitted and drawn beside the first.
-    penetration
-        Result of solen resin penetration (.json) with this printer's lamp: its law stands beside Jacobs'.
-    """
-    from solen.pipeline.resin import cure as pipeline
-
-    return pipeline.cure(files, options, penetration=penetration, sheet=sheet, out=out, figure=figure)
+from solen.pipeline.resin.cure import cure as cure
 
 
 @lines.register

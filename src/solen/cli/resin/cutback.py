@@ -1,35 +1,11 @@
 """The command that computes the loss of a guide."""
 
 from collections.abc import Iterator
-from pathlib import Path
-from typing import Annotated
 
-from solen.cli.app import FLAT, Out, Sheet, lines
-from solen.material.loss import CutbackOptions, GuideLoss
+from solen.cli.app import lines
+from solen.material.loss import GuideLoss
 from solen.material.loss.cutback import LAYER_UM, U_T
-from solen.report.options import FigureOptions
-from solen.results import Outcome
-
-
-def cutback(
-    file: Path,
-    /,
-    *,
-    options: Annotated[CutbackOptions, FLAT] = CutbackOptions(),
-    sheet: Sheet = None,
-    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
-    out: Out = None,
-) -> Outcome[GuideLoss]:
-    """Compute the loss of a guide in dB/cm from the power that guides of several lengths transmit.
-
-    Parameters
-    ----------
-    file
-        A table with a row for each reading: length, power, and best also guide and orientation.
-    """
-    from solen.pipeline.resin import cutback as pipeline
-
-    return pipeline.cutback(file, options, sheet=sheet, out=out, figure=figure)
+from solen.pipeline.resin.cutback import cutback as cutback
 
 
 @lines.register

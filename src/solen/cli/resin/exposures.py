@@ -1,36 +1,12 @@
 """The command of layers against their exposure."""
 
 from collections.abc import Iterator
-from pathlib import Path
-from typing import Annotated
 
 import numpy as np
 
-from solen.cli.app import FLAT, Out, Sheet, lines
-from solen.material.cure.exposures import ExposureOptions, ExposureTrends, Trend
-from solen.report.options import FigureOptions
-from solen.results import Outcome
-
-
-def exposures(
-    files: list[Path],
-    /,
-    *,
-    options: Annotated[ExposureOptions, FLAT] = ExposureOptions(),
-    sheet: Sheet = None,
-    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
-    out: Out = None,
-) -> Outcome[ExposureTrends]:
-    """Compare the transmittance of layers by their exposure, and the index where R was measured.
-
-    Parameters
-    ----------
-    files
-        Spectra whose traces, or files, are named by their exposure ("2 s"), or tables of exposure_s, wavelength_nm, T.
-    """
-    from solen.pipeline.resin import exposures as pipeline
-
-    return pipeline.exposures(files, options, sheet=sheet, out=out, figure=figure)
+from solen.cli.app import lines
+from solen.material.cure.exposures import ExposureTrends, Trend
+from solen.pipeline.resin.exposures import exposures as exposures
 
 
 @lines.register

@@ -1,40 +1,15 @@
 """The command of the index: from spectra of a printed layer to n against wavelength."""
 
 from collections.abc import Iterable, Iterator
-from pathlib import Path
-from typing import Annotated
 
-from solen.cli.app import FLAT, Out, Sheet, lines, short
+from solen.cli.app import lines, short
 from solen.material.index.illuminant import Evaluated
 from solen.material.index.layer import LayerIndex
-from solen.material.index.options import IndexOptions
-from solen.report.options import FigureOptions
-from solen.results import Outcome, plain
+from solen.pipeline.resin.index import index as index
+from solen.results import plain
 
 MOST_ROWS = 12
 """Wavelengths that are printed at most; JSON and files have all."""
-
-
-def index(
-    file: Path,
-    /,
-    *,
-    options: Annotated[IndexOptions, FLAT] = IndexOptions(),
-    sheet: Sheet = None,
-    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
-    out: Out = None,
-) -> Outcome[LayerIndex]:
-    """Compute the index of a printed layer from its spectra, with its uncertainty.
-
-    Parameters
-    ----------
-    file
-        What the spectrophotometer exported, or a table with columns wavelength_nm, T and R (fractions, or % in the
-        header).
-    """
-    from solen.pipeline.resin import index as pipeline
-
-    return pipeline.index(file, options, sheet=sheet, out=out, figure=figure)
 
 
 @lines.register

@@ -1,84 +1,23 @@
 """The commands of resins: build a file from results, list and show them, weigh in a mixture."""
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import BaseModel
 
-from solen.cli.app import FLAT, lines, listing, short, text
-from solen.material.facts import IndexAt, ResinFacts, ResinList, ShowOptions, listed
+from solen.cli.app import lines, listing, short, text
+from solen.material.facts import IndexAt, ResinFacts, ResinList, listed
 from solen.material.mix import MixOptions, Mixtures, Weighed, mixtures
 from solen.material.resin import Source
-from solen.material.resin_from_results import BuildOptions
-from solen.report.options import FigureOptions
+from solen.pipeline.options import FLAT
+from solen.pipeline.resin.library import build as build
+from solen.pipeline.resin.library import show as show
 from solen.results import Outcome
-
-
-def build(
-    out: Path,
-    /,
-    *,
-    options: Annotated[BuildOptions, FLAT],
-    index: Path | None = None,
-    cutback: Path | None = None,
-    cure: Path | None = None,
-    stiffness: Path | None = None,
-    refractometer: Path | None = None,
-    penetration: Path | None = None,
-    force: bool = False,
-) -> Outcome[ResinFacts]:
-    """Write a resin file from the results of other commands, written with --out.
-
-    Parameters
-    ----------
-    out
-        The resin file, a .toml.
-    index
-        Result of solen resin index or solen resin refractometer.
-    refractometer
-        Result of solen resin refractometer, which the index is compared with.
-    penetration
-        Result of solen resin penetration, which the working curve is compared with.
-    cutback
-        Result of solen resin cutback.
-    cure
-        Result of solen resin cure.
-    stiffness
-        Result of solen resin stiffness.
-    force
-        Replace a file that exists.
-    """
-    from solen.pipeline.resin import library as pipeline
-
-    given = {"index": index, "cutback": cutback, "cure": cure, "stiffness": stiffness}
-    given |= {"refractometer": refractometer, "penetration": penetration}
-    results = {option: path for option, path in given.items() if path is not None}
-    return pipeline.build(out, results, options, force=force)
 
 
 def list_() -> Outcome[ResinList]:
     """List the resins that solen ships, with their index."""
     return Outcome(listed())
-
-
-def show(
-    name: str,
-    /,
-    *,
-    options: Annotated[ShowOptions, FLAT] = ShowOptions(),
-    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
-) -> Outcome[ResinFacts]:
-    """Show everything that a resin says, and its index at wavelengths.
-
-    Parameters
-    ----------
-    name
-        A resin of the library, or a resin file (ends in .toml or holds a / or a backslash).
-    """
-    from solen.pipeline.resin import library as pipeline
-
-    return pipeline.show(name, options.at_nm, figure=figure)
 
 
 def mix(*components: str, options: Annotated[MixOptions, FLAT] = MixOptions()) -> Outcome[Mixtures]:

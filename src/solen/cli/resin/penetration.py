@@ -1,36 +1,12 @@
 """The command of the penetration depth, from an absorbance spectrum."""
 
 from collections.abc import Iterator
-from pathlib import Path
-from typing import Annotated
 
 import numpy as np
 
-from solen.cli.app import FLAT, Out, Sheet, lines
-from solen.material.cure.penetration import Penetration, PenetrationOptions
-from solen.report.options import FigureOptions
-from solen.results import Outcome
-
-
-def penetration(
-    file: Path,
-    /,
-    *,
-    options: Annotated[PenetrationOptions, FLAT],
-    sheet: Sheet = None,
-    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
-    out: Out = None,
-) -> Outcome[Penetration]:
-    """Compute the penetration depth of a resin from its absorbance, Dp = path / (A ln 10), in a lamp's light.
-
-    Parameters
-    ----------
-    file
-        A spectrum of the liquid resin: absorbance, base 10, or transmittance.
-    """
-    from solen.pipeline.resin import penetration as pipeline
-
-    return pipeline.penetration(file, options, sheet=sheet, out=out, figure=figure)
+from solen.cli.app import lines
+from solen.material.cure.penetration import Penetration
+from solen.pipeline.resin.penetration import penetration as penetration
 
 
 @lines.register

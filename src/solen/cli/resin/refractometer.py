@@ -1,35 +1,13 @@
 """The command of a refractometer: from an index at one wavelength or a few to n against wavelength."""
 
 from collections.abc import Iterator
-from typing import Annotated
 
-from solen.cli.app import FLAT, Out, lines, short
+from solen.cli.app import lines, short
 from solen.cli.resin.index import evaluated_lines
-from solen.material.index.refractometer import RefractometerIndex, RefractometerOptions
-from solen.report.options import FigureOptions
-from solen.results import Outcome
+from solen.material.index.refractometer import RefractometerIndex
+from solen.pipeline.resin.refractometer import refractometer as refractometer
 
 _SHOWN_NM = (450.0, 500.0, 650.0, 750.0, 860.0, 950.0)
-
-
-def refractometer(
-    n: list[float],
-    /,
-    *,
-    options: Annotated[RefractometerOptions, FLAT],
-    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
-    out: Out = None,
-) -> Outcome[RefractometerIndex]:
-    """Extend an index that a refractometer or an ellipsometer measured over wavelength, by what polymers share.
-
-    Parameters
-    ----------
-    n
-        Measured index, or indices at several wavelengths.
-    """
-    from solen.pipeline.resin import refractometer as pipeline
-
-    return pipeline.refractometer(n, options, out=out, figure=figure)
 
 
 @lines.register

@@ -1,40 +1,10 @@
 """The command that lists the spectra in a file."""
 
 from collections.abc import Iterator, Sequence
-from pathlib import Path
-from typing import Annotated
 
-from solen.cli.app import FLAT, Sheet, lines
-from solen.material.rows import RowOptions
+from solen.cli.app import lines
+from solen.pipeline.resin.spectra import spectra as spectra
 from solen.recording.spectrum import Listing, Trace
-from solen.report.options import FigureOptions
-from solen.results import Outcome
-
-
-def spectra(
-    files: list[Path],
-    /,
-    *,
-    rows: Annotated[RowOptions, FLAT] = RowOptions(),
-    sheet: Sheet = None,
-    trace: tuple[str, ...] = (),
-    repeats: bool = False,
-    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
-) -> Outcome[Listing]:
-    """List the spectra in files: traces, quantities, units, wavelengths, and what to beware of.
-
-    Parameters
-    ----------
-    files
-        A Cary export, a table with a column of wavelengths, or a workbook of either; several are drawn into one figure.
-    trace
-        Name of a trace; repeatable; default: all.
-    repeats
-        Draw traces whose names differ in their last number alone as one, its mean and standard deviation.
-    """
-    from solen.pipeline.resin import spectra as pipeline
-
-    return pipeline.spectra(files, rows, sheet=sheet, trace=trace, repeats=repeats, figure=figure)
 
 
 @lines.register

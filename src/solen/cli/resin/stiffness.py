@@ -1,70 +1,10 @@
 """The command of mechanical tests: `solen resin stiffness`."""
 
 from collections.abc import Iterator
-from pathlib import Path
-from typing import Annotated
 
-from cyclopts import Parameter
-
-from solen.cli.app import FLAT, Out, Sheet, lines, text
-from solen.material.stiffness import Dimensions, Evaluated, Fit, MaterialStiffness, MeasuredStiffness, StiffnessOptions
-from solen.report.options import FigureOptions
-from solen.results import Outcome
-
-_SEVERAL = Parameter(consume_multiple=True)
-_Files = Annotated[tuple[Path, ...], _SEVERAL]
-_Texts = Annotated[tuple[str, ...], _SEVERAL]
-
-
-def stiffness(
-    *files: Path,
-    options: Annotated[StiffnessOptions, FLAT, _SEVERAL] = StiffnessOptions(),
-    dimensions: Annotated[Dimensions, FLAT] = Dimensions(),
-    compression: _Files = (),
-    planar: _Files = (),
-    biaxial: _Files = (),
-    label: _Texts = (),
-    columns: _Texts | None = None,
-    sheet: Sheet = None,
-    csv: Path | None = None,
-    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
-    out: Out = None,
-) -> Outcome[MeasuredStiffness]:
-    """Compute modulus, cycles and a hyperelastic model from compression and tension tests.
-
-    Parameters
-    ----------
-    files
-        Exports of a testing machine or tables, a specimen each.
-    compression
-        Further files, of compression, fitted together with the others.
-    planar
-        Further files, of planar tension (pure shear).
-    biaxial
-        Further files, of equibiaxial tension.
-    label
-        The material: one for all files, or one for each in the order above. Specimens of one label are replicates.
-    columns
-        Names of the columns of tables without a header, such as stress_MPa stretch.
-    csv
-        Write engineering and true stress and strain of all specimens as a table.
-    """
-    from solen.pipeline.resin import stiffness as pipeline
-
-    return pipeline.stiffness(
-        files,
-        options,
-        dimensions,
-        compression=compression,
-        planar=planar,
-        biaxial=biaxial,
-        labels=label,
-        columns=columns,
-        sheet=sheet,
-        out=out,
-        figure=figure,
-        csv=csv,
-    )
+from solen.cli.app import lines, text
+from solen.material.stiffness import Evaluated, Fit, MaterialStiffness, MeasuredStiffness
+from solen.pipeline.resin.stiffness import stiffness as stiffness
 
 
 @lines.register

@@ -2,38 +2,41 @@
 
 import importlib.resources
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Annotated
 
-from solen import files
-from solen.analysis import AnalysisOptions, Study, study
+from solen.analysis import Study, study
 from solen.errors import OutputError
+from solen.files import write_bytes
+from solen.pipeline.bench.recorded import ANALYSED, Analysed, split_files
+from solen.pipeline.options import FLAT, Out
 from solen.pipeline.outputs import check_out, figure_bytes, write
 from solen.report.options import FigureOptions
 from solen.results import Outcome
-
-if TYPE_CHECKING:
-    pass
 
 EXAMPLE = "rotation-simulated.csv"
 
 
 def analyse(
-    *recordings: Path,
-    options: AnalysisOptions | None = None,
-    out: Path | None = None,
-    figure: FigureOptions = FigureOptions(),
+    *files: Path,
+    options: Analysed = ANALYSED,
+    example: Path | None = None,
     traces: Path | None = None,
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
+    out: Out = None,
 ) -> Outcome[Study]:
-    """Response and figures of merit of each sensor.
+    """Cycles, response curve and figures of merit of recorded sensors.
+
+    Emitters that switch, flicker of lamps, clipped samples and the log of a stage in the same folder are detected, and
+    the command that states all of it is printed.
 
     Parameters
     ----------
-    recordings
-        The files.
-    options
-        How to read and analyse them.
-    out, figure, traces
-        Where to write the result, the figure of the response, and that of the voltages over time.
+    files
+        Recordings: tables (CSV, TSV, ;, .xlsx) with a time, an angle and receivers' voltages.
+    example
+        Write the simulated recording that solen ships to this .csv, and analyse it as well.
+    traces
+        Draw voltages over time with the cycles found into this .svg, .png or .pdf.
 
     Raises
     ------
@@ -44,7 +47,11 @@ def analyse(
     figure.check(traces)
     if traces is not None and figure.figure == traces:
         raise OutputError(str(traces), limit="is the name of both figures", remedy="give each its own")
-    result = study(recordings, options)
+    files, options = split_files(files, options)
+    if example is not None:
+        write_example(example)
+        files = (*files, example)
+    result = study(files, options)
 
     def over_time() -> bytes:
         from solen.report.bench.traces import traces_figure
@@ -61,4 +68,4 @@ def write_example(path: Path) -> None:
     if path.exists():
         raise OutputError(str(path), limit="exists already", remedy="name another file or remove it")
     shipped = importlib.resources.files("solen.analysis") / "examples" / EXAMPLE
-    files.write_bytes(path, shipped.read_bytes())
+    write_bytes(path, shipped.read_bytes())

@@ -1,24 +1,36 @@
 """Ambient light out of a recording: from any table to a table of readings, with what was missing and what is left."""
 
 from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
 
 from solen import files
 from solen.analysis.demodulation import Demodulation, DemodulationOptions, demodulated, readings_csv
+from solen.pipeline.options import FLAT, Sheet
 from solen.pipeline.outputs import check_table, drawn, named
 from solen.recording import read
 from solen.report.options import FigureOptions
 from solen.results import Outcome
 
+Table = Annotated[Path | None, Parameter(name="--out", help="Write the readings to this .csv.")]
+
 
 def demodulate(
     file: Path,
-    options: DemodulationOptions | None = None,
+    /,
     *,
-    sheet: str | None = None,
-    out: Path | None = None,
-    figure: FigureOptions = FigureOptions(),
+    options: Annotated[DemodulationOptions, FLAT] = DemodulationOptions(),
+    sheet: Sheet = None,
+    out: Table = None,
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
 ) -> Outcome[Demodulation]:
-    """Readings of a recording without its ambient light; ``out`` is a .csv table of them.
+    """Take ambient light out of a recording whose emitters switch on and off: on less off, with its uncertainty.
+
+    Parameters
+    ----------
+    file
+        A table with a time and a column for each receiver.
 
     Raises
     ------

@@ -1,36 +1,32 @@
 """Recordings diagnosed: from files to what each sensor's emitter, chip and receivers are, by the design's response."""
 
 from pathlib import Path
+from typing import Annotated
 
-from solen.analysis import AnalysisOptions, study
+from solen.analysis import study
 from solen.analysis.diagnosis import DiagnosisOptions, SensorDiagnoses, diagnosed_sensors
 from solen.analysis.study import in_volts
-from solen.arrays import Progress
+from solen.pipeline.bench.recorded import ANALYSED, Analysed, Flat, split_files
+from solen.pipeline.options import FLAT, Out, ProgressBar
 from solen.pipeline.outputs import check_outputs, write
 from solen.report.options import FigureOptions
 from solen.results import Outcome
 
 
 def diagnose(
-    *recordings: Path,
-    options: DiagnosisOptions | None = None,
-    analysis: AnalysisOptions | None = None,
-    out: Path | None = None,
-    figure: FigureOptions = FigureOptions(),
-    progress: Progress | None = None,
+    *files: Path,
+    options: Annotated[DiagnosisOptions, Flat] = DiagnosisOptions(),
+    analysis: Analysed = ANALYSED,
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
+    out: Out = None,
+    progress: ProgressBar = None,
 ) -> Outcome[SensorDiagnoses]:
-    """Diagnosis of each sensor.
+    """Diagnose a sensor from its recording: emitter decentre, chip width, loss, gains and offsets, with intervals.
 
     Parameters
     ----------
-    recordings
-        The files.
-    options, analysis
-        What is known of the sensors, and how to read and analyse the recordings.
-    out, figure
-        Where to write the result and its figure.
-    progress
-        Called with the share of the tracing that is done, up to 1.
+    files
+        Recordings, as of solen bench analyse.
 
     Raises
     ------
@@ -38,6 +34,6 @@ def diagnose(
         In one line, where a file, an option or an output is not what it should be.
     """
     check_outputs(out, figure)
-    return write(
-        diagnosed_sensors(in_volts(study(recordings, analysis)), options, progress), "diagnosis", out, figure=figure
-    )
+    files, analysis = split_files(files, analysis)
+    diagnoses = diagnosed_sensors(in_volts(study(files, analysis)), options, progress)
+    return write(diagnoses, "diagnosis", out, figure=figure)

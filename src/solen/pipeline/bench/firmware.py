@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from solen import files
-from solen.bench.firmware.written import CONVERTERS, sources_of
+from solen.bench.firmware.written import CONVERTERS, Board, sources_of
 from solen.errors import OutputError
 from solen.results import Outcome, Result
 
@@ -32,8 +32,16 @@ class Firmware(Result):
     baud: int
 
 
-def firmware(folder: Path, board: str) -> Outcome[Firmware]:
-    """Write the sources for a board into a folder; existing files are never overwritten."""
+def firmware(folder: Path, /, *, board: Board) -> Outcome[Firmware]:
+    """Write the firmware of an emitter board into a folder, ready to be copied onto it or uploaded.
+
+    Parameters
+    ----------
+    folder
+        Where its files go.
+    board
+        Raspberry Pi Pico or ESP32 (MicroPython), or Arduino Uno (a sketch in C).
+    """
     texts = {folder / name: text.encode() for name, text in sources_of(board).items()}
     with files.output_folder(folder):
         for target in texts:

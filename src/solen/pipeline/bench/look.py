@@ -2,15 +2,23 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Annotated
 
 from solen.bench import check as bench
 from solen.bench import watch as watching
 from solen.bench.homing import Confirm
+from solen.pipeline.options import FLAT
 from solen.results import Outcome
 
 
-def check(rig: Path, options: bench.CheckOptions = bench.CheckOptions()) -> Outcome[bench.RigCheck]:
-    """Look a rig over while it stands still."""
+def check(*, rig: Path, options: Annotated[bench.CheckOptions, FLAT] = bench.CheckOptions()) -> Outcome[bench.RigCheck]:
+    """Look a rig over before a run: wires, emitters, rails, noise, light of the room, trimmers. Nothing moves.
+
+    Parameters
+    ----------
+    rig
+        The instruments, and which sensors are wired to them.
+    """
     return Outcome(bench.check(rig, options))
 
 

@@ -21,8 +21,15 @@ class BenchFolder(Result):
     folder: Path
 
 
-def new(folder: Path) -> Outcome[BenchFolder]:
-    """Write protocols, simulated rigs and their designs into a folder; existing files are never overwritten."""
+def new(folder: Path, /) -> Outcome[BenchFolder]:
+    """Write protocols and simulated rigs with their designs into a folder.
+
+    Parameters
+    ----------
+    folder
+        Where rotation.toml, bending.toml, rig.toml (with a board), rig-daq.toml (with a data acquisition) and
+        sensor.toml go.
+    """
     texts = starter_files()
     targets = {name: folder / f"{name}.toml" for name in texts}
     with files.output_folder(folder):
@@ -48,12 +55,26 @@ def run(
     return Outcome(recorded, {"recording": recorded.path})
 
 
-def recover(journal: Path) -> Outcome[RecordedRun]:
-    """Close a journal that was left by a run that was killed, stopped or failed."""
+def recover(journal: Path, /) -> Outcome[RecordedRun]:
+    """Close the journal of a run that was stopped or killed into a recording.
+
+    Parameters
+    ----------
+    journal
+        The .journal file that it left.
+    """
     recorded = bench.recover(journal)
     return Outcome(recorded, {"recording": recorded.path})
 
 
-def recordings(folder: Path, *, look: bool = False) -> Outcome[catalogue.RecordingList]:
-    """Recordings of a folder, and journals in it that were left."""
+def recordings(folder: Path = Path(), /, *, look: bool = False) -> Outcome[catalogue.RecordingList]:
+    """List the recordings of a folder.
+
+    Parameters
+    ----------
+    folder
+        The folder; by default this one.
+    look
+        Look for recordings that were put there by hand.
+    """
     return Outcome(catalogue.list_recordings(folder, look=look))

@@ -1,16 +1,28 @@
 """A calibration to a table and code that decodes by it on a board."""
 
 from pathlib import Path
+from typing import Annotated
 
 from solen import __version__, files
 from solen.analysis.calibration.file import load
 from solen.analysis.calibration.table import BoardTable, DecodingTable, TableOptions
 from solen.errors import OutputError
+from solen.pipeline.options import FLAT
 from solen.results import Outcome
 
 
-def table(calibration: Path, folder: Path, options: TableOptions = TableOptions()) -> Outcome[DecodingTable]:
-    """Write code that decodes on a board; existing files are never overwritten."""
+def table(
+    calibration: Path, folder: Path, /, *, options: Annotated[TableOptions, FLAT] = TableOptions()
+) -> Outcome[DecodingTable]:
+    """Write a calibration as a small table, with code in MicroPython and C that decodes by it on a board.
+
+    Parameters
+    ----------
+    calibration
+        File of solen bench calibrate.
+    folder
+        Where solen_decode.py and solen_decode.h go.
+    """
     known = load(calibration)
     ambient = f"ambient light {known.circuit.ambient or 'treated as in the recordings'}"
     made = BoardTable.of(known.calibration, options.points, name=known.sensor, ambient=ambient, version=__version__)

@@ -2,8 +2,10 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Annotated
 
 from solen.pipeline.design.designs import open_design
+from solen.pipeline.options import FLAT, Set
 from solen.pipeline.outputs import write
 from solen.report.options import FigureOptions
 from solen.results import Outcome
@@ -23,15 +25,24 @@ def check_scene(path: Path) -> Outcome[SceneCheck]:
 
 
 def lens(
-    path: Path,
-    assignments: Sequence[str] | None = None,
-    options: LensOptions = LensOptions(),
+    file: Path,
+    /,
     *,
+    options: Annotated[LensOptions, FLAT] = LensOptions(),
+    set_: Set = None,
     csv: Path | None = None,
-    figure: FigureOptions = FigureOptions(),
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
 ) -> Outcome[LensCheck]:
-    """Numbers of a design's lens, its profile as a table of x, z and its figure where they are asked for."""
+    """Show the lens of a design: shape, acceptance, magnification, focus in the material it is made of.
+
+    Parameters
+    ----------
+    file
+        The design file.
+    csv
+        Write the profile as a table of x and z in mm.
+    """
     figure.check()
-    sensor = Sensor.of(open_design(path, assignments))
+    sensor = Sensor.of(open_design(file, set_))
     table = {"profile": (csv, lambda: sensor.lens.table(options.tolerance_mm).encode())}
     return write(lens_check(sensor), "lens", None, table, figure=figure)

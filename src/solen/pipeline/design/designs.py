@@ -25,8 +25,17 @@ def provenance_of(path: Path) -> Provenance:
     return Provenance(file=path.name, sha256=hashlib.sha256(path.read_bytes()).hexdigest(), format="design")
 
 
-def new(folder: Path, example: str = "solen-860") -> Outcome[NewDesign]:
-    """Write a commented design file into a folder; an existing one is never overwritten."""
+def new(folder: Path, /, *, example: str = "solen-860") -> Outcome[NewDesign]:
+    """Write a commented design file, FOLDER/sensor.toml.
+
+    Parameters
+    ----------
+    folder
+        Where to write it; made if need be.
+    example
+        Shipped design: solen-860, solen-500, solen-450 or pmma-860, with an LED as it is sold, in space; paper-860,
+        paper-500 or paper-450, the point in the plane of the paper.
+    """
     text = template(example)
     with files.output_folder(folder):
         target = folder / DESIGN_NAME

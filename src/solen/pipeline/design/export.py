@@ -26,7 +26,7 @@ def export(
     tolerance_mm: float = 1e-3,
     figure: FigureOptions = FigureOptions(),
     slicing: Slicing | None = None,
-    progress: Progress = lambda _: None,
+    progress: Progress | None = None,
 ) -> Outcome[ExportedSolid]:
     """Write a design's solid and drawings into a folder.
 

@@ -1,11 +1,11 @@
 """Voltages of a design's receivers over its motion, with noise, resolution and advice on the load."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Annotated
 
-from solen.arrays import Progress
 from solen.pipeline.design.designs import open_design, provenance_of
+from solen.pipeline.options import FLAT, Out, ProgressBar, Set
 from solen.pipeline.outputs import check_outputs, write
 from solen.report.options import FigureOptions
 from solen.results import Outcome
@@ -14,15 +14,22 @@ from solen.sensor.readings import DesignReadings, design_readings
 
 
 def readout(
-    path: Path,
-    assignments: Sequence[str] | None = None,
+    file: Path,
+    /,
     *,
-    figure: FigureOptions = FigureOptions(),
-    out: Path | None = None,
-    progress: Progress | None = None,
+    set_: Set = None,
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
+    out: Out = None,
+    progress: ProgressBar = None,
 ) -> Outcome[DesignReadings]:
-    """Readings of a design over its motion, traced in power."""
+    """Show the voltages of a design's receivers over its motion, with noise, and which load suits them.
+
+    Parameters
+    ----------
+    file
+        The design file; its [readout] states the circuit.
+    """
     check_outputs(out, figure)
-    readings = design_readings(Sensor.of(open_design(path, assignments)), progress)
-    readings = replace(readings, sources=(provenance_of(path),))
+    readings = design_readings(Sensor.of(open_design(file, set_)), progress)
+    readings = replace(readings, sources=(provenance_of(file),))
     return write(readings, "readout", out, figure=figure)

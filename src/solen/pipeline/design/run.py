@@ -1,24 +1,29 @@
 """The whole chain of a design: response, figures, tables and report in a folder."""
 
 import json
-from collections.abc import Sequence
 from pathlib import Path
 
 from solen import files
-from solen.arrays import Progress
 from solen.pipeline.design.designs import open_design
+from solen.pipeline.options import ProgressBar, Set
 from solen.results import Outcome
 from solen.sensor import DesignStudy, study
 
 
-def run(
-    path: Path, out: Path, assignments: Sequence[str] | None = None, progress: Progress | None = None
-) -> Outcome[DesignStudy]:
-    """Trace a design over its motion with and without lens and beside neighbours; write its report into a folder."""
+def run(file: Path, /, *, out: Path, set_: Set = None, progress: ProgressBar = None) -> Outcome[DesignStudy]:
+    """Simulate a design over its motion: lens, body, response with and without lens, figures, tables, report.
+
+    Parameters
+    ----------
+    file
+        The design file.
+    out
+        Folder for report.html, results.json, results.csv and the figures; made if need be.
+    """
     from solen.report.design import html
     from solen.report.design.table import csv_table
 
-    design = open_design(path, assignments)
+    design = open_design(file, set_)
     with files.output_folder(out):
         result = study(design, progress, practical=True)
         drawn = html.figures(result)

@@ -2,11 +2,12 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Annotated
 
 from solen import files
-from solen.arrays import Progress
 from solen.errors import OutputError, SpecError
 from solen.pipeline.design.designs import open_design
+from solen.pipeline.options import FLAT, ProgressBar, Set
 from solen.pipeline.outputs import drawn, named, write
 from solen.report.options import FigureOptions
 from solen.results import Outcome
@@ -75,31 +76,52 @@ def trace_file(
 
 
 def convergence(
-    path: Path,
-    assignments: Sequence[str] | None = None,
+    file: Path,
+    /,
     *,
-    mode: Mode = "power",
     angle_deg: float = 0.0,
-    figure: FigureOptions = FigureOptions(),
+    mode: Mode = "power",
+    set_: Set = None,
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
 ) -> Outcome[DesignConvergence]:
-    """Error against rays of a design at one angle, for each way to choose the rays."""
+    """Show how the error falls with the number of rays, by fan, by Sobol' samples and by adaptive integration.
+
+    Parameters
+    ----------
+    file
+        The design file.
+    angle_deg
+        Angle in degrees, counter-clockwise: a negative one turns to the right. Above -90, below 90.
+    mode
+        How light meets faces.
+    """
     figure.check()
-    sensor = Sensor.of(with_values(open_design(path, assignments), {"trace.mode": mode}))
+    sensor = Sensor.of(with_values(open_design(file, set_), {"trace.mode": mode}))
     return write(design_convergence(sensor, angle_deg), "convergence", figure=figure)
 
 
 def sensitivity(
-    path: Path,
-    keys: Sequence[str] = (),
-    assignments: Sequence[str] | None = None,
-    *,
+    file: Path,
+    /,
+    *keys: str,
     angle_deg: float = 0.0,
-    figure: FigureOptions = FigureOptions(),
-    progress: Progress | None = None,
+    set_: Set = None,
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
+    progress: ProgressBar = None,
 ) -> Outcome[Sensitivities]:
-    """Derivatives of a design's readings at one angle by its numbers."""
+    """Show how the readings change with the numbers of the design, ranked by what a tolerance of each does.
+
+    Parameters
+    ----------
+    file
+        The design file.
+    keys
+        Numbers of the design, as in body.arm_width_mm; default: all that the light depends on.
+    angle_deg
+        Angle in degrees, counter-clockwise: a negative one turns to the right. Above -90, below 90.
+    """
     figure.check()
-    result = sensitivities(Sensor.of(open_design(path, assignments)), keys, angle_deg, progress)
+    result = sensitivities(Sensor.of(open_design(file, set_)), keys, angle_deg, progress)
     return write(result, "sensitivity", figure=figure)
 
 

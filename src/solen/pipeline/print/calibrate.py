@@ -1,7 +1,9 @@
 """Calibration of a printer: files of measured features in, a process file and a figure out."""
 
-from collections.abc import Sequence
 from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
 
 from solen import __version__, files
 from solen.errors import DataError
@@ -13,27 +15,28 @@ from solen.fabricate.process import (
     read_features,
     read_process,
 )
+from solen.pipeline.options import FLAT
 from solen.pipeline.outputs import check_ending, drawn, named
 from solen.report.options import FigureOptions
 from solen.results import Outcome
 
 
 def calibrate_printer(
-    paths: Sequence[Path], process: Path | None = None, out: Path | None = None, figure: FigureOptions = FigureOptions()
+    features: list[Path],
+    /,
+    *,
+    process: Path | None = None,
+    out: Annotated[Path | None, Parameter(name="--out", help="Write the process to this .toml.")] = None,
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
 ) -> Outcome[PrinterCalibration]:
-    """Find a process's blur, edge and shrinkage from measured coupons.
+    """Find a printer's blur, edge growth and shrinkage from measured coupons, for solen print predict.
 
     Parameters
     ----------
-    paths
-        Files of features; all were printed by one process.
+    features
+        Files of measured features (JSON), as solen print fidelity --out writes them of a coupon.
     process
-        What the process was taken to be before, with the settings that the coupons were printed with; None for the
-        default.
-    out
-        Write the process here.
-    figure
-        Draw printed beside measured sizes into this file.
+        Process that the coupons were printed with, as far as it is known; default: the published settings.
 
     Raises
     ------
@@ -42,11 +45,11 @@ def calibrate_printer(
     """
     figure.check()
     check_ending(out, "a process", ".toml")
-    if not paths:
+    if not features:
         raise DataError("coupons", limit="no file of features", remedy="name one or more")
     before = default_process() if process is None else read_process(process)
-    name = ", ".join(dict.fromkeys(path.name for path in paths))
-    fit = calibrated(before, [read_features(path) for path in paths], name)
+    name = ", ".join(dict.fromkeys(path.name for path in features))
+    fit = calibrated(before, [read_features(path) for path in features], name)
     contents = drawn(fit, figure, "calibration")
     if out is not None:
         comment = f"# Written by solen {__version__} print calibrate.\n"

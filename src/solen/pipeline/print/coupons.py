@@ -1,10 +1,15 @@
 """Coupons: solids, jobs and plans in one folder, all made before any is written."""
 
 from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
 
 from solen import files
-from solen.fabricate.coupons import CouponOutput, CouponSet, written_coupons
+from solen.errors import SpecError
+from solen.fabricate.coupons import CouponOutput, CouponSet, coupon_set, written_coupons
 from solen.geometry.coupons import CouponOptions
+from solen.pipeline.options import FLAT
 from solen.pipeline.outputs import drawn
 from solen.pipeline.print.layers import with_figure
 from solen.report.options import FigureOptions
@@ -12,31 +17,34 @@ from solen.results import Outcome
 
 
 def coupons(
-    out: Path,
-    only: str | None = None,
-    options: CouponOptions = CouponOptions(),
-    output: CouponOutput = CouponOutput(),
     *,
-    figure: FigureOptions = FigureOptions(),
+    out: Path | None = None,
+    only: str | None = None,
+    listing: Annotated[bool, Parameter(name="--list")] = False,
+    options: Annotated[CouponOptions, FLAT] = CouponOptions(),
+    output: Annotated[CouponOutput, FLAT] = CouponOutput(),
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
 ) -> Outcome[CouponSet]:
-    """Write STL, 3MF, job and plan of coupons into a folder.
+    """Write the coupons that show what a printer and a resin can do: STL, 3MF, plan and job of each.
 
     Parameters
     ----------
     out
-        Folder, made if need be; files of the same names are replaced.
+        Folder for the files; made if need be.
     only
-        Names, separated by commas; all coupons by default.
-    options, output
-        Parameters of the coupons, and how they are written.
-    figure
-        Draw all plans into this file.
+        Some coupons, with commas: group-a, group-b, group-c, holes, z-reference, cure-discs, film-layer, cubes, guides.
+    listing
+        List the coupons and what was read into their source; write nothing.
 
     Raises
     ------
     SolenError
         Where a coupon cannot be made or a file not be written; nothing is written then.
     """
+    if listing:
+        return Outcome(coupon_set(only, options))
+    if out is None:
+        raise SpecError("--out", limit="is missing", remedy="name a folder, or --list the coupons")
     figure.check()
     laid_out, made = written_coupons(only, options, output)
     with files.output_folder(out):

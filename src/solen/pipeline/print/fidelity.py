@@ -2,44 +2,50 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
 
 from solen.errors import SpecError
 from solen.fabricate.coupons import read_job
 from solen.geometry.coupons import Coupon, CouponOptions, layout
 from solen.metrology.coupons import CouponMeasurement, measure_coupon
 from solen.metrology.zmap import ZMapOptions, read_image_or_z_map
+from solen.pipeline.options import FLAT
 from solen.pipeline.outputs import check_outputs, write
 from solen.report.options import FigureOptions
 from solen.results import Outcome
 from solen.spec.toml import parse_assignment
 
+Choose = Annotated[
+    list[str] | None,
+    Parameter(name="--set", negative=(), help="A parameter and its value, as in --set spacing_mm=2; repeatable."),
+]
+
 
 def fidelity(
-    path: Path,
-    coupon: str | None = None,
-    options: ZMapOptions = ZMapOptions(),
+    file: Path,
+    /,
     *,
+    coupon: str | None = None,
     job: Path | None = None,
-    assignments: Sequence[str] = (),
-    figure: FigureOptions = FigureOptions(),
-    out: Path | None = None,
+    options: Annotated[ZMapOptions, FLAT] = ZMapOptions(),
+    set_: Choose = None,
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
+    out: Annotated[
+        Path | None, Parameter(help="Write the result, with nominal and measured sizes, to this .json.")
+    ] = None,
 ) -> Outcome[CouponMeasurement]:
-    """Sizes of a printed coupon from its picture or z map, and the smallest features that are resolved.
+    """Measure a printed coupon in a picture or a z map, and the smallest features that are resolved.
 
     Parameters
     ----------
-    path
-        Picture, or with ``z_um`` a z map.
+    file
+        A picture (TIFF, PNG and others), or with --z-um a z map (TIFF of 16 bits or with points, or a table of text).
     coupon
-        Name of the coupon; default: that of the job.
-    options
-        The scales.
+        Which coupon it shows: group-a, group-b, group-c, holes or z-reference; default: that of the job.
     job
-        Job file of the coupon; default: the coupon is laid out with ``assignments``.
-    assignments
-        ``key=value`` of the coupon's parameters, where there is no job.
-    figure, out
-        Where to draw the result, and where to write it.
+        The job file that solen print coupons wrote beside the coupon, with the coupon's parameters.
 
     Raises
     ------
@@ -47,8 +53,8 @@ def fidelity(
         Where the files cannot be read, or the coupon is not found in the picture.
     """
     check_outputs(out, figure)
-    printed = _layout(coupon, job, assignments)
-    measured = measure_coupon(read_image_or_z_map(path, options), printed)
+    printed = _layout(coupon, job, set_ or ())
+    measured = measure_coupon(read_image_or_z_map(file, options), printed)
     return write(measured, "fidelity", out, figure=figure)
 
 

@@ -1,6 +1,9 @@
 """Light of grey pixels: a table of discs in, a process file out."""
 
 from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
 
 from solen import __version__, files
 from solen.fabricate.process import (
@@ -11,6 +14,7 @@ from solen.fabricate.process import (
     process_text,
     read_process,
 )
+from solen.pipeline.options import FLAT
 from solen.pipeline.outputs import check_ending, named
 from solen.recording import read
 from solen.results import Outcome
@@ -18,26 +22,23 @@ from solen.results import Outcome
 
 def grey(
     file: Path,
-    options: GreyOptions = GreyOptions(),
+    /,
     *,
+    options: Annotated[GreyOptions, FLAT] = GreyOptions(),
     process: Path | None = None,
     sheet: str | None = None,
-    out: Path | None = None,
+    out: Annotated[Path | None, Parameter(name="--out", help="Write the process with the greys to this .toml.")] = None,
 ) -> Outcome[MeasuredGreys]:
-    """Which light grey pixels let through, from the thicknesses of discs of several greys.
+    """Measure which light grey pixels let through, from discs of the coupon grey-steps.
 
     Parameters
     ----------
     file
-        A table with columns of greys and thicknesses.
-    options
-        Which rows, and their uncertainty.
+        A table with the greys (shares, % or 255ths) and the thicknesses of discs that one exposure cured together.
     process
-        The process that the greys are added to; its Dp is used. None for the default.
+        Process that the greys are added to, and whose Dp turns thickness into light; default: the published settings.
     sheet
-        Of a workbook.
-    out
-        Write the process with the greys here.
+        Sheet of a workbook.
 
     Raises
     ------

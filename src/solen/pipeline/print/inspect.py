@@ -1,45 +1,47 @@
 """Inspection of a printed lens: a picture and its design in; deviations, a profile and a figure out."""
 
-from collections.abc import Sequence
 from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
 
 from solen import files
 from solen.lens.profile import profile_text
 from solen.metrology import InspectOptions, LensInspection, measure_lens, read_image
 from solen.pipeline.design.designs import open_design
+from solen.pipeline.options import FLAT, Set
 from solen.pipeline.outputs import check_outputs, drawn, named
 from solen.report.options import FigureOptions
 from solen.results import Outcome
 from solen.spec import Design, with_values
 
+Profile = Annotated[
+    Path | None,
+    Parameter(name="--out", help='Write the measured profile to this .json, which [lens] shape = "measured" takes.'),
+]
+
 
 def inspect(
     picture: Path,
-    design: Path,
-    options: InspectOptions = InspectOptions(),
+    /,
     *,
-    assignments: Sequence[str] = (),
-    against: Sequence[Path] = (),
-    figure: FigureOptions = FigureOptions(),
-    out: Path | None = None,
+    design: Path,
+    options: Annotated[InspectOptions, FLAT] = InspectOptions(),
+    against: Annotated[list[Path] | None, Parameter(negative=())] = None,
+    set_: Set = None,
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
+    out: Profile = None,
 ) -> Outcome[LensInspection]:
-    """Outline of a printed lens from a picture, its deviations from the design, and the nearest of several designs.
+    """Measure a printed lens in a picture: its outline, its deviations from the design, the nearest of several designs.
 
     Parameters
     ----------
     picture
-        Any file that `solen.metrology.read_image` takes.
+        A micrograph of the lens, seen along y: TIFF, OME-TIFF, PNG, JPEG (needs the extra vision).
     design
         The design file of the part.
-    options
-        How it is measured.
-    assignments
-        ``key=value`` of the design.
     against
-        Other design files that the outline is compared with; without any, the paper's three indices where the design
-        has the paper's lens.
-    figure, out
-        Where to draw the result, and where to write the measured profile.
+        A design file to compare with as well; repeatable. Default: the paper's three indices, if it is its lens.
 
     Raises
     ------
@@ -47,9 +49,9 @@ def inspect(
         Where the picture has no scale or shows no such lens, the design has none, or a file cannot be written.
     """
     check_outputs(out, figure)
-    part = open_design(design, assignments)
+    part = open_design(design, set_)
     image = read_image(picture, options=options)
-    others = [_named_apart(open_design(path), part, path) for path in against]
+    others = [_named_apart(open_design(path), part, path) for path in against or ()]
     inspection = measure_lens(
         image, part, edge=options.edge, against=others, priors=options, seen_from=options.seen_from
     )

@@ -5,9 +5,9 @@ them get their names together or not at all.
 """
 
 import json
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 from solen import fabricate, files
 from solen.arrays import Progress
@@ -30,9 +30,11 @@ from solen.fabricate.layers import (
     write_goo,
 )
 from solen.fabricate.process import read_process
+from solen.fabricate.seats import SeatOptions
 from solen.parts import printer_of
 from solen.pipeline.design.designs import open_design
 from solen.pipeline.names import stem_of
+from solen.pipeline.options import FLAT, ProgressBar, Set
 from solen.pipeline.outputs import drawn
 from solen.report.options import FigureOptions
 from solen.results import Outcome
@@ -47,7 +49,7 @@ class LayerFiles:
     part: Printable
     targets: dict[str, Path]
     figure: FigureOptions
-    progress: Progress
+    progress: Progress | None
     stack: Stack | None = None
 
     def contents(self) -> dict[Path, files.Content]:
@@ -68,7 +70,8 @@ class LayerFiles:
 
     def _write_pictures(self, path: Path) -> None:
         def watch(layer: Layer) -> None:
-            self.progress((layer.index + 1) / self.job.count)
+            if self.progress is not None:
+                self.progress((layer.index + 1) / self.job.count)
 
         writer = {"zip": write_archive, "goo": write_goo}[self.job.slicing.format]
         self.stack = writer(path, self.job, self.part, watch)
@@ -79,33 +82,27 @@ class LayerFiles:
 
 
 def layers(
-    path: Path,
-    out: Path,
-    slicing: Slicing = Slicing(),
-    assignments: Sequence[str] = (),
+    file: Path,
+    /,
     *,
+    out: Path,
+    slicing: Annotated[Slicing, FLAT] = Slicing(),
+    seats: Annotated[SeatOptions, FLAT] = SeatOptions(),
+    set_: Set = None,
     run: str | None = None,
-    figure: FigureOptions = FigureOptions(),
-    progress: Progress = lambda _: None,
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
+    progress: ProgressBar = None,
 ) -> Outcome[LayeredPrint]:
-    """Cut a design (.toml), a coupon's job (.json) or a closed mesh into layers; write them, STL and settings.
+    """Cut a design, a coupon's job or a mesh into anti-aliased layers for a printer, with STL and settings.
 
     Parameters
     ----------
-    path
-        The design, the job, or the mesh (.stl in mm, .3mf).
+    file
+        A design (.toml), the job of a coupon (.json) or a closed mesh (.stl in mm, .3mf); its name names the files.
     out
-        Folder for the files, made if need be; files of the same names are replaced.
-    slicing
-        Printer, layers, orientation, exposures.
-    assignments
-        ``key=value`` of the design.
+        Folder for the files; made if need be.
     run
-        Which run of a job of several.
-    figure
-        Draw some layers and the stack into this file.
-    progress
-        Called with the share of the layers that is done.
+        Which run of a coupon that is printed in several: base or layer of film-layer.
 
     Raises
     ------
@@ -113,20 +110,21 @@ def layers(
         Where the file or an option is wrong, or the part does not fit; nothing is written then.
     """
     figure.check()
+    assignments = [*(set_ or ()), *seats.assignments]
     if figure.figure is not None and slicing.sheet_only:
         raise SpecError("--figure", limit="draws layers, and --sheet-only makes none", remedy="leave one of them out")
-    if path.suffix.lower() == ".toml":
-        design = open_design(path, assignments)
-        part = printable_design(design, fabricate.sensor_part(design, Sensor.of(design).body()), path, slicing)
+    if file.suffix.lower() == ".toml":
+        design = open_design(file, assignments)
+        part = printable_design(design, fabricate.sensor_part(design, Sensor.of(design).body()), file, slicing)
     elif assignments:
         raise SpecError("--set", value=assignments[0], limit="sets a key of a design, and this is none")
-    elif path.suffix.lower() == ".json":
-        part, slicing = printable_coupon(path, slicing, run)
+    elif file.suffix.lower() == ".json":
+        part, slicing = printable_coupon(file, slicing, run)
     else:
-        part = printable_mesh(path, slicing)
-    if run is not None and path.suffix.lower() != ".json":
+        part = printable_mesh(file, slicing)
+    if run is not None and file.suffix.lower() != ".json":
         raise SpecError("--run", value=run, limit="is a run of a coupon's job, and this is none", remedy="leave it out")
-    stem = part.label.name if path.suffix.lower() == ".json" else stem_of(path)
+    stem = part.label.name if file.suffix.lower() == ".json" else stem_of(file)
     with files.output_folder(out):
         made = layer_files(part, slicing, out, stem, figure, progress)
         files.write_all(made.contents())
@@ -134,7 +132,7 @@ def layers(
 
 
 def layer_files(
-    part: Printable, slicing: Slicing, out: Path, stem: str, figure: FigureOptions, progress: Progress
+    part: Printable, slicing: Slicing, out: Path, stem: str, figure: FigureOptions, progress: Progress | None
 ) -> LayerFiles:
     """A checked job with the names of its files."""
     greys = Greys() if slicing.process is None else read_process(slicing.process).process.greys

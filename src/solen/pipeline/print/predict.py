@@ -1,14 +1,16 @@
 """Prediction of a print: a design and a process in; the printed lens, a drawing, a figure and a solid out."""
 
-from collections.abc import Sequence
 from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
 
 from solen import files
-from solen.arrays import Progress
 from solen.fabricate import MESH_WRITERS
 from solen.fabricate.process import PrintedDesign, PrintOptions, compensation_files, print_design
 from solen.lens.profile import profile_text
 from solen.pipeline.design.designs import open_design
+from solen.pipeline.options import FLAT, ProgressBar, Set
 from solen.pipeline.outputs import check_ending, check_outputs, drawn, named
 from solen.report.options import FigureOptions
 from solen.results import Outcome
@@ -16,33 +18,30 @@ from solen.sensor import Sensor
 
 
 def predict(
-    path: Path,
-    options: PrintOptions = PrintOptions(),
-    assignments: Sequence[str] = (),
+    file: Path,
+    /,
     *,
-    response: bool = True,
-    out: Path | None = None,
+    options: Annotated[PrintOptions, FLAT] = PrintOptions(),
     compensate: Path | None = None,
-    figure: FigureOptions = FigureOptions(),
     solid: Path | None = None,
-    progress: Progress | None = None,
+    response: Annotated[bool, Parameter(negative="--no-response")] = True,
+    set_: Set = None,
+    out: Annotated[Path | None, Parameter(name="--out", help="Write the printed lens's profile to this .json.")] = None,
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
+    progress: ProgressBar = None,
 ) -> Outcome[PrintedDesign]:
-    """Predict the printed lens of a design.
+    """Predict the lens that the printer makes of a design: how far from the wanted one, and what response is lost.
 
     Parameters
     ----------
-    path
+    file
         The design file.
-    options
-        The process and the orientation.
-    assignments
-        ``key=value`` of the design.
+    compensate
+        Write a design to this .toml whose outline prints as the wanted lens (flat parts).
+    solid
+        Write the whole part as it is printed flat to this .stl, .3mf or .glb.
     response
-        Whether the sensor's response is traced with both lenses.
-    out, compensate, figure, solid
-        Files of the printed lens's profile, of the drawing that prints as wanted, of a figure and of the whole part.
-    progress
-        Called with the share done, up to 1.
+        Trace the sensor with both lenses.
 
     Raises
     ------
@@ -52,7 +51,7 @@ def predict(
     check_outputs(out, figure)
     check_ending(compensate, "a design", ".toml")
     check_ending(solid, "a solid", *(f".{kind}" for kind in MESH_WRITERS))
-    sensor = Sensor.of(open_design(path, assignments))
+    sensor = Sensor.of(open_design(file, set_))
     prediction = print_design(
         sensor,
         options,

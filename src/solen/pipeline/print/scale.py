@@ -1,26 +1,35 @@
 """Scale of an objective: a picture of a stage micrometer in, a file that other commands take out."""
 
 from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
 
 from solen import __version__, files
 from solen.metrology.image import read_plane
 from solen.metrology.micrometer import MeasuredScale, MicrometerOptions, measured_scale
 from solen.metrology.scale import scale_text
+from solen.pipeline.options import FLAT
 from solen.pipeline.outputs import check_ending, named
 from solen.results import Outcome
 
 
-def scale(picture: Path, options: MicrometerOptions, out: Path | None = None) -> Outcome[MeasuredScale]:
-    """Side of a pixel with its uncertainty, from even lines of a known distance.
+def scale(
+    picture: Path,
+    /,
+    *,
+    options: Annotated[MicrometerOptions, FLAT],
+    out: Annotated[
+        Path | None,
+        Parameter(name="--out", help="Write the scale to this .toml, which --scale of other commands takes."),
+    ] = None,
+) -> Outcome[MeasuredScale]:
+    """Measure the scale of an objective once, in a picture of a stage micrometer.
 
     Parameters
     ----------
     picture
-        Any file that `solen.metrology.read_image` takes; it need state no scale.
-    options
-        The lines' distance.
-    out
-        Write the scale here.
+        A picture of even parallel lines: TIFF, PNG, JPEG and others (needs the extra vision).
 
     Raises
     ------

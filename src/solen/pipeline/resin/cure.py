@@ -1,11 +1,12 @@
 """The working curve of a resin: a table of discs in, the result and its figure out."""
 
-from collections.abc import Sequence
 from pathlib import Path
+from typing import Annotated
 
 from solen.material.cure import CureOptions, MeasuredCurve
 from solen.material.cure.discs import curves_of_discs, with_lamp
 from solen.material.resin_from_results import lamp_fit
+from solen.pipeline.options import FLAT, Out, Sheet
 from solen.pipeline.outputs import check_outputs, write
 from solen.recording import read
 from solen.report.options import FigureOptions
@@ -13,17 +14,27 @@ from solen.results import Outcome
 
 
 def cure(
-    paths: Sequence[Path],
-    options: CureOptions = CureOptions(),
+    files: list[Path],
+    /,
     *,
+    options: Annotated[CureOptions, FLAT] = CureOptions(),
     penetration: Path | None = None,
-    sheet: str | None = None,
-    out: Path | None = None,
-    figure: FigureOptions = FigureOptions(),
+    sheet: Sheet = None,
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
+    out: Out = None,
 ) -> Outcome[MeasuredCurve]:
-    """Penetration depth and critical dose with intervals; what they mean for a layer; further tables beside."""
+    """Fit the working curve of a resin, Dc = Dp ln(E/Ec), and say what it means for a print in layers.
+
+    Parameters
+    ----------
+    files
+        A table with a row for each cured disc: thickness, and dose or time; further ones, as of other resins, are
+        fitted and drawn beside the first.
+    penetration
+        Result of solen resin penetration (.json) with this printer's lamp: its law stands beside Jacobs'.
+    """
     check_outputs(out, figure)
-    result = curves_of_discs([read(path, sheet=sheet) for path in paths], options)
+    result = curves_of_discs([read(path, sheet=sheet) for path in files], options)
     if penetration is not None:
         result = with_lamp(result, lamp_fit(penetration, result))
     return write(result, "cure", out, figure=figure)

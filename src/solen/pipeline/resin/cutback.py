@@ -1,8 +1,10 @@
 """Loss of a guide: a file of received powers in, the result and its figure out."""
 
 from pathlib import Path
+from typing import Annotated
 
 from solen.material.loss import CutbackOptions, GuideLoss, guide_loss
+from solen.pipeline.options import FLAT, Out, Sheet
 from solen.pipeline.outputs import check_outputs, write
 from solen.recording import read
 from solen.report.options import FigureOptions
@@ -11,12 +13,19 @@ from solen.results import Outcome
 
 def cutback(
     file: Path,
-    options: CutbackOptions = CutbackOptions(),
+    /,
     *,
-    sheet: str | None = None,
-    out: Path | None = None,
-    figure: FigureOptions = FigureOptions(),
+    options: Annotated[CutbackOptions, FLAT] = CutbackOptions(),
+    sheet: Sheet = None,
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
+    out: Out = None,
 ) -> Outcome[GuideLoss]:
-    """Loss in dB/cm from any file that `solen.recording.read` takes, with a column of lengths and one of powers."""
+    """Compute the loss of a guide in dB/cm from the power that guides of several lengths transmit.
+
+    Parameters
+    ----------
+    file
+        A table with a row for each reading: length, power, and best also guide and orientation.
+    """
     check_outputs(out, figure)
     return write(guide_loss(read(file, sheet=sheet), options), "cutback", out, figure=figure)

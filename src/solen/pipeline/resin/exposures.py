@@ -1,9 +1,10 @@
 """Optics of layers against their exposure: files of spectra in, the result and its figure out."""
 
-from collections.abc import Sequence
 from pathlib import Path
+from typing import Annotated
 
 from solen.material.cure.exposures import ExposureOptions, ExposureTrends, exposure_trends
+from solen.pipeline.options import FLAT, Out, Sheet
 from solen.pipeline.outputs import check_outputs, write
 from solen.recording import read
 from solen.report.options import FigureOptions
@@ -11,14 +12,21 @@ from solen.results import Outcome
 
 
 def exposures(
-    files: Sequence[Path],
-    options: ExposureOptions = ExposureOptions(),
+    files: list[Path],
+    /,
     *,
-    sheet: str | None = None,
-    out: Path | None = None,
-    figure: FigureOptions = FigureOptions(),
+    options: Annotated[ExposureOptions, FLAT] = ExposureOptions(),
+    sheet: Sheet = None,
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
+    out: Out = None,
 ) -> Outcome[ExposureTrends]:
-    """Transmittance of layers at some wavelengths against their exposure, and their index where R was measured."""
+    """Compare the transmittance of layers by their exposure, and the index where R was measured.
+
+    Parameters
+    ----------
+    files
+        Spectra whose traces, or files, are named by their exposure ("2 s"), or tables of exposure_s, wavelength_nm, T.
+    """
     check_outputs(out, figure)
     result = exposure_trends([read(file, sheet=sheet) for file in files], options)
     return write(result, "exposures", out, figure=figure)

@@ -1,9 +1,11 @@
 """Index of a layer: a file of its spectra in, the result and its figure out."""
 
 from pathlib import Path
+from typing import Annotated
 
 from solen.material.index.layer import LayerIndex, index_of_layer
 from solen.material.index.options import IndexOptions
+from solen.pipeline.options import FLAT, Out, Sheet
 from solen.pipeline.outputs import check_outputs, write
 from solen.recording import read
 from solen.report.options import FigureOptions
@@ -12,13 +14,21 @@ from solen.results import Outcome
 
 def index(
     file: Path,
-    options: IndexOptions = IndexOptions(),
+    /,
     *,
-    sheet: str | None = None,
-    out: Path | None = None,
-    figure: FigureOptions = FigureOptions(),
+    options: Annotated[IndexOptions, FLAT] = IndexOptions(),
+    sheet: Sheet = None,
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
+    out: Out = None,
 ) -> Outcome[LayerIndex]:
-    """Index against wavelength from any file of spectra that `solen.recording.read` takes."""
+    """Compute the index of a printed layer from its spectra, with its uncertainty.
+
+    Parameters
+    ----------
+    file
+        What the spectrophotometer exported, or a table with columns wavelength_nm, T and R (fractions, or % in the
+        header).
+    """
     check_outputs(out, figure)
     result = index_of_layer(read(file, sheet=sheet), options)
     return write(result, "index", out, figure=figure)

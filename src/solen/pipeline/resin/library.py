@@ -1,21 +1,53 @@
 """Resins: a file built from results, and one shown."""
 
-from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Annotated
 
 from solen import __version__, files
 from solen.errors import OutputError
-from solen.material.facts import ResinFacts, facts_of
+from solen.material.facts import ResinFacts, ShowOptions, facts_of
 from solen.material.resin import dumps_resin, resin_of
 from solen.material.resin_from_results import BuildOptions, gather
+from solen.pipeline.options import FLAT
 from solen.pipeline.outputs import check_ending, check_outputs, write
 from solen.report.options import FigureOptions
 from solen.results import Outcome
 from solen.spec.design import names_file
 
 
-def build(out: Path, results: Mapping[str, Path], options: BuildOptions, *, force: bool = False) -> Outcome[ResinFacts]:
-    """Write a resin file from the results of other commands, by their option.
+def build(
+    out: Path,
+    /,
+    *,
+    options: Annotated[BuildOptions, FLAT],
+    index: Path | None = None,
+    cutback: Path | None = None,
+    cure: Path | None = None,
+    stiffness: Path | None = None,
+    refractometer: Path | None = None,
+    penetration: Path | None = None,
+    force: bool = False,
+) -> Outcome[ResinFacts]:
+    """Write a resin file from the results of other commands, written with --out.
+
+    Parameters
+    ----------
+    out
+        The resin file, a .toml.
+    index
+        Result of solen resin index or solen resin refractometer.
+    refractometer
+        Result of solen resin refractometer, which the index is compared with.
+    penetration
+        Result of solen resin penetration, which the working curve is compared with.
+    cutback
+        Result of solen resin cutback.
+    cure
+        Result of solen resin cure.
+    stiffness
+        Result of solen resin stiffness.
+    force
+        Replace a file that exists.
 
     Raises
     ------
@@ -27,13 +59,28 @@ def build(out: Path, results: Mapping[str, Path], options: BuildOptions, *, forc
     check_ending(out, "a resin file", ".toml")
     if out.exists() and not force:
         raise OutputError(str(out), limit="exists already", remedy="name another file, or add --force")
+    given = {"index": index, "cutback": cutback, "cure": cure, "stiffness": stiffness}
+    given |= {"refractometer": refractometer, "penetration": penetration}
+    results = {option: path for option, path in given.items() if path is not None}
     resin = gather(results, options)
     files.write_text(out, dumps_resin(resin, f"Written by solen {__version__}."))
     return Outcome(facts_of(resin, str(out)), {"resin": out})
 
 
-def show(name: str, at_nm: Sequence[float] = (), *, figure: FigureOptions = FigureOptions()) -> Outcome[ResinFacts]:
-    """Everything that a resin of the library or a file says, and its index at wavelengths."""
+def show(
+    name: str,
+    /,
+    *,
+    options: Annotated[ShowOptions, FLAT] = ShowOptions(),
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
+) -> Outcome[ResinFacts]:
+    """Show everything that a resin says, and its index at wavelengths.
+
+    Parameters
+    ----------
+    name
+        A resin of the library, or a resin file (ends in .toml or holds a / or a backslash).
+    """
     check_outputs(None, figure)
     resin = resin_of(name, Path(name) if names_file(name) else None)
-    return write(facts_of(resin, name, at_nm), "resin", figure=figure)
+    return write(facts_of(resin, name, options.at_nm), "resin", figure=figure)

@@ -1,8 +1,10 @@
 """Penetration depth of a resin: a file of its absorbance in, the result and its figure out."""
 
 from pathlib import Path
+from typing import Annotated
 
 from solen.material.cure.penetration import Penetration, PenetrationOptions, penetration_of
+from solen.pipeline.options import FLAT, Out, Sheet
 from solen.pipeline.outputs import check_outputs, write
 from solen.recording import read
 from solen.report.options import FigureOptions
@@ -11,13 +13,20 @@ from solen.results import Outcome
 
 def penetration(
     file: Path,
-    options: PenetrationOptions,
+    /,
     *,
-    sheet: str | None = None,
-    out: Path | None = None,
-    figure: FigureOptions = FigureOptions(),
+    options: Annotated[PenetrationOptions, FLAT],
+    sheet: Sheet = None,
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
+    out: Out = None,
 ) -> Outcome[Penetration]:
-    """Penetration depth against wavelength, and in a lamp's light."""
+    """Compute the penetration depth of a resin from its absorbance, Dp = path / (A ln 10), in a lamp's light.
+
+    Parameters
+    ----------
+    file
+        A spectrum of the liquid resin: absorbance, base 10, or transmittance.
+    """
     check_outputs(out, figure)
     result = penetration_of(read(file, sheet=sheet), options)
     return write(result, "penetration", out, figure=figure)

@@ -1,22 +1,29 @@
 """Index of a refractometer over wavelength: the result and its figure out."""
 
-from collections.abc import Sequence
-from pathlib import Path
+from typing import Annotated
 
 from solen.material.index.refractometer import RefractometerIndex, RefractometerOptions, refractometer_index
+from solen.pipeline.options import FLAT, Out
 from solen.pipeline.outputs import check_outputs, write
 from solen.report.options import FigureOptions
 from solen.results import Outcome
 
 
 def refractometer(
-    n: Sequence[float],
-    options: RefractometerOptions,
+    n: list[float],
+    /,
     *,
-    out: Path | None = None,
-    figure: FigureOptions = FigureOptions(),
+    options: Annotated[RefractometerOptions, FLAT],
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
+    out: Out = None,
 ) -> Outcome[RefractometerIndex]:
-    """Index against wavelength from measured values and the dispersion that polymers have."""
+    """Extend an index that a refractometer or an ellipsometer measured over wavelength, by what polymers share.
+
+    Parameters
+    ----------
+    n
+        Measured index, or indices at several wavelengths.
+    """
     check_outputs(out, figure)
     result = refractometer_index(n, options)
     return write(result, "refractometer", out, figure=figure)

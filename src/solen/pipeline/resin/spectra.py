@@ -1,9 +1,10 @@
 """The spectra in files: the files in, what they hold and its figure out."""
 
-from collections.abc import Sequence
 from pathlib import Path
+from typing import Annotated
 
 from solen.material.rows import RowOptions, chosen_rows, refuse_unused
+from solen.pipeline.options import FLAT, Sheet
 from solen.pipeline.outputs import check_outputs, write
 from solen.recording import read
 from solen.recording.spectrum import Listing, listing
@@ -12,17 +13,28 @@ from solen.results import Outcome
 
 
 def spectra(
-    paths: Sequence[Path],
-    rows: RowOptions = RowOptions(),
+    files: list[Path],
+    /,
     *,
-    sheet: str | None = None,
+    rows: Annotated[RowOptions, FLAT] = RowOptions(),
+    sheet: Sheet = None,
     trace: tuple[str, ...] = (),
     repeats: bool = False,
-    figure: FigureOptions = FigureOptions(),
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
 ) -> Outcome[Listing]:
-    """Traces of files, all or by name, with what each is and how far it reaches."""
+    """List the spectra in files: traces, quantities, units, wavelengths, and what to beware of.
+
+    Parameters
+    ----------
+    files
+        A Cary export, a table with a column of wavelengths, or a workbook of either; several are drawn into one figure.
+    trace
+        Name of a trace; repeatable; default: all.
+    repeats
+        Draw traces whose names differ in their last number alone as one, its mean and standard deviation.
+    """
     check_outputs(None, figure)
-    recordings = [chosen_rows(read(path, sheet=sheet), rows) for path in paths]
+    recordings = [chosen_rows(read(path, sheet=sheet), rows) for path in files]
     for recording in recordings:
         refuse_unused(recording, rows, (), labels_only=True)
     return write(listing(recordings, trace, repeats=repeats), "spectra", figure=figure)

@@ -1,49 +1,56 @@
 """Stiffness: exports of a testing machine in, modulus and hyperelastic model of each material out."""
 
-from collections.abc import Sequence
 from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
 
 from solen.errors import SpecError
 from solen.material.stiffness import Dimensions, MeasuredStiffness, MechanicalTest, StiffnessOptions, stiffness_of
 from solen.material.stiffness.modes import TestMode
+from solen.pipeline.options import FLAT, Out, Sheet
 from solen.pipeline.outputs import check_ending, check_outputs, write
 from solen.recording import read_parts
 from solen.report.options import FigureOptions
 from solen.results import Outcome
 
+_SEVERAL = Parameter(consume_multiple=True)
+_Files = Annotated[tuple[Path, ...], _SEVERAL]
+_Texts = Annotated[tuple[str, ...], _SEVERAL]
+
 
 def stiffness(
-    files: Sequence[Path],
-    options: StiffnessOptions = StiffnessOptions(),
-    dimensions: Dimensions = Dimensions(),
-    *,
-    compression: Sequence[Path] = (),
-    planar: Sequence[Path] = (),
-    biaxial: Sequence[Path] = (),
-    labels: Sequence[str] = (),
-    columns: Sequence[str] | None = None,
-    sheet: str | None = None,
-    out: Path | None = None,
-    figure: FigureOptions = FigureOptions(),
+    *files: Path,
+    options: Annotated[StiffnessOptions, FLAT, _SEVERAL] = StiffnessOptions(),
+    dimensions: Annotated[Dimensions, FLAT] = Dimensions(),
+    compression: _Files = (),
+    planar: _Files = (),
+    biaxial: _Files = (),
+    label: _Texts = (),
+    columns: _Texts | None = None,
+    sheet: Sheet = None,
     csv: Path | None = None,
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
+    out: Out = None,
 ) -> Outcome[MeasuredStiffness]:
-    """Modulus and model of each material.
+    """Compute modulus, cycles and a hyperelastic model from compression and tension tests.
 
     Parameters
     ----------
     files
-        Tests in the mode of the options.
-    options, dimensions
-        How tests are evaluated, and what is stated of the specimens in ``files`` and ``compression``; those of the
-        others are in their own metadata, or their stress is.
-    compression, planar, biaxial
-        Further tests, in these modes.
-    labels
-        Materials: none, one for all, or one for each file in the order above.
-    columns, sheet
-        Names of the columns of tables without a header, and a workbook's sheet.
-    out, figure, csv
-        Where to write the result, its figure, and a table of engineering and true stress and strain.
+        Exports of a testing machine or tables, a specimen each.
+    compression
+        Further files, of compression, fitted together with the others.
+    planar
+        Further files, of planar tension (pure shear).
+    biaxial
+        Further files, of equibiaxial tension.
+    label
+        The material: one for all files, or one for each in the order above. Specimens of one label are replicates.
+    columns
+        Names of the columns of tables without a header, such as stress_MPa stretch.
+    csv
+        Write engineering and true stress and strain of all specimens as a table.
 
     Raises
     ------
@@ -59,10 +66,10 @@ def stiffness(
     stated += [(path, "equibiaxial") for path in biaxial]
     if not stated:
         raise SpecError("stiffness", limit="needs a file", remedy="name one or more exports")
-    if len(labels) not in {0, 1, len(stated)}:
+    if len(label) not in {0, 1, len(stated)}:
         limit = f"one for all files, or one for each of the {len(stated)}"
-        raise SpecError("--label", value=len(labels), limit=limit)
-    each = tuple(labels) if len(labels) == len(stated) else (*labels, "")[:1] * len(stated)
+        raise SpecError("--label", value=len(label), limit=limit)
+    each = tuple(label) if len(label) == len(stated) else (*label, "")[:1] * len(stated)
     tests = [
         MechanicalTest(
             recording=recording,

@@ -12,8 +12,6 @@ Flat = Parameter(name="*", consume_multiple=True)
 Analysed = Annotated[AnalysisOptions, Flat]
 Recorded = Annotated[SignalOptions, Flat]
 ANALYSED, RECORDED = AnalysisOptions(), SignalOptions()
-LENS = {None: "", True: ", lens", False: ", no lens"}
-"""How lines state the lens of a sensor."""
 T = TypeVar("T", bound=SignalOptions)
 
 
