@@ -86,7 +86,7 @@ def calibrate_sensor(study: "Study", **options: Any) -> "SensorCalibrations":
 
 def calibrate_printer(*measurements: FilePath, process: FilePath | None = None) -> "PrinterCalibration":
     """Blur, growth and shrinkage of a printer from files of measured coupons, as `solen print fidelity` writes them."""
-    from solen.pipeline.print.calibrate import calibrate_printer as run
+    from solen.pipeline.print.calibrate import calibrate as run
 
     return run([Path(file) for file in measurements], process=None if process is None else Path(process)).result
 

@@ -26,7 +26,7 @@ from solen.fabricate.process import (
 from solen.fabricate.process.source import curve_left_out
 from solen.lens.profile import read_profile
 from solen.pipeline.design.designs import open_design
-from solen.pipeline.print.calibrate import calibrate_printer
+from solen.pipeline.print.calibrate import calibrate as calibrate_printer
 from solen.pipeline.print.predict import predict
 from solen.report.options import FigureOptions
 from solen.results import Outcome

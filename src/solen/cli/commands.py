@@ -45,7 +45,7 @@ COMMANDS: dict[str, tuple[tuple[str, str, str], ...]] = {
         ("layers", "print.layers:layers", "Slice a design or a mesh into layers for a printer."),
         ("coupons", "print.coupons:coupons", "Write the coupons that test a printer and a resin."),
         ("fidelity", "print.fidelity:fidelity", "Measure a printed coupon in a picture or a height map."),
-        ("calibrate", "print.calibrate:calibrate_printer", "Fit a printer's blur, growth and shrinkage to coupons."),
+        ("calibrate", "print.calibrate:calibrate", "Fit a printer's blur, growth and shrinkage to coupons."),
         ("grey", "print.grey:grey", "Measure which light grey pixels let through, from discs."),
         ("predict", "print.predict:predict", "Predict the printed lens of a design and what it costs."),
         ("scale", "print.scale:scale", "Measure an objective's scale in a picture of a stage micrometer."),

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from solen.cli.app import lines
 from solen.fabricate.process import PrinterCalibration
-from solen.pipeline.print.calibrate import calibrate_printer as calibrate_printer
+from solen.pipeline.print.calibrate import calibrate as calibrate
 
 
 @lines.register

@@ -21,7 +21,7 @@ from solen.report.options import FigureOptions
 from solen.results import Outcome
 
 
-def calibrate_printer(
+def calibrate(
     features: list[Path],
     /,
     *,
