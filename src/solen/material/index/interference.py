@@ -16,7 +16,8 @@ from numpy.typing import ArrayLike
 from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.material.index.course import Kind
-from solen.material.index.film import Film, Measured, fit_film, fit_levels
+from solen.material.index.film import Film, fit_film, fit_levels
+from solen.material.index.film_model import Measured
 from solen.material.index.fringes import Phase, find_fringes
 from solen.material.index.inversion import invert
 from solen.material.index.lossless_index import lossless_index
