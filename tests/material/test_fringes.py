@@ -19,7 +19,7 @@ from solen.material.index.layer import LayerIndex, index_of_layer
 from solen.material.index.options import IndexOptions
 from solen.material.index.reading import combined, reading
 from solen.material.index.stack import Setup, Substrate, forward, on_substrate
-from solen.material.resin_from_results import IndexResult
+from solen.material.result_files import IndexResult
 from solen.recording import Provenance, Recording
 from solen.report.resin.index import index_figure
 from tests.material.film_support import Film, coherent, drawn, recorded

@@ -11,16 +11,15 @@ from hypothesis import strategies as st
 
 from solen.errors import DataError
 from solen.material import Cauchy, Sellmeier, Tabulated
+from solen.material.index_table import gaps, thinned
 from solen.material.resin import Resin, dumps_resin
-from solen.material.resin_from_results import (
+from solen.material.result_files import (
     READERS,
     CureResult,
     CutbackResult,
     IndexResult,
     Selection,
     StiffnessResult,
-    gaps,
-    thinned,
 )
 
 

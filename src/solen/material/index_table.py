@@ -1,0 +1,64 @@
+"""The table of an index over wavelength that a resin keeps: its rows, and sentences on what is missing in it."""
+
+import math
+from itertools import pairwise
+
+from solen.ranks import Caution, look_at
+
+MOST_ROWS = 64
+"""Wavelengths that a table of a resin has at most."""
+WIDE_NM, WIDE_STEPS = 20.0, 5.0
+"""A gap between known wavelengths is warned of where it is wider than this, and than so many usual steps."""
+
+
+def thinned(rows: list[tuple[float, float, float | None]]) -> list[tuple[float, float, float | None]]:
+    """Means of the wavelength, the index and its uncertainty over equal parts of the range; one row each.
+
+    Noise averages out; an uncertainty does not, as what a whole spectrum shares would be lost. The first and the last
+    wavelength stay. A part without an uncertainty has none.
+    """
+    if len(rows) <= MOST_ROWS:
+        return _unique(rows)
+    first, last = rows[0][0], rows[-1][0]
+    width = (last - first) / (MOST_ROWS - 2)
+    parts: dict[int, list[tuple[float, float, float | None]]] = {}
+    for row in rows[1:-1]:
+        parts.setdefault(min(int((row[0] - first) / width), MOST_ROWS - 3), []).append(row)
+    return _unique([rows[0], *(_mean(part) for _, part in sorted(parts.items())), rows[-1]])
+
+
+def _mean(rows: list[tuple[float, float, float | None]]) -> tuple[float, float, float | None]:
+    squares = [u**2 for _, _, u in rows if u is not None]
+    u = math.sqrt(math.fsum(squares) / len(rows)) if len(squares) == len(rows) else None
+    return math.fsum(nm for nm, _, _ in rows) / len(rows), math.fsum(n for _, n, _ in rows) / len(rows), u
+
+
+def _unique(rows: list[tuple[float, float, float | None]]) -> list[tuple[float, float, float | None]]:
+    """Rows of ascending wavelengths, those of one wavelength taken together."""
+    together: dict[float, list[tuple[float, float, float | None]]] = {}
+    for row in rows:
+        together.setdefault(row[0], []).append(row)
+    return [(nm, *_mean(same)[1:]) for nm, same in sorted(together.items())]
+
+
+def without_u(wavelengths_nm: list[float], of: int) -> tuple[Caution, ...]:
+    """A sentence where some of the wavelengths have no uncertainty, so that the table keeps none."""
+    if len(wavelengths_nm) in {0, of}:
+        return ()
+    return (
+        look_at(
+            f"{len(wavelengths_nm)} of {of} indices state no uncertainty, the first at {wavelengths_nm[0]:g} nm: the "
+            "resin's index keeps none"
+        ),
+    )
+
+
+def gaps(wavelengths_nm: list[float]) -> tuple[Caution, ...]:
+    """Sentences on wide ranges in which no index is known."""
+    steps = sorted(high - low for low, high in pairwise(wavelengths_nm))
+    wide = max(WIDE_NM, WIDE_STEPS * steps[len(steps) // 2])
+    return tuple(
+        look_at(f"no index from {low:g} to {high:g} nm: a straight line stands for it there")
+        for low, high in pairwise(wavelengths_nm)
+        if high - low > wide
+    )

@@ -1,0 +1,339 @@
+"""Result files of `solen resin`, read for what a resin keeps of each.
+
+The idea: a result of `solen resin index`, `cutback`, `cure` or `stiffness` is a JSON file with everything in it, arrays
+and all. A resin keeps what a design uses, with its uncertainty, its mode and its warnings. A result is read strictly:
+what a resin needs must be there and be valid; the rest is ignored.
+
+The interface: `result_of` reads one of `READERS`; it gives the table of the resin, `as_table`, and the files that it
+was measured from, `found_from`.
+"""
+
+import math
+from typing import Any, ClassVar, Self
+
+from pydantic import ConfigDict, Field, field_validator, model_validator
+
+from solen.errors import DataError, SolenError
+from solen.material.cross_checks import Row
+from solen.material.dispersion import KINDS, Dispersion, Tabulated
+from solen.material.index_table import gaps, thinned, without_u
+from solen.material.resin import Cure, Interval, Loss, LossOf, Source, Stiffness
+from solen.ranks import Caution, look_at, unranked
+from solen.spec.objects import parsed
+from solen.spec.strict import NotNegative, Number, Options, Positive, Strict, Text, Wavelength, refused
+
+NOT_KEPT = (
+    "k is masked",
+    "the uncertainty of the thickness is not stated and not in u_k",
+    "what was launched is not known",
+)
+"""Beginnings of warnings about what a resin does not keep: the extinction coefficient, the coupling loss."""
+DEPENDS = "the loss depends on the build orientation"
+"""Beginning of a warning that is settled where an orientation is chosen."""
+PER_MM_OF_DB_PER_CM = math.log(10.0) / 100.0
+SAME_LOSS = 1e-6
+"""How far a loss in dB/cm and the absorption beside it may be apart, relative and per mm."""
+
+
+class Selection(Options):
+    """What of the results is taken."""
+
+    orientation: str = ""
+    """Take the loss of guides that were built in this orientation."""
+    loss_wavelength_nm: Wavelength | None = None
+    """Wavelength that the loss was measured at."""
+    cure_wavelength_nm: Wavelength | None = None
+    """Wavelength of the exposure that the working curve is of."""
+    label: str = ""
+    """Take the stiffness of the material of this label."""
+
+
+_EVERYTHING = Selection()
+
+
+class _Result(Strict):
+    """Result of a command; what a resin does not keep is ignored."""
+
+    model_config = ConfigDict(extra="ignore")
+    error: ClassVar[type[SolenError]] = DataError
+
+    of: ClassVar[str]
+    warnings: tuple[Text, ...] = ()
+    sources: tuple[dict[str, Any], ...] = ()
+
+    @field_validator("warnings", mode="before")
+    @classmethod
+    def _one_line_each(cls, value: Any) -> Any:
+        texts = isinstance(value, list) and all(isinstance(one, str) for one in value)
+        return [" ".join(one.split()) for one in value] if texts else value
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Warnings about what a resin keeps."""
+        return tuple(text for text in self.warnings if not unranked(text).startswith(NOT_KEPT))
+
+    def as_table(self, selection: Selection = _EVERYTHING) -> Any:
+        """Table of the resin."""
+        raise NotImplementedError
+
+    def found_from(self, selection: Selection = _EVERYTHING) -> tuple[Source, ...]:  # noqa: ARG002
+        """The files that it was measured from."""
+        kept = Source.model_fields.keys() - {"of"}
+        return tuple(
+            Source(of=self.of, **{key: value for key, value in source.items() if key in kept and value is not None})
+            for source in self.sources
+        )
+
+
+class IndexResult(_Result):
+    """Of `solen resin index` or `solen resin refractometer`."""
+
+    kinds: ClassVar[tuple[str, ...]] = ("index", "refractometer")
+    of: ClassVar[str] = "index"
+
+    mode: Text = Field(description="how the index was found.")
+    wavelength_nm: tuple[Positive, ...] = ()
+    n: tuple[Number | None, ...] = ()
+    u_n: tuple[NotNegative | None, ...] = ()
+    k: tuple[Number | None, ...] = ()
+    u_k: tuple[NotNegative | None, ...] = ()
+    interval95_k: tuple[tuple[Number | None, Number | None], ...] = ()
+    fit: dict[str, Any] | None = None
+
+    @model_validator(mode="after")
+    def _arrays_match(self) -> Self:
+        for key in ("n", "u_n"):
+            if len(getattr(self, key)) != len(self.wavelength_nm):
+                limit = f"must have {len(self.wavelength_nm)} entries, one per wavelength"
+                raise refused(key, limit, value=len(getattr(self, key)))
+        return self
+
+    def as_table(self, selection: Selection = _EVERYTHING) -> Dispersion:  # noqa: ARG002
+        """Index of the resin: the formula that was fitted, or else a table of what was measured."""
+        if self.fit is None:
+            return self._tabulated()
+        formula = self.fit.get("model", self.fit)
+        if not isinstance(formula, dict) or self.fit.get("kind") not in {"cauchy", "sellmeier"}:
+            raise DataError("fit", value=self.fit.get("kind"), limit="must be a cauchy or a sellmeier formula")
+        kind = KINDS[self.fit["kind"]]
+        kept = {key: value for key, value in formula.items() if key in kind.model_fields and value is not None}
+        return kind(**kept | {"kind": self.fit["kind"], "mode": self.mode, "warnings": self.remarks})
+
+    @property
+    def extinction(self) -> list[Row]:
+        """K with its uncertainty and upper bound along the wavelengths; empty of a refractometer."""
+        upper = [high for _, high in self.interval95_k]
+        return list(zip(self.wavelength_nm, self.k, self.u_k, upper, strict=False))
+
+    def _tabulated(self) -> Tabulated:
+        rows = zip(self.wavelength_nm, self.n, self.u_n, strict=True)
+        known = sorted(((nm, n, u) for nm, n, u in rows if n is not None), key=lambda row: row[0])
+        if len({nm for nm, _, _ in known}) < 2:
+            limit = "an index at 2 wavelengths at least is needed"
+            raise DataError("n", value=f"known at {len(known)}", limit=limit, remedy="see its reasons")
+        wavelengths, indices, uncertainties = zip(*thinned(known), strict=True)
+        u_n = tuple(u for u in uncertainties if u is not None)
+        unsure = [nm for nm, _, u in known if u is None]
+        return Tabulated(
+            wavelength_nm=wavelengths,
+            n=indices,
+            u_n=u_n if len(u_n) == len(indices) else None,
+            mode=self.mode,
+            warnings=(*self.remarks, *gaps([nm for nm, _, _ in known]), *without_u(unsure, len(known))),
+        )
+
+
+class _Line(_Result):
+    """Loss of some guides, as `solen resin cutback` finds it; without an absorption where the loss is below 0."""
+
+    of: ClassVar[str] = "loss"
+
+    orientation: str = ""
+    loss_dB_per_cm: Number = Field(description="loss of power in dB/cm.")
+    interval95_loss_dB_per_cm: Interval | None = None
+    absorption_per_mm: Number | None = None
+    u_absorption_per_mm: NotNegative | None = None
+
+    @model_validator(mode="after")
+    def _is_one_loss(self) -> Self:
+        if self.absorption_per_mm is None:
+            return self
+        per_mm = self.loss_dB_per_cm * PER_MM_OF_DB_PER_CM
+        if not math.isclose(self.absorption_per_mm, per_mm, rel_tol=SAME_LOSS, abs_tol=SAME_LOSS):
+            limit = f"{self.loss_dB_per_cm:g} dB/cm is {per_mm:.6g} per mm"
+            raise refused(
+                "absorption_per_mm", limit, value=self.absorption_per_mm, remedy="run solen resin cutback again"
+            )
+        return self
+
+    def numbers(self) -> tuple[dict[str, Any], list[Caution]]:
+        """Absorption of the resin with its uncertainty and interval, and what must be known of it.
+
+        A negative loss does not exist: where its interval reaches 0, 0 is used with a warning.
+        """
+        ends = self.interval95_loss_dB_per_cm
+        interval = None if ends is None else tuple(end * PER_MM_OF_DB_PER_CM for end in ends)
+        found = {
+            "absorption_per_mm": self.loss_dB_per_cm * PER_MM_OF_DB_PER_CM,
+            "u_absorption_per_mm": self.u_absorption_per_mm,
+            "interval95_per_mm": interval,
+        }
+        if self.loss_dB_per_cm >= 0.0:
+            return found, []
+        if interval is None or interval[1] < 0.0:
+            limit, remedy = "a guide cannot amplify", "check the lengths and the readings"
+            raise DataError("loss_dB_per_cm", value=self.loss_dB_per_cm, limit=limit, remedy=remedy)
+        measured = f"measured {self.loss_dB_per_cm:.2g} dB/cm, which is not a loss"
+        possible = f"{measured}: 0 is taken, {interval[1]:.2g} per mm is possible"
+        return found | {"absorption_per_mm": 0.0}, [look_at(possible)]
+
+
+class CutbackResult(_Line):
+    """Of `solen resin cutback`."""
+
+    kinds: ClassVar[tuple[str, ...]] = ("cutback",)
+
+    wavelength_nm: Positive | None = None
+    by_orientation: tuple[_Line, ...] = ()
+
+    def as_table(self, selection: Selection = _EVERYTHING) -> Loss:
+        """Loss of the resin: of all guides, or of those of one orientation; measured at a wavelength, where stated."""
+        orientation, wavelength_nm = selection.orientation, selection.loss_wavelength_nm or self.wavelength_nm
+        lines = {line.orientation: line for line in self.by_orientation}
+        if orientation and orientation not in lines:
+            limit = f"not in the result, whose orientations are {', '.join(lines) or 'none'}"
+            raise DataError("--orientation", value=orientation, limit=limit)
+        numbers, warnings = (lines[orientation] if orientation else self).numbers()
+        kept = tuple(text for text in self.remarks if not (orientation and unranked(text).startswith(DEPENDS)))
+        if wavelength_nm is None:
+            warnings.append(look_at("the wavelength that it was measured at is not stated"))
+        return Loss(
+            **numbers,
+            wavelength_nm=wavelength_nm,
+            orientation=orientation,
+            by_orientation=tuple(LossOf(orientation=name, **line.numbers()[0]) for name, line in lines.items()),
+            warnings=(*kept, *warnings),
+        )
+
+
+class CureResult(_Result, Cure):
+    """Of `solen resin cure`."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    kinds: ClassVar[tuple[str, ...]] = ("cure",)
+    of: ClassVar[str] = "cure"
+
+    def as_table(self, selection: Selection = _EVERYTHING) -> Cure:
+        """Working curve of the resin, of an exposure at a wavelength, where stated."""
+        stated = {name: getattr(self, name) for name in Cure.model_fields}
+        wavelength_nm = selection.cure_wavelength_nm or self.wavelength_nm
+        return Cure(**stated | {"wavelength_nm": wavelength_nm, "warnings": self.remarks})
+
+
+class PenetrationResult(_Result):
+    """Of `solen resin penetration`: what a working curve is compared with."""
+
+    kinds: ClassVar[tuple[str, ...]] = ("penetration",)
+    of: ClassVar[str] = "penetration"
+
+    Dp_um: Positive | None = None
+    between_Dp_um: Positive | None = None
+    u_Dp_um: NotNegative | None = None
+    lamp: str | None = None
+    lamp_nm: Positive | None = None
+    lamp_lines: tuple[tuple[Positive, Positive], ...] | None = None
+
+    def as_table(self, selection: Selection = _EVERYTHING) -> None:
+        """Nothing: a resin keeps the working curve's."""
+
+
+class _Model(_Result):
+    """Hyperelastic model of a material."""
+
+    kind: Text
+    parameters: dict[str, Number]
+    u_parameters: dict[str, NotNegative] | None = None
+
+
+class _Specimen(_Result):
+    """A specimen, as far as its file."""
+
+    file: str = ""
+
+
+class _Modulus(_Result):
+    """Stiffness of one material."""
+
+    of: ClassVar[str] = "stiffness"
+
+    label: str | None = None
+    modulus_MPa: Positive = Field(description="modulus in MPa.")
+    u_modulus_MPa: NotNegative | None = None
+    interval95_modulus_MPa: Interval | None = None
+    strain_range: Interval | None = None
+    mode: str = ""
+    model: _Model | None = None
+    specimens: tuple[_Specimen, ...] = ()
+
+
+class StiffnessResult(_Modulus):
+    """Of `solen resin stiffness`, of one material or of several."""
+
+    kinds: ClassVar[tuple[str, ...]] = ("stiffness",)
+    groups: tuple[_Modulus, ...] = ()
+
+    def as_table(self, selection: Selection = _EVERYTHING) -> Stiffness:
+        """Stiffness of the resin: of the one material, or of that of a label."""
+        one = self._labelled(selection.label)
+        return Stiffness(
+            modulus_MPa=one.modulus_MPa,
+            u_modulus_MPa=one.u_modulus_MPa,
+            interval95_MPa=one.interval95_modulus_MPa,
+            strain_range=one.strain_range,
+            test=one.mode,
+            model=one.model.kind if one.model else "",
+            parameters=one.model.parameters if one.model else {},
+            u_parameters=(one.model.u_parameters or {}) if one.model else {},
+            warnings=one.remarks,
+        )
+
+    def found_from(self, selection: Selection = _EVERYTHING) -> tuple[Source, ...]:
+        """The files that it was measured from; of several materials those of the one of that label."""
+        files = {specimen.file for specimen in self._labelled(selection.label).specimens}
+        return tuple(source for source in super().found_from() if not files or source.file in files)
+
+    def _labelled(self, label: str) -> _Modulus:
+        groups = {group.label or "": group for group in self.groups or (self,)}
+        if not label and len(groups) == 1:
+            return next(iter(groups.values()))
+        if label not in groups:
+            limit = f"the result holds {', '.join(name or 'one without a label' for name in groups)}"
+            raise DataError("--label", value=label or None, limit=limit, remedy="name the material that the resin is")
+        return groups[label]
+
+
+Reader = IndexResult | CutbackResult | CureResult | StiffnessResult | PenetrationResult
+READERS: dict[str, type[Reader]] = {
+    "index": IndexResult,
+    "cutback": CutbackResult,
+    "cure": CureResult,
+    "stiffness": StiffnessResult,
+    "refractometer": IndexResult,
+    "penetration": PenetrationResult,
+}
+"""Results by the option of `solen resin build` that names their file."""
+
+
+def result_of(text: str, option: str) -> Reader:
+    """Result of a command from the text of its file, of a kind that an option takes."""
+    data = parsed(text, "JSON", remedy="write it with --out")
+    if not isinstance(data, dict) or not isinstance(data.get("kind"), str):
+        remedy = f"write it with solen resin {option} --out"
+        raise DataError("kind", limit="is missing: not a result of solen", remedy=remedy)
+    kind, reader = data.pop("kind"), READERS[option]
+    if kind not in reader.kinds:
+        right = next((other for other, reads in READERS.items() if kind in reads.kinds), None)
+        remedy = f"it is for --{right}" if right else ""
+        raise DataError("kind", value=kind, limit=f"--{option} takes {' or '.join(reader.kinds)}", remedy=remedy)
+    return reader(**data)
