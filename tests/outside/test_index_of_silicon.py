@@ -12,9 +12,9 @@ from solen.pipeline.resin import index as pipeline
 REPEATS = tuple(f"VG05_1_{i}" for i in range(1, 6))
 
 
-def index(*arguments: Any, **named: Any) -> dict[str, Any]:
+def index(file: Path, options: IndexOptions = IndexOptions(), **named: Any) -> dict[str, Any]:
     """The result as its JSON holds it."""
-    return pipeline.index(*arguments, **named).to_dict()
+    return pipeline.index(file, options=options, **named).to_dict()
 
 
 @pytest.fixture

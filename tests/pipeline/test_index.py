@@ -20,9 +20,9 @@ N = 1.48 + 5e3 / NM**2
 R, T = forward(N, 2e-5, 50.0, NM)
 
 
-def index(*arguments: Any, **named: Any) -> dict[str, Any]:
+def index(file: Path, options: IndexOptions = IndexOptions(), **named: Any) -> dict[str, Any]:
     """The result as its JSON holds it."""
-    return pipeline.index(*arguments, **named).to_dict()
+    return pipeline.index(file, options=options, **named).to_dict()
 
 
 def table(folder: Path, columns: dict[str, FloatArray], name: str = "layer.csv") -> Path:

@@ -21,7 +21,7 @@ from solen.bench.gcs2 import STAGES, unit_of
 from solen.bench.tables import BenchTable, load_table
 from solen.errors import BenchError
 from solen.files import check_name
-from solen.spec.strict import NotNegative, Number, Positive, Text, refused, told_of
+from solen.spec.strict import NotNegative, Number, Positive, Text, error_context, refused
 
 Input = Annotated[int, Field(strict=True, ge=1, le=64)]
 
@@ -328,6 +328,6 @@ def sensor_angle_deg(position: FloatArray, zero: float, lever_mm: float | None) 
 def load_rig(path: Path) -> Rig:
     """Rig of a file; `BenchError` in one line where it cannot be read or is none."""
     rig = load_table(path, Rig)
-    with told_of(str(path)):
+    with error_context(str(path)):
         _ = rig.setup  # what the instrument cannot do is refused here
     return rig

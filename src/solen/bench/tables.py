@@ -5,7 +5,7 @@ from typing import ClassVar, TypeVar
 
 from solen.errors import BenchError
 from solen.files import read_text
-from solen.spec.strict import Strict, migrated, parse_toml, told_of
+from solen.spec.strict import Strict, error_context, migrated, parse_toml
 
 SCHEMA = 1
 
@@ -23,5 +23,5 @@ def load_table(path: Path, kind: type[T]) -> T:
     """The tables of a file; `BenchError` in one line where it cannot be read, or states something else."""
     data = parse_toml(read_text(path, BenchError), str(path), BenchError)
     data = migrated(data, str(path), current=SCHEMA, migrations={}, error=BenchError)
-    with told_of(str(path)):
+    with error_context(str(path)):
         return kind(**data)

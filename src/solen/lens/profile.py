@@ -23,7 +23,7 @@ from solen.errors import DataError
 from solen.files import read_text
 from solen.results import Result, plain
 from solen.spec.objects import made, parsed
-from solen.spec.strict import told_of
+from solen.spec.strict import error_context
 
 KIND = "lens profile"
 SCHEMA = 1
@@ -197,7 +197,7 @@ def _from_json(text: str, where: str) -> MeasuredProfile:
     if (schema := data.pop("schema", None)) != SCHEMA:
         raise DataError(f"{where}: schema", value=schema, limit=f"this solen reads {SCHEMA}")
     fields = vars(made(_ProfileFile, data, where))
-    with told_of(where):
+    with error_context(where):
         return MeasuredProfile(
             **{"name": Path(where).stem} | {key: value for key, value in fields.items() if value != ""}
         )
@@ -207,7 +207,7 @@ def _from_table(path: Path) -> MeasuredProfile:
     table = recording.read(path)
     x, z = (table.need(key, f"{key}_mm").to("mm") for key in ("x", "z"))
     u = table.find("u", "u_mm", "uncertainty")
-    with told_of(str(path)):
+    with error_context(str(path)):
         return profile_of(
             x,
             z,

@@ -12,7 +12,7 @@ from solen.material.dispersion import Dispersion
 from solen.material.resin import Cure, Loss, Part, Resin, Source, Stiffness, library, library_resin
 from solen.ranks import Caution, of
 from solen.results import HIDDEN, Result, reported
-from solen.spec.strict import Options, Wavelength, told_of
+from solen.spec.strict import Options, Wavelength, error_context
 
 LISTED_NM = (589.3, 860.0)
 """Wavelengths that resins are listed at: sodium's yellow, where refractometers measure, and the paper's emitter."""
@@ -127,7 +127,7 @@ def facts_of(resin: Resin, name: str, at_nm: Sequence[float] = ()) -> ResinFacts
     DataError
         Where its index is not known at a wavelength that is asked for.
     """
-    with told_of(f"resin {resin.name}"):
+    with error_context(f"resin {resin.name}"):
         for nm in at_nm:
             resin.index.index(nm)
     return ResinFacts(name, tuple(_at(resin, nm) for nm in at_nm or LISTED_NM), resin)

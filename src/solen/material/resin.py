@@ -33,9 +33,9 @@ from solen.spec.strict import (
     Positive,
     Strict,
     Text,
+    error_context,
     nearest,
     refused,
-    told_of,
 )
 
 RESIN_SCHEMA = 1
@@ -289,7 +289,7 @@ def optical(design: Design) -> Optical:
         return Optical(material.index, None, material.absorption_per_mm, "the design's material.index")
     resin = resin_of(material.resin, design.resin_file)
     wavelength_nm = light_of(design).wavelength_nm
-    with told_of(f"resin {resin.name}"):
+    with error_context(f"resin {resin.name}"):
         index, u_index = resin.index.index(wavelength_nm), resin.index.u_index(wavelength_nm)
     stated = material.states_absorption
     return Optical(

@@ -17,7 +17,7 @@ from solen.material.mix import named_number
 from solen.material.resin import Part, Resin, Source
 from solen.material.result_files import READERS, IndexResult, PenetrationResult, Reader, Selection, result_of
 from solen.ranks import Caution
-from solen.spec.strict import told_of
+from solen.spec.strict import error_context
 
 _NEEDS = {
     "orientation": "cutback",
@@ -70,7 +70,7 @@ def gather(results: Mapping[str, Path], options: BuildOptions) -> Resin:
     readers: dict[str, Reader] = {}
     for option, path in results.items():
         text = read_text(path, DataError)
-        with told_of(str(path)):
+        with error_context(str(path)):
             result = readers[option] = result_of(text, option)
             table = result.as_table(options)
         if table is not None:
@@ -80,7 +80,7 @@ def gather(results: Mapping[str, Path], options: BuildOptions) -> Resin:
         tables[key] = tables[key].model_copy(update={"warnings": (*notes, *tables[key].warnings)})
     if options.formulation:
         parts = [named_number(part, "--formulation") for part in options.formulation.split(",")]
-        with told_of("--formulation"):
+        with error_context("--formulation"):
             tables["formulation"] = tuple(Part(component=name, wt_percent=percent) for name, percent in parts)
     if sources:
         tables["sources"] = tuple(sources)
@@ -96,7 +96,7 @@ def lamp_fit(path: Path, curve: WorkingCurve) -> InLamp:
         Where the file is not such a result, or names no lamp.
     """
     text = read_text(path, DataError)
-    with told_of(str(path)):
+    with error_context(str(path)):
         liquid = result_of(text, "penetration")
     if not isinstance(liquid, PenetrationResult) or liquid.lamp_lines is None or liquid.Dp_um is None:
         remedy = "run solen resin penetration with --led-nm and --led-fwhm-nm, or --led"

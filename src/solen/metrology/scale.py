@@ -27,9 +27,9 @@ from solen.spec.strict import (
     Options,
     Positive,
     Strict,
+    error_context,
     migrated,
     parse_toml,
-    told_of,
 )
 
 SCALE_SCHEMA = 1
@@ -70,7 +70,7 @@ def read_scale(path: Path) -> ScaleFile:
         migrations=SCALE_MIGRATIONS,
         error=DataError,
     )
-    with told_of(str(path)):
+    with error_context(str(path)):
         return ScaleFile(**data)
 
 

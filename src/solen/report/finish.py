@@ -55,7 +55,7 @@ def finish(figure: Figure, look: FigureOptions) -> Figure:
         _fit(figure, panels, look)
     _set_limits(panels, look)
     if look.no_titles:
-        _take_titles(figure)
+        _hide_titles(figure)
     if look.letters is not None:
         _letter(panels, look.letters)
     if look.height_mm is not None:
@@ -79,9 +79,7 @@ def panels_of(figure: Figure) -> list[list[Axes]]:
 
 def titles_of(figure: Figure) -> str:
     """Titles of a figure, those that were left out too, on one line."""
-    kept = getattr(figure, "left_out", ())
-    texts = [text.get_text() for text in _titles(figure)]
-    return "; ".join(" ".join(text.split()) for text in (*kept, *texts) if text)
+    return "; ".join(" ".join(title.get_text().split()) for title in _titles(figure))
 
 
 def _letter_of(number: int) -> str:
@@ -174,11 +172,9 @@ def _titles(figure: Figure) -> list[Text]:
     return texts
 
 
-def _take_titles(figure: Figure) -> None:
-    titles = _titles(figure)
-    figure.left_out = [title.get_text() for title in titles]  # type: ignore[attr-defined]  # read by titles_of
-    for title in titles:
-        title.set_text("")
+def _hide_titles(figure: Figure) -> None:
+    for title in _titles(figure):
+        title.set_visible(False)
         title.set_in_layout(False)
 
 

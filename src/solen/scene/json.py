@@ -15,7 +15,7 @@ from solen.material import KINDS, Dispersion
 from solen.scene.model import Extrusion, Interface, Monitor, Region, Scene
 from solen.scene.sources import Ambient, Beam, Chip, Emitter, Fan, RayFile, Rays, Source
 from solen.spec.objects import CURVES, check_keys, made, parsed, untagged, value_of
-from solen.spec.strict import told_of
+from solen.spec.strict import error_context
 
 SCHEMA = 1
 SOURCES: dict[str, type[Source]] = {
@@ -127,7 +127,7 @@ def _region(data: dict[str, Any], where: str) -> Region:
     kind = index.get("kind")
     if not isinstance(kind, str) or kind not in KINDS:
         raise DataError(f"{where}: index: kind", value=kind, limit=f"must be one of {', '.join(KINDS)}")
-    with told_of(f"{where}: index"):
+    with error_context(f"{where}: index"):
         dispersion = KINDS[kind](**index)
     return made(Region, {**data, "index": dispersion}, where)
 

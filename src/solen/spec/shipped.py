@@ -11,7 +11,7 @@ from typing import Generic, TypeVar
 from solen.errors import DataError
 from solen.files import read_text
 from solen.registry import Registry
-from solen.spec.strict import Migrations, migrated, nearest, parse_toml, told_of
+from solen.spec.strict import Migrations, error_context, migrated, nearest, parse_toml
 
 T = TypeVar("T")
 
@@ -72,5 +72,5 @@ class Library(Generic[T]):
     def _made(self, text: str, what: str) -> T:
         data = parse_toml(text, what, DataError)
         data = migrated(data, what, current=self.schema, migrations=self.migrations, error=DataError)
-        with told_of(what):
+        with error_context(what):
             return self.make(**data)

@@ -6,7 +6,7 @@ pydantic finds the problems; this module tells them: the dotted key, the value f
 
 The interface: derive from `Strict`, take field types from `Number`, `Positive`, `NotNegative`, `Text`; raise `refused`
 in a validator that looks at several keys; `or_refuse` annotates single fields. `parse_toml`, `migrated`
-and `told_of` serve any TOML file that carries ``schema = <version>``.
+and `error_context` serve any TOML file that carries ``schema = <version>``.
 """
 
 import difflib
@@ -61,7 +61,7 @@ def refused(key: str, limit: str, *, value: object = None, remedy: str = "") -> 
 
 
 def or_refuse(limit: str) -> WrapValidator:
-    """Field annotation that tells every problem of a compound value by one limit, in the user's words."""
+    """Field annotation: whatever is wrong with a compound value, the message states one limit in the user's words."""
 
     def check(value: object, handler: ValidatorFunctionWrapHandler) -> object:
         try:
@@ -117,9 +117,9 @@ class Strict(BaseModel):
         try:
             super().__init__(**data)
         except ValidationError as bad:
-            raise _told(bad, type(self)) from None
+            raise _file_error(bad, type(self)) from None
 
-    # Keeps pydantic from calling this constructor for tables inside tables: the outermost tells every problem.
+    # Keeps pydantic from calling this constructor for tables inside tables: the outermost reports every problem.
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -187,19 +187,15 @@ def option_refusal(bad: ValueError, *, command_line: bool = False) -> SpecError:
     """The first problem of options in one line; named as on the command line, ``--u-T``, or as in Python, ``u_T``."""
     if not isinstance(bad, ValidationError):
         return SpecError("options", limit=str(bad))
-    found = bad.errors(include_url=False)[0]
-    name, ctx = ".".join(part for part in found["loc"] if isinstance(part, str)), found.get("ctx", {})
-    value, remedy = None if found["type"] == "missing" else found["input"], ""
-    if found["type"] == "refused":
-        name, value, limit, remedy = (
-            ".".join(filter(None, (name, ctx["key"]))),
-            ctx["value"],
-            ctx["limit"],
-            ctx["remedy"],
-        )
+    first = bad.errors(include_url=False)[0]
+    name, ctx = ".".join(part for part in first["loc"] if isinstance(part, str)), first.get("ctx", {})
+    value, remedy = None if first["type"] == "missing" else first["input"], ""
+    if first["type"] == "refused":
+        name = ".".join(filter(None, (name, ctx["key"])))
+        value, limit, remedy = ctx["value"], ctx["limit"], ctx["remedy"]
     else:
-        kind = found["type"].replace("_parsing", "_type")
-        limit = _LIMITS[kind].format(**ctx) if kind in _LIMITS else found["msg"]
+        kind = first["type"].replace("_parsing", "_type")
+        limit = _LIMITS[kind].format(**ctx) if kind in _LIMITS else first["msg"]
     shown = _shown(value) if value is not None else None
     return SpecError(f"--{name.replace('_', '-')}" if command_line else name, value=shown, limit=limit, remedy=remedy)
 
@@ -292,18 +288,18 @@ def _default(field: FieldInfo | None) -> str:
     return f"the default is {list(default) if isinstance(default, tuple) else repr(default)}"
 
 
-def _told(bad: ValidationError, root: type[Strict]) -> SolenError:
+def _file_error(bad: ValidationError, root: type[Strict]) -> SolenError:
     """The first problem in one line, and how many more there are; unknown keys first, as they explain missing ones."""
-    found = sorted(bad.errors(include_url=False), key=lambda one: one["type"] != "extra_forbidden")
-    what, value, limit, remedy = _problem(found[0], root)
-    if more := len(found) - 1:
+    problems = sorted(bad.errors(include_url=False), key=lambda problem: problem["type"] != "extra_forbidden")
+    what, value, limit, remedy = _problem(problems[0], root)
+    if more := len(problems) - 1:
         remedy = "; ".join(filter(None, (remedy, f"and {more} more problem{'s' if more > 1 else ''}")))
     return root.error(what, value=_shown(value) if value is not None else None, limit=limit, remedy=remedy)
 
 
 @contextmanager
-def told_of(where: str) -> Iterator[None]:
-    """Prefix the refusals raised inside with the file or thing that they are about."""
+def error_context(where: str) -> Iterator[None]:
+    """Prefix errors raised inside with the file or key that they concern: ``resin.toml: index.n``."""
     try:
         yield
     except SolenError as bad:
@@ -335,18 +331,18 @@ def migrated(data: Document, what: str, *, current: int, migrations: Migrations,
         Raised where ``schema`` is missing, is not a version, or is newer than ``current``.
     """
     data = dict(data)
-    found = data.pop("schema", None)
-    if found is None:
+    version = data.pop("schema", None)
+    if version is None:
         raise error(what, limit="schema is missing", remedy=f"add the line schema = {current} at its top")
-    if type(found) is not int or found < 1:
-        raise error(f"{what}: schema", value=found, limit="must be a whole number, at least 1")
-    if found > current:
+    if type(version) is not int or version < 1:
+        raise error(f"{what}: schema", value=version, limit="must be a whole number, at least 1")
+    if version > current:
         raise error(
             f"{what}: schema",
-            value=found,
+            value=version,
             limit=f"written by a newer solen; this one reads up to {current}",
             remedy="update solen",
         )
-    for version in range(found, current):
-        data = migrations[version](data)
+    for old in range(version, current):
+        data = migrations[old](data)
     return data

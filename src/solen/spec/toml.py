@@ -23,7 +23,7 @@ from solen.files import read_text, write_text
 from solen.results import plain
 from solen.spec.design import Design
 from solen.spec.light import Emitter
-from solen.spec.strict import Document, Migrations, migrated, parse_toml, told_of
+from solen.spec.strict import Document, Migrations, error_context, migrated, parse_toml
 
 SCHEMA = 1
 MIGRATIONS: Migrations = {}  # old version -> tables of that version into those of the next
@@ -53,7 +53,7 @@ def loads(text: str, *, what: str = "design", folder: Path | None = None) -> Des
     """Design of a TOML text; ``what`` names it in errors, ``folder`` is where its relative paths start."""
     data = parse_toml(text, what, SpecError)
     data = migrated(data, what, current=SCHEMA, migrations=MIGRATIONS, error=SpecError)
-    with told_of(what):
+    with error_context(what):
         design = Design(**data)
     return design if folder is None else design.in_folder(folder)
 

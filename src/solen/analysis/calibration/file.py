@@ -17,7 +17,7 @@ from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.files import read_text
 from solen.spec.objects import parsed
-from solen.spec.strict import NotNegative, Number, Strict, Text, migrated, refused, told_of
+from solen.spec.strict import NotNegative, Number, Strict, Text, error_context, migrated, refused
 
 SCHEMA = 1
 SUFFIX = ".calibration.json"
@@ -203,7 +203,7 @@ def load(path: Path) -> CalibrationFile:
             remedy="make one with solen bench calibrate",
         )
     data = migrated(data, str(path), current=SCHEMA, migrations={}, error=DataError)
-    with told_of(str(path)):
+    with error_context(str(path)):
         return CalibrationFile(**_tuples(data))
 
 

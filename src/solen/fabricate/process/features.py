@@ -30,7 +30,7 @@ from solen.fabricate.process.settings import Settings
 from solen.recording import Provenance
 from solen.recording.source import load
 from solen.spec.objects import parsed
-from solen.spec.strict import NotNegative, Number, Strict, told_of
+from solen.spec.strict import NotNegative, Number, Strict, error_context
 
 Kind = Literal["pillar", "hole", "gap", "step"]
 Length = Annotated[float, Field(strict=True, gt=0, le=100)]
@@ -167,7 +167,7 @@ def read_features(path: Path) -> MeasuredCoupon:
     if not isinstance(data, dict) or not isinstance(data.get("features"), list):
         raise DataError(str(path), limit='not a file of features: it has no list "features"')
     _check_units(path, data["features"])
-    with told_of(str(path)):
+    with error_context(str(path)):
         file = _File(**data | {"features": [_sized(row) for row in data["features"]]})
     for number, feature in enumerate(file.features):
         if feature.measured_mm is not None and feature.u_measured_mm is None:

@@ -31,7 +31,7 @@ from solen.files import read_text
 from solen.material.cure.spectral import ONE_LINE, Lines, depth, left
 from solen.ranks import Caution, do_not_use, look_at
 from solen.spec.strict import Migrations, NotNegative, Number, Positive, Strict, Text, migrated, parse_toml, refused
-from solen.spec.strict import told_of as told_of_file
+from solen.spec.strict import error_context as told_of_file
 
 SCHEMA = 1
 MIGRATIONS: Migrations = {}

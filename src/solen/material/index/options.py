@@ -13,7 +13,7 @@ from solen.material.index.reading import Length
 from solen.material.index.stack import Baseline, Setup, Side, Substrate
 from solen.material.resin import library_resin, load_resin
 from solen.material.rows import RowOptions
-from solen.spec.strict import Finite, Wavelength, refused, told_of
+from solen.spec.strict import Finite, Wavelength, error_context, refused
 
 _NM_PER_MM = 1e6
 _MOST_U = 0.1  # an uncertainty of T above this is a percentage without its sign
@@ -172,7 +172,7 @@ def _sheet(name: str, wavelength_nm: FloatArray) -> tuple[FloatArray, FloatArray
             limit = "is two materials: drawn film, 1.636 at 633 nm, and pressed plates, 1.565"
             raise SpecError("--substrate", value=name, limit=limit, remedy="state pet-drawn or pet-pressed") from None
         resin = load_resin(Path(name)) if name.endswith(".toml") else library_resin(name)
-        with told_of(f"substrate {resin.name}"):
+        with error_context(f"substrate {resin.name}"):
             n, u_n = resin.index.along(wavelength_nm)
         return n, np.nan_to_num(u_n), resin.loss.absorption_per_mm * wavelength_nm / (4.0 * np.pi * _NM_PER_MM)
     if not 1.0 < stated < 3.0:

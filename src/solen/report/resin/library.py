@@ -10,7 +10,7 @@ from solen.material.dispersion import AS_PUBLISHED, Tabulated
 from solen.material.facts import LISTED_NM, ResinFacts
 from solen.material.resin import Resin
 from solen.report.canvas import INK, LEFT, RIGHT
-from solen.spec.strict import told_of
+from solen.spec.strict import error_context
 
 SHOWN_NM = (400.0, 1000.0)
 """Wavelengths that are drawn of an index without an end."""
@@ -26,7 +26,7 @@ def facts_figure(facts: ResinFacts) -> Figure:
         Where the resin has no index.
     """
     at_nm = tuple(at.wavelength_nm for at in facts.at)
-    with told_of(f"resin {facts.name}"):
+    with error_context(f"resin {facts.name}"):
         return index_figure(facts.contents, () if at_nm == LISTED_NM else at_nm)
 
 
