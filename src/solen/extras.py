@@ -57,6 +57,7 @@ PACKAGES = {
     "skimage": Package("scikit-image", "vision"),
     "tifffile": Package("tifffile", "vision"),
     "xarray": Package("xarray", "netcdf"),
+    "xlrd": Package("xlrd", "xls"),
 }
 """What must be installed for a module, by the name it is imported by."""
 

@@ -2,6 +2,7 @@
 
 Jasco: WrightTools (from_JASCO) and JASCOFiles.jl. PerkinElmer .asc: hyperSpec and Bev.IO.PerkinElmerAsciiReader.
 Thorlabs: pyIVLS, which writes files in ThorSpectra's likeness. Avantes: lightr and the converters of AvaSoft's text.
+MTS TestSuite: readers of its "DAQ- Crosshead, … - (Timed)" files, in CSV and text. Lloyd's NEXYGEN: its columns alone.
 MTS 793: readers of files whose first line is ``MTS793|MPT|ENU|...``. Trapezium: snpl. Bluehill: its raw data.
 """
 
@@ -111,3 +112,20 @@ def side_by_side(short: int = 5) -> str:
     names, units = '"Prüfzeit"\t"Standardweg"\t"Standardkraft"', '"s"\t"mm"\t"N"'
     lines = ['"Kunde"\t"film"', "", f"{names}\t{names}", f"{units}\t{units}"]
     return "\r\n".join([*lines, *(f"{a}\t{b}" for a, b in zip(rows, second, strict=True)), ""])
+
+
+def mts_testsuite(separator: str = ",", quote: str = '"') -> str:
+    above = {
+        "File Path": "C:\\tests\\film",
+        "Test": "Tensile (Simplified)",
+        "Test Run": "Test Run 1 3-1-26 10 22 33 AM",
+    }
+    stated = [f"{quote}{key}: {value}{quote}" for key, value in (above | {"Date": "3/1/2026 10:22:33 AM"}).items()]
+    rows = [("Crosshead ", "Load ", "Time "), ("mm", "N", "sec"), *zip(TRAVEL, FORCE, TIME, strict=True)]
+    lines = [separator.join(f"{quote}{cell}{quote}" for cell in row) for row in rows]
+    return "\r\n".join([*stated, "", *[""] * (separator == ","), *lines, ""])
+
+
+def nexygen(separator: str = ",") -> str:
+    rows = [("Time (s)", "Load (N)", "Machine Extension (mm)"), *zip(TIME, FORCE, TRAVEL, strict=True)]
+    return "\r\n".join([*(separator.join(map(str, row)) for row in rows), ""])

@@ -114,7 +114,12 @@ TESTS = {
     "Bluehill": (programs.bluehill(), 1),
     "Bluehill, three specimens": (programs.bluehill(3), 3),
     "testXpert side by side": (programs.side_by_side(), 2),
+    "MTS TestSuite": (programs.mts_testsuite(), 1),
+    "MTS TestSuite, text": (programs.mts_testsuite("\t", ""), 1),
+    "Lloyd NEXYGEN": (programs.nexygen(), 1),
+    "Lloyd NEXYGEN, tabs": (programs.nexygen("\t"), 1),
 }
+MACHINES = {"MTS TestSuite": "mts-testsuite", "Lloyd NEXYGEN": "lloyd-nexygen", "testXpert": "testxpert"}
 
 
 @pytest.mark.parametrize("name", TESTS)
@@ -125,6 +130,8 @@ def test_each_specimen_has_the_numbers_of_a_plain_reading(tmp_path: Path, name: 
     for number, (_, part) in enumerate(parts):
         rows = slice(0, 40 - 5 * number) if "side" in name else slice(number, None)
         travel = part.find("displacement") or part.need("crosshead")
+        kind = next((kind for name_, kind in MACHINES.items() if name.startswith(name_)), "test-machine")
+        assert part.provenance.format == kind
         assert part.need("time").to("s").tolist() == TIME[rows]
         assert travel.to("mm").tolist() == TRAVEL[rows]
         assert part.need("force").to("N").tolist() == FORCE[rows]
@@ -153,6 +160,8 @@ def test_several_specimens_are_not_read_as_one(tmp_path: Path) -> None:
         ("Bluehill", "0.5,0.25", "0.5;0.25", "belong to no table"),
         ("MTS 793, two acquisitions", "2.0\t1.0\t", "2.0\t1.0", "belong to no table"),
         ("testXpert side by side", "\t0.5\t0.25\t", "\t0.5\tx\t", "belong to no table"),
+        ("MTS TestSuite", '"0.5"\r\n', '"0.2"\r\n', "the time of a test moves on"),
+        ("Lloyd NEXYGEN", "\r\n0.5,", "\r\n0.05,", "the time of a test moves on"),
     ],
 )
 def test_damage_in_a_specimen_is_refused(tmp_path: Path, name: str, before: str, after: str, words: str) -> None:

@@ -207,7 +207,7 @@ def test_numbers_with_words_in_them_are_refused_not_taken_for_text(tmp_path: Pat
     [
         (b"", "is empty"),
         (b" \n\n", "is empty"),
-        (b"\xd0\xcf\x11\xe0\xa1\xb1", "old Excel file"),
+        (b"\xd0\xcf\x11\xe0\xa1\xb1", "damaged workbook"),
         (b"%PDF-1.7 ...", "is a PDF"),
         (b"PK\x03\x04rest", "damaged archive"),
         (b"a,b\n1,2\n\x81,3\n", "line 3; holds a byte"),

@@ -18,7 +18,7 @@ from solen.recording.column_roles import column_of, receiver_columns
 
 LARGEST_LOG, MOST_LOGS = 5_000_000, 40
 """Bytes of a file that may be a stage's log, and how many files are looked into."""
-_SUFFIXES = frozenset({".csv", ".tsv", ".txt", ".dat", ".log", ".xlsx", ".mat", ".tdms", ".lvm", ".h5", ".nc"})
+_SUFFIXES = frozenset({".csv", ".tsv", ".txt", ".dat", ".log", ".xls", ".xlsx", ".mat", ".tdms", ".lvm", ".h5", ".nc"})
 
 
 def find_log(path: Path, others: Iterable[Path] = ()) -> Path | None:

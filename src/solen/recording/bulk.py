@@ -63,7 +63,7 @@ def _head(source: Source, columns: Sequence[str] | None) -> tuple[Grid, Layout] 
         table.check_rows(grid, place)
     except DataError:  # reported where the whole file is read
         return None
-    plain = not testxpert.is_testxpert(place) and not place.after and len(place.body) > _HEAD // 2
+    plain = not testxpert.program(grid, place) and not place.after and len(place.body) > _HEAD // 2
     return (grid, place) if plain and all(place.names) else None
 
 

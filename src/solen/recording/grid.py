@@ -82,12 +82,12 @@ class Grid:
         `DataError` where that row has lost cells, or its last number has fewer characters than any above it.
         """
         last = body[-1]
-        if self.ends or self.lines[last] != self.lines[-1] or len(body) < 2:
+        if self.ends or self.lines[last] != self.lines[-1]:
             return ""
         cells, above = self.rows[last], [self.rows[row] for row in body[:-1]]
         place = len(cells) - 1
         shortest = min((len(row[place]) for row in above if place < len(row) and row[place]), default=0)
-        if len(cells) != len(above[-1]) or len(cells[place]) < shortest:
+        if above and (len(cells) != len(above[-1]) or len(cells[place]) < shortest):
             limit = "ends without a line break, and before the line is whole: the file was cut off"
             raise self.refused(last, None, limit, "export it again")
         if not cells[place]:  # the separator behind the last number shows that it is whole

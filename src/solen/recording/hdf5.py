@@ -100,10 +100,30 @@ def _opened(source: Source) -> Any:
     import h5py
 
     check_seal(source.path, DataError)
+    _check_length(source)
     try:
         return h5py.File(source.path, "r")
     except Exception as bad:
         raise _damaged(source, bad) from None
+
+
+def _check_length(source: Source) -> None:
+    """`DataError` where a file is longer than its superblock states: behind added bytes all numbers are others.
+
+    A shorter one is refused by the library. Places by the HDF5 File Format Specification, versions 0 to 3.
+    """
+    start = next(start for start in _STARTS if source.data[start : start + len(_MAGIC)] == _MAGIC)
+    version = source.data[start + len(_MAGIC)]
+    width, first = {0: (13, 24), 1: (13, 28)}.get(version, (9, 12))
+    size = source.data[start + width]
+    base, _, end = (
+        int.from_bytes(source.data[start + first + n * size : start + first + (n + 1) * size], "little")
+        for n in range(3)
+    )
+    length = source.path.stat().st_size
+    if length > end and length != base + end:
+        limit = f"is {length - end} bytes longer than it states: bytes were added, or it was never closed"
+        raise source.refused("", limit, "export it again, or mend it with h5clear --increment=0")
 
 
 def _damaged(source: Source, bad: Exception) -> DataError:
@@ -161,6 +181,10 @@ def read_netcdf3(source: Source) -> Recording:
                 for name, variable in file.variables.items()
             ]
             metadata = {key: _text(value) for key, value in file._attributes.items() if isinstance(value, bytes)}
+            ends = [(one.data[-1:] if one.isrec else one.data).tobytes() for one in file.variables.values()]
+            whole = len(source.data)
+            if not any(source.data[: whole - pad].endswith(end) for end in ends for pad in {0, -len(end) % 4}):
+                raise ValueError("bytes were added: no array ends where the file does")
     except Exception:  # scipy raises whatever fits what it stumbled over
         limit = "is a damaged netCDF file"
         raise source.refused("", limit, "export it again") from None

@@ -139,7 +139,7 @@ def _read(source: Source, name: str, program: Program) -> Recording:
     stated = metadata | {program.labels[key]: value for key, value in metadata.items() if key in program.labels}
     for key, neutral in _PERKIN_NEUTRAL.items() if name == "perkin-elmer" else ():
         text = stated.get(key, neutral)
-        if not is_number(text) or parse(text, ".") != float(neutral):
+        if not is_number(text) or parse(text, "," if "," in text else ".") != float(neutral):
             raise source.refused(key, f"is not {neutral}: scaled values are not read", "export it unscaled", text)
     if stated.get("XAxis mode", "Wavelengths") != "Wavelengths":
         limit = f"has an axis of {stated['XAxis mode']}, which is not read"

@@ -28,7 +28,6 @@ from solen.recording.bulk import bulk
 from solen.recording.grid import Grid, of_text
 from solen.recording.model import Recording
 from solen.recording.source import Source, load
-from solen.recording.words import plain
 
 _HEAD = 200  # rows in which a program's header stands
 
@@ -57,11 +56,12 @@ def _cary(grid: Grid) -> Recording | None:
     return None if start is None else cary.read(grid, start)
 
 
-def _testxpert(grid: Grid) -> Recording | None:
-    if not any(plain(cell) in testxpert.WORDS for cells in grid.rows[:_HEAD] for cell in cells):
-        return None  # most tables: their layout is sought once only
+def _test(grid: Grid) -> Recording | None:
+    if not any(testxpert.mentioned(cell) for cells in grid.rows[:_HEAD] for cell in cells):
+        return None
     place = layout.find(grid)
-    return testxpert.read(grid, place) if testxpert.is_testxpert(place) else None
+    program = testxpert.program(grid, place)
+    return testxpert.read(grid, place, program) if program else None
 
 
 FORMATS = registry.Registry(
@@ -75,7 +75,7 @@ FORMATS = registry.Registry(
         "tdms": Format(from_bytes=lambda source: tdms.read(source) if tdms.is_tdms(source) else None),
         "netcdf3": Format(from_bytes=lambda source: hdf5.read_netcdf3(source) if hdf5.is_netcdf3(source) else None),
         "cary": Format(from_cells=_cary),
-        "testxpert": Format(from_cells=_testxpert),
+        "testxpert": Format(from_cells=_test),
     },
     Format,
 )
@@ -130,7 +130,7 @@ def _parts(source: Source, sheet: str | None, columns: Sequence[str] | None) -> 
     quick = bulk(source, columns) if sheet is None else None
     if quick is not None:
         return [("", quick)]
-    if source.is_archive:
+    if source.is_archive or source.is_old_workbook:
         grid = workbook.grid(source, sheet)
     else:
         if sheet is not None:
@@ -145,7 +145,7 @@ def _parts(source: Source, sheet: str | None, columns: Sequence[str] | None) -> 
 
 
 def _of_table(grid: Grid, place: layout.Layout) -> Recording:
-    return testxpert.read(grid, place, "testxpert" if testxpert.is_testxpert(place) else "test-machine")
+    return testxpert.read(grid, place, testxpert.program(grid, place) or "test-machine")
 
 
 def _check_arrays(source: Source, sheet: str | None, columns: Sequence[str] | None) -> None:

@@ -23,7 +23,6 @@ _OTHERS = {
     b"\x1f\x8b": ("a gzip archive", "unpack it"),
     b"\x89PNG": ("a picture", "name the table that it was drawn from"),
     b"\xff\xd8\xff": ("a picture", "name the table that it was drawn from"),
-    _OLE: ("an old Excel file or a program's own binary format", "save it as .xlsx or CSV"),
 }
 _BREAK = re.compile("\r*\n|\r")  # Windows' line break may have been doubled on its way
 _CONTROL = re.compile("[\x00-\x08\x0b\x0e-\x1f\x7f\x80-\x9f\u2028\u2029\ufffe\uffff\ufffd]")
@@ -58,6 +57,11 @@ class Source:
     def is_archive(self) -> bool:
         """Whether it is a zip archive, as an Excel workbook is."""
         return self.data.startswith(_ZIP)
+
+    @property
+    def is_old_workbook(self) -> bool:
+        """Whether it is a compound file, as an .xls is."""
+        return self.data.startswith(_OLE)
 
     @property
     def padding(self) -> int:

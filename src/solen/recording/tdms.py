@@ -16,6 +16,7 @@ from solen.recording.model import Recording
 from solen.recording.source import Source
 
 _MAGIC = b"TDSm"
+_LEAD_IN = 28
 _UNITS = ("unit_string", "NI_UnitDescription", "NI_unit_string", "unit")
 
 
@@ -37,6 +38,7 @@ def read(source: Source) -> Recording:
         metadata = {str(key): str(value) for key, value in file.properties.items()}
         if file.file_status.incomplete_final_segment:
             raise ValueError("its last part was cut off")
+        _check_segments(source.data)
         groups = file.groups()
         for group in groups:
             for channel in group.channels():
@@ -46,6 +48,20 @@ def read(source: Source) -> Recording:
         limit = f"is a damaged TDMS file: {' '.join(str(bad).split())[:80] or type(bad).__name__}"
         raise source.refused("", limit, "export it again") from None
     return recorded(source, "tdms", _once(arrays), metadata)
+
+
+def _check_segments(data: bytes) -> None:
+    """`ValueError` where segments do not follow one another to the end of the file: bytes were added or lost.
+
+    Each begins with a lead-in of 28 bytes, which states at byte 12 how many bytes follow it.
+    """
+    place = 0
+    while place < len(data):
+        if data[place : place + len(_MAGIC)] != _MAGIC:
+            raise ValueError("a segment does not begin where the one before it ends")
+        place += _LEAD_IN + int.from_bytes(data[place + 12 : place + 20], "little")
+    if place != len(data):
+        raise ValueError("its last segment ends elsewhere than the file")
 
 
 def _arrays(prefix: str, channel: Any) -> list[Array]:

@@ -5,7 +5,11 @@ table, and read as one; but a machine wrote it, so all that a hand would do to a
 another form, an empty line or a remark inside, a time that runs back, the same line twice, a last line without an end.
 What the machine computed itself (modulus, greatest force) stays in the recording's metadata, by the machine's words.
 
-The interface: `is_testxpert` recognises the header, `read` a `Grid`; `stated` gives a parameter as a number.
+The interface: `program` recognises the header, `read` a `Grid`; `stated` gives a parameter as a number.
+
+Other programs write one test alone in the same way, and are known by their own words: MTS TestSuite's lines ``File
+Path:``, ``Test:``, ``Test Run:`` and ``Date:`` above the names, as published readers of its CSV skip them; Lloyd's
+NEXYGEN by its names of extensions. NEXYGEN's layout is nowhere described: it is read by its header alone.
 """
 
 import re
@@ -20,7 +24,7 @@ from solen.recording.grid import Grid
 from solen.recording.layout import Layout
 from solen.recording.model import Recording
 from solen.recording.numbers import is_number, parse
-from solen.recording.words import plain
+from solen.recording.words import heading, plain
 from solen.units import factor
 
 WORDS = {
@@ -29,16 +33,31 @@ WORDS = {
     *("crosshead travel", "grip to grip separation", "nominelle dehnung"),
 }
 """Names of channels that only this program gives."""
+_TEST_RUN, _NEXYGEN = "test run:", ("machine extension", "extension from preload")
 _LIMITS = {"time": 1e8, "force": 1e8, "strain": 1e5, "displacement": 1e5, "crosshead": 1e5}
 """No test machine shows a number beyond these, in any unit that it writes: a lost decimal point does."""
 _RARE = 0.002  # share of rows: what happens less often than this is not a habit of the program
 _STATED = re.compile(r"(\S+)(?:\s+(\S.*))?")
 
 
-def is_testxpert(place: Layout) -> bool:
-    """Whether a table has the names of such an export, and the row of units below them."""
+def mentioned(cell: str) -> bool:
+    """Whether a cell may be of such a program: most tables have none, and their layout is sought once only."""
+    text = plain(cell)
+    return text in WORDS or text.startswith((_TEST_RUN, *_NEXYGEN))
+
+
+def program(grid: Grid, place: Layout) -> str:
+    """Program that wrote a table, by its names and their units or by what stands above them; empty of any other."""
     names = {plain(name) for name in place.names}
-    return bool(names & WORDS) and len(names) > 1 and all(place.units)
+    units = [unit or heading(name).unit for name, unit in zip(place.names, place.units, strict=True)]
+    if len(names) < 2 or not all(units):
+        return ""
+    if names & WORDS and all(place.units):
+        return "testxpert"
+    above = [plain(grid.rows[row][0]) for row in place.before]
+    if any(text.startswith(_TEST_RUN) for text in above) and any(text.startswith("file path:") for text in above):
+        return "mts-testsuite"
+    return "lloyd-nexygen" if any(name.startswith(_NEXYGEN) for name in names) else ""
 
 
 def read(grid: Grid, place: Layout, kind: str = "testxpert") -> Recording:

@@ -1,4 +1,4 @@
-"""Excel workbooks (.xlsx): the cells of one sheet, as a text file's rows.
+"""Excel workbooks (.xlsx, and .xls with the extra ``xls``): the cells of one sheet, as a text file's rows.
 
 The idea: a workbook is the same table as its CSV. Numbers keep all their digits; a formula counts by the result that
 was stored with it, and where none was, the file is refused: its cell is not empty. An archive that unpacks to more than
@@ -11,9 +11,12 @@ import io
 import re
 import warnings
 import zipfile
+from collections.abc import Callable, Sequence
 from datetime import date, datetime, time
 from typing import Any
 
+from solen.errors import DataError
+from solen.extras import need
 from solen.recording.grid import Grid
 from solen.recording.numbers import is_number
 from solen.recording.source import Source
@@ -29,11 +32,12 @@ def grid(source: Source, sheet: str | None = None) -> Grid:
 
     ``sheet`` is its name; without one, the only sheet that holds numbers is taken.
     """
-    _check_archive(source)
-    sheets = _sheets(source, sheet, stored=True)
+    if source.is_archive:
+        _check_archive(source)
+    sheets = _sheets(source, sheet, stored=True) if source.is_archive else _old_sheets(source, sheet)
     name = sheet or _only(source, sheets)
     found = _grid_of(source, name, sheets[name])
-    if not all(map(all, found.rows)):
+    if source.is_archive and not all(map(all, found.rows)):
         _refuse_unstored(source, name, found)
     return found
 
@@ -69,9 +73,7 @@ def _sheets(source: Source, wanted: str | None, *, stored: bool) -> dict[str, li
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of styles and validations that are not kept
             book = openpyxl.load_workbook(io.BytesIO(source.data), read_only=True, data_only=stored)
-            names = [sheet.title for sheet in book.worksheets]
-            if wanted is not None and wanted not in names:
-                raise source.refused("", "has no such sheet", f"its sheets are {', '.join(names)}", wanted)
+            _check_name(source, wanted, [sheet.title for sheet in book.worksheets])
             rows = {sheet.title: _texts(source, sheet) for sheet in book.worksheets if wanted in {None, sheet.title}}
             book.close()
     except _errors():
@@ -79,6 +81,44 @@ def _sheets(source: Source, wanted: str | None, *, stored: bool) -> dict[str, li
             "", "is damaged: it cannot be read as a workbook", "save it again in Excel, or as CSV"
         ) from None
     return rows
+
+
+def _check_name(source: Source, wanted: str | None, names: Sequence[str]) -> None:
+    if wanted is not None and wanted not in names:
+        raise source.refused("", "has no such sheet", f"its sheets are {', '.join(names)}", wanted)
+
+
+def _old_sheets(source: Source, wanted: str | None) -> dict[str, list[list[str]]]:
+    """The same of an .xls, whose formulas have their results stored."""
+    need("xlrd", what=str(source.path), doing="reading .xls", otherwise="save it as .xlsx or CSV", error=DataError)
+    import xlrd
+
+    try:
+        book = xlrd.open_workbook(file_contents=source.data, formatting_info=True, logfile=io.StringIO())
+        sheets = {one.name: [_old_row(book, one.row(n)) for n in range(one.nrows)] for one in book.sheets()}
+    except Exception as bad:  # xlrd raises whatever fits what it stumbled over
+        no_book = "find workbook" in str(bad)
+        limit = "is no Excel workbook, but a program's own binary format" if no_book else "is a damaged workbook"
+        raise source.refused("", limit, "save the table as .xlsx or CSV") from None
+    _check_name(source, wanted, list(sheets))
+    return sheets if wanted is None else {wanted: sheets[wanted]}
+
+
+def _old_row(book: Any, cells: Sequence[Any]) -> list[str]:
+    """Cells of an .xls as `_text` has them of an .xlsx."""
+    import xlrd
+
+    of: dict[int, Callable[[Any], Any]] = {
+        xlrd.XL_CELL_EMPTY: lambda _: None,
+        xlrd.XL_CELL_BLANK: lambda _: None,
+        xlrd.XL_CELL_DATE: lambda value: xlrd.xldate_as_datetime(value, book.datemode),
+        xlrd.XL_CELL_BOOLEAN: bool,
+        xlrd.XL_CELL_ERROR: lambda value: xlrd.error_text_from_code.get(value, "#ERROR"),
+    }
+    shown = (book.format_map[book.xf_list[cell.xf_index].format_key].format_str for cell in cells)
+    return [
+        _text(of.get(cell.ctype, lambda same: same)(cell.value), form) for cell, form in zip(cells, shown, strict=True)
+    ]
 
 
 def _texts(source: Source, sheet: Any) -> list[list[str]]:
@@ -91,7 +131,7 @@ def _texts(source: Source, sheet: Any) -> list[list[str]]:
         if left < 0:
             limit = f"holds more than {MOST_CELLS} cells"
             raise source.refused(f"sheet {sheet.title}", limit, "save the table alone as CSV")
-        rows.append([_text(cell.value, cell) for cell in row])
+        rows.append([_text(cell.value, getattr(cell, "number_format", "")) for cell in row])
     return rows
 
 
@@ -140,7 +180,7 @@ def _refuse_unstored(source: Source, name: str, result: Grid) -> None:
                 raise result.refused(row, column, limit, "open the workbook in Excel and save it there")
 
 
-def _text(value: Any, cell: Any) -> str:
+def _text(value: Any, shown: str) -> str:
     """A cell as a CSV would hold it, with all digits of a number.
 
     A number that Excel shows as a percentage is stored without it, 0.91 for 91 %: it stays a text with the sign, which
@@ -151,7 +191,7 @@ def _text(value: Any, cell: Any) -> str:
     if isinstance(value, bool):
         return str(value)
     if isinstance(value, int | float):
-        return f"{100.0 * value:.15g} %" if "%" in cell.number_format else repr(value)
+        return f"{100.0 * value:.15g} %" if "%" in shown else repr(value)
     if isinstance(value, datetime | date | time):
         return value.isoformat()
     return " ".join(str(value).split())
