@@ -14,18 +14,22 @@ from typing import TYPE_CHECKING, Literal, cast
 
 from solen import registry
 from solen.bench.clock import Clock
-from solen.bench.roles import Daq, EmitterBoard, Stage
+from solen.bench.roles import Daq, Meter, Sampler, Stage
 from solen.errors import BenchError
 
 if TYPE_CHECKING:  # the rig's tables name drivers of this module
     from solen.bench.board import SerialBoard
     from solen.bench.link import Link
-    from solen.bench.rig import Rig, StageOf
+    from solen.bench.rig import Rig
+    from solen.bench.rig_instruments import MeterOf, StageOf
 
 
-KINDS = ("model", "port", "baud", "axis", "address", "steps_per_unit")
-"""Keys of a stage's table that say what it is and where."""
-_LINE = ("port", "baud", "axis")
+KINDS = {
+    "stage": ("model", "port", "baud", "axis", "address", "steps_per_unit"),
+    "meter": ("ask", "unit", "channels", "sync", "switch_hz", "settle_us"),
+}
+"""Keys of a table that mean something to some of its drivers."""
+_LINE, _SCOPE = ("port", "baud", "axis"), ("channels", "sync", "switch_hz", "settle_us")
 
 
 @dataclass(frozen=True)
@@ -39,13 +43,13 @@ class Driver:
     open
         Opens the instrument of a rig, with the clock that its waiting follows; raises `BenchError` where it cannot.
     needs
-        Key of that table which the driver cannot do without: ``port``, ``device``, or none.
+        Key of that table which the driver cannot do without: ``port``, ``device``, ``address``, or none.
     takes
-        Of the keys that tell stages apart (`KINDS`), those that mean something to it; None for all.
+        Of `KINDS`, the keys that mean something to it; None for all.
     """
 
-    role: Literal["stage", "board", "daq"]
-    open: "Callable[[Rig, Clock], Stage | EmitterBoard | Daq]"
+    role: Literal["stage", "board", "daq", "meter"]
+    open: "Callable[[Rig, Clock], Stage | Sampler]"
     needs: str = ""
     takes: tuple[str, ...] | None = None
 
@@ -149,6 +153,37 @@ def _nidaqmx(rig: "Rig", clock: Clock) -> Daq:
     return NiDaq(clock, str(rig.daq.device), setup)
 
 
+def _meter_of(rig: "Rig") -> "MeterOf":
+    if rig.meter is None:
+        raise BenchError("meter", limit="missing", remedy="add [meter] to the rig file")
+    return rig.meter
+
+
+def _multimeters(rig: "Rig", clock: Clock) -> Meter:
+    from solen.bench.multimeter import Multimeters
+
+    table = _meter_of(rig)
+    by = {"ask": table.ask, "unit": table.unit, "backend": table.backend}
+    return Multimeters(clock, table.addresses, setup=table.setup, answer_s=table.answer_s, **by)
+
+
+def _oscilloscope(rig: "Rig", clock: Clock) -> Meter:
+    from solen.bench.oscilloscope import Oscilloscope
+
+    table = _meter_of(rig)
+    return Oscilloscope(
+        clock,
+        table.addresses[0],
+        table.channels or tuple(str(number) for number in range(1, rig.inputs + 1)),
+        sync=table.sync,
+        setup=table.setup,
+        switch_hz=table.switch_hz,
+        settle_us=table.settle_us,
+        backend=table.backend,
+        answer_s=table.answer_s,
+    )
+
+
 DRIVERS: registry.Registry[Driver] = registry.Registry(
     registry.INSTRUMENTS,
     {
@@ -161,13 +196,15 @@ DRIVERS: registry.Registry[Driver] = registry.Registry(
         "zaber": Driver("stage", _zaber, needs="port", takes=(*_LINE, "address", "steps_per_unit")),
         "serial": Driver("board", _serial, needs="port"),
         "nidaqmx": Driver("daq", _nidaqmx, needs="device"),
+        "multimeter": Driver("meter", _multimeters, needs="address", takes=("ask", "unit")),
+        "oscilloscope": Driver("meter", _oscilloscope, needs="address", takes=_SCOPE),
     },
     Driver,
 )
 """Drivers by name; ``simulated`` is none of them, as a simulated rig is made as a whole."""
 
 
-def open_instruments(rig: "Rig", clock: Clock) -> tuple[Stage, EmitterBoard | Daq]:
+def open_instruments(rig: "Rig", clock: Clock) -> tuple[Stage, Sampler]:
     """Stage and sampler of a real rig; where the second cannot be opened, the first is closed.
 
     A stage that is the motor of the board brings the board with it.
@@ -176,4 +213,4 @@ def open_instruments(rig: "Rig", clock: Clock) -> tuple[Stage, EmitterBoard | Da
     if (board := getattr(stage, "board", None)) is not None:
         return stage, board
     with on_failure(stage.close):
-        return stage, cast("EmitterBoard | Daq", DRIVERS[rig.sampler.driver].open(rig, clock))
+        return stage, cast("Sampler", DRIVERS[rig.sampler.driver].open(rig, clock))

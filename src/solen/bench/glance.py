@@ -27,6 +27,7 @@ from solen.bench.readings import Converter, subtracted
 from solen.bench.rig import Rig
 from solen.bench.roles import Daq, EmitterBoard, Stage
 from solen.bench.simulated.stage import SimulatedStage
+from solen.errors import BenchError
 
 REACH = {"deg": 3.0, "mm": 2.0}
 """How far from zero a simulated rig is traced where no protocol says so."""
@@ -145,6 +146,9 @@ class Glances:
 @contextmanager
 def sampler_of(rig: Rig, folder: Path, clock: Clock) -> Iterator[EmitterBoard | Daq]:
     """Board or data acquisition of a rig, its emitters taking turns; dark and closed in the end."""
+    if rig.meter is not None:
+        limit = "has a meter, which lights no emitter: nothing can be told of its wires"
+        raise BenchError(f"rig {rig.name}", limit=limit, remedy="look at the meter itself")
     if rig.sampler.driver == "simulated":
         from solen.bench.simulated.instruments import simulated_instruments  # the tracer is loaded where it is needed
 

@@ -103,6 +103,12 @@ class JournalContent:
             total.update(event.get("losses", {}))
         return dict(total)
 
+    @property
+    def sampled(self) -> str:
+        """Stream of what the sampler gave."""
+        streams = {"daq": "samples", "meter": "meter"}
+        return next((stream for key, stream in streams.items() if key in self.header), "board")
+
     def blocks(self, stream: str) -> Iterator[Rows]:
         """Rows of a stream, record by record, from the disk."""
         dtypes = dtypes_of(self.header, self.path)

@@ -26,7 +26,7 @@ from solen.bench.clock_fit import ClockLine, fit_clock
 from solen.bench.frames import UNSOUND
 from solen.bench.journal_content import JournalContent, Rows
 from solen.bench.protocol import Protocol
-from solen.bench.readings import AT_ONCE, Columns, columns_of, cut_short, looks_of, sensor_readings, stretches
+from solen.bench.readings import AT_ONCE, Columns, Read, columns_of, cut_short, looks_of, sensor_readings, stretches
 from solen.bench.timing import Timing, came_by, exchanges, reach_of
 from solen.bench.waveform import Waveform, create_variable
 from solen.extras import need
@@ -108,7 +108,7 @@ def write_recording(journaled: JournalContent, path: Path) -> RecordedRun:
         import h5netcdf
 
         with h5netcdf.File(target, "w") as file:
-            content = _waveform if "daq" in journaled.header else _periods
+            content = _CONTENT[journaled.sampled]
             time_s, readings, remarks = content(file, journaled)
             _positions(file, journaled)
             remarks += [event["reason"] for event in journaled.events if event["what"] == "remark"]
@@ -182,6 +182,36 @@ def _waveform(file: Any, journaled: JournalContent) -> Content:
     readings = {one["name"]: _sensor(file, one, parts.pop(one["name"])) for one in header["sensors"]}
     file.attrs["remarks"] = json.dumps(wave.remarks)
     return wave.time_s, readings, wave.remarks
+
+
+def _readings(file: Any, journaled: JournalContent) -> Content:
+    """Write what a meter read: each reading as it came, and those of each sensor."""
+    rows, header = journaled.streams["meter"], journaled.header
+    half_s = 0.5 * (rows["t_s"] - rows["sent_s"] + header.get("clock_resolution_s", 0.0))
+    time_s = rows["sent_s"] + half_s
+    bound_s = float(half_s.mean()) if len(rows) else None
+    _attributes(file, journaled, {"meter": ClockLine(0.0, 1.0, 0.0, bound_s)})
+    file.dimensions = {"period": len(rows), "input": header["meter"]["inputs"]}
+    _variable(file, "time_s", ("period",), time_s, "s", "middle of question and answer, on the clock of the run")
+    _variable(file, "bound_s", ("period",), half_s, "s", "how far that may be off, to either side")
+    _variable(file, "part", ("period",), rows["part"], "1", "part of the run, one more each time it was taken up")
+    for name, text in (("on", "inputs with the emitters on"), ("off", "inputs with the emitters off; NaN: unknown")):
+        _variable(file, name, ("period", "input"), rows[name], header["meter"]["unit"], text)
+    cuts, readings = cut_short(journaled), {}
+    for sensor in header["sensors"]:
+        inputs = [sensor["right"] - 1, sensor["left"] - 1]
+        columns = columns_of(_read_by(rows, time_s, inputs), np.ones(len(rows), bool), journaled, cuts)
+        readings[sensor["name"]] = _sensor(file, sensor, [columns], header["meter"])
+    return time_s, readings, []
+
+
+def _read_by(rows: Rows, time_s: FloatArray, inputs: list[int]) -> Read:
+    """Readings of two inputs: on less off where off is known, else as they are."""
+    on, off = rows["on"][:, inputs], rows["off"][:, inputs]
+    return Read(time_s, np.where(np.isfinite(off), on - off, on), off, rows["clipped"][:, inputs])
+
+
+_CONTENT = {"board": _periods, "samples": _waveform, "meter": _readings}
 
 
 def _times(journaled: JournalContent) -> tuple[FloatArray, list[ClockLine]]:
@@ -289,8 +319,8 @@ def _timing(file: Any, journaled: JournalContent) -> list[str]:
     return [] if remark is None else [remark]
 
 
-def _sensor(file: Any, sensor: Mapping[str, Any], parts: list[Columns]) -> int:
-    """Write a sensor's group; how many readings it has."""
+def _sensor(file: Any, sensor: Mapping[str, Any], parts: list[Columns], meter: Mapping[str, Any] | None = None) -> int:
+    """Write a sensor's group; how many readings it has. A meter has a unit, and may not know ambient light."""
     # pieces are freed as they are joined
     columns = {name: np.concatenate([part.pop(name) for part in parts]) for name in _COLUMNS} if parts else {}
     group = file.create_group(sensor["name"])
@@ -300,7 +330,14 @@ def _sensor(file: Any, sensor: Mapping[str, Any], parts: list[Columns]) -> int:
         group.attrs[f"drawn {key}"] = value
     readings = len(columns["time_s"]) if columns else 0
     group.dimensions = {"reading": readings}
+    steady = meter is not None and not meter["switched"]
     for name, (unit, text) in _COLUMNS.items():
+        if steady and name.endswith("_ambient"):
+            continue
+        if meter is not None and unit == "V":
+            unit = meter["unit"]
+        if steady and name in {"right", "left"}:
+            text = f"{name} receiver, emitters being on all the time"
         values = columns[name] if columns else np.zeros(0)
         _variable(group, name, ("reading",), values, unit, text)
     return readings

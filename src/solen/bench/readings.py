@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,6 +14,17 @@ from solen.bench.frames import ANEW, UNSOUND
 from solen.bench.journal_content import JournalContent, Rows
 from solen.bench.rig import sensor_angle_deg
 from solen.bench.timing import Looks
+
+
+@dataclass(frozen=True, eq=False)
+class Read:
+    """Readings of two inputs: times (N,); signal, what was subtracted, and whether something clipped, (N, 2)."""
+
+    time_s: FloatArray
+    signal: FloatArray
+    ambient: FloatArray
+    clipped: NDArray[Any]
+
 
 Columns = dict[str, NDArray[Any]]
 AT_ONCE = 16_384
@@ -105,7 +117,10 @@ def sound(flags: NDArray[np.uint8], period_s: FloatArray, reading_s: FloatArray)
 
 
 def columns_of(
-    readings: Demodulated, kept: NDArray[np.bool_], journaled: JournalContent, cuts: Sequence[tuple[float, float]]
+    readings: Demodulated | Read,
+    kept: NDArray[np.bool_],
+    journaled: JournalContent,
+    cuts: Sequence[tuple[float, float]],
 ) -> Columns:
     """Columns of readings that are kept, but for those of cycles that were cut short."""
     for cut_s, rest_s in cuts:

@@ -30,7 +30,7 @@ from solen.bench.lock import locked
 from solen.bench.netcdf import RecordedRun, check_installed, write_recording
 from solen.bench.protocol import Protocol, load_protocol
 from solen.bench.rig import Rig, load_rig
-from solen.bench.roles import Daq, EmitterBoard, Stage
+from solen.bench.roles import Sampler, Stage
 from solen.bench.run import Instruments, Watch, begin, run
 from solen.errors import BenchError, DataError, OutputError, SolenError, SpecError
 from solen.spec.strict import Options
@@ -150,7 +150,7 @@ def close_journal(path: Path, target: Path) -> RecordedRun:
     content = read_journal(path)
     recorded = write_recording(content, target)
     row = Catalogue(target.parent).add(target)
-    if row.periods != content.counts["samples" if "daq" in content.header else "board"]:
+    if row.periods != content.counts[content.sampled]:
         raise OutputError(str(target), limit="differs from the journal", remedy=f"keep {path.name}")
     files.remove(reserve_of(path))
     if not content.damaged:
@@ -271,9 +271,10 @@ def _read_every_s(protocol: Protocol, simulated_time: bool) -> float:
 @contextmanager
 def _instruments(
     rig: Rig, protocol: Protocol, folder: Path, clock: Clock, noise: np.random.Generator, report: Report | None
-) -> Iterator[tuple[Stage, EmitterBoard | Daq, dict[str, Any]]]:
+) -> Iterator[tuple[Stage, Sampler, dict[str, Any]]]:
     """Stage and sampler of a rig, closed in the end, and what a header states of simulated ones."""
     stage: Stage
+    sampler: Sampler
     drawn: dict[str, Any] = {}
     if rig.simulated:
         from solen.bench.simulated.instruments import simulated_instruments  # the tracer is loaded where it is needed

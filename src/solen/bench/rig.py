@@ -4,214 +4,26 @@ The idea: the protocol says what happens, the rig to what. A driver is named, re
 not ask which. What only a simulated rig has, how prints differ and what light the room has, stands in tables of its
 own, and is refused beside real instruments, where nature says it.
 
-The interface: `Rig` with `StageOf`, `BoardOf` or `DaqOf`, `SensorOf`, `Spread`, `RoomLight`; `load_rig` of a file.
+The interface: `Rig` with its instruments (`solen.bench.rig_instruments`), `SensorOf`, `Spread`, `RoomLight`; `load_rig`
+of a file.
 """
 
 from collections import Counter
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal, Self
+from typing import Annotated, ClassVar, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from solen.arrays import FloatArray
-from solen.bench.daq import MODELS, Setup
-from solen.bench.drivers import DRIVERS, KINDS
-from solen.bench.gcs2 import STAGES, unit_of
+from solen.bench.daq import Setup
+from solen.bench.rig_instruments import BoardOf, DaqOf, MeterOf, StageOf
 from solen.bench.tables import BenchTable, load_table
 from solen.errors import BenchError
 from solen.files import check_name
 from solen.spec.strict import NotNegative, Number, Positive, Text, error_context, refused
 
 Input = Annotated[int, Field(strict=True, ge=1, le=64)]
-
-
-def _check_driver(table: "StageOf | BoardOf | DaqOf", key: str) -> None:
-    """Refuse a driver that this role does not have, and a ``key`` that says where a real instrument is found."""
-    known = [name for name, driver in DRIVERS.items() if driver.role == table.table]
-    if table.driver != "simulated" and table.driver not in known:
-        raise refused("driver", f"must be one of simulated, {', '.join(known)}", value=table.driver)
-    stated = getattr(table, key) is not None
-    if stated if table.driver == "simulated" else not stated and DRIVERS[table.driver].needs == key:
-        what = "instrument" if table.table == "daq" else table.table
-        raise refused(key, f"is for a real {what}, and a real {what} needs it", value=getattr(table, key))
-
-
-class StageOf(BenchTable):
-    """What moves."""
-
-    table: ClassVar[str] = "stage"
-
-    driver: Text = Field(
-        "simulated",
-        description="simulated, gcs2 for a controller of PI, kinesis for one of Thorlabs, grbl or marlin for a "
-        "stepper, zaber, hand for no motor, board for the motor of a board, or that of another package.",
-    )
-    model: Text = Field("M-060.DG", description=f"Name of the stage: {', '.join(STAGES)}.")
-    unit: Literal["deg", "mm"] | None = Field(
-        None, description="What it moves in; needed for a model that is not among these."
-    )
-    port: Text | None = Field(None, description="Line to the controller: COM3, /dev/ttyUSB0, socket://host:port.")
-    baud: Annotated[int, Field(strict=True, ge=1200, le=10_000_000)] = Field(115_200, description="Baud rate.")
-    axis: Text = Field("1", description="Name of the axis.")
-    address: Annotated[int, Field(strict=True, ge=1, le=16)] | None = Field(
-        None, description="Address of the controller where several share a line."
-    )
-    steps_per_unit: Positive | None = Field(
-        None,
-        description="Steps per deg or mm: of a board's motor, microsteps or counts of a stage of Zaber or Thorlabs.",
-    )
-    zero: Number = Field(0.0, description="Position at which the sensor is straight, in deg or mm.")
-    home: Literal["here"] | bool = Field(
-        False,
-        description='Whether it may drive to its reference switch unasked; "here": it stands at zero now, and nothing '
-        "moves.",
-    )
-    travel: tuple[Number, Number] | None = Field(
-        None, description="Lowest and highest position that anything may send it to, in deg or mm."
-    )
-    lever_mm: Positive | None = Field(
-        None, description="A linear stage pushes this far from the pivot; turns mm into degrees."
-    )
-
-    @model_validator(mode="after")
-    def _is_there(self) -> Self:
-        _check_driver(self, "port")
-        if self.travel is not None and not self.travel[0] <= self.zero <= self.travel[1]:
-            raise refused("travel", f"must be from below zero = {self.zero:g} to above it", value=self.travel)
-        takes = ("model",) if self.driver == "simulated" else DRIVERS[self.driver].takes
-        if takes is None:
-            return self
-        for key in KINDS:
-            if key in self.model_fields_set and key not in takes and getattr(self, key) is not None:
-                limit = f"means nothing to the driver {self.driver}"
-                raise refused(key, limit, value=getattr(self, key), remedy="leave it out")
-        if "steps_per_unit" in takes and self.steps_per_unit is None:
-            raise refused("steps_per_unit", f"is needed by the driver {self.driver}")
-        try:
-            unit = unit_of(self.model, self.unit) if "model" in takes else self.unit
-        except BenchError as bad:
-            raise refused("model" if bad.what == "stage" else bad.what, bad.limit, value=bad.value) from None
-        if unit is not None and (unit == "mm") != (self.lever_mm is not None):
-            raise refused("lever_mm", "is for a linear stage, and a linear stage needs it", value=self.lever_mm)
-        return self
-
-    @property
-    def steps(self) -> float:
-        """Steps per unit of a driver that needs them."""
-        return self.steps_per_unit or 1.0
-
-    @property
-    def moves_in(self) -> Literal["deg", "mm"]:
-        """Unit of its positions: as stated, or mm at the end of a lever."""
-        return self.unit or ("deg" if self.lever_mm is None else "mm")
-
-
-class BoardOf(BenchTable):
-    """What lights the emitters and samples the receivers."""
-
-    table: ClassVar[str] = "board"
-
-    driver: Text = Field("simulated", description="simulated, serial for a real board, or that of another package.")
-    port: Text | None = Field(None, description="Line to the board.")
-    baud: Annotated[int, Field(strict=True, ge=1200, le=10_000_000)] = Field(1_000_000, description="Baud rate.")
-    rate_hz: Annotated[Number, Field(ge=1, le=2000)] = Field(200.0, description="Periods per second.")
-    bits: Annotated[int, Field(strict=True, ge=8, le=16)] = Field(16, description="Bits of the board's converter.")
-    range_v: Positive = Field(5.0, description="Its range from 0, in V.")
-    trim_v: Positive | None = Field(
-        None,
-        description="Trimmers of a simulated board are turned until a receiver's brightest reading stands at this "
-        "voltage, as far as they go; default: readout.load_ohm of the designs as it is.",
-    )
-    noise_uv: NotNegative = Field(150.0, description="Noise of a simulated board's converter, in µV.")
-
-    @model_validator(mode="after")
-    def _is_there(self) -> Self:
-        _check_driver(self, "port")
-        return self
-
-
-_ASKED = {
-    "rate_hz",
-    "switch_hz",
-    "switching",
-    "range_v",
-    "terminal",
-    "enable",
-    "alive",
-    "settle_us",
-    "buffer_s",
-}
-"""Keys of a data acquisition that are passed on to its `Setup`."""
-
-
-class DaqOf(BenchTable):
-    """What samples the receivers as they are; something outside switches the emitters, or its counters do."""
-
-    table: ClassVar[str] = "daq"
-
-    driver: Text = Field(
-        "simulated",
-        description="simulated, nidaqmx for an instrument of National Instruments, or that of another package.",
-    )
-    device: Text | None = Field(None, description="Name of a real one, as NI-DAQmx calls it: Dev1.")
-    model: Text | None = Field(
-        None, description=f"What it must be; default: whatever it says it is. Simulated: {', '.join(MODELS)}."
-    )
-    rate_hz: Annotated[Number, Field(ge=100, le=2_000_000)] = Field(
-        10_000.0, description="Samples of each input per second."
-    )
-    range_v: Positive = Field(10.0, description="Its range, ± V: one that goes beyond the circuit's supply.")
-    terminal: Literal["rse", "nrse", "differential"] = Field("rse", description="How inputs are wired.")
-    channels: Annotated[tuple[Text, ...], Field(min_length=1, max_length=64)] | None = Field(
-        None, description="Its analog inputs for the rig's inputs 1, 2, …; default: ai0, ai1, …"
-    )
-    switching: Literal["external", "counter"] = Field(
-        "external", description="What switches the emitters: something outside, or the instrument's counters."
-    )
-    switch_hz: Annotated[Number, Field(ge=1, le=2000)] = Field(
-        200.0, description="Times per second that each emitter is lit."
-    )
-    sync: Text | None = Field(None, description="Analog input that is high while emitter 1 is on.")
-    enable: Text | None = Field(None, description="Static output that is high while samples are taken: port1/line7.")
-    alive: Text | None = Field(
-        None, description="Static output that changes its level with each reading, for a watchdog outside."
-    )
-    settle_us: NotNegative = Field(300.0, description="Left out after each switch, in µs.")
-    buffer_s: Annotated[Number, Field(ge=1, le=60)] = Field(10.0, description="What the computer holds, in s.")
-    trim_v: Positive | None = Field(None, description="As of a simulated board.")
-    noise_uv: NotNegative | None = Field(
-        None, description="Noise of a simulated one's converter, in µV; default: of its range by the part."
-    )
-
-    @model_validator(mode="after")
-    def _is_there(self) -> Self:
-        if self.driver == "simulated" and self.kind not in MODELS:
-            raise refused("model", f"must be one of {', '.join(MODELS)}", value=self.model)
-        _check_driver(self, "device")
-        if self.switching == "counter" and self.sync is not None:
-            raise refused("sync", "has no use beside counters, which run by the clock of the samples", value=self.sync)
-        return self
-
-    @property
-    def kind(self) -> str:
-        """Its model; empty for a real one that is asked."""
-        return self.model or ("USB-6218" if self.driver == "simulated" else "")
-
-    def setup(self, emitters: int, inputs: int) -> Setup:
-        """What it is asked to do for so many emitters and inputs; `BenchError` where it is known that it cannot."""
-        pool = MODELS[self.kind].inputs[self.terminal] if self.kind in MODELS else None
-        channels = self.channels or (pool or tuple(f"ai{number}" for number in range(inputs)))[:inputs]
-        if len(channels) != inputs:
-            limit = f"names {len(channels)} inputs; the sensors are on {inputs}"
-            raise BenchError("daq.channels", limit=limit, remedy="name one for each, in their order")
-        return Setup(
-            channels=channels if self.sync is None else (*channels, self.sync),
-            synced=self.sync is not None,
-            emitters=emitters,
-            model=self.kind,
-            **self.model_dump(include=_ASKED),
-        )
 
 
 class SensorOf(BenchTable):
@@ -268,6 +80,7 @@ class Rig(BenchTable):
     stage: StageOf = Field(default_factory=StageOf, description="What moves.")
     board: BoardOf = Field(default_factory=BoardOf, description="What lights and samples.")
     daq: DaqOf | None = Field(None, description="What samples only, instead of a board.")
+    meter: MeterOf | None = Field(None, description="What reads at its own pace, instead of a board.")
     sensor: Annotated[tuple[SensorOf, ...], Field(min_length=1, max_length=32)] = Field(
         description="the sensors, [[sensor]]."
     )
@@ -283,10 +96,13 @@ class Rig(BenchTable):
             twice = [value for value, times in Counter(used).items() if times > 1]
             if twice:
                 raise refused("sensor", f"{what} {twice[0]} is used twice", remedy=f"give each its own {what}")
-        if self.stage.driver == "board" and (self.daq is not None or self.board.driver != "serial"):
+        if self.stage.driver == "board" and (self.sampler is not self.board or self.board.driver != "serial"):
             raise refused("stage.driver", 'needs [board] with driver = "serial"', value="board")
-        if self.daq is not None and "board" in self.model_fields_set:
-            raise refused("daq", "stands beside [board]", remedy="keep the one that the rig has")
+        stated = [key for key in ("board", "daq", "meter") if key in self.model_fields_set and getattr(self, key)]
+        if len(stated) > 1:
+            raise refused(stated[-1], f"stands beside [{stated[0]}]", remedy="keep the one that the rig has")
+        if self.meter is not None:
+            self.meter.check_inputs(self.emitters, self.inputs)
         if self.sampler.driver != "simulated":
             for key in ("spread", "ambient"):
                 if key in self.model_fields_set:
@@ -294,9 +110,9 @@ class Rig(BenchTable):
         return self
 
     @property
-    def sampler(self) -> BoardOf | DaqOf:
+    def sampler(self) -> BoardOf | DaqOf | MeterOf:
         """What samples the receivers."""
-        return self.daq or self.board
+        return self.meter or self.daq or self.board
 
     @property
     def setup(self) -> Setup | None:

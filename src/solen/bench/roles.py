@@ -3,7 +3,7 @@
 The idea: a protocol is run on roles. A real instrument and a simulated one stand behind the same interface, and which
 of them it is, only the rig file knows.
 
-The interface: `Stage`, `Homes`, `EmitterBoard`, `KeepsTime`, `Daq`.
+The interface: `Stage`, `Homes`, `EmitterBoard`, `KeepsTime`, `Daq`, `Meter`; `Sampler` is any of the last.
 Every call raises `BenchError` where the instrument does not do what it is asked.
 """
 
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from solen.bench.daq import DaqLosses, Samples, Setup
 from solen.bench.frames import Layout, Losses, Periods
+from solen.bench.meter import MeterLosses, Reading
 
 
 class Stage(Protocol):
@@ -147,3 +148,40 @@ class Daq(Protocol):
 
     def close(self) -> None:
         """Stop and release the instrument."""
+
+
+@runtime_checkable
+class Meter(Protocol):
+    """What answers with readings, at its own pace; it lights nothing.
+
+    Attributes
+    ----------
+    inputs, unit
+        How many, and the unit of what they read.
+    switched
+        Whether readings tell on from off; else light is steady.
+    """
+
+    name: str
+    inputs: int
+    unit: str
+    switched: bool
+
+    @property
+    def losses(self) -> MeterLosses:
+        """What gave no reading."""
+
+    def start(self) -> None:
+        """Begin to measure."""
+
+    def read(self) -> list[Reading]:
+        """Readings since the last call."""
+
+    def stop(self) -> None:
+        """Measure no more."""
+
+    def close(self) -> None:
+        """Stop and release the instruments."""
+
+
+Sampler = EmitterBoard | Daq | Meter

@@ -22,7 +22,7 @@ from solen.bench.interrupts import Ended, uninterrupted
 from solen.bench.journal import Journal
 from solen.bench.journal_content import JournalContent
 from solen.bench.protocol import Protocol, Step
-from solen.bench.roles import Daq, EmitterBoard, Stage
+from solen.bench.roles import Sampler, Stage
 from solen.bench.sampling import Counts, sampling_of
 from solen.bench.timing import EXCHANGE, STAGE
 from solen.errors import BenchError, SolenError
@@ -48,7 +48,7 @@ class Instruments:
     Attributes
     ----------
     stage, board, clock
-        The instruments, and the time of the run; in place of a board there may be a data acquisition.
+        The instruments, and the time of the run; in place of a board there may be a data acquisition, or a meter.
     read_every_s
         How often the board is read: how much a kill may cost.
     travel
@@ -56,7 +56,7 @@ class Instruments:
     """
 
     stage: Stage
-    board: EmitterBoard | Daq
+    board: Sampler
     clock: Clock
     read_every_s: float = 0.1
     travel: tuple[float, float] | None = None
@@ -285,7 +285,8 @@ class _Runner:
         for remark in taken.remarks:
             self.journal.event(self.now_s, "remark", reason=remark)
         if taken.last is None:
-            if self.now_s - self._heard_s > max(SILENT_S, 3.0 * self.on.read_every_s):
+            silent_s = getattr(self.on.board, "silent_s", SILENT_S)
+            if self.now_s - self._heard_s > max(silent_s, 3.0 * self.on.read_every_s):
                 limit = f"has said nothing for {self.now_s - self._heard_s:.1f} s"
                 raise BenchError(self.on.board.name, limit=limit, remedy="check its cable and power")
             return

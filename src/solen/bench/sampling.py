@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solen.bench.journal_content import Rows
-from solen.bench.roles import Daq, EmitterBoard, KeepsTime
+from solen.bench.roles import Daq, EmitterBoard, KeepsTime, Meter, Sampler
 
 Counts = NDArray[np.uint16]
 
@@ -157,6 +157,53 @@ class DaqSampling:
         return Taken(rows, (samples.stretch, samples.first + len(samples.counts)), last, samples.remarks)
 
 
-def sampling_of(instrument: EmitterBoard | Daq) -> BoardSampling | DaqSampling:
+class MeterSampling:
+    """Readings of a meter."""
+
+    stream = "meter"
+
+    def __init__(self, meter: Meter) -> None:
+        self._meter, self._number = meter, 0
+        self._rows = self.streams()["meter"]
+
+    def header(self) -> dict[str, Any]:
+        """What a journal's header says of it."""
+        meter = self._meter
+        stated = {"name": meter.name, "inputs": meter.inputs, "unit": meter.unit, "switched": meter.switched}
+        return {"meter": stated}
+
+    def streams(self) -> dict[str, np.dtype[np.void]]:
+        """Columns of the readings, and how many had come when."""
+        of_inputs = (self._meter.inputs,)
+        values = [("on", "<f8", of_inputs), ("off", "<f8", of_inputs), ("clipped", "u1", of_inputs)]
+        return {
+            "meter": np.dtype([("part", "<u2"), ("sent_s", "<f8"), ("t_s", "<f8"), *values]),
+            "came": np.dtype([("part", "<u2"), ("t_s", "<f8"), ("number", "<i8")]),
+        }
+
+    def start(self) -> float | None:
+        """Begin to measure; its readings are stamped by the run's clock."""
+        self._meter.start()
+        return None
+
+    def time_s(self) -> float | None:
+        """None: it keeps no time."""
+        return None
+
+    def read(self) -> Taken:
+        """Readings since the last call; nothing of them is shown while the run goes on."""
+        readings = self._meter.read()
+        rows = np.zeros(len(readings), self._rows)
+        for name in ("sent_s", "t_s", "on", "off", "clipped"):
+            for place, reading in enumerate(readings):
+                rows[name][place] = getattr(reading, name)
+        self._number += len(readings)
+        nothing = np.zeros((1, 2, self._meter.inputs), np.uint16) if readings else None
+        return Taken(rows, (self._number,), nothing)
+
+
+def sampling_of(instrument: Sampler) -> BoardSampling | DaqSampling | MeterSampling:
     """How a run takes what an instrument samples."""
-    return DaqSampling(instrument) if isinstance(instrument, Daq) else BoardSampling(instrument)
+    if isinstance(instrument, Daq):
+        return DaqSampling(instrument)
+    return MeterSampling(instrument) if isinstance(instrument, Meter) else BoardSampling(instrument)

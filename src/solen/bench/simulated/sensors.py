@@ -108,8 +108,8 @@ def _print(rig: Rig, wires: SensorOf, design: Design, reach_deg: float, rng: np.
     if rig.spread.parts:
         circuit = circuit.drawn(rng)
     circuit = replace(circuit, adc=converter(rig), rate_hz=rig.board.rate_hz if rig.daq is None else rig.daq.switch_hz)
-    if rig.sampler.trim_v is not None:
-        circuit = _trimmed(circuit, fractions, rig.ambient.mean_mw_cm2, rig.sampler.trim_v)
+    if (rig.daq or rig.board).trim_v is not None:
+        circuit = _trimmed(circuit, fractions, rig.ambient.mean_mw_cm2, (rig.daq or rig.board).trim_v)
     made = SimulatedSensor(wires, drawn | _gains(circuit), angle_deg, fractions, circuit)
     made.at(made.angle_deg[:1])  # what it needs is loaded here, not while a run waits for it
     return made

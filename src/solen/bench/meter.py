@@ -1,0 +1,139 @@
+"""Meters as receivers: instruments that answer with a reading when they are asked, light being switched or steady.
+
+The idea: a multimeter or an oscilloscope samples by itself, and takes as long as it takes. A thread asks for one
+reading after the other, and stamps each as it is asked for and as it is there: somewhere in between it was measured,
+which is what the recording states of its time. Readings wait until the run takes them.
+
+The interface: `Reading` of all inputs at once; `AskingMeter`, a `Meter` of anything that measures when it is asked.
+"""
+
+import threading
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from queue import Empty, SimpleQueue
+
+import numpy as np
+
+from solen.arrays import BoolArray, FloatArray
+from solen.bench.clock import Clock
+from solen.errors import BenchError, DataError, SolenError
+
+STOPS_S = 10.0
+"""A reading that is under way may take so long to end."""
+MOST_MISSED = 5
+"""So many readings in a row that cannot be made of what was measured end the run."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """What all inputs read at once.
+
+    Attributes
+    ----------
+    sent_s, t_s
+        When it was asked for, and when it was there, by the clock of the run.
+    on, off
+        Of each input, with the emitters on, and off; NaN where that is not known.
+    clipped
+        Whether an input was at an end of its range.
+    """
+
+    sent_s: float
+    t_s: float
+    on: FloatArray
+    off: FloatArray
+    clipped: BoolArray
+
+
+@dataclass
+class MeterLosses:
+    """Readings that could not be made of what was measured."""
+
+    unreadable: int = 0
+
+
+class AskingMeter(ABC):
+    """A `Meter` that is asked, again and again, by a thread of its own.
+
+    Parameters
+    ----------
+    name, clock
+        Of the meter, and of the run.
+    inputs, unit
+        How many, and the unit of what they read.
+    switched
+        Whether readings with the emitters off are known.
+    """
+
+    silent_s = 20.0
+    no_watchdog = "emitters are lit by something that solen does not switch, and stay lit however a run ends"
+
+    def __init__(self, name: str, clock: Clock, *, inputs: int, unit: str, switched: bool) -> None:
+        self.name, self.inputs, self.unit, self.switched = name, inputs, unit, switched
+        self.losses = MeterLosses()
+        self._clock = clock
+        self._made: SimpleQueue[Reading] = SimpleQueue()
+        self._ended = threading.Event()
+        self._thread: threading.Thread | None = None
+        self._fault: SolenError | None = None
+
+    @abstractmethod
+    def measure(self) -> Reading:
+        """Ask for a reading and wait for it; `DataError` where it cannot be made of what was measured."""
+
+    @abstractmethod
+    def release(self) -> None:
+        """Let go of the instruments."""
+
+    def start(self) -> None:
+        """Begin to ask."""
+        self._made, self._fault = SimpleQueue(), None
+        self._ended.clear()
+        self._thread = threading.Thread(target=self._ask, daemon=True)
+        self._thread.start()
+
+    def read(self) -> list[Reading]:
+        """Readings since the last call; `BenchError` with what ended them."""
+        found = []
+        while True:
+            try:
+                found.append(self._made.get_nowait())
+            except Empty:
+                break
+        if self._fault is not None and not found:
+            raise self._fault
+        return found
+
+    def stop(self) -> None:
+        """Ask no more."""
+        self._ended.set()
+        thread, self._thread = self._thread, None
+        if thread is not None:
+            thread.join(STOPS_S)
+            if thread.is_alive():
+                raise BenchError(self.name, limit=f"has not ended a reading in {STOPS_S:g} s", remedy="is it there?")
+
+    def close(self) -> None:
+        """Ask no more, and let go of the instruments."""
+        try:
+            self.stop()
+        finally:
+            self.release()
+
+    def _ask(self) -> None:
+        missed = 0
+        while not self._ended.is_set():
+            try:
+                self._made.put(self.measure())
+                missed = 0
+            except SolenError as bad:
+                missed += 1
+                self.losses.unreadable += 1
+                if not isinstance(bad, DataError) or missed >= MOST_MISSED:
+                    self._fault = bad
+                    return
+
+
+def steady(sent_s: float, t_s: float, values: FloatArray, clipped: BoolArray) -> Reading:
+    """A reading in steady light."""
+    return Reading(sent_s, t_s, values, np.full(len(values), np.nan), clipped)

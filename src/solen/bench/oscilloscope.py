@@ -1,0 +1,179 @@
+"""Oscilloscopes as receivers, by VISA: each acquisition becomes one reading of every input.
+
+The idea: an oscilloscope is set up by hand, or by commands of the rig, so that its record holds some periods of the
+emitters; it is triggered, and its channels are read as the bytes they are with the numbers that make volts of them. In
+steady light a reading is the record's mean; where emitters are switched, the means of on and off, which a sync on
+another channel tells apart (`solen.bench.phases`): a record is too short to find that in the signal. Records are not
+kept.
+
+What the preamble's numbers mean differs by manufacturer: Keysight, InfiniiVision Programmer's Guide, ``:WAVeform``;
+Rigol, DS1000Z Programming Guide, ``:WAVeform``. Others are refused.
+
+The interface: `Oscilloscope`, a `Meter`.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from solen.arrays import BoolArray, FloatArray
+from solen.bench.clock import Clock
+from solen.bench.daq import Setup
+from solen.bench.meter import AskingMeter, Reading, steady
+from solen.bench.phases import clock_of, states
+from solen.bench.visa import Scpi, all_or_none
+from solen.errors import DataError
+
+LOWEST, HIGHEST = 1, 255
+"""Bytes at and beyond which a sample is off the screen; Keysight's 0 is none at all."""
+LOOK_S = 0.01
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """What a manufacturer's oscilloscopes are told, and how volts are made of a byte.
+
+    Attributes
+    ----------
+    setup
+        Commands before the first acquisition.
+    acquire
+        Commands of one, for channels.
+    done
+        The question that is answered by ``answer`` when the record is whole.
+    volts
+        Of bytes by the increment, origin and reference of the preamble.
+    joins
+        Whether a command and a question may be sent as one: over a network two cost a delay.
+    """
+
+    setup: tuple[str, ...]
+    acquire: Callable[[tuple[str, ...]], str]
+    done: str
+    answer: str
+    volts: Callable[[FloatArray, float, float, float], FloatArray]
+    joins: bool
+
+
+DIALECTS = {
+    "KEYSIGHT": Dialect(
+        (":TRIG:SWE AUTO", ":WAV:FORM BYTE", ":WAV:UNS 1"),
+        lambda channels: ":DIG " + ",".join(f"CHAN{one}" for one in channels),
+        "*OPC?",
+        "1",
+        lambda byte, increment, origin, reference: (byte - reference) * increment + origin,
+        joins=True,
+    ),
+    "RIGOL": Dialect(
+        (":WAV:MODE NORM", ":WAV:FORM BYTE"),
+        lambda _: ":SING\n:TFOR",
+        ":TRIG:STAT?",
+        "STOP",
+        lambda byte, increment, origin, reference: (byte - origin - reference) * increment,
+        joins=False,
+    ),
+}
+DIALECTS["AGILENT"] = DIALECTS["KEYSIGHT"]
+
+
+class Oscilloscope(AskingMeter):
+    """Channels of an oscilloscope.
+
+    Parameters
+    ----------
+    clock
+        Of the run.
+    address
+        As VISA calls it.
+    channels, sync
+        Those of the inputs, and that of what lights the emitters; None in steady light.
+    setup
+        Commands before the first acquisition.
+    switch_hz, settle_us
+        How often the emitters are lit, and what is left out after each switch, where there is a sync.
+    backend, answer_s
+        PyVISA's name of the library, and how long an answer, and an acquisition, may take.
+
+    Raises
+    ------
+    BenchError
+        Where it is not there, is of none of `DIALECTS`, or takes a command not.
+    """
+
+    def __init__(
+        self,
+        clock: Clock,
+        address: str,
+        channels: tuple[str, ...],
+        *,
+        sync: str | None = None,
+        setup: tuple[str, ...] = (),
+        switch_hz: float = 200.0,
+        settle_us: float = 300.0,
+        backend: str = "@py",
+        answer_s: float = 5.0,
+    ) -> None:
+        self._scope = Scpi(address, backend=backend, answer_s=answer_s)
+        with all_or_none([self._scope]):
+            maker = self._scope.identity.split(",")[0].split(" ")[0].upper()
+            if maker not in DIALECTS:
+                limit = f"is {self._scope.identity!r}; known are those of {', '.join(DIALECTS)}"
+                raise self._scope.refusal(limit, "use a data acquisition, or a multimeter for each input")
+            self._dialect = DIALECTS[maker]
+            self._scope.commanded((*self._dialect.setup, *setup))
+        self._channels = channels if sync is None else (*channels, sync)
+        self._switch_hz, self._settle_us = switch_hz, settle_us
+        self._answer_s = answer_s
+        super().__init__(self._scope.identity, clock, inputs=len(channels), unit="V", switched=sync is not None)
+
+    def measure(self) -> Reading:
+        """One acquisition."""
+        sent_s = self._clock.now_s()
+        state = self._asked(self._dialect.acquire(self._channels), self._dialect.done)
+        while state != self._dialect.answer:
+            if self._clock.now_s() > sent_s + self._answer_s:
+                raise self._scope.refusal(f"acquires nothing within {self._answer_s:g} s", "does it trigger?")
+            self._clock.sleep(LOOK_S)
+            state = self._scope.ask(self._dialect.done)
+        t_s = self._clock.now_s()
+        waves = [self._wave(channel) for channel in self._channels]
+        time_s, volts = waves[0][0], np.stack([wave[1] for wave in waves], axis=1)
+        clipped = np.array([wave[2].any() for wave in waves[: self.inputs]])
+        if not self.switched:
+            return steady(sent_s, t_s, volts.mean(axis=0), clipped)
+        on, off = self._phases(time_s, volts)
+        return Reading(sent_s, t_s, on, off, clipped)
+
+    def release(self) -> None:
+        """End the session."""
+        self._scope.close()
+
+    def _asked(self, commands: str, question: str) -> str:
+        """Answer to a question after commands."""
+        if self._dialect.joins:
+            return self._scope.ask(f"{commands};{question}")
+        for command in commands.split("\n"):
+            self._scope.say(command)
+        return self._scope.ask(question)
+
+    def _wave(self, channel: str) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """Times, volts, and which samples are off the screen."""
+        preamble = self._asked(f":WAV:SOUR CHAN{channel}", ":WAV:PRE?")
+        try:
+            numbers = [float(one) for one in preamble.split(",")]
+            step_s, increment, origin, reference = numbers[4], *numbers[7:10]
+        except (ValueError, IndexError):
+            raise self._scope.refusal(f"answered {preamble[:40]!r} to :WAV:PRE?", "see its programming guide") from None
+        data = np.frombuffer(self._scope.block(":WAV:DATA?"), np.uint8)
+        volts = self._dialect.volts(data.astype(float), increment, origin, reference)
+        return np.asarray(step_s * np.arange(len(data))), np.asarray(volts), (data <= LOWEST) | (data >= HIGHEST)
+
+    def _phases(self, time_s: FloatArray, volts: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Means with the emitters on and off, of each input."""
+        setup = Setup(self._channels, True, 1.0 / time_s[1], 1, self._switch_hz, settle_us=self._settle_us)
+        clock = clock_of(time_s, volts[:, -1:], setup, self._switch_hz)
+        state = states(clock, 0.0, 1e-6 * self._settle_us, 1)
+        if not ((state == 1).any() and (state == 0).any()):
+            raise DataError("meter.settle_us", value=self._settle_us, limit="leaves no sample of a phase")
+        return volts[state == 1, : self.inputs].mean(axis=0), volts[state == 0, : self.inputs].mean(axis=0)

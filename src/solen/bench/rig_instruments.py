@@ -1,0 +1,266 @@
+"""Tables of a rig that say which instruments there are, and where: stage, and board, data acquisition or meter.
+
+The interface: `StageOf`, `BoardOf`, `DaqOf`, `MeterOf`.
+"""
+
+from typing import Annotated, ClassVar, Literal, Self
+
+from pydantic import Field, model_validator
+
+from solen.bench.daq import MODELS, Setup
+from solen.bench.drivers import DRIVERS, KINDS
+from solen.bench.gcs2 import STAGES, unit_of
+from solen.bench.tables import BenchTable
+from solen.errors import BenchError
+from solen.spec.strict import NotNegative, Number, Positive, Text, refused
+
+
+def _check_driver(table: "StageOf | BoardOf | DaqOf", key: str) -> None:
+    """Refuse a driver that this role does not have, and a ``key`` that says where a real instrument is found."""
+    known = [name for name, driver in DRIVERS.items() if driver.role == table.table]
+    if table.driver != "simulated" and table.driver not in known:
+        raise refused("driver", f"must be one of simulated, {', '.join(known)}", value=table.driver)
+    stated = getattr(table, key) is not None
+    if stated if table.driver == "simulated" else not stated and DRIVERS[table.driver].needs == key:
+        what = "instrument" if table.table == "daq" else table.table
+        raise refused(key, f"is for a real {what}, and a real {what} needs it", value=getattr(table, key))
+
+
+def _check_keys(table: "StageOf | MeterOf", takes: tuple[str, ...]) -> None:
+    """Refuse keys that mean nothing to its driver."""
+    for key in KINDS[table.table]:
+        if key in table.model_fields_set and key not in takes and (value := getattr(table, key)) is not None:
+            raise refused(key, f"means nothing to the driver {table.driver}", value=value, remedy="leave it out")
+
+
+class StageOf(BenchTable):
+    """What moves."""
+
+    table: ClassVar[str] = "stage"
+
+    driver: Text = Field(
+        "simulated",
+        description="simulated, gcs2 for a controller of PI, kinesis for one of Thorlabs, grbl or marlin for a "
+        "stepper, zaber, hand for no motor, board for the motor of a board, or that of another package.",
+    )
+    model: Text = Field("M-060.DG", description=f"Name of the stage: {', '.join(STAGES)}.")
+    unit: Literal["deg", "mm"] | None = Field(
+        None, description="What it moves in; needed for a model that is not among these."
+    )
+    port: Text | None = Field(None, description="Line to the controller: COM3, /dev/ttyUSB0, socket://host:port.")
+    baud: Annotated[int, Field(strict=True, ge=1200, le=10_000_000)] = Field(115_200, description="Baud rate.")
+    axis: Text = Field("1", description="Name of the axis.")
+    address: Annotated[int, Field(strict=True, ge=1, le=16)] | None = Field(
+        None, description="Address of the controller where several share a line."
+    )
+    steps_per_unit: Positive | None = Field(
+        None,
+        description="Steps per deg or mm: of a board's motor, microsteps or counts of a stage of Zaber or Thorlabs.",
+    )
+    zero: Number = Field(0.0, description="Position at which the sensor is straight, in deg or mm.")
+    home: Literal["here"] | bool = Field(
+        False,
+        description='Whether it may drive to its reference switch unasked; "here": it stands at zero now, and nothing '
+        "moves.",
+    )
+    travel: tuple[Number, Number] | None = Field(
+        None, description="Lowest and highest position that anything may send it to, in deg or mm."
+    )
+    lever_mm: Positive | None = Field(
+        None, description="A linear stage pushes this far from the pivot; turns mm into degrees."
+    )
+
+    @model_validator(mode="after")
+    def _is_there(self) -> Self:
+        _check_driver(self, "port")
+        if self.travel is not None and not self.travel[0] <= self.zero <= self.travel[1]:
+            raise refused("travel", f"must be from below zero = {self.zero:g} to above it", value=self.travel)
+        takes = ("model",) if self.driver == "simulated" else DRIVERS[self.driver].takes
+        if takes is None:
+            return self
+        _check_keys(self, takes)
+        if "steps_per_unit" in takes and self.steps_per_unit is None:
+            raise refused("steps_per_unit", f"is needed by the driver {self.driver}")
+        try:
+            unit = unit_of(self.model, self.unit) if "model" in takes else self.unit
+        except BenchError as bad:
+            raise refused("model" if bad.what == "stage" else bad.what, bad.limit, value=bad.value) from None
+        if unit is not None and (unit == "mm") != (self.lever_mm is not None):
+            raise refused("lever_mm", "is for a linear stage, and a linear stage needs it", value=self.lever_mm)
+        return self
+
+    @property
+    def steps(self) -> float:
+        """Steps per unit of a driver that needs them."""
+        return self.steps_per_unit or 1.0
+
+    @property
+    def moves_in(self) -> Literal["deg", "mm"]:
+        """Unit of its positions: as stated, or mm at the end of a lever."""
+        return self.unit or ("deg" if self.lever_mm is None else "mm")
+
+
+class BoardOf(BenchTable):
+    """What lights the emitters and samples the receivers."""
+
+    table: ClassVar[str] = "board"
+
+    driver: Text = Field("simulated", description="simulated, serial for a real board, or that of another package.")
+    port: Text | None = Field(None, description="Line to the board.")
+    baud: Annotated[int, Field(strict=True, ge=1200, le=10_000_000)] = Field(1_000_000, description="Baud rate.")
+    rate_hz: Annotated[Number, Field(ge=1, le=2000)] = Field(200.0, description="Periods per second.")
+    bits: Annotated[int, Field(strict=True, ge=8, le=16)] = Field(16, description="Bits of the board's converter.")
+    range_v: Positive = Field(5.0, description="Its range from 0, in V.")
+    trim_v: Positive | None = Field(
+        None,
+        description="Trimmers of a simulated board are turned until a receiver's brightest reading stands at this "
+        "voltage, as far as they go; default: readout.load_ohm of the designs as it is.",
+    )
+    noise_uv: NotNegative = Field(150.0, description="Noise of a simulated board's converter, in µV.")
+
+    @model_validator(mode="after")
+    def _is_there(self) -> Self:
+        _check_driver(self, "port")
+        return self
+
+
+_ASKED = {
+    "rate_hz",
+    "switch_hz",
+    "switching",
+    "range_v",
+    "terminal",
+    "enable",
+    "alive",
+    "settle_us",
+    "buffer_s",
+}
+"""Keys of a data acquisition that are passed on to its `Setup`."""
+
+
+class DaqOf(BenchTable):
+    """What samples the receivers as they are; something outside switches the emitters, or its counters do."""
+
+    table: ClassVar[str] = "daq"
+
+    driver: Text = Field(
+        "simulated",
+        description="simulated, nidaqmx for an instrument of National Instruments, or that of another package.",
+    )
+    device: Text | None = Field(None, description="Name of a real one, as NI-DAQmx calls it: Dev1.")
+    model: Text | None = Field(
+        None, description=f"What it must be; default: whatever it says it is. Simulated: {', '.join(MODELS)}."
+    )
+    rate_hz: Annotated[Number, Field(ge=100, le=2_000_000)] = Field(
+        10_000.0, description="Samples of each input per second."
+    )
+    range_v: Positive = Field(10.0, description="Its range, ± V: one that goes beyond the circuit's supply.")
+    terminal: Literal["rse", "nrse", "differential"] = Field("rse", description="How inputs are wired.")
+    channels: Annotated[tuple[Text, ...], Field(min_length=1, max_length=64)] | None = Field(
+        None, description="Its analog inputs for the rig's inputs 1, 2, …; default: ai0, ai1, …"
+    )
+    switching: Literal["external", "counter"] = Field(
+        "external", description="What switches the emitters: something outside, or the instrument's counters."
+    )
+    switch_hz: Annotated[Number, Field(ge=1, le=2000)] = Field(
+        200.0, description="Times per second that each emitter is lit."
+    )
+    sync: Text | None = Field(None, description="Analog input that is high while emitter 1 is on.")
+    enable: Text | None = Field(None, description="Static output that is high while samples are taken: port1/line7.")
+    alive: Text | None = Field(
+        None, description="Static output that changes its level with each reading, for a watchdog outside."
+    )
+    settle_us: NotNegative = Field(300.0, description="Left out after each switch, in µs.")
+    buffer_s: Annotated[Number, Field(ge=1, le=60)] = Field(10.0, description="What the computer holds, in s.")
+    trim_v: Positive | None = Field(None, description="As of a simulated board.")
+    noise_uv: NotNegative | None = Field(
+        None, description="Noise of a simulated one's converter, in µV; default: of its range by the part."
+    )
+
+    @model_validator(mode="after")
+    def _is_there(self) -> Self:
+        if self.driver == "simulated" and self.kind not in MODELS:
+            raise refused("model", f"must be one of {', '.join(MODELS)}", value=self.model)
+        _check_driver(self, "device")
+        if self.switching == "counter" and self.sync is not None:
+            raise refused("sync", "has no use beside counters, which run by the clock of the samples", value=self.sync)
+        return self
+
+    @property
+    def kind(self) -> str:
+        """Its model; empty for a real one that is asked."""
+        return self.model or ("USB-6218" if self.driver == "simulated" else "")
+
+    def setup(self, emitters: int, inputs: int) -> Setup:
+        """What it is asked to do for so many emitters and inputs; `BenchError` where it is known that it cannot."""
+        pool = MODELS[self.kind].inputs[self.terminal] if self.kind in MODELS else None
+        channels = self.channels or (pool or tuple(f"ai{number}" for number in range(inputs)))[:inputs]
+        if len(channels) != inputs:
+            limit = f"names {len(channels)} inputs; the sensors are on {inputs}"
+            raise BenchError("daq.channels", limit=limit, remedy="name one for each, in their order")
+        return Setup(
+            channels=channels if self.sync is None else (*channels, self.sync),
+            synced=self.sync is not None,
+            emitters=emitters,
+            model=self.kind,
+            **self.model_dump(include=_ASKED),
+        )
+
+
+class MeterOf(BenchTable):
+    """Multimeters or an oscilloscope, which read while something outside lights the emitters."""
+
+    table: ClassVar[str] = "meter"
+
+    driver: Text = Field("multimeter", description="multimeter, oscilloscope, or that of another package.")
+    address: Annotated[tuple[Text, ...], Field(min_length=1, max_length=64)] | Text = Field(
+        description="VISA's name, TCPIP::192.168.0.5::5025::SOCKET; of multimeters one for each of the rig's inputs."
+    )
+    backend: Text = Field(
+        "@py", description="PyVISA's library: @py in Python alone, @ivi of a manufacturer, or a path."
+    )
+    setup: tuple[Text, ...] = Field((), description="Commands to each before the first reading, CONF:VOLT:DC 10.")
+    answer_s: Annotated[Number, Field(gt=0, le=60)] = Field(5.0, description="How long an answer may take, in s.")
+    ask: Text = Field("READ?", description="Of multimeters: the question that is answered by one reading.")
+    unit: Text = Field("V", description="Of multimeters: the unit of what they read.")
+    channels: Annotated[tuple[Text, ...], Field(min_length=1)] | None = Field(
+        None, description="Of an oscilloscope: its channels for inputs 1, 2, …; default: 1, 2, …"
+    )
+    sync: Text | None = Field(
+        None, description="Of an oscilloscope: channel that is high while emitters are on; default: they are always on."
+    )
+    switch_hz: Positive = Field(
+        200.0, description="Of an oscilloscope with a sync: how often emitters are lit per second."
+    )
+    settle_us: NotNegative = Field(300.0, description="Of an oscilloscope: left out after each switch, in µs.")
+
+    @model_validator(mode="after")
+    def _is_there(self) -> Self:
+        known = [name for name, driver in DRIVERS.items() if driver.role == self.table]
+        if self.driver not in known:
+            raise refused("driver", f"must be one of {', '.join(known)}", value=self.driver)
+        if (takes := DRIVERS[self.driver].takes) is not None:
+            _check_keys(self, takes)
+        for key in ("switch_hz", "settle_us"):
+            if key in self.model_fields_set and self.sync is None:
+                raise refused(key, "means nothing without a sync", value=getattr(self, key), remedy="record the sync")
+        return self
+
+    @property
+    def addresses(self) -> tuple[str, ...]:
+        """One or many."""
+        return (self.address,) if isinstance(self.address, str) else self.address
+
+    def check_inputs(self, emitters: int, inputs: int) -> None:
+        """Refuse a rig of which it cannot read the sensors."""
+        if emitters > 1:
+            raise refused(
+                "meter", "reads while all emitters are lit at once", remedy="state emitter = 1 of each sensor"
+            )
+        wired = {"multimeter": ("address", self.addresses), "oscilloscope": ("channels", self.channels)}
+        key, names = wired.get(self.driver, ("", None))
+        if names is not None and len(names) != inputs:
+            limit = f"names {len(names)}; the sensors are on {inputs} inputs"
+            raise refused(f"meter.{key}", limit, remedy="name one for each, in their order")
+        if self.driver == "oscilloscope" and len(self.addresses) > 1:
+            raise refused("meter.address", "names more than one oscilloscope", value=self.address)
