@@ -133,16 +133,18 @@ def seal(path: Path) -> None:
         file.write(one + bytes(_APART) + one)
 
 
-def check_seal(path: Path, error: type[SolenError]) -> None:
-    """Raise ``error`` in one line where a sealed file is not what was written; one without a seal passes."""
+def check_seal(path: Path, error: type[SolenError]) -> int:
+    """Size of a file without its seal; ``error`` in one line where a sealed one is not what was written."""
     try:
         with path.open("rb") as file:
             size = file.seek(0, os.SEEK_END)
             file.seek(max(0, size - 2 * _APART))
             end = file.read()
         stated = _stated(end)
-        if stated is None or (stated[0] <= size and _crc(path, stated[0]) == stated[1]):
-            return
+        if stated is None:
+            return size
+        if stated[0] <= size and _crc(path, stated[0]) == stated[1]:
+            return stated[0]
     except OSError as bad:
         raise error(str(path), limit=f"cannot be read: {bad.strerror}", remedy="check the path") from None
     limit = "is damaged: its content is not what was written, by the checksum at its end"

@@ -99,16 +99,15 @@ def _opened(source: Source) -> Any:
     need("h5py", what=str(source.path), doing="reading HDF5", otherwise="export a CSV", error=DataError)
     import h5py
 
-    check_seal(source.path, DataError)
-    _check_length(source)
+    _check_length(source, check_seal(source.path, DataError))
     try:
         return h5py.File(source.path, "r")
     except Exception as bad:
         raise _damaged(source, bad) from None
 
 
-def _check_length(source: Source) -> None:
-    """`DataError` where a file is longer than its superblock states: behind added bytes all numbers are others.
+def _check_length(source: Source, length: int) -> None:
+    """`DataError` where a file, less its seal, is longer than it states: behind added bytes all numbers are others.
 
     A shorter one is refused by the library. Places by the HDF5 File Format Specification, versions 0 to 3.
     """
@@ -120,7 +119,6 @@ def _check_length(source: Source) -> None:
         int.from_bytes(source.data[start + first + n * size : start + first + (n + 1) * size], "little")
         for n in range(3)
     )
-    length = source.path.stat().st_size
     if length > end and length != base + end:
         limit = f"is {length - end} bytes longer than it states: bytes were added, or it was never closed"
         raise source.refused("", limit, "export it again, or mend it with h5clear --increment=0")
