@@ -77,7 +77,10 @@ class ADC:
 
 class PWM:
     def __init__(self, pin, freq):
-        pass
+        self.number = pin.number
+
+    def duty_ns(self, pulse):
+        print(time.ticks_us(), self.number, pulse, file=LOG, flush=True)
 
 
 class Timer:
@@ -312,9 +315,13 @@ def written(kind: str, folder: Path) -> None:
         (folder / name).write_text(text, encoding="utf-8")
 
 
-def pico(folder: Path) -> list[str]:
-    """Command that is a Pico."""
+def pico(folder: Path, *, servo: bool = False) -> list[str]:
+    """Command that is a Pico, with a servo in place of a stepper."""
     written("pico", folder)
+    if servo:
+        pins = (folder / "pins.py").read_text(encoding="utf-8")
+        assert "SERVO = None" in pins
+        (folder / "pins.py").write_text(pins.replace("SERVO = None", "SERVO = 12"), encoding="utf-8")
     (folder / "machine.py").write_text(f"STEPS_PER_DEG, SLOW = {STEPS_PER_DEG}, {SLOW}\n{MACHINE}", encoding="utf-8")
     (folder / "run.py").write_text(f"SLOW = {SLOW}\n{RUN}", encoding="utf-8")
     return [sys.executable, "run.py"]

@@ -8,11 +8,15 @@ import numpy as np
 import pytest
 
 from solen.analysis import study
-from solen.bench.board import SerialBoard
+from solen.bench.board import BoardStage, SerialBoard
+from solen.bench.drivers import DRIVERS
 from solen.bench.firmware.written import CONVERTERS
 from solen.bench.frames import FrameReader, Layout
 from solen.bench.link import open_link
 from solen.bench.record import record
+from solen.bench.rig import Rig
+from solen.errors import BenchError
+from tests.bench.stage_support import SENSOR, rig_with
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="there are no pseudo-terminals")
 
@@ -97,6 +101,40 @@ def test_a_pico_samples_and_goes_dark_by_itself(tmp_path: Path) -> None:
     log = tmp_path / "log"
     with on_a_pty(pico(tmp_path), tmp_path, log) as port:
         goes_dark(port, 115_200, log)
+
+
+def test_a_servo_on_a_board_of_its_own_is_a_stage(tmp_path: Path) -> None:
+    from tests.bench.pty_support import SlowClock, on_a_pty, pico
+
+    log, clock = tmp_path / "log", SlowClock()
+    with on_a_pty(pico(tmp_path, servo=True), tmp_path, log) as port:
+        daq = {"driver": "nidaqmx", "device": "Dev1"}
+        stage = {"driver": "board", "port": port, "baud": 115_200, "steps_per_unit": 11.1, "home": "here"}
+        rig = Rig(name="servo beside a data acquisition", stage=stage, daq=daq, sensor=(SENSOR,))
+        servo = DRIVERS["board"].open(rig, clock)
+        assert isinstance(servo, BoardStage)
+        servo.set_position(0.0)
+        assert not log.read_text(encoding="utf-8")  # free, until it is sent somewhere
+        for target, pulse_us in ((3.0, 1533), (-3.0, 1467)):
+            servo.begin_move(target, 60.0)
+            while not servo.on_target():
+                assert abs(servo.position()) < 3.1
+            assert servo.position() == pytest.approx(target, abs=0.5 / 11.1)
+            pulses = [int(line.split()[2]) for line in log.read_text(encoding="utf-8").splitlines()]
+            assert pulses[-1] == 1000 * pulse_us
+        assert set(np.diff(pulses).tolist()) == {1000, -1000}  # microsecond by microsecond
+        servo.close()
+
+
+def test_a_motor_s_board_is_stated_once() -> None:
+    motor = {"driver": "board", "steps_per_unit": 11.1}
+    assert rig_with(**motor).stage.port is None  # that of the board that samples, COM3
+    with pytest.raises(BenchError, match=r"stage\.port = 'COM3'; is the port of \[board\]"):
+        rig_with(**motor, port="COM3")
+    with pytest.raises(BenchError, match="baud = 9600; means nothing without a port"):
+        rig_with(**motor, baud=9600)
+    with pytest.raises(BenchError, match="needs a port, or"):
+        Rig(name="x", stage=motor, daq={"driver": "nidaqmx", "device": "Dev1"}, sensor=(SENSOR,))
 
 
 @pytest.mark.evidence

@@ -19,6 +19,7 @@ from solen.errors import BenchError
 
 if TYPE_CHECKING:  # the rig's tables name drivers of this module
     from solen.bench.board import SerialBoard
+    from solen.bench.frames import Layout
     from solen.bench.link import Link
     from solen.bench.rig import Rig
     from solen.bench.rig_instruments import MeterOf, StageOf
@@ -124,25 +125,33 @@ def _hand(rig: "Rig", clock: Clock) -> Stage:  # noqa: ARG001  a hand needs no c
 
 
 def _motor(rig: "Rig", clock: Clock) -> Stage:
+    """The motor of the board that samples, or of one of its own, whose emitters and inputs stay unused."""
     from solen.bench.board import BoardStage
+    from solen.bench.frames import Layout
 
     table = rig.stage
-    board = _serial(rig, clock)
+    board = _serial(rig, clock) if table.port is None else _board_at(table.port, table.baud, clock, Layout(1, 1))
     with on_failure(board.close):
         return BoardStage(board, clock, steps_per_unit=table.steps, unit=table.moves_in)
 
 
 def _serial(rig: "Rig", clock: Clock) -> "SerialBoard":
-    from solen.bench.board import SerialBoard
     from solen.bench.frames import Layout
-    from solen.bench.link import open_link
 
     board = rig.board
-    per_count = board.range_v / math.ldexp(1.0, board.bits)
-    layout = Layout(rig.emitters, rig.inputs)
-    link = open_link(str(board.port), baud=board.baud)
+    by = {"period_s": 1.0 / board.rate_hz, "volts_per_count": board.range_v / math.ldexp(1.0, board.bits)}
+    return _board_at(str(board.port), board.baud, clock, Layout(rig.emitters, rig.inputs), **by)
+
+
+def _board_at(
+    port: str, baud: int, clock: Clock, layout: "Layout", *, period_s: float = 0.02, volts_per_count: float = 1.0
+) -> "SerialBoard":
+    from solen.bench.board import SerialBoard
+    from solen.bench.link import open_link
+
+    link = open_link(port, baud=baud)
     with on_failure(link.close):
-        return SerialBoard(link, clock, layout, period_s=1.0 / board.rate_hz, volts_per_count=per_count)
+        return SerialBoard(link, clock, layout, period_s=period_s, volts_per_count=volts_per_count)
 
 
 def _nidaqmx(rig: "Rig", clock: Clock) -> Daq:
@@ -192,7 +201,7 @@ DRIVERS: registry.Registry[Driver] = registry.Registry(
         "hand": Driver("stage", _hand, takes=()),
         "kinesis": Driver("stage", _kinesis, needs="port", takes=("port", "steps_per_unit")),
         "marlin": Driver("stage", _marlin, needs="port", takes=_LINE),
-        "board": Driver("stage", _motor, takes=("steps_per_unit",)),
+        "board": Driver("stage", _motor, takes=("port", "baud", "steps_per_unit")),
         "zaber": Driver("stage", _zaber, needs="port", takes=(*_LINE, "address", "steps_per_unit")),
         "serial": Driver("board", _serial, needs="port"),
         "nidaqmx": Driver("daq", _nidaqmx, needs="device"),
@@ -207,10 +216,10 @@ DRIVERS: registry.Registry[Driver] = registry.Registry(
 def open_instruments(rig: "Rig", clock: Clock) -> tuple[Stage, Sampler]:
     """Stage and sampler of a real rig; where the second cannot be opened, the first is closed.
 
-    A stage that is the motor of the board brings the board with it.
+    A stage that is the motor of the board that samples brings it with it.
     """
     stage = cast("Stage", DRIVERS[rig.stage.driver].open(rig, clock))  # the rig has checked the roles
-    if (board := getattr(stage, "board", None)) is not None:
+    if rig.stage.port is None and (board := getattr(stage, "board", None)) is not None:
         return stage, board
     with on_failure(stage.close):
         return stage, cast("Sampler", DRIVERS[rig.sampler.driver].open(rig, clock))

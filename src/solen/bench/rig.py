@@ -96,8 +96,12 @@ class Rig(BenchTable):
             twice = [value for value, times in Counter(used).items() if times > 1]
             if twice:
                 raise refused("sensor", f"{what} {twice[0]} is used twice", remedy=f"give each its own {what}")
-        if self.stage.driver == "board" and (self.sampler is not self.board or self.board.driver != "serial"):
-            raise refused("stage.driver", 'needs [board] with driver = "serial"', value="board")
+        samples = self.sampler is self.board and self.board.driver == "serial"
+        if self.stage.driver == "board" and self.stage.port is None and not samples:
+            raise refused("stage.driver", 'needs a port, or [board] with driver = "serial"', value="board")
+        if samples and self.stage.port == self.board.port:
+            remedy = "leave it out, and the board that samples drives its motor"
+            raise refused("stage.port", "is the port of [board]", value=self.stage.port, remedy=remedy)
         stated = [key for key in ("board", "daq", "meter") if key in self.model_fields_set and getattr(self, key)]
         if len(stated) > 1:
             raise refused(stated[-1], f"stands beside [{stated[0]}]", remedy="keep the one that the rig has")

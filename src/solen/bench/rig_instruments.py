@@ -79,6 +79,8 @@ class StageOf(BenchTable):
         if takes is None:
             return self
         _check_keys(self, takes)
+        if "baud" in self.model_fields_set and self.port is None:
+            raise refused("baud", "means nothing without a port", value=self.baud, remedy="leave it out")
         if "steps_per_unit" in takes and self.steps_per_unit is None:
             raise refused("steps_per_unit", f"is needed by the driver {self.driver}")
         try:
