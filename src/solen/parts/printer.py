@@ -13,16 +13,15 @@ import math
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
-from solen.errors import DataError, SolenError
-from solen.parts.datasheet import PART_MIGRATIONS, PART_SCHEMA, Quantity, Sourced
+from solen.parts.datasheet import PART_MIGRATIONS, PART_SCHEMA, Quantity, Sheet, Sourced
 from solen.registry import PRINTERS
 from solen.results import Result
 from solen.spec.shipped import Library
-from solen.spec.strict import NotNegative, Positive, Strict, Text
+from solen.spec.strict import NotNegative, Positive
 
 MOST_PIXELS = 20_000
 """Along one side."""
@@ -59,15 +58,9 @@ class Lift(Sourced):
     wait_after_s: NotNegative = Field(0.0, description="the same of the others.")
 
 
-class Printer(Strict):
+class Printer(Sheet):
     """What layers need of a printer."""
 
-    error: ClassVar[type[SolenError]] = DataError
-
-    name: Text = Field(description="the printer's name, one line.")
-    maker: Text = Field(description="who makes it, one line.")
-    document: Text = Field(description="the document that the numbers are taken from, one line.")
-    notes: str = Field("", description="Anything worth knowing.")
     pitch_um: Quantity = Field(description="a table with the side of a pixel on the plate in µm, along X.")
     pitch_y_um: Quantity | None = Field(None, description="The same along Y, where pixels are not squares.")
     pixels: Pixels = Field(description="a table with the pixels' columns and rows.")
