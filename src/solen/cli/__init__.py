@@ -20,7 +20,7 @@ BAD_INPUT, INTERRUPTED = 2, 130
 
 
 def main() -> None:
-    """Entry point: run a command and turn what a user can mend into one line."""
+    """Entry point: run a command; report errors that a user can correct in one line."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # a terminal that lacks a letter is no reason to fail
@@ -52,7 +52,7 @@ def run_command(arguments: Sequence[str]) -> int:
 
 
 def _answer(arguments: Sequence[str]) -> Any:
-    """What a command returns; its share that is done, where it reports one, is a bar in the terminal."""
+    """Run a command and return its result; show a progress bar where the command reports progress."""
     command, bound, unset = app.parse_args(arguments, exit_on_error=False, print_error=False)
     if "progress" not in unset:
         return command(*bound.args, **bound.kwargs)
@@ -61,7 +61,7 @@ def _answer(arguments: Sequence[str]) -> Any:
 
 
 def _one_line(bad: cyclopts.CycloptsError) -> str:
-    """What is wrong with a command line; a value that an option's own limits refuse is named by its option."""
+    """Error of a command line in one line; a value outside an option's limits is named by its option."""
     if isinstance(bad.__cause__, ValueError) and hasattr(bad.__cause__, "errors"):
         from solen.spec.strict import option_refusal
 
@@ -70,7 +70,7 @@ def _one_line(bad: cyclopts.CycloptsError) -> str:
 
 
 def _drop_output() -> None:
-    """Send what is still to be flushed at exit nowhere, where stdout can take no more."""
+    """Discard what would be flushed at exit, once stdout accepts no more output."""
     sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: PTH123, SIM115  it lives until the interpreter ends
 
 

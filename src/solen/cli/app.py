@@ -1,4 +1,4 @@
-"""What the commands share: the application, and how an answer is printed.
+"""What the commands share: the application, and how results are printed.
 
 A command returns an `Outcome`: a typed result and the files that were written. `show_outcome` prints it: as one JSON
 object with ``--json``; else the lines that `lines` makes of the result's type, then its warnings, then the files. A
@@ -39,19 +39,19 @@ SHOWN = Shown()
 
 
 def option_name(field: str) -> str:
-    """Name of an option after its field, units as they are: ``irradiance_mW_per_cm2``, ``--irradiance-mW-per-cm2``."""
+    """Name of an option by its field, units unchanged: ``irradiance_mW_per_cm2`` is ``--irradiance-mW-per-cm2``."""
     return field.strip("_").replace("_", "-")
 
 
 def shown_default(value: Any) -> str | None:
-    """Default of an option as help shows it: as it is typed, or None for a flag or a list that is empty."""
+    """Default of an option as help shows it: as a user would type it; None for a flag or an empty list."""
     if isinstance(value, bool) or value == ():
         return None
     return " ".join(map(str, value)) if isinstance(value, tuple) else str(value)
 
 
 def _application() -> App:
-    """The application with all commands, none of them loaded."""
+    """Application with all commands registered but not yet imported."""
     made = App(
         name="solen",
         default_parameter=Parameter(name_transform=option_name, negative=(), show_default=shown_default),
@@ -76,12 +76,12 @@ app = _application()
 
 @functools.singledispatch
 def lines(result: Any) -> Iterable[str]:
-    """Lines that tell a reader what a result says; registered by the module of its command."""
+    """Lines that a terminal shows of a result; registered by the module of its command."""
     raise TypeError(f"no lines for {type(result).__name__}")
 
 
 def show_outcome(outcome: Outcome[Any]) -> None:
-    """Print an answer as was asked: JSON, lines, or with ``--quiet`` the warnings alone."""
+    """Print a result as requested: JSON, lines, or with ``--quiet`` the warnings alone."""
     if SHOWN.as_json:
         print(json.dumps(outcome.to_dict(), allow_nan=False))
         return
@@ -95,27 +95,27 @@ def show_outcome(outcome: Outcome[Any]) -> None:
 
 
 def listing(values: dict[str, Any]) -> list[str]:
-    """A line for each plain value, its key before it; tables and lists are left out."""
+    """One line per plain value, with its key; tables and lists are omitted."""
     shown = {key: value for key, value in values.items() if not isinstance(value, list | dict)}
     width = max(len(key) for key in shown)
     return [f"  {key:{width}}  {text(value)}" for key, value in shown.items()]
 
 
 def text(value: Any) -> str:
-    """A value as a reader wants it: six digits of a number."""
+    """A value as text; numbers to six digits."""
     if value is None:
         return "none"
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def short(value: float | None) -> str:
-    """An error or uncertainty, two digits of it."""
+    """An error or uncertainty to two digits."""
     return "unknown" if value is None else f"{value:.1e}"
 
 
 @contextmanager
 def progress_bar(what: str) -> Iterator[Callable[[float], None]]:
-    """A progress bar on stderr where that is a terminal, and nobody asked for quiet."""
+    """A progress bar on stderr, if that is a terminal and ``--quiet`` is not set."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 

@@ -1,9 +1,9 @@
-"""Names of files that a command makes after the file that it was given."""
+"""Names of output files, derived from the input file."""
 
 import re
 from pathlib import Path
 
 
 def stem_of(path: Path) -> str:
-    """Name of a file without its ending, as one that every system takes."""
+    """Name of a file without its extension, in characters that every system accepts."""
     return re.sub(r'[<>:"/\\|?*\s]+', "-", path.stem) or "part"

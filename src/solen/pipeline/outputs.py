@@ -1,4 +1,4 @@
-"""Files that a command writes beside what it prints: figures, and its result as JSON. Nothing heavy is loaded here."""
+"""Files that a command writes: figures, and its result as JSON. Nothing heavy is imported here."""
 
 import json
 from collections.abc import Callable, Mapping
@@ -30,7 +30,7 @@ def write(
     *,
     figure: FigureOptions = FigureOptions(),
 ) -> Outcome[R]:
-    """Write a result and its figures where they are asked for, all or none.
+    """Write a result and its figures to the requested files, all or none.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def write(
 
 
 def drawn(result: Any, figure: FigureOptions, kind: str) -> dict[Path, files.Content]:
-    """File of the figure that `solen.report.plot` draws of a result, and what it holds; nothing without a file."""
+    """File and content of the figure that `solen.report.plot` draws of a result; empty if no file is requested."""
     from solen.report.plot import figure_of
 
     path = figure.figure
@@ -64,19 +64,19 @@ def drawn(result: Any, figure: FigureOptions, kind: str) -> dict[Path, files.Con
 
 
 def figure_bytes(draw: "Callable[[], Figure]", path: Path, kind: str, look: FigureOptions) -> bytes:
-    """What the file of a figure holds; ``kind`` keeps the names inside apart from those of other figures."""
+    """Content of a figure's file; ``kind`` distinguishes its internal names from those of other figures."""
     from solen.report import canvas
 
     return canvas.encoded(canvas.drawn(draw, look), path.suffix.lower(), kind, look.dpi)
 
 
 def named(**paths: Path | None) -> dict[str, Path]:
-    """Files of an outcome by their names, those that were asked for."""
+    """Files of an outcome by name, without those that were not requested."""
     return {name: path for name, path in paths.items() if path is not None}
 
 
 def check_ending(path: Path | None, what: str, *endings: str) -> None:
-    """`OutputError` where a file does not have one of some endings; ``what`` is what it holds."""
+    """`OutputError` if a file has none of the given extensions; ``what`` names its content."""
     if path is not None and path.suffix.lower() not in endings:
         raise OutputError(str(path), limit=f"{what} ends in {', '.join(endings)}", remedy="rename it")
 
@@ -93,6 +93,6 @@ def check_table(out: Path | None, what: str) -> None:
 
 
 def check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
-    """`SpecError` where an option is none of its choices."""
+    """`SpecError` if an option is not one of its choices."""
     if value not in choices:
         raise SpecError(name, value=value, limit=f"must be one of {', '.join(choices)}")

@@ -90,7 +90,7 @@ class Circuit:
         ambient_mW_cm2: Floats = 0.0,
         temperature_C: Floats = REFERENCE_C,
     ) -> FloatArray:
-        """Currents (..., R) that the light asks for, dark current included.
+        """Currents (..., R) that the light generates, including dark current.
 
         ``ambient_mW_cm2`` is light of the wavelength at which the sensitivity is stated; it and ``temperature_C`` are a
         number, one for each row (...,), or one for each reading (..., R).
@@ -100,13 +100,13 @@ class Circuit:
         return self.transistor.current_mA(seen + ambient, np.array(self.sensitivity_uA), temperature)
 
     def load_line(self, current_mA: FloatArray) -> LoadLine:
-        """Volts and slopes (..., R) at currents (..., R) that light asks for."""
+        """Voltages and slopes (..., R) at currents (..., R) that light generates."""
         knee, loads = (self.transistor.saturation_V, self.transistor.knee_V), np.array(self.load_ohm)
         return load_line(current_mA, loads, self.supply_V, *knee)
 
     @reported
     def time_constant_us(self) -> FloatArray:
-        """Of each receiver (R,)."""
+        """Time constant of each receiver (R,), in µs."""
         return self.transistor.time_constant_us(np.array(self.load_ohm))
 
     @reported
@@ -116,7 +116,7 @@ class Circuit:
         return np.asarray(NOISE_OF_3DB * np.minimum(corner_hz, 1e3 * self.adc.bandwidth_kHz))
 
     def drawn(self, rng: np.random.Generator) -> "Circuit":
-        """The same with parts by chance: each sensitivity even between its limits, which is all a datasheet states.
+        """A copy with randomly drawn parts: each sensitivity is uniform between its limits, the datasheet's only ones.
 
         The emitter's power is drawn even between its own limits.
         """
@@ -126,7 +126,7 @@ class Circuit:
         return replace(self, sensitivity_uA=tuple(chosen.tolist()), drive=replace(drive, typical_mW=power))
 
     def with_load(self, load_ohm: float) -> "Circuit":
-        """The same with another load at every receiver."""
+        """A copy with another load at every receiver."""
         return replace(self, load_ohm=(load_ohm,) * len(self.names))
 
 
@@ -188,7 +188,7 @@ def emitter_part(design: Design) -> EmitterPart:
 
 
 def trimmer_part(design: Design) -> TrimmerPart:
-    """What the loads are set with."""
+    """Trimmer that sets the loads."""
     return named_part(design, "trimmer", TrimmerPart)
 
 
@@ -218,6 +218,6 @@ def face_areas_mm2(design: Design, body: Body) -> dict[str, float]:
 
 
 def _column(values: Floats, beside: FloatArray) -> FloatArray:
-    """Numbers for each row as a column beside readings (..., R); a number, or one for each reading, as it is."""
+    """Numbers per row as a column that broadcasts with readings (..., R); a scalar, or one per reading, unchanged."""
     column = np.asarray(values, dtype=float)
     return column[..., None] if 0 < column.ndim < np.ndim(beside) else column

@@ -97,7 +97,7 @@ def _reference_mW(part: EmitterPart) -> float:
 
 
 def _spread(part: EmitterPart) -> tuple[float, float]:
-    """Weakest and strongest part relative to a typical one: by the power's own limits, or else the intensity's."""
+    """Weakest and strongest part relative to a typical one, by the limits of the power, or else of the intensity."""
     for one in (part.power_mw, part.intensity_mw_per_sr):
         if one is not None and (one.least is not None or one.most is not None):
             return (one.least or one.usual) / one.usual, (one.most or one.usual) / one.usual

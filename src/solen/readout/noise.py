@@ -1,4 +1,4 @@
-"""Noise of a reading by where it comes from, as formulas.
+"""Noise of a reading by its sources, as formulas.
 
 - Shot noise: the photoelectrons are counted before the transistor multiplies them, so that their noise is multiplied
   too: i² = 2 q I_C (1 + g) B with the gain g; a photodiode has g = 0.
@@ -39,7 +39,7 @@ class Noise(Result):
 
     @property
     def before_V(self) -> FloatArray:
-        """What stands at the converter's steps: all but the rounding to them."""
+        """Noise before the converter: all but its quantisation."""
         return np.asarray(np.sqrt(self.shot_V**2 + self.thermal_V**2 + self.converter_V**2))
 
     @reported

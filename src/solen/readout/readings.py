@@ -1,4 +1,4 @@
-"""Readings over a motion: voltages of all sets of parts, noise, slopes, resolution, advice.
+"""Readings over a motion: voltages for typical and extreme parts, noise, slopes, resolution, advice.
 
 The interface: `readings_of` a circuit and the power fractions of a motion.
 """
@@ -22,7 +22,7 @@ MOST_STEP = 0.25
 
 @dataclass(frozen=True)
 class VoltageRange:
-    """What a motion makes of the supply.
+    """Range of voltages over a motion, within the supply.
 
     Attributes
     ----------
@@ -98,7 +98,7 @@ class Readings(Result):
 
     @reported
     def contrast(self) -> FloatArray:
-        """(R − L)/(R + L) of what the emitter's light pulls the receivers down by, (A,); NaN where it does nothing."""
+        """(R − L)/(R + L) of the voltage drops caused by the emitter's light, (A,); NaN without a drop."""
         drop = self.off_V - self.voltage_V
         right, left = (drop[:, self.circuit.names.index(name)] for name in ("right", "left"))
         total = right + left
@@ -107,7 +107,7 @@ class Readings(Result):
 
     @reported
     def u_trace_V(self) -> FloatArray:
-        """Uncertainty of the voltages by that of the traced power (A, R)."""
+        """Uncertainty of the voltages due to that of the traced power (A, R)."""
         circuit = self.circuit
         whole = circuit.transistor.response * circuit.irradiance_mW_cm2(np.ones_like(self.power_fraction))
         asked_A = 1e-6 * np.array(circuit.sensitivity_uA) * whole
@@ -123,7 +123,7 @@ class Readings(Result):
         return VoltageRange(low, high, (high - low) / self.circuit.supply_V, *ends)
 
     def coarse(self) -> Iterator[str]:
-        """A warning where the angles are too far apart for a slope."""
+        """A warning if the angles are too far apart for a slope."""
         if len(self.angle_deg) < 2:
             yield "one angle has no slope, and so no resolution"
             return

@@ -1,4 +1,4 @@
-"""Samples over time: what the converter reads of powers that change, with noise of a seed.
+"""Samples over time: converter readings of changing powers, with seeded noise.
 
 The interface: `volts` of power fractions; `noisy` adds noise and reads; `settled` is the receiver's lag.
 """
@@ -64,7 +64,7 @@ def volts(
 
 
 def noisy(circuit: Circuit, line: LoadLine, temperature_C: Floats, rng: np.random.Generator) -> FloatArray:
-    """Readings of a load line (T, R): the mean of the circuit's samples, each with its noise, rounded and cut."""
+    """Readings of a load line (T, R): the mean of the circuit's samples, each with noise, quantised and clipped."""
     shot, thermal = analogue_V(circuit, line, temperature_C)
     sd = np.sqrt(shot**2 + thermal**2 + circuit.adc.noise_V**2)
     total = np.zeros_like(line.volts)

@@ -103,27 +103,27 @@ class Phototransistor:
         )
 
     def dark_mA(self, temperature_C: float | FloatArray) -> FloatArray:
-        """Current without light: it doubles by a stated warming."""
+        """Dark current: it doubles for each stated temperature rise."""
         warmer_K = np.asarray(temperature_C, dtype=float) - REFERENCE_C
         return np.asarray(1e-6 * self.dark_nA * np.exp2(warmer_K / self.dark_doubling_K))
 
     def current_mA(
         self, irradiance_mW_cm2: FloatArray, sensitivity_uA: float | FloatArray, temperature_C: float | FloatArray
     ) -> FloatArray:
-        """Current that light of the stated wavelength asks for in parts of some sensitivity; arrays broadcast."""
+        """Current that light generates in parts of a given sensitivity; arrays broadcast."""
         warmer_K = np.asarray(temperature_C, dtype=float) - REFERENCE_C
         per_mW_cm2 = 1e-3 * np.asarray(sensitivity_uA) * np.maximum(1.0 + self.rise_per_K * warmer_K, 0.0)
         return np.asarray(irradiance_mW_cm2 * per_mW_cm2 + self.dark_mA(temperature_C))
 
     def time_constant_us(self, load_ohm: float | FloatArray) -> FloatArray:
-        """Time constant of its first order: the rise time of the part and that of the load, over ln 9."""
+        """First-order time constant: the rise time of part and load, divided by ln 9."""
         load_us = 1e-3 * np.asarray(load_ohm, dtype=float) * self.rise_us_per_kohm
         return np.asarray(np.hypot(self.rise_us, load_us) / RISE_OF_TAU)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LoadLine(Result):
-    """Volts at a phototransistor on a load, all of the broadcast shape of the currents.
+    """Voltages at a phototransistor on a load, in the broadcast shape of the currents.
 
     ``collector_mA`` flows. ``output_ohm`` turns a small current there into volts: the load, and less in saturation.
     ``drive_ohm`` does so for the current that light asks for: volts fall by so much for each A of it.
@@ -142,7 +142,7 @@ def load_line(
     saturation_V: float = SATURATION_V,
     knee_V: float = KNEE_V,
 ) -> LoadLine:
-    """Volts at the collector for the currents that light asks for.
+    """Voltages at the collector for the currents that light generates.
 
     Parameters
     ----------
@@ -199,7 +199,7 @@ def exponent_of(part: ReceiverPart) -> float:
 
 
 def angular_factor(exponent: float, angle_deg: FloatArray, power: FloatArray) -> FloatArray:
-    """Share of the power through a face that a receiver of response cos^m makes its current of.
+    """Share of the power through a face that a receiver of response cos^m detects.
 
     Power through a face has its cos θ already, so a beam counts with cos^(m−1) θ: all alike for a flat window, whose m
     is 1.

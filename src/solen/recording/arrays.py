@@ -1,4 +1,4 @@
-"""Named arrays to a recording: what MATLAB, LabVIEW, HDF5 and netCDF files have in common.
+"""From named arrays to a recording, as needed for MATLAB, LabVIEW, HDF5 and netCDF files.
 
 The idea: such a file is a set of arrays, some of which run side by side. The length that most arrays have is that of
 the recording; an array with as many rows gives a channel for each of its columns; single numbers and texts are
@@ -30,7 +30,7 @@ _SINCE = re.compile(r"\s*(\w+) since .*")
 
 @dataclass(frozen=True)
 class Array:
-    """Values of one name, (n,) or (n, m), their unit, and names of the columns where the file has any."""
+    """Values of one variable, (n,) or (n, m), with their unit, and names of the columns if the file has any."""
 
     name: str
     values: Any
@@ -41,7 +41,7 @@ class Array:
 def recorded(
     source: Source, kind: str, arrays: Iterable[Array], metadata: Mapping[str, str], names: Sequence[str] | None = None
 ) -> Recording:
-    """Recording of arrays that run side by side.
+    """Recording of arrays with a common axis.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def recorded(
 
 
 def _named(source: Source, arrays: Sequence[Array], names: Sequence[str]) -> list[Array]:
-    """The one matrix that has as many columns as there are names; `DataError` where none or several have."""
+    """The only matrix with as many columns as names; `DataError` if there is none or more than one."""
     fitting = [one for one in arrays if np.ndim(one.values) == 2 and min(np.shape(one.values)) == len(names)]
     if len(fitting) != 1:
         shapes = ", ".join(f"{one.name} {' by '.join(map(str, np.shape(one.values)))}" for one in arrays)

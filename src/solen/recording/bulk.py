@@ -1,4 +1,4 @@
-"""Large plain tables: what an hour of samples is, read in a second or two and in little more memory than its numbers.
+"""Large plain tables, such as an hour of samples: read in a second or two, in little more memory than the numbers take.
 
 The idea: the beginning is read as every table is, and says what the columns are. If all of them are numbers, and the
 rest of the file holds nothing but digits, signs, the decimal mark and the separator, numpy's own reader takes it.
@@ -29,7 +29,7 @@ _DIGITS = b"0123456789+-.eE\r\n"
 
 
 def bulk(source: Source, columns: Sequence[str] | None = None) -> Recording | None:
-    """Recording of a large table of numbers; None where it is something else or must be read row by row."""
+    """Recording of a large table of numbers; None for other files and for tables that must be read row by row."""
     if len(source.data) < LEAST_BYTES or source.is_archive or b"\0" in source.data[:4096]:
         return None
     known = _head(source, columns)
@@ -51,7 +51,7 @@ def bulk(source: Source, columns: Sequence[str] | None = None) -> Recording | No
 
 
 def _head(source: Source, columns: Sequence[str] | None) -> tuple[Grid, Layout] | None:
-    """Beginning of a file as a table of its own; None where it is not a plain table."""
+    """The beginning of a file, read as a table; None if it is not a plain table."""
     end = _offset(source.data, _HEAD)
     if end <= 0:
         return None
@@ -68,7 +68,7 @@ def _head(source: Source, columns: Sequence[str] | None) -> tuple[Grid, Layout] 
 
 
 def _offset(data: bytes, lines: int) -> int:
-    """Where the line after so many begins; −1 where there are not as many."""
+    """Offset of the line after the first ``count`` lines; −1 if the file has fewer."""
     place = 0
     for _ in range(lines):
         place = data.find(b"\n", place) + 1
@@ -78,7 +78,7 @@ def _offset(data: bytes, lines: int) -> int:
 
 
 def _numbers(body: bytes, separator: str, mark: str, count: int) -> FloatArray | None:
-    """Numbers of a table's rows, (count, n); None where anything but numbers is in it."""
+    """Numbers of a table's rows, (count, n); None if it holds anything but numbers."""
     allowed = _DIGITS.replace(b".", mark.encode()) + separator.encode()
     if mark == separator or body.translate(None, allowed):
         return None
@@ -92,7 +92,7 @@ def _numbers(body: bytes, separator: str, mark: str, count: int) -> FloatArray |
 
 
 def _noted(recording: Recording, source: Source, grid: Grid, above: Sequence[str]) -> Recording:
-    """Recording whose last number is shorter than those above it, and may have lost its end."""
+    """Recording with a note if its last number is shorter than those above and may be truncated."""
     last = source.data[-80:].decode("ascii", "replace").split("\n")[-1].split(grid.separator)[-1].strip()
     if len(last) >= min(map(len, above)):
         return recording

@@ -43,7 +43,7 @@ class _Trace:
 
 
 def is_cary(grid: Grid) -> int | None:
-    """Row of the names if a grid begins as such an export does, else None.
+    """Row of the names if a grid begins like such an export, else None.
 
     `DataError` where the header is that of several traces, and what stands above it are not their names.
     """
@@ -81,7 +81,7 @@ def read(grid: Grid, start: int) -> Recording:
 
 
 def _pairs(cells: list[str]) -> int:
-    """How many traces a row of ``Wavelength (nm)`` and modes stands above; 0 where it is none, for the most part."""
+    """Number of traces below a row of ``Wavelength (nm)`` and modes; 0 if the row is mostly something else."""
     pairs = list(zip(cells[::2], cells[1::2], strict=False))
     known = sum(_is_wave(wave) and mode.casefold() in MODES for wave, mode in pairs)
     alike = sum(_is_wave(wave) and _is_mode(mode) for wave, mode in pairs)
@@ -132,7 +132,7 @@ def _parted(grid: Grid, first: int, traces: int) -> tuple[list[int], list[int]]:
 
 
 def _check_lengths(grid: Grid, body: list[int], columns: int) -> None:
-    """`DataError` at a row that has other cells than the rows about it.
+    """`DataError` at a row that has a different number of cells from its neighbours.
 
     All rows have as many cells, most often one more than there are columns, which is empty. Excel leaves out the
     separators at the end of rows once the last traces have ended; then rows get shorter and stay so.
@@ -179,7 +179,7 @@ def _numbers(grid: Grid, trace: _Trace, odd: int, mark: str) -> FloatArray:
 
 
 def _check(grid: Grid, trace: _Trace, waves: FloatArray, values: FloatArray) -> None:
-    """`DataError` where the numbers of a trace cannot be what an instrument recorded."""
+    """`DataError` if an instrument cannot have recorded the numbers of a trace."""
     scan.check_wavelengths(grid, trace.column, trace.rows, waves)
     unit = MODES.get(trace.mode.casefold(), ("", ""))[1]
     limit = _LIMITS.get(unit)
@@ -193,7 +193,7 @@ def _check(grid: Grid, trace: _Trace, waves: FloatArray, values: FloatArray) -> 
 def _recording(
     grid: Grid, traces: list[_Trace], pairs: list[tuple[FloatArray, FloatArray]], logs: carylog.Logs, ending: str
 ) -> Recording:
-    """Recording of traces, each with the channel of wavelengths that it runs along; equal ones are one channel."""
+    """Recording of traces, each with its channel of wavelengths; equal channels of wavelengths are merged."""
     axes: dict[bytes, Channel] = {}
     taken = {trace.name for trace in traces}
     channels: list[Channel] = []
@@ -216,7 +216,7 @@ def _axis_name(number: int, taken: set[str]) -> str:
 
 
 def _notes(trace: _Trace, waves: FloatArray, values: FloatArray, quantity: str, log: dict[str, str]) -> list[str]:
-    """What a reader of a trace must know."""
+    """Notes on a trace."""
     notes = []
     if not quantity:
         notes.append(f"{trace.mode} is a mode whose quantity and unit are not known here")

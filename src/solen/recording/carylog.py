@@ -1,4 +1,4 @@
-"""What Cary's program logs about each trace, after the numbers: a block for each, in their order.
+"""The log that Cary's program writes after the numbers: a block for each trace, in their order.
 
 The idea: a block begins with the trace's name, alone in its line and once more in the next; then lines such as
 ``Instrument                        Cary 5000``, ``Collection Time: 2/6/2015 1:45:42 PM`` and ``<SBW (nm)> , 2.00``.
@@ -26,7 +26,7 @@ _COLLECTED, _STAMPED = "Collection Time", "Date/Time stamp"
 
 @dataclass(frozen=True)
 class Logs:
-    """What the log says: of the file, of each trace, and the two things that every provenance states."""
+    """Content of the log: settings of the file and of each trace, and what every provenance states."""
 
     shared: dict[str, str]
     of_traces: list[dict[str, str]]
@@ -35,7 +35,7 @@ class Logs:
 
 
 def read(rows: Sequence[Sequence[str]], names: Sequence[str], separator: str) -> Logs:
-    """Logs of the rows after the numbers, for the traces of these names."""
+    """Log in the rows after the numbers, for traces with the given names."""
     lines = [separator.join(row).strip().rstrip(separator).strip() for row in rows]
     blocks = _blocks(lines, names)
     settings = [_settings(block) for block in blocks]
@@ -53,7 +53,7 @@ def read(rows: Sequence[Sequence[str]], names: Sequence[str], separator: str) ->
 
 
 def ends(log: dict[str, str], waves: FloatArray) -> list[str]:
-    """Remarks where a trace does not reach from the start to the stop that its log states."""
+    """Remarks on traces that do not extend from the start to the stop in their log."""
     try:
         start, stop, step = (float(log[f"{key} (nm)"]) for key in ("Start", "Stop", "UV-Vis Data Interval"))
     except (KeyError, ValueError):
@@ -84,7 +84,7 @@ def _blocks(lines: list[str], names: Sequence[str]) -> list[list[str]]:
 
 
 def _settings(block: list[str]) -> dict[str, str]:
-    """Settings of a block by their names; what happened to the method is one of them."""
+    """Settings of a block by their names, including changes of the method."""
     settings: dict[str, str] = {}
     for line in block:
         for form in (_ANGLED, _COLON, _WIDE):

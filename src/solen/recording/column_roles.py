@@ -1,4 +1,4 @@
-"""Column roles: which column of a recording is the time, the angle or a receiver, where no option names it.
+"""Column roles: which column of a recording is the time, the angle or a receiver, if no option names it.
 
 The idea: a header names a quantity, states a unit that fits one, or follows the habits of recorders (``ai0``, ``PD2``).
 These are tried in that order; where several columns remain, the user is asked to name one.
@@ -84,13 +84,13 @@ def named_column(recording: Recording, name: str, option: str) -> Channel:
 
 
 def existing(recording: Recording) -> str:
-    """The columns of a recording, as a refusal names them."""
+    """The columns of a recording, as errors list them."""
     more = len(recording.names) - 12
     return f"its columns are {', '.join(recording.names[:12])}" + (f" and {more} more" if more > 0 else "")
 
 
 def receiver_columns(columns: Sequence[Channel]) -> list[Channel]:
-    """Receivers among columns: in volts, else whose names state a side, else numbered ones, else sides in any unit."""
+    """Receivers among columns: those in volts, else those named by a side, else numbered, else sides in any unit."""
     columns = [column for column in columns if not is_companion(column.name)]
     in_volts = [
         column
@@ -103,13 +103,13 @@ def receiver_columns(columns: Sequence[Channel]) -> list[Channel]:
 
 
 def _sided(columns: Sequence[Channel]) -> list[Channel]:
-    """Columns whose names state a side, in the unit that the first of them has."""
+    """Columns named by a side, in the unit of the first of them."""
     sided = [one for one in columns if side_of(one.name)]
     return [one for one in sided if one.unit == sided[0].unit]
 
 
 def is_companion(name: str) -> bool:
-    """Whether a name is that of a column beside a receiver's: its uncertainty, its ambient light, its clipped marks."""
+    """Whether a column accompanies that of a receiver: its uncertainty, its ambient light, its marks of clipping."""
     return bool(_COMPANION.search(name))
 
 
@@ -127,7 +127,7 @@ def side_of(name: str) -> str:
 
 
 def left_right(receivers: Sequence[str]) -> tuple[int, int] | None:
-    """Places of the left and the right receiver; None unless there is exactly one of each."""
+    """Positions of the left and the right receiver; None unless there is exactly one of each."""
     sides = [side_of(name) for name in receivers]
     if sides.count("left") == 1 == sides.count("right"):
         return sides.index("left"), sides.index("right")
@@ -135,7 +135,7 @@ def left_right(receivers: Sequence[str]) -> tuple[int, int] | None:
 
 
 def by_sensor(names: Sequence[str], label: str, *, alone: bool) -> dict[str, dict[str, int]]:
-    """Receivers of each sensor with their places, by names such as ``S1.left``, or ``S1_L`` beside ``S2_L``.
+    """Receivers of each sensor with their positions, by names such as ``S1.left``, or ``S1_L`` beside ``S2_L``.
 
     ``label`` is the file's own; unless the file is ``alone`` it stands before the sensor's.
     """

@@ -23,7 +23,7 @@ _KEYS = re.compile(r"\b(date|datum|prüfdatum|test date|collection time|date/tim
 
 
 def iso(text: str, *, others: Iterable[str] = ()) -> str:
-    """ISO 8601 of a date and, if there, its time; empty where it is none or day and month are ambiguous.
+    """ISO 8601 of a date and, if present, its time; empty if the text is no date or day and month are ambiguous.
 
     ``others`` are dates of the same file, which may show the order of day and month.
     """
@@ -44,13 +44,13 @@ def iso(text: str, *, others: Iterable[str] = ()) -> str:
 
 
 def among(metadata: Mapping[str, str]) -> str:
-    """Date that the parameters of a file state, as ISO 8601 where unambiguous, else in the file's words."""
+    """Date in the parameters of a file, as ISO 8601 if unambiguous, else as the file writes it."""
     stated = next((value for key, value in metadata.items() if _KEYS.search(key)), "")
     return iso(stated) or stated
 
 
 def seconds(cells: Sequence[str]) -> FloatArray | None:
-    """Seconds since midnight of the first day of clock times, with or without dates; None where a cell is not a time.
+    """Clock times, with or without dates, as seconds since midnight of the first day; None if a cell is not a time.
 
     Times without a date that fall by more than half a day have passed midnight. An empty cell is NaN.
     """
@@ -71,7 +71,7 @@ def seconds(cells: Sequence[str]) -> FloatArray | None:
 
 
 def _day(text: str, others: Iterable[str]) -> int | None:
-    """Number of a day; None for no date, or one whose month is ambiguous."""
+    """Ordinal of a day; None if the text is no date or its month is ambiguous."""
     stated = iso(text, others=others) if text else ""
     return date.fromisoformat(stated[:10]).toordinal() if stated else None
 
@@ -83,7 +83,7 @@ def _clock_s(part: re.Match[str]) -> float:
 
 
 def _month_first(texts: Iterable[str]) -> bool | None:
-    """Whether dates with slashes begin with the month: a number beyond 12 shows it, and so does the American clock."""
+    """Whether dates with slashes begin with the month, as a number above 12 or a 12-hour clock shows."""
     found = [match for text in texts if (match := _SLASHED.fullmatch(text.strip()))]
     if any(int(match[2]) > 12 for match in found):
         return True

@@ -1,4 +1,4 @@
-"""A file as rows of cells, each with its place, whether it came as text or as a sheet of a workbook.
+"""A file as rows of cells with their addresses, from text or from a sheet of a workbook.
 
 The idea: readers see cells, and name a bad one by its line and column, or by its cell in the sheet. What separates the
 cells of a text is what makes most of them numbers; it is decided once, for the whole file, so that a line with another
@@ -60,7 +60,7 @@ class Grid:
     left: int = 0
 
     def place(self, row: int, column: int | None = None) -> str:
-        """Address of a cell as a reader looks for it: row and column, or sheet and cell."""
+        """Address of a cell: row and column, or sheet and cell."""
         line = self.lines[row]
         column = None if column is None else column + self.left
         if self.sheet:
@@ -70,14 +70,14 @@ class Grid:
     def refused(
         self, row: int, column: int | None, limit: str, remedy: str = "correct it, or export the file again"
     ) -> DataError:
-        """Error at a row, or at a cell of it with what stands there."""
+        """Error at a row, or at one of its cells with its content."""
         cells = self.rows[row]
         value = cells[column] if column is not None and column < len(cells) else ""
         shown = value if len(value) <= _SHOWN else f"{value[:_SHOWN]}…"
         return self.source.refused(self.place(row, column), limit, remedy, shown or None)
 
     def ending(self, body: list[int]) -> str:
-        """Note on the last of the rows of numbers, where the file ends in it without a line break; else empty.
+        """Note on the last row of numbers if the file ends there without a line break; else empty.
 
         `DataError` where that row has lost cells, or its last number has fewer characters than any above it.
         """
@@ -95,20 +95,20 @@ class Grid:
         return cut_note(cells[place])
 
     def is_blank(self, row: int) -> bool:
-        """Whether a row holds nothing."""
+        """Whether a row is empty."""
         return not any(self.rows[row])
 
     def width(self, row: int) -> int:
-        """Cells of a row up to the last one that is not empty."""
+        """Number of cells of a row up to the last that is not empty."""
         cells = self.rows[row]
         return next((n for n in range(len(cells), 0, -1) if cells[n - 1]), 0)
 
     def cells(self, column: int, rows: Sequence[int]) -> list[str]:
-        """Cells of a column in some rows; empty texts where a row ends before it."""
+        """Cells of a column in given rows; empty text where a row is too short."""
         return [cells[column] if column < len(cells) else "" for cells in map(self.rows.__getitem__, rows)]
 
     def mark(self, rows: Sequence[int], held: Mapping[int, Sequence[str]]) -> str:
-        """What stands before decimals, ``.`` or ``,``; `DataError` where some numbers have the one, some the other.
+        """Decimal mark, ``.`` or ``,``; `DataError` if the numbers use both.
 
         ``held`` has the cells of each column in these rows.
         """
@@ -133,7 +133,7 @@ class Grid:
         return "," if counts[","] else "."
 
     def _refuse_thousands(self, rows: Sequence[int], held: Mapping[int, Sequence[str]]) -> None:
-        """`DataError` where commas may stand before thousands: 1,250 beside 980, and never 0,5 or 12,75."""
+        """`DataError` if commas may separate thousands: 1,250 beside 980, and never 0,5 or 12,75."""
         with_comma = [cell for cells in held.values() for cell in cells if "," in cell]
         if not all(map(_THOUSANDS.fullmatch, with_comma)):
             return
@@ -148,7 +148,7 @@ class Grid:
     def column(
         self, column: int, rows: Sequence[int], cells: Sequence[str], mark: str, *, machine: bool = False
     ) -> FloatArray:
-        """Numbers of a column's cells in some rows, NaN where one is empty; `DataError` where one is neither."""
+        """Numbers of a column in given rows, NaN for empty cells; `DataError` at any other cell."""
         values = np.empty(len(rows))
         if all_numbers(cells, machine=machine) and _ascii_with(mark, cells):
             values[:] = [
@@ -165,7 +165,7 @@ class Grid:
 
 
 def _ascii_with(mark: str, cells: Sequence[str]) -> bool:
-    """Whether no cell has the other mark, or a minus that is not ASCII's."""
+    """Whether no cell uses the other decimal mark or a non-ASCII minus sign."""
     text = "".join(cells)
     return text.isascii() and ("," if mark == "." else ".") not in text
 
@@ -188,12 +188,12 @@ def of_text(source: Source) -> Grid:
 
 
 def cut_note(last: str) -> str:
-    """Note on the last number of a file whose last line has no end."""
+    """Note on the last number of a file whose last line has no line break."""
     return f"the file ends without a line break after {last}: that number may be cut off"
 
 
 def splitter(separator: str) -> Callable[[str], list[str]]:
-    """What parts a line into cells; a line whose quotation marks do not pair stays one cell."""
+    """Function that splits a line into cells; a line with unpaired quotation marks stays one cell."""
 
     def split(line: str) -> list[str]:
         if separator == " ":
@@ -209,7 +209,7 @@ def splitter(separator: str) -> Callable[[str], list[str]]:
 
 
 def _separator(lines: list[str]) -> str:
-    """What makes the most cells of a text numbers and, of those, the fewest something else; else the most cells.
+    """Separator that yields the most numbers and, among equals, the fewest other cells; else the most cells.
 
     Two columns with decimal commas, ``0,5;1,25``, are two numbers by commas, too, with ``5;1`` between them.
     """
@@ -225,7 +225,7 @@ def _separator(lines: list[str]) -> str:
 
 
 def _numbers_by(separator: str) -> Callable[[str], tuple[int, int]]:
-    """How many numbers there are in a line that is parted so, and how many other cells beside them.
+    """Counts of numbers and of other cells in a line split by a separator.
 
     0, 0 where it is not parted or holds no number.
     """

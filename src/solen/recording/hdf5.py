@@ -1,4 +1,4 @@
-"""HDF5 files: netCDF-4, MATLAB 7.3 and whatever a script wrote, by h5py (extra ``netcdf``); netCDF-3 by scipy.
+"""HDF5 files: netCDF-4, MATLAB 7.3 and those of scripts, by h5py (extra ``netcdf``); netCDF-3 by scipy.
 
 The idea: datasets are arrays by their path. netCDF says the unit of each (``units``) and what the columns of a table
 are (the coordinate of its second dimension); attributes are parameters.
@@ -32,7 +32,7 @@ _CLASSIC = (b"CDF\x01", b"CDF\x02")
 
 
 class Stored(Source):
-    """A file that is read where it lies; its ``data`` is its beginning."""
+    """A file that is read from disk on demand; ``data`` is its beginning."""
 
     @cached_property
     def _hashed(self) -> str:
@@ -46,7 +46,7 @@ class Stored(Source):
 
 
 def stored(path: Path) -> Stored | None:
-    """The file if it is HDF5, with or without MATLAB's header; None where it is another or cannot be read."""
+    """The file if it is HDF5, with or without MATLAB's header; None if it is not or cannot be read."""
     try:
         with path.open("rb") as file:
             begin = file.read(_STARTS[-1] + len(_MAGIC))
@@ -57,12 +57,12 @@ def stored(path: Path) -> Stored | None:
 
 
 def is_netcdf3(source: Source) -> bool:
-    """Whether a file is netCDF of the classic kind."""
+    """Whether a file has the classic netCDF format."""
     return source.data.startswith(_CLASSIC)
 
 
 def groups(source: Source) -> tuple[str, ...]:
-    """Names of the groups that hold a time each; none in a file of MATLAB's, whose groups are structures."""
+    """Names of the groups that each hold a time; none in MATLAB files, whose groups are structures."""
     if source.data.startswith(b"MATLAB"):
         return ()
     with _opened(source) as file:
@@ -129,7 +129,7 @@ def _damaged(source: Source, bad: Exception) -> DataError:
 
 
 def _visit(name: str, one: Any, arrays: list[Array], metadata: dict[str, str]) -> None:
-    """Take a dataset; MATLAB keeps texts as numbers, and its own tables in groups that begin with ``#``."""
+    """Collect a dataset; MATLAB stores texts as numbers, and internal tables in groups that begin with ``#``."""
     if not hasattr(one, "shape") or name.startswith("#"):
         return
     attributes = _attributes(one.attrs)
@@ -143,7 +143,7 @@ def _visit(name: str, one: Any, arrays: list[Array], metadata: dict[str, str]) -
 
 
 def _names(one: Any) -> tuple[str, ...]:
-    """What the columns of a table are called, where its second dimension has a coordinate of words."""
+    """Names of a table's columns, if its second dimension has a coordinate of texts."""
     if len(one.shape) != 2:
         return ()
     for scale in one.dims[1].values():

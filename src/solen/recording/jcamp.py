@@ -93,7 +93,7 @@ def _check_kind(source: Source, records: dict[str, Lines]) -> None:
 
 
 def _stated(source: Source, records: dict[str, Lines], label: str, default: float = math.nan) -> float:
-    """Number that a record states."""
+    """Number in a record."""
     if label not in records:
         return default
     number, text = records[label][0]
@@ -103,7 +103,7 @@ def _stated(source: Source, records: dict[str, Lines], label: str, default: floa
 
 
 def _pairs(source: Source, body: Lines) -> tuple[FloatArray, FloatArray]:
-    """Points of pairs: a comma or spaces in each, a semicolon, spaces or a line's end between two."""
+    """Points as pairs: a comma or spaces within a pair; a semicolon, spaces or a line break between pairs."""
     x: list[float] = []
     y: list[float] = []
     for number, text in body:
@@ -122,7 +122,7 @@ def _pairs(source: Source, body: Lines) -> tuple[FloatArray, FloatArray]:
 
 
 def _even(source: Source, body: Lines, records: dict[str, Lines]) -> tuple[FloatArray, FloatArray]:
-    """Points of an even axis: from FIRSTX to LASTX in NPOINTS steps, each line beginning where it says."""
+    """Points on an even axis, from FIRSTX to LASTX in NPOINTS steps; each line begins at its stated abscissa."""
     first, last, count = (_stated(source, records, name) for name in ("FIRSTX", "LASTX", "NPOINTS"))
     if not (math.isfinite(first + last + count) and count >= 2):
         raise source.refused("", "does not state FIRSTX, LASTX and NPOINTS", "export it again")
@@ -152,13 +152,13 @@ def _even(source: Source, body: Lines, records: dict[str, Lines]) -> tuple[Float
 
 
 def _last_digit(text: str) -> float:
-    """One of the last digit that a number is written with, and a little: what its writer may have rounded off."""
+    """Rounding tolerance of a written number: slightly more than one unit of its last digit."""
     mantissa, _, power = text.casefold().partition("e")
     return 1.01 * float(10.0 ** (int(power or 0) - len(mantissa.partition(".")[2])))
 
 
 def _tokens(source: Source, number: int, text: str) -> list[str]:
-    """Numbers and compressed numbers of a line, which must be all of it."""
+    """Numbers and compressed numbers of a line, which must hold nothing else."""
     if _TOKEN.sub("", text).strip(" \t,;"):
         limit = "holds what is neither a number nor a compressed one"
         raise source.refused(f"line {number}", limit, "export the file again", text[:40])

@@ -28,7 +28,7 @@ _WITHOUT = {
 
 
 def labels(path: Path, pattern: str) -> dict[str, str]:
-    """What a file's name says by a pattern.
+    """Labels in a file's name, by a pattern.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def _expression(pattern: str) -> tuple[re.Pattern[str], list[str]]:
 
 
 def has_lens(word: str) -> bool:
-    """Whether a word says that there is a lens; `DataError` where it says neither."""
+    """Whether a word states a lens or none; `DataError` for any other word."""
     plain = re.sub(r"[\W_]+", "", word).casefold()
     if plain in _WITH or plain in _WITHOUT:
         return plain in _WITH

@@ -1,4 +1,4 @@
-"""Where in a file the table stands: what comes before it, its header, its units, its rows.
+"""The table's layout in a file: the lines before it, its header, its units, its rows.
 
 The idea: a header is a row of words above rows of numbers that have as many cells. Above it may stand titles and blocks
 of parameters, never numbers alone; below it everything must be the table, to the end of the file: a row that is not is
@@ -56,7 +56,7 @@ class Layout:
 
 
 def find(grid: Grid, columns: Sequence[str] | None = None) -> Layout:
-    """Place of the table in a grid; `DataError` where there is none, or where nothing states what its columns are.
+    """Layout of the table in a grid; `DataError` if there is none, or if nothing names its columns.
 
     ``columns`` names the columns of a table that has no header.
     """
@@ -95,7 +95,7 @@ def _header(grid: Grid, filled: list[int]) -> int | None:
 
 
 def _after_parameters(grid: Grid, filled: list[int], first: int) -> int | None:
-    """Place of the next header, if what stands before it is a list of names with an empty line at its end."""
+    """Row of the next header, if the rows before it are a list of parameters that ends with an empty line."""
     for place in range(first + 1, len(filled)):
         if is_number(grid.rows[filled[place]][0]):
             return None
@@ -105,7 +105,7 @@ def _after_parameters(grid: Grid, filled: list[int], first: int) -> int | None:
 
 
 def _can_head(grid: Grid, filled: list[int], place: int) -> bool:
-    """Whether a row is one of words, and what is below it has numbers in as many cells."""
+    """Whether a row holds words and the row below it numbers in as many cells."""
     row = filled[place]
     if is_number(grid.rows[row][0]):
         return False
@@ -125,19 +125,19 @@ def _can_head(grid: Grid, filled: list[int], place: int) -> bool:
 
 
 def _has_width(grid: Grid, row: int, width: int) -> bool:
-    """Whether a row has a number, and a cell for each of so many columns and no other."""
+    """Whether a row has a number and exactly as many cells as columns."""
     return grid.width(row) <= width <= len(grid.rows[row]) and _numbers(grid, row) > 0
 
 
 def _block(filled: list[int], place: int) -> list[int]:
-    """Rows from a place on to the next empty one, as many as show what they are."""
+    """Rows from a given one to the next empty one, up to the number needed to recognise them."""
     last = min(place + _TELLING, len(filled))
     end = next((n for n in range(place + 1, last) if filled[n] != filled[n - 1] + 1), last)
     return filled[place:end]
 
 
 def _units_below(grid: Grid, filled: list[int], place: int) -> list[str]:
-    """Units that the next row states, or nothing where it is not a row of units."""
+    """Units in the next row; empty if it is not a row of units."""
     if place + 1 >= len(filled):
         return []
     row = filled[place + 1]
@@ -179,7 +179,7 @@ def _remarked(grid: Grid, filled: list[int]) -> Layout:
 
 
 def _is_spectrum(grid: Grid, filled: list[int]) -> bool:
-    """Whether rows without a header can only be wavelengths in nm and values: two columns, the first runs one way."""
+    """Whether rows without a header can only be wavelengths in nm and values: two columns, the first monotonic."""
     pairs = [grid.rows[row] for row in filled]
     if len(pairs) < _SPECTRUM[0] or any(len(pair) != 2 or not all(map(is_number, pair)) for pair in pairs):
         return False
@@ -189,7 +189,7 @@ def _is_spectrum(grid: Grid, filled: list[int]) -> bool:
 
 
 def _headless(grid: Grid, filled: list[int]) -> DataError:
-    """Error for a table that begins with words below which there is no table of numbers."""
+    """Error for words that are not followed by a table of numbers."""
     heads = [heading(cell) for cell in grid.rows[filled[0]] if cell]
     if len(filled) > 1 and any(head.unit or head.quantity for head in heads):
         above, numbers = grid.place(filled[0]), _numbers(grid, filled[1])
@@ -204,7 +204,7 @@ def _headless(grid: Grid, filled: list[int]) -> DataError:
 
 
 def _named(grid: Grid, filled: list[int], columns: Sequence[str], header: int | None) -> Layout:
-    """Layout of a table without a header, or with one that does not fit it, whose columns the caller names."""
+    """Layout of a table without a fitting header, whose columns the caller names."""
     if header is not None:
         raise grid.refused(header, None, "is a header; the columns are named twice", "leave out the columns")
     first = next((n for n, row in enumerate(filled) if _numbers(grid, row) == grid.width(row) == len(columns)), None)

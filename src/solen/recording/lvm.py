@@ -29,7 +29,7 @@ _NEAR = 1e-3
 
 
 def is_lvm(source: Source) -> bool:
-    """Whether a file begins as an .lvm file does, or has the end of its header."""
+    """Whether a file begins like an .lvm file, or contains the end of its header."""
     return source.data.removeprefix(b"\xef\xbb\xbf").startswith(FIRST.encode()) or END.encode() in source.data
 
 
@@ -84,7 +84,7 @@ def read(source: Source) -> Recording:
 
 
 def _stated(source: Source, texts: Sequence[str]) -> dict[str, str]:
-    """What the file's header states, by its words."""
+    """Entries of the file's header, by key."""
     found: dict[str, str] = {}
     for number, text in enumerate(texts, 1):
         if text.startswith(END):
@@ -96,7 +96,7 @@ def _stated(source: Source, texts: Sequence[str]) -> dict[str, str]:
 
 
 def _packets(source: Source, lines: Sequence[_Line], stated: dict[str, str], mark: str) -> Iterator[_Packet]:
-    """Packets one after the other; without headers of their own, rows of numbers alone."""
+    """Packets in order; a file without packet headers holds rows of numbers only."""
     place = 0
     while place < len(lines):
         if lines[place].blank:
@@ -160,7 +160,7 @@ def _count(source: Source, near: _Line, cells: Sequence[str]) -> int:
 
 
 def _one(source: Source, near: _Line, cells: Sequence[str], count: int, mark: str) -> float:
-    """Number that a header states for each channel, which must be one; 0 where it states none."""
+    """Number in a header that must be equal for all channels; 0 if it states none."""
     held = {cell for cell in cells[:count] if cell}
     if len(held) > 1:
         limit = f"is in a packet whose channels have times of their own: {', '.join(sorted(held)[:4])}"
@@ -194,7 +194,7 @@ def _numbers(source: Source, row: _Line, width: int, x_columns: str, mark: str) 
 
 
 def _check_times(source: Source, rows: Sequence[_Line], off: FloatArray, step: float) -> None:
-    """`DataError` at the first row whose time is not the one that the header states."""
+    """`DataError` at the first row whose time contradicts the header."""
     wrong = np.flatnonzero(off > _NEAR * step + 1e-6)
     if wrong.size:
         limit = "has another time than the packet's header or its other columns state"

@@ -1,4 +1,4 @@
-"""Text files of spectrometers' programs: a header of words, a line that begins the numbers, then one point in a line.
+"""Text files of spectrometer programs: a header, a line that marks the start of the numbers, then one point per line.
 
 The idea: each program has a line above its numbers (``>>>>>Begin Spectral Data<<<<<``, ``XYDATA``, ``#DATA``,
 ``[Data]``), and some one below them; the header above states how many points there are, and often the first, the last
@@ -30,7 +30,7 @@ _POINTS = re.compile(r"\d\.\d.*,|,.*\d\.\d|^-?\d+,-?\d+$")
 
 @dataclass(frozen=True)
 class Program:
-    """How the files of a program are recognised and laid out.
+    """Marks and layout of a program's files.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class Program:
 
 
 def _pairs(separator: str) -> Callable[[Sequence[str]], Header]:
-    """Reader of lines that have a name, a separator and a value; the first without one is the title."""
+    """Reader of lines with a name, a separator and a value; the first line without a separator is the title."""
 
     def header(lines: Sequence[str]) -> Header:
         parts = [[part.strip(' "#') for part in re.split(separator, line, maxsplit=1)] for line in lines]
@@ -74,7 +74,7 @@ _PERKIN_NEUTRAL = {"y factor": "1", "y offset": "0"}
 
 
 def _perkin(lines: Sequence[str]) -> Header:
-    """What PerkinElmer's files state by the place of a line, at their beginning and below ``#GR``."""
+    """Entries of PerkinElmer's files, given by line number at the beginning and below ``#GR``."""
     graph = [line.strip() for line in lines]
     after = graph[graph.index("#GR") + 1 :] if "#GR" in graph else []
     stated = {name: graph[place] for place, name in _PERKIN.items() if place < len(graph)}
@@ -123,7 +123,7 @@ PROGRAMS = {
 
 
 def read(source: Source) -> Recording | None:
-    """Recording of a spectrum, None of a file of no such program; `DataError` with the line of what is damaged."""
+    """Recording of a spectrum; None for files of other programs; `DataError` with the line of any damage."""
     for name, program in PROGRAMS.items():
         if program.mark.search(source.data):
             return _read(source, name, program)
@@ -169,12 +169,12 @@ def _read(source: Source, name: str, program: Program) -> Recording:
 
 
 def _ending(lines: Sequence[str], body: Mapping[int, str]) -> str:
-    """Note on a last number that may have lost its end, where the file ends in it."""
+    """Note on the last number, which may be truncated if the file ends in it."""
     return cut_note(_CELLS.split(lines[-1].strip())[-1]) if lines[-1].strip() and len(lines) in body else ""
 
 
 def _body(source: Source, program: Program, lines: Sequence[str], first: int) -> dict[int, str]:
-    """Lines of numbers by their number in the file; `DataError` where numbers stand below their end."""
+    """Lines of numbers by line number; `DataError` if numbers follow after their end."""
     held = list(enumerate(lines[first:], first + 1))
     end = next((n for n, (_, line) in enumerate(held) if program.end and program.end.fullmatch(line.strip())), None)
     if end is None and program.ended:
@@ -187,7 +187,7 @@ def _body(source: Source, program: Program, lines: Sequence[str], first: int) ->
 
 
 def _rows(source: Source, body: Mapping[int, str]) -> list[list[float]]:
-    """Place and values of each line; `DataError` where a line has others than the first."""
+    """Abscissa and values of each line; `DataError` at a line with a different number of values from the first."""
     first = next(iter(body.values()), "")
     separator = "\t" if "\t" in first else ";" if ";" in first else "," if _POINTS.search(first) else None
     mark = "," if separator != "," and any("," in line for line in body.values()) else "."
@@ -204,7 +204,7 @@ def _rows(source: Source, body: Mapping[int, str]) -> list[list[float]]:
 
 
 def _check_places(source: Source, lines: Sequence[int], x: FloatArray, stated: Mapping[str, str]) -> None:
-    """`DataError` at the first place that does not run on, or that is off the even steps that the file states."""
+    """`DataError` at the first abscissa that is out of order or off the even steps that the file states."""
     steps = np.diff(x) * (1.0 if np.sum(np.diff(x) > 0.0) * 2 > x.size - 1 else -1.0)
     back = np.flatnonzero(~(steps > 0.0))
     if back.size:

@@ -19,7 +19,7 @@ _DEEPEST = 8
 
 
 def is_matlab(source: Source) -> bool:
-    """Whether a file begins as a .mat file of version 5 to 7 does, or is called one and begins as one of version 4."""
+    """Whether a file begins like a .mat file of version 5 to 7, or is named .mat and begins like version 4."""
     kind = int.from_bytes(source.data[:_OLD], "little")
     named = source.path.suffix.lower() == ".mat" and kind < 5000 and len(source.data) > 20
     return source.data.startswith(_MAGIC) or named
@@ -52,14 +52,14 @@ def read(source: Source, columns: Sequence[str] | None = None) -> Recording:
 
 
 def _header(source: Source) -> dict[str, str]:
-    """What the file says of its program; version 4 says nothing."""
+    """Header that names the program; version 4 has none."""
     if not source.data.startswith(_MAGIC):
         return {}
     return {"header": " ".join(source.data[:116].decode("latin-1").split())}
 
 
 def _leaves(name: str, value: Any, depth: int) -> Iterator[tuple[str, Any]]:
-    """Texts and arrays of a variable, those of a structure by its fields."""
+    """Texts and arrays of a variable; those of a structure by field."""
     if isinstance(value, dict) and depth < _DEEPEST:
         for key, one in value.items():
             yield from _leaves(f"{name}.{key}" if name else str(key), one, depth + 1)

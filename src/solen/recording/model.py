@@ -1,4 +1,4 @@
-"""What an instrument, a person or a simulation recorded: channels of numbers with units, and where they come from.
+"""A recording of an instrument, a person or a simulation: channels of numbers with units, and their provenance.
 
 The idea: a spectrum, a compression test, a working curve and a bench's voltages are one kind of thing, columns of
 numbers along an axis. Numbers stay as the file states them, in its unit and with its gaps; code that uses a channel
@@ -26,7 +26,7 @@ FROM_WAVENUMBERS = note("computed from the wavenumbers")
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Channel(Result):
-    """Numbers of one quantity, along one axis.
+    """Values of one quantity along one axis.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class Channel(Result):
     metadata: Mapping[str, str] = field(default_factory=dict)
 
     def to(self, unit: str) -> FloatArray:
-        """Values in another unit; `DataError` where the channel's is not one that can be taken there."""
+        """Values in another unit; `DataError` if the channel's unit cannot be converted to it."""
         scale = factor(self.unit, unit)
         if scale is None:
             limit = f"cannot be taken to {unit}"
@@ -69,14 +69,14 @@ class Channel(Result):
         return of(self.name, Caution(self.note))
 
     def noted(self, *notes: str) -> "Channel":
-        """The same with further notes, those that are not empty."""
+        """A copy with further notes, without empty ones."""
         every = sorted(filter(None, (self.note, *notes)), key=lambda one: rank_of(one) == NOTE)
         return replace(self, note="; ".join(every))
 
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where numbers come from.
+    """Origin of numbers: file, checksum, format, instrument.
 
     Attributes
     ----------
@@ -156,7 +156,7 @@ class Recording(Result):
         raise DataError(f"trace {name}", limit=f"not in {self.provenance.file or 'the recording'}", remedy=remedy)
 
     def find(self, *names: str) -> Channel | None:
-        """First channel called by, or being the quantity of, one of these names; case and spaces do not matter."""
+        """First channel whose name or quantity is one of the given names, ignoring case and spaces."""
         for name in names:
             wanted = plain(name)
             for channel in self.channels:
@@ -165,7 +165,7 @@ class Recording(Result):
         return None
 
     def need(self, *names: str) -> Channel:
-        """The channel that `find` gives; `DataError` where there is none."""
+        """The channel that `find` returns; `DataError` if there is none."""
         channel = self.find(*names)
         if channel is None:
             limit = f"has no column {' or '.join(names)}"
@@ -174,7 +174,7 @@ class Recording(Result):
         return channel
 
     def label(self, *names: str) -> tuple[str, ...] | None:
-        """First column of words called by one of these names, as `find` reads them; None where there is none."""
+        """First column of words with one of the given names, compared as in `find`; None if there is none."""
         for name in names:
             for column, texts in self.texts.items():
                 if plain(name) == plain(column):
@@ -183,7 +183,7 @@ class Recording(Result):
 
     @property
     def warnings(self) -> list[Caution]:
-        """What a reader of the numbers must know, a sentence for each channel that has a note."""
+        """Warnings about the numbers: a sentence for each channel that has a note."""
         return [channel.remark for channel in self.channels if channel.note]
 
 

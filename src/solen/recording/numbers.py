@@ -1,4 +1,4 @@
-"""Numbers as files write them: which texts are one, and what mark stands before the decimals.
+"""Numbers as files write them: which texts are numbers, and which decimal mark they use.
 
 The idea: a text is a number only if all of it is. What a lenient reader would take (``1_000``, ``nan``, ``0x1F``,
 Arabic digits) or mend (``12.5x``, ``1.234,5``) is what damage looks like. Instruments write numbers in one way only, so
@@ -28,17 +28,17 @@ def is_number(cell: str) -> bool:
 
 
 def is_missing(cell: str) -> bool:
-    """Whether a cell is empty or says that there is no number."""
+    """Whether a cell is empty or marks a missing number."""
     return not cell or cell.lower() in _MISSING
 
 
 def all_numbers(cells: Sequence[str], *, machine: bool = False) -> bool:
-    """Whether all cells are numbers, in the one form of instruments if a ``machine`` wrote them; of many at once."""
+    """Whether all cells are numbers; with ``machine``, only in the form that instruments write."""
     return bool(cells) and (_MACHINES if machine else _NUMBERS).fullmatch("\n".join(cells)) is not None
 
 
 def parse(cell: str, mark: str, *, machine: bool = False) -> float:
-    """Number of a cell; NaN for one that is missing; `ValueError` with what is wrong for any other.
+    """Number of a cell; NaN for a missing one; `ValueError` with the reason otherwise.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def parse(cell: str, mark: str, *, machine: bool = False) -> float:
 
 
 def digits(cell: str) -> tuple[int, int]:
-    """How many significant digits a number is written with, and how many after its mark."""
+    """Numbers of significant digits and of decimals in a written number."""
     size = cell.lstrip("+-−–")
     match = _MANTISSA.fullmatch(size)
     if not match:

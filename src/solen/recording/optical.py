@@ -56,7 +56,7 @@ class OpticalSpectra:
 
 
 def optical_spectra(recording: Recording, chosen: Mapping[str, Sequence[str]]) -> OpticalSpectra:
-    """Spectra of a recording: those named for ``T``, ``R`` and ``A``, or where none is, the only one of each.
+    """Spectra of a recording: those named for ``T``, ``R`` and ``A``, or without names the only one of each.
 
     Raises
     ------
@@ -82,7 +82,7 @@ def optical_spectra(recording: Recording, chosen: Mapping[str, Sequence[str]]) -
 
 
 def kind_of(channel: Channel) -> str | None:
-    """What a channel is, ``T``, ``R`` or ``A`` of either kind, or None: by its quantity, else by its unit."""
+    """Kind of a channel, ``T``, ``R`` or ``A`` (of either kind), or None: by its quantity, else by its unit."""
     if channel.quantity:
         return _QUANTITIES.get(channel.quantity)
     by_name = "A" if channel.name.casefold() == "a" else None
@@ -90,7 +90,7 @@ def kind_of(channel: Channel) -> str | None:
 
 
 def listed(names: Sequence[str]) -> str:
-    """Names in one line, the first of many."""
+    """Names in one line, shortened to the first few."""
     more = len(names) - _MOST_LISTED
     return ", ".join(names[:_MOST_LISTED]) + (f" and {more} more, which solen resin spectra lists" if more > 0 else "")
 

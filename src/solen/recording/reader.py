@@ -34,7 +34,7 @@ _HEAD = 200  # rows in which a program's header stands
 
 @dataclass(frozen=True)
 class Format:
-    """How files of a format are recognised by their content, and read; each function returns None for other files.
+    """How to recognise and read files of a format by content; each function returns None for other files.
 
     Attributes
     ----------
@@ -117,7 +117,7 @@ def read(path: Path | str, *, sheet: str | None = None, columns: Sequence[str] |
 
 
 def _parts(source: Source, sheet: str | None, columns: Sequence[str] | None) -> list[tuple[str, Recording]]:
-    """Recordings of a file, by the names of specimens where it holds several."""
+    """Recordings of a file, by the names of specimens if it holds several."""
     formats = (*FORMATS.added().values(), *FORMATS.own.values())
     named = next(filter(None, (one.from_arrays(source, columns) for one in formats)), None)
     if named is not None:

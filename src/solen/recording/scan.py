@@ -1,4 +1,4 @@
-"""What a scan's own numbers show of damage: wavelengths that jump, values that stand alone, digits too many.
+"""Damage visible in the numbers of a scan: jumps of the wavelength, isolated values, surplus digits.
 
 The idea: a monochromator moves one way, in even steps. A step that differs from equal steps before and after it is no
 scan's; nor are wavelengths that differ in one place from those of all traces beside them.
@@ -27,7 +27,7 @@ _FEW = 0.1  # wavelengths that differ from those of other traces in at most this
 
 
 def check_wavelengths(grid: Grid, column: int, rows: Sequence[int], waves: FloatArray) -> None:
-    """`DataError` at the first wavelength of a trace that no scan would have."""
+    """`DataError` at the first wavelength that cannot belong to a scan."""
     outside = np.flatnonzero((waves < RANGE_NM[0]) | (waves > RANGE_NM[1]) | np.isnan(waves))
     if outside.size:
         limit = f"no wavelength in nm is outside {RANGE_NM[0]:g} to {RANGE_NM[1]:g}"
@@ -50,7 +50,7 @@ def check_wavelengths(grid: Grid, column: int, rows: Sequence[int], waves: Float
 
 
 def disorder(waves: FloatArray) -> str:
-    """Note on wavelengths that run one way but in a few places; empty where all do, or where this is not a scan."""
+    """Note on wavelengths that are monotonic except in a few places; empty if all are, or if this is no scan."""
     steps = np.diff(waves)
     ways = [np.flatnonzero(~(steps > 0.0)), np.flatnonzero(~(steps < 0.0))]
     wrong = min(ways, key=len)
@@ -61,7 +61,7 @@ def disorder(waves: FloatArray) -> str:
 
 
 def uneven(steps: FloatArray) -> int | None:
-    """First step that is off between even ones, or None. The first may be shorter than the others, and the last.
+    """First uneven step between even ones, or None; the first and the last step may be shorter.
 
     A step is judged by the two before it and the two after; where one point is off, two steps are, so those may follow
     one another. At the ends it is judged by three on one side.
@@ -81,7 +81,7 @@ def uneven(steps: FloatArray) -> int | None:
 
 
 def check_alike(grid: Grid, traces: Sequence[tuple[int, Sequence[int], FloatArray]]) -> None:
-    """`DataError` at a wavelength that differs from those of most traces, where all others are the same.
+    """`DataError` at a wavelength that differs from most traces while all others agree.
 
     Each trace is its column of wavelengths, its rows and the wavelengths.
     """
@@ -103,7 +103,7 @@ def check_alike(grid: Grid, traces: Sequence[tuple[int, Sequence[int], FloatArra
 
 
 def check_wild(grid: Grid, column: int, rows: Sequence[int], values: FloatArray) -> None:
-    """`DataError` at a value a hundred times those about it, which agree: the mark before its decimals was lost.
+    """`DataError` at a value a hundred times its neighbours, which agree: its decimal mark was lost.
 
     A detector's spike is smaller, and noise about zero has neighbours of its own size within ten rows.
     """
@@ -124,7 +124,7 @@ def check_wild(grid: Grid, column: int, rows: Sequence[int], values: FloatArray)
 
 
 def check_digits(grid: Grid, columns: Sequence[tuple[int, Sequence[int]]]) -> None:
-    """`DataError` at a number with more digits than its program prints: two numbers became one, or a digit too many.
+    """`DataError` at a number with more digits than its program prints: merged numbers, or a surplus digit.
 
     A program prints either so many significant digits or so many after the mark; all but a few numbers show which.
     Each column is its place and its rows.
@@ -146,7 +146,7 @@ def _usual_most(counts: Counter[int]) -> int:
 
 
 def alone(values: FloatArray) -> IndexArray:
-    """Places of values that stand far from both neighbours, while those agree; at the ends, from the two beside them.
+    """Indices of values far from both neighbours, which agree; at the ends, far from the two nearest.
 
     Far is fifty times the usual distance of a value from the middle of its neighbours, and a twentieth of them.
     """
@@ -163,7 +163,7 @@ def alone(values: FloatArray) -> IndexArray:
 
 
 def alone_note(values: FloatArray, where: Sequence[str]) -> str:
-    """Note on values that stand alone, with where each of the values stands; empty where none does."""
+    """Note on isolated values and their positions; empty if there are none."""
     places = alone(values)
     if not places.size:
         return ""

@@ -1,4 +1,4 @@
-"""A file's bytes, its checksum and its text: what every reader begins with.
+"""A file's bytes, checksum and text, with which every reader begins.
 
 The idea: nothing is taken for text that is not. Bytes that no instrument's program writes, a text that is UTF-8 in one
 place and not in another, a control character: each is a sign that the file is another one or was damaged, and each is
@@ -65,17 +65,17 @@ class Source:
 
     @property
     def padding(self) -> int:
-        """NUL bytes behind the last line of a text: a logger that reserves room before it writes has left them."""
+        """Number of NUL bytes after the last line of a text, left by a logger that reserves space before writing."""
         kept = self.data.rstrip(b"\0")
         reserved = kept.endswith((b"\n", b"\r")) and b"\0" not in kept
         return len(self.data) - len(kept) if reserved else 0
 
     def refused(self, place: str, limit: str, remedy: str, value: object = None) -> DataError:
-        """Error that names the file and the place in it."""
+        """Error that names the file and the position in it."""
         return DataError(f"{self.path}{', ' if place else ''}{place}", value=value, limit=limit, remedy=remedy)
 
     def lines(self) -> list[str]:
-        """Lines of the text, without their breaks; the last one is empty where the text ends with a break."""
+        """Lines of the text without line breaks; the last one is empty if the text ends with a break."""
         text = self.text()
         lines = _BREAK.split(text)
         bad = _CONTROL.search(text)

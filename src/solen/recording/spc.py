@@ -54,7 +54,7 @@ class _Head:
 
 
 def is_spc(source: Source) -> bool:
-    """Whether a file begins as one of this format, of any version, does."""
+    """Whether a file begins like any version of this format."""
     data = source.data
     if len(data) < _HEADER or data[1] not in {_NEW, _BIG_ENDIAN, _OLD} or data.isascii():
         return False
@@ -62,7 +62,7 @@ def is_spc(source: Source) -> bool:
 
 
 def read(source: Source) -> Recording:
-    """Recording of all spectra of a file, on one axis; `DataError` where it is not whole, or not read."""
+    """Recording of all spectra of a file on one axis; `DataError` if it is incomplete or of a kind not read."""
     if source.data[1] == _OLD:
         limit = "is an SPC file of the old layout (4Dh), which is not read"
         raise source.refused("", limit, "save it again in its program, or as CSV or JCAMP-DX")
@@ -91,7 +91,7 @@ def _head(data: bytes) -> _Head:
 
 
 def _places(source: Source, head: _Head) -> tuple[FloatArray, int]:
-    """Places along the axis, even or one by one, and where the first spectrum begins."""
+    """Abscissae, even or listed, and the offset of the first spectrum."""
     if not head.flags & _PLACES:
         return np.linspace(head.first, head.last, head.points), _HEADER
     x = _array(source, head, f"{head.order}f4", _HEADER)
@@ -101,7 +101,7 @@ def _places(source: Source, head: _Head) -> tuple[FloatArray, int]:
 
 
 def _values(source: Source, head: _Head, start: int) -> Iterator[tuple[float, FloatArray]]:
-    """Place in the series and values of each spectrum; they must end where the log begins, or the file ends."""
+    """Position in the series and values of each spectrum; they must end at the log or at the end of the file."""
     size = 2 if head.short else 4
     end = start + head.spectra * (_SUB + size * head.points)
     gap = (head.log or len(source.data)) - end
@@ -133,5 +133,5 @@ def _array(source: Source, head: _Head, kind: str, start: int) -> FloatArray:
 
 
 def _percent(unit: str, values: FloatArray) -> str:
-    """Unit of values; a transmission or reflection beyond one is in percent, whatever the header calls it."""
+    """Unit of values; a transmittance or reflectance above 1 is in percent, whatever the header says."""
     return f"%{unit}" if unit in _FRACTIONS and np.median(values) > _MOST_PERCENT else unit

@@ -39,7 +39,7 @@ _LEAST_ROWS = 2
 
 @dataclass(frozen=True)
 class Table:
-    """A specimen's table, as a grid of its own: its name, which is empty where it is the only one."""
+    """A specimen's table as its own grid, with its name, which is empty for a single specimen."""
 
     name: str
     grid: Grid
@@ -48,7 +48,7 @@ class Table:
 
 @dataclass(frozen=True)
 class _Block:
-    """Rows of a table in the file: what stands above it, names, units, and its numbers in some columns."""
+    """Rows of a table in the file: title, names, units, and its numbers in some columns."""
 
     title: str
     header: int
@@ -62,7 +62,7 @@ class _Block:
 
 
 def specimens(grid: Grid) -> list[Table]:
-    """Tables of specimens; none where a file is no such export, `DataError` where a row of numbers belongs to none."""
+    """Tables of specimens; none for other files; `DataError` at a row of numbers that belongs to no specimen."""
     stacked = list(_stacked(grid))
     blocks = [part for block in stacked for part in _side_by_side(grid, block)]
     taken = {row for block in stacked for row in (*block.head, *block.body)}
@@ -122,7 +122,7 @@ def _is_row(grid: Grid, row: int) -> bool:
 
 
 def _side_by_side(grid: Grid, block: _Block) -> Iterator[_Block]:
-    """Specimens whose columns repeat, each with the rows that it has; the block itself where none do."""
+    """Specimens side by side in repeated columns, each with its own rows; the block itself if none repeat."""
     names = [plain(name) for name in grid.rows[block.header][: len(block.columns)]]
     filled = [n for n, name in enumerate(names) if name]
     starts = [n for n in filled if names[n] == names[filled[0]]]
@@ -137,7 +137,7 @@ def _side_by_side(grid: Grid, block: _Block) -> Iterator[_Block]:
 
 
 def _joined(grid: Grid, blocks: Sequence[_Block]) -> _Block:
-    """One test of acquisitions that follow one another; `DataError` where they have other columns."""
+    """One test of consecutive acquisitions; `DataError` if their columns differ."""
     first = blocks[0]
     for block in blocks[1:]:
         if grid.rows[block.header : block.header + 2] != grid.rows[first.header : first.header + 2]:
@@ -166,7 +166,7 @@ def _states_units(cells: Sequence[str]) -> bool:
 
 
 def _of_each(grid: Grid, rows: Sequence[int], names: Sequence[str], *, by_name: bool) -> dict[int, int]:
-    """Row of a list for each specimen: by its name, the number in it, or, of as many as there are, its place.
+    """Row of a list for each specimen: by name, by the number in its name, or by position if the counts agree.
 
     Raises
     ------
@@ -192,7 +192,7 @@ def _of_each(grid: Grid, rows: Sequence[int], names: Sequence[str], *, by_name: 
 
 
 def _number(name: str) -> str:
-    """The number that a name ends in, without zeros before it; empty without one."""
+    """Number at the end of a name, without leading zeros; empty if there is none."""
     found = re.search(r"(\d+)\W*$", name)
     return "" if found is None else f"{int(found[1])}"
 
@@ -210,7 +210,7 @@ def _lines(grid: Grid, lists: Sequence[tuple[int, int, dict[int, int]]], number:
 
 
 def _names(blocks: Sequence[_Block]) -> list[str]:
-    """Name of each specimen: what stands above it, or its number; none of one alone."""
+    """Name of each specimen: its title, or its number; empty for a single one."""
     titles = [block.title for block in blocks]
     if len(blocks) == 1:
         return titles
@@ -219,7 +219,7 @@ def _names(blocks: Sequence[_Block]) -> list[str]:
 
 
 def _table(grid: Grid, block: _Block, name: str, above: Sequence[list[str]]) -> Table:
-    """A block as a grid of its own, below the parameters that belong to it."""
+    """A block as its own grid, below its parameters."""
     chosen = [block.header, block.header + 1, *block.body]
     start, stop = block.columns.start, block.columns.stop
     beyond = max(map(grid.width, chosen)) > stop and grid.width(block.header) == stop and not start

@@ -47,7 +47,7 @@ class Spectrum:
 
 @dataclass(frozen=True)
 class Trace:
-    """What a spectrum is, and how far it reaches.
+    """Name, quantity, unit and range of a spectrum.
 
     Attributes
     ----------
@@ -108,7 +108,7 @@ def spectra(recording: Recording) -> tuple[Spectrum, ...]:
 
 
 def listing(recordings: Sequence[Recording], names: Sequence[str] = (), *, repeats: bool = False) -> Listing:
-    """Spectra of recordings, by name or all; `DataError` where none has one of that name."""
+    """Spectra of recordings, by name or all; `DataError` if none has a given name."""
     for name in names:
         there = [recording for recording in recordings if name in recording.names] or recordings
         if all(there[0].channel(name).name != one.channel.name for one in spectra(there[0])):

@@ -108,19 +108,19 @@ def columns(grid: Grid, place: Layout, *, machine: bool = False) -> list[Column]
 
 
 def _is_time(head: Heading) -> bool:
-    """Whether a column of words may be one of clock times."""
+    """Whether a column of words may hold clock times."""
     return head.quantity == "time" or (not head.unit and plain(head.name) in _STAMPS)
 
 
 def _headings(place: Layout, held: Sequence[int]) -> list[Heading]:
-    """What the headers say, by what stands beside them: T is a transmittance where there are wavelengths."""
+    """Meaning of the headers in context: T is a transmittance beside wavelengths."""
     texts = [(place.names[column] or f"column {column + 1}", place.units[column]) for column in held]
     optical = any(heading(name, unit).quantity in {"wavelength", "wavenumber"} for name, unit in texts)
     return [heading(name, unit, optical=optical) for name, unit in texts]
 
 
 def _check_range(grid: Grid, place: Layout, column: Column) -> None:
-    """`DataError` at an impossible wavelength, as where the names of columns moved."""
+    """`DataError` at an impossible wavelength, as after the names of columns shifted."""
     if column.head.quantity != "wavelength" or column.values is None or not column.head.unit:
         return
     nm = column.values * (factor(column.head.unit, "nm") or math.nan)
@@ -142,7 +142,7 @@ def _kind(cells: list[str], name: str) -> str:
 
 
 def recorded(grid: Grid, place: Layout, result: list[Column], kind: str) -> Recording:
-    """Recording of columns that were read, with what the file says about them."""
+    """Recording of the columns read, with the file's statements about them."""
     names = unique([column.head.name for column in result])
     channels = [
         Channel(name, column.head.quantity, column.head.unit, column.values, note=_ending(grid, place, column))
@@ -164,7 +164,7 @@ def recorded(grid: Grid, place: Layout, result: list[Column], kind: str) -> Reco
 
 
 def is_simulated(metadata: Mapping[str, str]) -> bool:
-    """Whether parameters or remarks say that the numbers were computed: ``simulated: yes``, ``# simulated from``."""
+    """Whether parameters or remarks state that the numbers were computed: ``simulated: yes``, ``# simulated from``."""
     stated = [value for key, value in metadata.items() if plain(key) in {"simulated", "simulation", "synthetic"}]
     if stated:
         return plain(stated[0]) not in {"no", "false", "0", "nein", "none"}
@@ -172,7 +172,7 @@ def is_simulated(metadata: Mapping[str, str]) -> bool:
 
 
 def unique(names: Sequence[str]) -> list[str]:
-    """Names with a number after each that was there before: ``sample``, ``sample (2)``."""
+    """Names made unique by a number after each repetition: ``sample``, ``sample (2)``."""
     seen: Counter[str] = Counter()
     taken = set(names)
     found = []
@@ -187,7 +187,7 @@ def unique(names: Sequence[str]) -> list[str]:
 
 
 def parameters(grid: Grid, place: Layout) -> dict[str, str]:
-    """What stands above and below the table: names with their values, and remarks."""
+    """Lines above and below the table: names with values, and remarks."""
     pairs = [_parameter([cell for cell in grid.rows[row] if cell]) for row in place.before]
     found = dict(zip(unique([key for key, _ in pairs]), (value for _, value in pairs), strict=True))
     remarks = [text for _, text in grid.remarks if text] + [" ".join(grid.rows[row]).strip() for row in place.after]
@@ -200,7 +200,7 @@ def parameters(grid: Grid, place: Layout) -> dict[str, str]:
 
 
 def _parameter(cells: list[str]) -> tuple[str, str]:
-    """Name and value of a line above the table; a line that names nothing is a title."""
+    """Name and value of a line above the table; a line without a name is a title."""
     key, separator, value = cells[0].partition(":")
     if len(cells) > 1:
         return cells[0].rstrip(": "), " ".join(cells[1:])
@@ -208,7 +208,7 @@ def _parameter(cells: list[str]) -> tuple[str, str]:
 
 
 def along_axes(channels: list[Channel], labels: Collection[str]) -> list[Channel]:
-    """Channels with the axis that each runs along: the wavelength to its left, or else the time; labels along none."""
+    """Channels with their axes: the wavelength to the left, or else the time; labels have none."""
     channels = _with_wavelengths(channels)
     waves = [channel for channel in channels if channel.quantity == "wavelength"]
     if waves:
@@ -221,7 +221,7 @@ def along_axes(channels: list[Channel], labels: Collection[str]) -> list[Channel
 
 
 def _with_wavelengths(channels: list[Channel]) -> list[Channel]:
-    """Channels with the wavelengths of the wavenumbers that they run along, where no wavelengths are stated."""
+    """Channels on wavelengths computed from wavenumbers, if no wavelengths are stated."""
     numbers = [channel for channel in channels if channel.quantity == "wavenumber" and channel.unit]
     if len(numbers) != 1 or any(channel.quantity == "wavelength" for channel in channels):
         return channels
@@ -249,7 +249,7 @@ def _along_waves(channels: list[Channel], labels: Collection[str]) -> list[Chann
 
 
 def _in_nm(channel: Channel) -> Channel:
-    """Wavelengths with nm for their unit where none is stated and they can be nothing else."""
+    """Wavelengths in nm if no unit is stated and no other is possible."""
     values = channel.values[np.isfinite(channel.values)]
     if channel.unit or not values.size or values.min() < _TAKEN_NM[0] or values.max() > _TAKEN_NM[1]:
         return channel
@@ -258,7 +258,7 @@ def _in_nm(channel: Channel) -> Channel:
 
 
 def _with_percent(channels: list[Channel]) -> list[Channel]:
-    """Spectra with %T for their unit where only a baseline beside them says so, as in tables cleaned by hand."""
+    """Spectra in %T if only a baseline beside them shows it, as in manually edited tables."""
     optical = any(channel.quantity == "wavelength" for channel in channels)
     baselines = [one for one in channels if one.unit == "%" and one.name.casefold().startswith("baseline")]
     if not optical or not baselines:
@@ -275,7 +275,7 @@ def _with_percent(channels: list[Channel]) -> list[Channel]:
 
 
 def _ending(grid: Grid, place: Layout, column: Column) -> str:
-    """Note on a last number that may have lost its end, in a file whose last line has none."""
+    """Note on the last number, which may be truncated if the file's last line has no line break."""
     cells = [grid.rows[row][column.place] for row in place.body]
     if grid.source.padding and column.place == len(place.names) - 1:
         return (

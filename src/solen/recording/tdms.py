@@ -21,7 +21,7 @@ _UNITS = ("unit_string", "NI_UnitDescription", "NI_unit_string", "unit")
 
 
 def is_tdms(source: Source) -> bool:
-    """Whether a file begins as a TDMS file does."""
+    """Whether a file begins like a TDMS file."""
     return source.data.startswith(_MAGIC)
 
 
@@ -65,7 +65,7 @@ def _check_segments(data: bytes) -> None:
 
 
 def _arrays(prefix: str, channel: Any) -> list[Array]:
-    """A channel, and before it its time where it is a waveform; stamps are seconds from the first one."""
+    """A channel, preceded by its time if it is a waveform; time stamps become seconds from the first."""
     values = np.asarray(channel[:])
     unit = next((str(channel.properties[key]) for key in _UNITS if channel.properties.get(key)), "")
     if values.dtype.kind == "M":
@@ -77,7 +77,7 @@ def _arrays(prefix: str, channel: Any) -> list[Array]:
 
 
 def _once(arrays: list[Array]) -> list[Array]:
-    """Arrays without times that are the same as one before, as each waveform has its own."""
+    """Arrays without repeated times, as each waveform brings its own."""
     once: list[Array] = []
     for array in arrays:
         same = any(array.name == other.name and np.array_equal(array.values, other.values) for other in once)

@@ -1,4 +1,4 @@
-"""Exports of test machines: what was set and found, then the channels of the test; testXpert's in German or English.
+"""Exports of test machines: settings and results, then the channels of the test; testXpert's in German or English.
 
 The idea: a block of parameters, each with its value and unit, a row of names, a row of units, rows of numbers. It is a
 table, and read as one; but a machine wrote it, so all that a hand would do to a table is damage here: a number in
@@ -61,7 +61,7 @@ def program(grid: Grid, place: Layout) -> str:
 
 
 def read(grid: Grid, place: Layout, kind: str = "testxpert") -> Recording:
-    """Recording of an export, of this program or another; `DataError` with the line and column of what is damaged."""
+    """Recording of an export of this or another program; `DataError` with the line and column of any damage."""
     _check_whole(grid, place)
     table.check_rows(grid, place)
     columns = table.columns(grid, place, machine=True)
@@ -81,7 +81,7 @@ def read(grid: Grid, place: Layout, kind: str = "testxpert") -> Recording:
 
 
 def stated(recording: Recording, *names: str) -> tuple[float, str] | None:
-    """Number and unit of the first parameter called by one of these names; None where none is, or none is known.
+    """Number and unit of the first parameter with one of the given names; None if it is absent or has no value.
 
     The names are the file's own, ``E-Modul`` or ``Probendicke a0``; case and spaces do not matter.
     """
@@ -94,7 +94,7 @@ def stated(recording: Recording, *names: str) -> tuple[float, str] | None:
 
 
 def _check_whole(grid: Grid, place: Layout) -> None:
-    """`DataError` where the lines are not those of one test, from the first to the end of the file."""
+    """`DataError` unless the lines belong to one complete test."""
     twice = [name for name, count in Counter(map(plain, place.names)).items() if count > 1]
     if twice:
         column = max(n for n, name in enumerate(place.names) if plain(name) == twice[0])
@@ -112,7 +112,7 @@ def _check_whole(grid: Grid, place: Layout) -> None:
 
 
 def _check(grid: Grid, place: Layout, column: table.Column, values: FloatArray) -> None:
-    """`DataError` where the numbers of a channel cannot be what a machine recorded."""
+    """`DataError` if a machine cannot have recorded the numbers of a channel."""
     quantity = column.head.quantity
     beyond = np.flatnonzero(np.abs(values) > _LIMITS.get(quantity, np.inf))
     if beyond.size:
@@ -125,7 +125,7 @@ def _check(grid: Grid, place: Layout, column: table.Column, values: FloatArray) 
 
 
 def _check_time(grid: Grid, place: Layout, column: table.Column, values: FloatArray) -> None:
-    """`DataError` where time runs back, or stands still where it does so nowhere else."""
+    """`DataError` if time runs backwards, or stands still at a single point."""
     steps = np.diff(values)
     wrong = ~(steps >= 0.0)
     still = steps == 0.0

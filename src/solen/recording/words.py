@@ -1,4 +1,4 @@
-"""What a column's header says: name, unit and quantity, in the spellings of instruments, of German ones and of people.
+"""Column headers: name, unit and quantity, in the spellings of instruments (English and German) and of people.
 
 The idea: ``thickness_um``, ``Thickness (µm)``, ``Dicke [µm]`` and ``thickness / µm`` are one statement. A bracket or an
 ending is only taken for a unit if it is one and fits the word before it: the ``(R)`` of ``Reflectance (R)`` is a
@@ -134,7 +134,7 @@ _PERCENTS = {"T": "transmittance", "R": "reflectance", "A": "absorptance"}
 
 @dataclass(frozen=True)
 class Heading:
-    """What a header says; unit and quantity are empty where it does not."""
+    """Content of a header; unit and quantity are empty if it states none."""
 
     name: str
     unit: str
@@ -175,7 +175,7 @@ def heading(text: str, unit: str = "", *, optical: bool = False) -> Heading:
 
 
 def quantity_of(name: str, unit: str = "", *, optical: bool = False) -> str:
-    """Quantity that a name means, or empty where it has no meaning or its unit is of another kind."""
+    """Quantity that a name denotes; empty if it denotes none or its unit is of another kind."""
     meant = [quantity for quantity in _meanings(name) if not unit or _fits(quantity, unit)]
     if optical and not meant:
         meant = [meaning for meaning in _meanings(re.split(r"[\s_-]", name)[-1]) if not unit or _fits(meaning, unit)]
@@ -186,17 +186,17 @@ def quantity_of(name: str, unit: str = "", *, optical: bool = False) -> str:
 
 
 def is_label(text: str) -> bool:
-    """Whether a header is of a column that names its rows: replicate, sample, orientation."""
+    """Whether a column names its rows: replicate, sample, orientation."""
     return plain(text) in _label_words() or plain(heading(text).name) in _label_words()
 
 
 def plain(name: str) -> str:
-    """A name without what spellings differ in: case, underscores and spaces."""
+    """A name without differences of spelling: case, underscores and spaces."""
     return " ".join(name.replace("_", " ").casefold().split())
 
 
 def stated_unit(text: str) -> bool:
-    """Whether a text is a unit that measurements are written in; pint alone would take ``R`` and ``a.u.`` for units."""
+    """Whether a text is a unit used for measurements; pint alone would accept ``R`` and ``a.u.`` as units."""
     text = text.strip()
     if len(text) > _LONGEST:
         return False
@@ -208,7 +208,7 @@ def stated_unit(text: str) -> bool:
 
 
 def is_mode(text: str) -> bool:
-    """Whether a text is what a spectrophotometer calls a trace in percent, ``%T``: a unit, and a name as well."""
+    """Whether a text is a spectrophotometer's mode such as ``%T``, both a unit and a name."""
     found = _PERCENT.fullmatch(text.strip())
     return found is not None and not found[4]
 
@@ -242,7 +242,7 @@ def _suffixed(text: str, optical: bool) -> Heading | None:
 
 
 def _unit_of_parts(parts: list[str]) -> str:
-    """Unit that the parts of a name spell: ``mJ per cm2``, ``per mm``, and ``mJ cm2``, which people write for it."""
+    """Unit spelled by the parts of a name: ``mJ per cm2``, ``per mm``, and ``mJ cm2``, common for the first."""
     words = ["/" if part == "per" else part for part in parts]
     if words[0] == "/":
         words.insert(0, "1")
@@ -252,7 +252,7 @@ def _unit_of_parts(parts: list[str]) -> str:
 
 
 def _is_unit_of(name: str, unit: str, *, bracketed: bool = False) -> bool:
-    """Whether a text is a unit and, where the name's quantity is known, one of its kind.
+    """Whether a text is a unit and, if the quantity is known, one of its kind.
 
     A bracket after a single letter is its unit all the same: the ``b`` of ``b (V)`` is not a width.
     """
@@ -300,7 +300,7 @@ def _label_words() -> frozenset[str]:
 
 
 def _meanings(name: str) -> list[str]:
-    """Quantities that a name can mean; of a single letter the case matters, as T and t are two things."""
+    """Quantities that a name can denote; the case of a single letter matters, as T and t differ."""
     if name in {"T", "R", "A"}:
         return {"T": ["transmittance", "temperature"], "R": ["reflectance", "resistance"], "A": []}[name]
     if name == "t":

@@ -63,7 +63,7 @@ def _check_archive(source: Source) -> None:
 
 
 def _sheets(source: Source, wanted: str | None, *, stored: bool) -> dict[str, list[list[str]]]:
-    """Cells of every sheet of numbers and texts, by its name; of one that is wanted, of it alone.
+    """Cells of every worksheet by its name, or of the requested one only.
 
     With ``stored`` a formula is the result that was stored with it, else its text.
     """
@@ -136,7 +136,7 @@ def _texts(source: Source, sheet: Any) -> list[list[str]]:
 
 
 def _errors() -> tuple[type[Exception], ...]:
-    """What zipfile, openpyxl and what they stand on raise at a damaged workbook."""
+    """Exceptions that zipfile, openpyxl and their dependencies raise at a damaged workbook."""
     import zlib
     from xml.etree.ElementTree import ParseError
 
@@ -158,7 +158,7 @@ def _only(source: Source, sheets: dict[str, list[list[str]]]) -> str:
 
 
 def _grid_of(source: Source, name: str, texts: list[list[str]]) -> Grid:
-    """Grid of a sheet; all rows are as long as the longest, without the empty columns at the end."""
+    """Grid of a sheet; all rows are padded to the longest, without empty columns at the end."""
     while texts and not any(texts[-1]):
         texts.pop()
     width = max((n + 1 for row in texts for n, cell in enumerate(row) if cell), default=0)

@@ -1,4 +1,4 @@
-"""Tables of what is printed: the material, the lens, the body, and the receivers on its arms."""
+"""Tables of the printed part: the material, the lens, the body, and the receivers on its arms."""
 
 from typing import Annotated, Any, ClassVar, Literal, Self
 
@@ -28,7 +28,7 @@ UNUSED_KEYS: dict[str, Keys] = {
 
 
 def unused_keys(kind: str) -> Keys:
-    """Keys that have no meaning for a kind of body, by table."""
+    """Keys that a kind of body does not use, by table."""
     if kind in UNUSED_KEYS:
         return UNUSED_KEYS[kind]
     added: Keys = Registry[Any](BODY_KINDS, {})[kind].unused_keys
@@ -43,7 +43,7 @@ def _known_kind(kind: str) -> str:
 
 
 class Parameters(Strict):
-    """Numbers of a kind of body that another package adds, by the names that it gives them."""
+    """Parameters of a kind of body that another package adds, by its own names."""
 
     model_config = ConfigDict(extra="allow")
     table: ClassVar[str] = "body.parameters"
@@ -81,7 +81,7 @@ class Material(Strict):
 
     @property
     def states_absorption(self) -> bool:
-        """Whether the absorption was stated, and so overrules a resin's own loss, even where it is 0."""
+        """Whether the absorption is stated; it then overrides the resin's loss, even if it is 0."""
         return "absorption_per_mm" in self.model_fields_set
 
 
@@ -122,7 +122,7 @@ class Lens(Strict):
 
 
 class Body(Strict):
-    """The printed guide: a stem that widens as a parabola and forks into two arms, or an outline of your own."""
+    """The printed guide: a stem that widens as a parabola and forks into two arms, or a custom outline."""
 
     table: ClassVar[str] = "body"
 

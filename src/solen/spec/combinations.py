@@ -1,4 +1,4 @@
-"""Keys of a design across its tables: which need one another, and which have no meaning beside one another."""
+"""Combinations of keys across the tables of a design: which require one another, and which exclude one another."""
 
 from typing import TYPE_CHECKING
 
@@ -42,7 +42,7 @@ def _refuse_stated(design: "Design", keys: Keys, because: str) -> None:
 
 
 def _check_bend(design: "Design") -> None:
-    """A bend carries along whatever stands before the stem."""
+    """`SpecError` if a bend is to leave the lens or the emitter behind."""
     motion = design.motion
     if motion.moves != (("emitter",) if design.body.lens_is_drawn else ("lens", "emitter")):
         limit = 'has no meaning with motion.kind = "bend": lens and emitter are carried along'
@@ -57,7 +57,7 @@ def _check_bend(design: "Design") -> None:
 
 
 def _check_moves(design: "Design") -> None:
-    """What of a Y can turn."""
+    """`SpecError` for parts of a Y that cannot turn."""
     moves = design.motion.moves
     if "mirrors" in moves:
         raise refused("motion.moves", "a Y has no mirrors", value=list(moves), remedy="leave them out")

@@ -37,7 +37,7 @@ def names_file(name: str | None) -> bool:
 
 
 class Trace(Strict):
-    """How rays are followed."""
+    """How rays are traced."""
 
     table: ClassVar[str] = "trace"
     reserved: ClassVar[frozenset[str]] = frozenset({"min_weight", "seed"})
@@ -85,7 +85,7 @@ class Design(Strict):
         return self
 
     def set(self, values: Mapping[str, Any] | None = None, /, **keys: Any) -> "Design":
-        """Design with some values changed; this one stays as it is.
+        """A copy of the design with some values changed.
 
         Parameters
         ----------
@@ -106,7 +106,7 @@ class Design(Strict):
 
     @classmethod
     def _dotted(cls, key: str) -> str:
-        """Dotted key of a key that one table has; the design's own, ``name``, as it is."""
+        """Dotted key of a key that only one table has; ``name``, which belongs to the design itself, is unchanged."""
         tables: dict[str, Any] = {name: field.annotation for name, field in cls.model_fields.items()}
         keys = {name: kind.model_fields for name, kind in tables.items() if hasattr(kind, "model_fields")}
         dotted = [f"{name}.{key}" for name, fields in keys.items() if key in fields]
@@ -120,7 +120,7 @@ class Design(Strict):
 
     @property
     def folder(self) -> Path:
-        """Folder that the design's relative paths start from: its file's, or the working one for a design in memory."""
+        """Folder of the design's relative paths: that of its file, or the working directory for a design in memory."""
         return self._folder
 
     @property
@@ -130,7 +130,7 @@ class Design(Strict):
 
     @property
     def part_file(self) -> Path | None:
-        """Path of the emitter's part file, or None where it has no part or one of the library."""
+        """Path of the emitter's part file, or None if it has no part or one of the library."""
         return self.file_of(self.emitter.part) if names_file(self.emitter.part) else None
 
     @property
@@ -155,11 +155,11 @@ class Design(Strict):
         return {key: path for key, path in found.items() if path is not None}
 
     def file_of(self, name: str | None) -> Path | None:
-        """Path of a file by the name that the design gives it; None for None."""
+        """Path of a file named in the design; None for None."""
         return None if name is None else self._folder / name
 
     def named_file(self, name: str | None) -> Path | None:
-        """Path of a part's file by its name, or None where it is one of the library or none at all."""
+        """Path of a part's file, or None if the part is in the library or not stated."""
         return self.file_of(name) if names_file(name) else None
 
     @property

@@ -1,4 +1,4 @@
-"""What is made for assembly: pockets that seat the receivers, slots that a film with a part on it is glued into."""
+"""Seats for assembly: pockets for the receivers, and slots into which a film with a part on it is glued."""
 
 from typing import Annotated, ClassVar, Literal
 
@@ -19,7 +19,7 @@ def _places(slots: tuple[Place, ...]) -> tuple[Place, ...]:
 
 
 class Fabricate(Strict):
-    """Seats for the electronics, cut from the solid; light is traced as if they were not there."""
+    """Seats for the electronics, cut from the solid; the ray trace ignores them."""
 
     table: ClassVar[str] = "fabricate"
 

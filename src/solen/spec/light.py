@@ -1,4 +1,4 @@
-"""Tables of the light: what the emitter sends out, and what comes from around."""
+"""Tables of the light: the emitter and the ambient light."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -11,7 +11,7 @@ from solen.spec.strict import NotNegative, Number, Positive, Strict, Text, or_re
 
 
 def why_no_pattern(pairs: Sequence[tuple[float, float]]) -> str:
-    """Why pairs of an angle in degrees and a relative intensity do not make a pattern; empty where they do."""
+    """Reason why pairs of angle (degrees) and relative intensity are not a valid pattern; empty if they are."""
     if len(pairs) < 2:
         return "must have at least 2 entries"
     angles = [angle for angle, _ in pairs]
@@ -22,7 +22,7 @@ def why_no_pattern(pairs: Sequence[tuple[float, float]]) -> str:
 
 
 class Emitter(Strict):
-    """The light source before the lens, and the rays that stand for it."""
+    """The light source before the lens, and the rays that represent it."""
 
     table: ClassVar[str] = "emitter"
     reserved: ClassVar[frozenset[str]] = frozenset({"power_mW"})
@@ -102,24 +102,24 @@ class Emitter(Strict):
         return self
 
     def _rays_alone(self) -> None:
-        """Refuse keys beside a file of rays, which states everything but the wavelength."""
+        """Reject keys beside a ray file, which states everything but the wavelength."""
         for key in ("part", "width_mm", "height_mm", "cone_deg", "pattern", "spectrum", "fwhm_nm"):
             if self.states(key):
                 raise refused(key, "has no meaning beside ray_file", remedy="leave it out")
 
     def states(self, key: str) -> bool:
-        """Whether a key was stated, even as its default."""
+        """Whether a key was stated, even if it equals the default."""
         return key in self.model_fields_set
 
     @property
     def is_fan(self) -> bool:
-        """Whether it emits in the plane alone: neither a part nor a file of rays stands for the pattern."""
+        """Whether it emits in the plane only: its pattern comes neither from a part nor from a ray file."""
         replaced = self.ray_file is not None or (self.part is not None and not self.states("pattern"))
         return self.pattern == "fan" and not replaced
 
 
 class Ambient(Strict):
-    """Light from around: the same from all sides, distinguished from the emitter's at every receiver."""
+    """Ambient light: isotropic, and separated from the emitter's light at every receiver."""
 
     table: ClassVar[str] = "ambient"
 

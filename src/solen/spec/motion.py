@@ -1,4 +1,4 @@
-"""The table of the motion: what turns about what, and the angles of a sweep."""
+"""The table of the motion: which parts turn about which pivot, and the angles of a sweep."""
 
 from decimal import Decimal
 from typing import Annotated, ClassVar, Literal, Self
@@ -92,6 +92,6 @@ class Motion(Strict):
 
 
 def _snapped(angle: Decimal, last: Decimal, near: Decimal) -> float:
-    """Angle as a float; a step such as 1/3 misses 0 and the end by its own rounding, which is mended here."""
+    """Angle as a float; a step such as 1/3 misses 0 and the end by rounding, which is corrected here."""
     goal = next((goal for goal in (Decimal(0), last) if abs(angle - goal) <= near), angle)
     return float(goal)

@@ -1,4 +1,4 @@
-"""Objects of JSON files as the dataclasses they stand for, every field checked against its type.
+"""Objects of JSON files converted to dataclasses; every field is checked against its type.
 
 Curves, and whatever else comes in kinds, are objects with their ``kind`` and the fields of its class; unknown keys are
 refused with the place where they stand.
@@ -28,7 +28,7 @@ T = TypeVar("T")
 
 
 def parsed(text: str, where: str, remedy: str = "") -> Any:
-    """What a JSON text holds; `DataError` where it is not JSON, which knows no NaN."""
+    """Content of a JSON text; `DataError` if it is not JSON, which excludes NaN."""
 
     def refuse(constant: str) -> None:
         raise ValueError(f"{constant} is not a number of JSON")
@@ -57,7 +57,7 @@ def made(cls: type[T], data: dict[str, Any], where: str) -> T:
 
 
 def value_of(hint: Any, value: Any, where: str) -> Any:
-    """A value checked against a type; what is made already is passed on."""
+    """A value checked against a type; an instance of the type is returned unchanged."""
     if isinstance(value, Curve | BaseModel):
         return value
     inner = [

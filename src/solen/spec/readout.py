@@ -1,4 +1,4 @@
-"""How light becomes volts: the receivers' part and circuit, the emitter's current, what reads the volts."""
+"""From light to volts: the receivers' part and circuit, the emitter's current, the converter."""
 
 from typing import Annotated, ClassVar, Self
 

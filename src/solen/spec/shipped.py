@@ -22,7 +22,7 @@ MOST_NAMES = 16
 
 @dataclass(frozen=True)
 class Library(Generic[T]):
-    """A folder of TOML files; ``what`` they are, in a word, and what ``make`` makes of the keys of one.
+    """A folder of TOML files; ``what`` names their kind, ``make`` builds an object from the keys of a file.
 
     ``migrations`` take the tables of an old version into those of the next, up to ``schema``. Other packages add to it
     by entry points of the ``group``: each names a package that holds ``NAME.toml``.
@@ -62,11 +62,11 @@ class Library(Generic[T]):
         return file.read_text(encoding="utf-8")
 
     def shipped(self, name: str) -> T:
-        """One of the library; `DataError` with the nearest name where there is none of that name."""
+        """Object of the library by its name; `DataError` with the nearest name if there is none."""
         return self._made(self.text(name), f"{self.what} {name}")
 
     def load(self, path: Path | str) -> T:
-        """One of a file; `DataError` where it cannot be read, is not TOML, has another schema, or is not valid."""
+        """Object of a file; `DataError` if it cannot be read, is not TOML, has another schema, or is invalid."""
         return self._made(read_text(Path(path), DataError), str(path))
 
     def _made(self, text: str, what: str) -> T:

@@ -1,4 +1,4 @@
-"""Strict tables: pydantic models of TOML files whose every refusal is one line that a user can act on.
+"""Strict tables: pydantic models of TOML files that report every error in one line that a user can act on.
 
 The idea: a file is a tree of tables, and each table is one frozen model. Unknown keys are refused with the nearest
 right name, names kept for later with "not yet supported", numbers are finite and never taken from text or booleans.
@@ -56,7 +56,7 @@ _LONGEST_VALUE = 60  # characters of a refused value shown in its line
 
 
 def refused(key: str, limit: str, *, value: object = None, remedy: str = "") -> PydanticCustomError:
-    """Problem to raise in a model's validator: the key of that table at fault, its value, the limit, the remedy."""
+    """Error to raise in a model's validator: the key at fault in its table, the value, the limit, the remedy."""
     return PydanticCustomError("refused", "{limit}", {"key": key, "value": value, "limit": limit, "remedy": remedy})
 
 
@@ -101,7 +101,7 @@ Wavelength = Annotated[float, AfterValidator(_in_nm), Ge(SHORTEST_NM), Le(LONGES
 
 
 class Strict(BaseModel):
-    """One table of a file: frozen, closed to unknown keys, refusing in one line.
+    """One table of a file: frozen, without unknown keys, with errors of one line.
 
     A derived class states its `table` (the dotted name that messages name its keys by), the `error` raised and
     the key names `reserved` for later. pydantic's own ``model_validate`` is not a door: build with the constructor.
@@ -170,7 +170,7 @@ def _limits_in_words(parts: Iterable[Any]) -> str:
 
 
 def _bounds(parts: Iterable[Any]) -> dict[str, float]:
-    """Bounds by their names in pydantic, of a type's metadata at any depth: ``tuple[Annotated[float, ...], ...]``."""
+    """Bounds by their names in pydantic, from a type's metadata at any depth: ``tuple[Annotated[float, ...], ...]``."""
     bounds: dict[str, float] = {}
     for part in parts:
         bounds |= {name: getattr(part, name) for name in _BOUNDS if isinstance(getattr(part, name, None), float | int)}
@@ -184,7 +184,7 @@ def _frozen(table: BaseModel, name: str, value: object, remedy: str) -> FrozenEr
 
 
 def option_refusal(bad: ValueError, *, command_line: bool = False) -> SpecError:
-    """The first problem of options in one line; named as on the command line, ``--u-T``, or as in Python, ``u_T``."""
+    """The first error of options in one line; options are named as typed, ``--u-T``, or as in Python, ``u_T``."""
     if not isinstance(bad, ValidationError):
         return SpecError("options", limit=str(bad))
     first = bad.errors(include_url=False)[0]
@@ -201,7 +201,7 @@ def option_refusal(bad: ValueError, *, command_line: bool = False) -> SpecError:
 
 
 def nearest(word: str, names: Iterable[str]) -> str | None:
-    """The name that is nearest to a misspelt word, or None where none is near."""
+    """The name nearest to a misspelt word, or None if none is near."""
     by_lower = {name.lower(): name for name in names}
     return next((by_lower[near] for near in difflib.get_close_matches(word.lower(), by_lower, n=1)), None)
 
@@ -229,7 +229,7 @@ def _lists(model: type[Strict]) -> dict[str, type[Strict]]:
 
 
 def _owner(model: type[Strict], loc: tuple[int | str, ...]) -> tuple[type[Strict], tuple[int | str, ...]]:
-    """Innermost table on the way to a location, and what remains of the way inside it."""
+    """Innermost table that contains a location, and the rest of the location inside it."""
     while len(loc) > 1:
         if inner := _tables(model).get(str(loc[0])):
             model, loc = inner, loc[1:]
@@ -241,7 +241,7 @@ def _owner(model: type[Strict], loc: tuple[int | str, ...]) -> tuple[type[Strict
 
 
 def _shown(value: object) -> object:
-    """Value as its line shows it: shortened where its text would fill the screen."""
+    """Value as shown in an error, shortened if its text is long."""
     text = value if isinstance(value, str) else str(value)
     return value if len(text) <= _LONGEST_VALUE else f"{text[: _LONGEST_VALUE - 3]}..."
 
@@ -281,7 +281,7 @@ def _problem(problem: ErrorDetails, root: type[Strict]) -> tuple[str, object, st
 
 
 def _default(field: FieldInfo | None) -> str:
-    """Remedy that names a field's default, where it has one."""
+    """Remedy that names a field's default, if it has one."""
     default = None if field is None or field.is_required() else field.default
     if default is None or default is PydanticUndefined:
         return ""
@@ -289,7 +289,7 @@ def _default(field: FieldInfo | None) -> str:
 
 
 def _file_error(bad: ValidationError, root: type[Strict]) -> SolenError:
-    """The first problem in one line, and how many more there are; unknown keys first, as they explain missing ones."""
+    """The first error in one line, and the number of further ones; unknown keys first, as they explain missing ones."""
     problems = sorted(bad.errors(include_url=False), key=lambda problem: problem["type"] != "extra_forbidden")
     what, value, limit, remedy = _problem(problems[0], root)
     if more := len(problems) - 1:

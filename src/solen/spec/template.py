@@ -1,4 +1,4 @@
-"""The design files that solen ships: a commented one to start from, and examples that state only what differs."""
+"""The design files that solen ships: a commented template, and examples that state only the differences."""
 
 from dataclasses import dataclass
 from importlib.resources import files
@@ -13,7 +13,7 @@ _EXAMPLES = files("solen.spec") / "examples"
 
 @dataclass(frozen=True, repr=False)
 class NewDesign(Result):
-    """A design file that was written, and the example that it is."""
+    """A design file that was written, and the example it was made from."""
 
     design: Path
     example: str

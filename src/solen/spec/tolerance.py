@@ -1,4 +1,4 @@
-"""The table of tolerances: how far off each number of the design may be in what is built."""
+"""The table of tolerances: by how much each number of the built part may differ from the design."""
 
 from typing import ClassVar
 
@@ -8,7 +8,7 @@ from solen.spec.strict import Positive, Strict
 
 
 class Tolerance(Strict):
-    """How far off a number of the design may be: what `solen run` and `solen sensitivity` rank by.
+    """Tolerance of each number of the design, by which `solen run` and `solen sensitivity` rank effects.
 
     A key is that of the number, its dot an underscore.
     """
@@ -40,6 +40,6 @@ class Tolerance(Strict):
     receivers_gap_mm: Positive = Field(0.05, description="Of receivers.gap_mm, in mm.")
 
     def of(self, key: str) -> float | None:
-        """Tolerance of a number by its dotted key; None where the design states none and nothing is usual."""
+        """Tolerance of a number by its dotted key; None if the design states none and no usual one exists."""
         value: float | None = getattr(self, key.replace(".", "_"), None)
         return value

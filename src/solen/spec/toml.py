@@ -59,7 +59,7 @@ def loads(text: str, *, what: str = "design", folder: Path | None = None) -> Des
 
 
 def _document(design: Design, *, stated: bool = False) -> Document:
-    """Tables of the file without ``schema``: what differs from the defaults, and the name.
+    """Tables of the file without ``schema``: the name, and values that differ from the defaults.
 
     ``stated`` keeps what was stated as its default too, where a part that is named later would say something else.
     """
@@ -79,7 +79,7 @@ DEFERRED = ("wavelength_nm", "width_mm", "height_mm", "cone_deg", "pattern")
 
 
 def _kept(emitter: Emitter) -> list[str]:
-    """Keys that were stated as their defaults and say something all the same: a part or a pattern has others."""
+    """Keys that are stated at their defaults but still matter, as a part or a pattern would override them."""
     keys: tuple[str, ...] = DEFERRED if emitter.part else ()
     keys += ("wavelength_nm",) if emitter.spectrum else ()
     keys += ("cone_deg",) if emitter.pattern != "fan" else ()
@@ -98,7 +98,7 @@ def _(design: Design) -> Any:
 
 
 def save(path: Path | str, design: Design) -> Path:
-    """Write a design file in one piece, relative files named anew from the folder written to.
+    """Write a design file in one piece; paths are made relative to its folder.
 
     Raises
     ------
@@ -110,7 +110,7 @@ def save(path: Path | str, design: Design) -> Path:
 
 
 def _moved(design: Design, folder: Path) -> Design:
-    """Return the design as a file in ``folder`` states it: the same files, from there."""
+    """Return the design with its paths relative to ``folder``."""
     if design.folder.absolute() == folder:
         return design.in_folder(folder)
     named = {key: path for key, path in design.files.items() if not Path(value_at(design, key)).is_absolute()}
@@ -119,7 +119,7 @@ def _moved(design: Design, folder: Path) -> Design:
 
 
 def _from(path: Path, folder: Path) -> str:
-    """A file as a file in ``folder`` names it."""
+    """Path of a file relative to ``folder``."""
     try:
         return Path(os.path.relpath(path, folder)).as_posix()
     except ValueError:  # on Windows, another drive

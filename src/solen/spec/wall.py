@@ -1,4 +1,4 @@
-"""What a wall is beyond bare and clean, and what lies outside it: one ``[[wall]]`` table for each stretch.
+"""Finish of a wall, and the medium outside it: one ``[[wall]]`` table per stretch.
 
 A stretch is a face, or every face that a pattern matches, or part of it. What touches it is a *pad* of ``depth_mm``:
 a medium of an index of its own, behind a thin film of air where ``gap_um`` says so. The pad ends in black or in air.
@@ -36,7 +36,7 @@ class Layer(Strict):
 
 
 class Wall(Strict):
-    """A stretch of the body's walls: what touches it, and its finish."""
+    """A stretch of the body's walls: the medium in contact with it, and its finish."""
 
     table: ClassVar[str] = "wall"
 
@@ -114,7 +114,7 @@ class Wall(Strict):
 
     @property
     def finish_is_added(self) -> bool:
-        """Whether another package states what the finish does."""
+        """Whether the finish is defined by another package."""
         return self.finish not in OWN_FINISHES
 
     def _check_added_finish(self) -> None:

@@ -78,7 +78,7 @@ def _receiver(name: str, response: ReceiverResponse, timing: ReceiverTiming, uni
 
 
 def _apart(timing: ReceiverTiming) -> str:
-    """What timing contributes, or what is left without a lag."""
+    """Contribution of timing to the hysteresis, or the hysteresis left once a lag is removed."""
     if math.isfinite(timing.u_hysteresis_V):
         return f"(without lag {_percent(timing.hysteresis_percent)})"
     return f"(timing up to {_percent(timing.timing_percent)})"

@@ -1,4 +1,4 @@
-"""The commands that make angles of voltages: `solen bench calibrate` and `solen bench decode`."""
+"""The commands that convert voltages to angles: `solen bench calibrate` and `solen bench decode`."""
 
 import sys
 from collections.abc import Iterator
@@ -72,7 +72,7 @@ def decode(
     out: _Table = None,
     send: _Send = None,
 ) -> Outcome[Decoding] | None:
-    """Angles of voltages by a calibration: of a recording, of lines as they come, or of a run under way.
+    """Convert voltages to angles by a calibration: from a recording, from lines as they arrive, or from a running run.
 
     Parameters
     ----------

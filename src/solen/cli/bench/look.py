@@ -85,7 +85,7 @@ def _(watched: Watched) -> Iterator[str]:
 
 @contextmanager
 def _shown() -> Iterator[Callable[[Seen], None]]:
-    """A plot that is drawn anew where stdout is a terminal; lines on stdout elsewhere, none where they are unwanted."""
+    """A plot that is redrawn if stdout is a terminal; otherwise lines on stdout, or nothing with ``--quiet``."""
     if SHOWN.quiet or SHOWN.as_json:
         yield lambda _: None
         return
@@ -100,7 +100,7 @@ def _shown() -> Iterator[Callable[[Seen], None]]:
 
 
 class _Rows:
-    """Lines of CSV, with their header before the first."""
+    """Lines of CSV, preceded by their header."""
 
     def __init__(self) -> None:
         self._begun = False
@@ -127,7 +127,7 @@ def _plot(seen: Seen, history: dict[str, "deque[float]"]) -> "Table":
 
 
 def sparkline(values: "deque[float]") -> str:
-    """Values as blocks, from their lowest to their highest."""
+    """Values as block characters, scaled from the lowest to the highest."""
     low, high = min(values), max(values)
     steps = (0.0 if high == low else (value - low) / (high - low) for value in values)
     return "".join(BLOCKS[min(7, int(8 * step))] for step in steps)

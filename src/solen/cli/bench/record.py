@@ -1,4 +1,4 @@
-"""The commands of the bench: files to start from, a run, a run that was left, and what was recorded."""
+"""The commands of the bench: example files, runs, recovery of interrupted runs, and lists of recordings."""
 
 import sys
 from collections.abc import Callable, Iterator
@@ -70,7 +70,7 @@ def _(recording_list: RecordingList) -> Iterator[str]:
 
 @contextmanager
 def _live() -> Iterator[tuple[Callable[[Tick], None] | None, Callable[[str], None], Callable[[str], bool] | None]]:
-    """A line on stderr that follows the run, where that is a terminal, and a way to ask whoever sits there."""
+    """A status line on stderr, if that is a terminal, and a function that asks the operator for confirmation."""
     asked = confirmation()
     if SHOWN.quiet or not sys.stderr.isatty():
         yield None, lambda _: None, asked
@@ -99,19 +99,19 @@ def _live() -> Iterator[tuple[Callable[[Tick], None] | None, Callable[[str], Non
 
 
 def confirmation() -> Callable[[str], bool] | None:
-    """How whoever sits at the terminal is asked; None where nobody does."""
+    """Function that asks the operator at the terminal; None without a terminal."""
     return _asked if sys.stdin.isatty() and sys.stderr.isatty() else None
 
 
 def _asked(question: str) -> bool:
-    """Whether who sits at the terminal says yes; anything else is no."""
+    """Whether the operator answers yes; anything else counts as no."""
     sys.stderr.write(f"{question} [y/N] ")
     sys.stderr.flush()
     return sys.stdin.readline().strip().casefold() in {"y", "yes"}
 
 
 def _line(tick: Tick) -> str:
-    """One line: where the run is, and how bright each input is while its emitters are on."""
+    """Status line: progress of the run, and the brightness at each input while its emitters are on."""
     levels = ""
     if tick.counts is not None:
         on = tick.counts[:, 0, :].min(axis=0)

@@ -38,7 +38,7 @@ def _(readings: DesignReadings) -> Iterator[str]:
 
 
 def _table(readings: DesignReadings) -> Iterator[str]:
-    """A row for each of some nine angles."""
+    """Table rows for about nine angles."""
     names = "".join(f"  {name + ' V':>9}" for name in readings.circuit.names)
     yield f"  {'deg':>7}{names}  {'mV noise':>9}  {'deg':>9}"
     for row in range(0, len(readings.angle_deg), max(1, (len(readings.angle_deg) - 1) // MOST_ROWS)):

@@ -33,7 +33,7 @@ def _(study: DesignStudy) -> Iterator[str]:
 
 
 def _matters(angles: list[float], rows: Sequence["Matter"]) -> Iterator[str]:
-    """What numbers do that are off by their tolerances."""
+    """Effect of each number's tolerance on the response."""
     if not rows:
         return
     heads = ("what matters", "off by", *(f"contrast at {angle:+.3g}°" for angle in angles), "null", "light")
@@ -45,7 +45,7 @@ def _matters(angles: list[float], rows: Sequence["Matter"]) -> Iterator[str]:
 
 
 def _as_printed(as_printed: AsPrinted) -> Iterator[str]:
-    """What a lens as it was printed does to the response."""
+    """Effect of the printed lens on the response."""
     for comparison in (as_printed.emitter, as_printed.chip):
         if comparison is None or (largest := comparison.largest) is None:
             continue

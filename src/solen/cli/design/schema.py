@@ -43,7 +43,7 @@ def result_schema(command: tuple[str, ...]) -> dict[str, Any]:
 
 
 def result_type(place: str) -> Any:
-    """Type of the result of the command at ``module:function``; None where it prints something else."""
+    """Result type of the command at ``module:function``; None if it prints something else."""
     module, _, function = place.partition(":")
     returned = typing.get_type_hints(getattr(import_module(f"solen.cli.{module}"), function)).get("return")
     kinds = (returned, *typing.get_args(returned))  # a command that may print something else returns None then
@@ -51,7 +51,7 @@ def result_type(place: str) -> Any:
 
 
 def commands() -> dict[str, str]:
-    """All commands as they are typed, ``bench analyse``, and where each is."""
+    """All commands as typed, ``bench analyse``, with the module and function of each."""
     return {f"{group} {name}".strip(): place for group, rows in COMMANDS.items() for name, place, _ in rows}
 
 

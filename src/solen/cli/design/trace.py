@@ -23,7 +23,7 @@ SCENE_SUFFIX = ".json"
 
 
 class DesignOptions(TraceOptions):
-    """Options of a trace, with those of a design alone."""
+    """Options of a trace, including those that only designs have."""
 
     rays: Annotated[int, Field(ge=1)] | None = None
     """Number of rays; default: emitter.rays."""
@@ -107,12 +107,12 @@ def _how(result: Trace) -> str:
 
 
 def _power(power: float, u: float | None, digits: str = ".6f") -> str:
-    """A power with its uncertainty, which some rays cannot tell."""
+    """A power with its uncertainty, where the rays determine one."""
     return f"{power:{digits}} ± {short(None if u is None or math.isnan(u) else u)}"
 
 
 def _whole(result: Trace, in_space: bool) -> Iterator[str]:
-    """Ledger of a trace, and what must be known of all its powers."""
+    """Ledger of a trace, with remarks that apply to all its powers."""
     for field in fields(result.ledger):
         yield f"  {field.name:9} {_power(getattr(result.ledger, field.name), getattr(result.u_ledger, field.name))}"
     if in_space:

@@ -28,14 +28,14 @@ def _(measured: CouponMeasurement) -> Iterator[str]:
 
 
 def _seen(measured: CouponMeasurement) -> str:
-    """From which face the coupon is seen, where its marks show it."""
+    """Face from which the coupon is seen, if its marks show it."""
     if not measured.location.oriented:
         return ""
     return ", seen mirrored: from below, or the picture is flipped" if measured.location.pose.mirrored else ""
 
 
 def _minimum(limit: Limit) -> str:
-    """A limit with what it rests on."""
+    """A limit with the measurements that support it."""
     if limit.nominal_mm is None:
         return f"{MINIMA[limit.kind]}: none; not even {limit.next_mm:g} mm is resolved"
     line = f"{MINIMA[limit.kind]}: {'at most ' if limit.bound else ''}{limit.nominal_mm:g} mm"

@@ -48,7 +48,7 @@ def _(facts: ResinFacts) -> Iterator[str]:
 
 
 def _shown(table: BaseModel) -> dict[str, Any]:
-    """The entries of a table that a listing shows, pairs of numbers as text."""
+    """Entries of a table as a listing shows them, with pairs of numbers as text."""
     values = {key: value for key, value in table.model_dump(mode="json").items() if value is not None and value != ""}
     return {key: f"{text(value[0])} to {text(value[1])}" if _is_pair(value) else value for key, value in values.items()}
 

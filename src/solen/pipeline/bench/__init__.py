@@ -1,1 +1,1 @@
-"""What the commands do of the bench and its recordings."""
+"""Commands of the bench and its recordings."""

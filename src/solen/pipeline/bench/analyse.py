@@ -1,4 +1,4 @@
-"""Recordings of a bench, from solen or any other, to the response of each sensor, its figures of merit and figures."""
+"""From recordings, of solen's bench or any other, to the response and figures of merit of each sensor."""
 
 import importlib.resources
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Recordings to calibrations: one for each sensor, or one of several prints, saved beside what was recorded."""
+"""From recordings to calibrations: one per sensor, or one pooled over several prints, saved beside the recordings."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Voltages to angles by a saved calibration: a recorded file, lines as they come, or a run under way."""
+"""From voltages to angles by a saved calibration: a recorded file, lines as they arrive, or a running run."""
 
 import contextlib
 import json
@@ -46,7 +46,7 @@ def decode(
     text: Iterable[str] | None = None,
     send: str | None = None,
 ) -> Outcome[Decoding]:
-    """Decode a source; its angles go to a file, to ``rows``, to both or nowhere. Ctrl-C ends a stream.
+    """Decode a source; write its angles to a file, to ``rows``, to both or to neither. Ctrl-C ends a stream.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def _stream(
 
 
 def _write_rows(decoder: StreamDecoder, stream: Stream, targets: list[TextIO | Outlet]) -> bool:
-    """Decode all batches; whether Ctrl-C stopped it."""
+    """Decode all batches; return whether Ctrl-C stopped the stream."""
     for target in targets:
         print(HEADER, end="", file=target, flush=True)
     try:
@@ -119,7 +119,7 @@ def _write_rows(decoder: StreamDecoder, stream: Stream, targets: list[TextIO | O
 
 
 def _journal(path: Path, options: DecodeOptions, calibrated: str) -> Stream:
-    """Readings of a run's journal, ambient light subtracted; with ``follow`` as it grows, until the run ends."""
+    """Readings of a run's journal without ambient light; with ``follow``, as the journal grows until the run ends."""
     following = Following(path)
     names = [str(one["name"]) for one in following.header["sensors"]]
     name = chosen_sensor(names, options.sensor, calibrated, path.name)

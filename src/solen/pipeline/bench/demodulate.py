@@ -1,4 +1,4 @@
-"""Ambient light out of a recording: from any table to a table of readings, with what was missing and what is left."""
+"""Ambient light subtracted from a recording: any table in; a table of readings and a figure out."""
 
 from pathlib import Path
 from typing import Annotated
@@ -25,7 +25,7 @@ def demodulate(
     out: Table = None,
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
 ) -> Outcome[Demodulation]:
-    """Take ambient light out of a recording whose emitters switch on and off: on less off, with its uncertainty.
+    """Subtract ambient light from a recording of switched emitters: on minus off, with its uncertainty.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Recordings diagnosed: from files to what each sensor's emitter, chip and receivers are, by the design's response."""
+"""Diagnosis of recorded sensors: emitter, chip and receivers of each, from the response of its design."""
 
 from pathlib import Path
 from typing import Annotated

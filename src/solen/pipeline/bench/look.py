@@ -1,4 +1,4 @@
-"""What the commands do that look at a rig, or move its stage, without a run."""
+"""Commands that check a rig, or move its stage, without a run."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -12,7 +12,7 @@ from solen.results import Outcome
 
 
 def check(*, rig: Path, options: Annotated[bench.CheckOptions, FLAT] = bench.CheckOptions()) -> Outcome[bench.RigCheck]:
-    """Look a rig over before a run: wires, emitters, rails, noise, light of the room, trimmers. Nothing moves.
+    """Check a rig before a run: wires, emitters, rails, noise, light of the room, trimmers. Nothing moves.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ def check(*, rig: Path, options: Annotated[bench.CheckOptions, FLAT] = bench.Che
 def jog(
     rig: Path, options: bench.JogOptions = bench.JogOptions(), *, confirm: Confirm | None = None
 ) -> Outcome[bench.Jogged]:
-    """Move the stage of a rig, or ask it where it stands."""
+    """Move the stage of a rig, or report its position."""
     return Outcome(bench.jog(rig, options, confirm=confirm))
 
 

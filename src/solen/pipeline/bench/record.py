@@ -1,4 +1,4 @@
-"""What the commands of the bench do: files to start from, a run from protocol to recording, journals that were left."""
+"""Commands of the bench: example files, runs from protocol to recording, recovery of interrupted runs."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +16,7 @@ from solen.results import Outcome, Result
 
 @dataclass(frozen=True, eq=False, repr=False)
 class BenchFolder(Result):
-    """A folder with files to start from."""
+    """A folder with example files."""
 
     folder: Path
 
@@ -50,7 +50,7 @@ def run(
     report: bench.Report | None = None,
     confirm: Confirm | None = None,
 ) -> Outcome[RecordedRun]:
-    """Run a protocol on a rig and close what was recorded."""
+    """Run a protocol on a rig and close the recording."""
     recorded = bench.record(protocol, rig, out, options, watch=watch, report=report, confirm=confirm)
     return Outcome(recorded, {"recording": recorded.path})
 

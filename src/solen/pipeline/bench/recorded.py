@@ -1,4 +1,4 @@
-"""What the commands that read recordings share: their options, and files among these."""
+"""Options of the commands that read recordings, and files typed among these options."""
 
 from pathlib import Path
 from typing import Annotated, TypeVar
@@ -16,7 +16,7 @@ T = TypeVar("T", bound=SignalOptions)
 
 
 def split_files(files: tuple[Path, ...], options: T) -> tuple[tuple[Path, ...], T]:
-    """Files, those typed after ``--channel`` among them, and the options without these."""
+    """Files, including those typed after ``--channel``, and the options without them."""
     more = [text for text in options.channel if "=" not in text and Path(text).is_file()]
     channel = tuple(text for text in options.channel if text not in more)
     return (*files, *map(Path, more)), options.model_copy(update={"channel": channel})

@@ -1,4 +1,4 @@
-"""A calibration to a table and code that decodes by it on a board."""
+"""From a calibration to a table and code that decodes on a board."""
 
 from pathlib import Path
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""Design files: opened with assignments, and written anew."""
+"""Design files: opened with assignments, or newly written."""
 
 import hashlib
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ DESIGN_NAME = "sensor.toml"
 
 
 def open_design(path: Path, assignments: Sequence[str] | None = None) -> Design:
-    """Design of a file, with ``key=value`` assignments put in; of two to one key the later one counts."""
+    """Design of a file with ``key=value`` assignments applied; the last assignment to a key counts."""
     design = load(path)
     changes = dict(parse_assignment(text) for text in assignments or ())
     return with_values(design, changes) if changes else design

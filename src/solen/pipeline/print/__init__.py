@@ -1,1 +1,1 @@
-"""What the commands do of a print."""
+"""Commands of a print."""

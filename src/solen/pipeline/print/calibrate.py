@@ -29,7 +29,7 @@ def calibrate(
     out: Annotated[Path | None, Parameter(name="--out", help="Write the process to this .toml.")] = None,
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
 ) -> Outcome[PrinterCalibration]:
-    """Find a printer's blur, edge growth and shrinkage from measured coupons, for solen print predict.
+    """Fit a printer's blur, edge growth and shrinkage to measured coupons, for solen print predict.
 
     Parameters
     ----------

@@ -1,1 +1,1 @@
-"""What the commands do of a resin."""
+"""Commands of a resin."""
