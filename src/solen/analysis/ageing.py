@@ -1,4 +1,4 @@
-"""How a sensor changes over many cycles: its response, its null and its noise, every so many cycles.
+"""How a sensor changes over many cycles: response, null and noise of groups of consecutive cycles.
 
 The idea: cycles that follow one another are taken together in groups. Each group gives swing, level and null with the
 uncertainty that the scatter of its cycles leaves, and the noise of a reading as everywhere (`solen.analysis.noise`).
@@ -82,7 +82,7 @@ def ageing_of(
     sides: tuple[int, int] | None,
     every: int,
 ) -> Ageing:
-    """Groups of so many cycles that follow one another; what is left over at the end is left out.
+    """Results of groups of ``every`` consecutive cycles; an incomplete last group is left out.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A stage's log on another clock: how far it is off, how fast it runs off, and how well both are known.
+"""A stage's log on another clock: its offset, its rate, and the uncertainty of both.
 
 The idea: a receiver's voltage is a function of the angle, whatever that function is. Shifted against each other, the
 log and the voltages disagree: rising and falling ways show two curves. The shift is found roughly by cross-correlation,
@@ -48,7 +48,7 @@ _INNER = 0.05  # share of the range at each end where a curve's slope is not kno
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Alignment(Result):
-    """What a log's clock reads beside the recorder's.
+    """Relation of a log's clock to the recorder's.
 
     Attributes
     ----------
@@ -117,7 +117,7 @@ def align(
 
 
 def principal(volts: FloatArray) -> FloatArray:
-    """What receivers have most in common, each scaled by its spread, (n,)."""
+    """First principal component of the receivers, each scaled by its spread, (n,)."""
     centred = volts - np.median(volts, axis=0)
     spread = centred.std(axis=0)
     scaled = centred / np.where(spread > 0.0, spread, 1.0)
@@ -155,7 +155,7 @@ def _coarse(
 
 @dataclass(frozen=True, eq=False)
 class _Shifts:
-    """Shift that each cycle asks for: its time, shift and weight, (c,).
+    """Shift of each cycle that fits best: its time, shift and weight, (c,).
 
     ``u_parts`` is the uncertainty of a common shift by what parts of the range ask for.
     """
@@ -176,7 +176,7 @@ class _Shifts:
 
 @dataclass(frozen=True, eq=False)
 class _Laid:
-    """A recording on a log: times and voltages, the log's stamps, angle and motion, and how long each voltage takes."""
+    """A recording aligned with a log: times, voltages and their durations, the log's stamps, angle and motion."""
 
     time_s: FloatArray
     volts: FloatArray
@@ -199,7 +199,7 @@ class _Laid:
         return self.log.at(self.log_times(lag, rate), window_s)
 
     def shifts(self, lag: float, rate: float) -> _Shifts:
-        """Shift that each cycle asks for beyond a clock's."""
+        """Best shift of each cycle beyond that of a clock."""
         motion, when = self.motion, self.log_times(lag, rate)
         angle, speed = self.log.at(when), self._speed(when)
         reach = motion.high_deg - motion.low_deg
@@ -223,7 +223,7 @@ class _Laid:
         return _Shifts(columns[:, 0], columns[:, 1], columns[:, 2], u_parts)
 
     def _speed(self, when: FloatArray) -> FloatArray:
-        """Speed by the log, over a time in which its noise and steps are little, and at most a tenth of a ramp."""
+        """Speed from the log, over an interval long against its noise and steps, at most a tenth of a ramp."""
         motion = self.motion
         fastest = motion.speed_deg_per_s
         far = max(_NOISES * motion.noise_deg, _STEPS * motion.step_deg)
@@ -233,7 +233,7 @@ class _Laid:
 
 
 def _u_of_parts(place: IntArray, rest: FloatArray, change: FloatArray) -> float:
-    """Uncertainty of a lag by what parts of the range, of each receiver on its own, ask for."""
+    """Uncertainty of a lag from the spread of lags that parts of the range of each receiver yield."""
     top, weight = (
         np.concatenate([np.bincount(place, one, _PARTS) for one in columns.T]) for columns in (rest * change, change**2)
     )
@@ -248,7 +248,7 @@ def _u_of_parts(place: IntArray, rest: FloatArray, change: FloatArray) -> float:
 def _linearised(
     angle: FloatArray, speed: FloatArray, volts: FloatArray, moving: BoolArray, motion: Motion
 ) -> tuple[FloatArray, FloatArray]:
-    """Voltages less the mean curve, and what a shift of a second changes beyond any change of that curve.
+    """Voltages minus the mean curve, and their derivative by a shift in time, orthogonal to any change of that curve.
 
     Both by each receiver's scatter. The curve is a cubic spline by least squares. A shift in part looks like another
     curve; that part is taken out as well (Frisch and Waugh), so that what is left is its own.
@@ -271,7 +271,7 @@ def _linearised(
 
 
 def _pieces(angle: FloatArray, speed: FloatArray, motion: Motion) -> int:
-    """Pieces of a mean curve that samples of both directions bear, 0 where there are too few.
+    """Number of pieces of a mean curve that samples of both directions support; 0 if there are too few.
 
     More, and where ways were sampled at few angles, each at its own, a curve could follow both.
     """
@@ -282,7 +282,7 @@ def _pieces(angle: FloatArray, speed: FloatArray, motion: Motion) -> int:
 
 
 class _Cells:
-    """Angles in fine cells, so that a curve through many samples is one through their means."""
+    """Angles in fine cells; a curve through many samples is fitted to the means of the cells."""
 
     def __init__(self, angle: FloatArray, motion: Motion, pieces: int) -> None:
         low, reach = motion.low_deg, motion.high_deg - motion.low_deg
@@ -302,7 +302,7 @@ class _Cells:
 
 
 def _step_of_encoder(log_deg: FloatArray, motion: Motion) -> float:
-    """Step of an encoder, by levels that are all multiples of it; 0 without one.
+    """Step of an encoder, of which all levels are multiples; 0 without one.
 
     Where each level follows the next in a ramp, an angle without noise may have been sampled in step with its motion.
     Its last decimal is then the step that it may have been rounded to.
@@ -323,7 +323,7 @@ def _last_decimal(values: FloatArray) -> float:
 
 
 def _common_step(levels: FloatArray) -> float:
-    """Largest step of which ascending levels, the first of them 0, are multiples; 0 without one."""
+    """Largest step of which all ascending levels, the first being 0, are multiples; 0 without one."""
     steps = np.diff(levels)
     finest = float(np.min(steps[steps > 1e-9 * levels[-1]], initial=levels[-1]))
     for part in range(1, _FINER + 1):
@@ -334,7 +334,7 @@ def _common_step(levels: FloatArray) -> float:
 
 
 def _u_of_steps(log_s: FloatArray, log_deg: FloatArray, motion: Motion) -> float:
-    """Uncertainty of a lag by an encoder's steps, which may meet every ramp alike.
+    """Uncertainty of a lag due to an encoder's steps, which may affect all ramps alike.
 
     Entries less than half a step apart meet every step of a ramp in all its parts, and its roundings average as
     independent ones do. Of entries farther apart all may be rounded alike, which is step/√12.

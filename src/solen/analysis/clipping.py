@@ -1,4 +1,4 @@
-"""Samples at the end of what a recorder can show.
+"""Clipped samples: those at the limits of a recorder.
 
 The idea: a converter, an amplifier or a circuit at its rail repeats one value, the largest or the smallest of the whole
 recording, while the angle goes on moving. A hold repeats a value, too, and so does a coarse converter; therefore only
@@ -48,12 +48,12 @@ def clipped(volts: FloatArray, moving: BoolArray, rails: tuple[float, float] | N
 
 
 def _runs(volts: FloatArray) -> tuple[IndexArray, IndexArray]:
-    """First sample and the one after the last of each run of one value."""
+    """Slice bounds of each run of equal values."""
     bounds = np.flatnonzero(np.diff(volts) != 0.0) + 1
     return np.append(0, bounds).astype(np.intp), np.append(bounds, volts.size).astype(np.intp)
 
 
 def _moving_counts(moving: BoolArray, starts: IndexArray, stops: IndexArray) -> IntArray:
-    """Samples of each run that are on the move."""
+    """Number of moving samples in each run."""
     total = np.append(0, np.cumsum(moving))
     return np.asarray(total[stops] - total[starts], dtype=np.int64)

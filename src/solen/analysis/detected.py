@@ -1,4 +1,4 @@
-"""What `study` finds by itself: the log of the stage beside a recording, and the command that states all of it.
+"""What `study` detects automatically: the log of the stage beside a recording, and the full command.
 
 The idea: a data acquisition often records no angle, and the stage's program leaves its log in the same folder: a small
 table of times and angles without any voltage. Whether it is of the same test its alignment with the voltages shows.
@@ -59,7 +59,7 @@ def _is_log(path: Path) -> bool:
 def explicit(
     options: AnalysisOptions, switching: Mapping[str, Switching], logs: Sequence[Path] = ()
 ) -> AnalysisOptions | None:
-    """Options that state what was detected; None where recordings differ in it."""
+    """Options that state the detected settings; None if recordings differ in them."""
     if logs:
         one = tuple(dict.fromkeys(logs))
         options = options.model_copy(update={"angle_file": one if len(one) == 1 else tuple(logs)})

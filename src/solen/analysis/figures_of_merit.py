@@ -1,4 +1,4 @@
-"""Figures of merit of a response: what a sensor's maker quotes, each with its definition.
+"""Figures of merit of a response, as makers of sensors quote them, each with its definition.
 
 The idea: everything is taken from the ways over the grid, one number per cycle wherever possible, so that the scatter
 of the cycles gives the uncertainty: standard deviation over cycles, divided by the root of their number. They describe

@@ -68,7 +68,7 @@ def _head(source: Source, columns: Sequence[str] | None) -> tuple[Grid, Layout] 
 
 
 def _offset(data: bytes, lines: int) -> int:
-    """Offset of the line after the first ``count`` lines; −1 if the file has fewer."""
+    """Offset of the line after the first ``lines`` lines; −1 if the file has fewer."""
     place = 0
     for _ in range(lines):
         place = data.find(b"\n", place) + 1

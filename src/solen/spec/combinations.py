@@ -42,7 +42,7 @@ def _refuse_stated(design: "Design", keys: Keys, because: str) -> None:
 
 
 def _check_bend(design: "Design") -> None:
-    """`SpecError` if a bend is to leave the lens or the emitter behind."""
+    """Reject a bend that leaves the lens or the emitter behind, or an outline without the range that bends."""
     motion = design.motion
     if motion.moves != (("emitter",) if design.body.lens_is_drawn else ("lens", "emitter")):
         limit = 'has no meaning with motion.kind = "bend": lens and emitter are carried along'
@@ -57,7 +57,7 @@ def _check_bend(design: "Design") -> None:
 
 
 def _check_moves(design: "Design") -> None:
-    """`SpecError` for parts of a Y that cannot turn."""
+    """Reject parts that cannot turn in a Y."""
     moves = design.motion.moves
     if "mirrors" in moves:
         raise refused("motion.moves", "a Y has no mirrors", value=list(moves), remedy="leave them out")

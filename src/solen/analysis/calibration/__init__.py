@@ -1,4 +1,4 @@
-"""Voltages to angles: a calibration of a sensor by its recorded response, what it is worth, and decoding by it.
+"""From voltages to angles: calibration of a sensor by its recorded response, its validation, and decoding.
 
 The idea: a calibration is the curve that (V_left, V_right) runs through while the sensor turns, one for rising and one
 for falling angles, and the covariance of a reading about it. A reading is decoded by the likelihood of every angle, so

@@ -1,4 +1,4 @@
-"""Calibrations of a study's sensors: one of each, or one of several prints, with what they are worth.
+"""Calibrations of a study's sensors: one per sensor, or one pooled over several prints, with cross-validation.
 
 The interface: `calibrated_sensors` of a `Study` gives `SensorCalibrations`; `place_of` is where one is written.
 """
@@ -65,7 +65,7 @@ class SensorCalibrations(Result):
 
 
 def calibrated_sensors(study: Study, options: CalibrationOptions | None = None) -> SensorCalibrations:
-    """A calibration of each sensor that is asked for, or one of all.
+    """A calibration of each requested sensor, or one pooled over all.
 
     Raises
     ------
@@ -93,7 +93,7 @@ def calibrated_sensors(study: Study, options: CalibrationOptions | None = None) 
 
 
 def _chosen(study: Study, options: CalibrationOptions) -> tuple[list[SensorResponse], list[str]]:
-    """Sensors to calibrate: those with a lens, or the one that is named; and a warning of those left out."""
+    """Sensors to calibrate: those with a lens, or the named one; with a warning about those left out."""
     sensors = list(study.sensors.values())
     if options.sensor is not None:
         sensors = [sensor for sensor in sensors if options.sensor in {sensor.label, sensor.label.rpartition(".")[2]}]
@@ -153,7 +153,7 @@ def _file(
 
 
 def _sentence(check: Check, left_out: str) -> str:
-    """What a check shows."""
+    """Result of a check in words."""
     one = check.whole
     return (
         f"angles of a {left_out} left out are decoded to {one.rms_deg:.2g}° (rms; mean error {one.bias_deg:+.1g}°, "
@@ -163,7 +163,7 @@ def _sentence(check: Check, left_out: str) -> str:
 
 
 def _cautions(sensor: SensorResponse, calibration: Calibration, check: Check | None) -> list[str]:
-    """What a sensor's calibration cannot show."""
+    """Limits of a sensor's calibration, as warnings."""
     warnings = []
     if check is None:
         warnings.append("two cycles: three are needed to check it on a cycle left out")
@@ -180,7 +180,7 @@ def _cautions(sensor: SensorResponse, calibration: Calibration, check: Check | N
 
 
 def place_of(recordings: Sequence[Path], sensor: str) -> Path:
-    """Where a sensor's calibration is written by default: beside its recording; `DataError` for what names no file."""
+    """Default file of a calibration, beside its recording; `DataError` if the sensor's name cannot name a file."""
     check_name("sensor", sensor, DataError, "name the file with --out")
     for path in recordings:
         if sensor == path.stem or sensor.startswith(f"{path.stem}."):

@@ -1,4 +1,4 @@
-"""What a recording was made under: motion and circuit, from the header that a bench wrote or from a design file.
+"""Conditions of a recording: motion and circuit, from the header of a bench or from a design file.
 
 Recordings of other programs state neither; `ConditionOptions` do.
 
@@ -19,7 +19,7 @@ from solen.spec.strict import Options
 
 
 class ConditionOptions(Options):
-    """What a recording that does not state it was made with."""
+    """Conditions of a recording that does not state them itself."""
 
     design: Path | None = None
     """Design file of the sensor: its motion, pivot, moving parts and circuit."""
@@ -30,7 +30,7 @@ class ConditionOptions(Options):
 def conditions(
     sensor: str, provenance: Provenance | None, options: ConditionOptions, ambient: Ambient | None
 ) -> tuple[Motion, Circuit]:
-    """Motion and circuit of a sensor's recording; None for what is stated nowhere.
+    """Motion and circuit of a sensor's recording; None for those not stated.
 
     Raises
     ------
@@ -68,7 +68,7 @@ def header_of(provenance: Provenance) -> dict[str, Any]:
 
 
 def _design_text(header: dict[str, Any], sensor: str) -> str:
-    """Text of the header's design for a sensor; where the sensor is not in it, of its only design."""
+    """Text of a sensor's design in the header; if the sensor is not listed there, that of the only design."""
     designs = header.get("designs", {})
     name = next((one.get("design") for one in header.get("sensors", ()) if one.get("name") == sensor), None)
     if name is None and len(designs) == 1:
@@ -77,7 +77,7 @@ def _design_text(header: dict[str, Any], sensor: str) -> str:
 
 
 def _design(text: str) -> Design | None:
-    """Design of a header's text; None where there is none, or this solen cannot read it."""
+    """Design in a header's text; None if it is missing or this version of solen cannot read it."""
     try:
         return loads(text, what="the recording's design") if text else None
     except SolenError:

@@ -1,4 +1,4 @@
-"""What a calibration is worth, by cross-validation: a cycle left out, a print left out.
+"""Cross-validation of a calibration: by leaving out a cycle or a print.
 
 The idea: the rest is calibrated as if what is left out had never been recorded; then it is decoded and held against the
 angle of the stage. The share of readings within their bands shows whether the bands can be trusted; readings of one
@@ -53,7 +53,7 @@ def leave_one_cycle_out(training: Training) -> Check | None:
 
 
 def leave_one_sensor_out(trainings: Sequence[Training], ones: Sequence[Calibration]) -> Check | None:
-    """Each print decoded by the others, of which two at least must be left; None with fewer than three."""
+    """Each print decoded by the others, of which there must be two at least; None with fewer than three prints."""
     if len(ones) < 3:
         return None
     found = []
@@ -83,7 +83,7 @@ def _check(names: Sequence[str], result: Sequence[tuple[FloatArray, Decoded]]) -
 
 
 def merged(name: str, parts: Sequence[Part]) -> Part:
-    """Parts as one; there is a reading in some of them."""
+    """Parts merged into one; at least one of them holds a reading."""
     weight = np.array([part.readings for part in parts], dtype=float)
     weight /= max(weight.sum(), 1.0)
 
@@ -104,7 +104,7 @@ def merged(name: str, parts: Sequence[Part]) -> Part:
 
 
 def part_of(name: str, true_deg: FloatArray, decoded: Decoded) -> Part:
-    """Errors of decoded angles and how often their bands hold the true ones."""
+    """Errors of decoded angles, and how often their bands contain the true ones."""
     errors = decoded.angle_deg - true_deg
     return Part(
         name=name,

@@ -1,4 +1,4 @@
-"""Voltages to angles by a calibration: the likelihood of every angle, and its bands.
+"""From voltages to angles by a calibration: the likelihood over all angles, and its bands.
 
 The idea: between neighbouring points the curve in the plane of both voltages is straight, so that the nearest angle of
 each piece has a closed form. Pieces whose best is far below the very best are left out; the rest fall into stretches of
@@ -88,7 +88,7 @@ class Decoded:
         return np.asarray(found)
 
     def picked(self, places: IndexArray) -> "Decoded":
-        """The readings at some places, each but once, in that order."""
+        """The readings at the given indices, each once, in that order."""
         number = np.full(len(self.angle_deg), -1, dtype=np.intp)
         number[places] = np.arange(len(places))
         kept = number[self.other] >= 0
@@ -99,7 +99,7 @@ class Decoded:
 
 @dataclass(frozen=True, eq=False)
 class _Metric:
-    """How far voltages are from each straight piece, for the receivers that are not clipped.
+    """Distance of voltages from each straight piece, for the receivers that are not clipped.
 
     With (V_left, V_right, 1) times `along` a reading's place along a piece is found, 0 to 1 within it, and times
     `aside` its distance from the piece's line, in units of the covariance; `square` is the squared length of the piece.
@@ -115,7 +115,7 @@ class _Metric:
 
 
 class Decoder:
-    """A calibration made ready.
+    """A calibration prepared for decoding.
 
     Parameters
     ----------
@@ -146,7 +146,7 @@ class Decoder:
 
     @property
     def pieces(self) -> int:
-        """How many straight pieces the curve has."""
+        """Number of straight pieces of the curve."""
         return int(self._freedom.size)
 
     @property
@@ -155,7 +155,7 @@ class Decoder:
         return float(self.nodes_deg[0]), float(self.nodes_deg[-1])
 
     def noise_deg(self, angle_deg: FloatArray) -> FloatArray:
-        """Standard deviation of an angle by the noise of a reading alone, (n,)."""
+        """Standard deviation of an angle due to the noise of a single reading, (n,)."""
         return np.asarray(np.interp(angle_deg, self.nodes_deg[1:], self._noise_deg))
 
     def decode(self, volts: FloatArray, clipped: NDArray[np.int8] | None = None) -> Decoded:
@@ -176,7 +176,7 @@ class Decoder:
         return _joined(parts)
 
     def _some(self, volts: FloatArray, marks: NDArray[np.int8]) -> Decoded:
-        """Readings in groups of one kind of clipping."""
+        """Readings grouped by which receivers are clipped."""
         if not marks.any():
             return self._alike(volts, (0, 0))
         kinds, kind = np.unique(marks, axis=0, return_inverse=True)
@@ -214,7 +214,7 @@ class Decoder:
         return np.ascontiguousarray(np.concatenate([slope, level], axis=-1).reshape(-1, 3).T)
 
     def _allowed(self, top: FloatArray, piece: slice | IndexArray, constant: FloatArray, size: int) -> FloatArray:
-        """Squared distance at which the log-likelihood is as far below the top as still counts."""
+        """Squared distance beyond which the likelihood is negligible."""
         freedom = self._freedom[piece]
         most = np.minimum(2.0 * (constant[piece] - top + _DROP) / (freedom + size), 500.0)
         return np.asarray(freedom * np.expm1(most))
@@ -240,7 +240,7 @@ class Decoder:
     def _near(
         self, volts: FloatArray, metric: _Metric, *, all_of_it: bool
     ) -> tuple[IndexArray, IndexArray, FloatArray, FloatArray]:
-        """Readings and pieces that may count, the reading's place along that piece, and its squared distance."""
+        """Pairs of readings and pieces close to each other, with the position along the piece and squared distance."""
         three = np.column_stack([volts, np.ones(len(volts))])
         along = three @ metric.along
         distance = three @ metric.aside
@@ -266,7 +266,7 @@ class Decoder:
         return np.asarray(-0.5 * (freedom + size) * np.log1p(distance / freedom))
 
     def _point(self, place: IndexArray, along: FloatArray) -> FloatArray:
-        """Voltages of the curve at places along its pieces, (..., 2)."""
+        """Voltages of the curve at positions along its pieces, (..., 2)."""
         start, step = self._start.reshape(-1, 2)[place], self._step.reshape(-1, 2)[place]
         return np.asarray(start + np.clip(along, 0.0, 1.0)[..., None] * step)
 
@@ -288,7 +288,7 @@ class Decoder:
         top: FloatArray,
         metric: _Metric,
     ) -> tuple[IndexArray, FloatArray, FloatArray]:
-        """Reading of each stretch, and its ends in degrees: where the likelihood is not far below the best."""
+        """Stretches of angles whose likelihood is not far below the best: their reading, and their ends in degrees."""
         piece, square = place % self.pieces, metric.square[place]
         over = along - np.clip(along, 0.0, 1.0)
         allowed = self._allowed(top[row], piece, metric.constant, metric.size)
@@ -367,7 +367,7 @@ class Decoder:
         return np.asarray(sum(np.exp(law - highest[row, None]) for law in both))
 
     def _reading_noise(self, calibration: Calibration) -> FloatArray:
-        """Standard deviation of the decoded angle by the noise alone, of each piece."""
+        """Standard deviation of the decoded angle due to noise alone, for each piece."""
         middle = 0.5 * (self.nodes_deg[1:] + self.nodes_deg[:-1])
         slope = self._step.mean(axis=0) / self._width
         toward = np.linalg.solve(self._covariance, slope[..., None])[..., 0]
@@ -377,7 +377,7 @@ class Decoder:
 
 
 def _nodes(calibration: Calibration, total: FloatArray) -> FloatArray:
-    """Angles between which the curve may be taken for straight."""
+    """Angles between which the curve is straight within tolerance."""
     bend = np.abs(np.diff(calibration.curves_V, 2, axis=1)) / 8.0
     sd = np.sqrt(np.diagonal(total, axis1=1, axis2=2))[1:-1]
     most = float(np.max(bend / (_FLAT * sd)))
@@ -387,14 +387,14 @@ def _nodes(calibration: Calibration, total: FloatArray) -> FloatArray:
 
 
 def _between_points(grid: FloatArray, matrices: FloatArray, where: FloatArray) -> FloatArray:
-    """Matrices (g, 2, 2) at other angles, on straight lines."""
+    """Matrices (g, 2, 2) at other angles, interpolated linearly."""
     place = np.clip(np.searchsorted(grid, where) - 1, 0, grid.size - 2)
     share = ((where - grid[place]) / (grid[place + 1] - grid[place]))[:, None, None]
     return np.asarray((1.0 - share) * matrices[place] + share * matrices[place + 1])
 
 
 def _bands(density: FloatArray, grid: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Ends of the shortest bands of each level, (m, 2): where the density crosses the height that holds so much."""
+    """Ends of the shortest band of each level, (m, 2): where the density crosses the height enclosing that share."""
     ordered = -np.sort(-density, axis=1)
     total = np.cumsum(ordered, axis=1) - 0.5 * ordered
     rows, last = np.arange(len(density)), density.shape[1] - 1
@@ -412,7 +412,7 @@ def _bands(density: FloatArray, grid: FloatArray) -> tuple[FloatArray, FloatArra
 
 
 def _crossing(density: FloatArray, grid: FloatArray, place: IndexArray, side: int, height: FloatArray) -> FloatArray:
-    """Where the density falls below a height beyond the outermost point above it, or the grid's own end."""
+    """Angle at which the density falls below a height beyond the outermost point above it, or the end of the grid."""
     rows = np.arange(len(grid))
     beyond = np.clip(place + side, 0, grid.shape[1] - 1)
     inner, outer = density[rows, place], density[rows, beyond]
@@ -431,7 +431,7 @@ def _median(density: FloatArray, grid: FloatArray) -> FloatArray:
 
 
 def _joined(parts: list[Decoded]) -> Decoded:
-    """Parts one after the other."""
+    """Parts concatenated."""
     if len(parts) == 1:
         return parts[0]
     offsets = np.cumsum([0, *(len(part.angle_deg) for part in parts[:-1])])

@@ -64,7 +64,7 @@ class DecodeOptions(ConditionOptions):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Decoding(Result):
-    """What was decoded.
+    """Summary of a decoded stream.
 
     Attributes
     ----------
@@ -170,14 +170,14 @@ class StreamDecoder:
         return "".join(_rows(batch.time_s, good, decoded, headings))
 
     def _check_scale(self, volts: FloatArray) -> None:
-        """`DataError` where readings are some thousand times what was calibrated."""
+        """`DataError` if readings are about a thousand times the calibrated voltages."""
         largest = float(np.median(np.abs(volts).max(axis=1))) if len(volts) else 0.0
         if largest > _MILLI * self._largest_V:
             limit = f"reads {largest:.4g} V; the calibration goes up to {self._largest_V:.3g} V: are they mV?"
             raise DataError(self._source, limit=limit, remedy="state the unit in the header, as in left_mV")
 
     def _marks(self, batch: Batch, good: BoolArray) -> NDArray[np.int8]:
-        """1 where a reading stands at the upper end of what is shown, −1 at the lower."""
+        """1 for a reading at the upper limit of the recorder, −1 at the lower one."""
         volts = batch.volts[good]
         marks = np.zeros(volts.shape, dtype=np.int8)
         if batch.clipped is not None:
@@ -206,7 +206,7 @@ class StreamDecoder:
                 self._parts.append(part_of("source", true[kept], decoded.picked(np.flatnonzero(kept))))
 
     def result(self, *, interrupted: bool) -> Decoding:
-        """Summary of what was decoded; `DataError` where there was no reading."""
+        """Summary of the decoded stream; `DataError` without a reading."""
         if not self.counts["readings"]:
             raise DataError(self._source, limit="holds no reading", remedy="check its columns")
         low, high = self._range_deg
@@ -236,7 +236,7 @@ class StreamDecoder:
 
 
 def _condition_warnings(known: CalibrationFile, stream: Stream, options: DecodeOptions) -> Iterator[str]:
-    """Whether the calibration is for the source: one sentence for what differs, one for what is stated nowhere."""
+    """Whether the calibration fits the source: a sentence on differences, and one on conditions that are not stated."""
     motion, circuit = conditions(stream.sensor or known.sensor, stream.provenance, options, stream.ambient)
     other, unknown = differences(known, motion, circuit)
     moved = bool(other)
@@ -254,7 +254,7 @@ def _condition_warnings(known: CalibrationFile, stream: Stream, options: DecodeO
 
 
 def _last(name: str) -> str:
-    """Name of a sensor without that of its file."""
+    """Name of a sensor without the name of its file."""
     return name.rpartition(".")[2]
 
 

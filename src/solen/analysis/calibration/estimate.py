@@ -1,4 +1,4 @@
-"""A calibration of ways and samples: curves, and the covariance of a reading about them with its parts.
+"""A calibration from sweeps and samples: curves, and the components of a reading's covariance about them.
 
 The idea: every sample is held against the mean of the *other* cycles, so that its distance is that of a reading of a
 new cycle. The mean of these distances' products, over neighbouring angles, is the covariance of a reading that has not
@@ -89,7 +89,7 @@ class Calibration:
 
 
 def at_angles(angle_deg: FloatArray, curves_V: FloatArray, where: FloatArray) -> FloatArray:
-    """Curves (2, g, 2) at other angles (n,), (2, n, 2): monotone wherever their points are (Fritsch and Carlson)."""
+    """Curves (2, g, 2) interpolated at angles (n,), (2, n, 2); monotone where their points are (Fritsch and Carlson)."""
     return np.asarray(PchipInterpolator(angle_deg, curves_V, axis=1)(where))
 
 
@@ -151,7 +151,7 @@ def _squares(rest: FloatArray) -> FloatArray:
 
 
 def _smooth(rows: FloatArray, grid: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Mean covariance about each angle, (g, 2, 2), and how many samples it rests on, (g,).
+    """Mean covariance about each angle, (g, 2, 2), and the number of samples behind it, (g,).
 
     ``rows`` are an angle and three products. The mean is weighted by a triangle as narrow as samples allow.
     """
@@ -175,7 +175,7 @@ def _smooth(rows: FloatArray, grid: FloatArray) -> tuple[FloatArray, FloatArray]
 
 
 def _parted(part: FloatArray, whole: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """As much of a part as its whole can hold in every direction, and the rest of the whole, both (g, 2, 2)."""
+    """A component limited to its total in every direction, and the rest of the total, both (g, 2, 2)."""
     root = np.linalg.cholesky(whole)
     inverse = np.linalg.inv(root)
     values, vectors = np.linalg.eigh(inverse @ part @ inverse.swapaxes(1, 2))
@@ -185,7 +185,7 @@ def _parted(part: FloatArray, whole: FloatArray) -> tuple[FloatArray, FloatArray
 
 
 def pooled(ones: Sequence[Calibration]) -> Calibration:
-    """One calibration of those of several prints, for a print that is not among them.
+    """One calibration pooled from those of several prints, for a print not among them.
 
     The scatter of prints is that of their mean curves.
 
@@ -219,7 +219,7 @@ def pooled(ones: Sequence[Calibration]) -> Calibration:
 
 
 def _common(grids: Sequence[FloatArray]) -> tuple[FloatArray, list[list[int]]]:
-    """Angles that all grids hold, and their places in each."""
+    """Angles common to all grids, and their indices in each."""
     keys = [{round(float(angle), 9): place for place, angle in enumerate(grid)} for grid in grids]
     shared = sorted(set.intersection(*(set(key) for key in keys)))
     if len(shared) < 5:
@@ -236,6 +236,6 @@ def _between(curves: FloatArray) -> FloatArray:
 
 
 def _rounder(covariance: FloatArray, share: float) -> FloatArray:
-    """Covariances drawn towards equal variances: few cycles or prints hardly determine a correlation."""
+    """Covariances shrunk towards equal variances, as few cycles or prints hardly determine a correlation."""
     level = np.trace(covariance, axis1=1, axis2=2) / 2.0
     return np.asarray((1.0 - share) * covariance + share * level[:, None, None] * np.eye(2))

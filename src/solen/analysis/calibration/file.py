@@ -31,7 +31,7 @@ Column = Annotated[tuple[Number, ...], Field(min_length=5, max_length=100_000)]
 
 
 class Motion(Strict):
-    """What was moved, and how far."""
+    """Motion of the calibrated recording: its kind and range."""
 
     table: ClassVar[str] = "motion"
     error: ClassVar[type[DataError]] = DataError
@@ -46,7 +46,7 @@ class Motion(Strict):
 
 
 class Circuit(Strict):
-    """What the voltages are."""
+    """Circuit that the voltages come from."""
 
     table: ClassVar[str] = "circuit"
     error: ClassVar[type[DataError]] = DataError
@@ -87,7 +87,7 @@ class Curves(Strict):
 
 
 class Part(Strict):
-    """What a check showed: errors are decoded less true angles."""
+    """Result of a check; errors are decoded minus true angles."""
 
     error: ClassVar[type[DataError]] = DataError
 
@@ -139,7 +139,7 @@ class CalibrationFile(Strict):
 
     @property
     def calibration(self) -> Calibration:
-        """Its arrays."""
+        """The calibration's arrays."""
         curves = self.curves
         return Calibration(
             angle_deg=np.array(curves.angle_deg),
@@ -156,7 +156,7 @@ class CalibrationFile(Strict):
 
 
 def curves_of(calibration: Calibration) -> Curves:
-    """Curves and covariances as they are saved."""
+    """Curves and covariances as the file holds them."""
     return Curves(
         angle_deg=tuple(calibration.angle_deg.tolist()),
         rising_V=_rows(calibration.curves_V[0]),
@@ -169,7 +169,7 @@ def curves_of(calibration: Calibration) -> Curves:
 
 
 def rails_of(calibration: Calibration) -> tuple[tuple[float | None, ...], ...]:
-    """Rails with None for what is not known."""
+    """Rails, with None for unknown ones."""
     return tuple(tuple(v if math.isfinite(v) else None for v in row) for row in calibration.rails_V.tolist())
 
 
@@ -192,7 +192,7 @@ def text_of(file: CalibrationFile) -> str:
 
 
 def load(path: Path) -> CalibrationFile:
-    """Calibration of a file; `DataError` in one line where it cannot be read or is not one."""
+    """Calibration of a file; `DataError` if it cannot be read or is not a calibration."""
     data = parsed(read_text(path, DataError), str(path), remedy="make it again with solen bench calibrate")
     if not isinstance(data, dict) or data.get("kind") != KIND:
         found = data.get("kind") if isinstance(data, dict) else None
@@ -208,7 +208,7 @@ def load(path: Path) -> CalibrationFile:
 
 
 def _tuples(value: Any) -> Any:
-    """Lists as tuples, which strict fields ask for."""
+    """Lists converted to the tuples that strict fields require."""
     if isinstance(value, dict):
         return {key: _tuples(one) for key, one in value.items()}
     return tuple(_tuples(one) for one in value) if isinstance(value, list) else value
@@ -223,7 +223,7 @@ def json_schema() -> dict[str, Any]:
 
 
 def differences(ours: CalibrationFile, motion: Motion, circuit: Circuit) -> tuple[list[str], list[str]]:
-    """How a recording differs from what was calibrated, and what is not stated; phrases of each."""
+    """Phrases on how a recording differs from the calibrated one, and on what is not stated."""
     other, unknown = [], []
     for name, mine, theirs in (
         ("kind of motion", ours.motion.kind, motion.kind),

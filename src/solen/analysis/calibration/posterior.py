@@ -1,4 +1,4 @@
-"""One reading decoded the long way: the likelihood on an even grid of angles, as fine as one likes.
+"""Reference for decoding a single reading: the likelihood on an even grid of angles of any spacing.
 
 It is what `Decoder` must agree with, and short enough to be read. The curves are not taken for straight anywhere.
 

@@ -67,7 +67,7 @@ class Stream:
 
 
 def recorded_stream(path: Path, options: SignalOptions, sensor: str | None, calibrated: str) -> Stream:
-    """Readings of a file; ``sensor`` is the one to decode, by default the one that was ``calibrated``.
+    """Readings of a file; ``sensor`` is the sensor to decode, by default the ``calibrated`` one.
 
     Raises
     ------
@@ -98,7 +98,7 @@ def _of_sensor(samples: Waveforms, name: str, places: list[int], provenance: Pro
 
 
 def chosen_sensor(names: Sequence[str], sensor: str | None, calibrated: str, source: str) -> str:
-    """The sensor that is asked for, else the calibrated one, else the only one."""
+    """The requested sensor, else the calibrated one, else the only one."""
     for wanted in filter(None, (sensor, calibrated)):
         named = [name for name in names if name.rpartition(".")[2] == wanted.rpartition(".")[2]]
         if named:
@@ -112,7 +112,7 @@ def chosen_sensor(names: Sequence[str], sensor: str | None, calibrated: str, sou
 
 
 def check_live(options: SignalOptions, *, subtracted: bool = False) -> None:
-    """`SpecError` where an option is set that live readings have no use for, or none without their ambient light."""
+    """`SpecError` for an option that live readings do not use, or only with ambient light."""
     if subtracted and options.rails is not None:
         limit = "do not apply to readings whose ambient light was subtracted; clipped ones are marked"
         raise SpecError("--rails", limit=limit, remedy="leave it out")
@@ -151,7 +151,7 @@ def _cells(line: str, separator: str) -> list[str]:
 
 @dataclass(frozen=True)
 class _Layout:
-    """Which cells of a line are the time, left and right, and what they are multiplied by."""
+    """Cells of a line that hold time, left and right, and their scale factors."""
 
     places: tuple[int | None, int, int]
     scales: tuple[float, float, float]
@@ -180,7 +180,7 @@ class _Layout:
         return cls(places, scales, len(names), separator, options.rate_hz)
 
     def batches(self, rows: Iterable[str]) -> Iterator[Batch]:
-        """One reading at a time; a line that cannot be read is a reading that is missing."""
+        """One reading at a time; a line that cannot be read counts as a missing reading."""
         for number, row in enumerate(row for row in rows if row.strip()):
             cells = _cells(row, self.separator)
             values = [self._number(cell) for cell in cells] if len(cells) == self.count else [math.nan] * self.count
@@ -190,7 +190,7 @@ class _Layout:
             yield Batch(np.array([stamp]), np.array([volts if math.isfinite(stamp) else [math.nan, math.nan]]))
 
     def _number(self, cell: str) -> float:
-        """Number of a cell; NaN where it is empty or a word."""
+        """Number of a cell; NaN if it is empty or a word."""
         try:
             return parse(cell, "." if self.separator == "," else ",")
         except ValueError:

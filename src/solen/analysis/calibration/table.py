@@ -92,7 +92,7 @@ static inline bool solen_decode(float left, float right, float *angle_deg, float
 
 
 class TableOptions(Options):
-    """How fine the table is."""
+    """Size of the table."""
 
     points: Annotated[int, Field(ge=5, le=257)] = 33
     """Nodes of the table, even in the angle."""
@@ -100,7 +100,7 @@ class TableOptions(Options):
 
 @dataclass(frozen=True, eq=False)
 class BoardTable:
-    """Pieces of the curve, (n, 9), as the sources state them, and the squared distance from which on a reading is off.
+    """Pieces of the curve, (n, 9), as in the generated code, and the squared distance that marks an outlying reading.
 
     Attributes
     ----------
@@ -153,13 +153,13 @@ class BoardTable:
         )
 
     def decode(self, volts: FloatArray) -> FloatArray:
-        """Angles of left and right, (n, 2), by the source for MicroPython itself."""
+        """Angles of left and right, (n, 2), computed by the generated MicroPython code."""
         space: dict[str, Any] = {}
         exec(self.python, space)  # noqa: S102  what is written is what is tried
         return np.array([space["decode"](left, right)[0] for left, right in volts.tolist()])
 
     def off_deg(self, calibration: Calibration) -> tuple[float, float]:
-        """Largest difference from the whole decoder along the curve, in degrees, and in its standard uncertainties."""
+        """Largest difference from the full decoder along the curve, in degrees and in standard uncertainties."""
         nodes = np.append(self.pieces[:, 0], self.pieces[-1, 0] + self.pieces[-1, 1])
         angle = np.linspace(nodes[0], nodes[-1], TRIED * len(self.pieces) + 1)[TRIED:-TRIED]
         volts = at_angles(calibration.angle_deg, calibration.curves_V.mean(axis=0)[None], angle)[0]
@@ -199,7 +199,7 @@ class DecodingTable(Result):
 
     @reported
     def warnings(self) -> tuple[str, ...]:
-        """Whether the table is too coarse."""
+        """Warnings if the table is too coarse."""
         if self.sigma <= MOST_OFF:
             return ()
         return (f"the table lies up to {self.off_deg:.2g}° beside the whole decoder; take more --points",)

@@ -1,4 +1,4 @@
-"""What a calibration is made of: the ways of each cycle over the angles, and the samples that they were made of.
+"""Input of a calibration: the rising and falling sweeps of each cycle, and the samples behind them.
 
 The interface: `training_of` an analysed sensor gives a `Training`; `Training.only` takes some of its cycles.
 """
@@ -21,7 +21,7 @@ LEAST_CYCLES = 2
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Samples of the used cycles, their holds too.
+    """Samples of the used cycles, including their holds.
 
     Attributes
     ----------
@@ -40,13 +40,13 @@ class Samples:
     follows: BoolArray
 
     def part(self, kept: BoolArray) -> "Samples":
-        """Some of them."""
+        """Samples selected by a mask."""
         return Samples(self.angle_deg[kept], self.volts[kept], self.cycle[kept], self.way[kept], self.follows[kept])
 
 
 @dataclass(frozen=True, eq=False)
 class Training:
-    """One sensor's ways and samples.
+    """One sensor's sweeps and samples.
 
     Attributes
     ----------
@@ -71,23 +71,23 @@ class Training:
 
     @property
     def cycles(self) -> int:
-        """How many cycles."""
+        """Number of cycles."""
         return int(self.cycles_V.shape[0])
 
     def only(self, kept: BoolArray) -> "Training":
-        """Some of the cycles, (cycles,) of bool."""
+        """Training of the cycles selected by a mask (cycles,)."""
         number = np.cumsum(kept) - 1
         samples = self.samples.part(kept[self.samples.cycle])
         samples = Samples(samples.angle_deg, samples.volts, number[samples.cycle], samples.way, samples.follows)
         return Training(self.label, self.angle_deg, self.cycles_V[kept], samples, self.rails_V)
 
     def curves_V(self) -> FloatArray:
-        """Mean over cycles of the rising and of the falling ways, (2, g, 2)."""
+        """Mean over cycles of the rising and of the falling sweeps, (2, g, 2)."""
         return mean_curves(self.cycles_V)
 
 
 def mean_curves(cycles_V: FloatArray) -> FloatArray:
-    """Mean over the first axis of what there is; a direction without readings is taken from the other one."""
+    """Mean over the first axis, ignoring NaN; a direction without readings is taken from the other one."""
     held = np.isfinite(cycles_V)
     count = held.sum(axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -126,7 +126,7 @@ def training_of(sensor: SensorResponse) -> Training:
 
 
 def _stretch(good: BoolArray) -> tuple[int, int]:
-    """First place and the one after the last of the longest stretch."""
+    """Slice bounds of the longest stretch."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(np.int8)))
     starts, stops = edges[::2], edges[1::2]
     if not starts.size:
@@ -136,7 +136,7 @@ def _stretch(good: BoolArray) -> tuple[int, int]:
 
 
 def _samples(sensor: SensorResponse, sides: tuple[int, int], ends: tuple[float, float]) -> tuple[Samples, FloatArray]:
-    """Samples of all runs between two angles, without the clipped ones, and the voltages at which those are."""
+    """Samples of all runs between two angles, without clipped ones, and the voltages of the clipped ones."""
     parts: list[tuple[FloatArray, FloatArray, IndexArray, IndexArray, BoolArray]] = []
     rails = np.full((2, 2), math.nan)
     cycle = 0
@@ -155,13 +155,13 @@ def _samples(sensor: SensorResponse, sides: tuple[int, int], ends: tuple[float, 
 
 
 def _used(run: Run) -> list[IndexArray]:
-    """Places of the samples of each used cycle."""
+    """Indices of the samples of each used cycle."""
     cycles = [run.motion.cycles[number] for number in run.used]
     return [np.arange(cycle.start, cycle.stop, dtype=np.intp) for cycle in cycles]
 
 
 def _ways(motion: Motion, size: int) -> IndexArray:
-    """0 from where a rising ramp begins to the next ramp, 1 of a falling one, −1 before the first."""
+    """Direction of each sample: 0 from a rising ramp to the next ramp, 1 from a falling one, −1 before the first."""
     ways = np.full(size, -1, dtype=np.intp)
     starts = [ramp.start for ramp in motion.ramps]
     for ramp, stop in zip(motion.ramps, [*starts[1:], size], strict=True):
@@ -170,7 +170,7 @@ def _ways(motion: Motion, size: int) -> IndexArray:
 
 
 def _wider(rails: FloatArray, volts: FloatArray, clipped: BoolArray) -> FloatArray:
-    """Rails of each receiver, (2, 2), with those that clipped samples show: below or above the middle of the rest."""
+    """Rails of each receiver, (2, 2), including those shown by samples clipped below or above the other samples."""
     found = rails.copy()
     for place in range(2):
         flags = clipped[:, place]

@@ -1,4 +1,4 @@
-"""Ambient light out of a recording: emitters switch on and off, and what is left while they are off is subtracted.
+"""Subtraction of ambient light: emitters switch on and off, and the light while they are off is subtracted.
 
 The idea: samples are gathered into slots, runs of one state of the emitters (`slots_of`). Each on slot gives a reading:
 its mean less the ambient light at its time, on the straight line between the off slots before and after it

@@ -1,4 +1,4 @@
-"""Means of readings over whole periods of the mains: what takes flicker out that a subtraction cannot.
+"""Means of readings over whole mains periods, which remove flicker that a subtraction leaves.
 
 Lamps flicker at twice the mains' frequency. At 200 readings a second 100 Hz alternates from one reading to the next,
 and four of them, one period of 50 Hz, average it and all its multiples out, but for those that fall on 200 Hz itself.
@@ -41,7 +41,7 @@ class Averaged:
 
 
 def readings_per_mains(period_s: float, mains_hz: float) -> int:
-    """Fewest readings that last whole periods of the mains; `DataError` where no number up to 1000 does."""
+    """Smallest number of readings that spans whole mains periods; `DataError` if none up to 1000 does."""
     if not math.isfinite(period_s):
         raise DataError("mains", value=mains_hz, limit="needs two readings of an emitter", remedy="leave it out")
     for readings in range(1, MOST_READINGS + 1):
@@ -85,7 +85,7 @@ def _u(result: Demodulated, slots: Slots, emitter: IntArray, readings: int) -> F
 
 
 def _of_emitter(result: Demodulated, emitter: int, readings: int) -> IndexArray:
-    """Places (B, readings) of blocks without a gap: their number on the emitter's clock is one after the other."""
+    """Indices (B, readings) of blocks without a gap, that is, with consecutive numbers on the emitter's clock."""
     places = np.flatnonzero(result.of(emitter))
     if not places.size or not math.isfinite(result.period_s):
         return np.empty((0, readings), dtype=np.intp)

@@ -1,4 +1,4 @@
-"""The clock of the emitters, found in a waveform that was sampled while they switched.
+"""The clock of the emitters, recovered from a waveform sampled while they switched.
 
 The idea: the sum of all channels rises and falls with the emitters. Its phase at the switching frequency is followed
 block by block, so that a drift between the emitters' clock and the recording's is followed too. Samples folded at that
@@ -153,7 +153,7 @@ def find_clock(time_s: FloatArray, values: FloatArray, rate_hz: float, *, on: On
 
 
 def find_switching(time_s: FloatArray, values: FloatArray, on: On = "low") -> Clock | None:
-    """Clock of a waveform of one emitter whose rate nobody stated; None without one.
+    """Clock of a waveform of one emitter of unknown rate; None without one.
 
     Times (N,) ascend, values (N, C) move the same way with the light. The strongest lines are tried, the highest first.
     """

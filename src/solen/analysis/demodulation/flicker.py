@@ -109,13 +109,13 @@ def _late(state: IntArray) -> BoolArray:
 
 
 def _beside(hz: float, rate_hz: float) -> float:
-    """How far a frequency is from the next multiple of a rate."""
+    """Distance of a frequency from the nearest multiple of a rate."""
     return (hz + 0.5 * rate_hz) % rate_hz - 0.5 * rate_hz
 
 
 @dataclass(frozen=True, eq=False)
 class _Room:
-    """Off samples, (n,) and (n, C), and which are not at the beginning of a slot."""
+    """Off samples, (n,) and (n, C), and a mask of those not at the beginning of a slot."""
 
     time_s: FloatArray
     values: FloatArray
@@ -134,7 +134,7 @@ class _Room:
         return [(float(t), slice(int(a), int(b))) for t, a, b in zip(middles, *places, strict=True)]
 
     def less_windows(self, values: FloatArray) -> FloatArray:
-        """Values at the off samples (n, k) less their mean over each half window."""
+        """Values at the off samples (n, k) minus their mean over each half window."""
         place = ((self.time_s - self.time_s[0]) / (0.5 * WINDOW_S)).astype(np.int64)
         count = np.maximum(np.bincount(place), 1)
         return np.column_stack([one - (np.bincount(place, one) / count)[place] for one in values.T])
@@ -158,7 +158,7 @@ class _Fit:
         return np.asarray(np.sqrt(self.power))
 
     def order(self, time_s: FloatArray, order: int) -> _Complex:
-        """Complex sine of an order at times, (n, C): between the windows' middles each counts by its nearness."""
+        """Complex sine of an order at times, (n, C), interpolated between the windows' middles."""
         own = self.sines[:, self.orders.index(order)]
         turning = np.exp(2j * np.pi * self.mains_hz * order * time_s)[:, None]
         slow = [np.interp(time_s, self.middle_s, part) for one in own.T for part in (one.real, one.imag)]
@@ -169,7 +169,7 @@ class _Fit:
         return np.asarray(sum(self.order(time_s, order).real for order in self.orders))
 
     def multiple(self, time_s: FloatArray, room: _Room, times: int, drifts: bool) -> FloatArray:
-        """Multiple of the lamp's sine that keeps its height and phase beside it, (n, C)."""
+        """Fitted multiple of the lamp's phase at times, with the lamp's amplitude variation, (n, C)."""
         if not drifts:
             room = _Room(room.time_s[room.late], room.values[room.late], room.late[room.late])
         left = room.less_windows(room.values - self.at(room.time_s))
@@ -184,13 +184,13 @@ class _Fit:
 
 
 def _powers(sine: _Complex, times: int) -> _Complex:
-    """Sine of a multiple of the phase, as high as the sine itself."""
+    """Sine of a multiple of the phase, with the amplitude of the sine itself."""
     height = np.abs(sine)
     return np.asarray(height * (sine / np.where(height > 0.0, height, 1.0)) ** times)
 
 
 def _fitted(room: _Room, nominal: float, rate_hz: float) -> _Fit | None:
-    """Sines at multiples of a nominal mains' frequency that stand out; None where none does."""
+    """Significant sines at multiples of a nominal mains frequency; None without any."""
     free = tuple(order for order in ORDERS if abs(_beside(order * nominal, rate_hz)) > NEAR_RATE_HZ)
     sines, mains = _sines(room, nominal, free), nominal
     if sines is None:
@@ -223,13 +223,13 @@ class _Sines:
         return np.asarray(np.maximum((np.abs(self.heights) ** 2 - self.variance).mean(axis=0), 0.0))
 
     def clear(self) -> FloatArray:
-        """How many times its uncertainty the power of each order is, in its clearest channel, (k,)."""
+        """Power of each order relative to its uncertainty, in the channel where that is largest, (k,)."""
         u = self.variance.mean(axis=0) / np.sqrt(max(len(self.middle_s) / 2.0, 1.0))
         return np.asarray((self.power() / np.where(u > 0.0, u, np.inf)).max(axis=1))
 
 
 def _sines(room: _Room, mains_hz: float, orders: tuple[int, ...]) -> _Sines | None:
-    """Sines of orders in each window that has samples enough."""
+    """Sines of the orders in each window with enough samples."""
     numbers = 2 + 2 * len(orders)
     hz = mains_hz * np.array(orders)
     middles, heights, variances = [], [], []
@@ -256,7 +256,7 @@ def _sines(room: _Room, mains_hz: float, orders: tuple[int, ...]) -> _Sines | No
 
 
 def _drift_hz(sines: _Sines, place: int) -> float:
-    """How much higher the frequency of an order is, by its phase from window to window."""
+    """Offset of an order's frequency, from its phase between windows."""
     own = sines.heights[:, place]
     steps = np.diff(sines.middle_s)
     if not steps.size:

@@ -1,4 +1,4 @@
-"""From samples with their states to readings: the one road that every command takes.
+"""From samples with their states to readings, as every command computes them.
 
 The idea: samples at a limit are marked as they were recorded, before anything is subtracted from them. The lamps'
 flicker is taken out where the samples inside slots show it; of single samples, which do not, means over whole periods
@@ -30,7 +30,7 @@ RESTING = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Switched:
-    """Readings, and what they were made of.
+    """Readings, with the slots and samples they come from.
 
     Attributes
     ----------
@@ -59,22 +59,22 @@ class Switched:
 
     @property
     def kept(self) -> Demodulated | Averaged:
-        """The readings, or the means where these were asked for."""
+        """The readings, or their means if requested."""
         return self.means or self.readings
 
     @property
     def slot_s(self) -> float:
-        """Time over which a slot is a mean; 0 for a single sample."""
+        """Averaging time of a slot; 0 for a single sample."""
         samples, count = self.samples, float(np.median(self.slots.samples))
         return float(np.median(np.diff(samples.time_s[:10_000]))) * count if count > 1 else 0.0
 
     @property
     def window_s(self) -> float:
-        """Time over which a reading is a mean."""
+        """Averaging time of a reading."""
         return self.slot_s if self.means is None else self.means.readings * self.readings.period_s
 
     def beside(self, values: FloatArray) -> FloatArray:
-        """Means (M, k) of other samples (N, k) over those that make each reading."""
+        """Means (M, k) of other samples (N, k) over the samples of each reading."""
         other = _slots(self.samples, values)
         own = other.mean[self.readings.slot]
         return own if self.means is None else np.asarray(own[self.means.places].mean(axis=1))
@@ -124,7 +124,7 @@ def switched(
 
 
 def _slots(samples: Samples, values: FloatArray, at_limit: BoolArray | None = None) -> Slots:
-    """Slots of values that were taken with the samples."""
+    """Slots of further values recorded with the samples."""
     settle_s, gap_s = samples.slot_settle_s, samples.gap_s
     return slots_of(samples.time_s, values, samples.state, settle_s=settle_s, clipped=at_limit, gap_s=gap_s)
 
@@ -166,7 +166,7 @@ def _off_and_on(samples: Samples) -> tuple[BoolArray, BoolArray]:
 
 
 def _upper_limit(values: FloatArray) -> float:
-    """The largest value, where a channel of many values takes it far more often than the next one; else inf."""
+    """The largest value, if a channel takes it far more often than the next one; else inf."""
     count = int((values == values.max()).sum())
     distinct = np.unique(values[:: max(1, len(values) // 100_000)])
     if count < AT_EXTREME or len(distinct) < DISTINCT:

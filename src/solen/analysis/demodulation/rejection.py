@@ -1,4 +1,4 @@
-"""What a subtraction of ambient light lets through, by the light's frequency.
+"""Ambient light that a subtraction leaves, by its frequency.
 
 The idea: an on slot of width W every period P with the off slots half a period before and after. Light a cos(ωt) leaves
 behind, in readings taken at all phases, at most a times
@@ -27,7 +27,7 @@ KERNELS: tuple[Kernel, ...] = get_args(Kernel)
 def gain(
     frequency_hz: FloatArray | float, period_s: float, window_s: float, kernel: Kernel = "two-sided"
 ) -> FloatArray:
-    """Amplitude that is left of ambient light of amplitude 1, largest over the phases.
+    """Remaining amplitude of ambient light of amplitude 1, at the worst phase.
 
     Parameters
     ----------

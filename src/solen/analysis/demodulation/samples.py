@@ -91,17 +91,17 @@ class Samples:
 
     @property
     def slot_settle_s(self) -> float:
-        """Time at the beginning of a slot that is still to be left out: a clock's states have left it out."""
+        """Time at the beginning of a slot still to be discarded; 0 if the states of a clock exclude it already."""
         return self.settle_s if self.clock is None else 0.0
 
     @property
     def gap_s(self) -> float | None:
-        """Time without samples that parts two slots of one state."""
+        """Time without samples that separates two slots of one state."""
         return None if self.clock is None else self.clock.shorter_s
 
     @property
     def rate_hz(self) -> float | None:
-        """Rate of the on slots by the clock."""
+        """Rate of the on slots from the clock."""
         return None if self.clock is None else self.clock.rate_hz
 
 
@@ -162,7 +162,7 @@ def _time(recording: Recording, options: DemodulationOptions) -> Channel:
 
 
 def _channels(recording: Recording, options: DemodulationOptions, time: Channel) -> Sequence[Channel]:
-    """Channels that are named, or else all voltages."""
+    """The named channels, or else all voltages."""
     if options.channel:
         return [recording.channel(name) for name in dict.fromkeys(options.channel)]
     free = [channel for channel in recording.channels if channel.name != time.name]

@@ -1,4 +1,4 @@
-"""On less off: the reading of each on slot without the ambient light of its time.
+"""On minus off: the reading of each on slot without the simultaneous ambient light.
 
 The idea: ambient light at the time of an on slot lies on the straight line between the off slots before and after it.
 Where these are equally far that is their mean. Constant light and light that changes at a constant rate are taken out
@@ -25,7 +25,7 @@ FAR = 1.5
 
 @dataclass(frozen=True)
 class Counts:
-    """What happened to the on slots: by emitter where it is by emitter.
+    """Counts of on slots, used and rejected; by emitter where they differ.
 
     ``missing`` of a regular sequence are not in the recording, ``without_off`` have no off slot near and give no
     reading, ``one_sided`` have one on one side only, ``emptied`` had no sample left after settling, ``clipped`` are
@@ -87,7 +87,7 @@ class Demodulated:
 
 
 def _drifts(slots: Slots, before: IntArray, after: IntArray, alone: BoolArray, off_sd: FloatArray) -> FloatArray:
-    """By how much ambient light usually changes from an off slot to a reading beside it, (C,), beyond noise.
+    """Typical change of ambient light between an off slot and the next reading, (C,), beyond noise.
 
     That is half of what it changes by between the off slots around a reading.
     """
@@ -157,7 +157,7 @@ def subtract(slots: Slots, kernel: Kernel = "two-sided") -> Demodulated:
 
 
 def slot_sd(slots: Slots, block: int = 1) -> FloatArray:
-    """Noise of an off slot (C,), by what each differs by from the line between its neighbours; NaN below three.
+    """Noise of an off slot (C,), from deviations from the line between its neighbours; NaN with fewer than three.
 
     With a ``block``, by the means of so many successive differences: flicker whose whole periods a block holds is then
     no part of it. Of independent slots such a mean varies by their noise over the block's length.
@@ -179,7 +179,7 @@ def slot_sd(slots: Slots, block: int = 1) -> FloatArray:
 
 
 def _neighbours(slots: Slots, on: IndexArray, off: IndexArray) -> tuple[IndexArray, IndexArray, BoolArray]:
-    """Off slots before and after each on slot, and whether each is there and near, (M, 2)."""
+    """Off slots before and after each on slot, and whether they exist and are near, (M, 2)."""
     place = np.searchsorted(off, on)
     first, last = place == 0, place == off.size
     before, after = off[np.maximum(place - 1, 0)], off[np.minimum(place, off.size - 1)]
@@ -197,14 +197,14 @@ def _neighbours(slots: Slots, on: IndexArray, off: IndexArray) -> tuple[IndexArr
 def _share_of_after(
     time_s: FloatArray, on: IndexArray, before: IndexArray, after: IndexArray, there: BoolArray
 ) -> FloatArray:
-    """Weight of the off slot after, (M,): by time between the two, or all of the one that is there."""
+    """Weight of the following off slot, (M,): linear in time between the two, or 0 or 1 if only one exists."""
     both = there.all(axis=1)
     span = np.where(both, time_s[after] - time_s[before], 1.0)
     return np.where(both, (time_s[on] - time_s[before]) / span, np.where(there[:, 1], 1.0, 0.0))
 
 
 def on_sd(slots: Slots, off_sd: FloatArray, emitter: IntArray) -> FloatArray:
-    """Noise of on slots (M, C) of emitters (M,): as of an off slot, or of the samples inside, where that is more.
+    """Noise of on slots (M, C) of emitters (M,): that of an off slot or of the samples inside, whichever is larger.
 
     A receiver in light has more shot noise than one in the dark.
     """
@@ -219,7 +219,7 @@ def on_sd(slots: Slots, off_sd: FloatArray, emitter: IntArray) -> FloatArray:
 
 
 def _cadence(slots: Slots) -> tuple[FloatArray, dict[int, int]]:
-    """Usual period of each emitter that has one, and how many of its slots are missing between those that are there."""
+    """Usual period of each emitter that has one, and the number of its missing slots."""
     periods, missing = [], {}
     for emitter in np.unique(slots.state[slots.state > OFF]).tolist():
         steps = np.diff(slots.time_s[slots.state == emitter])

@@ -47,12 +47,12 @@ class Bend:
 
     @classmethod
     def of(cls, circuit: Circuit, room_V: tuple[float, ...]) -> "Bend":
-        """Bend of a circuit in the light of a room."""
+        """Load lines of a circuit in given ambient light."""
         part = circuit.transistor
         return cls(circuit.supply_V, part.saturation_V, part.knee_V, room_V)
 
     def __call__(self, pulled_V: FloatArray) -> FloatArray:
-        """How far the voltages (n, r) go down where a straight line would have them go down by ``pulled_V``."""
+        """Drops of the voltages (n, r) where a linear circuit would drop by ``pulled_V``."""
         room = np.maximum(np.array(self.room_V), 0.0)
         pulled = np.maximum(pulled_V + room, 0.0)
         line = (self.supply_V, self.saturation_V, self.knee_V)
@@ -61,14 +61,14 @@ class Bend:
 
 
 def _receiver_V(shares: FloatArray, gain_V: FloatArray, offset_V: FloatArray, bend: Bend | None) -> FloatArray:
-    """Voltages (n, r) of shares (n, r), by gains and offsets (r,)."""
+    """Voltages (n, r) from shares (n, r), with gains and offsets (r,)."""
     pulled = shares * gain_V
     return np.asarray(offset_V - (pulled if bend is None else bend(pulled)))
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """One number of the model.
+    """One parameter of the model.
 
     Attributes
     ----------
@@ -145,22 +145,22 @@ class Model:
 
     @cached_property
     def places(self) -> dict[str, int]:
-        """Place of each parameter by its name."""
+        """Index of each parameter by its name."""
         return {parameter.name: place for place, parameter in enumerate(self.parameters)}
 
     @cached_property
     def gains(self) -> list[int]:
-        """Places of the gains, receiver by receiver."""
+        """Indices of the gains, by receiver."""
         return [self.places[f"gain {side}"] for side in self.sides]
 
     @cached_property
     def offsets(self) -> list[int]:
-        """Places of the offsets, receiver by receiver."""
+        """Indices of the offsets, by receiver."""
         return [self.places[f"offset {side}"] for side in self.sides]
 
     @cached_property
     def _nodes(self) -> FloatArray:
-        """Angles of each cell; the outermost cells, which the motion does not fill, are their own angle.
+        """Quadrature angles of each cell; the outermost cells, which the motion does not fill, have one angle each.
 
         A mean over a cell spreads by its width over √12, straight lines between samples by their distance over √6.
         """
@@ -170,7 +170,7 @@ class Model:
         return np.concatenate([self.angle_deg + node * spread for node in _NODES.tolist()])
 
     def _means(self, means: FloatArray) -> FloatArray:
-        """Means over the cells (n, r) of what is found at their angles."""
+        """Means over the cells (n, r) of values at their angles."""
         return np.asarray(means.reshape(_NODES.size, self.angle_deg.size, -1).mean(axis=0))
 
     def shares(self, values: FloatArray) -> FloatArray:
@@ -205,7 +205,7 @@ class Model:
         return found
 
     def start(self, curve: FloatArray, offset_mm: float, spread_mm2: float) -> FloatArray:
-        """Values for a decentre and a chip, with gains and offsets by straight lines through curves (n, r)."""
+        """Start values for a decentre and a chip width, with gains and offsets from lines fitted to curves (n, r)."""
         values = np.array([parameter.start for parameter in self.parameters])
         values[self.places[OFFSET]], values[self.places[SPREAD]] = offset_mm, spread_mm2
         mean = self._means(self.shares(values))

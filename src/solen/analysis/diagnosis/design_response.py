@@ -1,4 +1,4 @@
-"""What the receivers of a design get, by its emitter's place and width and by what else differs from print to print.
+"""Light at the receivers of a design, by position and width of the emitter and by other tolerances of a print.
 
 The idea: the table of the design as it is, and for every other number that may differ (index, loss) how the table
 changes with it. Index and the like change little, but the bends of the response wander with them: a parabola through a
@@ -34,7 +34,7 @@ LEAST_SHARE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Change:
-    """How a table changes with a number: by a parabola up to a step to each side, by straight lines beyond.
+    """Change of a table with a number: a parabola within one step to each side, straight lines beyond.
 
     Attributes
     ----------
@@ -90,7 +90,7 @@ class Response:
         spreads: Mapping[str, float] | None = None,
         progress: Progress | None = None,
     ) -> "Response":
-        """Response of a design between two angles, and how it changes with some numbers.
+        """Response of a design between two angles, and its change with given numbers.
 
         Parameters
         ----------
@@ -134,7 +134,7 @@ class Response:
 
     @property
     def reach_mm(self) -> float:
-        """How far from the axis a chip may reach."""
+        """Largest distance of a chip's edge from the axis."""
         return self.base.reach_mm
 
     def shares(
@@ -165,7 +165,7 @@ class Response:
         return np.asarray(point + (least - point) * (spread_mm2 / LEAST_SPREAD_MM2))
 
     def path_mm(self, angle_deg: FloatArray) -> float:
-        """Mean way of the light that arrives, through the material, by what loss takes of it."""
+        """Mean path in the material of the detected light, from its derivative by the loss."""
         plain = self.base.chip(angle_deg, self.offset_mm, self.width_mm).sum()
         lost = self.lossy.chip(angle_deg, self.offset_mm, self.width_mm).sum()
         return float(-math.log1p(lost / plain) / LOSS_STEP)
@@ -184,7 +184,7 @@ class Response:
 
 
 def _moved(sensor: Sensor, key: str, by: float) -> Sensor:
-    """The sensor with a number larger by so much."""
+    """The sensor with a number changed by ``by``."""
     if key == INDEX:
         values = {INDEX: sensor.material.index + by, LOSS: sensor.material.absorption_per_mm}
         # its lens keeps the shape that it was designed with

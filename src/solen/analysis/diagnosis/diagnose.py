@@ -1,4 +1,4 @@
-"""A sensor diagnosed: its recording's mean curves fitted with the traced response of its design.
+"""Diagnosis of a sensor: a fit of its design's traced response to the mean curves of its recording.
 
 The idea: everything is fitted that the recording determines. A parameter whose uncertainty exceeds its scale is held
 at the design's value; the correlations of the fit with all parameters show what it is confused with.
@@ -118,7 +118,7 @@ class Diagnosis:
 
 
 def sides_of(receivers: Iterable[str]) -> dict[str, int]:
-    """Places of the right and the left receiver; one may be missing. `DataError` where no name states a side."""
+    """Indices of the right and the left receiver; one may be missing. `DataError` if no name states a side."""
     sides: dict[str, int] = {}
     receivers = list(receivers)
     for place, name in enumerate(receivers):
@@ -135,7 +135,7 @@ def sides_of(receivers: Iterable[str]) -> dict[str, int]:
 
 
 def cycles_of(passes: Passes, places: Sequence[int]) -> Cycles:
-    """Curves of each cycle for some receivers, the mean of both ways; where one way is missing, the other."""
+    """Curves of each cycle for given receivers: the mean of both directions, or the only one."""
     hidden = np.where(passes.clipped, np.nan, passes.volts)[..., list(places)]
     there = np.isfinite(hidden).any(axis=(0, 2, 3), keepdims=True)
     both = np.where(there, 1.0, 0.0)
@@ -151,7 +151,7 @@ def diagnosed(
     *,
     rising: bool = False,
 ) -> Diagnosis:
-    """Fit a sensor's mean curves and find what they determine.
+    """Fit a sensor's mean curves and determine which parameters they identify.
 
     Parameters
     ----------
@@ -188,7 +188,7 @@ def diagnosed(
 
 
 def spacing_deg(sensor: SensorResponse) -> float:
-    """Usual distance of the samples on the ways, of the coarsest recording."""
+    """Typical angle between samples of the coarsest recording."""
     found = []
     for run in sensor.runs:
         angle = run.signals.angle_deg
@@ -217,7 +217,7 @@ def _check_signs(sensor: SensorResponse, fitted: Fitted, places: Mapping[str, in
 
 
 def _determined(model: Model, cycles: Cycles) -> tuple[Fitted, dict[str, tuple[str, ...]]]:
-    """The fit of what the curves determine, and what they do not."""
+    """Fit of the parameters that the curves determine, and the names of the others."""
     active = list(range(len(model.parameters)))
     held: dict[str, tuple[str, ...]] = {}
     fitted = fit(model, cycles, active)
@@ -229,7 +229,7 @@ def _determined(model: Model, cycles: Cycles) -> tuple[Fitted, dict[str, tuple[s
 
 
 def _undetermined(fitted: Fitted) -> str | None:
-    """The number to hold next, as its uncertainty is above what is worth telling; None where there is none."""
+    """The parameter to fix next, as its uncertainty is too large to be useful; None if there is none."""
     model = fitted.model
     free = [model.parameters[place] for place in fitted.active if math.isinf(model.parameters[place].known)]
     vague = [one.name for one in free if not fitted.u(one.name) <= one.scale]
@@ -243,7 +243,7 @@ def _undetermined(fitted: Fitted) -> str | None:
 
 
 def _partners(fitted: Fitted, name: str, beyond: float = PARTNER) -> tuple[str, ...]:
-    """Parameters that one is correlated with, in the fit that has them all."""
+    """Parameters correlated with a given one, in the fit of all."""
     names = [fitted.model.parameters[place].name for place in fitted.active]
     row = _correlations(fitted)[names.index(name)]
     return tuple(
@@ -299,7 +299,7 @@ def _plain(
 
 
 def _width(fitted: Fitted, held: Mapping[str, object]) -> ParameterEstimate:
-    """Width of the chip by its square, whose interval is even; below 0 it ends at 0."""
+    """Width of the chip from its square, whose interval is symmetric; an interval that reaches below 0 ends at 0."""
     design = fitted.model.response.width_mm
     if SPREAD in held:
         return ParameterEstimate("chip width", "mm", design_value=design)

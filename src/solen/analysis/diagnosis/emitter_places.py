@@ -1,4 +1,4 @@
-"""Light of an emitter by the place that it starts from, at one angle of the motion.
+"""Light of an emitter by its starting point, at one angle of the motion.
 
 The idea: what a chip gives is the mean over its places, so the integral over the places serves chips of any decentre
 and width. In the plane it is made of points, each integrated over its angles, denser where the response bends. In space
@@ -62,12 +62,12 @@ class Places:
     upto: Curve
 
     def mirrored(self) -> "Places":
-        """Of a sensor that is the mirror image, right for left; the integral begins elsewhere."""
+        """The integral for the opposite angle of a symmetric sensor: right and left exchanged."""
         return Places(-self.place_mm[::-1], lambda at: -self.upto(-at)[:, ::-1])
 
 
 def light_by_place(wide: Sensor, angle_deg: float, reach_mm: float, like: Places | None = None) -> Places:
-    """Light at an angle of a sensor whose chip reaches over all places.
+    """Light at one angle, for a chip that covers all positions.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def light_by_place(wide: Sensor, angle_deg: float, reach_mm: float, like: Places
 
 
 def check_light(scene: Scene) -> None:
-    """`DesignError` where a scene's emitter cannot be taken place by place."""
+    """`DesignError` if a scene's emitter cannot be resolved by position."""
     if scene.is_random:
         limit = "diagnosis needs light that nothing scatters by chance"
         raise DesignError("diagnosis", value="scattered light", limit=limit, remedy="leave the scatter out")
@@ -101,7 +101,7 @@ def check_light(scene: Scene) -> None:
 
 
 class _Chip:
-    """A chip that reaches over all places, at one angle."""
+    """A chip that covers all positions, at one angle."""
 
     def __init__(self, scene: Scene, acceptance: Acceptance, reach_mm: float) -> None:
         self.scene, self.acceptance, self.reach_mm = replace(scene, sources=scene.sources[:1]), acceptance, reach_mm

@@ -1,4 +1,4 @@
-"""Least squares of a model on mean curves, and how sure each number is by the scatter of the cycles.
+"""Least squares of a model on mean curves, with uncertainties from the scatter of the cycles.
 
 The idea. Noise of a recording is not white: it drifts, flickers and lags, so that neighbouring angles err together.
 What can be relied on is that **cycles are repetitions of one another**. The fit is one of least squares, and every
@@ -75,7 +75,7 @@ class Cycles:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Misfit(Result):
-    """What mean curves depart from the model by.
+    """Misfit of the model to the mean curves.
 
     Attributes
     ----------
@@ -95,7 +95,7 @@ class Misfit(Result):
 
     @reported
     def significant(self) -> bool:
-        """Whether there is more than chance makes."""
+        """Whether the misfit is significant."""
         return bool(self.chance < SIGNIFICANT)
 
 
@@ -130,7 +130,7 @@ class Fitted:
     misfit: Misfit
 
     def u(self, name: str) -> float:
-        """Standard uncertainty of a parameter; inf of one that was not fitted."""
+        """Standard uncertainty of a parameter; inf if it was not fitted."""
         place = self._place(name)
         return float(np.sqrt(self.covariance[place, place])) if place is not None else float("inf")
 
@@ -139,7 +139,7 @@ class Fitted:
         return float(self.values[self.model.places[name]])
 
     def half_width(self, name: str, level: float = 0.95) -> float:
-        """Half of the interval of a parameter by Student's t."""
+        """Half of the 95 % interval of a parameter, by Student's t."""
         from scipy.stats import t
 
         place = self._place(name)
@@ -177,7 +177,7 @@ def fit(model: Model, cycles: Cycles, active: Sequence[int], start: FloatArray |
 
 
 def _first_sd(cycles: Cycles) -> FloatArray:
-    """Standard deviation of the mean curves of each receiver (r,), never none."""
+    """Standard deviation of the mean curves of each receiver (r,), always above 0."""
     count = len(cycles.volts)
     least = 1e-6 * cycles.swing_V + 1e-12
     if count < 2:
@@ -187,7 +187,7 @@ def _first_sd(cycles: Cycles) -> FloatArray:
 
 
 def _started(model: Model, cycles: Cycles, places: IndexArray, sd: FloatArray) -> FloatArray:
-    """Values of the best of several beginnings."""
+    """Values of the best of several starting points."""
     spread = model.parameters[model.places[SPREAD]].start
     free = {model.parameters[place].name for place in places}
     begun = [
@@ -205,7 +205,7 @@ def _started(model: Model, cycles: Cycles, places: IndexArray, sd: FloatArray) -
 def _solved(
     model: Model, cycles: Cycles, places: IndexArray, sd: FloatArray, start: FloatArray
 ) -> tuple[FloatArray, float]:
-    """Values and sum of squares by the way of Levenberg and Marquardt, in the parameters' scales."""
+    """Values and sum of squares by Levenberg and Marquardt's method, in the parameters' scales."""
     scale = np.array([model.parameters[place].scale for place in places])
     values, damping = start.copy(), 1e-3
     rest, cost = _rest(model, cycles, places, sd, values)
@@ -232,7 +232,7 @@ def _solved(
 
 
 def _keep_within(model: Model, values: FloatArray) -> None:
-    """Hold the chip within what was traced."""
+    """Keep the chip within the traced positions."""
     reach, at = model.response.reach_mm, model.places
     values[at[OFFSET]] = np.clip(values[at[OFFSET]], -0.6 * reach, 0.6 * reach)
     most = 2.0 * (reach - abs(values[at[OFFSET]]))
@@ -242,7 +242,7 @@ def _keep_within(model: Model, values: FloatArray) -> None:
 def _rest(
     model: Model, cycles: Cycles, places: IndexArray, sd: FloatArray, values: FloatArray
 ) -> tuple[FloatArray, float]:
-    """What is left of the mean curves, and of what is known beforehand, in their standard deviations."""
+    """Residuals of the mean curves and of the priors, in units of their standard deviations."""
     left = ((cycles.mean_V - model.volts(values)) / sd)[cycles.valid]
     prior = np.array([(model.parameters[p].start - values[p]) / model.parameters[p].known for p in places])
     rest = np.concatenate([left, prior])
@@ -293,13 +293,13 @@ def _inverse(normal: FloatArray, scale: FloatArray) -> FloatArray:
 
 
 def _white(left: FloatArray, table: FloatArray, inverse: FloatArray) -> FloatArray:
-    """Covariance of a single cycle, whose residuals are all that is known of its noise."""
+    """Covariance of a single cycle, estimated from its residuals."""
     variance = float(left @ left) / max(len(left) - table.shape[1], 1)
     return np.asarray(variance * inverse @ (table.T @ table) @ inverse)
 
 
 def _waves(cycles: Cycles) -> FloatArray:
-    """Cosines over the range for each receiver apart, (observations, r × WAVES)."""
+    """Cosines over the range for each receiver separately, (observations, r × WAVES)."""
     angle, valid = cycles.angle_deg, cycles.valid
     phase = np.pi * (angle - angle[0]) / (angle[-1] - angle[0])
     one = np.cos(phase[:, None] * np.arange(WAVES))
@@ -335,7 +335,7 @@ def _misfit(
 
 
 def _effective(scatter: FloatArray, most: float, freedom: int) -> float:
-    """Independent waves that correlated ones are as good as, tr² C / tr C², by a scatter S of few deviations.
+    """Effective number of independent waves, tr² C / tr C², from a scatter matrix S of few deviations.
 
     E tr S² = (1 + 1/ν) tr C² + tr² C / ν for ν degrees of freedom.
     """

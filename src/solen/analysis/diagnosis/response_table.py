@@ -41,7 +41,7 @@ _PAD = 12
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Integral of the response of a point emitter over its place.
+    """Integral of the response of a point emitter over its position.
 
     Attributes
     ----------
@@ -92,12 +92,12 @@ class Table:
         return np.searchsorted(self.angle_deg, angle_deg - 1e-9)
 
     def less(self, other: "Table") -> "Table":
-        """How this table differs from one that has its angles among others, and the same places and edge."""
+        """Difference from a table that includes these angles and has the same positions and edge."""
         return replace(self, total_mm=self.total_mm - other.total_mm[:, other.places_of(self.angle_deg)])
 
     @cached_property
     def _coefficients(self) -> tuple[FloatArray, ...]:
-        """Cubic splines' coefficients of both receivers, the table continued so that no end bends."""
+        """Cubic spline coefficients of both receivers; the table is extended so that its ends do not bend."""
         from scipy.ndimage import spline_filter
 
         wide = np.pad(self.total_mm, ((0, 0), (_PAD, _PAD), (_PAD, _PAD)), mode="reflect", reflect_type="odd")
@@ -137,7 +137,7 @@ def _traced(
     known: Sequence[Places | None],
     progress: Progress | None,
 ) -> tuple[Places, ...]:
-    """What is traced at every angle, on all cores; of a symmetric sensor only at angles from 0 on."""
+    """Trace at every angle, on all cores; for a symmetric sensor only at angles of 0 and above."""
     even = np.allclose(angle_deg, -angle_deg[::-1], rtol=0.0, atol=1e-9)
     even = even and are_mirrored(*(wide.body(float(angle)) for angle in angle_deg[[0, -1]]))
     first = len(angle_deg) // 2 if even else 0
@@ -153,7 +153,7 @@ def _traced(
 
 
 def _reaching(sensor: Sensor) -> tuple[Sensor, float]:
-    """The same sensor with a chip that reaches over all places, and how far it does."""
+    """The same sensor with a chip that covers all positions, and the half width of that chip."""
     emitter = sensor.design.emitter
     reach_mm = REACH_MM + abs(emitter.offset_mm) + 0.5 * sensor.light.width_mm
     wide = Sensor.of(with_values(sensor.design, {"emitter.offset_mm": 0.0, "emitter.width_mm": 2.0 * reach_mm}))
@@ -161,7 +161,7 @@ def _reaching(sensor: Sensor) -> tuple[Sensor, float]:
 
 
 def _edge(angles: FloatArray, rows: Sequence[Places], reach_mm: float) -> FloatArray:
-    """Straight line through the places where light changes sides most steeply; 0 where they are on none."""
+    """Line through the positions where the light changes sides most steeply; 0 if they lie on no line."""
     grid = np.linspace(-reach_mm, reach_mm, 1 + 2 * math.ceil(reach_mm / EDGE_MM))
     totals = (row.upto(grid) @ np.array([1.0, -1.0]) for row in rows)
     steepest = grid[1:-1][

@@ -1,4 +1,4 @@
-"""The sensors of a study diagnosed: which design each has, its traced response, and what the fit shows.
+"""Diagnosis of the sensors of a study: the design of each, its traced response, and the fit.
 
 A recording of a bench carries its designs; for others the options name one. Sensors of one design share its response.
 
@@ -47,7 +47,7 @@ FITTED = ("emitter.offset_mm", "emitter.width_mm", "material.absorption_per_mm")
 
 
 class DiagnosisOptions(Options):
-    """What is diagnosed, and what is known beforehand."""
+    """Which sensors are diagnosed, and their priors."""
 
     design: Path | None = None
     """Design of the sensor; default: the one that a recording of solen bench carries."""
@@ -168,7 +168,7 @@ class SensorDiagnoses(Result):
 
 @dataclass(frozen=True)
 class _Carried:
-    """What the recording of a sensor carries: its design with the file's name, and what was drawn for it."""
+    """Design stored in a sensor's recording, with its file name, and the deviations drawn in a simulation."""
 
     design: Design | None = None
     drawn: Mapping[str, float] = field(default_factory=dict)
@@ -232,7 +232,7 @@ def _chosen(study: Study, options: DiagnosisOptions) -> list[SensorResponse]:
 
 
 def _carried(sensor: SensorResponse) -> _Carried:
-    """What the first recording of a sensor carries of it."""
+    """Design stored in the first recording of a sensor."""
     provenance = sensor.runs[0].signals.provenance
     header = header_of(provenance)
     name = provenance.metadata.get("sensor", sensor.label.rpartition(".")[2])
@@ -244,7 +244,7 @@ def _carried(sensor: SensorResponse) -> _Carried:
 
 
 def _design(sensor: SensorResponse, stated: Design | None, own: Design | None) -> Design:
-    """The design of a sensor; `DataError` without one, or where the file's has another motion than the recording's."""
+    """The design of a sensor; `DataError` without one, or if its motion differs from that of the recording."""
     if stated is None:
         if own is None:
             remedy = "name its design file with --design"
@@ -312,7 +312,7 @@ def _curves(diagnosis: Diagnosis) -> dict[str, FittedCurve]:
 
 
 def _bend(sensor: SensorResponse, design: Design, own: _Carried) -> Bend | None:
-    """Load line of the receivers, where the design states its readout or the recording is a bench run's."""
+    """Load lines of the receivers, if the design states its readout or the recording is of a bench run."""
     if own.design is None and "readout" not in design.model_fields_set:
         return None
     body = Sensor.of(design)
@@ -333,7 +333,7 @@ def _motion_warnings(sensor: SensorResponse, design: Design) -> Iterator[str]:
 
 
 def _cautions(diagnosis: Diagnosis, design: Design) -> Iterator[str]:
-    """What the numbers of a diagnosis cannot show."""
+    """Limits of a diagnosis, as warnings."""
     misfit = diagnosis.fitted.misfit
     if misfit.significant:
         rms = ", ".join(f"{1e3 * rms:.2g} mV {side}" for side, rms in zip(diagnosis.sides, misfit.rms_V, strict=True))

@@ -29,7 +29,7 @@ NARROW_DEG = 2.0
 
 
 def words(diagnosis: Diagnosis) -> list[str]:
-    """What the recording shows of the sensor, a line for each parameter; ± is half of an interval of 95 %."""
+    """Result of a diagnosis, a line for each parameter; ± is half of the 95 % interval."""
     return [
         *_decentre(diagnosis),
         *_chip(diagnosis),
@@ -41,12 +41,12 @@ def words(diagnosis: Diagnosis) -> list[str]:
 
 
 def advice(diagnosis: Diagnosis) -> list[str]:
-    """What to do about it, a line each."""
+    """Advice, a line each."""
     return [*_shift(diagnosis), *_trim(diagnosis), *_record(diagnosis)]
 
 
 def pm(estimate: ParameterEstimate) -> str:
-    """A number with half of its interval of 95 %, both to the place that the latter is worth telling to."""
+    """A number with half of its 95 % interval, both rounded to the precision of the latter."""
     if estimate.value is None or estimate.low is None or estimate.high is None:
         return "not determined"
     return _pm(estimate.value, 0.5 * (estimate.high - estimate.low), estimate.unit)
@@ -80,7 +80,7 @@ def _chip(diagnosis: Diagnosis) -> Iterator[str]:
 
 
 def _beside_design(estimate: ParameterEstimate) -> str:
-    """How a number stands to the design's, where that is outside its interval."""
+    """Comparison of a number with the design's, if that lies outside its interval."""
     if (
         estimate.design_value is None
         or estimate.low is None
