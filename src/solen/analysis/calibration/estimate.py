@@ -89,7 +89,7 @@ class Calibration:
 
 
 def at_angles(angle_deg: FloatArray, curves_V: FloatArray, where: FloatArray) -> FloatArray:
-    """Curves (2, g, 2) interpolated at angles (n,), (2, n, 2); monotone where their points are (Fritsch and Carlson)."""
+    """Curves (2, g, 2) at other angles, (2, n, 2), monotone where their points are (Fritsch and Carlson)."""
     return np.asarray(PchipInterpolator(angle_deg, curves_V, axis=1)(where))
 
 
