@@ -16,6 +16,7 @@ import functools
 import html
 import inspect
 import math
+import re
 import types
 import typing
 from collections.abc import Iterator, Mapping, Sequence, Set
@@ -46,6 +47,28 @@ else:
 
     class reported_once(functools.cached_property):  # noqa: N801
         """A reported property that is computed at its first use and kept."""
+
+
+AS_STATED = {"options", "sources"}
+"""Entries whose keys are those of other tables."""
+
+
+def in_unit(value: Any, unit: str, before: str = "V") -> Any:
+    """Plain data whose keys name a unit in place of the one before: ``range_pF``, ``sensitivity_lux_per_deg``."""
+    if isinstance(value, list):
+        return [in_unit(one, unit, before) for one in value]
+    if not isinstance(value, dict) or unit == before:
+        return value
+    named = re.compile(rf"(?<=_){as_key(before)}(?=\d?(?:_|$))")
+    return {
+        named.sub(as_key(unit), key): one if key in AS_STATED else in_unit(one, unit, before)
+        for key, one in value.items()
+    }
+
+
+def as_key(unit: str) -> str:
+    """A unit as it stands in a key."""
+    return re.sub(r"\W+", "_", unit)
 
 
 class Result:

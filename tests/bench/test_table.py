@@ -22,7 +22,7 @@ def known() -> Calibration:
 
 
 def made(points: int = 33) -> BoardTable:
-    return BoardTable.of(known(), points, name="S1", ambient="ambient light subtracted", version="0")
+    return BoardTable.of(known(), points, name="S1", readings="in V, ambient light subtracted", version="0")
 
 
 def readings() -> FloatArray:
@@ -49,7 +49,7 @@ def test_the_table_gives_the_decoder_s_angles() -> None:
 
 
 def test_a_name_cannot_leave_its_comment() -> None:
-    table = BoardTable(np.ones((1, 9)), 1.0, name='S 1 (a)\\"\n""*/"\n#*/', ambient='dark"""\\', version="0.1+b")
+    table = BoardTable(np.ones((1, 9)), 1.0, name='S 1 (a)\\"\n""*/"\n#*/', readings='dark"""\\', version="0.1+b")
     assert table.python.startswith('"""Angles of a calibrated sensor: S 1 (a). Written by solen 0.1+b.')
     compile(table.python, "solen_decode.py", "exec")
     assert table.c.startswith("/* Angles of a calibrated sensor: S 1 (a). Written")

@@ -309,7 +309,7 @@ def test_streams_that_cannot_be_decoded(
     assert "2 columns are recognised as the left receiver" in told("t,left_V,left2_L,right_V\n", "0,1,1,1\n")
     assert "begins with numbers" in told("0,2,2\n")
     assert "--time stage; no such column" in told("t,left_V,right_V\n", signals=SignalOptions(time="stage"))
-    assert "are they mV" in told("t,left,right\n", "0,2000,2000\n")
+    assert "left_mV" in told("t,left,right\n", "0,2000,2000\n")
     with pytest.raises(SpecError, match="--smooth-ms; applies to recorded files"):
         decoded(folder, signals=SignalOptions(smooth_ms=25.0), text=["t,left_V,right_V\n", "0,2,2\n"])
     milli = write(tmp_path / "milli.csv", scale=1000.0)

@@ -34,7 +34,7 @@ from solen.errors import DataError, SolenError, SpecError
 from solen.recording import Provenance, Recording, read, read_parts
 from solen.recording.column_roles import by_sensor
 from solen.recording.labels import has_lens, labels
-from solen.results import HIDDEN, Result, reported
+from solen.results import HIDDEN, Result, in_unit, reported
 
 CONTROL_KEYS = ("control", "controls", "without lens", "no lens")
 """Parameters of a file that name its sensors without a lens."""
@@ -115,10 +115,8 @@ class Study(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """The result as plain data; keys that end in V name the unit that the recordings have in its place."""
-        whole = super().to_dict()
-        if self.unit == "V":
-            return whole
-        return {key: one if key == "options" else _in_unit(one, self.unit) for key, one in whole.items()}
+        renamed: dict[str, Any] = in_unit(super().to_dict(), self.unit)
+        return renamed
 
     @property
     def remark(self) -> str:
@@ -129,18 +127,6 @@ class Study(Result):
     def detected(self) -> bool:
         """Whether anything was detected that nobody stated."""
         return any(one.detected for one in self.switching.values()) or self.logs_found
-
-
-_VOLTS = re.compile(r"(?<=_)V(?=_|$)")
-
-
-def _in_unit(value: Any, unit: str) -> Any:
-    """Plain data whose keys name a unit in place of V: ``range_pF``, ``sensitivity_lux_per_deg``."""
-    if isinstance(value, list):
-        return [_in_unit(one, unit) for one in value]
-    if not isinstance(value, dict):
-        return value
-    return {_VOLTS.sub(re.sub(r"\W+", "_", unit), key): _in_unit(one, unit) for key, one in value.items()}
 
 
 def in_volts(found: Study) -> Study:

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
@@ -26,11 +26,11 @@ from solen.bench.interrupts import ended_by_signals
 from solen.bench.rig import Rig, SensorOf, load_rig
 from solen.errors import BenchError, SpecError
 from solen.ranks import do_not_use, note
-from solen.results import HIDDEN, Result, reported
+from solen.results import HIDDEN, Result, in_unit, reported
 from solen.spec.strict import Options
 
-ANSWERS_SD, ANSWERS_V = 6.0, 0.002
-"""An input answers to an emitter by so many standard errors of the mean, and so many volts."""
+ANSWERS_SD, ANSWERS = 6.0, 0.0004
+"""An input answers to an emitter by so many standard errors of the mean, and such a share of the range."""
 SHORTED = 0.005
 """Share of the range below which a level is that of a short."""
 BOTTOM = 0.05
@@ -92,6 +92,8 @@ class RigCheck(Result):
     ----------
     rig
         Its name.
+    unit
+        Of its receivers; keys name it in place of V.
     periods
         How many were looked at.
     sensors
@@ -105,6 +107,7 @@ class RigCheck(Result):
     """
 
     rig: str
+    unit: str
     periods: int
     sensors: dict[str, dict[str, InputCheck]]
     answers_V: tuple[tuple[float, ...], ...]
@@ -115,6 +118,16 @@ class RigCheck(Result):
     def warnings(self) -> tuple[str, ...]:
         """What is wrong."""
         return self.faults
+
+    def to_dict(self) -> dict[str, Any]:
+        """The result as plain data; keys that end in V name the unit of the receivers in its place."""
+        renamed: dict[str, Any] = in_unit(super().to_dict(), self.unit)
+        return renamed
+
+
+def of_noise(value: float, unit: str) -> str:
+    """A small value for a reader: mV, or in the unit of the receivers."""
+    return f"{1e3 * value:.3g} mV" if unit == "V" else f"{value:.3g} {unit}"
 
 
 def clock_for(rig: Rig) -> Clock:
@@ -149,17 +162,17 @@ def judged(rig: Rig, glance: Glance) -> RigCheck:
     """What a glance says of a rig."""
     signal = glance.signal
     mean, error = signal.mean(axis=0), signal.std(axis=0) / math.sqrt(max(len(signal), 1))
-    answers = np.abs(mean) > np.maximum(ANSWERS_SD * error, ANSWERS_V)
-    inputs = {one.name: {side: _input(one, side, glance) for side in ("right", "left")} for one in rig.sensor}
-    faults = [line for one in rig.sensor for line in _faults(one, inputs[one.name], glance, mean, answers)]
+    answers = np.abs(mean) > np.maximum(ANSWERS_SD * error, ANSWERS * (glance.high_V - glance.low_V))
+    inputs = {one.name: {side: _input(rig, one, side, glance) for side in ("right", "left")} for one in rig.sensor}
+    faults = [line for one in rig.sensor for line in _faults(rig, one, inputs[one.name], glance, mean, answers)]
     if dark := [str(number) for number, seen in enumerate(answers.any(axis=1).tolist(), 1) if not seen]:
         wire = "check its wire, its transistor and its supply"
         faults.append(do_not_use(f"no input sees emitter {' and '.join(dark)}; {wire}"))
     rows = tuple(tuple(row) for row in mean.tolist())
-    return RigCheck(rig.name, len(signal), inputs, rows, rig.simulated, tuple(faults))
+    return RigCheck(rig.name, rig.unit, len(signal), inputs, rows, rig.simulated, tuple(faults))
 
 
-def _input(sensor: SensorOf, side: str, glance: Glance) -> InputCheck:
+def _input(rig: Rig, sensor: SensorOf, side: str, glance: Glance) -> InputCheck:
     number = getattr(sensor, side)
     on, off = (float(values[:, sensor.emitter - 1, number - 1].mean()) for values in (glance.on, glance.off))
     return InputCheck(
@@ -169,13 +182,13 @@ def _input(sensor: SensorOf, side: str, glance: Glance) -> InputCheck:
         signal_V=off - on,
         noise_V=_noise(glance.time_s, glance.signal[:, sensor.emitter - 1, number - 1]),
         room_V=float(glance.off[:, sensor.emitter - 1, number - 1].std()),
-        load_factor=_load_factor(sensor, off, off - on),
+        load_factor=_load_factor(sensor, off, off - on) if rig.unit == "V" else None,
     )
 
 
 def _load_factor(sensor: SensorOf, off_V: float, signal_V: float) -> float | None:
     """What brings a receiver to the wanted share; without a lens its light hardly changes as the sensor moves."""
-    if signal_V <= ANSWERS_V or LEAST <= signal_V / off_V <= (MOST if sensor.lens else 1.0 - BOTTOM):
+    if signal_V <= ANSWERS * off_V or LEAST <= signal_V / off_V <= (MOST if sensor.lens else 1.0 - BOTTOM):
         return None
     return WANTED * off_V / signal_V
 
@@ -187,28 +200,28 @@ def _noise(time_s: FloatArray, signal: FloatArray) -> float:
 
 
 def _faults(
-    sensor: SensorOf, inputs: dict[str, InputCheck], glance: Glance, mean: FloatArray, answers: FloatArray
+    rig: Rig, sensor: SensorOf, inputs: dict[str, InputCheck], glance: Glance, mean: FloatArray, answers: FloatArray
 ) -> Iterator[str]:
     """What is wrong with a sensor; the name of the receiver stands before the colon."""
-    short_V = SHORTED * (glance.high_V - glance.low_V)
+    short_V, circuit = SHORTED * (glance.high_V - glance.low_V), rig.unit == "V"
     for side, own in inputs.items():
         what = f"{sensor.name} {side} (input {own.input})"
         mine = answers[:, own.input - 1]
         strongest = int(np.argmax(np.where(mine, np.abs(mean[:, own.input - 1]), 0.0))) + 1
-        if own.on_V < short_V and own.off_V < short_V:
+        if circuit and own.on_V < short_V and own.off_V < short_V:
             yield f"{what}: {do_not_use('stands near 0 V, lit or not; a short, or far too much light')}"
         elif not mine.any():
             yield f"{what}: {do_not_use('answers to no emitter; check its wire and its receiver')}"
         elif strongest != sensor.emitter:
             wires = f"answers to emitter {strongest}, not to {sensor.emitter}; check rig file and wires"
             yield f"{what}: {do_not_use(wires)}"
-        elif mean[sensor.emitter - 1, own.input - 1] < 0.0:
+        elif circuit and mean[sensor.emitter - 1, own.input - 1] < 0.0:
             yield f"{what}: {do_not_use('rises with its emitter on; load and receiver are swapped')}"
         else:
-            yield from (f"{what}: {line}" for line in _settings(own, glance, sensor.emitter - 1))
+            yield from (f"{what}: {line}" for line in _settings(own, glance, sensor.emitter - 1, rig.unit))
 
 
-def _settings(own: InputCheck, glance: Glance, emitter: int) -> Iterator[str]:
+def _settings(own: InputCheck, glance: Glance, emitter: int, unit: str) -> Iterator[str]:
     """What a receiver that works could do better."""
     clipped = float(glance.clipped[:, emitter, own.input - 1].mean())
     if clipped > 0.0:
@@ -218,14 +231,14 @@ def _settings(own: InputCheck, glance: Glance, emitter: int) -> Iterator[str]:
             f"with its emitter {phase} it stands at the {end} end of the range in {100 * clipped:.2g} % of the "
             "readings; what lies beyond is cut off"
         )
-    if own.on_V < BOTTOM * own.off_V:
+    if unit == "V" and own.on_V < BOTTOM * own.off_V:
         yield "is saturated with its emitter on; turn its trimmer to less load"
     elif own.load_factor is not None and own.load_factor < 1.0:
         yield f"{GROWS:g} times the light, as in a bent sensor, would saturate it; turn its trimmer to less load"
     elif own.load_factor is not None:
         yield note(f"light pulls it down by less than {100 * LEAST:.0f} %; more load would use more of the range")
-    if own.room_V > ROOM * own.signal_V and own.room_V > 3.0 * own.noise_V:
-        yield f"varies by {1e3 * own.room_V:.0f} mV with the emitters off; shade it, or switch lamps off"
+    if own.room_V > ROOM * abs(own.signal_V) and own.room_V > 3.0 * own.noise_V:
+        yield f"varies by {of_noise(own.room_V, unit)} with the emitters off; shade it, or switch lamps off"
 
 
 class JogOptions(Options):

@@ -6,7 +6,6 @@ connected to, and the clock of the run. Another package adds a `Driver` by an en
 The interface: `Driver`; `DRIVERS`; `open_instruments` of a rig.
 """
 
-import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -139,7 +138,7 @@ def _serial(rig: "Rig", clock: Clock) -> "SerialBoard":
     from solen.bench.frames import Layout
 
     board = rig.board
-    by = {"period_s": 1.0 / board.rate_hz, "volts_per_count": board.range_v / math.ldexp(1.0, board.bits)}
+    by = {"period_s": 1.0 / board.rate_hz, "volts_per_count": board.step}
     return _board_at(str(board.port), board.baud, clock, Layout(rig.emitters, rig.inputs), **by)
 
 

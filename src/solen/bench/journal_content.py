@@ -134,3 +134,8 @@ def dtypes_of(header: Mapping[str, Any], path: Path) -> dict[str, np.dtype[np.vo
         }
     except (KeyError, TypeError, ValueError):
         raise DataError(f"{path}: streams", limit="have no description that a journal of this version has") from None
+
+
+def signal_unit(header: Mapping[str, Any]) -> str:
+    """Unit of the receivers, as a journal's header states it."""
+    return str(header.get("meter", {}).get("unit") or header.get("signal_unit", "V"))

@@ -24,7 +24,7 @@ from solen import files
 from solen.arrays import FloatArray
 from solen.bench.clock_fit import ClockLine, fit_clock
 from solen.bench.frames import UNSOUND
-from solen.bench.journal_content import JournalContent, Rows
+from solen.bench.journal_content import JournalContent, Rows, signal_unit
 from solen.bench.protocol import Protocol
 from solen.bench.readings import AT_ONCE, Columns, Read, columns_of, cut_short, looks_of, sensor_readings, stretches
 from solen.bench.timing import Timing, came_by, exchanges, reach_of
@@ -146,14 +146,11 @@ def _periods(file: Any, journaled: JournalContent) -> Content:
     _attributes(file, journaled, {str(place): line for place, line in enumerate(lines)})
     _sampled(file, board, time_s, header)
     sensors, cuts = header["sensors"], cut_short(journaled)
-    return (
-        time_s,
-        {
-            sensor["name"]: _sensor(file, sensor, list(sensor_readings(sensor, journaled, time_s, cuts)))
-            for sensor in sensors
-        },
-        _unsound(board),
-    )
+    readings = {
+        one["name"]: _sensor(file, one, list(sensor_readings(one, journaled, time_s, cuts)), signal_unit(header))
+        for one in sensors
+    }
+    return time_s, readings, _unsound(board)
 
 
 def _unsound(board: Rows) -> list[str]:
@@ -179,7 +176,9 @@ def _waveform(file: Any, journaled: JournalContent) -> Content:
     parts: dict[str, list[Columns]] = {sensor["name"]: [] for sensor in header["sensors"]}
     for sensor, found, kept in wave.readings(header["sensors"]):
         parts[sensor["name"]].append(columns_of(found, kept, journaled, cuts))
-    readings = {one["name"]: _sensor(file, one, parts.pop(one["name"])) for one in header["sensors"]}
+    readings = {
+        one["name"]: _sensor(file, one, parts.pop(one["name"]), signal_unit(header)) for one in header["sensors"]
+    }
     file.attrs["remarks"] = json.dumps(wave.remarks)
     return wave.time_s, readings, wave.remarks
 
@@ -201,7 +200,9 @@ def _readings(file: Any, journaled: JournalContent) -> Content:
     for sensor in header["sensors"]:
         inputs = [sensor["right"] - 1, sensor["left"] - 1]
         columns = columns_of(_read_by(rows, time_s, inputs), np.ones(len(rows), bool), journaled, cuts)
-        readings[sensor["name"]] = _sensor(file, sensor, [columns], header["meter"])
+        readings[sensor["name"]] = _sensor(
+            file, sensor, [columns], signal_unit(header), switched=header["meter"]["switched"]
+        )
     return time_s, readings, []
 
 
@@ -272,11 +273,12 @@ def _sampled(file: Any, board: Rows, time_s: FloatArray, header: Mapping[str, An
         "1 late, 2 emitter at fault (no readings), 4 restarted",
     )
     dims = ("period", "emitter", "phase", "input")
-    text = "voltage of an input; phase 0 with the emitter on, 1 with it off again"
-    volts = create_variable(file, "voltage", dims, counts.shape, counts.dtype, "V", text, AT_ONCE)
-    volts.attrs["scale_factor"] = header["volts_per_count"]
+    unit, text = signal_unit(header), "of an input; phase 0 with the emitter on, 1 with it off again"
+    name = "voltage" if unit == "V" else "signal"
+    values = create_variable(file, name, dims, counts.shape, counts.dtype, unit, f"{name} {text}", AT_ONCE)
+    values.attrs["scale_factor"] = header["volts_per_count"]
     for begin in range(0, len(board), AT_ONCE):
-        volts[begin : begin + AT_ONCE] = counts[begin : begin + AT_ONCE]
+        values[begin : begin + AT_ONCE] = counts[begin : begin + AT_ONCE]
 
 
 def _positions(file: Any, journaled: JournalContent) -> None:
@@ -319,8 +321,11 @@ def _timing(file: Any, journaled: JournalContent) -> list[str]:
     return [] if remark is None else [remark]
 
 
-def _sensor(file: Any, sensor: Mapping[str, Any], parts: list[Columns], meter: Mapping[str, Any] | None = None) -> int:
-    """Write a sensor's group; how many readings it has. A meter has a unit, and may not know ambient light."""
+def _sensor(file: Any, sensor: Mapping[str, Any], parts: list[Columns], unit: str, *, switched: bool = True) -> int:
+    """Write a sensor's group, receivers in their unit; how many readings it has.
+
+    Of emitters that are on all the time ambient light is not known.
+    """
     # pieces are freed as they are joined
     columns = {name: np.concatenate([part.pop(name) for part in parts]) for name in _COLUMNS} if parts else {}
     group = file.create_group(sensor["name"])
@@ -330,26 +335,27 @@ def _sensor(file: Any, sensor: Mapping[str, Any], parts: list[Columns], meter: M
         group.attrs[f"drawn {key}"] = value
     readings = len(columns["time_s"]) if columns else 0
     group.dimensions = {"reading": readings}
-    steady = meter is not None and not meter["switched"]
-    for name, (unit, text) in _COLUMNS.items():
-        if steady and name.endswith("_ambient"):
+    for name, (own_unit, text) in _COLUMNS.items():
+        if not switched and name.endswith("_ambient"):
             continue
-        if meter is not None and unit == "V":
-            unit = meter["unit"]
-        if steady and name in {"right", "left"}:
-            text = f"{name} receiver, emitters being on all the time"
         values = columns[name] if columns else np.zeros(0)
-        _variable(group, name, ("reading",), values, unit, text)
+        _variable(group, name, ("reading",), values, own_unit or unit, text)
+    for side in ("right", "left"):
+        about = group.variables[side].attrs
+        if not switched:
+            about["long_name"] = f"{side} receiver, emitters being on all the time"
+        elif unit == "V":
+            about["long_name"] += "; lower is brighter"
     return readings
 
 
 _COLUMNS = {
     "time_s": ("s", "time of the emitter's on phase on the clock of the run"),
     "angle_deg": ("deg", "angle of the sensor then, by a monotone cubic between the stage's positions"),
-    "right": ("V", "right receiver, on less the mean of off before and after; lower is brighter"),
-    "left": ("V", "left receiver, on less the mean of off before and after; lower is brighter"),
-    "right_ambient": ("V", "right receiver with the emitter off"),
-    "left_ambient": ("V", "left receiver with the emitter off"),
+    "right": ("", "right receiver, on less the mean of off before and after"),
+    "left": ("", "left receiver, on less the mean of off before and after"),
+    "right_ambient": ("", "right receiver with the emitter off"),
+    "left_ambient": ("", "left receiver with the emitter off"),
     "right_clipped": ("1", "1 where a sample of the right receiver stood at an end of the converter's range"),
     "left_clipped": ("1", "1 where a sample of the left receiver stood at an end of the converter's range"),
 }

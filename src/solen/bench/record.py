@@ -241,6 +241,7 @@ def _header(protocol: Protocol, rig: Rig, folder: Path, simulated_time: bool) ->
         "sensors": [sensor.model_dump(mode="json") for sensor in rig.sensor],
         "zero": rig.stage.zero,
         "lever_mm": rig.stage.lever_mm,
+        "signal_unit": rig.unit,
         "top_count": 2**rig.board.bits - 1,
     }
 

@@ -119,6 +119,11 @@ class Rig(BenchTable):
         return self.meter or self.daq or self.board
 
     @property
+    def unit(self) -> str:
+        """Unit of its receivers; a data acquisition measures volts."""
+        return "V" if self.daq is not None else (self.meter or self.board).unit
+
+    @property
     def setup(self) -> Setup | None:
         """What a data acquisition is asked to do; None of a rig with a board."""
         return None if self.daq is None else self.daq.setup(self.emitters, self.inputs)

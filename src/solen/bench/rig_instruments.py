@@ -3,6 +3,7 @@
 The interface: `StageOf`, `BoardOf`, `DaqOf`, `MeterOf`.
 """
 
+import math
 from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
@@ -113,6 +114,10 @@ class BoardOf(BenchTable):
     rate_hz: Annotated[Number, Field(ge=1, le=2000)] = Field(200.0, description="Periods per second.")
     bits: Annotated[int, Field(strict=True, ge=8, le=16)] = Field(16, description="Bits of the board's converter.")
     range_v: Positive = Field(5.0, description="Its range from 0, in V.")
+    unit: Text = Field("V", description="What its numbers count: V, or pF, ohm, lux, counts, ...")
+    per_count: Positive | None = Field(
+        None, description="What one count is in another unit than V; default of counts: 1."
+    )
     trim_v: Positive | None = Field(
         None,
         description="Trimmers of a simulated board are turned until a receiver's brightest reading stands at this "
@@ -123,7 +128,18 @@ class BoardOf(BenchTable):
     @model_validator(mode="after")
     def _is_there(self) -> Self:
         _check_driver(self, "port")
+        if self.unit == "V" and self.per_count is not None:
+            raise refused("per_count", "is for other units than V, which range_v and bits state", value=self.per_count)
+        if self.unit not in {"V", "counts"} and self.per_count is None:
+            raise refused("per_count", f"must say what one count is in {self.unit}")
+        if self.unit != "V" and self.driver != "simulated" and "range_v" in self.model_fields_set:
+            raise refused("range_v", f"is for volts, not for {self.unit}", value=self.range_v)
         return self
+
+    @property
+    def step(self) -> float:
+        """What one count is in its unit."""
+        return self.range_v / math.ldexp(1.0, self.bits) if self.unit == "V" else self.per_count or 1.0
 
 
 _ASKED = {

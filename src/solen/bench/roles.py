@@ -82,7 +82,7 @@ class EmitterBoard(Protocol):
 
     @property
     def volts_per_count(self) -> float:
-        """Of its converter."""
+        """What one count is in V, or in the unit of the rig's receivers."""
 
     @property
     def losses(self) -> Losses:

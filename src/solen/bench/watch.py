@@ -32,11 +32,15 @@ class WatchOptions(Options):
 
 @dataclass(frozen=True)
 class Seen:
-    """A look: its time in s, and of each sensor its signals and its levels with the emitter off, right and left."""
+    """A look: its time in s, and of each sensor its signals and its levels with the emitter off, right and left.
+
+    They are in V, or in the ``unit`` of the rig's receivers.
+    """
 
     t_s: float
     signal_V: dict[str, tuple[float, float]]
     off_V: dict[str, tuple[float, float]]
+    unit: str = "V"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -73,7 +77,7 @@ def watch(rig_file: Path, options: WatchOptions, show: Callable[[Seen], object])
                     continue
                 times.append(clock.now_s() - begun_s)
                 signal, off = glance.signal.mean(axis=0), glance.off.mean(axis=0)
-                show(Seen(times[-1], _by_sensor(rig, signal), _by_sensor(rig, off)))
+                show(Seen(times[-1], _by_sensor(rig, signal), _by_sensor(rig, off), rig.unit))
         except KeyboardInterrupt:
             pass
     return Watched(len(times) - 1, times[-1], rig.simulated)

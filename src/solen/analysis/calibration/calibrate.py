@@ -6,6 +6,7 @@ The interface: `calibrated_sensors` of a `Study` gives `SensorCalibrations`; `pl
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from solen import __version__
 from solen.analysis.calibration.conditions import ConditionOptions, conditions
@@ -18,7 +19,7 @@ from solen.analysis.study import Study
 from solen.errors import DataError, SpecError
 from solen.files import check_name
 from solen.recording import Provenance
-from solen.results import HIDDEN, Result, plain
+from solen.results import HIDDEN, Result, in_unit, plain
 
 POOL = "pooled"
 _FEW = 0.9  # of the readings of a cycle left out within their bands of 95 %
@@ -62,6 +63,12 @@ class SensorCalibrations(Result):
     sources: tuple[Provenance, ...]
     warnings: tuple[str, ...]
     remark: str = field(default="", metadata=HIDDEN)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The result as plain data; keys of calibrations name their unit in place of V."""
+        whole = super().to_dict()
+        units = (one.unit for one in self.calibrations)
+        return whole | {"calibrations": [in_unit(*one) for one in zip(whole["calibrations"], units, strict=True)]}
 
 
 def calibrated_sensors(study: Study, options: CalibrationOptions | None = None) -> SensorCalibrations:
@@ -137,6 +144,7 @@ def _file(
         prints=tuple(sensor.label for sensor in sensors),
         simulated=study.simulated,
         cycles=calibration.cycles,
+        unit=study.unit,
         range_deg=(float(calibration.angle_deg[0]), float(calibration.angle_deg[-1])),
         freedom_repeat=calibration.freedom[0],
         rails_V=rails_of(calibration),

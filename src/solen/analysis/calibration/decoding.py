@@ -45,7 +45,7 @@ _MEANING = {
     "outside": "lie outside of the calibrated curve, and their angles mean nothing",
     "ambiguous": "have several angles that explain them",
     "clipped": "are clipped: their angle rests on one receiver",
-    "missing": "lack a voltage",
+    "missing": "lack a reading of a receiver",
 }
 
 
@@ -147,6 +147,9 @@ class StreamDecoder:
             limit = "needs the voltage without light, which the calibration does not have"
             remedy = "calibrate with --dark-V"
             raise SpecError("--gain-percent", value=options.gain_percent, limit=limit, remedy=remedy)
+        if stream.unit != known.unit:
+            limit = f"is the unit of the readings; those of {file} are in {known.unit}"
+            raise DataError(source, value=stream.unit, limit=limit, remedy="calibrate with such readings")
         calibration = known.calibration
         self._known, self._file, self._stream, self._source = known, file, stream, source
         self._decoder = Decoder(calibration, gain_percent=options.gain_percent, dark_V=known.dark_V or 0.0)
@@ -160,7 +163,7 @@ class StreamDecoder:
         self.warnings = (*stream.warnings, *_condition_warnings(known, stream, options))
 
     def rows(self, batch: Batch) -> str:
-        """Lines of CSV of a batch, as `COLUMNS`; `DataError` where its voltages are not in V."""
+        """Lines of CSV of a batch, as `COLUMNS`; `DataError` where its values are in another unit."""
         good = np.asarray(np.isfinite(batch.volts).all(axis=1))
         self._check_scale(batch.volts[good])
         decoded = self._decoder.decode(batch.volts[good], self._marks(batch, good))
@@ -173,7 +176,8 @@ class StreamDecoder:
         """`DataError` if readings are about a thousand times the calibrated voltages."""
         largest = float(np.median(np.abs(volts).max(axis=1))) if len(volts) else 0.0
         if largest > _MILLI * self._largest_V:
-            limit = f"reads {largest:.4g} V; the calibration goes up to {self._largest_V:.3g} V: are they mV?"
+            unit = self._known.unit
+            limit = f"reads {largest:.4g} {unit}; the calibration goes up to {self._largest_V:.3g} {unit}"
             raise DataError(self._source, limit=limit, remedy="state the unit in the header, as in left_mV")
 
     def _marks(self, batch: Batch, good: BoolArray) -> NDArray[np.int8]:

@@ -16,6 +16,7 @@ from solen.analysis.calibration.estimate import Calibration
 from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.files import read_text
+from solen.results import in_unit
 from solen.spec.objects import parsed
 from solen.spec.strict import NotNegative, Number, Strict, Text, error_context, migrated, refused
 
@@ -122,6 +123,7 @@ class CalibrationFile(Strict):
     prints: tuple[Text, ...] = Field(description="The sensors that it was made of.")
     simulated: bool = Field(description="Whether any recording was computed.")
     cycles: Annotated[int, Field(ge=2)] = Field(description="Cycles used, of all prints.")
+    unit: Text = Field("V", description="Of the receivers; keys name it in place of V.")
     range_deg: Pair = Field(description="Lowest and highest calibrated angle.")
     freedom_repeat: Annotated[int, Field(ge=1)] = Field(description="Degrees of freedom of repeat_V2.")
     rails_V: tuple[tuple[Number | None, Number | None], tuple[Number | None, Number | None]] = Field(
@@ -188,6 +190,7 @@ def _square(rows: tuple[Three, ...]) -> FloatArray:
 def text_of(file: CalibrationFile) -> str:
     """The file's text."""
     data = {"schema": SCHEMA, **file.model_dump(mode="json"), "curves": file.curves.model_dump(mode="json")}
+    data = in_unit(data, file.unit)
     return json.dumps(data, indent=1, allow_nan=False) + "\n"
 
 
@@ -204,7 +207,7 @@ def load(path: Path) -> CalibrationFile:
         )
     data = migrated(data, str(path), current=SCHEMA, migrations={}, error=DataError)
     with error_context(str(path)):
-        return CalibrationFile(**_tuples(data))
+        return CalibrationFile(**_tuples(in_unit(data, "V", data.get("unit", "V"))))
 
 
 def _tuples(value: Any) -> Any:

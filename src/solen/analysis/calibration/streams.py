@@ -52,13 +52,14 @@ class Batch:
 
 @dataclass(frozen=True, eq=False)
 class Stream:
-    """Readings with their sensor, their source, and whether ambient light was subtracted (None if unknown)."""
+    """Readings with their sensor, source and unit, and whether ambient light was subtracted (None if unknown)."""
 
     batches: Iterator[Batch]
     sensor: str | None = None
     ambient: Ambient | None = None
     provenance: Provenance | None = None
     warnings: tuple[str, ...] = ()
+    unit: str = "V"
 
     @property
     def simulated(self) -> bool:
@@ -92,9 +93,8 @@ def recorded_stream(path: Path, options: SignalOptions, sensor: str | None, cali
 def _of_sensor(samples: Waveforms, name: str, places: list[int], provenance: Provenance) -> Stream:
     clipped = None if samples.clipped is None else samples.clipped[:, places]
     batch = Batch(samples.time_s, samples.volts[:, places], clipped, samples.angle_deg)
-    return Stream(
-        iter([batch]), name, "subtracted" if samples.ambient_subtracted else None, provenance, samples.warnings
-    )
+    ambient: Ambient | None = "subtracted" if samples.ambient_subtracted else None
+    return Stream(iter([batch]), name, ambient, provenance, samples.warnings, samples.unit)
 
 
 def chosen_sensor(names: Sequence[str], sensor: str | None, calibrated: str, source: str) -> str:
@@ -122,8 +122,10 @@ def check_live(options: SignalOptions, *, subtracted: bool = False) -> None:
             raise SpecError(option, limit="applies to recorded files, not to live readings", remedy="leave it out")
 
 
-def line_stream(text: Iterable[str], options: SignalOptions) -> Stream:
+def line_stream(text: Iterable[str], options: SignalOptions, unit: str = "V") -> Stream:
     """Readings of lines of CSV, each as soon as it arrives; the first line is the header unless columns are named.
+
+    Columns are converted to ``unit``, and are in it where they state none.
 
     Raises
     ------
@@ -138,11 +140,12 @@ def line_stream(text: Iterable[str], options: SignalOptions) -> Stream:
     separator = next((one for one in _SEPARATORS if one in first), ",")
     cells = _cells(first, separator)
     if options.columns:
-        return Stream(_Layout.of(options.columns, options, separator).batches(chain([first], rows)))
+        layout = _Layout.of(options.columns, options, separator, unit)
+        return Stream(layout.batches(chain([first], rows)), unit=unit)
     if all(is_number(cell) for cell in cells):
         limit = "begins with numbers, not with the names of its columns"
         raise DataError(STDIN, limit=limit, remedy="name them, as in --columns time_s left_V right_V")
-    return Stream(_Layout.of(cells, options, separator).batches(rows))
+    return Stream(_Layout.of(cells, options, separator, unit).batches(rows), unit=unit)
 
 
 def _cells(line: str, separator: str) -> list[str]:
@@ -160,7 +163,7 @@ class _Layout:
     rate_hz: float | None
 
     @classmethod
-    def of(cls, names: Sequence[str], options: SignalOptions, separator: str) -> "_Layout":
+    def of(cls, names: Sequence[str], options: SignalOptions, separator: str, wanted: str) -> "_Layout":
         heads = [heading(name) for name in names]
         channels = tuple(Channel(head.name, head.quantity, head.unit, np.empty(0)) for head in heads)
         header = Recording(channels, Provenance(STDIN))
@@ -174,7 +177,8 @@ class _Layout:
                 raise DataError(STDIN, limit="no column is recognised as the time of the readings", remedy=remedy)
         left, right = (_receiver(header, options, side) for side in ("left", "right"))
         unit = "" if time is None else options.time_unit or time.unit
-        scales = (_scale(unit, "s", "time"), _scale(left.unit, "V", left.name), _scale(right.unit, "V", right.name))
+        of_left, of_right = (_scale(side.unit, wanted, side.name) for side in (left, right))
+        scales = (_scale(unit, "s", "time"), of_left, of_right)
         at = {id(channel): place for place, channel in enumerate(channels)}
         places = (None if time is None else at[id(time)], at[id(left)], at[id(right)])
         return cls(places, scales, len(names), separator, options.rate_hz)

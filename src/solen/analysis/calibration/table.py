@@ -29,12 +29,12 @@ MOST_OFF = 0.5
 """Standard uncertainties that a table may lie beside the whole decoder without a warning."""
 _PYTHON = '''"""Angles of a calibrated sensor: {name}. Written by solen {version}.
 
-decode(left_V, right_V) gives the angle in degrees, its standard uncertainty, and whether the voltages lie on no point
-of the curve, so that the angle means nothing. Voltages are as they were calibrated: {ambient}.
+decode(left, right) gives the angle in degrees, its standard uncertainty, and whether the readings lie on no point of
+the curve, so that the angle means nothing. Readings are as they were calibrated: {readings}.
 """
 
 LIMIT = {limit:.6g}
-# of each piece: angle at its start and its length in degrees; left and right at its start and their change in V;
+# of each piece: angle at its start and its length in degrees; left and right at its start and their change;
 # what makes the covariance of a reading one: a, b, c in (a dl, b dl + c dr)
 PIECES = (
 {rows})
@@ -55,15 +55,15 @@ def decode(left, right):
 '''
 _C = """/* Angles of a calibrated sensor: {name}. Written by solen {version}.
  *
- * solen_decode gives the angle in degrees and its standard uncertainty; it is false where the voltages lie on no point
- * of the curve, so that the angle means nothing. Voltages are as they were calibrated: {ambient}. */
+ * solen_decode gives the angle in degrees and its standard uncertainty; it is false where the readings lie on no point
+ * of the curve, so that the angle means nothing. Readings are as they were calibrated: {readings}. */
 #ifndef SOLEN_DECODE_H
 #define SOLEN_DECODE_H
 
 #include <math.h>
 #include <stdbool.h>
 
-/* Of each piece: angle at its start and its length in degrees; left and right at its start and their change in V; what
+/* Of each piece: angle at its start and its length in degrees; left and right at its start and their change; what
  * makes the covariance of a reading one: a, b, c in (a dl, b dl + c dr). On an AVR they stand in RAM. */
 static const float solen_pieces[{count}][9] = {{
 {rows}}};
@@ -104,18 +104,18 @@ class BoardTable:
 
     Attributes
     ----------
-    name, ambient, version
-        What the sources say of the sensor, of its voltages, and of what wrote them.
+    name, readings, version
+        What the sources say of the sensor, of its readings, and of what wrote them.
     """
 
     pieces: FloatArray
     limit: float
     name: str
-    ambient: str
+    readings: str
     version: str
 
     @classmethod
-    def of(cls, calibration: Calibration, points: int, *, name: str, ambient: str, version: str) -> "BoardTable":
+    def of(cls, calibration: Calibration, points: int, *, name: str, readings: str, version: str) -> "BoardTable":
         """Table of a calibration."""
         total, freedom = calibration.law()
         half = 0.5 * (calibration.curves_V[1] - calibration.curves_V[0])
@@ -130,7 +130,7 @@ class BoardTable:
         columns = (nodes[:-1], np.diff(nodes), curve[:-1], np.diff(curve, axis=0), white[:, 0, 0], white[:, 1])
         least = float(np.interp(middle, calibration.angle_deg, freedom).min())
         limit = 2.0 * float(f_distribution.isf(OUTSIDE, 2, min(least, 1e6)))
-        return cls(np.column_stack(columns), limit, name, ambient, version)
+        return cls(np.column_stack(columns), limit, name, readings, version)
 
     @cached_property
     def python(self) -> str:
@@ -144,7 +144,7 @@ class BoardTable:
 
     @property
     def _said(self) -> dict[str, Any]:
-        texts = {"name": self.name, "ambient": self.ambient, "version": self.version}
+        texts = {"name": self.name, "readings": self.readings, "version": self.version}
         return {"limit": self.limit} | {key: re.sub(r"[^\w .,()+-]", "", text) for key, text in texts.items()}
 
     def _rows(self, row: str, suffix: str) -> str:

@@ -44,6 +44,8 @@ class SimulatedBoard:
         Draws noise and the phase of the flicker.
     ppm
         How much faster its clock runs than the run's.
+    per_count
+        What one count is said to be, of a rig that measures no volts.
     """
 
     clock: Clock
@@ -54,6 +56,7 @@ class SimulatedBoard:
     period_s: float
     rng: np.random.Generator
     ppm: float = 20.0
+    per_count: float | None = None
     name: str = "simulated board"
     losses: Losses = field(default_factory=Losses)
     _begun_s: float | None = None
@@ -62,8 +65,8 @@ class SimulatedBoard:
 
     @property
     def volts_per_count(self) -> float:
-        """Of its converter."""
-        return self.sensors[0].circuit.adc.step_V
+        """Of its converter, or as it is said to be."""
+        return self.sensors[0].circuit.adc.step_V if self.per_count is None else self.per_count
 
     def start(self) -> None:
         """Begin to light and to sample."""

@@ -58,6 +58,7 @@ def simulated_instruments(
         sampler = SimulatedDaq(clock, sensors, angles, rig.ambient, setup, noise)
     else:
         layout, period_s = Layout(rig.emitters, rig.inputs), 1.0 / rig.board.rate_hz
-        sampler = SimulatedBoard(clock, sensors, angles, rig.ambient, layout, period_s, noise)
+        per_count = None if rig.unit == "V" else rig.board.step
+        sampler = SimulatedBoard(clock, sensors, angles, rig.ambient, layout, period_s, noise, per_count=per_count)
     drawn = [sensor.wires.model_dump(mode="json") | {"drawn": sensor.drawn} for sensor in sensors]
     return stage, sampler, drawn

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from solen.bench.check import InputCheck, Jogged, JogOptions, RigCheck
+from solen.bench.check import InputCheck, Jogged, JogOptions, RigCheck, of_noise
 from solen.bench.watch import Seen, Watched, WatchOptions
 from solen.cli.app import SHOWN, lines
 from solen.cli.bench.record import confirmation
@@ -52,17 +52,17 @@ def _(checked: RigCheck) -> Iterator[str]:
     yield f"{checked.rig}: {checked.periods} periods{', simulated' if checked.simulated else ''}"
     for name, receivers in checked.sensors.items():
         for side, own in receivers.items():
-            yield f"  {name} {side:5} (input {own.input}): {_levels(own)}"
+            yield f"  {name} {side:5} (input {own.input}): {_levels(own, checked.unit)}"
     if not checked.faults:
         yield "nothing is wrong"
 
 
-def _levels(own: InputCheck) -> str:
+def _levels(own: InputCheck, unit: str) -> str:
     turn = "" if own.load_factor is None else f"; turn its trimmer to {own.load_factor:.2g} times its load"
     return (
-        f"{own.off_V:.3f} V off, {own.on_V:.3f} V on; signal {own.signal_V:.3f} V "
-        f"({100 * own.signal_V / own.off_V:.0f} %), noise {1e3 * own.noise_V:.2g} mV, "
-        f"off varies by {1e3 * own.room_V:.2g} mV{turn}"
+        f"{own.off_V:.5g} {unit} off, {own.on_V:.5g} {unit} on; signal {own.signal_V:.5g} {unit} "
+        f"({100 * own.signal_V / own.off_V:.0f} %), noise {of_noise(own.noise_V, unit)}, "
+        f"off varies by {of_noise(own.room_V, unit)}{turn}"
     )
 
 
@@ -107,22 +107,23 @@ class _Rows:
 
     def show(self, seen: Seen) -> None:
         if not self._begun:
-            names = ",".join(f"{name} {side}/V" for name in seen.signal_V for side in ("right", "left"))
+            names = ",".join(f"{name} {side}/{seen.unit}" for name in seen.signal_V for side in ("right", "left"))
             print(f"time/s,{names}", flush=True)
         self._begun = True
-        values = ",".join(f"{volts:.5f}" for both in seen.signal_V.values() for volts in both)
+        values = ",".join(f"{value:.7g}" for both in seen.signal_V.values() for value in both)
         print(f"{seen.t_s:.3f},{values}", flush=True)
 
 
 def _plot(seen: Seen, history: dict[str, "deque[float]"]) -> "Table":
     from rich.table import Table
 
-    table = Table("receiver", "signal / V", "off / V", f"last {KEPT} looks", title=f"{seen.t_s:.1f} s", expand=False)
+    titles = f"signal / {seen.unit}", f"off / {seen.unit}", f"last {KEPT} looks"
+    table = Table("receiver", *titles, title=f"{seen.t_s:.1f} s", expand=False)
     for name, signals in seen.signal_V.items():
         for side, signal, off in zip(("right", "left"), signals, seen.off_V[name], strict=True):
             past = history[f"{name} {side}"]
             past.append(signal)
-            table.add_row(f"{name} {side}", f"{signal:.3f}", f"{off:.3f}", sparkline(past))
+            table.add_row(f"{name} {side}", f"{signal:.5g}", f"{off:.5g}", sparkline(past))
     return table
 
 

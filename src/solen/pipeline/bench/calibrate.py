@@ -7,7 +7,6 @@ from solen.analysis import AnalysisOptions, study
 from solen.analysis.calibration import CalibrationOptions, SensorCalibrations, calibrated_sensors
 from solen.analysis.calibration.calibrate import place_of
 from solen.analysis.calibration.file import text_of
-from solen.analysis.study import in_volts
 from solen.errors import OutputError
 from solen.pipeline.outputs import check_outputs, drawn, named
 from solen.report.options import FigureOptions
@@ -29,7 +28,7 @@ def calibrate(
         In one line, where a recording, an option or an output is not what it should be.
     """
     check_outputs(out, figure)
-    result = calibrated_sensors(in_volts(study(recordings, analysis)), options)
+    result = calibrated_sensors(study(recordings, analysis), options)
     made = result.calibrations
     if out is not None and len(made) > 1:
         names = ", ".join(one.sensor for one in made)

@@ -12,7 +12,7 @@ from solen import files
 from solen.analysis import SignalOptions
 from solen.analysis.calibration import DecodeOptions, Decoding, StreamDecoder
 from solen.analysis.calibration.decoding import HEADER
-from solen.analysis.calibration.file import load
+from solen.analysis.calibration.file import CalibrationFile, load
 from solen.analysis.calibration.streams import (
     STDIN,
     Batch,
@@ -23,6 +23,7 @@ from solen.analysis.calibration.streams import (
     recorded_stream,
 )
 from solen.bench.follow import Following
+from solen.bench.journal_content import signal_unit
 from solen.bench.outlets import Outlet, outlet
 from solen.errors import OutputError, SpecError
 from solen.pipeline.outputs import check_table
@@ -77,7 +78,7 @@ def decode(
     if options.follow and not source.endswith(JOURNAL):
         raise SpecError("--follow", value=source, limit=f"is for the {JOURNAL} of a run", remedy="leave it out")
     known = load(calibration)
-    stream = _stream(source, options, signals, known.sensor, sys.stdin if text is None else text)
+    stream = _stream(source, options, signals, known, sys.stdin if text is None else text)
     decoder = StreamDecoder(known, str(calibration), stream, options, signals.rails, source)
     if warn is not None:
         for line in decoder.warnings:
@@ -92,16 +93,16 @@ def decode(
 
 
 def _stream(
-    source: str, options: DecodeOptions, signals: SignalOptions, calibrated: str, text: Iterable[str]
+    source: str, options: DecodeOptions, signals: SignalOptions, known: CalibrationFile, text: Iterable[str]
 ) -> Stream:
     if source == STDIN:
         check_live(signals)
-        return line_stream(text, signals)
+        return line_stream(text, signals, known.unit)
     path = Path(source)
     if path.suffix == JOURNAL:
         check_live(signals, subtracted=True)
-        return _journal(path, options, calibrated)
-    return recorded_stream(path, signals, options.sensor, calibrated)
+        return _journal(path, options, known.sensor)
+    return recorded_stream(path, signals, options.sensor, known.sensor)
 
 
 def _write_rows(decoder: StreamDecoder, stream: Stream, targets: list[TextIO | Outlet]) -> bool:
@@ -126,7 +127,8 @@ def _journal(path: Path, options: DecodeOptions, calibrated: str) -> Stream:
     header = json.dumps({key: value for key, value in following.header.items() if key != "streams"})
     simulated = bool(following.header.get("simulated"))
     provenance = Provenance(path.name, format="journal", metadata={"header": header}, simulated=simulated)
-    return Stream(_grown(following, name, follow=options.follow), name, "subtracted", provenance)
+    batches = _grown(following, name, follow=options.follow)
+    return Stream(batches, name, "subtracted", provenance, unit=signal_unit(following.header))
 
 
 def _grown(following: Following, name: str, *, follow: bool) -> Iterator[Batch]:

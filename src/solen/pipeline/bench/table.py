@@ -24,8 +24,8 @@ def table(
         Where solen_decode.py and solen_decode.h go.
     """
     known = load(calibration)
-    ambient = f"ambient light {known.circuit.ambient or 'treated as in the recordings'}"
-    made = BoardTable.of(known.calibration, options.points, name=known.sensor, ambient=ambient, version=__version__)
+    readings = f"in {known.unit}, ambient light {known.circuit.ambient or 'treated as in the recordings'}"
+    made = BoardTable.of(known.calibration, options.points, name=known.sensor, readings=readings, version=__version__)
     texts = {"solen_decode.py": made.python, "solen_decode.h": made.c}
     with files.output_folder(folder):
         for name in texts:

@@ -42,9 +42,14 @@ def study_figure(study: Study) -> Figure:
     for number, panel in enumerate(axes[:panels]):
         panel.set_xlabel("angle (°)")
         if number % across == 0:
-            panel.set_ylabel("voltage (V)" if study.unit == "V" else f"signal ({study.unit})")
+            panel.set_ylabel(label_of(study.unit))
     state_origin(figure, study.simulated, study.remark)
     return figure
+
+
+def label_of(unit: str) -> str:
+    """Label of an axis of receivers' values."""
+    return "voltage (V)" if unit == "V" else f"signal ({unit})"
 
 
 def state_origin(figure: Figure, simulated: bool, *remarks: str) -> None:

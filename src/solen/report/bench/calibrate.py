@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from solen.analysis.calibration import Calibration, CalibrationFile, Check, SensorCalibrations
 from solen.arrays import IndexArray
-from solen.report.bench.analyse import state_origin
+from solen.report.bench.analyse import label_of, state_origin
 from solen.report.canvas import INK, LEFT, LOST, RIGHT, SOFT
 
 _DRAWN = 3000
@@ -31,7 +31,7 @@ def calibration_figure(result: SensorCalibrations) -> Figure:
 
 def _draw_calibration(row: Sequence[Axes], file: CalibrationFile, check: Check | None) -> None:
     curves, angles, errors = row
-    _draw_curves(curves, file.calibration)
+    _draw_curves(curves, file.calibration, file.unit)
     curves.set_title(f"{file.sensor}: {file.cycles} cycles, ± 2 SD of a new reading", loc="left")
     if check is None:
         for panel in (angles, errors):
@@ -45,7 +45,7 @@ def _draw_calibration(row: Sequence[Axes], file: CalibrationFile, check: Check |
     errors.set_title(f"in the bands of 68 and 95 %: {shares}", loc="left")
 
 
-def _draw_curves(axes: Axes, calibration: Calibration) -> None:
+def _draw_curves(axes: Axes, calibration: Calibration, unit: str) -> None:
     for place, (name, colour) in enumerate(_SIDES):
         rising, falling = calibration.curves_V[0, :, place], calibration.curves_V[1, :, place]
         half = 2.0 * np.sqrt(calibration.total[:, place, place])
@@ -54,7 +54,7 @@ def _draw_curves(axes: Axes, calibration: Calibration) -> None:
         axes.plot(calibration.angle_deg, rising, color=colour, lw=1.5, label=name)
         axes.plot(calibration.angle_deg, falling, "--", color=colour, lw=1.0)
     axes.set_xlabel("angle (°)")
-    axes.set_ylabel("voltage (V)")
+    axes.set_ylabel(label_of(unit))
     axes.legend()
 
 

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from solen.analysis import Run, SensorResponse, Study
 from solen.arrays import FloatArray
-from solen.report.bench.analyse import colour_of, state_origin, title_of
+from solen.report.bench.analyse import colour_of, label_of, state_origin, title_of
 from solen.report.canvas import INK, LOST, SOFT
 
 _POINTS = 2400
@@ -46,7 +46,7 @@ def _draw(axes: Axes, response: SensorResponse, run: Run) -> None:
     above.set_ylabel("angle (°), thin")
     above.grid(visible=False)
     above.spines["right"].set_visible(True)
-    axes.set_ylabel("voltage (V)" if signals.unit == "V" else f"signal ({signals.unit})")
+    axes.set_ylabel(label_of(signals.unit))
     axes.set_xlim(signals.time_s[0], signals.time_s[-1])
     several = f", {signals.source}" if len(response.runs) > 1 else ""
     axes.set_title(f"{title_of(response)}{several}; grey: holds, cropped; hatched: not averaged", loc="left")
