@@ -313,7 +313,7 @@ def test_streams_that_cannot_be_decoded(
     with pytest.raises(SpecError, match="--smooth-ms; applies to recorded files"):
         decoded(folder, signals=SignalOptions(smooth_ms=25.0), text=["t,left_V,right_V\n", "0,2,2\n"])
     milli = write(tmp_path / "milli.csv", scale=1000.0)
-    assert "are they mV" in refused(capfd, "bench", "decode", str(calibration), str(milli), "--json")
+    assert "left_mV" in refused(capfd, "bench", "decode", str(calibration), str(milli), "--json")
     assert "no such file" in refused(capfd, "bench", "decode", str(calibration), str(tmp_path / "no.csv"))
     assert "--follow" in refused(capfd, "bench", "decode", str(calibration), str(milli), "--follow")
     assert "written as .csv" in refused(capfd, "bench", "decode", str(calibration), str(milli), "--out", "a.json")
@@ -321,7 +321,7 @@ def test_streams_that_cannot_be_decoded(
         capfd, "bench", "decode", str(calibration), str(milli), "--gain-percent", "5"
     )
     out = tmp_path / "out.csv"
-    assert "are they mV" in refused(capfd, "bench", "decode", str(calibration), str(milli), "--out", str(out))
+    assert "left_mV" in refused(capfd, "bench", "decode", str(calibration), str(milli), "--out", str(out))
     assert not out.exists()
     nowhere = str(tmp_path / "none" / "out.csv")
     assert "cannot be written" in refused(
