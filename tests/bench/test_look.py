@@ -197,7 +197,7 @@ def test_noise_before_a_run_is_that_of_its_readings(bench: Path, sampler: str) -
     (bench / "still.toml").write_text(steps, encoding="utf-8")
     path = record(bench / "still.toml", rig, bench / "out").path
     found = check(rig, CheckOptions(seconds=8.0))
-    with h5netcdf.File(path) as file:
+    with h5netcdf.File(path, "r") as file:
         for name, sides in found.sensors.items():
             time_s = file[name]["time_s"][:]
             for side, own in sides.items():

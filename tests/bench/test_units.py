@@ -48,7 +48,7 @@ def test_a_board_in_another_unit_goes_from_rig_to_angles(bench: Path, unit: str,
         for name, one in (("own", rig), ("again", rig), ("volts", bench / "rig.toml"))
     }
     scale = per_count / VOLTS_PER_COUNT
-    with h5netcdf.File(paths["own"]) as file:
+    with h5netcdf.File(paths["own"], "r") as file:
         assert "voltage" not in file.variables
         assert file.variables["signal"].attrs["units"] == unit
         assert {file["A"][name].attrs["units"] for name in ("right", "left", "right_ambient")} == {unit}
@@ -75,7 +75,7 @@ def test_a_board_in_another_unit_goes_from_rig_to_angles(bench: Path, unit: str,
 
 
 def lines_of(path: Path) -> list[str]:
-    with h5netcdf.File(path) as file:
+    with h5netcdf.File(path, "r") as file:
         rows = np.column_stack([file["A"][name][:] for name in ("time_s", "left", "right")])
     return [f"{a},{b},{c}\n" for a, b, c in rows.tolist()]
 

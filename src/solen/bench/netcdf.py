@@ -338,22 +338,19 @@ def _sensor(file: Any, sensor: Mapping[str, Any], parts: list[Columns], unit: st
     for name, (own_unit, text) in _COLUMNS.items():
         if not switched and name.endswith("_ambient"):
             continue
+        if name in {"right", "left"}:
+            text = f"{name} receiver, {_MADE[switched]}{'; lower is brighter' if switched and unit == 'V' else ''}"
         values = columns[name] if columns else np.zeros(0)
         _variable(group, name, ("reading",), values, own_unit or unit, text)
-    for side in ("right", "left"):
-        about = group.variables[side].attrs
-        if not switched:
-            about["long_name"] = f"{side} receiver, emitters being on all the time"
-        elif unit == "V":
-            about["long_name"] += "; lower is brighter"
     return readings
 
 
+_MADE = {True: "on less the mean of off before and after", False: "emitters being on all the time"}
 _COLUMNS = {
     "time_s": ("s", "time of the emitter's on phase on the clock of the run"),
     "angle_deg": ("deg", "angle of the sensor then, by a monotone cubic between the stage's positions"),
-    "right": ("", "right receiver, on less the mean of off before and after"),
-    "left": ("", "left receiver, on less the mean of off before and after"),
+    "right": ("", "receiver"),
+    "left": ("", "receiver"),
     "right_ambient": ("", "right receiver with the emitter off"),
     "left_ambient": ("", "left receiver with the emitter off"),
     "right_clipped": ("1", "1 where a sample of the right receiver stood at an end of the converter's range"),
