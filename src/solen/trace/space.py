@@ -13,11 +13,12 @@ pattern. The difference of the two rules is many times the error; by how much is
 changes.
 """
 
+import heapq
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import NamedTuple
 
 import numpy as np
@@ -50,15 +51,16 @@ CAUTION = 3.5
 CHANGE_SHARE, LEAST_SHARE = 0.5, 0.05
 """Least difference of a half: shares of what halving changed, and of the difference before; rules agree by chance."""
 CHIP_TOLERANCE = 1e-4
-DIFFERENCE_CLOSENESS, DIFFERENCE_SHARE, DIFFERENCE_FLOOR = 0.01, 3e-4, 1e-6
+DIFFERENCE_CLOSENESS, DIFFERENCE_SHARE, DIFFERENCE_FLOOR = 0.003, 3e-4, 1e-6
 """Of derivatives: how much closer paths are followed; what an error may be, as a share of the largest one, and as a
 change of a power over the step."""
-FLATNESS = 1e-3
-"""Second difference of the powers along a chip's width that Simpson's rule is trusted with, times six."""
-NARROW, SOFT = 1e-3, 0.1
-"""Shares of a chip's width at which an edge is left, and up to which nothing is looked for between two equal rays."""
+PATH_SHARE, ROUGHEST_PATH, SOFT = 30.0, 0.03, 0.1
+"""Along a chip's width: second difference of the powers that Simpson's rule is trusted with, times six, and share of
+the width at which an edge is left, both per tolerance and at most; and share of the width up to which nothing is looked
+for between two equal rays."""
 NARROW_RAD, SOFT_RAD = 1e-5, 0.001
-"""The same for the angle of a point in radians, for a tolerance of 1e-4."""
+"""Width at which an edge is left, and up to which nothing is looked for, of the angle of a point in radians, for a
+tolerance of 1e-4."""
 
 
 def why_not_in_space(scene: Scene) -> str:
@@ -99,32 +101,68 @@ class Cell(NamedTuple):
 Over = Callable[[tuple[float, ...]], Cell]
 
 
+class Cells:
+    """Cells of a domain with their sums, which change with each of them; the one of the largest error is at hand."""
+
+    def __init__(self, cells: Sequence[Cell]) -> None:
+        self._heap = [(-cell.error, n, cell) for n, cell in enumerate(cells)]
+        heapq.heapify(self._heap)
+        self._many = len(cells)
+        self._squares = np.array([math.fsum(cell.error**2 for cell in cells), math.fsum(c.inner**2 for c in cells)])
+        self.value: FloatArray = np.sum([cell.value for cell in cells], axis=0)
+
+    def __iter__(self) -> Iterator[Cell]:
+        return (cell for _, _, cell in self._heap)
+
+    def u(self, ratio: float) -> float:
+        """Error of the sum, where that of a cell is so many times the difference of its rules."""
+        of_rules, of_paths = np.maximum(self._squares, 0.0)
+        return math.sqrt(ratio**2 * of_rules + of_paths)
+
+    def worst(self) -> Cell:
+        """Take out the cell of the largest error."""
+        cell = heapq.heappop(self._heap)[-1]
+        self._count(cell, -1.0)
+        return cell
+
+    def add(self, cell: Cell) -> None:
+        """Put in a cell."""
+        heapq.heappush(self._heap, (-cell.error, self._many, cell))
+        self._many += 1
+        self._count(cell, 1.0)
+
+    def _count(self, cell: Cell, sign: float) -> None:
+        self.value = self.value + sign * cell.value
+        self._squares += sign * np.array([cell.error**2, cell.inner**2])
+
+
 class Rule(NamedTuple):
-    """Nodes in [−1, 1] (N,) and weights of three rules on them, from the best to the roughest."""
+    """Nodes in [−1, 1] (N,) and weights (3, N) of three rules on them, from the best to the roughest."""
 
     nodes: FloatArray
-    fine: FloatArray
-    coarse: FloatArray
-    rough: FloatArray
+    weights: FloatArray
 
     @classmethod
     def of(cls, *halves: Sequence[float]) -> "Rule":
         """Rule of an odd number of nodes, from the right halves of its columns, the middle first."""
         nodes, *weights = (np.array([*half[:0:-1], *half]) for half in halves)
         nodes[: len(nodes) // 2] *= -1.0
-        return cls(nodes, *weights)
+        return cls(nodes, np.array(weights))
 
-    def value(self, grid: FloatArray) -> FloatArray:
-        """Integral of values (N, ...) at the nodes."""
-        return np.tensordot(self.fine, grid, 1)
+    def between(self, low: float, high: float) -> FloatArray:
+        """Nodes (N,) of a stretch; the first and the last are its ends, to the last bit."""
+        inner = 0.5 * (low + high) + 0.5 * (high - low) * self.nodes[1:-1]
+        return np.array([low, *inner, high])
 
-    def apart(self, grid: FloatArray) -> tuple[FloatArray, float]:
-        """Difference of the best two rules, and the largest one: at least a share of what the rougher two differ by.
+    def integrals(self, grid: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+        """Integral (D,) of values (N, D) at the nodes, the difference of the best two rules, and the largest one.
 
-        Where the function jumps two rules may agree by chance.
+        That is at least a share of what the rougher two differ by: where the function jumps two rules may agree by
+        chance.
         """
-        fine, coarse, rough = (np.tensordot(weights, grid, 1) for weights in self[1:])
-        return fine - coarse, max(_most(fine - coarse), LEAST_SHARE * _most(coarse - rough))
+        fine, coarse, rough = self.weights @ grid
+        apart = fine - coarse
+        return fine, apart, max(_most(apart), LEAST_SHARE * _most(coarse - rough))
 
 
 # Lobatto's rules with Kronrod's extensions (Gander & Gautschi, BIT 40, 2000): with nodes at the ends of a cell, what
@@ -235,23 +273,25 @@ class LightInSpace:
 
     def over(self, family: FamilyInSpace, tolerance: float, room: paths.PathRoom, closeness: float = 1.0) -> Over:
         """Integral over a cell in one colour; the smaller ``closeness``, the closer are the paths followed."""
-        half = self.source.half_rad
+        half, width = self.source.half_rad, self.source.width_mm
+        if width > 0.0:
+            rough = closeness * min(PATH_SHARE * tolerance, ROUGHEST_PATH)
+            steps = (rough, rough * width, SOFT * width)
+        else:
+            narrow = NARROW_RAD * tolerance / CHIP_TOLERANCE
+            steps = (closeness * 0.05 * tolerance * self.whole, closeness * narrow, SOFT_RAD)
         domain = Domain(
             self.tables,
             self.ends,
             family,
             (math.cos(half), math.sin(min(half, 0.5 * math.pi))),
-            COARSE if tolerance >= COARSE_TOLERANCE and self.source.width_mm > 0.0 else FINE,
+            COARSE if tolerance >= COARSE_TOLERANCE and width > 0.0 else FINE,
             (2.0 if self.mirrored else 1.0) / self.whole,
+            steps,
             room,
+            {},
         )
-        width = self.source.width_mm
-        if width > 0.0:
-            return partial(
-                domain.chip, width=width, steps=(closeness * FLATNESS, closeness * NARROW * width, SOFT * width)
-            )
-        narrow = NARROW_RAD * tolerance / CHIP_TOLERANCE
-        return partial(domain.point, steps=(closeness * 0.05 * tolerance * self.whole, closeness * narrow, SOFT_RAD))
+        return partial(domain.chip, width=width) if width > 0.0 else domain.point
 
     def slopes(self, lower: "LightInSpace", step: float, rules: Rules, most_legs: int) -> Slopes:
         """Change of the powers (D + 5,) per unit of a parameter, from the ``lower`` scene to this one in two ``step``.
@@ -275,12 +315,11 @@ class LightInSpace:
             floor = DIFFERENCE_FLOOR / step
             plain = self.over(mine._replace(rules=rules), CHIP_TOLERANCE, room)
             begun, _ = divided(plain, self.first_cells, CHIP_TOLERANCE, most_legs, room)
-            first = [over(cell.bounds) for cell in begun]
+            first = [over(bounds) for bounds in ([cell.bounds for cell in begun] if begun else self.first_cells)]
             for cells, u in refined(over, first):
-                most = _most(np.sum([cell.value for cell in cells], axis=0))
-                if u <= max(DIFFERENCE_SHARE * most, floor) or room.counts[1] >= most_legs:
+                if u <= max(DIFFERENCE_SHARE * _most(cells.value), floor) or room.counts[1] >= most_legs:
                     break
-            value += weight * np.sum([cell.value for cell in cells], axis=0)
+            value += weight * cells.value
             squares += (weight * u) ** 2
             cells_of.append([cell.bounds for cell in cells])
         return Slopes(value, math.sqrt(squares), cells_of)
@@ -308,35 +347,46 @@ class Domain(NamedTuple):
     """cosine of half the cone, and the largest sine out of the plane"""
     rule: Rule
     scale: float
+    steps: tuple[float, float, float]
+    """density, narrow and soft of `paths.integrate_path`"""
     room: paths.PathRoom
+    known: dict[tuple[float, float], FloatArray]
+    """integrals at nodes (D + 6,): cells side by side, and halves of cells, have some of them in common"""
 
-    def chip(self, bounds: tuple[float, ...], width: float, steps: tuple[float, float, float]) -> Cell:
+    def chip(self, bounds: tuple[float, ...], width: float) -> Cell:
         """Cell of the angle in projection (a share of the largest one) and t, over the width of a chip."""
-        nodes, fine = self.rule.nodes, self.rule.fine
-        columns = self.room.value.shape[1]
-        grid = np.empty((len(nodes), len(nodes), columns))
-        off = paths.over_places(
-            DOUBLE, self.tables, self.family, self.room, self.ends, self.cone, nodes, np.array(bounds), steps,
-            np.empty(columns), grid,
-        )  # fmt: skip
-        scale = 0.25 * (bounds[1] - bounds[0]) * (bounds[3] - bounds[2]) * self.scale / width
-        of_q, of_t = scale * np.einsum("ijd,i->jd", grid, fine), scale * np.einsum("ijd,j->id", grid, fine)
-        (apart_q, error_q), (apart_t, error_t) = self.rule.apart(of_q), self.rule.apart(of_t)
-        inner, many = scale * off * 4.0 / len(nodes) ** 2, len(nodes) ** 2
-        return Cell(bounds, self.rule.value(of_t), (apart_q, apart_t), (error_q, error_t), inner, many)
+        grid, off = self._grid(self.rule.between(*bounds[:2]), self.rule.between(*bounds[2:]))
+        scale, fine, many = 0.25 * (bounds[1] - bounds[0]) * (bounds[3] - bounds[2]), self.rule.weights[0], off.size
+        scale *= self.scale / width
+        over_t, over_q = (fine @ grid.reshape(len(fine), -1)).reshape(len(fine), -1), fine @ grid
+        _, apart_q, error_q = self.rule.integrals(scale * over_t)
+        value, apart_t, error_t = self.rule.integrals(scale * over_q)
+        inner = scale * 4.0 / many * float(np.linalg.norm(off))
+        return Cell(bounds, value, (apart_q, apart_t), (error_q, error_t), inner, many)
 
-    def point(self, bounds: tuple[float, ...], steps: tuple[float, float, float]) -> Cell:
+    def point(self, bounds: tuple[float, ...]) -> Cell:
         """Cell of t alone, over the angle in projection."""
-        nodes, columns = self.rule.nodes, self.room.value.shape[1]
-        grid = np.empty((len(nodes), columns))
-        off = paths.over_angles(
-            DOUBLE, self.tables, self.family, self.room, self.ends, self.cone, nodes, np.array(bounds), steps,
+        grid, off = self._grid(np.zeros(1), self.rule.between(*bounds), point=True)
+        scale, many = 0.5 * (bounds[1] - bounds[0]) * self.scale, off.size
+        value, apart, error = self.rule.integrals(scale * grid[:, 0])
+        inner = scale * 2.0 / many * float(np.linalg.norm(off))
+        return Cell(bounds, value, (apart,), (error,), inner, many)
+
+    def _grid(self, q: FloatArray, t: FloatArray, *, point: bool = False) -> tuple[FloatArray, FloatArray]:
+        """Integrals (T, Q, D + 5) at nodes and what each may be off by (T, Q); those known are not computed again."""
+        columns = self.room.value.shape[1]
+        grid, wanted = np.empty((len(t), len(q), columns + 1)), np.ones((len(t), len(q)), np.bool_)
+        nodes = list(enumerate(product(t.tolist(), q.tolist())))
+        rows, of_row = grid.reshape(-1, columns + 1), wanted.reshape(-1)
+        for n, node in nodes:
+            if node in self.known:
+                rows[n], of_row[n] = self.known[node], False
+        paths.over_nodes(
+            DOUBLE, self.tables, self.family, self.room, self.ends, self.cone, point, q, t, wanted, self.steps,
             np.empty(columns), grid,
         )  # fmt: skip
-        scale = 0.5 * (bounds[1] - bounds[0]) * self.scale
-        apart, error = self.rule.apart(scale * grid)
-        inner = scale * off * 2.0 / len(nodes)
-        return Cell(bounds, scale * self.rule.value(grid), (apart,), (error,), inner, len(nodes))
+        self.known.update((node, rows[n]) for n, node in nodes if of_row[n])
+        return np.ascontiguousarray(grid[..., :-1]), grid[..., -1]
 
 
 def _integrated(
@@ -350,12 +400,11 @@ def _integrated(
     room.counts[:] = 0
     cells, u = divided(over, first, tolerance, most_legs, room)
     rays, legs, undefined = (int(count) for count in room.counts[:3])
-    counts = np.array([rays, legs, undefined, sum(cell.paths for cell in cells)])
-    if not cells:
+    counts = np.array([rays, legs, undefined, sum(cell.paths for cell in cells or ())])
+    if cells is None:
         return Integral(np.zeros(room.value.shape[1] + 2 - MORE_COLUMNS), 0.0, 1.0, counts)
-    value = np.sum([cell.value for cell in cells], axis=0)
-    whole = math.fsum(accounted(value))
-    value /= max(whole, 1.0)  # more than all light is an error of the quadrature
+    whole = accounted(cells.value)
+    value = cells.value / max(whole, 1.0)  # more than all light is an error of the quadrature
     error = max(u - max(1.0 - whole, 0.0), 0.0)  # what is lacking is in u already
     share, missed, leaked = value[: 2 - MORE_COLUMNS], float(value[-3]), float(value[-2])
     return Integral(share, error, max(1.0 - whole, 0.0), counts, missed, leaked)
@@ -363,48 +412,42 @@ def _integrated(
 
 def divided(
     over: Over, first: Sequence[tuple[float, ...]], tolerance: float, most_legs: int, room: paths.PathRoom
-) -> tuple[list[Cell], float]:
+) -> tuple[Cells | None, float]:
     """Cells of the domain for a tolerance, and the error of their sum; none where light is trapped."""
     beginning: list[Cell] = []
     for bounds in first:
         beginning.append(over(bounds))
         if room.counts[1] > TRAPPED * most_legs:
-            return [], 1.0
+            return None, 1.0
     for cells, of_cells in refined(over, beginning):
-        whole = math.fsum(math.fsum(accounted(cell.value)) for cell in cells)
-        u = max(of_cells, abs(1.0 - whole))  # all light goes somewhere: what the sum lacks is an error that is known
+        lacking = abs(1.0 - accounted(cells.value))  # all light goes somewhere: this is an error that is known
+        u = max(of_cells, lacking)
         if u <= SPARE * tolerance or of_cells <= FUTILE * tolerance or room.counts[1] >= most_legs:
             break
     return cells, u
 
 
-def refined(over: Over, cells: list[Cell]) -> Iterator[tuple[list[Cell], float]]:
+def refined(over: Over, first: Sequence[Cell]) -> Iterator[tuple[Cells, float]]:
     """Cells and the error of their sum, the cell of the largest error halved each time."""
-    ratios, halved = LEARNED * PRIOR_RATIO**2, LEARNED
+    ratios, halved, cells = LEARNED * PRIOR_RATIO**2, LEARNED, Cells(first)
     while True:
-        yield cells, _u(cells, CAUTION * math.sqrt(ratios / halved))
-        worst = max(range(len(cells)), key=lambda i: cells[i].error)
-        cell, cells = cells[worst], cells[:worst] + cells[worst + 1 :]
-        along = 2 * int(np.argmax(cell.errors))
-        middle = 0.5 * (cell.bounds[along] + cell.bounds[along + 1])
-        lower, upper = list(cell.bounds), list(cell.bounds)
-        lower[along + 1], upper[along] = middle, middle
-        halves = [over(tuple(lower)), over(tuple(upper))]
+        yield cells, cells.u(CAUTION * math.sqrt(ratios / halved))
+        cell = cells.worst()
+        along = 0 if cell.errors[0] == max(cell.errors) else 1
+        low, high = cell.bounds[2 * along : 2 * along + 2]
+        middle, before, after = 0.5 * (low + high), cell.bounds[: 2 * along], cell.bounds[2 * along + 2 :]
+        halves = [over((*before, *half, *after)) for half in ((low, middle), (middle, high))]
         change = _most(cell.value - halves[0].value - halves[1].value)
         ratios, halved = ratios + (change / cell.error) ** 2, halved + 1.0
         least = [LEAST_SHARE * error for error in cell.errors]
-        least[along // 2] = max(least[along // 2], CHANGE_SHARE * change)
-        cells += [half._replace(errors=tuple(map(max, half.errors, least))) for half in halves]
+        least[along] = max(least[along], CHANGE_SHARE * change)
+        for half in halves:
+            cells.add(half._replace(errors=tuple(map(max, half.errors, least))))
 
 
-def accounted(value: FloatArray) -> FloatArray:
-    """Powers of a ray that add up to all of it: those of receivers, escaped, absorbed, and what is unfinished."""
-    return np.append(value[: 2 - MORE_COLUMNS], value[-1])
-
-
-def _u(cells: list[Cell], ratio: float) -> float:
-    squares = math.fsum((ratio * cell.error) ** 2 + cell.inner**2 for cell in cells)
-    return math.sqrt(squares)
+def accounted(value: FloatArray) -> float:
+    """All that is known of where light goes: to receivers, escaped, absorbed, and what is unfinished."""
+    return math.fsum(value[: 2 - MORE_COLUMNS]) + float(value[-1])
 
 
 def _most(differences: FloatArray) -> float:

@@ -127,6 +127,19 @@ def sample_tails(
     return steps
 
 
+@compiled
+def passed(
+    ends: FloatArray, ax: float, az: float, ux: float, uz: float, bx: float, bz: float, vx: float, vz: float
+) -> int:
+    """How many ends lie between the lines of two legs, ahead or behind: a loop without branches, as there are few."""
+    many = 0
+    for e in range(len(ends)):
+        px, pz = ends[e, 0], ends[e, 1]
+        one, two = ux * (pz - az) - uz * (px - ax), vx * (pz - bz) - vz * (px - bx)
+        many += (one > 0.0) != (two > 0.0)
+    return many
+
+
 @called
 def predicted_edge(room: PathRoom, i: int, j: int, ends: FloatArray) -> float:
     """Share of the stretch at which the beam between two rays passes an end of a curve; −1 where none is seen."""
@@ -135,15 +148,14 @@ def predicted_edge(room: PathRoom, i: int, j: int, ends: FloatArray) -> float:
         a, b = room.first[i] + leg, room.first[j] + leg
         ax, az, dx, dz = legs[a, 0], legs[a, 1], legs[b, 0], legs[b, 1]
         ux, uz, vx, vz = legs[a, 2] - ax, legs[a, 3] - az, legs[b, 2] - dx, legs[b, 3] - dz
-        best, share = math.inf, -1.0
-        for e in range(len(ends)):
+        best, share, alike = math.inf, -1.0, legs[a, 5] == legs[b, 5]
+        for e in range(len(ends) if passed(ends, ax, az, ux, uz, dx, dz, vx, vz) > 0 else 0):
             px, pz = ends[e, 0], ends[e, 1]
             one = ux * (pz - az) - uz * (px - ax)
             two = vx * (pz - dz) - vz * (px - dx)
             ahead = ux * (px - ax) + uz * (pz - az)
             if not ((one > 0.0) != (two > 0.0) and ahead > 0.0):
                 continue
-            alike = legs[a, 5] == legs[b, 5]
             if alike and not holds(ax, az, legs[a, 2], legs[a, 3], legs[b, 2], legs[b, 3], dx, dz, px, pz):
                 continue
             one /= math.sqrt(ux * ux + uz * uz)
@@ -152,7 +164,7 @@ def predicted_edge(room: PathRoom, i: int, j: int, ends: FloatArray) -> float:
                 best, share = ahead, one / (one - two)
         if share >= 0.0:
             return share
-        if legs[a, 5] != legs[b, 5]:
+        if not alike:
             return -1.0
     return -1.0
 
@@ -250,65 +262,39 @@ def at_angles(family: FamilyInSpace, angle: float, turn: float, rise: float, low
 
 
 @called
-def over_places(
+def over_nodes(
     k: Precision,
     tables: Tables,
     family: FamilyInSpace,
     room: PathRoom,
     ends: FloatArray,
     cone: tuple[float, float],
-    nodes: FloatArray,
-    cell: FloatArray,
+    point: bool,
+    q: FloatArray,
+    t: FloatArray,
+    wanted: NDArray[np.bool_],
     steps: tuple[float, float, float],
     total: FloatArray,
     grid: FloatArray,
-) -> float:
-    """Integrals over the places of a chip at the nodes of a ``cell`` of angles: ``grid`` (N, N, D + 5).
+) -> None:
+    """Integrals over the places of a chip at angles ``q`` (Q,) and ``t`` (T,), where ``wanted`` (T, Q).
 
     The angle out of the plane is asin(sine sin t), the one in projection a share q of the largest within the ``cone``
-    (cosine, sine) there; a cell reaches from q to q, from t to t. ``steps`` are density, narrow and soft of
-    `integrate_path`. Returns the root of the sum of squares of their errors.
+    (cosine, sine) there. Of a ``point``, whose path is that angle, ``q`` (1,) is nothing. ``steps`` are density, narrow
+    and soft of `integrate_path`, ``grid`` (T, Q, D + 6) becomes the integrals and, last, what they may be off by.
     """
-    off = 0.0
-    for i in range(len(nodes)):
-        t = 0.5 * (cell[2] + cell[3]) + 0.5 * (cell[3] - cell[2]) * nodes[i]
-        rise = cone[1] * math.sin(t)
+    for i in range(len(t)):
+        rise = cone[1] * math.sin(t[i])
         most = math.acos(min(max(cone[0] / math.sqrt(1.0 - rise * rise), -1.0), 1.0))
-        weight = most * cone[1] * math.cos(t)
-        for j in range(len(nodes)):
-            q = 0.5 * (cell[0] + cell[1]) + 0.5 * (cell[1] - cell[0]) * nodes[j]
-            here = at_angles(family, most * q, 0.0, rise, family.low, family.high)
-            error = integrate_path(k, tables, here, room, ends, FIRST, steps[0], steps[1], steps[2], total)
+        weight = (1.0 if point else most) * cone[1] * math.cos(t[i])
+        for j in range(len(q)):
+            if not wanted[i, j]:
+                continue
+            if point:
+                here, first = at_angles(family, 0.0, 1.0, rise, -most, most), FIRST_ANGLES
+            else:
+                here, first = at_angles(family, most * q[j], 0.0, rise, family.low, family.high), FIRST
+            error = integrate_path(k, tables, here, room, ends, first, steps[0], steps[1], steps[2], total)
             for d in range(len(total)):
                 grid[i, j, d] = weight * total[d]
-            off += (weight * error) ** 2
-    return math.sqrt(off)
-
-
-@called
-def over_angles(
-    k: Precision,
-    tables: Tables,
-    family: FamilyInSpace,
-    room: PathRoom,
-    ends: FloatArray,
-    cone: tuple[float, float],
-    nodes: FloatArray,
-    cell: FloatArray,
-    steps: tuple[float, float, float],
-    total: FloatArray,
-    grid: FloatArray,
-) -> float:
-    """Integrals over the angles in projection of a point at the nodes between two t: ``grid`` (N, D + 5); see above."""
-    off = 0.0
-    for i in range(len(nodes)):
-        t = 0.5 * (cell[0] + cell[1]) + 0.5 * (cell[1] - cell[0]) * nodes[i]
-        rise = cone[1] * math.sin(t)
-        most = math.acos(min(max(cone[0] / math.sqrt(1.0 - rise * rise), -1.0), 1.0))
-        here = at_angles(family, 0.0, 1.0, rise, -most, most)
-        error = integrate_path(k, tables, here, room, ends, FIRST_ANGLES, steps[0], steps[1], steps[2], total)
-        weight = cone[1] * math.cos(t)
-        for d in range(len(total)):
-            grid[i, d] = weight * total[d]
-        off += (weight * error) ** 2
-    return math.sqrt(off)
+            grid[i, j, len(total)] = weight * error

@@ -21,7 +21,7 @@ from solen.trace.kernel.compiled import called, compiled
 from solen.trace.kernel.extruded import wall_parts
 from solen.trace.kernel.nearest import Ray, nearest
 from solen.trace.kernel.rows import RECEIVER, REFRACTING, SEGMENT, TREATED, Floats, Precision
-from solen.trace.kernel.space import Coherency, Vector, bare, divided, scaled, upright
+from solen.trace.kernel.space import Coherency, Vector, bare, in_plane_of_incidence, passed, scaled, upright
 from solen.trace.kernel.step import Load, Rules, carried_on, escape, meet
 from solen.trace.kernel.surface import COUNT, chance, end_fate, scrambled
 from solen.trace.kernel.treated import acting
@@ -272,11 +272,14 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                 if loss > 0.0:
                     first_low, first_high = (ya, yb) if rise > 0.0 else (-yb, -ya)
                     kept = mean_kept(loss, (half - first_high) / abs(d.y), (half - first_low) / abs(d.y))
+                if bounces > 0:  # top and bottom have one plane of incidence
+                    e, light = in_plane_of_incidence(d, e, Vector(0.0, -1.0, 0.0), light)
+                    at_above = bare(n1, family.above, n1 * abs(d.y))
+                    at_below = bare(n1, family.below, n1 * abs(d.y)) if family.below != family.above else at_above
                 for _ in range(bounces):
-                    top = 1.0 if d.y > 0.0 else -1.0
                     n2 = family.above if d.y > 0.0 else family.below
-                    parts = divided(d, e, Vector(0.0, -top, 0.0), light, n1, n2, bare(n1, n2, n1 * abs(d.y)))
-                    leaves = parts.on_light.i1 + parts.on_light.i2
+                    face = at_above if d.y > 0.0 else at_below
+                    leaves = face.on_s * light.i1 + face.on_p * light.i2
                     all_leaves = n1 == n2 or (rules.splitting == COUNT and leaves > 0.0)
                     leaves = kept * (light.i1 + light.i2 if all_leaves else leaves)
                     gone += leaves
@@ -285,7 +288,8 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                     if all_leaves:
                         light, ended = scaled(light, 0.0), True
                         break
-                    d, e, light = parts.back, parts.s, parts.back_light
+                    d = Vector(d.x, -d.y, d.z)
+                    light = passed(face.back_s, face.back_p, face.back_cr, face.back_ci, light)
                     hits += 1 if tail else 0  # parts of one path shall end alike, whatever they do at top and bottom
                     left = kept * (light.i1 + light.i2)
                     if left < lowest or worn or (tail and hits + 1 >= most):

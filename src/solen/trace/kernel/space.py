@@ -100,11 +100,12 @@ def bare(n1: float, n2: float, axial: float) -> Amplitudes:
     """Fresnel's coefficients; ``axial`` is n1 times the cosine of the angle of incidence."""
     square = (n2 - n1) * (n2 + n1) + axial * axial
     if square <= 0.0:
-        behind = complex(0.0, -math.sqrt(-square))
-        s = (axial - behind) / (axial + behind)
-        p = (n2 * n2 * axial - n1 * n1 * behind) / (n2 * n2 * axial + n1 * n1 * behind)
-        both = s * p.conjugate()
-        return Amplitudes(1.0, 1.0, both.real, both.imag, 0.0, 0.0, 0.0, 0.0)
+        # total reflection: both phases, of their product's square root
+        behind = math.sqrt(-square)
+        real, imaginary = n2 * n2 * axial * axial - n1 * n1 * square, (n2 - n1) * (n2 + n1) * axial * behind
+        whole = real * real + imaginary * imaginary
+        cr, ci = (real - imaginary) * (real + imaginary) / whole, 2.0 * real * imaginary / whole
+        return Amplitudes(1.0, 1.0, cr, ci, 0.0, 0.0, 0.0, 0.0)
     behind_real = math.sqrt(square)
     rs = (axial - behind_real) / (axial + behind_real)
     rp = (n2 * n2 * axial - n1 * n1 * behind_real) / (n2 * n2 * axial + n1 * n1 * behind_real)
