@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from threading import RLock
 from typing import Any, Literal, TypedDict, Unpack
 
 import numpy as np
@@ -21,19 +22,19 @@ from solen.parts import Light, light_of
 from solen.scene import Scene, sensor_scene
 from solen.sensor.numbers import OPTICAL_KEYS, inert, number, tolerance_of
 from solen.sensor.response import Response, Sensitivity, contrast_slope, powers
-from solen.sensor.sweep import MOST_ANGLES, Reading, balanced, between, mirrored, sweep
+from solen.sensor.sweep import MOST_ANGLES, Reading, balanced, between, mirrored, readings_at, sweep
 from solen.spec import Design, load, with_values
 from solen.trace import Derivative, Mode, Slope, Trace, derivative, integrate, trace
 from solen.trace.adaptive import POINT_TOLERANCE, is_extended, usual_tolerance, why_not
 from solen.trace.derivative import EXTENDED_TOLERANCE, MOST_LEGS, SPACE_TOLERANCE
 from solen.trace.derivative import TOLERANCE as DERIVATIVE_TOLERANCE
 
-FAILURES = 2
-"""After so many angles of a sweep at which integration failed, it is not tried at the others."""
 SAMPLED_TOLERANCE, FIRST_SAMPLED, MOST_SAMPLED = 2e-4, 2**15, 2**19
 """To what standard error rays in space and scattered light are sampled, and their least and largest number."""
 RECENT_SCENES = 64
 """Scenes that a sensor remembers."""
+BUILDING = RLock()
+"""One scene is built at a time: angles are traced on several threads."""
 SLOPE_DEG, WIDE_SLOPE_DEG = 0.04, 0.2
 """Angle over which a slope is taken: of a point in the plane, whose response is steep, and of any other light."""
 
@@ -141,13 +142,14 @@ class Sensor:
 
     def scene(self, angle_deg: float = 0.0, rays: int | None = None) -> Scene:
         """Scene at an angle, with ``rays`` rays in place of the design's."""
-        scene = self._scenes.get((angle_deg, rays))
-        if scene is None:
-            scene = sensor_scene(self.design, self.body(angle_deg), self.material, rays)
-            while len(self._scenes) >= RECENT_SCENES:
-                self._scenes.pop(next(iter(self._scenes)), None)
-            self._scenes[angle_deg, rays] = scene
-        return scene
+        with BUILDING:
+            scene = self._scenes.get((angle_deg, rays))
+            if scene is None:
+                scene = sensor_scene(self.design, self.body(angle_deg), self.material, rays)
+                while len(self._scenes) >= RECENT_SCENES:
+                    self._scenes.pop(next(iter(self._scenes)))
+                self._scenes[angle_deg, rays] = scene
+            return scene
 
     @cached_property
     def _scenes(self) -> dict[tuple[float, int | None], Scene]:
@@ -312,25 +314,23 @@ class Sensor:
         The tolerance is that of `integrate`; scattered light is sampled to the standard error. Of symmetric sensors one
         of two opposite angles is traced.
         """
-        failed: list[float] = []
-        done: dict[float, Reading] = {}
+        angles = self._angles(angles_deg)
+
+        def traced(angle_deg: float, integrates: bool) -> Reading:
+            return self._reading(angle_deg, integrates=integrates, tolerance=tolerance, standard_error=standard_error)
+
+        own: dict[float, None] = {}
+        for angle in angles:
+            if not (-angle in own and self.is_symmetric):
+                own[angle] = None
+        done = readings_at(traced, list(own), progress)
 
         def at(angle_deg: float) -> Reading:
-            if -angle_deg in done and self.is_symmetric:
+            if angle_deg not in done:
                 return mirrored(done[-angle_deg])
-            reading = done[angle_deg] = traced(angle_deg)
-            return balanced(reading) if angle_deg == 0.0 and self.is_symmetric else reading
+            return balanced(done[angle_deg]) if angle_deg == 0.0 and self.is_symmetric else done[angle_deg]
 
-        def traced(angle_deg: float) -> Reading:
-            integrates = len(failed) < FAILURES
-            reading = self._reading(
-                angle_deg, integrates=integrates, tolerance=tolerance, standard_error=standard_error
-            )
-            if reading[0].method != "adaptive":
-                failed.append(angle_deg)
-            return reading
-
-        return sweep("power", at, self._angles(angles_deg), progress)
+        return sweep("power", at, angles, None)
 
     def _sensitivity(self, key: str, value: float, angle_deg: float, base: Trace) -> Sensitivity:
         """Row of one key; a value at the edge of what it may be has no derivative, and says so."""

@@ -1,6 +1,8 @@
 """Sweep over the angles of a motion: its response, mirrored readings of symmetric sensors, angles to add to a curve."""
 
-from collections.abc import Callable, Mapping, Sequence
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -16,8 +18,40 @@ FEW_ANGLES, MOST_ANGLES = 5, 129
 BEND = 0.02
 """How far a contrast may lie from the straight line between its neighbours before angles are added between them."""
 
+FAILURES = 2
+"""After so many angles of a sweep at which integration failed, it is not tried at the others."""
+
 Reading = tuple[Trace, dict[str, float], float]
 """A trace, the power at each receiver, and its uncertainty."""
+
+
+def readings_at(
+    at: Callable[[float, bool], Reading], angles_deg: Sequence[float], progress: Progress | None
+) -> dict[float, Reading]:
+    """Readings at angles, on several threads; ``at`` gets the angle and whether to integrate.
+
+    The first few are taken in turn: where integration fails at all of them it is not tried at the others, which are
+    sampled in turn, on several threads each.
+    """
+    readings: dict[float, Reading] = {}
+
+    def keep(angles: Sequence[float], read: Iterable[Reading]) -> None:
+        for angle, reading in zip(angles, read, strict=True):
+            readings[angle] = reading
+            if progress is not None:
+                progress(len(readings) / len(angles_deg))
+
+    first, rest = angles_deg[:FAILURES], angles_deg[FAILURES:]
+    keep(first, (at(angle, True) for angle in first))
+    if all(trace.method != "adaptive" for trace, _, _ in readings.values()):
+        keep(rest, (at(angle, False) for angle in rest))
+        return readings
+    pool = ThreadPoolExecutor(os.cpu_count() or 1)
+    try:
+        keep(rest, pool.map(lambda angle: at(angle, True), rest))
+    finally:
+        pool.shutdown(cancel_futures=True)
+    return readings
 
 
 def sweep(

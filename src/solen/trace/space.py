@@ -44,7 +44,7 @@ FIRST_FACE = (0.5, 1)
 comes through strips too narrow to be seen."""
 TRAPPED = 0.3
 """Share of the legs that the first cells may take: with more, light is trapped and halving cells does not help."""
-SPARE, FUTILE = 0.8, 0.1
+SPARE, FUTILE = 0.95, 0.1
 """Shares of the tolerance: where cells are halved no further; where what is lacking was not lost between cells."""
 CAUTION = 3.5
 """Factor on the error learned from halving: it is a root mean square over few cells."""
