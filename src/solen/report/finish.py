@@ -203,15 +203,24 @@ def _settle(figure: Figure, *, may_grow: bool) -> None:
     if may_grow:
         figure.set_figheight(figure.get_figheight() + _wrap(figure))
     for _ in range(_ROUNDS):
-        figure.draw_without_rendering()
+        _lay_out(figure)
         wrapped = (_wrap(figure) > 0.0) | _thin(figure) | _uncrowded(figure)
         moved = [axes for panel in panels_of(figure) for axes in panel if _clear(axes, panel, outside)]
         if moved and may_grow:
             _grow(figure, moved)
         if not wrapped and not moved:
             break
-    figure.draw_without_rendering()  # labels stand where the ticks of the layout before left them
+    _lay_out(figure)  # labels stand where the ticks of the layout before left them
     _keep_inside(figure)
+
+
+def _lay_out(figure: Figure) -> None:
+    """Give everything its place; a layout engine needs no drawing for that."""
+    engine = figure.get_layout_engine()
+    if engine is None:
+        figure.draw_without_rendering()
+    else:
+        engine.execute(figure)
 
 
 def _keep_inside(figure: Figure) -> None:
@@ -221,7 +230,7 @@ def _keep_inside(figure: Figure) -> None:
     right, top = max(0.0, box.x1 - wide) / wide, max(0.0, box.y1 - high) / high
     if max(left, low, right, top) > 0.0 and isinstance(engine, ConstrainedLayoutEngine):
         engine.set(rect=(left, low, 1.0 - left - right, 1.0 - low - top))
-        figure.draw_without_rendering()
+        _lay_out(figure)
 
 
 def _wrap(figure: Figure) -> float:
