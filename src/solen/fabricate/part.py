@@ -1,4 +1,4 @@
-"""A part made in one piece: outlines of exact curves extruded along the thickness, joined, less what is cut away.
+"""A part in one piece: outlines of exact curves, extruded along the thickness and joined, minus cuts.
 
 A `Part` stands on the build plate: X and Y of its solid are x and z of the plane, Z is the height above the plate. A
 sensor's y counts from the middle of its thickness and away from who sees x to the right and z up, so that
@@ -65,7 +65,7 @@ class Prism:
 
 @dataclass(frozen=True)
 class Cut:
-    """What is cut from a part: ``takes`` lies in the part, ``tool`` reaches beyond it so that no skin is left."""
+    """A cut: ``takes`` is the volume removed from the part, ``tool`` reaches beyond it so that no skin remains."""
 
     tool: Prism
     takes: Prism
@@ -77,7 +77,7 @@ class Cut:
 
     @property
     def volume_mm3(self) -> float:
-        """Volume that it takes away."""
+        """Volume removed."""
         return self.takes.area_mm2 * self.takes.height_mm
 
 
@@ -135,7 +135,7 @@ class Part:
 
 
 def sensor_prism(body: Body, thickness_mm: float) -> Prism:
-    """Prism of a body, checked: what is printed of it. What stands apart in the air is not.
+    """Checked prism of the printed body; separate elements in the air are not printed.
 
     Raises
     ------
@@ -151,11 +151,11 @@ def _negligible(area: float) -> float:
 
 
 def _shared_mm(first: Prism, other: Prism) -> float:
-    """Height that two prisms have in common."""
+    """Height common to two prisms."""
     return max(0.0, min(first.to_mm, other.to_mm) - max(first.from_mm, other.from_mm))
 
 
 def _overlap_mm2(first: Prism, other: Prism) -> float:
-    """Area that the outlines of two prisms have in common."""
+    """Area common to the outlines of two prisms."""
     regions = [filled(prism.rings(FLAT_MM)) for prism in (first, other)]
     return float(regions[0].intersection(regions[1]).area)

@@ -1,4 +1,4 @@
-"""Seats for the electronics: pockets for the receivers' packages, slots for supports of film.
+"""Seats for the electronics: pockets for the receivers' packages, and slots for film supports.
 
 A pocket is cut into the middle of a receiver's face, the package's longer side along the face and the shorter one
 along the height, as deep as the package unless stated. A slot is cut into the top, as deep as the film is thick: at a

@@ -1,4 +1,4 @@
-"""Comparison of a printed outline with several designs: which is nearest, and how sure that is.
+"""Comparison of a printed outline with several designs: the nearest one, with probabilities.
 
 The idea: the outline is fitted to each design in turn with all that makes a print larger or smaller as a whole (see
 `solen.metrology.print_fit`): a design is not nearer because the scale is wrong or the print overgrown. With equal
@@ -69,7 +69,7 @@ class ComparedDesign:
 
 
 def designs_to_compare(design: Design, nominal: NominalFront, against: Sequence[Design] = ()) -> list[NominalFront]:
-    """Nominal fronts to compare an outline with, each with a name of its own; the design's is always among them.
+    """Nominal fronts to compare an outline with, under unique names; the design's is always included.
 
     Without others, those of the paper's three indices where the design has the paper's lens.
     """
@@ -87,7 +87,7 @@ def designs_to_compare(design: Design, nominal: NominalFront, against: Sequence[
 
 
 def _distinct(fronts: Sequence[NominalFront]) -> list[NominalFront]:
-    """The same with a number behind a name that stands before."""
+    """Names made unique by a number after each repetition."""
     names = [front.name for front in fronts]
     before = [names[:place].count(name) for place, name in enumerate(names)]
     return [
@@ -130,7 +130,7 @@ def compare(
 
 
 def doubts(designs: Sequence[ComparedDesign], form_um: float) -> list[Caution]:
-    """What the comparison does not show, in sentences."""
+    """Limits of the comparison, as warnings."""
     first = designs[0]
     if not any(design.possible for design in designs):
         none = "none of these designs" if len(designs) > 1 else f"no usual print of {first.name}"

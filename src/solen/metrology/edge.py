@@ -1,4 +1,4 @@
-"""Sub-pixel edges: where a contour really is, from the blurred step that the picture shows along its normals.
+"""Sub-pixel edges: the position of a contour from the blurred step along its normals.
 
 The idea: contours by a threshold are off by a part of a pixel, more where the ground is uneven. Here a first contour
 only says where to look. Along each of its normals the grey values are read, averaged over a few neighbouring lines, and
@@ -55,7 +55,7 @@ LEAST_TRIPLES = 40
 
 @dataclass(frozen=True, eq=False)
 class Edge:
-    """An edge, place by place along its contour.
+    """An edge, point by point along its contour.
 
     Attributes
     ----------
@@ -108,7 +108,7 @@ class Edge:
 
 
 def normals_of(contour_px: FloatArray, *, closed: bool, over: int = 5) -> FloatArray:
-    """Unit normals (N, 2) of a contour: to the left of its way, as one sees it in the picture.
+    """Unit normals (N, 2) of a contour, to its left as seen in the picture.
 
     The way goes from ``over`` places before to ``over`` places behind, and (dx, dy) is turned into (dy, −dx).
     """
@@ -274,7 +274,7 @@ class _View:
         return (alone if usual is None else fit_steps(t, values, at, blur_px, use, usual)), seen, saturated
 
     def _saturated(self, t: FloatArray, use: BoolArray) -> BoolArray:
-        """Lines some place of which is at the camera's limit: what is cut off there pulls the step aside."""
+        """Lines with a saturated point, which shifts the fitted step."""
         limit = self.grey >= self.ceiling
         if not limit.any():
             return np.zeros(len(use), dtype=bool)
@@ -310,7 +310,7 @@ class _View:
 
 
 def _steadied(noise: FloatArray) -> FloatArray:
-    """By what factors (N,) uncertainties change where the noise is taken from neighbours as well.
+    """Factors (N,) on uncertainties if the noise is estimated from neighbours as well.
 
     A line has some ten values and five parameters: what is left tells its own noise to 30 % at best.
     """
@@ -322,7 +322,7 @@ def _steadied(noise: FloatArray) -> FloatArray:
 def scatter_over_u(
     points: FloatArray, normals: FloatArray, u: FloatArray, kept: BoolArray, lines: int = LINES
 ) -> float:
-    """By what factor edges scatter more between neighbours than the residuals of their fits say; at least 1.
+    """Ratio of the scatter of edges between neighbours to that expected from the fits' residuals; at least 1.
 
     Residuals are taken as independent, which those of a sharpened, compressed or textured picture are not, nor quite
     those between pixels. Each place is compared with the mean of one before and one behind that share no pixel with
@@ -344,7 +344,7 @@ def scatter_over_u(
 
 
 def _usual(steps: Steps, fit: BoolArray) -> Usual | None:
-    """What the fits that are good have in common; None where few are."""
+    """Typical parameters of the good fits; None if there are few."""
     noise = _median(steps.noise, fit)
     good = fit & steps.settled & (np.abs(steps.rise).min(axis=1) > LEAST_SNR * noise)
     good &= steps.u_at_px.max(axis=1) < np.maximum(2.0 * float(np.median(steps.u_at_px)), 0.1)
@@ -361,7 +361,7 @@ def _usual(steps: Steps, fit: BoolArray) -> Usual | None:
 
 
 def _counted(bad: dict[str, BoolArray], count: int) -> tuple[BoolArray, dict[str, int]]:
-    """What no reason speaks against, and how many each reason takes away from what is left."""
+    """Points without a reason for rejection, and the number that each reason rejects."""
     kept, rejected = np.ones(count, dtype=bool), {}
     for reason, flags in bad.items():
         rejected[reason] = int(np.sum(kept & flags))
@@ -370,14 +370,14 @@ def _counted(bad: dict[str, BoolArray], count: int) -> tuple[BoolArray, dict[str
 
 
 def _alone(kept: BoolArray, inside: BoolArray) -> BoolArray:
-    """Places of which most neighbours in the picture are not edges: one among many spoilt ones is spoilt too."""
+    """Points whose neighbours in the picture are mostly not edges, and which are therefore not trusted."""
     shares = (ndimage.uniform_filter1d(flags.astype(float), ALONE_PLACES, mode="nearest") for flags in (kept, inside))
     own, all_of_them = shares
     return np.asarray(own < ALONE_SHARE * all_of_them)
 
 
 def _beside(odd: BoolArray) -> BoolArray:
-    """Places that are odd, and those up to `BESIDE` places beside them: what lies on an edge fades out."""
+    """Odd points, and those up to `BESIDE` points beside them, as whatever lies on an edge fades out."""
     return np.asarray(ndimage.binary_dilation(odd, iterations=BESIDE)) if odd.any() else odd
 
 
@@ -386,7 +386,7 @@ def _median(values: FloatArray, where: BoolArray) -> float:
 
 
 def _off(points: FloatArray, contour: FloatArray, normals: FloatArray, kept: BoolArray, closed: bool) -> BoolArray:
-    """Places further from the running median of their neighbours than these scatter, and than half a pixel."""
+    """Points further from the running median of their neighbours than these scatter, and than half a pixel."""
     if int(kept.sum()) < NEIGHBOURS:
         return np.zeros(len(kept), dtype=bool)
     mode: Literal["wrap", "nearest"] = "wrap" if closed else "nearest"

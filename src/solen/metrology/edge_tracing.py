@@ -1,4 +1,4 @@
-"""Edges that run all along a front, traced in the band around it.
+"""Edges along a whole front, traced in the band around it.
 
 The idea: the band around the front is straightened, along the front one way and across it the other. An edge of the
 lens is then a line from one end of the band to the other; dust and reflections are short. The path that gathers the
@@ -110,7 +110,7 @@ class TracedEdge:
 
 
 def trace_edges(band: Band, most: int = MOST_EDGES) -> list[TracedEdge]:
-    """Edges that run along the front, the strongest first; none where nothing stands out of the noise."""
+    """Edges along the front, the strongest first; empty if nothing exceeds the noise."""
     if not band.seen.any():
         return []
     noise = 1.4826 * float(np.median(np.abs(band.change[band.seen])))
@@ -132,7 +132,7 @@ def trace_edges(band: Band, most: int = MOST_EDGES) -> list[TracedEdge]:
 
 
 def _traced(band: Band, rising: bool, free: BoolArray, scale: float, least: float) -> TracedEdge:
-    """The edge of one sign that gathers the most change where it is free to go; it is shown above ``least``."""
+    """The edge of one sign with the largest total change along a free path; visible above a change of ``least``."""
     change = band.change if rising else -band.change
     allowed = np.where(free, change, 0.0)
     gain = np.maximum(allowed, 0.0)
@@ -145,14 +145,14 @@ def _traced(band: Band, rising: bool, free: BoolArray, scale: float, least: floa
 
 
 def _on_maximum(gain: FloatArray, path: IndexArray) -> BoolArray:
-    """Where a path stands on a maximum across, and not on the flank of the broader edge beside it."""
+    """Whether a path lies on a maximum across, not on the flank of a broader edge beside it."""
     along, last = np.arange(len(path)), gain.shape[1] - 1
     before, behind = (gain[along, np.clip(path + side * FLANK, 0, last)] for side in (-1, 1))
     return np.asarray((gain[along, path] >= before) & (gain[along, path] >= behind))
 
 
 def best_path(gain: FloatArray) -> IndexArray:
-    """Column for each row of (N, M) such that the sum of gains less the cost of moving aside is greatest."""
+    """Column for each row of (N, M) that maximises the sum of gains minus the cost of sideways steps."""
     rows, columns = gain.shape
     cost = JUMP_COST * np.abs(np.arange(-JUMP, JUMP + 1))
     came = np.zeros((rows, columns), dtype=np.intp)

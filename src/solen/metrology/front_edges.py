@@ -1,4 +1,4 @@
-"""Edges along a front, fitted where they were traced, and which of two is in focus."""
+"""Edges along a front, fitted near their traces, and which of two is in focus."""
 
 from collections import Counter
 from dataclasses import replace
@@ -64,7 +64,7 @@ def _unbent(edge: Edge, half_curvature_per_px: FloatArray) -> Edge:
 
 
 def _spaces(offset: FloatArray, px_per_mm: float) -> list[float]:
-    """For each edge the median distance in px to the nearest other one; infinite for one alone."""
+    """Median distance in px of each edge to the nearest other one; infinite for a single edge."""
     apart = np.median(np.abs(offset[:, None] - offset[None, :]), axis=2) * px_per_mm
     np.fill_diagonal(apart, np.inf)
     return [float(space) for space in apart.min(axis=1)]
@@ -86,7 +86,7 @@ def by_focus(outer: Edge, inner: Edge) -> tuple[Edge, Edge] | None:
 
 
 def _mixed(first: Edge, second: Edge, swap: BoolArray) -> Edge:
-    """Places of the second edge where ``swap``, of the first elsewhere."""
+    """Points of the second edge where ``swap``, of the first elsewhere."""
     return replace(
         first,
         points_px=np.where(swap[:, None], second.points_px, first.points_px),
@@ -100,7 +100,7 @@ def _mixed(first: Edge, second: Edge, swap: BoolArray) -> Edge:
 
 
 def why_rejected(edges: list[Edge]) -> str:
-    """The most frequent reasons for which places were rejected."""
+    """The most frequent reasons for rejection."""
     counts: Counter[str] = Counter()
     for edge in edges:
         counts.update(edge.rejected)

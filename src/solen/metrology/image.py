@@ -136,7 +136,7 @@ def binned(grey: FloatArray, factor: int) -> FloatArray:
 
 
 def _ceiling(grey: FloatArray) -> float:
-    """Highest level where so many pixels share it that it is the camera's limit; infinite otherwise.
+    """Highest level, if so many pixels have it that it is the camera's limit; else infinity.
 
     A picture of one level, or of two as a mask is, was not taken by a camera at its limit.
     """

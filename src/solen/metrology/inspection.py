@@ -43,7 +43,7 @@ class InspectOptions(PrintPriors, ScaleOptions):
 
 @dataclass(frozen=True)
 class FrontDeviation:
-    """Deviations of a printed front from its design, positive where it stands out, with their uncertainty.
+    """Deviations of a printed front from its design, positive outwards, with their uncertainty.
 
     The root mean square of a perfect print would be that of the edges' own scatter: ``rms_beyond_noise_um`` is without
     it, and ``u_rms_um`` reaches that far. The largest of many deviations is the one that scatter made largest: its

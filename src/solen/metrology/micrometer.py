@@ -45,7 +45,7 @@ _CENTROID_ROUNDS = 3
 
 
 class MicrometerOptions(Options):
-    """What is known of a stage micrometer and its picture."""
+    """Options of a stage micrometer and its picture."""
 
     spacing_mm: Finite = Field(gt=0.0, le=100.0)
     """Distance of neighbouring lines, middle to middle."""
@@ -97,7 +97,7 @@ class MeasuredScale(Measured):
 
     @property
     def file(self) -> ScaleFile:
-        """What the scale's file holds."""
+        """Content of the scale's file."""
         return ScaleFile(
             objective=self.objective,
             um_per_px=self.um_per_px,
@@ -111,7 +111,7 @@ class MeasuredScale(Measured):
 
 @dataclass(frozen=True, eq=False)
 class _Ruler:
-    """Even lines: the number of each and its places in strips (n, strips), NaN where none; and the strips' middles."""
+    """Even lines: their numbers, their positions in strips (n, strips), NaN if missing, and the strips' middles."""
 
     number: IntArray
     places: FloatArray
@@ -253,7 +253,7 @@ def _period(profile: FloatArray, file: str) -> tuple[float, float]:
 
 
 def _centroid(line: FloatArray, peak: float, period: float, least: float) -> float:
-    """Place of a bright line near a peak: the centroid of what exceeds its sides; NaN below a least contrast."""
+    """Position of a bright line near a peak: the centroid above its sides; NaN below a minimum contrast."""
     at, reach = peak, REACH * period
     for _ in range(_CENTROID_ROUNDS):
         low, high = at - reach, at + reach
@@ -290,7 +290,7 @@ def _straight(ruler: _Ruler) -> tuple[IntArray, FloatArray, float]:
 
 
 def _even(number: IntArray, places: FloatArray) -> tuple[float, float, float, float, FloatArray, float]:
-    """Distance of even lines and its uncertainty, the quadratic term and its own, and what is left of their places.
+    """Spacing of even lines and the quadratic term, with their uncertainties, and the residuals of the positions.
 
     Last what is left beside the quadratic term as well, root mean square.
     """

@@ -1,4 +1,4 @@
-"""The nominal front of a lens: what its design asks for, as dense points, and how far other points are from it.
+"""The nominal front of a lens as dense points, and the distance of other points from it.
 
 Lens coordinates as everywhere: the vertex is the origin, x to the right, z into the material, mm. The front runs from
 left to right, so the material lies on its left: deviations are positive outwards.
@@ -96,7 +96,7 @@ class NominalFront:
 
     @property
     def width_mm(self) -> float:
-        """From one end of the front to the other."""
+        """Distance between the ends of the front."""
         return float(np.hypot(*(self.front_mm[-1] - self.front_mm[0])))
 
     @cached_property
@@ -224,7 +224,7 @@ def _length(points: FloatArray) -> float:
 
 
 def _mitre(normal: FloatArray, wall: FloatArray, side: int) -> FloatArray:
-    """By how much (2,) a corner moves where front and wall both move outwards by 1; the front's normal without wall."""
+    """Displacement (2,) of a corner if front and wall both move outwards by 1; the front's normal without a wall."""
     if len(wall) < 2:
         return normal
     beside = side * outward(wall)[0]
@@ -260,7 +260,7 @@ def interpolated(at: FloatArray, arc: FloatArray, vectors: FloatArray) -> FloatA
 
 
 def outward(points: FloatArray) -> FloatArray:
-    """Unit normals (N, 2) to the right of the way along points."""
+    """Unit normals (N, 2), to the right along points."""
     way = np.gradient(points, axis=0)
     return np.asarray(np.stack([way[:, 1], -way[:, 0]], axis=1) / np.hypot(*way.T)[:, None])
 

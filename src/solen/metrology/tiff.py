@@ -80,13 +80,13 @@ def read_tiff(file: str, data: bytes) -> Plane:
 
 
 def stated(opened: "tifffile.TiffFile") -> tuple[tuple[Tag, ...], str, str]:
-    """Sizes of a pixel that a TIFF states, and the instrument and date of its OME-XML, empty where it has none."""
+    """Pixel sizes stated in a TIFF, and the instrument and date of its OME-XML, empty if missing."""
     tags, instrument, date = _ome(opened.ome_metadata or "") if opened.is_ome else ((), "", "")
     return (*tags, *_imagej(opened), *_resolution(opened)), instrument, date
 
 
 def _check_planes(file: str, opened: "tifffile.TiffFile", series: Any) -> None:
-    """`DataError` for more than one plane, by the name of what they are; sizes of one picture are not several."""
+    """`DataError` for more than one plane, named by their axis; resolution levels of one picture count once."""
     for axis, size in zip(series.axes, series.shape, strict=True):
         if axis not in "YXS" and size > 1:
             what = AXES.get(axis, "{} planes along " + axis).format(size)
@@ -98,7 +98,7 @@ def _check_planes(file: str, opened: "tifffile.TiffFile", series: Any) -> None:
 
 
 def _decoded(file: str, data: bytes, page: Any) -> NDArray[Any]:
-    """Pixels of the page; by Pillow where a compression is one that tifffile needs another package for."""
+    """Pixels of the page; by Pillow if tifffile needs another package for the compression."""
     try:
         return np.asarray(page.asarray())
     except ValueError as bad:
@@ -173,7 +173,7 @@ def _per_unit(page: Any) -> tuple[float, float] | None:
 
 
 def _imagej(opened: "tifffile.TiffFile") -> tuple[Tag, ...]:
-    """ImageJ's own unit, for which the resolution tags stand."""
+    """Unit stated by ImageJ, which applies to the resolution tags."""
     about, per_unit = opened.imagej_metadata, _per_unit(opened.pages.first)
     if not opened.is_imagej or not about or per_unit is None:
         return ()

@@ -164,7 +164,7 @@ def read_image_or_z_map(path: Path, options: ZMapOptions) -> Image | ZMap:
 
 
 def _of_tiff(file: str, data: bytes) -> tuple[FloatArray, tuple[Tag, ...], str, bool]:
-    """Levels of the file, the sizes of a pixel that it states, its format, and whether it says that it is simulated."""
+    """Levels of the file, its stated pixel sizes, its format, and whether it is marked as simulated."""
     with opened_tiff(file, data) as opened:
         page: Any = opened.pages.first
         if len(opened.pages) > 1:
@@ -213,7 +213,7 @@ def _of_text(file: str, data: bytes) -> FloatArray:
 
 
 def _splitter(line: str) -> Callable[[str], list[str]]:
-    """How lines are divided: by semicolons or tabs, where a comma is a point; by commas; or by blanks."""
+    """Separator of a line: semicolons or tabs, with commas as decimal marks; commas; or blanks."""
     for sign in ";\t":
         if sign in line:
             return lambda row: row.replace(",", ".").strip("\r\n").split(sign)

@@ -1,4 +1,4 @@
-"""Interfaces lie apart: no two along one stretch, and none across another that would have a wrong medium behind it.
+"""Interfaces must be apart: no two may share a stretch, and none may cross another with a wrong medium behind it.
 
 Where two coincide a ray meets first what rounding says. Where two cross, at least one of them has, on one side of the
 crossing, a region beside it that is not there; only walls and mirrors within one medium may cross.
@@ -59,7 +59,7 @@ def overlap_mm(a: Segment, b: Segment) -> float:
 
 
 def _shared(a: Segment, b: Segment) -> tuple[float, float]:
-    """From where to where along the first segment the second lies on it, in mm; to before from where it does not."""
+    """Interval along the first segment, in mm, that the second covers; its end is before its start if there is none."""
     direction = unit(minus(a.b, a.a))
     starts = (minus(b.a, a.a), minus(b.b, a.a))
     if any(abs(cross(direction, start)) > ON_IT_MM for start in starts):
@@ -87,7 +87,7 @@ def _neighbours(lines: Sequence[FloatArray], tolerance_mm: float) -> Iterator[tu
 
 @lru_cache(maxsize=REMEMBERED)
 def _common(a: Curve, b: Curve, tolerance_mm: float) -> Point | None:
-    """A place inside a stretch that two curves have in common: such a stretch begins at an end of either.
+    """A point inside a stretch common to two curves; such a stretch begins at an end of either curve.
 
     Curves of different equations have none; cubics may be any other curve.
     """
@@ -106,7 +106,7 @@ def _common(a: Curve, b: Curve, tolerance_mm: float) -> Point | None:
 
 @lru_cache(maxsize=REMEMBERED)
 def _crossing(a: Curve, b: Curve, tolerance_mm: float) -> Point | None:
-    """A place where two curves cross, other than at an end of either."""
+    """A point where two curves cross, other than at their ends."""
     if isinstance(a, Segment) and isinstance(b, Segment):
         sides = [cross(minus(c.b, c.a), minus(end, c.a)) for c, d in ((a, b), (b, a)) for end in (d.a, d.b)]
         if not (sides[0] * sides[1] < 0.0 and sides[2] * sides[3] < 0.0):

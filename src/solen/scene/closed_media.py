@@ -1,4 +1,4 @@
-"""Media are closed: going once round any point at which interfaces end, one region follows from the other.
+"""Media must be closed: around any point where interfaces end, each region must border the next.
 
 An interface whose two sides are different regions is part of a *boundary* between media. Where it ends, others must
 begin, so that the region behind each of them, counter-clockwise, is the region before the next. One with the same
@@ -118,7 +118,7 @@ def _free(interface: "Interface") -> bool:
 
 
 def tolerance_of(interfaces: Sequence["Interface"], ends: FloatArray) -> float:
-    """Ends this near are one vertex, in mm: `TOLERANCE_MM`, and far out what rounding leaves of the largest number."""
+    """Distance in mm below which ends are one vertex: `TOLERANCE_MM`, or the rounding of the largest coordinate."""
     centers = [abs(x) for i in interfaces if isinstance(i.curve, Arc) for x in i.curve.center]
     return max(TOLERANCE_MM, ROUNDING * max(float(np.max(np.abs(ends))), *centers, 0.0))
 
@@ -152,7 +152,7 @@ def _labels(points: FloatArray, tolerance_mm: float) -> IndexArray:
 
 
 def _fits(vertex: list[_Branch]) -> bool:
-    """Whether every region round a vertex ends where the next begins; what parts no media may end alone."""
+    """Whether every region around a vertex ends where the next begins; interfaces within one medium may end alone."""
     if all(_free(branch.interface) for branch in vertex):
         return True
     return len(vertex) > 1 and all(a.after == b.before for a, b in _neighbours(vertex))
@@ -190,7 +190,7 @@ def _in_order(vertex: list[_Branch]) -> list[list[_Branch]]:
 
 
 def _sorted(angles: list[float]) -> tuple[list[int], list[float]]:
-    """Order of angles and the gap before each; the largest gap comes first, so that no group is cut in two."""
+    """Order of angles and the gap before each, starting at the largest gap so that no group is split."""
     turns = [math.remainder(angle, math.tau) for angle in angles]
     order = sorted(range(len(turns)), key=turns.__getitem__)
     gaps = [(turns[i] - turns[order[k - 1]]) % math.tau for k, i in enumerate(order)]
@@ -214,7 +214,7 @@ def _boxes(interfaces: Sequence["Interface"], tolerance_mm: float) -> FloatArray
 def _passing(
     vertex: list[_Branch], interfaces: Sequence["Interface"], boxes: FloatArray, tolerance_mm: float
 ) -> list["Interface"]:
-    """Interfaces that have a vertex on their inside."""
+    """Interfaces with a vertex between their ends."""
     at = vertex[0].at
     ending = {branch.interface.name for branch in vertex}
     near = np.flatnonzero(((boxes[:, :2] <= at) & (boxes[:, 2:] >= at)).all(axis=1)).tolist()
@@ -224,7 +224,7 @@ def _passing(
 
 
 def holds(curve: Curve, point: Point, tolerance_mm: float) -> bool:
-    """Whether a point lies on a curve, as rays see it: one of two that pass square to each other is not along it."""
+    """Whether a point lies on a curve within the tolerance of ray tracing."""
     rays = [(along(point, direction, -BACK_MM), direction) for direction in ((1.0, 0.0), (0.0, 1.0))]
     return any(abs(t - BACK_MM) <= tolerance_mm for ray in rays for t in curve.hits(*ray))
 
@@ -248,7 +248,7 @@ def _gap(branch: _Branch, interfaces: Sequence["Interface"], partners: list[list
 
 
 def _nearest_side(branch: _Branch, interfaces: Sequence["Interface"]) -> tuple[float, str]:
-    """How far a boundary would have to be made longer or shorter to end on another one, and on which."""
+    """Change of length that would let a boundary end on another one, and which one."""
     angle = branch.angle(0.0)
     out = (math.cos(angle), math.sin(angle))
     nearest_side = [(math.inf, "")]
@@ -274,5 +274,5 @@ def _misfit(vertex: list[_Branch], through: list["Interface"]) -> DesignError:
 
 
 def place_text(point: Point) -> str:
-    """A place as errors state it."""
+    """A point as errors state it."""
     return f"x = {point[0]:.6g}, z = {point[1]:.6g} mm"

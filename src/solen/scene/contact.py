@@ -1,4 +1,4 @@
-"""What touches a wall: a pad of another medium along a stretch, closed by edges of its own.
+"""Contact with a wall: a pad of another medium along a stretch, closed by its own edges.
 
 A medium must be closed, so that what touches a stretch is given a depth: its outer edge follows the stretch at that
 distance, and straight edges join the two. They are black, where light that has entered the medium is lost, or clear,
@@ -78,7 +78,7 @@ def pad_edges(body: Body, walls: Sequence[Wall]) -> tuple[Interface, ...]:
 
 
 def _pad(outline: tuple[Face, ...], i: int, walls: Sequence[Wall]) -> Pad | None:
-    """Share of a face; None where nothing but air touches it."""
+    """Part of a pad on one face; None if only air touches the face."""
     face = outline[i]
     wall = _touching(face, walls)
     if wall is None:
@@ -135,7 +135,7 @@ def _turn(before: Face, behind: Face) -> float:
 
 
 def _corner(before: Face, behind: Face) -> Point | None:
-    """Outwards from the corner of two faces that run on, to where their outer edges meet, for a depth of 1 mm."""
+    """Vector from the corner of two joined faces to the corner of their outer edges, for a depth of 1 mm."""
     if not _smooth(before, behind):
         return None
     corner = behind.curve.start

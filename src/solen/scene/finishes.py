@@ -25,7 +25,7 @@ BARE = Surface()
 
 @dataclass(frozen=True)
 class Finish:
-    """What a stretch of wall does with light.
+    """Optical behaviour of a stretch of wall.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class Finish:
             check_range("finish wavelength_nm", self.wavelength_nm[1], self.wavelength_nm[0])
 
     def check_at(self, what: str, name: str, wavelengths_nm: tuple[float, ...]) -> None:
-        """`DesignError` where it was not measured at one of these wavelengths."""
+        """`DesignError` if it was not measured at one of these wavelengths."""
         for nm in wavelengths_nm:
             if self.wavelength_nm is not None and not self.wavelength_nm[0] <= nm <= self.wavelength_nm[1]:
                 low, high = self.wavelength_nm

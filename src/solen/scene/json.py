@@ -1,4 +1,4 @@
-"""Scenes as JSON: everything a scene holds and no defaults; what is written is read back equal.
+"""Scenes as JSON without defaults; a scene read back equals the one written.
 
 Curves and sources are objects with their ``kind`` and the fields of their class; unknown keys are refused.
 """
@@ -51,7 +51,7 @@ def dumps(scene: Scene) -> str:
 
 
 def loads(text: str, where: str = "scene") -> Scene:
-    """Scene of a JSON text; `DataError` names the place where it is not one, `DesignError` what does not fit."""
+    """Scene of a JSON text; `DataError` with the position of an error of format, `DesignError` for an invalid scene."""
     data = _parsed(text, where)
     check_keys(
         data,

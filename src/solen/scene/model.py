@@ -1,4 +1,4 @@
-"""A scene: everything the tracer sees, and nothing it does not need.
+"""A scene: everything that the tracer needs, and nothing else.
 
 *Regions* are media by name. *Interfaces* are curves between two regions, the one on the curve's left and the one on its
 right, with a behaviour: refracting, mirror, absorbing, receiver, grating, or the ideal elements splitter and lens; a
@@ -195,7 +195,7 @@ class Scene:
         self._check_surface(interface)
 
     def _check_surface(self, interface: Interface) -> None:
-        """What a surface says must mean something for its interface."""
+        """`DesignError` if a surface states something that does not apply to its interface."""
         what, surface, behaviour = f"interface {interface.name}", interface.surface or Surface(), interface.behaviour
         is_ideal, focuses = behaviour in ("splitter", "lens"), surface.focal_mm is not None
         absorbs, coated = behaviour in ("absorbing", "receiver"), surface.coating is not None
@@ -235,7 +235,7 @@ class Scene:
 
     @property
     def is_random(self) -> bool:
-        """Whether rays are scattered by chance somewhere."""
+        """Whether any surface or medium scatters rays at random."""
         rough = any(i.surface is not None and i.surface.is_random for i in self.interfaces)
         return rough or self.is_turbid
 
@@ -245,7 +245,7 @@ class Scene:
         return any(region.scattering_per_mm > 0.0 for region in self.regions)
 
     def _check_monitor(self, monitor: Monitor) -> None:
-        """A monitor along an interface would count by rounding what lies on it."""
+        """`DesignError` for a monitor along an interface, where rounding would decide what it counts."""
         for interface in self.interfaces:
             if isinstance(interface.curve, Segment) and overlap_mm(interface.curve, monitor.segment) > ON_IT_MM:
                 raise DesignError(

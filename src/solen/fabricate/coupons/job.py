@@ -1,4 +1,4 @@
-"""The job of a coupon: how it is to be exposed, what its nominal sizes and places are, and what was read into it.
+"""The job of a coupon: its exposures, its nominal sizes and positions, and assumptions about its source.
 
 A job is a JSON file beside the solids. It holds the whole layout, so that `solen print fidelity` compares what was
 measured with what was asked for, whatever options the coupon was made with.
@@ -27,7 +27,7 @@ ORIENTATION = "flat on the build plate as drawn, not turned and not mirrored; he
 
 
 def job_sha256(coupon: Coupon, options: CouponOptions) -> str:
-    """Checksum of what a job asks for: the layout and the options."""
+    """Checksum of a job's layout and options."""
     text = json.dumps([asdict(coupon), options.model_dump()], sort_keys=True, allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()
 
@@ -87,7 +87,7 @@ def _stage(coupon: Coupon, options: CouponOptions, stage: Stage, files: dict[str
 
 
 def cautions(coupon: Coupon, options: CouponOptions) -> list[Caution]:
-    """What this printer, as far as its layer and pixel are known, cannot make of the coupon."""
+    """Features that the printer's layers and pixels, as far as they are known, cannot resolve."""
     return [*map(note, coupon.cautions), *_of_layers(coupon, options), *_of_pixels(coupon, options.pitch_um)]
 
 
@@ -153,7 +153,7 @@ def read_job(path: Path) -> tuple[Coupon, dict[str, Any]]:
 
 
 def coupon_options(job: dict[str, Any], path: Path) -> CouponOptions:
-    """Options that a job's coupon was laid out by; `DataError` where they are damaged."""
+    """Options of a job's coupon layout; `DataError` if they are damaged."""
     choices = job.get("choices")
     if not isinstance(choices, dict):
         raise DataError(f"{path}: choices", limit="is missing", remedy="write the job again: solen print coupons")

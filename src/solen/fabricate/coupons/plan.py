@@ -47,13 +47,13 @@ def _shape(feature: Feature, down: float) -> str:
 
 
 def _rectangle(name: str, x: float, y: float, width: float, depth: float, bevel: float) -> str:
-    """Path of a rectangle about a place, its right back corner bevelled; SVG's y points down."""
+    """Path of a rectangle about a point, with its right back corner bevelled; y of SVG points down."""
     right, back = x + 0.5 * width, y - 0.5 * depth
     start = f"M{right - width:.9g} {back + depth:.9g}H{right:.9g}V{back + bevel:.9g}"
     return f'<path id={quoteattr(name)} d="{start}L{right - bevel:.9g} {back:.9g}H{right - width:.9g}Z"/>'
 
 
 def _words(feature: Feature, down: float, index: int) -> str:
-    """Name of a feature above it, every second one higher, so that neighbours' names stay apart."""
+    """Label above a feature, every second one higher, so that labels of neighbours do not overlap."""
     above = 0.5 * feature.depth_mm + 0.12 + 0.4 * (index % 2)
     return f'<text x="{feature.x_mm:.6g}" y="{down - feature.y_mm - above:.6g}">{escape(feature.name)}</text>'

@@ -69,7 +69,7 @@ def printable_coupon(path: Path, slicing: Slicing, run: str | None = None) -> tu
 
 
 def _run(coupon: Coupon, name: str | None) -> Stage:
-    """The run of a name, or the only one."""
+    """The run with a given name, or the only one."""
     names = [stage.name for stage in coupon.stages]
     if name is None and len(names) == 1:
         return coupon.stages[0]

@@ -13,7 +13,7 @@ Outline = tuple[Face, ...]
 
 
 def coupon_parts(coupon: Coupon) -> dict[str, Part]:
-    """Parts of a coupon by the names of its stages; each counts its heights from the first layer of its stage.
+    """Parts of a coupon by the names of its stages; heights count from the first layer of the stage.
 
     Raises
     ------

@@ -52,7 +52,7 @@ class CouponPart:
 
 @dataclass(frozen=True)
 class CouponSummary:
-    """A coupon in numbers: its size, how many features, gaps and steps it has, and what was read into its source.
+    """A coupon in numbers: its size, its counts of features, gaps and steps, and assumptions about its source.
 
     ``parts`` are those that were written; ``warnings`` what the printer cannot make of it.
     """
@@ -87,7 +87,7 @@ class CouponSummary:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CouponSet(Result):
-    """Coupons, the options that they were laid out by, and the layouts, which JSON leaves out."""
+    """Coupons with their options and layouts; JSON omits the layouts."""
 
     coupons: tuple[CouponSummary, ...]
     options: CouponOptions

@@ -1,4 +1,4 @@
-"""What a printer makes of the images that it is sent: dose, set resin, the printed lens, and drawing against it.
+"""From images to printed parts: dose, cured resin, the printed lens, and compensation in the drawing.
 
 `solen.fabricate.process.settings` holds the process file; `solen.fabricate.process.field` is the dose;
 `solen.fabricate.process.flat` and `solen.fabricate.process.upright` follow a lens's wall in each orientation,

@@ -1,4 +1,4 @@
-"""Drawing a lens otherwise than it is wanted, so that the printer makes it as it is wanted.
+"""Compensation of a lens's drawing, so that the printed lens has the wanted shape.
 
 The idea: what prints too far out is drawn as much farther in, and printed again in the model until it is right. A
 printer's blur answers a slow change of the drawing by the same change and a fast one hardly at all, so the iteration
@@ -31,7 +31,7 @@ SETTLED_UM = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Compensation:
-    """What to draw, and what that prints as.
+    """A compensated drawing and its predicted print.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Files of a drawing that prints as wanted: a design whose body is that outline, and the profile that it prints.
+"""Files of a compensated drawing: a design with its outline as the body, and the predicted profile.
 
 The design is one for the printer: `solen export` and the slicer take it. Nothing but the outline, the thickness and
 what is needed to read it is in it, and its name states that it is not the wanted shape.
@@ -46,7 +46,7 @@ def _design(sensor: Sensor, outline: str) -> Design:
 
 
 def _outline(sensor: Sensor, made: Compensation) -> dict[str, Any]:
-    """Outline as JSON of `solen.geometry.drawing.outline_json`; the emitter stands where the wanted body has it."""
+    """Outline as JSON of `solen.geometry.drawing.outline_json`, with the emitter at its place in the wanted body."""
     body = sensor.body()
     faces = [{"name": face.name, "curve": _curve(curve_of(face))} for outline in made.outlines for face in outline]
     emitter = {"point": list(body.emitter.point), "axis_deg": body.emitter.axis_deg}

@@ -83,7 +83,7 @@ class CouponFit:
         self._scales_whitened = np.linalg.inv(np.linalg.cholesky(scales.covariance))
 
     def solved(self) -> Solution:
-        """Least squares; features that scatter more weigh less, and what was known before keeps its weight."""
+        """Least squares; features that scatter more have less weight, and priors keep theirs."""
         count, scales = len(self.sought), len(self.scales.of)
         ends = (np.append(self.low, np.full(scales, -0.5)), np.append(self.high, np.full(scales, 0.5)))
         solution = least_squares(
@@ -122,7 +122,7 @@ class CouponFit:
         return np.asarray(self._printed_um(settings) * (1.0 + errors[self.scales.rows]))
 
     def residuals(self, values: FloatArray) -> FloatArray:
-        """Of features and distances in their uncertainties, and of what was known before in its own."""
+        """Residuals of features and distances in units of their uncertainties, and of the priors in units of theirs."""
         count = len(self.sought)
         numbers, errors = values[:count], values[count:]
         settings = self.settings(numbers)
@@ -149,7 +149,7 @@ class CouponFit:
         return result
 
     def fitted(self, values: FloatArray) -> tuple[FittedFeature, ...]:
-        """Features beside what the model prints at their pictures' scales."""
+        """Features with the sizes that the model predicts at the scales of their pictures."""
         count = len(self.sought)
         sizes = 1e-3 * self._seen_um(self.settings(values[:count]), values[count:])
         rows = zip(self.used, 1e-3 * self._u, sizes, strict=True)
@@ -168,7 +168,7 @@ class CouponFit:
 
 
 def _ends(settings: Settings) -> tuple[dict[str, float], dict[str, float]]:
-    """Smallest and largest values that are searched."""
+    """Bounds of the fit."""
     pixel = settings.pixel_um
     low = {"sigma_um": 0.1 * pixel, "growth_um": -2.0 * pixel, "shrinkage_percent": -19.0, "shrinkage_z_percent": -19.0}
     high = {"sigma_um": 20.0 * pixel, "growth_um": 15.0 * pixel, "shrinkage_percent": 19.0, "shrinkage_z_percent": 19.0}

@@ -1,4 +1,4 @@
-"""What the printer is sent: a body's outlines as they are, or drawn otherwise so that they print as wanted.
+"""Drawing sent to the printer: a body's outlines unchanged, or compensated so that they print as wanted.
 
 The idea: an outline is faces with names. Drawn otherwise means: the lens's points are given one by one, every other
 wall is moved along its normal by one length (what a straight wall grows by), and all of it is scaled against shrinkage
@@ -45,7 +45,7 @@ def lens_face(body: Body) -> Face:
 
 
 def as_designed(body: Body) -> list[list[DrawnFace]]:
-    """Outlines of a body as they are."""
+    """Outlines of a body, unchanged."""
     return [[DrawnFace(face.name, face.curve.flattened(FLAT_MM)) for face in outline] for outline in body.outlines]
 
 
@@ -92,7 +92,7 @@ def _moved(points: FloatArray, by_mm: float) -> FloatArray:
 
 
 def _joined(faces: list[DrawnFace]) -> list[DrawnFace]:
-    """Faces cut or lengthened so that each begins where the one before ends."""
+    """Faces trimmed or extended so that each begins where the previous one ends."""
     points = [face.points for face in faces]
     corners = [_corner(points[i - 1], points[i], faces[i].name) for i in range(len(points))]
     joined = []

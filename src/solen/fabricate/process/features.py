@@ -72,7 +72,7 @@ class MeasuredFeature:
     u_own_mm: Length | None = None
 
     def own_u_mm(self, u_scale: float) -> float:
-        """Standard uncertainty without that of the scale, relative; where it is not stated, what the latter leaves.
+        """Relative standard uncertainty without that of the scale; if not stated, the total without the scale's part.
 
         A file whose uncertainty is smaller than its scale's leaves that out already.
         """
@@ -204,7 +204,7 @@ def _check_units(path: Path, rows: list[Any]) -> None:
 
 
 def _sized(row: Any) -> Any:
-    """A row without the sizes of what is not resolved, such as a step of no height: these are not used."""
+    """A row without sizes that are not resolved, such as a step of height 0; these are not used."""
     if not isinstance(row, dict):
         return row
     sizes = {key: row.get(key) if row.get("resolved") else None for key in ("measured_mm", "u_measured_mm", "u_own_mm")}
@@ -213,7 +213,7 @@ def _sized(row: Any) -> Any:
 
 
 def printed_mm(settings: Settings, features: Sequence[MeasuredFeature]) -> FloatArray:
-    """Sizes (n,) in mm that features are printed in; NaN for what is not there or is closed."""
+    """Printed sizes (n,) of features in mm; NaN for features that are missing or closed."""
     sizes = np.full(len(features), np.nan)
     light = inside(settings)
     smaller, wash = 1.0 - 0.01 * settings.shrinkage_percent, 2.0 * settings.wash_um
@@ -289,7 +289,7 @@ def _gaps(gap: FloatArray, beside: FloatArray, light: Light, critical: float) ->
 
 
 def _edge(excess: Callable[..., FloatArray], far: FloatArray, *of: FloatArray) -> FloatArray:
-    """Where functions of a distance fall from above 0 in the middle to below it far out; NaN where one does not."""
+    """Distances at which functions fall from positive in the middle to negative outside; NaN without one."""
     near = np.zeros_like(far)
     has = (excess(near, *of) > 0.0) & (excess(far, *of) < 0.0)
     edges = np.full(len(far), np.nan)

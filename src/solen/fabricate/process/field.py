@@ -1,4 +1,4 @@
-"""Dose in a part printed flat: its image by Fourier transform, on a grid finer than the pixels, splines between.
+"""Dose in a part printed flat: computed by Fourier transform on a grid finer than the pixels, splines between.
 
 The idea: every term of a dose is an image convolved with a pixel's square and a Gaussian, so its spectrum is a product:
 the image's, sinc·sinc, exp(-σ²k²/2). Terms of one image add up before anything is transformed back, which makes a part
@@ -66,7 +66,7 @@ class FlatImage:
         layers: int,
         phase: tuple[float, float] = (0.0, 0.0),
     ) -> "FlatImage":
-        """Image of closed polylines (N, 2) in mm, within and about the extent of some points (M, 2).
+        """Image of closed polylines (N, 2) in mm, over the extent of points (M, 2) with a margin.
 
         The drawing's origin stands at ``phase`` in its pixel, as `solen.fabricate.layers` draws it: at (0, 0) on a
         corner.

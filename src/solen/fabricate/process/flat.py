@@ -36,7 +36,7 @@ _HEIGHTS = 16
 
 @dataclass(frozen=True, eq=False)
 class FlatPrint:
-    """A part of some layers that all show one image, near its lens."""
+    """Part whose layers all show the same image, near its lens."""
 
     settings: Settings
     image: FlatImage
@@ -94,7 +94,7 @@ class FlatPrint:
         return self.layers * self.settings.layer_um
 
     def offsets_um(self, height_um: float) -> FloatArray:
-        """How far the printed lens stands beyond the wanted one at a height, (N,) along its normals."""
+        """Deviation of the printed lens from the wanted one at a height, (N,) along its normals."""
         dose = dose_map(self.image, self.settings, height_um)
         centre = np.asarray(self.target.centre)
         grown = 1.0 / (1.0 - 0.01 * self.settings.shrinkage_percent)
@@ -132,13 +132,13 @@ class FlatPrint:
 
 
 def beyond_dose_um(settings: Settings, height_um: ArrayLike, thickness_um: float) -> FloatArray:
-    """What washing and the taper that is not the dose's move a wall by at heights of a part, µm."""
+    """Displacement of walls by washing and by taper beyond that of the dose, in µm, at heights of a part."""
     lean = math.tan(math.radians(settings.taper_deg))
     return np.asarray(settings.wash_um + lean * (np.asarray(height_um) - 0.5 * thickness_um))
 
 
 def walls_um(settings: Settings, layers: int) -> tuple[FloatArray, FloatArray]:
-    """Middle heights of some layers, and how far a straight wall stands beyond its image there, shrinkage left out."""
+    """Middle heights of layers, and growth of a straight wall beyond its image there, without shrinkage."""
     heights = np.asarray((np.arange(layers) + 0.5) * settings.layer_um, float)
     edges = np.array([straight_edge_um(settings, layers, height) for height in heights.tolist()])
     return heights, edges + beyond_dose_um(settings, heights, layers * settings.layer_um)

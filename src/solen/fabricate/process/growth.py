@@ -1,4 +1,4 @@
-"""How far straight edges grow, and the critical dose that makes them do so.
+"""Growth of straight edges, and the critical dose that causes it.
 
 The idea: seen from above a part is as wide as on the window side of a layer far inside, where all layers are alike. How
 far a long straight wall stands beyond its image there is the one number that coupons determine best: blur, scattering,
@@ -29,12 +29,12 @@ Light = tuple[FloatArray, FloatArray]
 
 
 def layers_inside(settings: Settings) -> int:
-    """Layers above which more make no difference."""
+    """Number of layers beyond which more make no difference."""
     return math.ceil(25.0 * settings.deep_Dp_um / settings.layer_um) + 1
 
 
 def inside(settings: Settings) -> Light:
-    """Light far inside, on the window side of a layer; scattered light in a few groups of like width."""
+    """Light far inside, on the window side of a layer; scattered light is grouped by width."""
     dose, sigma = _terms(settings)
     return dose, np.hypot(sigma, settings.pixel_blur_um)
 
@@ -54,7 +54,7 @@ def _terms(settings: Settings) -> Light:
 
 
 def growth_um(settings: Settings) -> float:
-    """How far a long straight wall stands beyond its image far inside, washing included; shrinkage is left out.
+    """Growth of a long straight wall beyond its image, far inside, with washing but without shrinkage.
 
     Raises
     ------
@@ -65,7 +65,7 @@ def growth_um(settings: Settings) -> float:
 
 
 def straight_edge_um(settings: Settings, layers: int, height_um: float) -> float:
-    """How far a long straight wall stands beyond its image at a height, µm; below 0 where it falls short.
+    """Growth of a long straight wall beyond its image at a height, in µm; negative if it falls short.
 
     Mean over the wall's places between pixels (see `Settings.edge_um`).
 

@@ -1,4 +1,4 @@
-"""A printed lens as a process makes it, with what the process's own uncertainty leaves open.
+"""The lens that a process prints, with the uncertainty due to that of the process.
 
 The idea: one answer for every orientation. The printed face is found twice for every uncertain number of the process,
 with that number larger and smaller by its standard uncertainty; half the difference is what the number contributes,
@@ -144,7 +144,7 @@ def _flat(
 
 @dataclass(frozen=True)
 class Phase:
-    """Where in its pixel a lens is drawn best.
+    """Best position of a lens within a pixel.
 
     Attributes
     ----------
@@ -164,7 +164,7 @@ class Phase:
 def best_phase(
     rings: Sequence[FloatArray], target: Target, settings: Settings, thickness_mm: float, height_um: float | None
 ) -> Phase:
-    """Place of the drawing's origin in its pixel at which a flat lens comes out nearest to its shape.
+    """Position of the drawing's origin within a pixel that gives a flat lens the least deviation of shape.
 
     A lens that is symmetric about x = 0 stays so on a corner and in the middle of a pixel, so these two are tried
     along x, and eighths along z.
@@ -191,7 +191,7 @@ def _standing(rings: Sequence[FloatArray], target: Target, settings: Settings, s
 
 
 def _half_difference(process: Process, key: str, u: float, printed: Callable[[Settings], FloatArray]) -> FloatArray:
-    """Half of what a number of the process changes from less to more by its uncertainty; one side where that fails."""
+    """Half of the change between a number minus and plus its uncertainty; one-sided where that fails."""
 
     def changed(by: float) -> FloatArray | None:
         try:
@@ -210,7 +210,7 @@ def _half_difference(process: Process, key: str, u: float, printed: Callable[[Se
 
 
 def _varied(process: Process, key: str, by: float) -> Settings:
-    """Settings with a number more by something; where the growth of walls is known, the critical dose goes along."""
+    """Settings with one number changed; if the growth of walls is known, the critical dose follows."""
     settings = process.process
     if key == GROWTH:
         return with_growth(settings, growth_um(settings) + by)

@@ -1,4 +1,4 @@
-"""A design as a printer makes it: the printed lens beside the wanted one, what that costs, and drawing against it.
+"""A design as printed: the printed lens beside the wanted one, its effect on the response, and compensation.
 
 The idea: one call for what a print of a design does. The lens is predicted with its uncertainty and compared with the
 wanted one; the response of both is traced; on demand the drawing that prints as wanted is found, and the whole part
@@ -86,7 +86,7 @@ class Walls:
 
 @dataclass(frozen=True)
 class Shape:
-    """What deviation is left after the best shift along z."""
+    """Deviation left after the best shift along z."""
 
     shift_z_um: float
     rms_um: float

@@ -140,7 +140,7 @@ class Settings(Strict):
 
     @property
     def cure_depth_um(self) -> float:
-        """How deep one ordinary layer's exposure sets resin; Dp ln(E/Ec) at one wavelength."""
+        """Cure depth of one ordinary layer's exposure; Dp ln(E/Ec) at one wavelength."""
         return self.Dp_um * float(depth(self.lines, math.log(self.dose_mJ_per_cm2 / self.Ec_mJ_per_cm2)))
 
     @property
@@ -191,7 +191,7 @@ class Settings(Strict):
 
     @property
     def grey_shift_um(self) -> float:
-        """What a straight edge moves outwards by where greys give other light than their share."""
+        """Outward shift of a straight edge whose greys transmit other light than their share."""
         return self.greys.shift * float(np.mean(self.pixels_um))
 
     @property
@@ -215,7 +215,7 @@ _FAR = 10.0  # penetration depths
 
 
 class Calibration(Strict):
-    """Numbers that were found together, and their covariance in the units of their keys.
+    """Numbers fitted together, and their covariance in the units of their keys.
 
     ``growth_um`` among them means that walls grow as measured, whatever other numbers turn out to be.
     """
@@ -269,7 +269,7 @@ class Process(Strict):
         return self.calibration is not None and GROWTH in self.calibration.keys
 
     def covariance(self) -> tuple[tuple[str, ...], FloatArray]:
-        """Keys of the uncertain numbers, and their covariance: of a calibration as found, of the others alone.
+        """Keys of the uncertain numbers and their covariance: that of the calibration, else diagonal.
 
         Where the growth of walls is known, it stands for the critical dose.
         """
@@ -295,7 +295,7 @@ class Process(Strict):
 
     @property
     def assumptions(self) -> tuple[str, ...]:
-        """Keys whose value is an assumption, by its source's first word or for want of one."""
+        """Keys whose value is an assumption, as the first word of its source says or because it has none."""
         return tuple(key for key in KEYS if self.source.get(key, "assumption").lower().startswith("assum"))
 
     def warnings(self) -> list[Caution]:

@@ -34,7 +34,7 @@ _THIN_UM = 0.2
 
 @dataclass(frozen=True)
 class Slab:
-    """Layers ``first`` to ``last``, both included, whose walls stand alike, by ``edge_um`` in their middle."""
+    """Layers ``first`` to ``last``, inclusive, whose walls have the same growth, ``edge_um`` in their middle."""
 
     first: int
     last: int
@@ -71,7 +71,7 @@ def outlines(
     centre: FloatArray,
     phase: tuple[float, float] = (0.0, 0.0),
 ) -> list[FloatArray]:
-    """Outlines (N, 2) in mm where the resin sets in the middle of a layer, shrunk, washed and with its taper.
+    """Outlines (N, 2) in mm of the cured resin in the middle of a layer, after shrinkage, washing and taper.
 
     Which of them are holes follows from what lies within what (even and odd).
     """

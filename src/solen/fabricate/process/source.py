@@ -53,7 +53,7 @@ def process_of(options: PrintOptions) -> tuple[Process, tuple[Provenance, ...]]:
 
 
 def with_printer(process: Process, name: str | None) -> Process:
-    """Process with the pixels of a printer, by its name in the library or its file; as it is without one.
+    """Process with the pixels of a printer, named or given as a file; unchanged without a printer.
 
     Raises
     ------

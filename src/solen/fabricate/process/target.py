@@ -1,4 +1,4 @@
-"""A wanted face, as a print is held against it: points evenly along it, normals, and where a field ends along these.
+"""A wanted face to compare a print with: even points along it, normals, and exits of a field along these.
 
 The idea: a deviation is measured where it is meant, along the wanted face's own normal: above 0 there is more material
 than wanted, below 0 less. What a print model computes at a place (a dose over the critical one) is followed along the
@@ -127,7 +127,7 @@ def _refuse(target: Target, exits: FloatArray) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Deviation:
-    """How far a printed face is from the wanted one, along its normal: ``um`` (N,), above 0 where there is too much."""
+    """Deviation of a printed face from the wanted one along its normal, ``um`` (N,), positive for excess material."""
 
     target: Target = field(metadata=HIDDEN)
     um: FloatArray = field(metadata=HIDDEN)
@@ -149,7 +149,7 @@ class Deviation:
 
     @reported
     def largest_at_mm(self) -> Point:
-        """Place on the wanted face of the largest deviation: x, z."""
+        """Position (x, z) of the largest deviation on the wanted face."""
         x, z = self.target.points_mm[self._worst].tolist()
         return x, z
 

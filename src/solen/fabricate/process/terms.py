@@ -1,4 +1,4 @@
-"""Which light reaches a height of a part: of each later layer what the layers between let through, narrow and wide.
+"""Light at a height of a part: from each later layer, the narrow and the wide light that the layers between transmit.
 
 The idea: resin at a height sees its own layer's exposure and those of all layers after it, each attenuated by
 e^(-depth/Dp) on its way from the window (Jacobs, Rapid Prototyping & Manufacturing, 1992), or by what is left of each
@@ -32,7 +32,7 @@ class Terms:
 
     @property
     def total(self) -> float:
-        """Dose where every pixel of every layer is lit."""
+        """Dose with every pixel of every layer lit."""
         return float(self.dose.sum())
 
 

@@ -145,7 +145,7 @@ class SidePrint:
         return np.asarray(np.where(outside, -1.0, excess))
 
     def profile_um(self) -> FloatArray:
-        """How far the printed lens stands beyond the wanted one, (N,) along its normals, steps and all."""
+        """Deviation of the printed lens from the wanted one, (N,) along its normals, including steps."""
         s = self.settings
         across, along = s.shrinkage_percent, s.shrinkage_z_percent
         shrunk = np.array([along, across] if self.side == "on-edge" else [across, along])
@@ -193,7 +193,7 @@ def _check_work(layers: int, columns: float, settings: Settings) -> None:
 
 
 def _turned(places: FloatArray, side: Side) -> FloatArray:
-    """Places (..., 2) of the body's plane as across and along the printing direction, away from the platform."""
+    """Points (..., 2) of the body's plane as coordinates across and along the printing direction."""
     x, z = places[..., 0], places[..., 1]
     across, along = {"upright": (x, -z), "upright-lens-first": (x, z), "on-edge": (z, x)}[side]
     return np.stack([across, along], axis=-1)

@@ -1,4 +1,4 @@
-"""Coupons measured: the layout found in a picture or a z map, each feature's size, and the smallest that is resolved.
+"""Measurement of coupons: the layout located in a picture or z map, feature sizes, and the smallest resolved ones.
 
 `measure_coupon` does it all and gives a `CouponMeasurement`. `locate` finds the coupon, `fit_disc` and `fit_gap`
 measure, `height_of` and `steps_of` read a z map, `limits` defines the smallest resolved features.

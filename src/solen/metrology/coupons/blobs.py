@@ -1,4 +1,4 @@
-"""Blobs of a picture, round and wherever they are: candidates for a coupon's features.
+"""Round blobs of a picture: candidates for a coupon's features.
 
 What is smaller than a window and brighter (or darker) than what surrounds it is left by a top hat, whatever the light
 does over the picture. What is left is cut at several levels; of the connected pieces those as compact as a disc or a

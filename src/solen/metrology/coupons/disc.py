@@ -1,4 +1,4 @@
-"""The diameter of a disc in a picture, to a small part of a pixel, and what is known of it.
+"""The diameter of a disc in a picture, to a small fraction of a pixel, with its uncertainty.
 
 The disc's edge is a circle blurred by a Gaussian of standard deviation s. At the distance d from its middle the disc of
 radius r then has the share
@@ -46,7 +46,7 @@ LEAST_RADIUS_PX = 1.2
 
 @dataclass(frozen=True)
 class Disc:
-    """A disc as it was found.
+    """A fitted disc.
 
     Attributes
     ----------
@@ -225,7 +225,7 @@ def _fit(pixels: _Pixels, radius: float, blur: float, most: float, *, fixed: boo
 
 
 def _levels(inside: FloatArray, ring: _Pixels) -> list[float]:
-    """Ground and rise where place, radius and blur are known, and no slopes."""
+    """Ground and rise for known position, radius and blur, without slopes."""
     weight = inside - inside.mean()
     rise = float(np.sum(weight * ring.grey) / max(float(np.sum(weight**2)), 1e-12))
     return [float(ring.grey.mean() - rise * inside.mean()), rise, 0.0, 0.0]
@@ -244,7 +244,7 @@ def _model(pixels: _Pixels, p: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _judged(pixels: _Pixels, fit: Fit, place: tuple[float, float], *, bright: bool, ceiling: float) -> Disc | None:
-    """The disc of fitted parameters, with what its sectors say; None where it is of the other kind."""
+    """The disc of fitted parameters, checked by its sectors; None if its contrast has the opposite sign."""
     p = fit.values
     radius, blur, rise = float(p[2]), math.exp(float(p[3])), float(p[5])
     if rise * (1.0 if bright else -1.0) <= 0.0 or radius < LEAST_RADIUS_PX:
@@ -292,7 +292,7 @@ def _sectors(
     rise: float,
     usable: BoolArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """For each sector how far its edge is from the circle, and its rise as a share of the whole one's; NaN for none."""
+    """Distance of each sector's edge from the circle, and its rise relative to the whole disc's; NaN for none."""
     away, rises = np.full(SECTORS, np.nan), np.full(SECTORS, np.nan)
     for number in range(SECTORS):
         mine = (sector == number) & usable

@@ -36,7 +36,7 @@ NOISE_OF_LINES = 1.5
 
 @dataclass(frozen=True)
 class GapFit:
-    """A gap as it was found: its width and standard uncertainty in px, its depth as a share of the pillars' rise."""
+    """A fitted gap: its width and standard uncertainty in px, its depth as a share of the pillars' rise."""
 
     width_px: float
     u_width_px: float
@@ -44,7 +44,7 @@ class GapFit:
 
     @property
     def open(self) -> bool:
-        """Whether the gap is certainly there, and reaches down."""
+        """Whether the gap is significant and reaches down to the ground."""
         return self.width_px > SIGMAS * self.u_width_px and self.depth >= DEEP
 
 

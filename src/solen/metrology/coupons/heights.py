@@ -40,7 +40,7 @@ class Height:
 
 
 def height_of(z_mm: FloatArray, coupon: Coupon, feature: Feature, pose: Pose) -> Height | str:
-    """Height of a column, or why there is none.
+    """Height of a column, or the reason why it has none.
 
     ``z_mm`` has shape (rows, columns) and NaN where nothing was measured.
     """
@@ -68,7 +68,7 @@ def height_of(z_mm: FloatArray, coupon: Coupon, feature: Feature, pose: Pose) ->
 
 
 def steps_of(coupon: Coupon, heights: dict[str, Height | str], u_scale: float = 0.0) -> list[MeasuredSize]:
-    """Every step of the coupon: its rise, and whether it is one; ``u_scale`` is that of the heights, relative."""
+    """Every step of the coupon: its rise and whether it is significant; ``u_scale`` is that of the heights, relative."""
     steps = []
     for step in coupon.steps:
         low, high = (heights[name] for name in step.between)
@@ -101,14 +101,14 @@ def _window(shape: tuple[int, ...], feature: Feature, pose: Pose) -> tuple[IntAr
 
 
 def _within(dx: FloatArray, dy: FloatArray, feature: Feature, share: float) -> BoolArray:
-    """Whether places lie in a feature grown by a factor."""
+    """Whether points lie in a feature enlarged by a factor."""
     if feature.round:
         return np.hypot(dx, dy) < 0.5 * share * feature.diameter_mm
     return (np.abs(dx) < 0.5 * share * feature.width_mm) & (np.abs(dy) < 0.5 * share * feature.depth_mm)
 
 
 def _free(x_mm: FloatArray, y_mm: FloatArray, coupon: Coupon) -> BoolArray:
-    """Whether places lie on the slab and away from all features."""
+    """Whether points lie on the slab, away from all features."""
     free = np.ones(x_mm.shape, dtype=bool)
     if coupon.slab is not None:
         free &= np.abs(x_mm) < 0.5 * coupon.slab.width_mm - EDGE_MM
@@ -135,7 +135,7 @@ def _plane(dx: FloatArray, dy: FloatArray, z: FloatArray) -> tuple[FloatArray, f
 
 
 def _pieces(dx: FloatArray, dy: FloatArray, values: FloatArray) -> FloatArray:
-    """Medians over pieces of equal angle that hold something."""
+    """Medians over sectors of equal angle that contain values."""
     number = np.floor((np.arctan2(dy, dx) / math.tau + 0.5) * PIECES).astype(int) % PIECES
     parts = (values[number == piece] for piece in range(PIECES))
     return np.array([np.median(part) for part in parts if len(part) > 2])

@@ -31,7 +31,7 @@ class Fit:
 def least_squares(
     model: Model, data: FloatArray, first: Sequence[float], low: Sequence[float], high: Sequence[float]
 ) -> Fit:
-    """Fit of a model to data (N,) from first values, within limits; a parameter whose limits are equal is held."""
+    """Fit of a model to data (N,) from start values, within limits; a parameter with equal limits is fixed."""
     lower, upper = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
     p = np.clip(np.asarray(first, dtype=float), lower, upper)
     free = upper > lower
@@ -60,7 +60,7 @@ def least_squares(
 
 
 def _normal(slopes: FloatArray, residual: FloatArray, free: BoolArray) -> tuple[FloatArray, FloatArray]:
-    """Normal matrix of the free parameters, kept from being singular, and the gradient."""
+    """Normal matrix of the free parameters, regularised, and the gradient."""
     some = slopes[:, free]
     normal = np.einsum("ni,nj->ij", some, some)
     normal[np.diag_indices_from(normal)] += 1e-12 * max(float(np.trace(normal)), 1e-300)

@@ -1,4 +1,4 @@
-"""What a coupon shows of a printer and a resin: the smallest features that it resolves, as the Methods define them.
+"""Limits of a printer and a resin from a coupon: the smallest resolved features, as the Methods define them.
 
 The paper's fidelity parts are "used to extract: (i) the minimum resolvable XY feature size for raised elements, (ii)
 the minimum XY separation required to avoid feature merging, (iii) the minimum resolvable diameter variation for
@@ -34,7 +34,7 @@ OUTSIDE = "not in the picture"
 
 @dataclass(frozen=True)
 class MeasuredSize:
-    """A feature, a gap or a step: what was asked for and what came out.
+    """A feature, a gap or a step: its nominal and its measured size.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class MeasuredSize:
 
 @dataclass(frozen=True)
 class Limit:
-    """The smallest of something that is resolved.
+    """The smallest resolved size of a kind of feature.
 
     Attributes
     ----------
@@ -151,7 +151,7 @@ def hole_variation(holes: Sequence[MeasuredSize]) -> Limit | None:
 
 
 def z_step(steps: Sequence[MeasuredSize]) -> Limit | None:
-    """Limit (iv), from steps each of which is a rise or not; None where none was measured."""
+    """Limit (iv), from steps that are rises or not; None if none was measured."""
     seen = [step for step in steps if step.resolved is not None]
     if not seen:
         return None

@@ -1,4 +1,4 @@
-"""Finding a coupon in a picture or a z map: which blobs are which features, or where the slab lies.
+"""Location of a coupon in a picture or a z map: the blobs of its features, or the slab.
 
 Two blobs that might be two of the largest features, by their sizes and their distance, place the whole coupon, once as
 it is and once mirrored. Each such guess is scored by how many features have a blob where they should, and the best are
@@ -52,7 +52,7 @@ AREA, SIDES = 0.15, 0.1
 
 @dataclass(frozen=True)
 class Location:
-    """Where the coupon was found.
+    """Pose of the located coupon.
 
     Attributes
     ----------
@@ -135,7 +135,7 @@ class _Search:
         return _distinct([poses[k] for k in np.argsort(-np.array(explained, dtype=float), kind="stable")], extent)
 
     def _explained(self, pose: Pose, alike: BoolArray) -> int:
-        """How many features have a blob of about their size where they should."""
+        """Number of features with a blob of about their size at their position."""
         return int(np.count_nonzero(((self._apart_px(pose) < NEAR_MM * self.px_per_mm) & alike).any(axis=1)))
 
     def _apart_px(self, pose: Pose) -> FloatArray:
@@ -144,7 +144,7 @@ class _Search:
         return np.asarray(np.hypot(apart[..., 0], apart[..., 1]))
 
     def _refined(self, pose: Pose) -> _Guess:
-        """A pose fitted to its blobs, and what it costs."""
+        """A pose fitted to its blobs, and its cost."""
         pairs: list[tuple[int, int]] = []
         for near_mm in (NEAR_MM, NEARER_MM, NEARER_MM):
             pairs = self._pairs(pose, near_mm)
@@ -156,7 +156,7 @@ class _Search:
         return _Guess(pose, tuple(pairs), cost, rms, self.bright)
 
     def _pairs(self, pose: Pose, near_mm: float) -> list[tuple[int, int]]:
-        """Features and blobs that are each other's nearest."""
+        """Pairs of features and blobs that are each other's nearest."""
         apart = np.where(self.alike(pose.px_per_mm), self._apart_px(pose), np.inf)
         nearest, back = apart.argmin(axis=1), apart.argmin(axis=0)
         most = near_mm * pose.px_per_mm
@@ -231,7 +231,7 @@ def locate(grey: FloatArray, coupon: Coupon, px_per_mm: float, what: str, *, mos
 
 
 def _check_clear(best: _Guess, guesses: list[_Guess], measured_mm: FloatArray, what: str, name: str) -> None:
-    """`DataError` where another guess, nearly as good, puts what is measured elsewhere."""
+    """`DataError` if another pose fits nearly as well and would measure other places."""
     here = best.pose.to_px(measured_mm)
     for other in guesses[1:]:
         if other.cost - best.cost >= CLEAR:

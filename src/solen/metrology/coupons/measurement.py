@@ -1,4 +1,4 @@
-"""All that a picture or a z map of a coupon shows: sizes with their uncertainties, what is resolved, and the limits."""
+"""Measurement of a coupon in a picture or z map: sizes with uncertainties, resolved features, and limits."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -48,7 +48,7 @@ CALIBRATES = ("pillar", "hole", "gap", "step")
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CouponMeasurement(Result):
-    """What was measured of a coupon.
+    """Measurement of a coupon.
 
     Attributes
     ----------
@@ -110,12 +110,12 @@ class CouponMeasurement(Result):
 
     @reported
     def features(self) -> list[MeasuredSize]:
-        """Pillars, holes, gaps and steps that are resolved or not, for the calibration of a printer."""
+        """Pillars, holes, gaps and steps, resolved or not, for the calibration of a printer."""
         return [one for one in self.measured if one.kind in CALIBRATES and one.resolved is not None]
 
     @reported
     def undecided(self) -> list[MeasuredSize]:
-        """Those that the picture does not show well enough, with the reason."""
+        """Features that the picture does not show well enough, with the reason."""
         return [one for one in self.measured if one.kind in CALIBRATES and one.resolved is None]
 
     @reported
@@ -186,7 +186,7 @@ def _check_kind(coupon: Coupon, image: Image | ZMap, what: str) -> None:
 
 @dataclass(frozen=True, eq=False)
 class _DiscFits:
-    """The round features of a coupon that was located, fitted one after the other, the largest first."""
+    """The round features of a located coupon, fitted in turn, the largest first."""
 
     image: Image | ZMap
     coupon: Coupon
@@ -197,7 +197,7 @@ class _DiscFits:
         return self.location.pose
 
     def judged(self) -> tuple[dict[str, Disc], dict[str, str], float]:
-        """Round features that are there, and for the others the reason; the blur, px."""
+        """Round features that exist, the reason for the others, and the blur in px."""
         fits, reasons, blur = self._fitted()
         features = {name: self.coupon.feature(name) for name in fits}
         heights = {
@@ -267,7 +267,7 @@ class _DiscFits:
         return reach, blocked
 
     def _missing(self, feature: Feature, fit: Disc | None, usual: float) -> str:
-        """Why a round feature does not count as there; empty where it does."""
+        """Reason why a round feature counts as missing; empty if it exists."""
         if 0.5 * feature.diameter_mm * self.pose.px_per_mm < LEAST_RADIUS_PX:
             return TOO_SMALL
         if fit is None or fit.snr < SNR or abs(fit.rise) < RISE * usual:

@@ -1,4 +1,4 @@
-"""Overlapping glasses as regions that do not overlap: what ray-optics lets lie upon another, scenes keep side by side.
+"""Overlapping glasses as separate regions: ray-optics lets glasses overlap, scenes of solen do not.
 
 In ray-optics a glass multiplies the index of whatever it lies in, and where surfaces coincide they act as one. Here all
 curves are divided where they end on or cross one another; stretches that coincide become one; and on either side of
@@ -53,7 +53,7 @@ class Glass:
 
 @dataclass(frozen=True)
 class Element:
-    """A mirror, wall or ideal element on curves of its own."""
+    """A mirror, wall or ideal element with its own curves."""
 
     name: str
     curves: tuple[Curve, ...]
@@ -63,7 +63,7 @@ class Element:
 
 @dataclass
 class _Stretch:
-    """Part of a curve that nothing ends on, and who has it."""
+    """Part of a curve on which nothing ends, and its owners."""
 
     curve: Curve
     owners: list[int] = field(default_factory=list)
@@ -71,7 +71,7 @@ class _Stretch:
 
 @dataclass(frozen=True)
 class Arranged:
-    """Regions and interfaces, and the elements that could not be given a place, with the reason."""
+    """Regions and interfaces, and the elements that could not be placed, with the reason."""
 
     regions: tuple[Region, ...]
     interfaces: tuple[Interface, ...]
@@ -79,7 +79,7 @@ class Arranged:
 
 
 def arranged(parts: Sequence[Glass | Element], tolerance: float, colours: bool) -> Arranged:
-    """Divide the plane by glasses and elements; what lies nearer than the tolerance is one place.
+    """Divide the plane by glasses and elements; points nearer than the tolerance coincide.
 
     The first glass of a common stretch lends it its name and says whether it reflects in part, unless an element stands
     there, which then decides what becomes of a ray. With ``colours`` indices depend on the wavelength.
@@ -183,7 +183,7 @@ def _box(curve: Curve) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _cut(stretch: _Stretch, places: Iterable[float], tolerance: float) -> list[_Stretch]:
-    """Parts between places; places as near as the tolerance to another, or to an end, are none."""
+    """Parts between positions, ignoring positions within the tolerance of another or of an end."""
     curve = stretch.curve
     kept = [0.0]
     for u in sorted(places):
@@ -194,7 +194,7 @@ def _cut(stretch: _Stretch, places: Iterable[float], tolerance: float) -> list[_
 
 
 def _united(stretches: list[_Stretch], tolerance: float) -> list[_Stretch]:
-    """Stretches that coincide as one, of the owners of all; one that is walked there and back belongs twice."""
+    """Coinciding stretches merged, with all their owners; a stretch traversed both ways has its owner twice."""
     united: list[_Stretch] = []
     for stretch in stretches:
         same = next((other for other in united if _coincide(stretch.curve, other.curve, tolerance)), None)

@@ -23,7 +23,7 @@ LARGEST = 1e12
 
 @dataclass(frozen=True)
 class NotUnderstood:
-    """What of a file was left out: the object, its type, its key (None: all of it) and the reason.
+    """Omitted content of a file: the object, its type, its key (None: all of it) and the reason.
 
     ``object`` counts the file's objects from 1 on; 0 is the scene itself.
     """
@@ -119,7 +119,7 @@ class Fields:
         return expression(key, default if value is None else value, variable)
 
     def skip(self, *keys: str) -> None:
-        """Keys that say nothing about light."""
+        """Mark keys as read that do not concern light."""
         self.unread -= set(keys)
 
 

@@ -251,7 +251,7 @@ class _Reader:
         return self.named(token)
 
     def bracket(self) -> Node:
-        """What stands in the bracket that comes next."""
+        """Content of the next bracket."""
         opened = self.take(*CLOSING)
         if opened is None:
             self.refuse("must be a bracket")
@@ -330,7 +330,7 @@ def _called(function: Function, *arguments: Node) -> Node:
 
 
 def number_in(value: Any) -> float | None:
-    """A number, or the number that a text is, as ray-optics takes it; None where it is neither."""
+    """A number, or a text that ray-optics accepts as one; None for anything else."""
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         return None
     if isinstance(value, str) and not NUMBER.fullmatch(value):
