@@ -68,7 +68,7 @@ def height_of(z_mm: FloatArray, coupon: Coupon, feature: Feature, pose: Pose) ->
 
 
 def steps_of(coupon: Coupon, heights: dict[str, Height | str], u_scale: float = 0.0) -> list[MeasuredSize]:
-    """Every step of the coupon: its rise and whether it is significant; ``u_scale`` is that of the heights, relative."""
+    """Every step of the coupon: its rise and whether it is significant; ``u_scale`` is that of heights, relative."""
     steps = []
     for step in coupon.steps:
         low, high = (heights[name] for name in step.between)
