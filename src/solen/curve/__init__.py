@@ -1,4 +1,4 @@
-"""Exact plane curves: what every face of a body, every mirror and every receiver is made of.
+"""Exact plane curves, of which every face of a body, every mirror and every receiver is made.
 
 A curve is directed, from its start to its end; *left* and its left normal are meant as seen walking along it. Nothing
 is meshed: a ray meets the curve itself, at the roots of its equation. A ray that has just left a curve knows one root

@@ -1,4 +1,4 @@
-"""The interface of curves, and what all of them share: checks of numbers, tolerances, quadratic equations."""
+"""The interface of curves, with common checks of numbers, tolerances and quadratic equations."""
 
 import math
 from abc import ABC, abstractmethod
@@ -95,7 +95,7 @@ class Curve(ABC):
 
     @abstractmethod
     def part(self, u_from: float, u_to: float) -> "Curve":
-        """The same curve from one parameter to a higher one: all of its points lie on this curve, none is moved."""
+        """Part of the curve from one parameter to a higher one; all its points lie exactly on the curve."""
 
     @abstractmethod
     def normal_at(self, point: Point) -> Point:
@@ -103,7 +103,7 @@ class Curve(ABC):
 
     @abstractmethod
     def hits(self, origin: Point, direction: Point, *, leaving: bool = False) -> tuple[float, ...]:
-        """Distances > 0 in mm at which a ray (unit direction) meets the curve, in no order.
+        """Distances > 0 in mm at which a ray (unit direction) meets the curve, in any order.
 
         ``leaving`` says that the ray starts on this curve; that point is not among the hits.
         """
@@ -114,7 +114,7 @@ class Curve(ABC):
 
     @abstractmethod
     def reversed(self) -> Self:
-        """The same curve walked from end to start."""
+        """The same curve traversed from end to start."""
 
     @property
     def start(self) -> Point:

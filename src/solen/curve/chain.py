@@ -43,7 +43,7 @@ from solen.plane import Point, cross, dot, left_of, minus, unit
 
 
 class Ray(NamedTuple):
-    """A ray, and what it sees of points and steps."""
+    """A ray, with coordinates of points and steps relative to it."""
 
     origin: Point
     direction: Point
@@ -57,18 +57,18 @@ class Ray(NamedTuple):
         return dot(self.direction, minus(point, self.origin))
 
     def aside(self, steps: Steps) -> Rises:
-        """What steps add to the distance beside the line."""
+        """Change of the distance beside the line along steps."""
         a, b, c = steps
         return (cross(self.direction, a), cross(self.direction, b), cross(self.direction, c))
 
     def onwards(self, steps: Steps) -> Rises:
-        """What steps add to the distance ahead."""
+        """Change of the distance ahead along steps."""
         a, b, c = steps
         return (dot(self.direction, a), dot(self.direction, b), dot(self.direction, c))
 
 
 class Place(NamedTuple):
-    """Where on a chain a point lies: the number of the piece, the parameter there, the distance from there."""
+    """Position of a point on a chain: the number of the piece, the parameter on it, and the distance from it."""
 
     piece: int
     v: float
@@ -76,7 +76,7 @@ class Place(NamedTuple):
 
 
 class CubicChain(Curve):
-    """Cubic Bézier pieces, each starting where the one before ends."""
+    """Cubic Bézier pieces, each starting where the previous one ends."""
 
     @property
     @abstractmethod
@@ -214,7 +214,7 @@ class CubicChain(Curve):
         return [*sides, sides[0] if self.closed else ray.beside(self.pieces[-1].control[3]) > 0.0]
 
     def _meet(self, ray: Ray, piece: int, sides: list[bool]) -> Iterator[float]:
-        """Distances to a piece the ray has nothing to do with yet."""
+        """Distances to a piece on which the ray does not start."""
         control = self.pieces[piece].control
         first, last = sides[piece], sides[piece + 1]
         if all((ray.beside(handle) > 0.0) == first == last for handle in control[1:3]):
@@ -225,7 +225,7 @@ class CubicChain(Curve):
             yield ray.ahead(control[0]) + risen(onwards, v)
 
     def _meet_end(self, ray: Ray, beside: float, forwards: bool) -> Iterator[float]:
-        """Distance to the straight bit by which the chain reaches beyond an end that lies so far beside the line."""
+        """Distance to the straight extension of the chain beyond an end at a given distance beside the line."""
         control = self._control(-1 if forwards else 0, forwards)
         outwards = unit(minus(control[3], control[2]))
         rise = END_TOLERANCE_MM * cross(ray.direction, outwards)
@@ -234,7 +234,7 @@ class CubicChain(Curve):
             yield ray.ahead(control[3]) + share * END_TOLERANCE_MM * dot(ray.direction, outwards)
 
     def _leave(self, ray: Ray, place: Place, sides: list[bool], forwards: bool) -> Iterator[float]:
-        """Distances on one way from where the ray stands: to the rest of that piece, and to what is behind it."""
+        """Distances in one direction from the ray's start: to the rest of its piece, and to the pieces beyond."""
         here = point_at(self.pieces[place.piece].control, place.v)
         rest = ray.beside(here)
         done, left = (place.v, 1.0 - place.v) if forwards else (1.0 - place.v, place.v)
@@ -266,7 +266,7 @@ class CubicChain(Curve):
         return tuple(boxes)
 
     def _place(self, point: Point) -> Place:
-        """Where on the chain a point of it lies, however rounded: on each piece the place beside it along the chord."""
+        """Position of one of the chain's points despite rounding: on each piece the place beside it along the chord."""
         best = Place(0, 0.0, math.inf)
         x, z = point
         for i, (x_low, x_high, z_low, z_high) in enumerate(self._boxes):

@@ -193,14 +193,14 @@ class Conic(Curve):
         return (1.0 - (1.0 + self.conic_constant) * c * depth, c * lateral)
 
     def _holds(self, lateral: float, depth: float) -> bool:
-        """Whether a point of the whole conic is on this part: on the vertex' side and not past either end."""
+        """Whether a point of the whole conic is on this part: on the vertex's side and not beyond either end."""
         low, high = sorted((self.from_mm, self.to_mm))
         on_sheet = self._tangent(lateral, depth)[0] > SHEET
         past = max(self._past_mm(lateral, depth, high, 1.0), self._past_mm(lateral, depth, low, -1.0))
         return on_sheet and past <= END_TOLERANCE_MM
 
     def _past_mm(self, lateral: float, depth: float, end_mm: float, outwards: float) -> float:
-        """How far a point is past an end, along the tangent there: near the widest place r alone does not determine it.
+        """Distance of a point beyond an end, along the tangent there: near the widest point r alone does not suffice.
 
         From the vertex on the curve turns by less than 90 degrees either way, so this grows all the way.
         """

@@ -37,7 +37,7 @@ SHORTEST = 1e-6
 
 
 class Piece(NamedTuple):
-    """A simple part of a longer curve: its control points, and the parameters of that curve between which it lies."""
+    """A simple part of a longer curve: its control points, and its range of that curve's parameter."""
 
     control: Control
     u_from: float
@@ -81,7 +81,7 @@ def _between_inflections(control: Control) -> list[Piece]:
 
 
 def halves(piece: Piece) -> tuple[Piece, Piece]:
-    """The piece in two: cut where half of its turn is done, or in the middle where that is not clear or near an end."""
+    """The piece in two: split at half of its turn, or in the middle if that is unclear or near an end."""
     d0, d1, d2 = steps_of(piece.control)
     v = 0.5
     if 0.0 < turn_deg((d0, d1, d2)) < CLEAR_TURN_DEG:
@@ -102,7 +102,7 @@ def steps_of(control: Control) -> Steps:
 
 
 def turn_deg(steps: Steps) -> float:
-    """How much the control points turn in all, at least as much as the piece; infinite where an end stands still."""
+    """Total turn of the control polygon, an upper bound for that of the piece; infinite if the speed at an end is 0."""
     if steps[0] == (0.0, 0.0) or steps[2] == (0.0, 0.0):
         return math.inf
     moving = [unit(step) for step in steps if step != (0.0, 0.0)]
@@ -150,7 +150,7 @@ def tangent_at(control: Control, v: float) -> Point:
 
 
 def backwards(control: Control) -> Control:
-    """The same piece walked from its end."""
+    """The same piece traversed from its end."""
     a, b, c, d = control
     return (d, c, b, a)
 
@@ -165,7 +165,7 @@ def steps_after(steps: Steps, done: float, left: float) -> Steps:
 
 
 def risen(rises: Rises, v: float) -> float:
-    """What has been added at v: a cubic that is 0 at 0, and the sum of the rises at 1."""
+    """Sum of the rises up to v: a cubic that is 0 at 0, and their total at 1."""
     return v * risen_per_v(rises, v)
 
 

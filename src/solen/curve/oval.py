@@ -1,4 +1,4 @@
-"""The Cartesian oval: the lens that takes one point to another."""
+"""The Cartesian oval: the lens that images one point onto another."""
 
 import math
 from collections.abc import Iterator
@@ -64,7 +64,7 @@ class CartesianOval(Curve):
 
     @property
     def depth_mm(self) -> float:
-        """How far along the axis from the vertex this piece reaches."""
+        """Extent of this piece along the axis from the vertex."""
         ends = self.points(np.array([0.0, 1.0])) - np.asarray(self.vertex)
         return float(np.max(ends @ np.asarray(self.axis)))
 
@@ -153,7 +153,7 @@ class CartesianOval(Curve):
         return within and self._slope(point, ray) < 0.0
 
     def _roots(self, origin: Point, direction: Point, leaving: bool) -> Iterator[float]:
-        """Where a line meets the whole oval: both roots, or the far one alone when the ray stands on the near one."""
+        """Intersections of a line with the whole oval: both, or only the far one if the ray starts on the near one."""
         from_focus = minus(origin, self.image_focus)
         circle_mm = self.constant_mm / self.n2  # about F2; the oval lies inside it
         middle, nearest = -dot(from_focus, direction), cross(from_focus, direction)

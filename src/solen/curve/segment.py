@@ -13,7 +13,7 @@ from solen.plane import Point, Rigid, cross, left_of, minus, unit
 
 @dataclass(frozen=True)
 class Segment(Curve):
-    """Straight line between two points; `DesignError` where they are one."""
+    """Straight line between two points; `DesignError` if they coincide."""
 
     a: Point
     b: Point

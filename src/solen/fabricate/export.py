@@ -27,7 +27,7 @@ from solen.spec import Design
 
 @dataclass(frozen=True, eq=False)
 class Export:
-    """A design's body to be written: the part that is printed of it, the label, and the tolerance of meshes."""
+    """A design's body for export: the printed part, the label, and the tolerance of meshes."""
 
     design: Design
     body: Body
@@ -35,7 +35,7 @@ class Export:
 
     @cached_property
     def part(self) -> Part:
-        """What is printed: the body drawn up by its thickness, with its seats."""
+        """The printed part: the body extruded by its thickness, with its seats."""
         return sensor_part(self.design, self.body)
 
     @cached_property
@@ -53,7 +53,7 @@ class Export:
 
 @dataclass(frozen=True)
 class Format:
-    """A file format: the ending of its files, how they are written, and what must be installed for it."""
+    """A file format: the extension of its files, their writer, and the required packages."""
 
     ending: str
     write: Callable[[Export], bytes]
@@ -79,7 +79,7 @@ USUAL = ("stl", "3mf")
 
 @dataclass(frozen=True)
 class Seat:
-    """A pocket or slot, and the volume that it takes away."""
+    """A pocket or slot, and the volume that it removes."""
 
     name: str
     volume_mm3: float

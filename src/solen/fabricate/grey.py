@@ -1,4 +1,4 @@
-"""Grey pixels: which light a grey value lets through, and which value to draw for a share of light.
+"""Grey pixels: the light that a grey value transmits, and the value to draw for a share of light.
 
 The idea: an edge is drawn by pixels that are covered in part, and their grey value was always taken for their light.
 A screen's pixels need not answer in proportion. Where the answer is measured, light over grey, a pixel is drawn by the
@@ -72,5 +72,5 @@ class Greys:
 
     @property
     def shift(self) -> float:
-        """What a straight edge moves outwards by, in pixels, mean over its places between them."""
+        """Outward shift of a straight edge in pixels, mean over its positions between them."""
         return float(np.trapezoid(self.light, dx=1.0 / FULL)) - 0.5

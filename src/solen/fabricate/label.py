@@ -1,4 +1,4 @@
-"""The label of a file: which design it holds, which solen wrote it, from which design file."""
+"""The label of a file: its design, the version of solen that wrote it, and the design file."""
 
 import hashlib
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ SHAPING = ("body.file", "fabricate.receiver_part")
 
 @dataclass(frozen=True)
 class Label:
-    """Name of a design, its SHA-256, and in words what was made of it. No date: the same design gives the same file."""
+    """Name of a design, its SHA-256, and a description of the product; no date, so that files are reproducible."""
 
     name: str
     sha256: str
@@ -26,7 +26,7 @@ class Label:
 
 
 def label_of(design: Design, about: str) -> Label:
-    """Label of what is made of a design.
+    """Label of a product of a design.
 
     Its hash is that of its TOML with all defaults left out, so comments and the order of keys do not count, and of the
     files that shape it: a drawn outline, a receiver's part file.
@@ -39,5 +39,5 @@ def label_of(design: Design, about: str) -> Label:
 
 
 def ascii_of(text: str, most: int) -> str:
-    """A text in ASCII, what is not in it as ``?``, cut off after ``most`` characters."""
+    """A text in ASCII, with ``?`` for other characters, truncated after ``most`` characters."""
     return text.encode("ascii", "replace").decode("ascii")[:most]

@@ -32,7 +32,7 @@ AT_ONCE = 100_000
 
 @dataclass(frozen=True)
 class Mesh:
-    """Triangles of a closed surface, which leaves the exact solid by at most ``tolerance_mm``.
+    """Triangles of a closed surface that deviates from the exact solid by at most ``tolerance_mm``.
 
     ``vertices`` (N, 3) are in mm, ``triangles`` (M, 3) their numbers, counter-clockwise as seen from outside.
     """
@@ -92,7 +92,7 @@ class Mesh:
 
 
 def mesh_of(part: Part, tolerance_mm: float) -> Mesh:
-    """Mesh of a part that leaves its exact walls by at most ``tolerance_mm``; top and bottom are exact.
+    """Mesh of a part that deviates from its exact walls by at most ``tolerance_mm``; top and bottom are exact.
 
     Raises
     ------
@@ -157,7 +157,7 @@ def _welded(ring: FloatArray, weld_mm: float) -> FloatArray:
 
 
 def _check_apart(prism: Prism, rings: list[FloatArray], tolerance_mm: float) -> None:
-    """`SpecError` where polylines so coarse cross themselves or one another, though the curves do not."""
+    """`SpecError` if polylines cross themselves or one another at this tolerance although the curves do not."""
     import shapely
 
     solids = [shapely.Polygon(ring) for ring in rings if len(ring) > 2]

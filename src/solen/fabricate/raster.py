@@ -1,4 +1,4 @@
-"""How much of each pixel an area covers: exactly, from the corners of its outlines.
+"""Exact coverage of pixels by an area, from the corners of its outlines.
 
 The idea is that of font rasterisers. An edge is cut wherever it passes from one pixel to another; each piece then lies
 in one pixel, whose area it changes by what stands between it and the pixel's right side, and that of all pixels farther
@@ -55,7 +55,7 @@ class Grid:
 
 @dataclass(frozen=True)
 class Pieces:
-    """Edges cut at pixels, by ascending row: the height that each descends, and the share of it for its own pixel."""
+    """Edges cut at pixels, by ascending row: the descent of each, and the share of it that counts for its own pixel."""
 
     row: IntArray
     column: IntArray

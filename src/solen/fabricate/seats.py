@@ -33,7 +33,7 @@ MARK_MM, MARK_DEEP_MM, MARK_FROM_MM = 1.0, 0.2, 0.5
 
 
 class SeatOptions(Options):
-    """Seats in short, for what a design file says at length."""
+    """Options for seats, short for the keys of a design file."""
 
     pockets: bool = False
     """Seat the receivers in pockets; short for --set fabricate.pockets=true."""
@@ -54,7 +54,7 @@ class SeatOptions(Options):
 
 
 def sensor_part(design: Design, body: Body) -> Part:
-    """What is printed of a design: its body at rest, drawn up by the thickness, with the seats that it asks for.
+    """Printed part of a design: its body at rest, extruded by the thickness, with its seats.
 
     Raises
     ------
@@ -160,7 +160,7 @@ def _polygon(corners: Sequence[Point]) -> tuple[Face, ...]:
 
 
 def _through_lens(design: Design, body: Body, half_mm: float) -> tuple[tuple[Face, ...], tuple[Face, ...]]:
-    """Outlines of the emitter's slot: of the tool, and of what it takes, bounded by the lens."""
+    """Outlines of the emitter's slot: of the tool, and of the removed volume, bounded by the lens."""
     lens = [face for face in body.faces if face.part == "lens"]
     if design.body.lens_is_drawn or not lens:
         raise DesignError("fabricate.slots", value="emitter", limit="is cut into a Y alone", remedy="leave it out")

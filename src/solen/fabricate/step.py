@@ -1,4 +1,4 @@
-"""STEP files of exact solids, by the Open CASCADE kernel (the extra ``cad``), which is loaded only here and only then.
+"""STEP files of exact solids, by the Open CASCADE kernel (the extra ``cad``), which is loaded only on demand.
 
 Every curve of an outline becomes one edge, or one for each primitive of it (`solen.fabricate.bspline`): lines, arcs and
 B-splines in the plane of the build plate, with a corner shared exactly by its two edges. Extruded they are planes,
@@ -31,7 +31,7 @@ Named = list[tuple[Any, str]]
 
 
 def check_kernel() -> None:
-    """`OutputError` where the kernel is not installed."""
+    """`OutputError` if the kernel is not installed."""
     need("OCP", what="--step", doing="writing STEP")
 
 
@@ -79,7 +79,7 @@ def _no_solid(part: Part, what: str) -> DesignError:
 
 
 def _after(operation: Any, face: Any) -> list[Any]:
-    """Faces that an operation made of a face: its changed pieces, nothing where it was removed, or itself."""
+    """Faces that result from a face in an operation: its changed pieces, none if it was removed, or itself."""
     if operation.IsDeleted(face):
         return []
     changed = list(operation.Modified(face))
@@ -113,7 +113,7 @@ def _prism(prism: Prism, name: str) -> tuple[Any, Named]:
 
 
 def _regions(prism: Prism) -> list[list[tuple[Face, ...]]]:
-    """Outlines by region: an outer one, then the holes right inside it."""
+    """Outlines by region: an outer one, then the holes directly inside it."""
     import shapely
 
     rings = [shapely.Polygon(ring) for ring in prism.rings(1e-3)]

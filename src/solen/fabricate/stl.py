@@ -1,4 +1,4 @@
-"""STL files read: triangles in mm, binary or as text, their corners made one where they are the same.
+"""Reader of STL files, binary or text: triangles in mm, with equal corners merged.
 
 An STL states no unit, and its first word does not show whether it is text: a file whose length is that of the
 triangles it announces is binary, whatever it begins with. The normals that it states are not looked at; the order of
@@ -82,7 +82,7 @@ def _is_binary(data: bytes) -> bool:
 
 
 def _binary(data: bytes, path: Path) -> Corners:
-    """Corners (N, 3, 3) of a binary file, as they are there."""
+    """Corners (N, 3, 3) of a binary file, unchanged."""
     if len(data) < COUNT:
         raise DataError(str(path), value=f"{len(data)} bytes", limit="is not an STL", remedy=REMEDY)
     (count,) = struct.unpack_from("<I", data, STL_HEADER)

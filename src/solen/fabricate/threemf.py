@@ -1,4 +1,4 @@
-"""3MF files read (3MF Consortium, core specification 1.3): the meshes of what is to be built, in mm.
+"""Reader of 3MF files (3MF Consortium, core specification 1.3): the meshes to be built, in mm.
 
 A 3MF is a ZIP with a model in XML: objects, each a mesh or made of others, and the items to build, each an object and a
 transformation. Units are converted; materials, colours, and what extensions add are not looked at, but an extension
@@ -58,7 +58,7 @@ class Thing:
 
 @dataclass
 class Model:
-    """What a model says, gathered element by element, so that its tree is never held."""
+    """Content of a model, collected element by element, so that its tree is never held in memory."""
 
     about: dict[str, str] = field(default_factory=dict)
     things: dict[str, Thing] = field(default_factory=dict)
@@ -142,7 +142,7 @@ def _model(path: Path) -> Model:
 
 
 def _guarded(model: Model, path: Path) -> Callable[[str, dict[str, str]], None]:
-    """The model's `Model.start`, which names the file where a number is missing or none."""
+    """`Model.start` with errors that name the file if a number is missing or invalid."""
 
     def start(name: str, attributes: dict[str, str]) -> None:
         try:

@@ -1,4 +1,4 @@
-"""A bend: the straight axis of a stem becomes a curve, and what stands on it is carried along.
+"""A bend: the straight axis of a stem becomes a curve, and everything attached to it moves along.
 
 Every cross-section of the stem stays straight and square to the centre line, and the centre line keeps its length (the
 kinematics of a slender beam; nothing is said of forces). What lies above the bent stretch stands still, what lies below
@@ -38,7 +38,7 @@ PANELS = 256
 
 
 class Profile(Protocol):
-    """How a bend is shared out: what share of it has been reached at a share of the length below the fork."""
+    """Distribution of a bend: share of its angle reached at a share of the length below the fork."""
 
     def turn(self, share: FloatArray) -> FloatArray:
         """Share of the angle at shares of the length, 0 at the fork."""
@@ -60,7 +60,7 @@ class Even:
 
 
 class Drawn:
-    """Shared out as along a drawn centre line: its own direction against its direction at the fork.
+    """Distribution along a drawn centre line: its direction relative to that at the fork.
 
     The line is the natural spline through its points. Its largest turn against the fork counts as the whole angle, so
     that an S may be drawn as well; its length plays no part.
@@ -106,7 +106,7 @@ class Bend:
         return self.to_mm - self.from_mm
 
     def section(self, z_mm: float) -> Rigid:
-        """Where the cross-section at a height goes: the lowest one for all that is below, none for what is above."""
+        """Motion of the cross-section at a height: that of the lowest one for all below, none for all above."""
         if z_mm >= self.to_mm or self.angle_deg == 0.0:
             return Rigid()
         z = np.array([max(z_mm, self.from_mm)])
@@ -116,13 +116,13 @@ class Bend:
         return Rigid(cos, sin, (float(x) + sin * float(z[0]), float(up) - cos * float(z[0])))
 
     def places(self, points: FloatArray) -> FloatArray:
-        """Where points (N, 2) between the two heights go."""
+        """Bent positions of points (N, 2) between the two heights."""
         x, z = points.T
         turn = self._turn(z)
         return np.asarray(self._centre(z) + np.column_stack([x * np.cos(turn), x * np.sin(turn)]))
 
     def velocities(self, points: FloatArray, velocities: FloatArray) -> FloatArray:
-        """Where the derivatives (N, 2) of moving points go."""
+        """Bent derivatives (N, 2) of moving points."""
         (x, z), (dx, dz) = points.T, velocities.T
         turn = self._turn(z)
         cos, sin = np.cos(turn), np.sin(turn)
@@ -151,7 +151,7 @@ class Bend:
         return -math.radians(self.angle_deg) / self.length_mm * self.profile.per_share(self._share(z))
 
     def _centre(self, z: FloatArray) -> FloatArray:
-        """Where the axis at heights (N,) goes, (N, 2): integrated downwards from the fork."""
+        """Bent axis at heights (N,), (N, 2), integrated downwards from the fork."""
         share = self._share(z)
         if isinstance(self.profile, Even):
             half = 0.5 * math.radians(self.angle_deg) * share
@@ -177,7 +177,7 @@ class Bend:
 
 
 def bend_of(centre_line: Sequence[Point] | None, from_mm: float, to_mm: float, angle_deg: float) -> Bend:
-    """Bend between two heights, even or shared out as along a drawn centre line."""
+    """Bend between two heights, even or distributed as along a drawn centre line."""
     return Bend(
         from_mm, to_mm, angle_deg, Even() if centre_line is None else _drawn(tuple((x, z) for x, z in centre_line))
     )
@@ -189,7 +189,7 @@ def _drawn(points: tuple[Point, ...]) -> Drawn:
 
 
 def bent(curve: Curve, bend: Bend) -> tuple[Curve, ...]:
-    """The curve after a bend: divided where it enters and leaves the bent stretch, else one piece."""
+    """The bent curve, divided where it enters and leaves the bent stretch, else in one piece."""
     if bend.angle_deg == 0.0:
         return (curve,)
     return tuple(_bent(piece, bend) for piece in _divided(curve, bend))

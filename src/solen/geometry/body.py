@@ -44,7 +44,7 @@ class Face:
 
     @property
     def part(self) -> str:
-        """What it is part of, by its name's first word: ``receiver`` of ``receiver-right.2``."""
+        """Part that it belongs to, by the first word of its name: ``receiver`` of ``receiver-right.2``."""
         return self.part_of(self.name)
 
     @staticmethod
@@ -61,7 +61,7 @@ class Face:
 
 @dataclass(frozen=True)
 class Pose:
-    """Where something stands and which way it looks: ``axis_deg`` counter-clockwise from +z; ``width_mm`` across it."""
+    """Position and direction of an object: ``axis_deg`` counter-clockwise from +z; ``width_mm`` across it."""
 
     point: Point
     axis_deg: float
@@ -134,7 +134,7 @@ class Body:
             raise DesignError("body outline", value=way, limit=f"must run {must}, material on its left")
 
     def _check_rings(self, rings: list[FloatArray]) -> None:
-        """Several outlines: none touches another, and each runs as the number of those around it says."""
+        """`DesignError` if outlines touch, or run in the wrong sense for the number of outlines around them."""
         import shapely
 
         lines = [shapely.LinearRing(ring) for ring in rings]
@@ -149,7 +149,7 @@ class Body:
             self._check_orientation(ring, around)
 
     def _check_beside(self, rings: list[FloatArray]) -> None:
-        """What stands beside the body is not in it."""
+        """`DesignError` if an object beside the body lies in it."""
         import shapely
 
         solid = filled(rings)
@@ -203,7 +203,7 @@ def filled(rings: list[FloatArray]) -> "shapely.geometry.base.BaseGeometry":
 
 
 def place_text(point: Point) -> str:
-    """A place as errors print it."""
+    """A point as errors print it."""
     return f"x = {point[0]:.4g}, z = {point[1]:.4g} mm"
 
 

@@ -1,4 +1,4 @@
-"""Names that mean something in a drawing, and those that nearly do: by a slip a receiver would become a bare wall."""
+"""Names with a meaning in a drawing, and their misspellings, which would turn a receiver into a bare wall."""
 
 import difflib
 
@@ -27,7 +27,7 @@ def check_names(drawing: Drawing) -> None:
 
 
 def _meant(name: str) -> str | None:
-    """The name that a slip stands for; None where its first word is one that is known, or is far from all of them."""
+    """The name that a misspelling stands for; None if its first word is a known one, or far from all of them."""
     word = Face.part_of(name)
     if word in WORDS or word in ORDINARY:
         return None

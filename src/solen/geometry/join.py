@@ -27,7 +27,7 @@ QUARTERS = (0.25, 0.5, 0.75)
 
 
 class Joints:
-    """Which ends of strokes meet."""
+    """Ends of strokes that meet."""
 
     def __init__(self, strokes: Sequence[Stroke], join_mm: float) -> None:
         self.strokes = [stroke for stroke in strokes if not _is_crumb(stroke.curve, join_mm)]
@@ -39,7 +39,7 @@ class Joints:
             self.members.setdefault(int(label), []).append(end)
 
     def chains(self) -> list[list[int]]:
-        """Strokes by number in groups that hang together."""
+        """Strokes by number in connected groups."""
         left, rows = set(range(len(self.strokes))), []
         while left:
             group, waiting = set[int](), [min(left)]
@@ -54,7 +54,7 @@ class Joints:
         return rows
 
     def point(self, label: int) -> Point:
-        """Where a corner is: at the end of a curve that cannot bend, else halfway between the ends."""
+        """Position of a corner: at the end of a curve that cannot be changed, else halfway between the ends."""
         members = self.members[label]
         stiff = [end for end in members if not isinstance(self.strokes[end // 2].curve, SUPPLE)]
         x, z = self.ends[stiff[:1] or members].mean(axis=0)
@@ -67,7 +67,7 @@ class Joints:
 
 
 def closed_outlines(strokes: Sequence[Stroke], join_mm: float) -> tuple[list[list[Face]], list[Face]]:
-    """Closed outlines, each in the order of a walk along it, and the faces that stand alone.
+    """Closed outlines, each in order along it, and the separate faces.
 
     Raises
     ------
@@ -157,7 +157,7 @@ def _walked(joints: Joints, chain: list[int]) -> list[Face]:
 
 
 def _fault(joints: Joints, faulty: list[int]) -> DesignError:
-    """What to say of a chain that does not close: first of an end that meets none, else of a branch."""
+    """Error of a chain that does not close: first about a free end, else about a branch."""
     single = [label for label in faulty if len(joints.members[label]) == 1]
     if not single:
         members = joints.members[faulty[0]]

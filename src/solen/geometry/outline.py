@@ -84,7 +84,7 @@ def _oriented(outlines: list[list[Face]]) -> list[list[Face]]:
 
 
 def _from_lens(outline: list[Face]) -> list[Face]:
-    """The outline from its first face of the lens on, where it has one."""
+    """The outline starting at its first face of the lens, if it has one."""
     starts = [i for i, face in enumerate(outline) if face.part == "lens" and outline[i - 1].part != "lens"]
     return outline[starts[0] :] + outline[: starts[0]] if starts else outline
 
@@ -98,7 +98,7 @@ def _names(names: list[str]) -> Iterator[str]:
 
 
 def _facing(face: Face, walls: Iterable[Face]) -> Face:
-    """A face in the air with its left towards the nearest wall that it sees."""
+    """A face in air, oriented with its left towards the nearest visible wall."""
     at = face.curve.middle_point
     normal = face.curve.normal_at(at)
     backwards = _nearest_mm(at, (-normal[0], -normal[1]), walls) < _nearest_mm(at, normal, walls)
@@ -171,12 +171,12 @@ def _turned(design: Design, rest: Body, angle_deg: float) -> Body:
 
 
 def _undecentred(design: Design, emitter: Pose) -> Point:
-    """Where the emitter would stand without its decentre, which is an error of that place."""
+    """Position of the emitter without its decentre, which is an error of that position."""
     return along(emitter.point, right_of(heading(emitter.axis_deg)), -design.emitter.offset_mm)
 
 
 def _check_whole(body: Body, words: set[str]) -> None:
-    """`DesignError` where a turn would tear an outline: what turns must be whole outlines."""
+    """`DesignError` if a turn would tear an outline: only whole outlines can turn."""
     for outline in body.outlines:
         stays = next((face for face in outline if face.part not in words), None)
         turns = next((face for face in outline if face.part in words), None)
@@ -190,7 +190,7 @@ def _check_whole(body: Body, words: set[str]) -> None:
 
 
 def _bent(design: Design, rest: Body, angle_deg: float) -> Body:
-    """Body bent between two heights; what stands beside it is carried along as well."""
+    """Body bent between two heights; objects beside it move along."""
     low_mm, high_mm = design.motion.bend_mm or (0.0, 1.0)
     bend = bend_of(design.motion.centre_line, low_mm, high_mm, angle_deg)
 

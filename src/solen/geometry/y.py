@@ -148,7 +148,7 @@ def _arm_angle_deg(body: BodyTable) -> float:
 
 
 def _pivot(plan: _Plan) -> Point:
-    """Centre of the motion; the emitter's own place counts without its decentre, which is an error of that place."""
+    """Centre of the motion; the emitter's position counts without its decentre, which is an error of that position."""
     pivot = plan.motion.pivot
     if pivot == "stem-base":
         return (0.0, plan.lens.depth_mm)
@@ -169,7 +169,7 @@ def _half(plan: _Plan, side: int) -> _Half:
 
 
 def _crotch(body: BodyTable, right: _Half) -> Point:
-    """Where the inner edges meet on the axis."""
+    """Point on the axis where the inner edges meet."""
     angle_deg = _arm_angle_deg(body)
     if not angle_deg > 0.0:
         raise DesignError(
@@ -199,7 +199,7 @@ class _Join:
     axis: Point
 
     def wall(self, whole: Parabola, edge: Point) -> Parabola:
-        """What is left of a side of the stem."""
+        """Remaining part of a side of the stem."""
         risen_mm = 0.0 if self.kind == "seam" else max(0.0, edge[1] - whole.vertex[1])
         if self.kind == "smooth":
             risen_mm += abs(whole.vertex[0])
@@ -216,7 +216,7 @@ class _Join:
         return wall
 
     def face(self, edge: Point, wall: Parabola) -> Curve:
-        """What stands between the edge and the side."""
+        """Face between the lens's edge and the side of the stem."""
         if self.kind != "smooth":
             return Segment(edge, wall.start)
         third_mm = (wall.start[1] - max(edge[1], wall.vertex[1])) / 3.0

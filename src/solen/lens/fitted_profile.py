@@ -65,7 +65,7 @@ class Deviation:
 
 @dataclass(frozen=True, repr=False)
 class FittedProfile(Result):
-    """A measured profile beside the oval that was asked for.
+    """A measured profile beside the designed oval.
 
     Raises
     ------
@@ -219,13 +219,13 @@ class FittedProfile(Result):
 
     @reported_once
     def scatter_um(self) -> float:
-        """What differs from point to point, along the normal, µm."""
+        """Scatter of the points along the normal, µm."""
         x, deviation = self.points
         return 1e3 * scatter_mm(x, deviation, self.designed.slope(x))
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
-        """What must be known of the profile before its response is trusted."""
+        """Warnings about the profile that concern its response."""
         return (*self.profile.warnings, *filter(None, (self._missing_warning(), self._scatter_warning())))
 
     def _missing_warning(self) -> str:

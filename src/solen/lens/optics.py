@@ -55,7 +55,7 @@ class Lens(Result, ABC):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What must be known before its response is believed, in sentences."""
+        """Warnings that concern the lens's response."""
         return ()
 
     @reported
@@ -302,7 +302,7 @@ class OvalLens(Lens):
 
 
 def _check_lengths(lens: Lens) -> None:
-    """Refuse a distance or a width that is not a length."""
+    """Reject a distance or a width that is not a length."""
     for name, value in (("emitter.distance_mm", lens.distance_mm), ("lens.half_width_mm", lens.half_width_mm)):
         check_numbers(name, value)
         if not value > 0.0:

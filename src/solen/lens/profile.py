@@ -1,4 +1,4 @@
-"""The profile of a lens as a picture, a scan or a print model gives it: points and their uncertainties.
+"""The profile of a lens from a picture, a scan or a print model: points and their uncertainties.
 
 The idea: whatever measures a printed lens or predicts one gives the same thing, a :class:`MeasuredProfile` in the frame
 of the designed lens: x lateral, z into the body, the designed vertex at the origin. It is z as a function of x; a

@@ -127,7 +127,7 @@ STRENGTHS = [float(strength) for strength in np.logspace(WEAKEST, STRONGEST, STE
 
 
 def _likeliest(fit: _Penalised) -> float:
-    """Strength of the greatest restricted likelihood."""
+    """Strength of maximum restricted likelihood."""
     return min(STRENGTHS, key=fit.unlikeliness)
 
 

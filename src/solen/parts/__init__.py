@@ -1,4 +1,4 @@
-"""Parts: what datasheets say of emitters, receivers, converters, trimmers and printers, and what an emitter is.
+"""Parts: data of emitters, receivers, converters, trimmers and printers, and the light of an emitter.
 
 `solen.parts.datasheet` holds the files and the library, `solen.parts.light` a design's emitter with the part it names,
 `solen.parts.printer` the printers.

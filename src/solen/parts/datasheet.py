@@ -38,7 +38,7 @@ Angle = Annotated[Number, Field(ge=0, le=180)]
 
 
 class Sourced(Strict):
-    """Something that says what it rests on."""
+    """A statement with its basis and source."""
 
     error: ClassVar[type[SolenError]] = DataError
 
@@ -118,7 +118,7 @@ class AdcRange(Sourced):
 
 
 class Sheet(Strict):
-    """What every part states."""
+    """Keys that every part states."""
 
     error: ClassVar[type[SolenError]] = DataError
 
@@ -139,7 +139,7 @@ class Sheet(Strict):
 
 
 class Datasheet(Sheet):
-    """What emitters and receivers may state."""
+    """Keys that emitters and receivers may state."""
 
     half_angle_deg: Quantity | None = Field(None, description="Angle from the axis at which it is half as strong.")
     package_width_mm: Quantity | None = Field(None, description="Longer side of the package.")
@@ -195,7 +195,7 @@ class ReceiverPart(Datasheet):
 
 
 class AdcPart(Sheet):
-    """A converter from volts to numbers."""
+    """An analogue-to-digital converter."""
 
     kind: Literal["adc"] = Field(description="adc.")
     bits: Annotated[int, Field(strict=True, ge=1, le=32)] = Field(description="resolution in bits.")
@@ -204,7 +204,7 @@ class AdcPart(Sheet):
 
 
 class TrimmerPart(Sheet):
-    """A resistor that is set by turning."""
+    """A trimmer resistor."""
 
     kind: Literal["trimmer"] = Field(description="trimmer.")
     resistance_ohm: Quantity = Field(description="a table with its whole resistance in ohm.")

@@ -1,4 +1,4 @@
-"""What a design's emitter sends out: its own keys, and for those that it leaves out, the part that it names.
+"""Light of a design's emitter: from its own keys, and otherwise from the part that it names.
 
 The idea: a design states what its author decided. What follows from a datasheet or a file is looked up here, once, and
 is plain numbers from then on: `Light`.

@@ -32,14 +32,14 @@ Count = Annotated[int, Field(strict=True, ge=1, le=MOST_PIXELS)]
 
 
 class Pixels(Sourced):
-    """How many pixels the projector has."""
+    """Numbers of pixels of the projector."""
 
     columns: Count = Field(description="pixels along X, a whole number.")
     rows: Count = Field(description="pixels along Y, a whole number.")
 
 
 class Mirror(Sourced):
-    """Along which axis the printer wants its pictures flipped, as a screen seen from below does."""
+    """Axis along which the printer needs its pictures flipped, as for a screen seen from below."""
 
     axis: Axis = Field(description="x, y or none.")
 

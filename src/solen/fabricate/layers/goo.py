@@ -59,7 +59,7 @@ def write_goo(target: Path, job: Job, part: Printable | None = None, watch: Watc
 
 
 def checked_for_goo(job: Job) -> Lift:
-    """How the plate moves, of a job that a .goo file can hold; see `write_goo`."""
+    """Lift of a job that a .goo file can hold; see `write_goo`."""
     printer = job.printer
     if printer.lift is None:
         limit = f"a .goo states how the plate moves, and the file of {printer.name} does not"

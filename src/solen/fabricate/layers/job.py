@@ -54,7 +54,7 @@ class Layer:
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """Copies of a solid on a printer, checked as it is made; ``greys`` says by which grey a covered share is drawn.
+    """Copies of a solid on a printer, checked when created; ``greys`` maps covered shares to grey values.
 
     Raises
     ------
@@ -169,7 +169,7 @@ class Job:
         )
 
     def layers(self) -> Iterator[Layer]:
-        """Layers from the plate on, each made when it is asked for."""
+        """Layers from the plate up, each computed on demand."""
         if isinstance(self.solid, Exposures):
             yield from self._pictures(self.solid)
             return
@@ -235,7 +235,7 @@ class Job:
 
     @property
     def mirror(self) -> Axis:
-        """Along which axis the pictures are flipped."""
+        """Axis along which the pictures are flipped."""
         printers = "none" if self.printer.mirror is None else self.printer.mirror.axis
         return self.slicing.mirror or printers
 
@@ -262,7 +262,7 @@ class Job:
         return math.ceil(self.slicing.copies / chosen), chosen
 
     def _check_pictures(self) -> None:
-        """Refuse what changes pictures where there are none, and a process that draws no grey another way."""
+        """Reject options of pictures if there are none, and a process without grey values."""
         slicing = self.slicing
         for key in ("format", "phase_px", "no_anti_aliasing", "process"):
             if slicing.sheet_only and getattr(slicing, key) != type(slicing).model_fields[key].default:
@@ -305,7 +305,7 @@ def _fits(size: tuple[float, float, float], room: tuple[float, float, float]) ->
 
 
 def _remedy(size: tuple[float, float, float], room: tuple[float, float, float]) -> str:
-    """What to do about a part that is too large."""
+    """Remedy for a part that is too large."""
     x, y, z = size
     if _fits((y, x, z), room):
         return "turn it with --rotate-deg 0 0 90"

@@ -1,4 +1,4 @@
-"""What is known of a print in layers: its numbers, its settings, and what to mind before printing it."""
+"""Summary of a print in layers: its numbers, its settings, and warnings before printing."""
 
 import math
 from dataclasses import dataclass, field
@@ -76,7 +76,7 @@ class LayeredPrint(Result):
 
 
 def layered_print(job: Job, part: Printable, stl: str, stack: Stack | None) -> LayeredPrint:
-    """What is known of a job; ``stl`` names its STL file, ``stack`` is None where no pictures are made."""
+    """Summary of a job; ``stl`` names its STL file, ``stack`` is None without pictures."""
     settings = print_settings(job, name=part.label.name, stl=stl, material=part.material, cure=part.cure)
     rows, columns = job.printer.shape
     volume_mm3 = None if stack is None else stack.volume_mm3
@@ -128,7 +128,7 @@ def _of_printer(job: Job) -> list[Caution]:
 
 
 def _of_greys(job: Job) -> list[Caution]:
-    """Greys that were measured with other pixels."""
+    """Warning of greys that were measured with other pixels."""
     here, there = tuple(1000.0 * side for side in job.printer.pitches_mm), job.greys.pixels_um
     if not job.greys.answer or there is None or all(map(math.isclose, here, there)):
         return []
@@ -156,7 +156,7 @@ def _of_size(job: Job) -> list[Caution]:
 
 
 def _of_burn_in(job: Job) -> list[Caution]:
-    """Burn-in of a part that ends within it: no layer has the exposure that was meant for all others."""
+    """Warning of a part that ends within the burn-in, so that no layer has the normal exposure."""
     slicing = job.slicing
     if job.count != job.burn_in_layers or slicing.burn_in_s == slicing.exposure_s:
         return []
@@ -170,7 +170,7 @@ def _of_burn_in(job: Job) -> list[Caution]:
 
 
 def _of_level_faces(job: Job) -> list[Caution]:
-    """Faces between the heights of two layers, which are printed at one of them."""
+    """Warning of level faces between the heights of two layers, which are printed at one of them."""
     faces = [height for height in job.solid.heights_mm if 0.0 < height < job.solid.size_mm[2] - 1e-4]
     moves_um = [abs(math.ceil(height / job.layer_mm - 0.5) * job.layer_mm - height) * 1000.0 for height in faces]
     between = [height for height, move_um in zip(faces, moves_um, strict=True) if move_um > HEIGHT_UM]

@@ -1,4 +1,4 @@
-"""How a part lies on the plate: rotations of its own axes X, Y, Z, of which Z points away from the plate."""
+"""Orientation of a part on the plate: rotations of its axes X, Y, Z, of which Z points away from the plate."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""A part ready for the printer: turned as it is printed, with its STL, its label and its resin.
+"""A part ready for the printer: oriented as printed, with its STL, label and resin.
 
 The idea: a design gives exact outlines, a mesh file gives triangles; after this both are a `Printable`, of which a
 `Job` makes layers.

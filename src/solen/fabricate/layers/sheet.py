@@ -21,7 +21,7 @@ SHEET_SCHEMA = 1
 
 @dataclass(frozen=True)
 class Picture:
-    """A piece that is exposed alone, its exposure and its dose."""
+    """A separately exposed piece, with its exposure and dose."""
 
     feature: str
     exposure_s: float
@@ -183,7 +183,7 @@ def _settings(s: PrintSettings) -> list[tuple[str, str]]:
 
 
 def _pictured(s: PrintSettings) -> list[tuple[str, str]]:
-    """How solen's own pictures are drawn."""
+    """Description of how solen's pictures are drawn."""
     if s.phase_px is None:
         return []
     x, y = s.phase_px

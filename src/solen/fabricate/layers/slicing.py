@@ -1,4 +1,4 @@
-"""Options of a print in layers: how the part lies, how often it is repeated, how it is cut and exposed."""
+"""Options of a print in layers: orientation, copies, slicing and exposure of the part."""
 
 from pathlib import Path
 from typing import Annotated, Literal

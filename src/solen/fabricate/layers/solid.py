@@ -1,4 +1,4 @@
-"""What is cut into layers: exact outlines at heights, or a closed mesh, with its lowest corner at the origin.
+"""Solids to be sliced: exact outlines at heights, or a closed mesh, with the lowest corner at the origin.
 
 A part that is printed flat needs no mesh: between two of its heights it is one plan, so all layers there are the same.
 Anything else is a mesh, cut by `solen.fabricate.layers.cut`; shells that overlap are united by manifold3d before.
@@ -35,7 +35,7 @@ LEVEL_MM = 1e-5
 
 @dataclass(frozen=True, eq=False)
 class Solid(ABC):
-    """A solid as it is printed: over the plate from Z = 0, its least X and Y at 0.
+    """A solid in its printed position: above the plate from Z = 0, with its least X and Y at 0.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ class Solid(ABC):
 
 @dataclass(frozen=True, eq=False)
 class Plan(Solid):
-    """Outlines that hold from one height to the next: ``rings[numbers[i]]`` from ``heights_mm[i]`` up."""
+    """Outlines that are valid from one height to the next: ``rings[numbers[i]]`` from ``heights_mm[i]`` up."""
 
     numbers: tuple[int, ...]
     rings: tuple[Rings, ...]
@@ -82,7 +82,7 @@ class Plan(Solid):
 
 @dataclass(frozen=True, eq=False)
 class Exposures(Solid):
-    """Pieces of one layer that are exposed one after the other, each for its own time, and not lifted in between.
+    """Pieces of one layer that are exposed in turn, each for its own time, without a lift in between.
 
     With ``greys``, one for each piece, 0 to 1, they are exposed together for the first time, each by its grey.
     """
@@ -105,7 +105,7 @@ class Exposures(Solid):
 
 @dataclass(frozen=True, eq=False)
 class Slices(Solid):
-    """A closed mesh that is cut when asked; ``overlap_mm3`` is what its shells filled twice before they were united."""
+    """A closed mesh that is sliced on demand; ``overlap_mm3`` is the overlap of its shells before they were united."""
 
     cutter: Cutter
     overlap_mm3: float = 0.0
@@ -164,7 +164,7 @@ def mesh_solid(mesh: Mesh, rotation: FloatArray, name: str = "mesh") -> Slices:
 
 
 def _united(mesh: Mesh, name: str) -> Mesh:
-    """A mesh whose shells are one where they overlap; itself where none do."""
+    """A mesh with overlapping shells united; the mesh itself if none overlap."""
     from manifold3d import Error, Manifold, Mesh64, OpType
 
     solid = Manifold(Mesh64(np.ascontiguousarray(mesh.vertices), mesh.triangles.astype(np.uint64)))
@@ -227,7 +227,7 @@ def _across(prisms: Sequence[Prism], low: float, high: float) -> tuple[int, ...]
 
 
 def _rings(prisms: Sequence[Prism], tools: Sequence[Prism]) -> list[FloatArray]:
-    """Rings of prisms less tools; there is air between two prisms where none is."""
+    """Rings of prisms minus tools, with air wherever there is no prism."""
     if not prisms:
         return []
     import shapely

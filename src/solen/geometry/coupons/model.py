@@ -1,4 +1,4 @@
-"""A coupon: features of nominal place and size on a slab, and how the source that it follows was read.
+"""A coupon: features of nominal position and size on a slab, and the interpretation of its source.
 
 A coupon lies on the build plate as seen from above: x to the right, y up, its middle at the origin; heights count from
 the plate. A `Feature` is a round or rectangular column or hole; a `Gap` is the free distance between two columns, a
@@ -29,7 +29,7 @@ TOUCH_MM = 1e-6
 
 
 class _Table:
-    """What files hold of coupons: unknown keys are refused."""
+    """Tables of coupon files; unknown keys are rejected."""
 
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
 
@@ -143,7 +143,7 @@ class Stage(_Table):
 
 @dataclass(frozen=True)
 class Reading(_Table):
-    """What the source prints about something, and how it was read."""
+    """A statement of the source, and its interpretation."""
 
     about: str
     printed: str
@@ -242,7 +242,7 @@ class Coupon(_Table):
 
     @property
     def measured_kinds(self) -> tuple[str, ...]:
-        """What an image or a z map of it shows: some of ``pillar``, ``hole``, ``gap``, ``step``."""
+        """Kinds of features that an image or a z map shows: some of ``pillar``, ``hole``, ``gap``, ``step``."""
         kinds = [kind for kind in ("pillar", "hole") if any(feature.kind == kind for feature in self.features)]
         return (*kinds, *(["gap"] if self.gaps else []), *(["step"] if self.steps else []))
 

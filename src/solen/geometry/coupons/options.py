@@ -1,4 +1,4 @@
-"""Parameters of the coupons, and the readings of what their source leaves open or prints in two ways.
+"""Parameters of the coupons, and interpretations where their source is silent or contradicts itself.
 
 The source is the Methods section of the paper on 3D-printed soft optical sensors with a lens. Four of its statements
 cannot be printed as they stand; each is an option here, and the default is explained in the coupon's `Reading`.

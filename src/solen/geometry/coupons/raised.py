@@ -184,7 +184,7 @@ def _on_slab(
 
 
 def _placed(features: Row, middle: tuple[float, float], gaps: tuple[Gap, ...], options: CouponOptions) -> Row:
-    """Features counted from the middle and snapped; what stands at a stated gap moves with its neighbour."""
+    """Features relative to the middle and snapped to pixels; a feature at a stated gap moves with its neighbour."""
     leads = {gap.between[1]: gap.between[0] for gap in gaps}
     by: dict[str, float] = {}
     placed = []
@@ -210,7 +210,7 @@ def _marks(half_width: float, half_depth: float, top_mm: float, options: CouponO
 
 
 def _own(options: CouponOptions) -> tuple[Reading, ...]:
-    """What solen adds to the source's coupon."""
+    """Additions of solen to the source's coupon."""
     added = ["three round marks of 1 mm"] if options.marks else []
     added += [f"a corner bevelled by {options.bevel_mm:g} mm"] if options.bevel_mm else []
     return (Reading("marks", "none", f"{' and '.join(added)}, to orient an image"),) if added else ()

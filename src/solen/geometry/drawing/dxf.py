@@ -1,4 +1,4 @@
-"""Drawings of CAD programs: DXF, whose layers name the faces and whose header says the unit.
+"""Drawings of CAD programs: DXF, whose layers name the faces and whose header states the unit.
 
 Lines, arcs, circles, ellipses, polylines with bulges, splines and blocks are understood. A spline without weights up
 to degree 3 is taken exactly, as its Bézier pieces; an ellipse, a rational spline or one of a higher degree becomes a
@@ -100,7 +100,7 @@ class _Reader:
         return Drawing(tuple(self._strokes), tuple(self._lamps), tuple(self._points))
 
     def _shown(self, entities: Iterable[Any], inherited: str, depth: int) -> Iterator[tuple[Any, str]]:
-        """Entities on visible layers with their layer's name, blocks and polylines taken apart."""
+        """Entities on visible layers with their layer's name; blocks and polylines are exploded."""
         for entity in entities:
             layer = inherited if entity.dxf.layer == "0" else entity.dxf.layer
             if entity.dxftype() in NOTES or not self._visible(layer) or is_aside(face_name(layer)):
@@ -156,7 +156,7 @@ class _Reader:
         )
 
     def _arc(self, entity: Any) -> Arc:
-        """Arc, whose own plane may look at us from behind: then it is mirrored."""
+        """Arc; mirrored if its plane faces away from the viewer."""
         dxf, across = entity.dxf, entity.dxf.extrusion
         if abs(across.x) > UPRIGHT or abs(across.y) > UPRIGHT:
             limit = "is not drawn in the x-y plane"
@@ -190,6 +190,6 @@ class _Reader:
 
 
 def _what(entity: Any) -> str:
-    """How an error names an entity; parts of blocks and polylines have no handle."""
+    """Name of an entity in errors; parts of blocks and polylines have no handle."""
     handle = f" {entity.dxf.handle}" if entity.dxf.handle else ""
     return f"{entity.dxftype()}{handle} on layer {entity.dxf.layer}"

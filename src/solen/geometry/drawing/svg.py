@@ -62,7 +62,7 @@ def read_svg(path: Path, units: str | None) -> Drawing:
 
 
 def _scale(path: Path, root: ET.Element, units: str | None) -> float:
-    """Millimetres in a user unit: as the width in mm or inches and the view box say."""
+    """Millimetres per user unit, from the width in mm or inches and the view box."""
     if units is not None:
         return UNITS_MM[units]
     box = [float(number) for number in NUMBER.findall(root.get("viewBox", ""))]
@@ -84,7 +84,7 @@ def _scale(path: Path, root: ET.Element, units: str | None) -> float:
 
 
 class _Reader:
-    """Collects what an SVG file shows."""
+    """Collects the visible content of an SVG file."""
 
     def __init__(self, root: ET.Element, where: str) -> None:
         self._root, self._where = root, where
@@ -127,7 +127,7 @@ class _Reader:
         self._element(original, onto.after(shift), name, depth + 1)
 
     def _take(self, name: str, what: str, pieces: list[Piece], onto: Affine, *, is_round: bool) -> None:
-        """A mark, an emitter, or the strokes of one element."""
+        """Collect a mark, an emitter, or the strokes of one element."""
         placed = [piece.moved(onto) for piece in pieces]
         if not placed:
             raise DataError(
@@ -222,7 +222,7 @@ def _rectangle(data: Mapping[str, str]) -> Iterator[Piece]:
 
 
 def _name(element: ET.Element) -> str | None:
-    """Name that an element has of its own."""
+    """Name given to an element itself."""
     classes = element.get("class", "").split()
     for text in (element.get(LABEL), classes[0] if classes else None, element.get("id")):
         if text and not MADE_UP.fullmatch(text.strip()):

@@ -38,18 +38,18 @@ class Affine:
         return affine
 
     def after(self, first: "Affine") -> "Affine":
-        """The map that does ``first`` and then this one."""
+        """Composition: ``first``, then this map."""
         return Affine(
             *self.vector((first.a, first.b)), *self.vector((first.c, first.d)), *self.point((first.e, first.f))
         )
 
     def point(self, p: Point) -> Point:
-        """Where a point goes."""
+        """Image of a point."""
         x, y = self.vector(p)
         return (x + self.e, y + self.f)
 
     def vector(self, v: Point) -> Point:
-        """Where a difference of points goes."""
+        """Image of a vector."""
         return (self.a * v[0] + self.c * v[1], self.b * v[0] + self.d * v[1])
 
 
