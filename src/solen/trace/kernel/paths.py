@@ -81,7 +81,7 @@ def start(family: FamilyInSpace, u: float) -> tuple[float, float, Vector]:
     return family.x + u * family.along_x, family.z + u * family.along_z, d
 
 
-@called
+@compiled
 def add_ray(k: Precision, tables: Tables, family: FamilyInSpace, room: PathRoom, n: int, u: float) -> None:
     """Trace the ray at a parameter and keep it as number n."""
     first = room.counts[3]
