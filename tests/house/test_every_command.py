@@ -35,6 +35,8 @@ from tests.analysis.diagnosis_support import response
 from tests.analysis.made_support import Protocol, Truth, made
 from tests.analysis.switching_support import stream
 from tests.bench.rig_support import PROTOCOL, RIG
+from tests.bench.video_support import Camera as VideoCamera
+from tests.bench.video_support import cells, seen_by, write_avi
 from tests.command_support import misfits
 from tests.fabricate.test_printed_command import features_file, sure
 from tests.metrology.coupon_support import Camera, Print
@@ -93,6 +95,7 @@ ROWS = {
     "bench run": "rig/protocol.toml --rig rig/rig.toml --out recorded",
     "bench recover": "left/protocol.journal",
     "bench recordings": "recorded",
+    "bench video": "turn.avi --out turn.csv",
     "bench demodulate": "switched.csv --figure switched.svg --out readings.csv",
     "bench analyse": "S1.csv --figure response.svg --traces traces.svg --out analysis.json",
     "bench diagnose": f"S1.csv --design {DESIGN} --figure diagnosis.svg --out diagnosis.json",
@@ -136,6 +139,8 @@ def write_inputs(folder: Path) -> None:
     time, volts, state = stream(60, lambda t: 4.0 - 0.5 * t, 1)
     table = np.column_stack([time, volts[:, 0], state])
     np.savetxt(folder / "switched.csv", table, delimiter=",", header="time_s,right (V),led", comments="", fmt="%.9g")
+    eye = VideoCamera(seen_by(20.0, 0.0), cells("DICT_4X4_1000", 3, 6))
+    write_avi(folder / "turn.avi", (eye.picture(0.1 * place) for place in range(20)), 30.0)
     signals = made(Truth(noise_V=0.01, protocol=Protocol(hold_s=0.2)))
     rows = np.column_stack([signals.time_s, signals.angle_deg, signals.volts])
     np.savetxt(

@@ -61,6 +61,7 @@ COMMANDS: dict[str, tuple[tuple[str, str, str], ...]] = {
         ("run", "bench.record:run", "Run a protocol on a rig, real or simulated, and record it."),
         ("recover", "bench.record:recover", "Turn the journal of an interrupted run into a recording."),
         ("recordings", "bench.record:recordings", "List the recordings in a folder."),
+        ("video", "bench.video:video", "Read an angle from a video of a marker, as a motion log."),
         ("demodulate", "bench.demodulate:demodulate", "Subtract ambient light from a switched recording."),
         ("analyse", "bench.analyse:analyse", "Compute cycles, response curves and figures of merit."),
         ("diagnose", "bench.diagnose:diagnose", "Estimate decentre, chip width, loss and gains."),

@@ -1,0 +1,329 @@
+"""An angle from a video: a marker on what turns, seen by any camera that stands still.
+
+The idea: a protractor's angle is read picture by picture (`solen.bench.marker`), at the times that the file gives its
+pictures, however uneven. Where the emitters' own light is seen, going on as a run begins, that moment is the
+recording's first; else the difference of both clocks is stated, or left to analysis, which finds the lag of a log in
+the signals.
+
+What a camera does to time stays: rows are read one after the other, and a stamp may be that of any moment of an
+exposure. Both delay all pictures alike, as a lag of the log.
+
+The interface: `motion_of` a video with `VideoOptions` gives a `VideoMotion`, whose `csv` is a motion log.
+"""
+
+import os
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from solen.arrays import FloatArray
+from solen.bench.marker import Dictionary, Finder, refined, turns
+from solen.errors import DataError, SpecError
+from solen.extras import need
+from solen.files import check_seal
+from solen.ranks import Caution, look_at, note
+from solen.results import HIDDEN, Result
+from solen.spec.strict import Options
+
+LEAST = 16
+"""Pictures with the marker, at the least."""
+GAP = 1.5
+"""Times the usual interval from which on pictures are missing."""
+UNEVEN = 0.02
+"""Share of the usual interval by which intervals may vary without a word."""
+BEGIN_S = 0.5
+"""The angle counts from where the marker stands so long at the beginning."""
+CONTRAST = 6.0
+"""A glow stands out of its noise by so much."""
+
+
+class VideoOptions(Options):
+    """How an angle is read from a video, and whose clock its times are put on."""
+
+    dictionary: Dictionary = "4x4"
+    """Which family the marker is of: ArUco by its cells, or AprilTag."""
+    marker: Annotated[int, Field(ge=0)] | None = None
+    """Its number; default: the only one that is seen."""
+    glow: tuple[int, int, int, int] | None = None
+    """Where the emitters' light is seen: left, top, width, height in pixels. Their going on is time 0."""
+    recording: Path | None = None
+    """With --glow: recording of solen bench run that began with it, whose clock the times are put on."""
+    offset_s: float | None = None
+    """Time of the recording less that of the video, where it is known."""
+    readout_ms: Annotated[float, Field(ge=0, le=200)] = 0.0
+    """From the reading of a picture's first row to that of its last (a rolling shutter)."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class VideoMotion(Result):
+    """A marker's angle over time.
+
+    Attributes
+    ----------
+    path
+        The video.
+    marker
+        The marker's number.
+    pictures, without, ambiguous
+        How many there are; how many of them show no marker that could be followed; how many show it more than once.
+    rate_hz
+        Pictures per second, by the usual interval.
+    longest_gap_s
+        Longest time without an angle.
+    low_deg, high_deg
+        Range of the angle.
+    u_angle_deg
+        Standard uncertainty of an angle: the larger of what the corners' misfit shows and what varies from picture to
+        picture.
+    misfit_px
+        Root mean square by which a coordinate of a corner misses a square in a plane.
+    glow_s
+        Times of the video at which the emitters went on, and off; none where they were not looked for.
+    u_start_s
+        Standard uncertainty of the first: half an interval, evenly spread.
+    time_s, angle_deg
+        The motion, (N,); counter-clockwise is positive, and 0 is where the marker stands at the beginning.
+    warnings
+        What cannot be concluded.
+    """
+
+    path: Path = field(metadata=HIDDEN)
+    marker: int
+    pictures: int
+    without: int
+    ambiguous: int
+    rate_hz: float
+    longest_gap_s: float
+    low_deg: float
+    high_deg: float
+    u_angle_deg: float
+    misfit_px: float
+    glow_s: tuple[float, ...]
+    u_start_s: float | None
+    time_s: FloatArray = field(metadata=HIDDEN)
+    angle_deg: FloatArray = field(metadata=HIDDEN)
+    warnings: tuple[Caution, ...]
+
+    @property
+    def csv(self) -> str:
+        """A motion log: time, angle, and its uncertainty."""
+        rows = (
+            f"{at:.6f},{angle:.5f},{self.u_angle_deg:.5f}"
+            for at, angle in zip(self.time_s, self.angle_deg, strict=True)
+        )
+        return "\n".join(["time_s,angle_deg,u_angle_deg", *rows, ""])
+
+
+@dataclass
+class _Seen:
+    """What pictures show: times, the glow's brightness, and of those with the marker its corners."""
+
+    time_s: list[float] = field(default_factory=list)
+    glow: list[float] = field(default_factory=list)
+    places: list[int] = field(default_factory=list)
+    corners: list[FloatArray] = field(default_factory=list)
+    ambiguous: int = 0
+    height: int = 1
+
+
+def motion_of(path: Path, options: VideoOptions = VideoOptions()) -> VideoMotion:
+    """Angle of a marker in a video.
+
+    Raises
+    ------
+    DataError, SpecError
+        Where the video cannot be read, shows no marker or several, or options do not go together.
+    """
+    _check(options)
+    number, seen = _looked(path, options)
+    warnings: list[Caution] = []
+    stamped = _times(np.array(seen.time_s), warnings)
+    found = turns(np.array(seen.corners))
+    time_s = stamped[seen.places] + 1e-3 * options.readout_ms * found.row / seen.height
+    if options.readout_ms == 0.0:
+        warnings.append(
+            note("a rolling shutter and the exposure delay the angle by up to an interval: a lag of the log")
+        )
+    angle = found.angle_deg - np.median(found.angle_deg[time_s <= time_s[0] + BEGIN_S])
+    interval = float(np.median(np.diff(stamped)))
+    missing = len(stamped) - len(seen.places) - seen.ambiguous
+    if missing or seen.ambiguous:
+        shown = f"{missing} pictures show no marker that can be followed, {seen.ambiguous} show it twice"
+        warnings.append(look_at(shown))
+    glow_s = _glow(stamped, np.array(seen.glow)) if options.glow is not None else ()
+    return VideoMotion(
+        path,
+        number,
+        pictures=len(stamped),
+        without=missing,
+        ambiguous=seen.ambiguous,
+        rate_hz=1.0 / interval,
+        longest_gap_s=float(np.diff(time_s).max()),
+        low_deg=float(angle.min()),
+        high_deg=float(angle.max()),
+        u_angle_deg=max(found.u_angle_deg, _scatter(angle)),
+        misfit_px=found.misfit_px,
+        glow_s=glow_s,
+        u_start_s=interval / np.sqrt(12.0) if glow_s else None,
+        time_s=time_s + _offset(options, glow_s, interval, warnings),
+        angle_deg=angle,
+        warnings=tuple(warnings),
+    )
+
+
+def _check(options: VideoOptions) -> None:
+    if options.glow is not None and options.offset_s is not None:
+        raise SpecError("--offset-s", limit="is known already by --glow", remedy="give one of both")
+    if options.recording is not None and options.glow is None:
+        raise SpecError("--recording", limit="needs --glow, which shows when it began", remedy="or give --offset-s")
+
+
+def _pictures(path: Path) -> Iterator[tuple[float, FloatArray]]:
+    """Time in s and grey levels of each picture."""
+    need("cv2", what=str(path), doing="reading a video", error=DataError)
+    import cv2
+
+    if not path.is_file():
+        raise DataError(str(path), limit="no such file")
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # what is wrong is said in one line
+    video = cv2.VideoCapture(str(path))
+    try:
+        if not video.isOpened():
+            raise DataError(str(path), limit="is no video that OpenCV can read", remedy="convert it to MP4 (H.264)")
+        while True:
+            there, picture = video.read()
+            if not there:
+                return
+            grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
+            yield 1e-3 * float(video.get(cv2.CAP_PROP_POS_MSEC)), np.asarray(grey, float)
+    finally:
+        video.release()
+
+
+def _looked(path: Path, options: VideoOptions) -> tuple[int, _Seen]:
+    """The marker's number, and what the pictures show."""
+    finder, seen, numbers = Finder(options.dictionary), _Seen(), Counter[int]()
+    one = options.marker
+    for time_s, picture in _pictures(path):
+        seen.time_s.append(time_s)
+        if options.glow is not None:
+            seen.glow.append(_mean(picture, options.glow))
+        markers = finder(picture)
+        numbers.update({number for number, _ in markers})
+        if one is None and markers:
+            one = _only(path, [number for number, _ in markers])
+        mine = [corners for number, corners in markers if number == one]
+        if len(mine) > 1:
+            seen.ambiguous += 1
+        elif mine and (corners := refined(picture, mine[0])) is not None:
+            seen.places.append(len(seen.time_s) - 1)
+            seen.corners.append(corners)
+        seen.height = len(picture)
+    if one is None or len(seen.places) < LEAST:
+        raise _not_seen(path, options, seen, numbers)
+    return one, seen
+
+
+def _only(path: Path, numbers: list[int]) -> int:
+    if len(set(numbers)) > 1:
+        limit = f"shows markers {', '.join(map(str, sorted(set(numbers))))}"
+        raise DataError(str(path), limit=limit, remedy="name the one that turns with --marker")
+    return numbers[0]
+
+
+def _not_seen(path: Path, options: VideoOptions, seen: _Seen, numbers: Counter[int]) -> DataError:
+    what = f"marker {options.marker}" if options.marker is not None else f"{options.dictionary} marker"
+    limit = (
+        f"shows a {what} that can be followed in {len(seen.places)} of {len(seen.time_s)} pictures; {LEAST} are needed"
+    )
+    others = ", ".join(str(number) for number in sorted(numbers) if number != options.marker)
+    remedy = (
+        f"it shows {others}" if others else "is it sharp, with a white border, of 24 pixels or more? see --dictionary"
+    )
+    return DataError(str(path), limit=limit, remedy=remedy)
+
+
+def _mean(picture: FloatArray, region: tuple[int, ...]) -> float:
+    left, top, width, height = region
+    inside = picture[max(top, 0) : top + height, max(left, 0) : left + width]
+    if min(left, top) < 0 or inside.shape != (height, width) or inside.size == 0:
+        limit = f"must lie within the picture, of {picture.shape[1]} by {picture.shape[0]} pixels"
+        raise SpecError("--glow", value=" ".join(map(str, region)), limit=limit)
+    return float(inside.mean())
+
+
+def _times(stamps: FloatArray, warnings: list[Caution]) -> FloatArray:
+    """Times of the pictures as they are, with what is uneven about them."""
+    steps = np.diff(stamps)
+    if len(steps) == 0 or not (steps > 0.0).all():
+        limit = "does not give its pictures times that rise"
+        raise DataError("video", limit=limit, remedy="convert it, to MP4 for instance")
+    usual = float(np.median(steps))
+    gaps = steps[steps > GAP * usual]
+    if len(gaps):
+        warnings.append(look_at(f"{len(gaps)} gaps in the video, up to {gaps.max():.3g} s: pictures were dropped"))
+    spread = float(np.std(steps[steps <= GAP * usual]))
+    if spread > UNEVEN * usual:
+        vary = f"intervals vary by {1e3 * spread:.2g} ms about {1e3 * usual:.3g} ms"
+        warnings.append(note(f"the video's {vary}: times are its own"))
+    return stamps
+
+
+def _scatter(angle: FloatArray) -> float:
+    """Noise of an angle by second differences, most of which are of rest or of steady motion."""
+    bends = np.diff(angle, 2)
+    return float(1.4826 * np.median(np.abs(bends)) / np.sqrt(6.0))
+
+
+def _glow(time_s: FloatArray, level: FloatArray) -> tuple[float, ...]:
+    """When the emitters are seen to go on, and off if they are; `DataError` where no glow stands out."""
+    low, high = np.percentile(level, [2, 98])
+    noise = 1.4826 * float(np.median(np.abs(np.diff(level)))) / np.sqrt(2.0)
+    lit = level > 0.5 * (low + high)
+    if high - low < max(CONTRAST * noise, 1.0) or lit[0]:
+        limit = "begins with the glow on" if high - low >= max(CONTRAST * noise, 1.0) else "shows no glow there"
+        remedy = "begin the video before the run, and name a place where emitters are seen, with --glow"
+        raise DataError("video", limit=limit, remedy=remedy)
+    on, last = int(np.argmax(lit)), len(lit) - 1 - int(np.argmax(lit[::-1]))
+    times = [0.5 * (time_s[on - 1] + time_s[on])]
+    if last < len(lit) - 1:
+        times.append(0.5 * (time_s[last] + time_s[last + 1]))
+    return tuple(float(one) for one in times)
+
+
+def _offset(options: VideoOptions, glow_s: tuple[float, ...], interval_s: float, warnings: list[Caution]) -> float:
+    """What puts times of the video on the clock of the recording."""
+    if not glow_s:
+        return options.offset_s or 0.0
+    if options.recording is None:
+        return -glow_s[0]
+    begin_s, end_s = _lit(options.recording)
+    if len(glow_s) == 2:
+        off_s = (glow_s[1] - glow_s[0]) - (end_s - begin_s)
+        if abs(off_s) > 2.0 * interval_s + 0.1:
+            longer = (
+                f"emitters are seen for {glow_s[1] - glow_s[0]:.2f} s, and the recording lasts "
+                f"{end_s - begin_s:.2f} s: is it of this video? pictures dropped without a trace shift all after them"
+            )
+            warnings.append(look_at(longer))
+    return begin_s - glow_s[0]
+
+
+def _lit(path: Path) -> tuple[float, float]:
+    """When a recording's emitters went on, and off."""
+    need("h5netcdf", what=str(path), doing="reading a recording", error=DataError)
+    import h5netcdf
+
+    check_seal(path, DataError)
+    try:
+        with h5netcdf.File(path, "r") as file:
+            times = file.variables["time_s"]
+            return float(times[0]), float(times[-1])
+    except (OSError, KeyError, IndexError):
+        limit, remedy = "holds no times of its root", "name a recording of solen bench run"
+        raise DataError(str(path), limit=limit, remedy=remedy) from None

@@ -1,0 +1,36 @@
+"""A motion log from a video of a marker."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from solen import files
+from solen.bench.video import VideoMotion, VideoOptions, motion_of
+from solen.pipeline.options import FLAT
+from solen.pipeline.outputs import check_table, named
+from solen.results import Outcome
+
+Log = Annotated[Path | None, Parameter(name="--out", help="Write the angle over time to this .csv, a motion log.")]
+
+
+def video(
+    file: Path, /, *, options: Annotated[VideoOptions, FLAT] = VideoOptions(), out: Log = None
+) -> Outcome[VideoMotion]:
+    """Read an angle from a video of an ArUco or AprilTag marker that turns, as a motion log for solen bench analyse.
+
+    Parameters
+    ----------
+    file
+        A video that OpenCV reads; the camera stands still.
+
+    Raises
+    ------
+    DataError, SpecError, OutputError
+        In one line, where the file, an option or an output is not what it should be.
+    """
+    check_table(out, "angles")
+    motion = motion_of(file, options)
+    if out is not None:
+        files.write_all({out: motion.csv.encode("utf-8")})
+    return Outcome(motion, named(out=out))
