@@ -229,7 +229,7 @@ def test_one_receiver_is_enough_where_its_side_is_known() -> None:
 
 def test_receivers_without_a_side_are_refused() -> None:
     nameless = replace(made(Lit()), receivers=("ai0", "ai1"))
-    with pytest.raises(DataError, match="do not tell right from left"):
+    with pytest.raises(DataError, match="do not distinguish right from left"):
         diagnosed(sensor_response([nameless], AnalysisOptions()), response(), KNOWN)
     twice = replace(made(Lit()), receivers=("right_1", "right_2"))
     with pytest.raises(DataError, match="both the right one"):

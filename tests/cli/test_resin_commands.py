@@ -250,7 +250,7 @@ def holding(text: bytes, option: str = "index") -> Callable[[], list[str]]:
         (damaged("stiffness", modulus_MPa="1.5"), "bad.json: modulus_MPa = '1.5'; must be a number"),
         (lambda: ["--formulation", "a:75,b:20"], "formulation = '95 %'; must add up to 100 % by weight, to within 0.1"),
         (lambda: ["--formulation", "a:75,b"], "--formulation = 'b'; is not of the form name:number"),
-        (lambda: ["--formulation", "a:50,a:50"], "formulation = 'a'; each component stands once; add its shares up"),
+        (lambda: ["--formulation", "a:50,a:50"], "formulation = 'a'; each component may occur once; add its shares up"),
         (lambda: ["--formulation", "a:120,b:-20"], "--formulation: wt_percent = -20.0; must be greater than 0"),
         (lambda: ["--cure", "cure.json", "--orientation", "flat"], "--orientation = 'flat'; is of --cutback; add it"),
         (lambda: ["--cure", "cure.json", "--label", "PU"], "--label = 'PU'; is of --stiffness; add it"),

@@ -77,7 +77,7 @@ def test_a_file_holds_an_index_of_each_kind(index: str, kind: type, at_500_nm: f
         (f'{HEAD}{N}[[formulation]]\ncomponent = "a"\nwt_percent = 99', "formulation = '99 %'; must add up to 100 %"),
         (
             HEAD + N + '[[formulation]]\ncomponent = "a"\nwt_percent = 50\n' * 2,
-            "formulation = 'a'; each component stands once",
+            "formulation = 'a'; each component may occur once",
         ),
         (
             f'{HEAD}{N}[[loss.by_orientation]]\norientation = "flat"\nabsorption_per_m = 1',

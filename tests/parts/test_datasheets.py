@@ -210,9 +210,9 @@ def test_what_is_written_gives_the_same_light(emitter: dict[str, object]) -> Non
         ({"width_mm": -0.1}, "emitter.width_mm = -0.1; must be at least 0"),
         ({"spectrum": ()}, "emitter.spectrum = (); must have at least 1"),
         ({"spectrum": ((850.0, 0.0),)}, "emitter.spectrum[0][1] = 0.0; must be greater than 0"),
-        ({"spectrum": ((850.0, 1.0),), "fwhm_nm": 30.0}, "emitter.fwhm_nm = 30.0; has no meaning beside spectrum"),
-        ({"ray_file": "a.dat", "width_mm": 0.2}, "emitter.width_mm; has no meaning beside ray_file"),
-        ({"ray_file": "a.dat", "part": "VSMY1850"}, "emitter.part; has no meaning beside ray_file"),
+        ({"spectrum": ((850.0, 1.0),), "fwhm_nm": 30.0}, "emitter.fwhm_nm = 30.0; cannot be combined with spectrum"),
+        ({"ray_file": "a.dat", "width_mm": 0.2}, "emitter.width_mm; cannot be combined with ray_file"),
+        ({"ray_file": "a.dat", "part": "VSMY1850"}, "emitter.part; cannot be combined with ray_file"),
         ({"cone_deg": 361.0}, "emitter.cone_deg = 361.0; must be at most 360"),
     ],
     ids=str,
@@ -225,7 +225,7 @@ def test_what_does_not_go_together_is_refused(emitter: dict[str, object], words:
 
 
 def test_ambient_light_is_stated_once() -> None:
-    with pytest.raises(SpecError, match=r"irradiance_per_mm = 0\.1; has no meaning beside power"):
+    with pytest.raises(SpecError, match=r"irradiance_per_mm = 0\.1; cannot be combined with power"):
         Design(name="one", material={"index": 1.44}, ambient={"power": 1.0, "irradiance_per_mm": 0.1})
 
 

@@ -358,7 +358,7 @@ def test_what_a_recording_cannot_say_is_said(tmp_path: Path) -> None:
 
     assert "--zero-deg 90 counts from there" in warnings(signals.angle_deg + 90.0, signals.volts)
     told = warnings(signals.angle_deg, 0.0 * signals.volts + 2.5)
-    assert "does not answer to the angle" in told
+    assert "does not respond to the angle" in told
     assert "both move" not in told
 
 

@@ -142,7 +142,7 @@ def test_refusals_are_one_line(tmp_path: Path, design: Path) -> None:
         DiagnosisOptions(spread=("emitter.distance_mm",))
     assert DiagnosisOptions(spread=("emitter.distance_mm=0.02",)).spreads["emitter.distance_mm"] == 0.02
     nameless = table(tmp_path / "S2.csv", Lit(), "time_s,angle_deg,a_V,b_V")
-    with pytest.raises(DataError, match="do not tell right from left"):
+    with pytest.raises(DataError, match="do not distinguish right from left"):
         ask(nameless, design=design)
 
 

@@ -106,7 +106,9 @@ def angle_by_protocol(
     if rest > _SLACK * period:
         warnings.append(f"a cycle is {rest:.3g} s longer than that; half of it is taken for a rest at each return to 0")
     if sides is None:
-        warnings.append("the names do not tell a left from a right receiver: the first excursion is taken as positive")
+        warnings.append(
+            "the names do not distinguish a left from a right receiver: the first excursion is taken as positive"
+        )
     else:
         warnings.append(
             "the sign of the angle is that of the convention (right brighter at negative angles), not a finding"

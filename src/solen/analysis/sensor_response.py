@@ -372,7 +372,7 @@ def _cautions(receivers: dict[str, ReceiverResponse], ways: Passes, runs: Sequen
     for place, (name, own) in enumerate(receivers.items()):
         size, u = own.hysteresis_V, own.u_hysteresis_V
         if abs(own.swing_V) <= max(3.0 * own.u_swing_V, _ROUNDING_V):
-            warnings.append(f"{name}: does not answer to the angle beyond its noise (swing {own.swing_V:.2g} {unit})")
+            warnings.append(f"{name}: does not respond to the angle beyond its noise (swing {own.swing_V:.2g} {unit})")
         if math.isfinite(u) and 1e-9 * own.range_V < size <= 3.0 * u:
             warnings.append(
                 f"{name}: the hysteresis of {size:.2g} {unit} is within 3 of its uncertainties ({u:.2g} {unit}); it is "

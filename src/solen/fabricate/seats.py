@@ -163,7 +163,7 @@ def _through_lens(design: Design, body: Body, half_mm: float) -> tuple[tuple[Fac
     """Outlines of the emitter's slot: of the tool, and of the removed volume, bounded by the lens."""
     lens = [face for face in body.faces if face.part == "lens"]
     if design.body.lens_is_drawn or not lens:
-        raise DesignError("fabricate.slots", value="emitter", limit="is cut into a Y alone", remedy="leave it out")
+        raise DesignError("fabricate.slots", value="emitter", limit="is only cut into a Y", remedy="leave it out")
     wide_mm = design.lens.half_width_mm
     if not half_mm < wide_mm:
         limit = f"must be below {2 * (wide_mm - design.fabricate.clearance_mm):g} mm, or nothing is left of the lens"

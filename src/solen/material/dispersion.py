@@ -221,7 +221,7 @@ class Tabulated(Dispersion):
             raise refused("valid_nm", f"must lie within the table, {low:g} to {high:g}", value=list(self.valid_nm))
         refuse_covariance(self.covariance, len(self.n))
         if self.u_n is not None and self.covariance is not None:
-            raise refused("u_n", "has no meaning beside covariance", remedy="keep one of the two")
+            raise refused("u_n", "cannot be combined with covariance", remedy="keep one of the two")
         if self.u_n is not None and len(self.u_n) != len(self.n):
             raise refused("u_n", f"must have {len(self.n)} entries, one per wavelength", value=len(self.u_n))
         return self

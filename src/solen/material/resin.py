@@ -191,7 +191,7 @@ def _refuse_parts(parts: tuple[Part, ...]) -> None:
     names = [part.component for part in parts]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
-        raise refused("formulation", "each component stands once", value=twice, remedy="add its shares up")
+        raise refused("formulation", "each component may occur once", value=twice, remedy="add its shares up")
     total = sum(part.wt_percent for part in parts)
     if abs(total - WHOLE) > OFF_WHOLE:
         limit = f"must add up to {WHOLE:g} % by weight, to within {OFF_WHOLE:g}"

@@ -101,7 +101,7 @@ def _heads(grid: Grid, start: int) -> list[tuple[str, str]]:
     names, modes = grid.rows[start], grid.rows[start + 1]
     count = grid.width(start + 1)
     if count % 2:
-        raise grid.refused(start + 1, count - 1, "stands without its values' column")
+        raise grid.refused(start + 1, count - 1, "has no column of values")
     for column in range(max(count, grid.width(start))):
         name = names[column] if column < len(names) else ""
         below = modes[column] if column < count else ""
@@ -142,7 +142,7 @@ def _check_lengths(grid: Grid, body: list[int], columns: int) -> None:
     for row in body:
         cells = grid.rows[row]
         if grid.width(row) > columns:
-            raise grid.refused(row, columns, f"stands beyond the {columns} columns of the header")
+            raise grid.refused(row, columns, f"lies beyond the {columns} columns of the header")
         if len(cells) > whole:
             raise grid.refused(row, None, f"has {len(cells)} cells where other lines have {whole}")
     short = [n for n, row in enumerate(body) if len(grid.rows[row]) < whole]

@@ -74,4 +74,4 @@ def has_lens(word: str) -> bool:
     if plain in _WITH or plain in _WITHOUT:
         return plain in _WITH
     remedy = "call it lens or nolens, or leave {lens} out of --pattern and name the sensors without one with --control"
-    raise DataError("lens", value=word, limit="says neither that there is a lens nor that there is none", remedy=remedy)
+    raise DataError("lens", value=word, limit="states neither a lens nor its absence", remedy=remedy)

@@ -112,7 +112,9 @@ def read(path: Path | str, *, sheet: str | None = None, columns: Sequence[str] |
     parts = _parts(load(Path(path)), sheet, columns)
     if len(parts) > 1:
         limit = f"holds {len(parts)} specimens: {', '.join([name for name, _ in parts][:6])}"
-        raise DataError(str(path), limit=limit, remedy="export each alone; solen resin stiffness reads all of them")
+        raise DataError(
+            str(path), limit=limit, remedy="export each separately; solen resin stiffness reads all of them"
+        )
     return parts[0][1]
 
 

@@ -71,7 +71,9 @@ def read(source: Source) -> Recording:
         limit = f"has an axis of SPC's kind {head.x}; wavelengths and wavenumbers (1 to 3) are read"
         raise source.refused("", limit, "export the spectrum along one of these")
     if head.flags & _OWN_X:
-        raise source.refused("", "holds spectra each with places of its own, which are not read", "export each alone")
+        raise source.refused(
+            "", "holds spectra each with places of its own, which are not read", "export each separately"
+        )
     x, start = _places(source, head)
     values = list(_values(source, head, start))
     names = ["spectrum"] if len(values) == 1 else [f"spectrum {place:g}" for place, _ in values]
@@ -128,7 +130,7 @@ def _array(source: Source, head: _Head, kind: str, start: int) -> FloatArray:
         raise source.refused("", f"ends before its {head.points} points: it was cut off or damaged", "export it again")
     values = np.frombuffer(source.data, kind, head.points, start).astype(np.float64)
     if not np.isfinite(values).all():
-        raise source.refused("", "holds values that are no numbers", "export it again")
+        raise source.refused("", "holds values that are not numbers", "export it again")
     return values
 
 

@@ -69,7 +69,7 @@ def check_rows(grid: Grid, place: Layout) -> None:
         if len(grid.rows[row]) != len(grid.rows[place.body[0]]) and _begins_another(grid, place, row):
             raise grid.refused(row, None, "begins another table", "keep one table in a file, or one in a sheet")
         if grid.width(row) > expected:
-            raise grid.refused(row, expected, f"stands beyond the {expected} columns of the header")
+            raise grid.refused(row, expected, f"lies beyond the {expected} columns of the header")
         if len(grid.rows[row]) < expected:
             count = len(grid.rows[row])
             limit = f"has {count} cell{'s' * (count != 1)}, the header {expected}: something is missing or cut off"

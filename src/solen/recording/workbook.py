@@ -53,7 +53,7 @@ def _check_archive(source: Source) -> None:
                 raise source.refused("", "is an archive, but not an Excel workbook", "save the table as .xlsx or CSV")
             if size > LARGEST_MB * 1_000_000:
                 limit = f"unpacks to {size / 1e6:.0f} MB; at most {LARGEST_MB} MB are read"
-                raise source.refused("", limit, "save the table alone as CSV")
+                raise source.refused("", limit, "save only the table, as CSV")
             for member in members:
                 with archive.open(member) as part:
                     if re.search(rb"<!(?:DOCTYPE|ENTITY)", part.read(2048)):
@@ -130,7 +130,7 @@ def _texts(source: Source, sheet: Any) -> list[list[str]]:
         left -= len(row) + 1
         if left < 0:
             limit = f"holds more than {MOST_CELLS} cells"
-            raise source.refused(f"sheet {sheet.title}", limit, "save the table alone as CSV")
+            raise source.refused(f"sheet {sheet.title}", limit, "save only the table, as CSV")
         rows.append([_text(cell.value, getattr(cell, "number_format", "")) for cell in row])
     return rows
 
@@ -164,7 +164,7 @@ def _grid_of(source: Source, name: str, texts: list[list[str]]) -> Grid:
     width = max((n + 1 for row in texts for n, cell in enumerate(row) if cell), default=0)
     if width * len(texts) > MOST_CELLS:
         limit = f"reaches to row {len(texts)} and column {width}: more than {MOST_CELLS} cells"
-        raise source.refused(f"sheet {name}", limit, "save the table alone as CSV")
+        raise source.refused(f"sheet {name}", limit, "save only the table, as CSV")
     padded = [(row + [""] * width)[:width] for row in texts]
     return Grid(source, padded, list(range(1, len(padded) + 1)), "", name)
 

@@ -84,6 +84,6 @@ def _ends(text: str) -> Limits:
         least = most = 0.0
     if axis not in {"x", "y"} or len(panel) > 1 or not 0.0 < abs(most - least) < math.inf:
         raise SpecError(
-            "--limits", value=text, limit="is no axis with two ends", remedy="write as x=400:900 or B.y=0:1"
+            "--limits", value=text, limit="is not an axis with two ends", remedy="write as x=400:900 or B.y=0:1"
         )
     return panel.upper() or None, axis, least, most

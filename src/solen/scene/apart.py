@@ -43,7 +43,7 @@ def check_apart(interfaces: Sequence["Interface"]) -> None:
             )
         at = None if _may_cross(first, second) else _crossing(first.curve, second.curve, tolerance_mm)
         if at is not None:
-            limit = "behind the crossing one of them has a medium beside it that is not there"
+            limit = "beyond the crossing one of them borders the wrong medium"
             raise _error(first, second, f"cross at {place_text(at)}", limit)
 
 

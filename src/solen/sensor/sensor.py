@@ -85,7 +85,7 @@ class Sensor:
     def lens(self) -> Lens:
         """Lens cut for the design; `DesignError` for a drawn body, whose lens is part of the drawing."""
         if self.cut is None:
-            limit = "the lens of an outline is drawn: solen knows no formula for it"
+            limit = "the lens of an outline is drawn and has no formula"
             raise DesignError("body.kind", value=self.design.body.kind, limit=limit, remedy="use solen check")
         return self.cut
 

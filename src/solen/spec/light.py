@@ -80,10 +80,12 @@ class Emitter(Strict):
     @model_validator(mode="after")
     def _goes_together(self) -> Self:
         if self.spectrum is not None and self.fwhm_nm is not None:
-            raise refused("fwhm_nm", "has no meaning beside spectrum", value=self.fwhm_nm, remedy="keep one of the two")
+            raise refused(
+                "fwhm_nm", "cannot be combined with spectrum", value=self.fwhm_nm, remedy="keep one of the two"
+            )
         tables = [key for key in ("pattern_table", "pattern_file") if getattr(self, key) is not None]
         if len(tables) > 1:
-            raise refused("pattern_file", "has no meaning beside pattern_table", remedy="keep one of the two")
+            raise refused("pattern_file", "cannot be combined with pattern_table", remedy="keep one of the two")
         if tables and self.pattern != "table":
             raise refused(tables[0], f'has no meaning with pattern = "{self.pattern}"', remedy='set pattern = "table"')
         if self.pattern == "table" and not tables:
@@ -105,7 +107,7 @@ class Emitter(Strict):
         """Reject keys beside a ray file, which states everything but the wavelength."""
         for key in ("part", "width_mm", "height_mm", "cone_deg", "pattern", "spectrum", "fwhm_nm"):
             if self.states(key):
-                raise refused(key, "has no meaning beside ray_file", remedy="leave it out")
+                raise refused(key, "cannot be combined with ray_file", remedy="leave it out")
 
     def states(self, key: str) -> bool:
         """Whether a key was stated, even if it equals the default."""
@@ -135,6 +137,6 @@ class Ambient(Strict):
     def _stated_once(self) -> Self:
         if self.power > 0.0 and self.irradiance_per_mm > 0.0:
             raise refused(
-                "irradiance_per_mm", "has no meaning beside power", value=self.irradiance_per_mm, remedy="keep one"
+                "irradiance_per_mm", "cannot be combined with power", value=self.irradiance_per_mm, remedy="keep one"
             )
         return self

@@ -115,7 +115,7 @@ def calibrated(training: Training) -> Calibration:
             [steps, np.column_stack([own.angle_deg[moved], 0.5 * _squares(rest[moved] - rest[moved - 1])])]
         )
     if len(steps) < _LEAST_SAMPLES:
-        limit = f"has {len(steps)} samples in the cycles that are used, too few to know how they scatter"
+        limit = f"has {len(steps)} samples in the cycles that are used, too few to estimate their scatter"
         raise DataError(f"sensor {training.label}", limit=limit, remedy="sample faster, or record more cycles")
     floor = _FLOOR * float(np.nanmax(np.ptp(training.curves_V(), axis=1))) ** 2 * np.eye(2)
     total, count = _smooth(products, training.angle_deg)

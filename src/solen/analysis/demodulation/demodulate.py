@@ -267,7 +267,7 @@ def _clock_warnings(clock: Clock) -> list[str]:
             "slow receiver rather than an emitter that switches"
         )
     if clock.clearness < CERTAIN:
-        warnings.append(f"the modulation stands out only {clock.clearness:.0f} times: edges are uncertain")
+        warnings.append(f"the modulation is only {clock.clearness:.0f} times its noise: edges are uncertain")
     return warnings
 
 

@@ -129,7 +129,7 @@ def sides_of(receivers: Iterable[str]) -> dict[str, int]:
         if side:
             sides[side] = place
     if not sides:
-        limit = f"the names {', '.join(receivers)} do not tell right from left"
+        limit = f"the names {', '.join(receivers)} do not distinguish right from left"
         raise DataError("receivers", limit=limit, remedy="name them with --channel left=… right=…")
     return {side: sides[side] for side in SIDES if side in sides}
 
@@ -211,7 +211,7 @@ def _check_signs(sensor: SensorResponse, fitted: Fitted, places: Mapping[str, in
     for side in places:
         value, half = fitted.value(f"gain {side}"), fitted.half_width(f"gain {side}")
         if value + half < 0.0:
-            limit = "answers the other way round than the design: its voltage rises where the design gets brighter"
+            limit = "responds opposite to the design: its voltage rises where the design gets brighter"
             remedy = "turn the angle with --flip-angle, or state --brighter higher"
             raise DataError(f"{sensor.label}: {side} receiver", limit=limit, remedy=remedy)
 

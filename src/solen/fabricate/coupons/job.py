@@ -122,7 +122,7 @@ def _of_pixels(coupon: Coupon, pitch_um: float | None) -> list[Caution]:
     small = [feature.name for feature in coupon.features if min(feature.width_mm, feature.depth_mm) < pitch_mm]
     narrow = [gap.name for gap in coupon.gaps if gap.gap_mm < pitch_mm]
     warnings = [look_at(f"{', '.join(small)}: smaller than a pixel of {pitch_um:g} µm")] if small else []
-    grey = look_at(f"{', '.join(narrow)}: gaps below a pixel of {pitch_um:g} µm show as grey values alone")
+    grey = look_at(f"{', '.join(narrow)}: gaps below a pixel of {pitch_um:g} µm appear as grey values only")
     return [*warnings, grey] if narrow else warnings
 
 

@@ -348,7 +348,7 @@ def _warnings(
         )
     )
     if all(layer.reflectance is None for layer in layers):
-        warnings.append(note("no reflectance: transmittance alone does not say how the index changes"))
+        warnings.append(note("no reflectance: transmittance alone does not determine the change of the index"))
     elif thickness_um is None:
         warnings.append(note("the index needs --thickness-um"))
     elif fringed := [one.name for one in layers if one.reflectance is not None and one.interferes(thickness_um)]:

@@ -398,7 +398,7 @@ def _about_instrument(
     warnings = []
     if options.baseline is None:
         warnings.append(
-            look_at("the baseline is not stated and taken as air, of a layer that stands free: state --baseline")
+            look_at("the baseline is not stated; air is assumed, for a free-standing layer: state --baseline")
         )
     if options.substrate is None and "T" in spectra.rows:
         t = spectra.mean("T")

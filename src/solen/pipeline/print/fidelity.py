@@ -65,7 +65,7 @@ def _layout(name: str | None, job: Path | None, assignments: Sequence[str]) -> C
             raise SpecError("--coupon", limit="is missing", remedy="name the coupon, or give its --job")
         return layout(name, CouponOptions(**dict(map(parse_assignment, assignments))))
     if assignments:
-        raise SpecError("--set", limit="has no effect beside --job, which holds the layout", remedy="leave one out")
+        raise SpecError("--set", limit="has no effect with --job, which states the layout", remedy="leave one out")
     coupon, _ = read_job(job)
     if name is not None and name != coupon.name:
         raise SpecError("--coupon", value=name, limit=f"the job is one of {coupon.name}", remedy="leave it out")

@@ -117,13 +117,13 @@ def layers(
         design = open_design(file, assignments)
         part = printable_design(design, fabricate.sensor_part(design, Sensor.of(design).body()), file, slicing)
     elif assignments:
-        raise SpecError("--set", value=assignments[0], limit="sets a key of a design, and this is none")
+        raise SpecError("--set", value=assignments[0], limit="applies to a design only")
     elif file.suffix.lower() == ".json":
         part, slicing = printable_coupon(file, slicing, run)
     else:
         part = printable_mesh(file, slicing)
     if run is not None and file.suffix.lower() != ".json":
-        raise SpecError("--run", value=run, limit="is a run of a coupon's job, and this is none", remedy="leave it out")
+        raise SpecError("--run", value=run, limit="applies to the job of a coupon only", remedy="leave it out")
     stem = part.label.name if file.suffix.lower() == ".json" else stem_of(file)
     with files.output_folder(out):
         made = layer_files(part, slicing, out, stem, figure, progress)
