@@ -241,6 +241,14 @@ def test_the_form_of_the_index_can_be_chosen() -> None:
     assert chosen.dispersion == "cauchy"
 
 
+def test_a_form_that_does_not_describe_the_index_is_named_not_the_film() -> None:
+    rng = np.random.default_rng(0)
+    film = drawn(rng, rng.uniform(12.0, 60.0), rng.uniform(0.7, 3.0), rng.uniform(0.0, 0.01))
+    recording = recorded(film, rng, NOISE, OFFSET)
+    with pytest.raises(DataError, match=r"'sellmeier'; does not describe n here: it leaves fringes .* name cauchy"):
+        index_of_layer(recording, options(film, dispersion="sellmeier"))
+
+
 def test_a_form_that_has_no_effect_or_no_fringes_is_refused() -> None:
     rng = np.random.default_rng(0)
     thin = drawn(rng, 10.0, 1.0, 0.001)

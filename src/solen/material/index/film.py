@@ -28,7 +28,7 @@ from solen.units import NM_PER_UM
 _EVIDENCE = 10.0  # by which ln(probability) must be greater for a free index
 _ORDERS, _MOST_ORDERS = (-1.0, 1.0), 4  # orders beside a solution that are tried, and how often
 _CLEAN = 1.5  # widening by neighbours that err together, up to which a free index is taken for the film's
-_FREE_ORDERS = tuple(np.arange(-3.0, 3.1))  # orders that are tried once the index is free
+_FREE_ORDERS, _MOST_TRIED = tuple(np.arange(-6.0, 6.1)), 4  # orders that are tried once the index is free; followed up
 _APART = 12.0  # of χ², from which on another solution has no weight
 
 
@@ -102,12 +102,10 @@ def fit_film(measured: Measured, level: float, phases: Sequence[Phase], kind: Ki
         model = FilmModel(measured, level, phase.optical_um, "sellmeier" if kind == "sellmeier" else "cauchy")
         begun.append((model, *model.solve(model.start(phase), 6)))
     model, p, _ = min(begun, key=lambda one: one[2])
-    p = _best_order(model, p)
-    for _ in range(2):
-        p, cost = model.solve(p)
-        model.weigh(p)
+    p = _weighed(model, _best_order(model, p))
     if kind in {None, "free"}:
-        model, p = _freed(model, p, asked=kind == "free")
+        others = [(one, begin) for one, begin, _ in begun if one is not model]
+        model, p = _freed(model, p, others, asked=kind == "free")
     solutions = [model.solve(p), *(model.solve(model.ordered(p, by), 12) for by in (-1.0, -0.5, 0.5, 1.0))]
     p, cost = min(solutions, key=lambda one: one[1])
     place = model.names["ln_optical"]
@@ -116,7 +114,17 @@ def fit_film(measured: Measured, level: float, phases: Sequence[Phase], kind: Ki
     return _film(model, p, cost, rivals)
 
 
-def _freed(model: FilmModel, p: FloatArray, *, asked: bool) -> tuple[FilmModel, FloatArray]:
+def _weighed(model: FilmModel, p: FloatArray) -> FloatArray:
+    """Solution with the weights that the scatter about it gives."""
+    for _ in range(2):
+        p, _ = model.solve(p)
+        model.weigh(p)
+    return p
+
+
+def _freed(
+    model: FilmModel, p: FloatArray, others: Sequence[tuple[FilmModel, FloatArray]], *, asked: bool
+) -> tuple[FilmModel, FloatArray]:
     """A free index where it is asked for, or where three terms leave much more than it does; else the same."""
     if not free_knots(model.fringes):
         if not asked:
@@ -126,15 +134,9 @@ def _freed(model: FilmModel, p: FloatArray, *, asked: bool) -> tuple[FilmModel, 
         raise DataError("film", limit=limit, remedy=remedy)
     if not asked and not model.misses(p):
         return model, p
-    free, moved = model.freed(p)
-    for _ in range(3):
-        moved = free.phased(moved)
-    tried = [free.solve(free.ordered(moved, by), 15) for by in _FREE_ORDERS]
-    moved = _best_order(free, min(tried, key=lambda one: one[1])[0])
-    for _ in range(2):
-        moved, _ = free.solve(moved)
-        free.weigh(moved)
-    clean = free.widening(moved) < _CLEAN
+    free, moved = min((_free_best(*one) for one in ((model, p), *others)), key=lambda one: one[0].cost(one[1]))
+    moved = _weighed(free, _best_order(free, moved))
+    clean = not free.misses(moved, _CLEAN) and free.widening(moved) < _CLEAN
     if asked and not clean:
         limit = "leaves what noise does not explain with a free index, too"
         raise DataError("film", limit=limit, remedy="leave the choice out: n is then from the levels, and less certain")
@@ -142,6 +144,23 @@ def _freed(model: FilmModel, p: FloatArray, *, asked: bool) -> tuple[FilmModel, 
     points = model.um.size * len(model.blocks)
     better = gain - 0.5 * free.course.curves * float(np.log(points)) > _EVIDENCE  # Schwarz's criterion
     return (free, moved) if asked or (better and clean) else (model, p)
+
+
+def _free_best(model: FilmModel, p: FloatArray) -> tuple[FilmModel, FloatArray]:
+    """A free index from a solution of three terms: the orders beside it are tried, with the phases followed in each."""
+    free, moved = model.freed(p)
+    tried = [free.solve(_phased(free, free.ordered(_phased(free, moved), by)), 15) for by in _FREE_ORDERS]
+    best = []
+    for q, cost in sorted(tried, key=lambda one: one[1])[:_MOST_TRIED]:
+        again, less = free.solve(_phased(free, q), 10)
+        best.append(free.solve(again if less < cost else q))
+    return free, min(best, key=lambda one: one[1])[0]
+
+
+def _phased(model: FilmModel, p: FloatArray) -> FloatArray:
+    for _ in range(3):
+        p = model.phased(p)
+    return p
 
 
 def fit_levels(measured: Measured, level: float) -> Film:

@@ -275,7 +275,6 @@ class FilmModel:
         """The same with a free index, and where its search begins."""
         model = FilmModel(self.measured, self.level, self.optical_um, "free", coherent=self.coherent)
         moved = np.insert(p, self.added.start, np.zeros(model.course.curves))
-        model.scatter = {kind: values.copy() for kind, values in self.scatter.items()}
         return model, moved
 
     def phased(self, p: FloatArray) -> FloatArray:
@@ -303,14 +302,17 @@ class FilmModel:
         moved[self.added] += found[3:]
         return moved
 
-    def misses(self, p: FloatArray) -> bool:
-        """Whether more is left than the repeats scatter by; without repeats, whether neighbours err together."""
+    def misses(self, p: FloatArray, widened: float = 1.0) -> bool:
+        """Whether more is left than the repeats scatter by; without repeats, whether neighbours err together.
+
+        ``widened`` is the `widening` that is still noise where there are no repeats.
+        """
         spectra = self.spectra(p)
         left = [float(np.mean((one.value - spectra[kind]) ** 2)) for kind, one in self.blocks.items()]
         known = [float(np.mean(one.u_random**2)) for one in self.blocks.values()]
         if any(known):
             return any(0.0 < scatter < off / _BEYOND for off, scatter in zip(left, known, strict=True))
-        return self.widening(p) > 1.0
+        return self.widening(p) > widened
 
     def widening(self, p: FloatArray) -> float:
         """Factor that widens the variance where the residuals of neighbours are correlated."""

@@ -121,8 +121,21 @@ def fringed(
     left = {kind: one.value - film.fitted[kind] for kind, one in readings.items()}
     by_levels = bool(fringes_of(wavelength_nm, left, thickness))
     if by_levels:
+        _refuse_form(measured, film, fit_film(measured, level, phases) if kind in {"cauchy", "sellmeier"} else None)
         film = fit_levels(measured, level)
     return _spectrum(measured, film, by_levels=by_levels, kind=kind), _facts(film, by_levels=by_levels)
+
+
+def _refuse_form(measured: Measured, film: Film, other: Film | None) -> None:
+    """`DataError` where a form of n that was asked for leaves fringes, and another leaves none."""
+    if other is None or other.course == film.course:
+        return
+    left = {kind: one.value - other.fitted[kind] for kind, one in measured.readings.items()}
+    if fringes_of(measured.wavelength_nm, left, measured.thickness):
+        return
+    rms = [" and ".join(f"{value:.2g} in {kind}" for kind, value in one.residual.items()) for one in (film, other)]
+    limit = f"does not describe n here: it leaves fringes ({rms[0]} rms), and {other.course} does not ({rms[1]})"
+    raise DataError("--dispersion", value=film.course, limit=limit, remedy=f"leave it out, or name {other.course}")
 
 
 def _level(readings: Mapping[str, Reading]) -> float:
@@ -193,8 +206,8 @@ def _remarks(measured: Measured, mode: str, dispersion: str, *, by_levels: bool)
     if by_levels:
         found = [
             look_at(
-                "fringes were detected that no film of one slit and one spread of its thickness has: n is from the "
-                "levels of the spectra, with the fringes as scatter in its uncertainty; measure a flatter spot"
+                "fringes were detected that no film of one slit, one spread of its thickness and a smooth n has: n is "
+                "from the levels of the spectra, with the fringes as scatter in its uncertainty; measure a flatter spot"
             )
         ]
     elif dispersion == "free":
