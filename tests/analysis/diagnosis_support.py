@@ -58,7 +58,7 @@ def response(width_mm: float = 0.2, *, with_index: bool = True) -> Response:
     up, down = (table(index=step, every=2).less(base) for step in (INDEX_STEP, -INDEX_STEP))
     changes = {INDEX: Change(INDEX_STEP, up, down)} if with_index else {}
     lossy = replace(base, total_mm=base.total_mm * (math.exp(-LOSS_STEP * WAY_MM) - 1.0))
-    return Response(base, changes, lossy, width_mm, 0.0)
+    return Response(base, changes, lossy, width_mm, 0.0, 1e-6)  # straight from the formula
 
 
 def model(of: Response, sides: tuple[str, ...] = ("right", "left")) -> Model:

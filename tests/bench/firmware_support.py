@@ -76,7 +76,7 @@ int main(void) {
         uint64_t until = strtoull(line, &text, 10);
         for (;;) {
             uint32_t next;
-            uint64_t due = at_us + 100;
+            uint64_t due = at_us + IDLE_US;
             if (board_next_us(&next) && at_us + (int32_t)(next - (uint32_t)at_us) < due)
                 due = at_us + (int32_t)(next - (uint32_t)at_us);
             if (due > until) break;
@@ -127,14 +127,14 @@ def python_source(script: Script) -> str:
     return f"{CORE.read_text(encoding='utf-8')}\nSCRIPT = {json.dumps(str(script))}\n{REPLAY}"
 
 
-def by_c(script: Script, folder: Path) -> list[bytes] | None:
-    """None where there is no compiler."""
+def by_c(script: Script, folder: Path, idle_us: int = 100) -> list[bytes] | None:
+    """What it says if it works so often while nothing is due; None where there is no compiler."""
     compiler = shutil.which("gcc") or shutil.which("cc") or shutil.which("clang")
     if compiler is None:
         return None
     program, source = folder / "replay", folder / "replay.c"
     source.write_text(REPLAY_C, encoding="utf-8")
-    line = [compiler, "-std=c99", "-Wall", "-Wextra", "-Werror", f"-I{SOURCES}", str(source)]
+    line = [compiler, "-std=c99", "-Wall", "-Wextra", "-Werror", f"-DIDLE_US={idle_us}", f"-I{SOURCES}", str(source)]
     subprocess.run([*line, str(SOURCES / "solen_board.c"), "-lm", "-o", str(program)], check=True)
     done = subprocess.run([str(program)], input=str(script), capture_output=True, text=True, check=True)
     return said(done.stdout)

@@ -107,6 +107,23 @@ def test_the_core_in_c_says_the_same(tmp_path: Path) -> None:
     alike(by_python(SCRIPT), frames)
 
 
+def test_a_move_may_take_longer_than_the_clock_of_a_uno_counts(tmp_path: Path) -> None:
+    """Its 32 bits of µs wrap after 71.6 minutes; 10,000 steps at one per second take 167 minutes."""
+    minute_ms = 60_000.0
+    long = Script(
+        (
+            (1.0, command(MOVE, "<iII", 10_000, 1000, 10)),
+            *((minutes * minute_ms, command(WHERE)) for minutes in (70.0, 75.0, 150.0, 168.0)),
+        )
+    )
+    frames = by_c(long, tmp_path, idle_us=100_000)
+    if frames is None:
+        pytest.skip("there is no C compiler")
+    places = where(frames)
+    assert [at for at, _ in places] == pytest.approx([4200, 4500, 9000, 10_000], abs=2)
+    assert [moving for _, moving in places] == [1, 1, 1, 0]
+
+
 @pytest.mark.evidence
 def test_the_core_under_micropython_says_the_same(tmp_path: Path) -> None:
     command_line = micropython(tmp_path)

@@ -8,6 +8,8 @@ import pytest
 
 from solen.bench.interrupts import Ended, ended_by_signals, uninterrupted
 
+pytestmark = pytest.mark.usefixtures("heeded")
+
 ENDING = [name for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name)]
 
 

@@ -237,6 +237,21 @@ def test_lines_that_are_watched_are_a_table(bench: Path) -> None:
     assert rows[-1].endswith("simulated")
 
 
+def test_levels_where_a_converter_is_not_straight_are_warned_of(bench: Path) -> None:
+    rig = changed(bench, ("[board]\n", "[board]\nstraight_v = [0.5, 4.9]\n"))
+    found = check(rig, CheckOptions(seconds=0.5))
+    assert len(found.faults) == 4  # in the dark they stand near 5 V
+    assert all("beyond 0.5 to 4.9, where the converter is not straight" in line for line in found.faults)
+    done = record(bench / "protocol.toml", rig, bench / "out")
+    assert any("A: 100 % of the readings" in line and "not straight" in line for line in done.warnings)
+
+
+@pytest.mark.parametrize("seconds", [0.05, 0.001])
+def test_a_short_watch_has_a_look(bench: Path, seconds: float) -> None:
+    seen: list[Seen] = []
+    assert watch(bench / "rig.toml", WatchOptions(seconds=seconds), seen.append).looks == len(seen) == 1
+
+
 def test_ctrl_c_ends_watching(bench: Path) -> None:
     def enough(_: Seen) -> None:
         raise KeyboardInterrupt

@@ -198,6 +198,7 @@ def test_a_fault_in_the_middle_ends_the_run_with_emitters_off_and_the_stage_stop
     assert kept.periods > 100
 
 
+pytestmark = pytest.mark.usefixtures("heeded")
 SIGNALS = [name for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 
 

@@ -21,8 +21,10 @@ from solen.analysis import SignalOptions
 from solen.analysis.calibration import Decoding
 from solen.analysis.calibration import file as saved
 from solen.analysis.calibration.decoding import COLUMNS
+from solen.bench.clock import SimulatedClock, WallClock
 from solen.bench.follow import Following
 from solen.bench.journal import Journal
+from solen.bench.outlets import Paced
 from solen.bench.record import record
 from solen.cli import run_command
 from solen.errors import DataError, SpecError
@@ -497,3 +499,40 @@ NONE = ["udp://127.0.0.1", "udp:127.0.0.1:99999999", "serial:", "serial:COM5@fas
 def test_an_outlet_that_is_none_is_refused(folder: Path, where: str) -> None:
     with pytest.raises(SpecError, match=r"--send = .*udp://HOST:PORT"):
         decoded(folder, text=io.StringIO(LIVE), send=where)
+
+
+class Stamped:
+    """An outlet that keeps when each row came."""
+
+    def __init__(self, clock: SimulatedClock) -> None:
+        self.clock, self.rows = clock, list[tuple[float, str]]()
+
+    def write(self, text: str) -> None:
+        self.rows.append((self.clock.now_s(), text))
+
+    def flush(self) -> None:
+        """Nothing waits."""
+
+
+def test_rows_of_a_recording_are_sent_at_the_pace_of_their_times() -> None:
+    clock = SimulatedClock(100.0)
+    stamped = Stamped(clock)
+    paced = Paced(stamped, clock)
+    paced.write("time_s,angle_deg\n")
+    paced.write("7.0,1.0\n7.5,1.5\n,missing\n")
+    clock.sleep(1.0)  # decoding took so long: what is late goes at once
+    paced.write("8.0,2.0\n9.0,3.0\n")
+    assert [(round(at, 9), row.split(",")[0]) for at, row in stamped.rows] == [
+        (100.0, "time_s"), (100.0, "7.0"), (100.5, "7.5"), (100.5, ""), (101.5, "8.0"), (102.0, "9.0"),
+    ]  # fmt: skip
+
+
+def test_a_recording_goes_out_paced(calibration: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    waited: list[float] = []
+    monkeypatch.setattr(WallClock, "sleep", lambda _, duration_s: waited.append(duration_s))
+    path = tmp_path / "short.csv"
+    path.write_text("time_s,left_V,right_V\n" + "".join(f"{10 * n},2,2\n" for n in range(20)), encoding="utf-8")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
+        receiver.bind(("127.0.0.1", 0))
+        pipeline.decode(calibration, str(path), send=f"udp://127.0.0.1:{receiver.getsockname()[1]}")
+    assert waited == pytest.approx([10.0 * n for n in range(1, 20)], abs=5.0)  # nothing waits here, nor does time pass

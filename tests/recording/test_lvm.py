@@ -103,6 +103,25 @@ def test_a_file_that_was_cut_off_is_refused(tmp_path: Path) -> None:
             read(saved(tmp_path, text[: int(share * len(text))]))
 
 
+def appended(text: str, times: tuple[str, ...]) -> str:
+    """A file that was appended to, each time with its own header, X from 0 and the clock's time."""
+    stamped = "Date\t2026/03/01\t2026/03/01\t\r\nTime\t{0}\t{0}\t\r\nY_Unit"
+    return "".join(text.replace("Date\t2026/03/01\t2026/03/01\t\r\nY_Unit", stamped.format(one)) for one in times)
+
+
+def test_a_file_that_was_appended_to_counts_from_its_stamps(tmp_path: Path) -> None:
+    found = read(saved(tmp_path, appended(lvm(8), ("23:59:59.5", "23:59:59.75", "23:59:59.875"))))
+    expected = np.concatenate([0.001 * np.arange(8) + begin for begin in (0.0, 0.25, 0.375)])
+    assert found.channels[0].values == pytest.approx(expected, abs=1e-9)
+    assert found.channels[1].values == pytest.approx([values_at(row % 8, 2)[0] for row in range(24)])
+
+
+@pytest.mark.parametrize("times", [("10:00:00", "10:00:00.002"), ("10:00:00", "09:00:00"), ("10:00:00", "then")])
+def test_packets_that_overlap_in_time_are_refused(tmp_path: Path, times: tuple[str, ...]) -> None:
+    with pytest.raises(DataError, match="begin again in time"):
+        read(saved(tmp_path, appended(lvm(8), times)))
+
+
 def test_packets_of_other_channels_are_refused(tmp_path: Path) -> None:
     two = lvm(5).rpartition("***End_of_Header***")[0]
     other = lvm(5, units=("Volts",))

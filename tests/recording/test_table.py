@@ -45,6 +45,24 @@ def test_a_thickness_is_found_under_each_spelling(tmp_path: Path, header: str) -
     assert channel.quantity == "thickness"
 
 
+@pytest.mark.parametrize("head", ["t_s,left_V,right_V\n", "t,left,right\ns,V,V\n"])
+@pytest.mark.parametrize("between", ["", "\n", "\ufeff"])
+def test_a_header_that_stands_again_where_a_logger_appended(tmp_path: Path, head: str, between: str) -> None:
+    rows = [f"{0.1 * n:.1f},{2 + n},{3 + n}\n" for n in range(9)]
+    again = f"{between}{head}"
+    found = read(saved(tmp_path, "".join([head, *rows[:3], again, *rows[3:6], again, *rows[6:]])))
+    assert [one.values.tolist() for one in found.channels[1:]] == [
+        [2.0 + n for n in range(9)],
+        [3.0 + n for n in range(9)],
+    ]
+    assert any("2 times more" in line for line in found.warnings)
+
+
+def test_another_header_among_the_rows_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="line 4"):
+        read(saved(tmp_path, "t_s,left_V\n1,2\n2,3\nt_s,right_V\n3,4\n"))
+
+
 def test_the_simplest_spectrum(tmp_path: Path) -> None:
     recording = read(saved(tmp_path, "wavelength_nm,T,R\n400,0.91,0.08\n500,0.92,0.079\n"))
     assert [(one.name, one.quantity, one.unit, one.axis) for one in recording.channels] == [

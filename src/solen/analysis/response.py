@@ -175,7 +175,7 @@ def on_grid(angle_deg: FloatArray, volts: FloatArray, grid: FloatArray) -> Float
     """Mean over each cell of the straight lines through samples, (g, receivers).
 
     Samples of one angle are averaged first. A cell at the end of the samples is narrowed so that it stays about its
-    point.
+    point; a point that lies a little beyond the last sample is reached by the line through those near it.
     """
     angles, values = _merged(angle_deg, volts)
     if angles.size < 2:
@@ -184,13 +184,24 @@ def on_grid(angle_deg: FloatArray, volts: FloatArray, grid: FloatArray) -> Float
     low, high = angles[0], angles[-1]
     points = np.clip(grid, low, high)
     half = np.minimum(0.5 * step, np.minimum(points - low, high - points))
-    mean = _cell_means(angles, values, points, half)
+    mean = _cell_means(angles, values, points, half) + _beyond(angles, values, grid - points, step)
     widths = np.diff(angles)
     allowed = max(2.0 * step, _NEAR * float(np.median(widths)))
     place = np.clip(np.searchsorted(angles, points) - 1, 0, widths.size - 1)
     missing = (widths[place] > allowed) | (np.abs(grid - points) > _OUT * step * 1.001)
     mean[missing] = np.nan
     return mean
+
+
+def _beyond(angles: FloatArray, values: FloatArray, beyond_deg: FloatArray, step: float) -> FloatArray:
+    """What values change by from the last samples to points beyond them, (g, receivers)."""
+    change = np.zeros((beyond_deg.size, values.shape[1]))
+    for side, near in ((beyond_deg < 0.0, angles <= angles[0] + step), (beyond_deg > 0.0, angles >= angles[-1] - step)):
+        if side.any() and near.sum() > 1:
+            away = angles[near] - angles[near].mean()
+            slope = away @ values[near] / (away @ away)
+            change[side] = beyond_deg[side, None] * slope
+    return change
 
 
 def _merged(angle_deg: FloatArray, volts: FloatArray) -> tuple[FloatArray, FloatArray]:

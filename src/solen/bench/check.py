@@ -218,27 +218,30 @@ def _faults(
         elif circuit and mean[sensor.emitter - 1, own.input - 1] < 0.0:
             yield f"{what}: {do_not_use('rises with its emitter on; load and receiver are swapped')}"
         else:
-            yield from (f"{what}: {line}" for line in _settings(own, glance, sensor.emitter - 1, rig.unit))
+            yield from (f"{what}: {line}" for line in _settings(own, glance, sensor.emitter - 1, rig))
 
 
-def _settings(own: InputCheck, glance: Glance, emitter: int, unit: str) -> Iterator[str]:
+def _settings(own: InputCheck, glance: Glance, emitter: int, rig: Rig) -> Iterator[str]:
     """What a receiver that works could do better."""
     clipped = float(glance.clipped[:, emitter, own.input - 1].mean())
     if clipped > 0.0:
         upper = glance.high_V - own.off_V < own.on_V - glance.low_V
         phase, end = ("off", "upper") if upper else ("on", "lower")
         yield (
-            f"with its emitter {phase} it stands at the {end} end of the range in {100 * clipped:.2g} % of the "
+            f"with its emitter {phase} it stands at the {end} end of the range in {100 * clipped:.3g} % of the "
             "readings; what lies beyond is cut off"
         )
-    if unit == "V" and own.on_V < BOTTOM * own.off_V:
+    ends = None if rig.daq is not None else rig.board.straight_v
+    if ends is not None and not ends[0] <= own.on_V <= own.off_V <= ends[1]:
+        yield f"its levels reach beyond {ends[0]:g} to {ends[1]:g}, where the converter is not straight"
+    if rig.unit == "V" and own.on_V < BOTTOM * own.off_V:
         yield "is saturated with its emitter on; turn its trimmer to less load"
     elif own.load_factor is not None and own.load_factor < 1.0:
         yield f"{GROWS:g} times the light, as in a bent sensor, would saturate it; turn its trimmer to less load"
     elif own.load_factor is not None:
         yield note(f"light pulls it down by less than {100 * LEAST:.0f} %; more load would use more of the range")
     if own.room_V > ROOM * abs(own.signal_V) and own.room_V > 3.0 * own.noise_V:
-        yield f"varies by {of_noise(own.room_V, unit)} with the emitters off; shade it, or switch lamps off"
+        yield f"varies by {of_noise(own.room_V, rig.unit)} with the emitters off; shade it, or switch lamps off"
 
 
 class JogOptions(Options):

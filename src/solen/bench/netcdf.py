@@ -12,7 +12,7 @@ The interface: `write_recording` of a journal gives a `RecordedRun`; extra ``net
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -145,12 +145,26 @@ def _periods(file: Any, journaled: JournalContent) -> Content:
     time_s, lines = _times(journaled)
     _attributes(file, journaled, {str(place): line for place, line in enumerate(lines)})
     _sampled(file, board, time_s, header)
-    sensors, cuts = header["sensors"], cut_short(journaled)
-    readings = {
-        one["name"]: _sensor(file, one, list(sensor_readings(one, journaled, time_s, cuts)), signal_unit(header))
-        for one in sensors
-    }
-    return time_s, readings, _unsound(board)
+    cuts, readings, bent = cut_short(journaled), {}, []
+    for sensor in header["sensors"]:
+        parts = list(sensor_readings(sensor, journaled, time_s, cuts))
+        bent += _bent(sensor["name"], parts, header["rig"]["board"].get("straight_v"))
+        readings[sensor["name"]] = _sensor(file, sensor, parts, signal_unit(header))
+    return time_s, readings, [*_unsound(board), *bent]
+
+
+def _bent(name: str, parts: Sequence[Columns], ends: Sequence[float] | None) -> list[str]:
+    """Readings that rest on levels where the converter is not straight."""
+    if ends is None or not parts:
+        return []
+    outside = []
+    for part in parts:
+        levels = [part[f"{side}_ambient"] + more for side in ("right", "left") for more in (0.0, part[side])]
+        outside.append(np.any([(level < ends[0]) | (level > ends[1]) for level in levels], axis=0))
+    share = float(np.concatenate(outside).mean())
+    beyond = f"levels beyond {ends[0]:g} to {ends[1]:g}, where the converter is not straight"
+    text = f"{name}: {100 * share:.3g} % of the readings rest on {beyond}"
+    return [text] if share > 0.0 else []
 
 
 def _unsound(board: Rows) -> list[str]:

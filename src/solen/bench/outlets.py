@@ -1,9 +1,10 @@
 """Where decoded angles go as they come: datagrams, a serial line, a stream of the Lab Streaming Layer.
 
 The idea: each row of CSV is passed on as soon as it is decoded, so that a control loop, a robot or another recorder has
-the angle of a moment ago. A receiver that is not there holds nothing up.
+the angle of a moment ago. A receiver that is not there holds nothing up. Rows of a recorded file have all come already:
+they are sent at the pace of their times, as they were recorded.
 
-The interface: `outlet` of a name such as ``udp://127.0.0.1:5005``, ``serial:COM5@115200`` or ``lsl:finger``.
+The interface: `outlet` of a name such as ``udp://127.0.0.1:5005``, ``serial:COM5@115200`` or ``lsl:finger``; `Paced`.
 """
 
 import socket
@@ -12,8 +13,10 @@ from contextlib import contextmanager
 from typing import Any, Protocol
 from urllib.parse import urlsplit
 
+from solen.bench.clock import Clock
 from solen.errors import BenchError, SpecError
 from solen.extras import need
+from solen.recording.numbers import is_number
 
 LSL_COLUMNS = ("time_s", "angle_deg", "low95_deg", "high95_deg")
 """Channels of a stream of the Lab Streaming Layer, beside its own stamp of the moment that it was sent."""
@@ -42,6 +45,41 @@ class _Rows:
 
     def flush(self) -> None:
         """Nothing waits."""
+
+
+class Paced:
+    """An outlet to which rows go on when their times, in the first column, have come since the first of them.
+
+    Parameters
+    ----------
+    outlet
+        Where they go.
+    clock
+        By which it waits.
+    """
+
+    def __init__(self, outlet: Outlet, clock: Clock) -> None:
+        self._outlet, self._clock = outlet, clock
+        self._ahead_s: float | None = None
+
+    def write(self, text: str) -> None:
+        """Wait for each row, and pass it on."""
+        for row in text.splitlines(keepends=True):
+            self._wait(row.partition(",")[0])
+            self._outlet.write(row)
+
+    def flush(self) -> None:
+        """Nothing waits behind it."""
+        self._outlet.flush()
+
+    def _wait(self, cell: str) -> None:
+        if not is_number(cell):  # the header, or a reading without a time
+            return
+        if self._ahead_s is None:
+            self._ahead_s = self._clock.now_s() - float(cell)
+        due_s = self._ahead_s + float(cell) - self._clock.now_s()
+        if due_s > 0.0:
+            self._clock.sleep(due_s)
 
 
 @contextmanager

@@ -114,6 +114,10 @@ class BoardOf(BenchTable):
     rate_hz: Annotated[Number, Field(ge=1, le=2000)] = Field(200.0, description="Periods per second.")
     bits: Annotated[int, Field(strict=True, ge=8, le=16)] = Field(16, description="Bits of the board's converter.")
     range_v: Positive = Field(5.0, description="Its range from 0, in V.")
+    straight_v: tuple[Number, Number] | None = Field(
+        None,
+        description="Levels between which its converter is straight, [0.15, 2.45] of an ESP32; others are warned of.",
+    )
     unit: Text = Field("V", description="What its numbers count: V, or pF, ohm, lux, counts, ...")
     per_count: Positive | None = Field(
         None, description="What one count is in another unit than V; default of counts: 1."
@@ -130,6 +134,8 @@ class BoardOf(BenchTable):
         _check_driver(self, "port")
         if self.unit == "V" and self.per_count is not None:
             raise refused("per_count", "is for other units than V, which range_v and bits state", value=self.per_count)
+        if self.straight_v is not None and not self.straight_v[0] < self.straight_v[1]:
+            raise refused("straight_v", "must be the lower and the higher level", value=list(self.straight_v))
         if self.unit not in {"V", "counts"} and self.per_count is None:
             raise refused("per_count", f"must say what one count is in {self.unit}")
         if self.unit != "V" and self.driver != "simulated" and "range_v" in self.model_fields_set:

@@ -3,6 +3,7 @@
 The interface: `watch` calls a function with each `Seen`.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,13 +21,15 @@ from solen.errors import BenchError
 from solen.results import Result
 from solen.spec.strict import Options
 
+SHORTEST_S = 0.02
+
 
 class WatchOptions(Options):
     """How long, how often."""
 
     seconds: Annotated[float, Field(gt=0)] | None = None
-    """Stop by itself after so long; default: until Ctrl-C."""
-    every_s: Annotated[float, Field(ge=0.02, le=10)] = 0.1
+    """Stop by itself after so long, and one look at least; default: until Ctrl-C."""
+    every_s: Annotated[float, Field(ge=SHORTEST_S, le=10)] = 0.1
     """Time between two looks, in s; each shows the mean since the last."""
 
 
@@ -69,8 +72,8 @@ def watch(rig_file: Path, options: WatchOptions, show: Callable[[Seen], object])
     with ended_by_signals(), sampler_of(rig, rig_file.parent, clock) as sampler:
         glances, begun_s = Glances(sampler, rig), clock.now_s()
         try:
-            while options.seconds is None or times[-1] < options.seconds - 0.5 * options.every_s:
-                clock.sleep(options.every_s)
+            while (left_s := _left_s(options, clock.now_s() - begun_s)) > 0.0 or len(times) == 1:
+                clock.sleep(min(options.every_s, left_s) if left_s > 0.0 else SHORTEST_S)
                 if (glance := glances.read()) is None:
                     if clock.now_s() - begun_s - times[-1] > SILENT_S + options.every_s:
                         raise BenchError(sampler.name, limit="says nothing", remedy="check its cable and power")
@@ -81,6 +84,12 @@ def watch(rig_file: Path, options: WatchOptions, show: Callable[[Seen], object])
         except KeyboardInterrupt:
             pass
     return Watched(len(times) - 1, times[-1], rig.simulated)
+
+
+def _left_s(options: WatchOptions, since_s: float) -> float:
+    """Time that is left; what is shorter than any look is none."""
+    left_s = math.inf if options.seconds is None else options.seconds - since_s
+    return left_s if left_s >= 0.1 * SHORTEST_S else 0.0
 
 
 def _by_sensor(rig: Rig, volts: FloatArray) -> dict[str, tuple[float, float]]:

@@ -45,6 +45,8 @@ class Layout:
         Rows of the table.
     after
         Rows of text after it.
+    again
+        How often the header stands in the table again, as where a logger appended to its file.
     """
 
     header: int
@@ -53,6 +55,7 @@ class Layout:
     before: list[int]
     body: list[int]
     after: list[int]
+    again: int = 0
 
 
 def find(grid: Grid, columns: Sequence[str] | None = None) -> Layout:
@@ -81,8 +84,10 @@ def find(grid: Grid, columns: Sequence[str] | None = None) -> Layout:
             limit = f"holds numbers above the header, which is in {grid.place(header)}"
             raise grid.refused(row, None, limit, "remove what does not belong to the table")
     below = below[1:] if units else below
-    body, after = _parted(grid, below)
-    return Layout(header, names, [*units, *[""] * (len(names) - len(units))], before, body, after)
+    heads = [row for row in below if [cell.lstrip("\ufeff") for cell in grid.rows[row]] == grid.rows[header]]
+    repeated = {*heads, *(row + 1 for row in heads if units)}
+    body, after = _parted(grid, [row for row in below if row not in repeated])
+    return Layout(header, names, [*units, *[""] * (len(names) - len(units))], before, body, after, len(heads))
 
 
 def _header(grid: Grid, filled: list[int]) -> int | None:

@@ -3,7 +3,8 @@
 The idea: a file is one header and any number of packets, each with its own. A packet states its channels, how many
 samples each has, their units in words, and where its times begin and how far they step; the rows below have one column
 of times, one for each channel, or none, and at their end a comment. What a packet states is held against what it has:
-a row too few is a file that was cut off. Packets of one set of channels follow one another in time.
+a row too few is a file that was cut off. Packets of one set of channels follow one another in time; where their X
+begins anew, as in files that were appended to, it counts from the date and time that each packet states.
 
 The interface: `is_lvm` and `read`. Format: "Specification for the LabVIEW Measurement File (.lvm)", National
 Instruments.
@@ -11,6 +12,7 @@ Instruments.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -53,6 +55,7 @@ class _Packet:
     units: tuple[str, ...]
     time: FloatArray
     values: FloatArray
+    stamp: str = ""
 
 
 def read(source: Source) -> Recording:
@@ -72,7 +75,8 @@ def read(source: Source) -> Recording:
         if (packet.names, packet.units) != (packets[0].names, packets[0].units):
             limit = f"has other channels than the first: {', '.join(packet.names)}"
             raise source.refused(f"packet {number}", limit, "write each set of channels to a file of its own")
-    time, values = (np.concatenate([getattr(one, what) for one in packets]) for what in ("time", "values"))
+    time = np.concatenate([one.time + shift_s for one, shift_s in zip(packets, _shifts(source, packets), strict=True)])
+    values = np.concatenate([one.values for one in packets])
     channels = [Channel("time", "time", "s", time)]
     heads = [heading(name, unit) for name, unit in zip(packets[0].names, packets[0].units, strict=True)]
     for name, head, column in zip(unique([one.name for one in heads]), heads, values.T, strict=True):
@@ -81,6 +85,28 @@ def read(source: Source) -> Recording:
         source.name, source.sha256, "lvm", "", dates.among(stated), stated, simulated=is_simulated(stated)
     )
     return Recording(tuple(along_axes(channels, ())), provenance)
+
+
+def _shifts(source: Source, packets: Sequence[_Packet]) -> FloatArray:
+    """What is added to each packet's times: nothing where they follow one another, else what their stamps say."""
+    none = np.zeros(len(packets))
+    if _follow(packets, none):
+        return none
+    stamps = dates.seconds([one.stamp for one in packets])
+    if stamps is not None and np.isfinite(stamps).all() and _follow(packets, stamps - stamps[0]):
+        return np.asarray(stamps - stamps[0])
+    limit = "begin again in time, and their Date and Time do not say how they follow one another"
+    raise source.refused("packets", limit, "split the file before each packet")
+
+
+def _follow(packets: Sequence[_Packet], shifts_s: FloatArray) -> bool:
+    """Whether each packet begins after the one before has ended."""
+    ends = [
+        (one.time[0] + shift, one.time[-1] + shift)
+        for one, shift in zip(packets, shifts_s, strict=True)
+        if one.time.size
+    ]
+    return all(after[0] > before[1] for before, after in pairwise(ends))
 
 
 def _stated(source: Source, texts: Sequence[str]) -> dict[str, str]:
@@ -102,6 +128,9 @@ def _packets(source: Source, lines: Sequence[_Line], stated: dict[str, str], mar
         if lines[place].blank:
             place += 1
             continue
+        if lines[place].cells[0] == FIRST:  # a file was appended to this one
+            place = next((n for n in range(place, len(lines)) if lines[n].cells[0] == END), len(lines)) + 1
+            continue
         header: dict[str, list[str]] = {}
         while place < len(lines) and lines[place].cells[0] != END:
             if not lines[place].blank:
@@ -111,7 +140,7 @@ def _packets(source: Source, lines: Sequence[_Line], stated: dict[str, str], mar
             where = f"line {lines[min(place, len(lines) - 1)].number}"
             raise source.refused(where, "is in a packet that has no whole header", "export the file again")
         last = place + 2
-        while last < len(lines) and not lines[last].blank and lines[last].cells[0] not in {"Channels", END}:
+        while last < len(lines) and not lines[last].blank and lines[last].cells[0] not in {"Channels", END, FIRST}:
             last += 1
         yield _packet(source, header, lines[place + 1], lines[place + 2 : last], stated.get("X_Columns", "One"), mark)
         place = last
@@ -149,7 +178,8 @@ def _packet(
     first = {"No": 1, "One": 1}.get(x_columns, 1)
     kept = names[first:] if x_columns != "Multi" else names[1::2]
     units = [*header.get("Y_Unit_Label", []), *[""] * count][:count]
-    return _Packet(tuple(kept), tuple(units), time, values)
+    stamp = " ".join(cells[0] for key in ("Date", "Time") if (cells := header.get(key)))
+    return _Packet(tuple(kept), tuple(units), time, values, stamp)
 
 
 def _count(source: Source, near: _Line, cells: Sequence[str]) -> int:

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from solen.arrays import FloatArray
+from solen.ranks import note
 from solen.recording import dates
 from solen.recording.grid import Grid, cut_note
 from solen.recording.layout import Layout
@@ -149,6 +150,9 @@ def recorded(grid: Grid, place: Layout, result: list[Column], kind: str) -> Reco
         for name, column in zip(names, result, strict=True)
         if column.values is not None
     ]
+    if place.again and channels:
+        where = f"the header stands {place.again} times more among the rows, as where files were appended"
+        channels[0] = channels[0].noted(note(where))
     texts = {name: column.words for name, column in zip(names, result, strict=True) if column.words is not None}
     metadata = parameters(grid, place)
     instrument = _first(metadata, ("instrument", "machine", "prüfmaschine", "spectrometer", "spektrometer", "gerät"))

@@ -134,6 +134,8 @@ def line_stream(text: Iterable[str], options: SignalOptions, unit: str = "V") ->
     """
     rows = iter(text)
     first = next((row for row in rows if row.strip()), None)
+    head = "" if first is None else first.strip()
+    rows = (row for row in rows if row.strip() != head)  # a logger that begins anew writes its header again
     if first is None:
         raise DataError(STDIN, limit="is an empty stream: no line arrived", remedy="write a header and readings to it")
     first = next((first.removeprefix(mark) for mark in _BYTE_ORDER if first.startswith(mark)), first)

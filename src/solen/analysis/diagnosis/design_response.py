@@ -73,6 +73,8 @@ class Response:
         The table with `LOSS_STEP` more absorption at some of the angles, less the design's.
     width_mm, offset_mm
         Of the design's chip.
+    u_share
+        What the tables may be off by, as a share of a receiver's swing: that of traced ones by default.
     """
 
     base: Table
@@ -80,6 +82,7 @@ class Response:
     lossy: Table
     width_mm: float
     offset_mm: float
+    u_share: float = 1e-4
 
     @classmethod
     def of(

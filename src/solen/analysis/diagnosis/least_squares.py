@@ -34,8 +34,6 @@ They are those of the best straight lines. What is known beforehand is held at f
 """
 WAVES = 12
 """Half waves over the range of angles, from none on, that a misfit is looked for in."""
-MODEL_SHARE = 1e-4
-"""What the table itself may be off by, as a share of a receiver's swing."""
 SIGNIFICANT = 0.05
 """Chance of a misfit that is none, from which on it counts as one."""
 _ROUNDS = 60
@@ -272,7 +270,7 @@ def _fitted(model: Model, cycles: Cycles, places: IndexArray, sd: FloatArray, va
     scattered = moved.T @ moved / (count * (count - 1)) if count > 1 else _white(left, table, inverse)
     through = hat @ waves
     missed = share**2 * through @ through.T
-    floor = (MODEL_SHARE**2 / (0.5 * WAVES)) * through @ through.T
+    floor = (model.response.u_share**2 / (0.5 * WAVES)) * through @ through.T
     parts = [
         (np.diag(scattered), float(count - 1) if count > 1 else max(len(left) - len(places), 1.0)),
         (np.diag(missed), freedom),

@@ -24,6 +24,10 @@ CONVERTERS = {
 """Bits, range in V and baud rate that a rig file states for each."""
 
 
+STRAIGHT_V = {"esp32": (0.15, 2.45)}
+"""Levels between which the converter of a board is straight, where that is not its range: by Espressif, at 11 dB."""
+
+
 def sources_of(board: str) -> dict[str, str]:
     """Texts of a board's files, by their names in the folder that they are written to."""
     folder = resources("solen.bench.firmware")

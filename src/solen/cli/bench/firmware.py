@@ -12,4 +12,6 @@ def _(result: pipeline.Firmware) -> Iterator[str]:
     how = "open the sketch in the Arduino IDE" if result.board == "uno" else "copy the files onto one with MicroPython"
     yield f"next: {how}; what is wired to which pin stands in docs/board.md"
     states = f"bits = {result.bits}, range_v = {result.range_V}, baud = {result.baud}"
+    if result.straight_V is not None:
+        states += f", straight_v = {list(result.straight_V)}"
     yield f'[board] of the rig: driver = "serial", {states}'

@@ -22,9 +22,10 @@ from solen.analysis.calibration.streams import (
     line_stream,
     recorded_stream,
 )
+from solen.bench.clock import WallClock
 from solen.bench.follow import Following
 from solen.bench.journal_content import signal_unit
-from solen.bench.outlets import Outlet, outlet
+from solen.bench.outlets import Outlet, Paced, outlet
 from solen.errors import OutputError, SpecError
 from solen.pipeline.outputs import check_table
 from solen.recording import Provenance
@@ -64,7 +65,7 @@ def decode(
     text
         Lines of the standard input; by default those of `sys.stdin`.
     send
-        Where rows go as well: an outlet of `solen.bench.outlets`.
+        Where rows go as well: an outlet of `solen.bench.outlets`; those of a recording at the pace of their times.
 
     Raises
     ------
@@ -87,7 +88,9 @@ def decode(
         contextlib.nullcontext() if send is None else outlet(send) as sent,
         contextlib.nullcontext() if out is None else files.streamed(out) as file,
     ):
-        interrupted = _write_rows(decoder, stream, [one for one in (file, rows, sent) if one is not None])
+        live = source == STDIN or options.follow
+        paced = sent if sent is None or live else Paced(sent, WallClock())
+        interrupted = _write_rows(decoder, stream, [one for one in (file, rows, paced) if one is not None])
         result = decoder.result(interrupted=interrupted)
     return Outcome(result, {} if out is None else {"out": out})
 

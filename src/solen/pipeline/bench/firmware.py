@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from solen import files
-from solen.bench.firmware.written import CONVERTERS, Board, sources_of
+from solen.bench.firmware.written import CONVERTERS, STRAIGHT_V, Board, sources_of
 from solen.errors import OutputError
 from solen.results import Outcome, Result
 
@@ -23,6 +23,8 @@ class Firmware(Result):
         Of its converter.
     baud
         Of its serial line.
+    straight_V
+        Levels between which its converter is straight; None for its range.
     """
 
     board: str
@@ -30,6 +32,7 @@ class Firmware(Result):
     bits: int
     range_V: float
     baud: int
+    straight_V: tuple[float, float] | None
 
 
 def firmware(folder: Path, /, *, board: Board) -> Outcome[Firmware]:
@@ -49,4 +52,6 @@ def firmware(folder: Path, /, *, board: Board) -> Outcome[Firmware]:
                 raise OutputError(str(target), limit="exists already", remedy="name another folder or remove it")
             target.parent.mkdir(exist_ok=True)
         files.write_all(texts)
-    return Outcome(Firmware(board, folder, *CONVERTERS[board]), {target.name: target for target in texts})
+    return Outcome(
+        Firmware(board, folder, *CONVERTERS[board], STRAIGHT_V.get(board)), {target.name: target for target in texts}
+    )

@@ -19,7 +19,8 @@ static bool lit, late;
 static struct {
     int32_t position, start;
     bool moving, forward, braking;
-    uint32_t begin_us;
+    uint32_t begin_us, last_us; /* since it began; beside how often that has wrapped, for moves of over 71 minutes */
+    uint8_t wraps;
     float way, velocity, acceleration, up_s, all_s;
 } motor;
 
@@ -130,6 +131,8 @@ static void ramp(bool forward, float way, float velocity, float acceleration, fl
     motor.up_s = up_s;
     motor.all_s = up_s + (flat_s > 0 ? flat_s : 0) + velocity / acceleration;
     motor.begin_us = hw_now_us();
+    motor.last_us = 0;
+    motor.wraps = 0;
     motor.moving = true;
 }
 
@@ -141,9 +144,16 @@ static void move(int32_t target, float velocity, float acceleration) {
     ramp(forward, way, acceleration * up, acceleration, up, (way - acceleration * up * up) / velocity);
 }
 
+static float since_s(void) {
+    uint32_t us = hw_now_us() - motor.begin_us;
+    if (us < motor.last_us) motor.wraps++;
+    motor.last_us = us;
+    return 1e-6f * us + 4294.967296f * motor.wraps;
+}
+
 static void halt(void) {
     if (!motor.moving || motor.braking) return;
-    float since = 1e-6f * (hw_now_us() - motor.begin_us);
+    float since = since_s();
     float speed = motor.acceleration * fminf(since, fmaxf(0, motor.all_s - since));
     speed = fminf(speed, motor.velocity);
     motor.braking = true;
@@ -160,7 +170,7 @@ static float gone(float since) {
 
 void board_motor(void) {
     if (!motor.moving) return;
-    float since = 1e-6f * (hw_now_us() - motor.begin_us);
+    float since = since_s();
     int32_t made = motor.forward ? motor.position - motor.start : motor.start - motor.position;
     if (made < (int32_t)(gone(since) + 0.5f)) {
         motor.position += motor.forward ? 1 : -1;
