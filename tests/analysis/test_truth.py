@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from solen.analysis import AnalysisOptions, SensorResponse, group_of, sensor_response
+from solen.analysis.response import grid_deg, on_grid
 from solen.errors import DataError
 from tests.analysis.made_support import Protocol, Truth, made
 
@@ -24,6 +25,16 @@ def test_the_curve_is_the_response() -> None:
     for place in (0, 1):
         assert list(found.receivers.values())[place].mean_V == pytest.approx(expected[:, place], abs=5e-4)
     assert found.passes.angle_deg[[0, -1]].tolist() == [-3.0, 3.0]
+
+
+def test_the_ends_of_a_curve_are_at_their_angles() -> None:
+    """The last reading of a ramp may lie up to a quarter of a step before the last point of the grid."""
+    angle, grid = np.arange(-2.982, 2.985, 0.071), grid_deg(-2.982, 2.982, 0.1)
+    volts = np.column_stack([0.3 * angle, np.sin(angle)])
+    found = on_grid(angle, volts, grid)
+    assert grid[[0, -1]].tolist() == [-3.0, 3.0]
+    assert found[:, 0] == pytest.approx(0.3 * grid, abs=1e-12)
+    assert found[[0, -1], 1] == pytest.approx(np.sin(grid[[0, -1]]), abs=5e-4)
 
 
 @pytest.mark.parametrize("other", [{"irregular": 0.9}, {"rate_hz": 1000.0}, {"angle_step_deg": 0.05}])

@@ -178,7 +178,7 @@ def _packet(
     first = {"No": 1, "One": 1}.get(x_columns, 1)
     kept = names[first:] if x_columns != "Multi" else names[1::2]
     units = [*header.get("Y_Unit_Label", []), *[""] * count][:count]
-    stamp = " ".join(cells[0] for key in ("Date", "Time") if (cells := header.get(key)))
+    stamp = " ".join(stated[0] for key in ("Date", "Time") if (stated := header.get(key)))
     return _Packet(tuple(kept), tuple(units), time, values, stamp)
 
 
