@@ -1,4 +1,4 @@
-"""What a script calls: files in, typed results out. Nothing is written but by `export`.
+"""Functions for scripts: files in, typed results out. Only `export` writes files.
 
 Each function does what a command does before it writes. Options are given by keyword: they are the fields of the
 options class that the function's text names, which `help` of that class explains.

@@ -1,4 +1,4 @@
-"""What solen finds around it: its version, the system, optional packages and the compiled tracer's cache.
+"""The installation: solen's version, the system, optional packages and the compiled tracer's cache.
 
 The interface: `examine` gives an `Installation`, whose text a bug report can carry as it is.
 """
@@ -62,7 +62,7 @@ class KernelCache:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Installation(Result):
-    """What a bug report needs to say of an installation.
+    """Description of an installation for a bug report.
 
     Attributes
     ----------
@@ -120,7 +120,7 @@ def examine() -> Installation:
 
 
 def kernel_cache() -> KernelCache:
-    """Where the compiled tracer is kept, and how much of it there is."""
+    """Folder and size of the compiled tracer's cache."""
     from solen.trace.kernel.compiled import cache_folder
 
     folder = cache_folder()

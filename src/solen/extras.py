@@ -1,4 +1,4 @@
-"""Packages that only a part of solen needs: the extra that installs each, and the refusal where one is missing.
+"""Packages that only parts of solen need: the extra that installs each, and the error if one is missing.
 
 A plain installation does without them. Whoever needs one asks for it first and then imports it inside the function::
 
@@ -15,7 +15,7 @@ from solen.errors import OutputError, SolenError
 
 @dataclass(frozen=True)
 class Package:
-    """What is installed for a module.
+    """Package that provides a module.
 
     Parameters
     ----------
@@ -33,12 +33,12 @@ class Package:
 
     @property
     def name(self) -> str:
-        """What a message calls it."""
+        """Name of the package in messages."""
         return self.known_as or self.distribution
 
     @property
     def command(self) -> str:
-        """What to type in a clone of the project to have it."""
+        """Command that installs it from a clone of the project."""
         return f'pip install ".[{self.extra}]"'
 
 
@@ -78,7 +78,7 @@ def need(
     otherwise: str = "",
     error: type[SolenError] = OutputError,
 ) -> None:
-    """Raise where one of some modules is not installed.
+    """Raise `OutputError` if one of the modules is not installed.
 
     Parameters
     ----------

@@ -125,7 +125,7 @@ def streamed(path: Path) -> Iterator[TextIO]:
 
 
 def seal(path: Path) -> None:
-    """Append a checksum of a file to it, twice and apart, so that one damage leaves one of them; HDF5 ignores both."""
+    """Append a checksum of a file to it, twice and apart, so that a single damage spares one; HDF5 ignores both."""
     size, crc = path.stat().st_size, _crc(path)
     body = _SEAL.pack(SEALED, size, crc)
     one = body + zlib.crc32(body).to_bytes(4, "little")
@@ -134,7 +134,7 @@ def seal(path: Path) -> None:
 
 
 def check_seal(path: Path, error: type[SolenError]) -> int:
-    """Size of a file without its seal; ``error`` in one line where a sealed one is not what was written."""
+    """Size of a file without its seal; ``error`` if a sealed file is not the one written."""
     try:
         with path.open("rb") as file:
             size = file.seek(0, os.SEEK_END)
@@ -173,7 +173,7 @@ def _crc(path: Path, size: int | None = None) -> int:
 
 
 def check_name(what: str, name: str, error: type[SolenError], remedy: str = "choose another") -> None:
-    """Raise ``error`` in one line where some system does not allow a file's name: Windows, macOS or Linux."""
+    """Raise ``error`` if Windows, macOS or Linux does not allow a file's name."""
     limit = ""
     if any(sign in name for sign in '/\\:*?"<>|') or any(ord(sign) < 32 for sign in name):
         limit = 'must be the name of a file, without its folder and without any of / \\ : * ? " < > |'
@@ -203,7 +203,7 @@ def remove(path: Path) -> None:
 
 
 def remove_left(path: Path) -> None:
-    """Remove what a killed program left while writing this file. Nobody else may be writing it."""
+    """Remove temporary files left by a killed program; no other process may be writing this file."""
     target = _target(path)
     for left in target.parent.glob(f"{glob.escape(_hidden(target))}*.tmp"):
         with contextlib.suppress(OSError):

@@ -117,7 +117,7 @@ def pair_response(
 
 
 def crossing(angle_deg: FloatArray, row: FloatArray) -> float:
-    """Angle nearest to 0 at which a cycle's difference is 0, by straight lines."""
+    """Angle nearest to 0 at which a cycle's difference vanishes, by linear interpolation."""
     with np.errstate(invalid="ignore"):
         places = np.flatnonzero(row[:-1] * row[1:] <= 0.0)
     crossings = [

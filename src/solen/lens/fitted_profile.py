@@ -170,7 +170,7 @@ class FittedProfile(Result):
 
     @reported
     def u_slope_mrad(self) -> float:
-        """Standard uncertainty of the normals' directions: that of the points by the length of their errors."""
+        """Standard uncertainty of the normals' directions: that of the points divided by the correlation length."""
         return self.u_rms_um / self.correlation_mm
 
     @reported

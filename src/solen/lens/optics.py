@@ -40,7 +40,7 @@ class Lens(Result, ABC):
 
     @reported
     def shape(self) -> str:
-        """What it is: ``none``, ``cartesian-oval`` or ``measured``."""
+        """Kind of the lens: ``none``, ``cartesian-oval`` or ``measured``."""
         return self.shape_name
 
     @reported

@@ -1,4 +1,4 @@
-"""One quantity by two ways: what the results that make a resin say of each other.
+"""Comparison of results for a resin that determine the same quantity in two ways.
 
 The idea: a layer's k and a cut-back are one loss, an index by R and T and one at a refractometer are one index, an
 absorbance and a working curve have one penetration depth. Where two differ by more than their uncertainties explain,

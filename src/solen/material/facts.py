@@ -1,4 +1,4 @@
-"""What a resin says, as a typed result: its tables, its index at some wavelengths, its warnings.
+"""The content of a resin, as a typed result: its tables, its index at some wavelengths, its warnings.
 
 The interface: `facts_of` a resin gives `ResinFacts`; `listed` gives the library, `ResinList`.
 """
@@ -19,7 +19,7 @@ LISTED_NM = (589.3, 860.0)
 
 
 class ShowOptions(Options):
-    """What of a resin is shown."""
+    """Options of showing a resin."""
 
     at_nm: tuple[Wavelength, ...] = ()
     """A wavelength in nm; repeatable."""
@@ -36,7 +36,7 @@ class IndexAt:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ResinFacts(Result):
-    """Everything that a resin says.
+    """Everything that a resin states.
 
     Attributes
     ----------
@@ -104,7 +104,7 @@ class ResinFacts(Result):
 
     @reported
     def warnings(self) -> tuple[Caution, ...]:
-        """What a user of the resin must know."""
+        """Warnings for users of the resin."""
         others = {"cure": self.cure, "stiffness": self.stiffness}
         warnings = (
             of(name, Caution(text)) for name, table in others.items() if table is not None for text in table.warnings
@@ -120,7 +120,7 @@ class ResinList(Result):
 
 
 def facts_of(resin: Resin, name: str, at_nm: Sequence[float] = ()) -> ResinFacts:
-    """What a resin says, with its index at wavelengths, by default at `LISTED_NM`.
+    """Content of a resin, with its index at wavelengths, by default at `LISTED_NM`.
 
     Raises
     ------

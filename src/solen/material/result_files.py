@@ -77,7 +77,7 @@ class _Result(Strict):
         raise NotImplementedError
 
     def found_from(self, selection: Selection = _EVERYTHING) -> tuple[Source, ...]:  # noqa: ARG002
-        """The files that it was measured from."""
+        """Files of the measurement."""
         kept = Source.model_fields.keys() - {"of"}
         return tuple(
             Source(of=self.of, **{key: value for key, value in source.items() if key in kept and value is not None})
@@ -299,7 +299,7 @@ class StiffnessResult(_Modulus):
         )
 
     def found_from(self, selection: Selection = _EVERYTHING) -> tuple[Source, ...]:
-        """The files that it was measured from; of several materials those of the one of that label."""
+        """Files of the measurement; for several materials those of the labelled one."""
         files = {specimen.file for specimen in self._labelled(selection.label).specimens}
         return tuple(source for source in super().found_from() if not files or source.file in files)
 

@@ -74,7 +74,7 @@ class Traced:
 
     @classmethod
     def of(cls, edge: Edge, walls: Sequence[Edge | None], pose: Pose, u_scale: float | None) -> "Traced":
-        """Outline of measured edges; a wall that is not seen is None."""
+        """Outline of measured edges; None for a wall that is not visible."""
         beside = tuple(None if wall is None else wall.measured[0] for wall in walls)
         return cls(edge.measured[0], beside, pose, u_scale)
 

@@ -165,5 +165,5 @@ def _same(nm: FloatArray, own: FloatArray) -> bool:
 
 
 def _on(nm: FloatArray, own: FloatArray, values: FloatArray) -> FloatArray:
-    """Values at other wavelengths, NaN outside their own."""
+    """Values interpolated to other wavelengths, NaN outside the measured range."""
     return values if _same(nm, own) else np.interp(nm, own, values, left=np.nan, right=np.nan)

@@ -161,9 +161,9 @@ def read_parts(
 ) -> Iterator[tuple[str, Recording]]:
     """Recordings of a file with their names, one after the other.
 
-    Of an HDF5 file one for each group that has a time, of a test machine's export one for each specimen.
+    An HDF5 file gives one for each group with a time, an export of a test machine one for each specimen.
 
-    The name is empty where the file is one recording.
+    The name is empty if the file is a single recording.
     """
     large = hdf5.stored(Path(path))
     names = hdf5.groups(large) if large is not None else ()

@@ -123,7 +123,7 @@ class AsPrinted(Result):
 
     @property
     def label(self) -> str:
-        """How figures and sentences call it: ``as printed (measured)``."""
+        """Name in figures and sentences: ``as printed (measured)``."""
         return f"as printed ({'simulated' if self.simulated else 'measured'})"
 
 

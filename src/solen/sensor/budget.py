@@ -86,7 +86,7 @@ def budget(sensor: Sensor) -> Budget:
 
 
 def _black(scene: Scene) -> Scene:
-    """The scene with faces that take all light."""
+    """The scene with faces that absorb all light."""
     return replace(
         scene,
         interfaces=tuple(

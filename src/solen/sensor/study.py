@@ -161,7 +161,7 @@ class DesignStudy(Result):
 
     @reported
     def schema(self) -> int:
-        """Version of these names."""
+        """Version of the names of these results."""
         return SCHEMA
 
     @reported

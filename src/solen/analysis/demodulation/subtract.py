@@ -89,7 +89,7 @@ class Demodulated:
 def _drifts(slots: Slots, before: IntArray, after: IntArray, alone: BoolArray, off_sd: FloatArray) -> FloatArray:
     """Typical change of ambient light between an off slot and the next reading, (C,), beyond noise.
 
-    That is half of what it changes by between the off slots around a reading.
+    It is half of the change between the off slots around a reading.
     """
     both = ~alone
     if not both.any():

@@ -49,7 +49,7 @@ class Change:
     down: Table
 
     def chip(self, angle_deg: FloatArray, offset_mm: float, width_mm: float, by: float) -> FloatArray:
-        """Change of the shares (n, 2), as `Table.chip`, where the number is larger ``by`` so much."""
+        """Change of the shares (n, 2), as in `Table.chip`, if the number increases by ``by``."""
         x = by / self.step
         end = min(max(x, -1.0), 1.0)
         found = np.zeros((angle_deg.size, 2))

@@ -69,12 +69,12 @@ class ParameterEstimate(Result):
 
     @reported
     def interval95_value(self) -> tuple[float, float] | None:
-        """Interval of 95 %."""
+        """95 % interval of the value."""
         return None if self.low is None or self.high is None else (self.low, self.high)
 
     @reported
     def determined(self) -> bool:
-        """Whether the recording determines it."""
+        """Whether the recording determines the parameter."""
         return self.value is not None
 
 

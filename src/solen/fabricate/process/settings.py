@@ -126,7 +126,7 @@ class Settings(Strict):
         return self
 
     def _check_dose(self, key: str, seconds: float) -> None:
-        """Refuse an exposure that sets nothing at all."""
+        """Reject an exposure that cures nothing at all."""
         dose = seconds * self.irradiance_mW_per_cm2
         if dose <= self.Ec_mJ_per_cm2:
             limit = f"gives {dose:.3g} mJ/cm², and the resin sets from {self.Ec_mJ_per_cm2:g} mJ/cm² on: nothing cures"

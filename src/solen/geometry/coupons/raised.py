@@ -148,7 +148,7 @@ def _pairs(gaps_mm: Sequence[float], diameter: float, options: CouponOptions) ->
 
 
 def _chain(gaps_mm: Sequence[float], diameter: float, _: CouponOptions) -> tuple[list[Row], tuple[Gap, ...]]:
-    """One row of one cylinder more than there are gaps."""
+    """One row, with one cylinder more than gaps."""
     names = [f"c-{number}" for number in range(1, len(gaps_mm) + 2)]
     row = _row([(name, diameter, TALL_MM) for name in names], gaps_mm, 0.0)
     gaps = (Gap(f"g-{gap:g}", (a, b), gap) for gap, (a, b) in zip(gaps_mm, pairwise(names), strict=True))

@@ -1,4 +1,4 @@
-"""What a working curve does not say, in sentences with numbers.
+"""Limits of a working curve, as warnings with numbers.
 
 The interface: `cautions` of a `WorkingCurve`.
 """
@@ -17,7 +17,7 @@ _SHOWN = 4
 
 
 def cautions(curve: WorkingCurve) -> list[Caution]:
-    """What does not follow from a working curve."""
+    """Limits of a working curve, as warnings."""
     return [*_of_discs(curve), *_of_shape(curve), *_of_intervals(curve), *_of_threshold(curve)]
 
 

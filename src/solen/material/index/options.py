@@ -104,7 +104,7 @@ class IndexOptions(RowOptions):
 
     @property
     def thickness(self) -> Length:
-        """Thickness of the layer; `SpecError` where it was not stated."""
+        """Thickness of the layer; `SpecError` if it is not stated."""
         if self.thickness_um is None:
             remedy = "measure it with a micrometer and state it; the lossless mode alone needs none"
             raise SpecError("--thickness-um", limit="is missing", remedy=remedy)

@@ -88,7 +88,7 @@ def points_of(wavelength_nm: ArrayLike, n: ArrayLike, u_n: ArrayLike | None, sha
 
 
 def solved(form: Form, points: Points) -> Solved:
-    """Least squares with the weights of the points, by Gauss and Newton; `UnfitError` where the formula cannot be."""
+    """Least squares with the weights of the points, by Gauss-Newton; `UnfitError` if the formula does not fit."""
     inner = form.start(points.um, points.n, points.weights)
     for _ in range(_STEPS):
         better = _stepped(form, inner, points)

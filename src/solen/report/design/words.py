@@ -45,7 +45,7 @@ def warnings(study: DesignStudy) -> list[str]:
 
 
 def budget_rows(study: DesignStudy) -> list[tuple[str, float]]:
-    """Where the light goes at rest, by parts, with their uncertainty; empty where that is not known."""
+    """Shares of the light at rest, with their uncertainty; empty if unknown."""
     budget = None if study.practice is None else study.practice.budget
     if budget is None:
         return []

@@ -138,7 +138,7 @@ def _region(name: str, glasses: Sequence[Glass], levels: Levels, colours: bool) 
 
 
 def _product(glasses: Iterable[Glass]) -> Cauchy:
-    """Cauchy's formula of the product of two dispersive glasses at most: a third would need 1/λ⁶."""
+    """Cauchy's formula for the product of at most two dispersive glasses; a third would need 1/λ⁶."""
     a, b, c = 1.0, 0.0, 0.0
     for glass in glasses:
         if c and glass.b_um2:

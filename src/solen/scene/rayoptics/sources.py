@@ -145,7 +145,7 @@ def _into_angle(fields: Fields, lamps: Lamps) -> list[Placed]:
 
 
 def _beam(fields: Fields, lamps: Lamps) -> list[Placed]:
-    """Parallel rays from a line, or a fan at each place, or places and angles drawn by chance."""
+    """Parallel rays from a line, or a fan at each point, or random points and angles."""
     a, b = fields.point("p1"), fields.point("p2")
     if a == b:
         raise UnreadError("p2", "is the same point as p1")
