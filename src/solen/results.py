@@ -1,4 +1,4 @@
-"""Typed results: what every stage returns, and the one way from there to JSON, tables, xarray and a notebook.
+"""Typed results, which every stage returns, and their conversion to JSON, tables, xarray and notebooks.
 
 The idea: a result is a frozen dataclass that names its units and uncertainties; it stays one until the door. What JSON
 holds follows from its fields and from the properties marked `reported`, in their order, so no command writes a
@@ -54,7 +54,7 @@ AS_STATED = {"options", "sources"}
 
 
 def in_unit(value: Any, unit: str, before: str = "V") -> Any:
-    """Plain data whose keys name a unit in place of the one before: ``range_pF``, ``sensitivity_lux_per_deg``."""
+    """Plain data whose keys name another unit: ``range_pF``, ``sensitivity_lux_per_deg``."""
     if isinstance(value, list):
         return [in_unit(one, unit, before) for one in value]
     if not isinstance(value, dict) or unit == before:
@@ -67,7 +67,7 @@ def in_unit(value: Any, unit: str, before: str = "V") -> Any:
 
 
 def as_key(unit: str) -> str:
-    """A unit as it stands in a key."""
+    """A unit as spelled in a key."""
     return re.sub(r"\W+", "_", unit)
 
 
@@ -81,7 +81,7 @@ class Result:
     __dataclass_fields__: ClassVar[dict[str, dataclasses.Field[Any]]]
 
     def __new__(cls, *_: Any, **__: Any) -> typing.Self:
-        """Give the word to `__setattr__` below: dataclasses write one into every frozen class."""
+        """Remove the `__setattr__` that dataclasses write into every frozen class, in favour of the one below."""
         for kind in cls.__mro__:
             if kind is not Result and issubclass(kind, Result) and "__setattr__" in vars(kind):
                 del kind.__setattr__, kind.__delattr__
@@ -127,7 +127,7 @@ class Result:
         return xarray.Dataset(variables, attrs=attributes)
 
     def __repr__(self) -> str:
-        """A few lines: each value beside its name, long arrays by their size."""
+        """A few lines: each value with its name, long arrays by their size."""
         lines = [f"  {name} = {value}" for name, value in _summary(self)]
         return "\n".join([type(self).__name__, *lines])
 
@@ -145,7 +145,7 @@ R = typing.TypeVar("R", bound=Result, covariant=True)
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Outcome(typing.Generic[R]):
-    """What a command ends with: its result, and the files that it wrote by what they hold ("figure", "out")."""
+    """Outcome of a command: its result, and the files written, by content ("figure", "out")."""
 
     result: R
     files: Mapping[str, Path] = dataclasses.field(default_factory=dict)
@@ -277,7 +277,7 @@ def _class_schema(kind: type, inside: tuple[Any, ...]) -> dict[str, Any]:
 
 
 def _inlined(schema: Any, definitions: Mapping[str, Any]) -> Any:
-    """A schema with its definitions in the places that refer to them, so that it can stand inside another."""
+    """A schema with its definitions inlined, so that it can be part of another."""
     if isinstance(schema, list):
         return [_inlined(part, definitions) for part in schema]
     if not isinstance(schema, dict):
@@ -313,7 +313,7 @@ def _summary_line(text: str) -> str:
 
 
 def described(kind: type) -> dict[str, str]:
-    """What a dataclass says of its fields: the entries of its docstring's Attributes, and its properties' own."""
+    """Descriptions of a dataclass's fields, from the Attributes of its docstring and from its properties."""
     words: dict[str, str] = {}
     for base in reversed(kind.__mro__):
         names: list[str] = []

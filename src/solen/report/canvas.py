@@ -1,4 +1,4 @@
-"""How every figure looks, and a figure as the bytes of a file that are the same for the same numbers.
+"""The style of figures, and their files, whose bytes depend on the numbers alone.
 
 A module of a figure draws it with the colours and `series` below at the size it likes; `drawn` sets the style around
 that and finishes the figure for the page it goes on. `encoded` writes it.
@@ -57,7 +57,7 @@ STYLE: dict[Any, Any] = {
 
 
 def series(number: int, *, dots: bool = False) -> dict[str, Any]:
-    """Look of the one of several things that has this number: colour and dashes, or colour and marker of dots."""
+    """Style of the series with a given number: colour and dashes, or colour and marker."""
     place = number % len(SERIES)
     return {"color": SERIES[place]} | ({"marker": MARKERS[place], "ls": ""} if dots else {"ls": LINES[place]})
 
@@ -98,12 +98,12 @@ def drawn(draw: Callable[[], Figure], look: FigureOptions = FigureOptions()) -> 
 
 
 def svg(figure: Figure, salt: str) -> str:
-    """SVG text of a figure; ``salt`` keeps its inner names apart from those of other figures on one page."""
+    """SVG text of a figure; ``salt`` distinguishes its internal names from those of other figures on a page."""
     return encoded(figure, ".svg", salt).decode("utf-8")
 
 
 def encoded(figure: Figure, suffix: str, salt: str, dpi: int = 200) -> bytes:
-    """A figure as the bytes of a file of one of the `KINDS`, its titles in the description; no date is in it."""
+    """A figure as the bytes of a file of one of the `KINDS`, with its titles in the description and no date."""
     data, title = io.BytesIO(), titles_of(figure)
     with mpl.rc_context({**STYLE, "svg.hashsalt": f"solen-{salt}"}):
         if suffix == ".svg":  # savefig would draw it twice, once for the layout: the bytes are the same

@@ -78,7 +78,7 @@ def panels_of(figure: Figure) -> list[list[Axes]]:
 
 
 def titles_of(figure: Figure) -> str:
-    """Titles of a figure, those that were left out too, on one line."""
+    """Titles of a figure, including hidden ones, on one line."""
     return "; ".join(" ".join(title.get_text().split()) for title in _titles(figure))
 
 
@@ -283,7 +283,7 @@ def _thinned(axes: Axes, axis: Axis) -> bool:
 
 
 def _uncrowded(figure: Figure) -> bool:
-    """Hide notes in a panel that would lie on an earlier one; whether there were any."""
+    """Hide notes in a panel that would overlap earlier ones; return whether there were any."""
     hidden = False
     for axes in figure.axes:
         shown: list[Bbox] = []

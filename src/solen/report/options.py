@@ -1,4 +1,4 @@
-"""How a figure is drawn and written: the options that every command with ``--figure`` has."""
+"""Look and file of a figure: the options of every command with ``--figure``."""
 
 import math
 from pathlib import Path
@@ -48,7 +48,7 @@ class FigureOptions(Options):
         return self.font_pt or (9.0 if self.width_mm is None else 8.0)
 
     def ends(self) -> list[Limits]:
-        """The limits of axes; `SpecError` where one is not written as it should be."""
+        """The limits of axes; `SpecError` for a malformed one."""
         return [_ends(text) for text in self.limits]
 
     def check(self, *others: Path | None) -> None:

@@ -1,4 +1,4 @@
-"""What the directionality of receivers makes of traced power.
+"""The effect of the receivers' directionality on traced power.
 
 A trace gives the power through a receiver's face. A part with a lens sees less of what arrives from the side, so its
 current is not in proportion to that power. `Acceptance` is what its directionality makes of the light of a scene;
@@ -36,7 +36,7 @@ FLAT = 1e-6
 
 @dataclass(frozen=True)
 class Acceptance:
-    """How receivers see light by its angle of incidence: as cos^m to a beam.
+    """Directional response of receivers by angle of incidence: cos^m to a beam.
 
     Attributes
     ----------
@@ -79,7 +79,7 @@ class Acceptance:
 
 
 def _bands(scene: Scene) -> Iterator[tuple[Source, tuple[float, ...]]]:
-    """Parts of a scene's first source, each with y-components in air that stand for its light in equal shares."""
+    """Bands of a scene's first source by the y-component of direction in air, each with an equal share of its light."""
     source = scene.sources[0]
     if scene.extrusion is None:
         yield source, (0.0,)

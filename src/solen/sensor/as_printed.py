@@ -1,4 +1,4 @@
-"""What a lens as printed does to the response, beside the one that was designed.
+"""The effect of the printed lens on the response, compared with the designed one.
 
 The idea: the same body, emitter and material with two lenses. What lies between their responses is what printing did;
 its uncertainty follows from outlines drawn within that of the measured profile. These are traced at some of the angles,
@@ -37,7 +37,7 @@ DRAWN_RAYS = 2**14
 
 @dataclass(frozen=True)
 class Difference:
-    """Contrast with the printed lens less that with the designed one, at an angle."""
+    """Contrast with the printed lens minus that with the designed one, at an angle."""
 
     angle_deg: float
     contrast: float
@@ -72,7 +72,7 @@ class Comparison(Result):
 
     @reported
     def difference(self) -> FloatArray:
-        """(N,) contrast of the printed one less that of the designed one."""
+        """(N,) contrast of the printed lens minus that of the designed one."""
         return self.printed.contrast - self.designed.contrast
 
     @reported
@@ -92,14 +92,14 @@ class Comparison(Result):
 
     @reported
     def null_shift_deg(self) -> float | None:
-        """How far printing moves the null."""
+        """Shift of the null by printing."""
         before, after = self.null_designed_deg, self.null_printed_deg
         return None if before is None or after is None else after - before
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class AsPrinted(Result):
-    """A design beside itself as printed.
+    """A design compared with its print.
 
     Attributes
     ----------
@@ -135,7 +135,7 @@ def as_printed(
     *,
     draws: int = DRAWS,
 ) -> AsPrinted:
-    """Compare a sensor whose lens was measured with the one that was designed.
+    """Compare a sensor with a measured lens with the designed one.
 
     Parameters
     ----------

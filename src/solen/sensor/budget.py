@@ -1,4 +1,4 @@
-"""Where the light of a sensor's emitter goes at rest, as shares that add up to 1.
+"""The light budget of a sensor at rest: shares of the emitter's power that add up to 1.
 
 The idea: no ledger tells what met the lens and came back from what never met anything. The same scene with black faces
 and with a black body does. The interface: `budget` of a sensor, which returns a `Budget`.
@@ -21,7 +21,7 @@ OPAQUE_PER_MM = 1e6
 
 @dataclass(frozen=True)
 class Budget:
-    """Where the emitter's own power goes at rest, as shares that add up to 1 within ``u``; no light from around.
+    """Shares of the emitter's power at rest, which add up to 1 within ``u``; without ambient light.
 
     Attributes
     ----------

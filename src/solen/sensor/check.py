@@ -1,4 +1,4 @@
-"""What follows from a design before any ray is traced: its material, lens and body, and that it can be built.
+"""Checks of a design before any ray is traced: material, lens and body, and whether it can be built.
 
 The interface: `check` of a sensor; its parts are `foci_of` and `body_sizes`.
 """
@@ -21,7 +21,7 @@ from solen.spec.strict import Finite, Options
 
 @dataclass(frozen=True)
 class Focus:
-    """Where a lens focuses in a material of an index, in mm behind the vertex; None where rays do not meet there.
+    """Foci of a lens in a material of a given index, in mm behind the vertex; None if rays do not meet there.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class Focus:
 
 @dataclass(frozen=True)
 class BodySizes:
-    """What follows from a body's dimensions, at rest; None where a kind of body has no such thing.
+    """Sizes that follow from a body's dimensions, at rest; None for those that a kind of body lacks.
 
     Attributes
     ----------
@@ -110,7 +110,7 @@ class LensCheck(Result):
 
 
 class LensOptions(Options):
-    """How the profile of a lens is written."""
+    """Options of writing the profile of a lens."""
 
     tolerance_mm: Annotated[Finite, Field(ge=1e-9)] = 1e-4
     """How far a straight line between two points of the table may leave the profile."""

@@ -1,4 +1,4 @@
-"""What matters: how far each number of a design moves the response when it is off by its tolerance.
+"""What matters: the change of the response by the tolerance of each number of a design.
 
 The idea: a derivative alone ranks by its unit. Times the tolerance of its number it says what a print and an LED
 make of the sensor. Every number is set off to both sides, the lens as it is cut for what was designed, and
@@ -151,7 +151,7 @@ def _base(sensor: Sensor, response: Response, null_deg: float) -> Response:
 
 
 def _of_number(sensor: Sensor, key: str, base: Response, null: tuple[float, Slope] | None) -> Effect:
-    """Half of what lies between the number lower and higher by its tolerance; at a limit, what one side changes."""
+    """Half of the change between the number minus and plus its tolerance; one-sided at a limit."""
     tolerance, stated = tolerance_of(sensor, key)
     angles = base.angle_deg.tolist()
     ends = []
@@ -181,7 +181,7 @@ def _still(sensor: Sensor, other: Sensor, base: Response) -> Response | None:
 
 
 def _of_join(sensor: Sensor, join: str, base: Response) -> Effect:
-    """What another join of the turned lens and the stem changes."""
+    """Effect of another join of the turned lens and the stem."""
     other = sensor.set({JOIN: join})
     other = replace(other, cut=sensor.cut, material=sensor.material)
     ends = {float(base.angle_deg[place]) for place in (0, -1)} - {0.0}
@@ -197,7 +197,7 @@ def _joins(sensor: Sensor) -> tuple[str, ...]:
 
 
 def _effect(key: str, value: float | str, low: Response, high: Response, half: float) -> Effect:
-    """What lies between two responses at the same angles, times ``half``."""
+    """Difference of two responses at the same angles, times ``half``."""
     light = [float(np.mean(one.right + one.left)) for one in (low, high)]
     u_light = [float(np.max(2.0 * one.u_power)) for one in (low, high)]
     return Effect(
@@ -214,7 +214,7 @@ def _effect(key: str, value: float | str, low: Response, high: Response, half: f
 
 
 def _shift(effect: Effect, null: tuple[float, Slope] | None) -> tuple[float | None, float | None]:
-    """How far the null moves, by the change of the contrast there and its slope."""
+    """Shift of the null, from the change of the contrast there and its slope."""
     if null is None or not abs(null[1].value) > 0.0:
         return None, None
     near, slope = int(np.argmin(np.abs(effect.angle_deg - null[0]))), null[1]

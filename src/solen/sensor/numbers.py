@@ -46,7 +46,7 @@ def number(sensor: "Sensor", key: str) -> float:
 
 
 def tolerance_of(sensor: "Sensor", key: str) -> tuple[float, bool]:
-    """How far off a number may be, and whether that is its standard uncertainty; else a hundredth of it."""
+    """Tolerance of a number, and whether it is a standard uncertainty; by default a hundredth of the number."""
     stated = sensor.design.tolerance.of(key)
     u = {
         "material.index": sensor.material.u_index,
@@ -58,7 +58,7 @@ def tolerance_of(sensor: "Sensor", key: str) -> tuple[float, bool]:
 
 
 def inert(sensor: "Sensor", key: str) -> str:
-    """Why a number of the design has no part of its own in the light; empty where it has one."""
+    """Reason why a number of the design has no independent effect on the light; empty if it has one."""
     design = sensor.design
     resin = design.material.resin is not None
     flat, in_plane = design.trace.dimension == "2d", "has no effect in the plane"

@@ -1,4 +1,4 @@
-"""What a sensor is once it is built: its LED has a size and shines into space, and its numbers are off.
+"""A sensor as built: its LED has a size and emits into space, and its numbers are off by their tolerances.
 
 The idea: three descriptions of one sensor. As in the paper, a point in the plane: the sketch. As the design states it.
 And as built: with the design's chip, or one of `CHIP_MM` for its point, in space, Lambertian where it states a fan.
@@ -117,7 +117,7 @@ class Practice(Result):
 
     @reported
     def warnings(self) -> tuple[str, ...]:
-        """What must be known before printing."""
+        """Warnings before printing."""
         index = self.effect("material.index")
         if index is None or not index.by_uncertainty or index.largest < MOVED:
             return ()

@@ -1,4 +1,4 @@
-"""What the receivers of a sensor read over its motion: traced power, as directional parts see it, and the volts of it.
+"""Readings of a sensor's receivers over its motion: traced power, with directionality, and its voltages.
 
 `received` gives the shares of the light that receivers make their current of, as `solen.sensor.acceptance` says;
 `readings` turns them into voltages.

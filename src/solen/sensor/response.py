@@ -1,4 +1,4 @@
-"""What two receivers see over the angles of a motion, and how they answer to one number of the design."""
+"""The response of two receivers over the angles of a motion, and its sensitivity to a number of the design."""
 
 import math
 from collections.abc import Sequence
@@ -65,7 +65,7 @@ class Response(Result):
 
     @reported
     def ledger(self) -> list[Ledger]:
-        """Where the power goes at each angle."""
+        """Ledger of the power at each angle."""
         return [trace.ledger for trace in self.traces]
 
     @property
@@ -129,7 +129,7 @@ class Response(Result):
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """How the readings at an angle change with a number of the design.
+    """Change of the readings at an angle with a number of the design.
 
     ``right`` and ``left`` are the derivatives of the powers, as fractions of the emitted power, ``contrast`` that of
     (R − L)/(R + L), each per unit that the key ends in. They are NaN where there is no derivative, and the contrast's
@@ -152,7 +152,7 @@ class Sensitivity:
 
     @property
     def reached(self) -> bool:
-        """Whether the derivatives were found."""
+        """Whether the derivatives converged."""
         return not self.why
 
 
@@ -185,7 +185,7 @@ def contrast(right: float, left: float) -> float | None:
 
 
 def shift(response: Response, other: Response) -> Shift | None:
-    """How far the contrast of one response lies from that of another at most, over the angles that both have.
+    """Largest difference in contrast between two responses, over their common angles.
 
     None where no light arrives at any of them.
     """

@@ -26,7 +26,7 @@ FLAT_TOLERANCE = 5e-4
 
 @dataclass(frozen=True)
 class Summary:
-    """The few numbers asked for first, from the integrated power of a case.
+    """The most important numbers, from the integrated power of a case.
 
     Attributes
     ----------
@@ -196,12 +196,12 @@ class DesignStudy(Result):
 
     @reported
     def foci(self) -> tuple[Focus, ...]:
-        """Where the lens focuses, by the index of the material."""
+        """Foci of the lens, by the index of the material."""
         return foci_of(self.sensor)
 
     @reported
     def body(self) -> BodySizes:
-        """What follows from the body's dimensions, at rest."""
+        """Sizes that follow from the body's dimensions, at rest."""
         return body_sizes(self.sensor)
 
     @reported
@@ -216,7 +216,7 @@ class DesignStudy(Result):
 
     @reported
     def warnings(self) -> tuple[str, ...]:
-        """What must be known before its numbers are used."""
+        """Warnings about the study's numbers."""
         return (
             *self.sensor.warnings,
             *keys_without_effect(self.sensor),
@@ -242,7 +242,7 @@ def study(design: Design, progress: Progress | None = None, *, practical: bool =
 
 
 def _beside_design(plain: DesignStudy, progress: Progress | None) -> DesignStudy:
-    """The same with the lens that was asked for, where the design's own was measured."""
+    """The same with the designed lens, if the design's own was measured."""
     lens = plain.with_lens
     if lens is None or not lens.sensor.is_measured:
         return plain

@@ -74,13 +74,13 @@ def sweep(
 
 
 def mirrored(reading: Reading) -> Reading:
-    """What a symmetric sensor reads at the opposite angle."""
+    """Readings of a symmetric sensor at the opposite angle."""
     detectors = reading[0].detectors
     return _with(reading, {name: detectors[OTHER[name]] for name in detectors})
 
 
 def balanced(reading: Reading) -> Reading:
-    """What a symmetric sensor reads at rest: the same at both receivers."""
+    """Readings of a symmetric sensor at rest: the same at both receivers."""
     detectors = reading[0].detectors
     return _with(reading, dict.fromkeys(detectors, _mean(detectors)))
 

@@ -26,7 +26,7 @@ def colour_of(name: str, place: int) -> str:
 
 
 def study_figure(study: Study) -> Figure:
-    """A panel for each sensor, all to one scale, and one with all of them where there are several."""
+    """A panel for each sensor, all to one scale, and with several sensors a panel of all of them."""
     sensors = list(study.sensors.values())
     panels = len(sensors) + (len(sensors) > 1)
     across = 3 if panels in {5, 6} else min(panels, _ACROSS)

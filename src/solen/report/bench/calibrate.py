@@ -1,4 +1,4 @@
-"""What a calibration is and what it is worth: its curves, decoded against true angles, and the errors.
+"""The figure of a calibration: its curves, decoded against true angles, and the errors.
 
 One row for each calibration. Left is orange and right blue; whole lines rise, dashed ones fall.
 """

@@ -1,4 +1,4 @@
-"""Voltages over time with the cycles that were found, as in the paper's figure S6.
+"""Voltages over time with the detected cycles, as in the paper's figure S6.
 
 Holds that are cropped are grey, cycles that are not used hatched; long recordings are drawn by the least and greatest
 sample of each stretch, so that nothing that is there is missing in the picture.

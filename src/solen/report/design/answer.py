@@ -48,7 +48,7 @@ class Matter(NamedTuple):
 
 
 def measured(value: float | None, u: float | None, *, sign: bool = True) -> str:
-    """A value and its uncertainty to one or two digits of that; no sign before a zero."""
+    """A value and its uncertainty, rounded to one or two digits of the latter; no sign before a zero."""
     if value is None or not math.isfinite(value):
         return "none"
     if u is None or not u > 0.0 or not math.isfinite(u):
@@ -61,7 +61,7 @@ def measured(value: float | None, u: float | None, *, sign: bool = True) -> str:
 
 
 def expected(study: DesignStudy) -> list[tuple[str, str]]:
-    """What to expect, by headings; beside it without the lens, as in the paper, and as built."""
+    """What to expect, by heading; compared with the sensor without lens, as in the paper, and as built."""
     case, summary = study.case, study.case.summary
     light = measured(100 * summary.received_share, 200 * summary.u_power, sign=False)
     rows = [

@@ -10,7 +10,7 @@ RESOLVED = 2.0
 
 
 def printed_sentences(as_printed: AsPrinted) -> list[str]:
-    """What printing did to the lens and to the response, a sentence each."""
+    """Effects of printing on the lens and on the response, a sentence each."""
     deviation, fit = as_printed.lens.fit.deviation, as_printed.lens.fit
     more = "more" if deviation.max_um > 0.0 else "less"
     lines = [

@@ -81,7 +81,7 @@ def sweep_figure(response: Response) -> Figure:
 
 
 def matters_figure(practice: Practice) -> Figure:
-    """Change of the contrast, at each angle where it was found, by numbers that are off by their tolerances."""
+    """Change of the contrast at each computed angle, for numbers that are off by their tolerances."""
     effects = practice.effects
     names = [f"{row.name}\n{row.by}" for row in matters(practice)[1]]
     figure = Figure(figsize=(8.2, 0.9 + 0.42 * len(effects)))
@@ -198,7 +198,7 @@ def scene_figure(trace: SceneTrace) -> Figure:
 
 
 def _extent(scene: Scene, paths: Sequence[Path]) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Least and greatest x and z of starts of rays, of monitors and of curves other than endless edges."""
+    """Extent in x and z of the starts of rays, of monitors and of curves, without endless edges."""
     found = [path.points_mm[:1] for path in paths if path.parent < 0]
     found += [np.array([monitor.start, monitor.end]) for monitor in scene.monitors]
     curves = [interface.curve.points(np.linspace(0.0, 1.0, 33)) for interface in scene.interfaces]

@@ -113,7 +113,7 @@ def _parts(study: DesignStudy) -> dict[str, list[tuple[str, Any]]]:
 
 
 def shown(value: Any) -> str:
-    """A number as one reads it, to four places; a missing one as a dash."""
+    """A number to four digits; a missing one as a dash."""
     if value is None:
         return "–"
     if isinstance(value, bool):

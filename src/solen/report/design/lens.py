@@ -25,7 +25,7 @@ def lens_figure(check: LensCheck) -> Figure:
 
 
 def profile_figure(lens: Lens) -> Figure:
-    """The lens's profile; beside it ovals for the paper's indices, or the oval that a measured lens was to be."""
+    """The lens's profile, with ovals for the paper's indices, or with the designed oval of a measured lens."""
     figure = Figure(figsize=(5.2, 2.7))
     axes = figure.add_subplot()
     if isinstance(lens, OvalLens):
@@ -42,7 +42,7 @@ def profile_figure(lens: Lens) -> Figure:
 
 
 def focus_figure(sensor: Sensor) -> Figure:
-    """Where the lens focuses against the index of the material, with the index's uncertainty as a band.
+    """Focus of the lens against the index of the material, with the index's uncertainty as a band.
 
     Without one, the band is that of the step which is compared instead.
     """

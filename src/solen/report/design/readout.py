@@ -1,4 +1,4 @@
-"""The figure of a readout: volts over the motion with what the parts spread by, and how finely they tell the angle."""
+"""The figure of a readout: volts over the motion with the spread of parts, and the resolution of the angle."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,7 +12,7 @@ COLOURS = {"right": RIGHT, "left": LEFT}
 
 
 def readout_figure(readings: DesignReadings) -> Figure:
-    """Volts on the left, resolution on the right; said to be simulated."""
+    """Volts on the left, resolution on the right; marked as simulated."""
     figure = Figure(figsize=(8.2, 3.7))
     volts_axes, angle_axes = figure.subplots(1, 2)
     _volts(volts_axes, readings)

@@ -1,4 +1,4 @@
-"""What stands behind the answer, in plain words: the lens, where the light goes, what is not in the numbers.
+"""Background of the answer in plain words: the lens, the light budget, the limits of the numbers.
 
 Every sentence is computed from the study; none is printed when the study does not support it.
 """
@@ -40,7 +40,7 @@ def findings(study: DesignStudy) -> list[tuple[str, str]]:
 
 
 def warnings(study: DesignStudy) -> list[str]:
-    """What must be known before anything else, as sentences."""
+    """The most important warnings, as sentences."""
     return [f"{text[0].upper()}{text[1:].rstrip('.')}." for text in study.warnings]
 
 
@@ -75,7 +75,7 @@ def _light(study: DesignStudy) -> str:
 
 
 def _budget_words(study: DesignStudy) -> str:
-    """Where the light goes at rest; empty where that is not known."""
+    """Light budget at rest, in words; empty if unknown."""
     rows = [(text, share) for text, share in budget_rows(study)[:-1] if share >= SHOWN_SHARE]
     if not rows:
         return ""
@@ -85,7 +85,7 @@ def _budget_words(study: DesignStudy) -> str:
 
 
 def _alignment(study: DesignStudy) -> str:
-    """What the lens makes of a decentre and of a chip."""
+    """Effect of a decentre and of a chip on the focus."""
     lens, sentences = study.case.sensor.cut, []
     if isinstance(lens, OvalLens):
         own_mm = study.case.sensor.light.width_mm
@@ -101,7 +101,7 @@ def _alignment(study: DesignStudy) -> str:
 
 
 def _focus_words(study: DesignStudy) -> str:
-    """Where the lens focuses in the material it is made of, and in one whose index is off."""
+    """Focus of the lens in its material, and in one of another index."""
     sensor = study.case.sensor
     lens, material = sensor.cut, sensor.material
     known = (

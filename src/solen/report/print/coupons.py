@@ -1,4 +1,4 @@
-"""Plans of coupons, side by side: what stands, what is a hole, which mark orients it, and the nominal sizes."""
+"""Plans of coupons, side by side: columns, holes, the marks for orientation, and the nominal sizes."""
 
 from collections.abc import Sequence
 
@@ -52,7 +52,7 @@ def _sequence(coupon: Coupon) -> Figure:
 
 
 def _side_view(axes: Axes, parts: Sequence[tuple[str, str, str, float]], *, on_platform: bool) -> None:
-    """What hangs from the build platform, upside down as it is printed, or the parts alone with the beam through."""
+    """Side view of the print upside down below the build platform, or of the separate parts with the beam through."""
     top = 2.6
     if on_platform:
         axes.add_patch(Rectangle((-1.3, top), 2.6, 0.5, facecolor=INK))

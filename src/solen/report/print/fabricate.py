@@ -119,7 +119,7 @@ def _coloured(depth: FloatArray, normals: FloatArray, width: float) -> FloatArra
 
 
 def _edges(depth: FloatArray, normals: FloatArray, step: float) -> NDArray[np.bool_]:
-    """Where a neighbour to the right or above is another surface, or lies nearer or farther by more than a step."""
+    """Pixels whose neighbour to the right or above is another surface, or differs in depth by more than a step."""
     edge = np.zeros(depth.shape, dtype=bool)
     for here, there in ((np.s_[:-1], np.s_[1:]), (np.s_[:, :-1], np.s_[:, 1:])):
         solid = np.minimum(depth[here], depth[there]) > -1e9

@@ -1,4 +1,4 @@
-"""The figure of a predicted print: how far the lens is from the wanted one, its walls or steps, and its response."""
+"""The figure of a predicted print: deviation from the wanted lens, walls or steps, and response."""
 
 import numpy as np
 from matplotlib.axes import Axes

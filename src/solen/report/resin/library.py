@@ -18,7 +18,7 @@ POINTS = 301
 
 
 def facts_figure(facts: ResinFacts) -> Figure:
-    """Index of a resin against wavelength, with the wavelengths that were asked for.
+    """Index of a resin against wavelength, with the requested wavelengths.
 
     Raises
     ------

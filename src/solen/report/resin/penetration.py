@@ -1,4 +1,4 @@
-"""The figure of a penetration depth: what the resin absorbs beside what the lamp sends, and the light that is left."""
+"""The figure of a penetration depth: absorption of the resin, spectrum of the lamp, and the remaining light."""
 
 import matplotlib as mpl
 import numpy as np

@@ -96,7 +96,7 @@ def _draw_models(axes: Axes, material: MaterialStiffness) -> None:
 
 
 def _shown(material: MaterialStiffness) -> list[tuple[Fit, dict[str, Any]]]:
-    """Fits that are drawn, each with the look of its line: the chosen one, and the next best by AICc."""
+    """Fits to draw, with the style of their lines: the chosen one, and the next best by AICc."""
     rest = [fit for fit in material.fits if not _is_chosen(fit, material)]
     rest.sort(key=lambda fit: (fit.aicc is None, fit.aicc or 0.0))
     shown: list[tuple[Fit, dict[str, Any]]] = [
