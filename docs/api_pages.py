@@ -22,6 +22,7 @@ ROOMS = {
     "fabricate": ("Solids, layers and the print process", ("fabricate",)),
     "metrology": ("Metrology", ("metrology",)),
     "bench": ("Bench", ("bench",)),
+    "explore": ("Tuning prints", ("explore",)),
     "report": ("Figures", ("report",)),
 }
 """Pages in the order of the stages: file, title, modules."""

@@ -179,7 +179,7 @@ def test_the_command_writes_a_process_that_layers_take(
     made = answered(
         capfd, "print", "layers", "box.stl", "--out", "out", "--process", "mine.toml", "--phase-px", "0.25", "0.5"
     )
-    assert any("27 µm" in line and "50 µm" in line for line in made["warnings"])
+    assert not any("the process has pixels" in line for line in made["warnings"])  # 27 µm are assumed, 50 generic
     settings = json.loads(Path(made["files"]["settings"]).read_text(encoding="utf-8"))
     assert (settings["process"], settings["phase_px"]) == ("mine.toml", [0.25, 0.5])
     assert settings["greys"] == [list(pair) for pair in process.process.grey]
@@ -188,19 +188,20 @@ def test_the_command_writes_a_process_that_layers_take(
     assert "0.25, 0.5" in sheet
 
 
-def test_a_process_of_these_pixels_warns_of_none_and_one_without_greys_is_refused(
+def test_a_process_warns_of_pixels_that_it_states_and_others(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
     trimesh.creation.box((2.0, 2.0, 0.1)).export("box.stl")
     greys = read_greys(tmp_path)
     Path("mine.toml").write_text(process_text(greys.with_settings(pixel_um=50.0, pixel_y_um=50.0)), encoding="utf-8")
-    Path("bare.toml").write_text(process_text(known()), encoding="utf-8")
     command = ("print", "layers", "box.stl", "--out", "out")
     made = answered(capfd, *command, "--process", "mine.toml")
     assert not any("the process has pixels" in line for line in made["warnings"])
-    assert "bare.toml" in refusal(capfd, tmp_path, *command, "--process", "bare.toml")
-    for option in (("--format", "goo"), ("--process", "mine.toml"), ("--no-anti-aliasing",)):
+    Path("mine.toml").write_text(process_text(greys.with_settings(pixel_um=27.0)), encoding="utf-8")
+    made = answered(capfd, *command, "--process", "mine.toml")
+    assert any("27 µm" in line and "50 µm" in line for line in made["warnings"])
+    for option in (("--format", "goo"), ("--no-anti-aliasing",)):
         assert "--sheet-only" in refusal(capfd, tmp_path, *command, "--sheet-only", *option)
 
 

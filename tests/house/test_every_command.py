@@ -86,6 +86,10 @@ ROWS = {
     "print predict": f"{DESIGN} --process sure/process.toml --no-response --figure printed.svg --out printed.json",
     "print scale": "ruler.png --spacing-mm 0.01 --out scale.toml",
     "print inspect": f"lens.png --design {DESIGN} --um-per-px 5 --figure inspected.svg --out lens.json",
+    "print tune": (
+        f"lens.png --design {DESIGN} --out tuned --um-per-px 5 --no-response --sheet-only --layer-um 200 "
+        "--figure tuned.svg"
+    ),
     "print printers": "",
     "bench new": "bench",
     "bench firmware": "board --board uno",

@@ -50,6 +50,7 @@ COMMANDS: dict[str, tuple[tuple[str, str, str], ...]] = {
         ("predict", "print.predict:predict", "Predict the printed lens of a design and what it costs."),
         ("scale", "print.scale:scale", "Measure an objective's scale in a picture of a stage micrometer."),
         ("inspect", "print.inspect:inspect", "Measure a printed lens in a micrograph against its design."),
+        ("tune", "print.tune:tune", "Correct the drawing of a lens from a picture of its print, print by print."),
         ("printers", "print.layers:printers", "List the printers that solen knows."),
     ),
     BENCH: (

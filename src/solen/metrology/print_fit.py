@@ -111,6 +111,8 @@ class PrintFit:
     on_front
         Shape (N,): which of the front's points lie on the front, and not on a corner or a wall; all where the size is
         so uncertain that the corners may lie anywhere.
+    motion
+        Turn (rad) and shift along x and z (mm) that lay the outline on the design, beside its size.
     """
 
     overgrowth_um: float
@@ -127,6 +129,7 @@ class PrintFit:
     walls: int
     log_evidence: float = field(metadata=HIDDEN)
     on_front: BoolArray = field(metadata=HIDDEN, repr=False)
+    motion: tuple[float, float, float] = field(metadata=HIDDEN, repr=False)
 
 
 def fit_print(
@@ -309,7 +312,21 @@ def _print_fit(problem: _Problem, fit: _Placed, posterior: _Posterior, count: fl
         walls=len(problem.walls),
         log_evidence=posterior.log_evidence,
         on_front=fit.pieces[0] | (_u_of_corners(problem.nominal, posterior) > END_MM),
+        motion=(float(fit.values[0]), float(fit.values[1]), float(fit.values[2])),
     )
+
+
+def laid(traced: Traced, nominal: NominalFront, size: PrintFit) -> tuple[FloatArray, tuple[FloatArray | None, ...]]:
+    """Points (N, 2) of the front, and those of its left and right wall, where the fit lays them on the design, mm."""
+
+    def moved(points_px: FloatArray) -> FloatArray:
+        turn, *shift = size.motion
+        return np.asarray(rotated(traced.pose.to_mm(points_px), turn) + np.array(shift))
+
+    seen = iter(traced.walls_px)
+    walls = [next(seen, None) if len(wall) > 1 else None for wall in (nominal.left_mm, nominal.right_mm)]
+    left, right = (None if points is None or not len(points) else moved(points) for points in walls)
+    return moved(traced.front_px), (left, right)
 
 
 def _u_of_corners(nominal: NominalFront, posterior: _Posterior) -> float:

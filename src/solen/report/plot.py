@@ -49,6 +49,7 @@ FIGURES = {
     "SensorCalibrations": "bench.calibrate:calibration_figure",
     "SensorDiagnoses": "bench.diagnose:diagnoses_figure",
     "Study": "bench.analyse:study_figure",
+    "TunedPrint": "print.tune:tune_figure",
 }
 """Functions of modules beside this one that take one result, by the name of its type."""
 

@@ -262,16 +262,12 @@ class Job:
         return math.ceil(self.slicing.copies / chosen), chosen
 
     def _check_pictures(self) -> None:
-        """Reject options of pictures if there are none, and a process without grey values."""
+        """Reject options of pictures if there are none."""
         slicing = self.slicing
-        for key in ("format", "phase_px", "no_anti_aliasing", "process"):
+        for key in ("format", "phase_px", "no_anti_aliasing"):
             if slicing.sheet_only and getattr(slicing, key) != type(slicing).model_fields[key].default:
                 limit = "is about pictures, and --sheet-only makes none"
                 raise SpecError(f"--{key.replace('_', '-')}", limit=limit, remedy="leave one of them out")
-        if slicing.process is not None and not (self.greys.answer and self.greys.corrected):
-            limit = "has no measured greys to draw by" if not self.greys.answer else "draws its greys in proportion"
-            remedy = "measure them with solen print grey" if not self.greys.answer else "leave it out"
-            raise SpecError("--process", value=slicing.process.name, limit=limit, remedy=remedy)
 
     def _check_size(self) -> None:
         size, room = self.solid.size_mm, self.printer.size_mm

@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from solen.fabricate.process import Settings
 from solen.parts.printer import Axis
 from solen.spec.strict import Finite, Options
 
@@ -12,6 +13,8 @@ Orientation = Literal["flat", "upright", "on-edge"]
 Degrees = tuple[Finite, Finite, Finite]
 Phase = Annotated[float, Field(ge=0, lt=1)]
 Seconds = Annotated[float, Field(gt=0, le=3600)]
+EXPOSED = ("layer_um", "burn_in_layers", "burn_in_s", "exposure_s", "irradiance_mW_per_cm2")
+"""What a process states as well."""
 
 
 class Slicing(Options):
@@ -53,6 +56,17 @@ class Slicing(Options):
     """Resin of the library, or its file: its name and working curve for the settings sheet."""
     sheet_only: bool = False
     """Write STL and settings, no pictures."""
+
+    def exposed_as(self, process: Settings) -> tuple["Slicing", list[str]]:
+        """The same with what a process states of layers and exposures, and what the options state otherwise."""
+        stated = {key: getattr(process, key) for key in EXPOSED}
+        own = {key for key in EXPOSED if key in self.model_fields_set}
+        others = [
+            f"--{key.replace('_', '-')} {getattr(self, key):g} is taken, and the process has {stated[key]:g}"
+            for key in EXPOSED
+            if key in own and getattr(self, key) != stated[key]
+        ]
+        return self.model_copy(update={key: stated[key] for key in EXPOSED if key not in own}), others
 
     def seconds(self, index: int) -> float:
         """Exposure of a layer in s; the first is number 0."""

@@ -9,8 +9,8 @@ process's numbers from measured coupons.
 """
 
 from solen.fabricate.process.calibrate import PrinterCalibration, calibrated
-from solen.fabricate.process.compensate import compensated
-from solen.fabricate.process.compensation_files import compensation_files
+from solen.fabricate.process.compensate import Compensation, Drawing, Printing, compensated
+from solen.fabricate.process.compensation_files import compensation_files, outline_text
 from solen.fabricate.process.coupon_fit import FittedFeature
 from solen.fabricate.process.drawing import as_designed, curve_of, lens_face, redrawn, rings_of
 from solen.fabricate.process.features import MeasuredCoupon, MeasuredFeature, SharedScale, printed_mm, read_features
@@ -37,7 +37,9 @@ from solen.fabricate.process.upright import SidePrint
 
 __all__ = [
     "Calibration",
+    "Compensation",
     "Deviation",
+    "Drawing",
     "FittedFeature",
     "FlatImage",
     "FlatPrint",
@@ -49,6 +51,7 @@ __all__ = [
     "PrintOptions",
     "PrintedDesign",
     "PrinterCalibration",
+    "Printing",
     "Process",
     "Settings",
     "SharedScale",
@@ -64,6 +67,7 @@ __all__ = [
     "exits_um",
     "lens_face",
     "measured_greys",
+    "outline_text",
     "parsed_process",
     "predicted",
     "print_design",

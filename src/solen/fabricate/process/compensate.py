@@ -7,15 +7,18 @@ corner sharper than its blur, is left. Corrections are kept as slow as the blur,
 drawing into ripples that do not print. Other walls are moved by what a straight wall grows by, and all is enlarged
 against shrinkage.
 
-The interface: `compensated` gives a `Compensation`.
+The interface: `Printing` is a body with what prints it; `compensated` and `Printing.against` give a `Compensation`.
 """
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from solen.arrays import FloatArray
+from solen.arrays import BoolArray, FloatArray
 from solen.fabricate.process.drawing import DrawnFace, redrawn, rings_of
 from solen.fabricate.process.flat import FlatPrint
 from solen.fabricate.process.growth import straight_edge_um
@@ -24,9 +27,11 @@ from solen.fabricate.process.target import Deviation, Target
 from solen.geometry import Body
 from solen.results import HIDDEN, reported
 
-MOST_ROUNDS = 12
+MOST_ROUNDS = 24
 SETTLED_UM = 0.02
 """Change of the printed error's root mean square from round to round below which it has settled."""
+LEAST_SHARE = 0.1
+"""Share of a correction below which a smaller one is not tried."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,40 +67,94 @@ class Compensation:
         return float(self.drawn_um.min()), float(self.drawn_um.max())
 
 
-def compensated(
-    body: Body,
-    target: Target,
-    settings: Settings,
-    thickness_mm: float,
-    height_um: float | None,
-    phase: tuple[float, float] = (0.0, 0.0),
-) -> Compensation:
-    """Drawing of a body whose lens prints as its target at a height, or on average over the thickness.
+@dataclass(frozen=True, eq=False)
+class Drawing:
+    """How a body is drawn: its lens (N,) beyond the wanted one, other walls outwards, and by what all is enlarged."""
 
-    Its origin stands at ``phase`` in its pixel.
+    drawn_um: FloatArray
+    wall_um: float = 0.0
+    scale: float = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Printing:
+    """A body whose lens is wanted as its target, and the process that prints it flat.
+
+    Attributes
+    ----------
+    height_um
+        Height of the profile that is meant; None for the mean over the thickness.
+    phase
+        Where the drawing's origin stands in its pixel.
+    """
+
+    body: Body
+    target: Target
+    settings: Settings
+    thickness_mm: float
+    height_um: float | None = None
+    phase: tuple[float, float] = (0.0, 0.0)
+
+    def outlines(self, drawing: Drawing) -> list[list[DrawnFace]]:
+        """Outlines to draw, by face."""
+        lens = self.target.moved_um(drawing.drawn_um)
+        return redrawn(self.body, lens, drawing.wall_um, drawing.scale, self.target.centre)
+
+    def deviation_um(self, outlines: Sequence[Sequence[DrawnFace]]) -> FloatArray:
+        """How far the lens that some outlines print stands beyond the wanted one, (N,) along its normals."""
+        printed = FlatPrint.of(rings_of(outlines), self.target, self.settings, self.thickness_mm, self.phase)
+        return printed.profile_um(self.height_um)
+
+    def against(self, start: Drawing, besides_um: FloatArray | float = 0.0) -> Compensation:
+        """Drawing whose print is the wanted lens where prints stand ``besides_um`` (N,) beyond the model's.
+
+        Walls and scale stay as they start.
+        """
+        drawn, share = start.drawn_um, 1.0
+        best: Compensation | None = None
+        rounds: list[float] = []
+        for _ in range(MOST_ROUNDS):
+            outlines = self.outlines(replace(start, drawn_um=drawn))
+            deviation = Deviation(self.target, self.deviation_um(outlines) + besides_um)
+            made = Compensation(outlines, drawn, start.wall_um, start.scale, deviation, ())
+            gained = math.inf if best is None else self._inner_rms(best.printed.um) - self._inner_rms(deviation.um)
+            best = made if best is None or gained > 0.0 else best
+            rounds.append(best.printed.rms_um)
+            share *= 1.0 if gained > 0.0 else 0.5  # where a pixel answers too strongly, half as far
+            if gained < SETTLED_UM and (gained > 0.0 or share < LEAST_SHARE):
+                break
+            drawn = best.drawn_um - share * self._smooth(best.printed.um)
+        assert best is not None  # noqa: S101  there is one round at least
+        return replace(best, rounds_um=tuple(rounds))
+
+    @cached_property
+    def _inner(self) -> BoolArray:
+        """Which points (N,) lie farther than the blur from an end: a sharper corner cannot be printed."""
+        along, reach = self.target.along_mm, 1e-3 * self.settings.edge_um
+        return np.asarray((along > reach) & (along < along[-1] - reach))
+
+    def _inner_rms(self, um: FloatArray) -> float:
+        return float(np.sqrt(np.mean(um[self._inner] ** 2)))
+
+    def _smooth(self, um: FloatArray) -> FloatArray:
+        """A deviation as slow as the blur, at the corners that of the lens beside them."""
+        along = self.target.along_mm
+        steady = np.interp(along, along[self._inner], um[self._inner])
+        width = 1e-3 * self.settings.edge_um / float(np.mean(np.diff(along)))
+        return np.asarray(gaussian_filter1d(steady, width, mode="nearest"))
+
+
+def compensated(printing: Printing) -> Compensation:
+    """Drawing of a body whose lens prints as its target, by the process alone.
 
     Raises
     ------
     DataError, DesignError
         Where nothing is printed, or the walls leave no body.
     """
+    settings = printing.settings
     scale = 1.0 / (1.0 - 0.01 * settings.shrinkage_percent)
-    layers = max(1, round(thickness_mm * 1e3 / settings.layer_um))
-    at = 0.5 * layers * settings.layer_um if height_um is None else height_um
+    layers = max(1, round(printing.thickness_mm * 1e3 / settings.layer_um))
+    at = 0.5 * layers * settings.layer_um if printing.height_um is None else printing.height_um
     wall_um = -(straight_edge_um(settings, layers, at) / scale + settings.wash_um)
-    drawn = np.full(len(target.points_mm), wall_um)
-    smooth = 1e-3 * settings.edge_um / float(np.mean(np.diff(target.along_mm)))
-    best: Compensation | None = None
-    rounds: list[float] = []
-    for _ in range(MOST_ROUNDS):
-        outlines = redrawn(body, target.moved_um(drawn), wall_um, scale, target.centre)
-        printed = FlatPrint.of(rings_of(outlines), target, settings, thickness_mm, phase)
-        deviation = Deviation(target, printed.profile_um(height_um))
-        rounds.append(deviation.rms_um)
-        if best is None or deviation.rms_um < best.printed.rms_um:
-            best = Compensation(outlines, drawn, wall_um, scale, deviation, ())
-        if len(rounds) > 1 and rounds[-2] - rounds[-1] < SETTLED_UM:
-            break
-        drawn = drawn - gaussian_filter1d(deviation.um, smooth, mode="nearest")
-    assert best is not None  # noqa: S101  there is one round at least
-    return replace(best, rounds_um=tuple(rounds))
+    return printing.against(Drawing(np.full(len(printing.target.points_mm), wall_um), wall_um, scale))

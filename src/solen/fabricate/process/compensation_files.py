@@ -12,8 +12,7 @@ from typing import Any
 from solen.curve import Curve
 from solen.fabricate.process.compensate import Compensation
 from solen.fabricate.process.drawing import curve_of
-from solen.fabricate.process.print_design import PrintedDesign
-from solen.lens.profile import profile_text
+from solen.lens.profile import MeasuredProfile, profile_text
 from solen.sensor import Sensor
 from solen.spec import Design, dumps
 from solen.spec.objects import CURVES
@@ -25,15 +24,21 @@ COMMENT = """\
 """
 
 
-def compensation_files(target: Path, sensor: Sensor, prediction: PrintedDesign) -> dict[Path, bytes]:
+def compensation_files(
+    target: Path, sensor: Sensor, made: Compensation | None, profile: MeasuredProfile | None, process: str
+) -> dict[Path, bytes]:
     """Contents of the design file, the outline and the predicted profile beside it; none without a compensation."""
-    profile = prediction.compensated_profile
-    if prediction.compensation is None or profile is None:
+    if made is None or profile is None:
         return {}
     outline, printed = (target.with_name(f"{target.stem}-{end}.json") for end in ("outline", "printed"))
-    text = COMMENT.format(name=prediction.name, process=prediction.process) + dumps(_design(sensor, outline.name))
-    drawn = json.dumps(_outline(sensor, prediction.compensation), indent=1, allow_nan=False) + "\n"
-    return {target: text.encode(), outline: drawn.encode(), printed: profile_text(profile).encode()}
+    text = COMMENT.format(name=sensor.design.name, process=process) + dumps(_design(sensor, outline.name))
+    contents = (text.encode(), outline_text(sensor, made).encode(), profile_text(profile).encode())
+    return dict(zip((target, outline, printed), contents, strict=True))
+
+
+def outline_text(sensor: Sensor, made: Compensation) -> str:
+    """JSON text of a drawing's outline, by whose hash it is known."""
+    return json.dumps(_outline(sensor, made), indent=1, allow_nan=False) + "\n"
 
 
 def _design(sensor: Sensor, outline: str) -> Design:

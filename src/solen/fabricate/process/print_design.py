@@ -16,7 +16,7 @@ from solen.arrays import FloatArray, Progress
 from solen.errors import SolenError, SpecError
 from solen.fabricate.label import Label, label_of
 from solen.fabricate.mesh import Mesh
-from solen.fabricate.process.compensate import Compensation, compensated
+from solen.fabricate.process.compensate import Compensation, Printing, compensated
 from solen.fabricate.process.drawing import as_designed, lens_face, rings_of
 from solen.fabricate.process.flat import walls_um
 from solen.fabricate.process.predict import Orientation, Phase, Prediction, best_phase, points_for, predicted
@@ -330,9 +330,9 @@ class _Print:
         )
 
     def compensation(self) -> Compensation:
-        settings = self.process.process
-        stands = self.phase_px or (0.0, 0.0)
-        return compensated(self.sensor.body(), self.target, settings, self.thickness_mm, self.height_um, stands)
+        settings, stands = self.process.process, self.phase_px or (0.0, 0.0)
+        body = self.sensor.body()
+        return compensated(Printing(body, self.target, settings, self.thickness_mm, self.height_um, stands))
 
     def part(self) -> PrintedPart:
         design, body = self.sensor.design, self.sensor.body()

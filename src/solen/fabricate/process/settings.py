@@ -14,6 +14,7 @@ values.
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from importlib.resources import files
 from itertools import pairwise
 from pathlib import Path
@@ -292,6 +293,12 @@ class Process(Strict):
         if set(values) - {"pixel_um", "pixel_y_um"}:
             data["calibration"] = None
         return Process(**data)
+
+    @property
+    def greys(self) -> Greys:
+        """Light of grey pixels; they are those of its pixels where these are not assumed."""
+        assumed = self.source.get("pixel_um", "").lower().startswith("assum")
+        return replace(self.process.greys, pixels_um=None) if assumed else self.process.greys
 
     @property
     def assumptions(self) -> tuple[str, ...]:

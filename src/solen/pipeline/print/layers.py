@@ -131,11 +131,16 @@ def layers(
     return Outcome(made.result, made.targets)
 
 
+def exposed_as_printed(slicing: Slicing) -> tuple[Slicing, list[str]]:
+    """Slicing with the layers and exposures of its process, and what its options state otherwise."""
+    return (slicing, []) if slicing.process is None else slicing.exposed_as(read_process(slicing.process).process)
+
+
 def layer_files(
     part: Printable, slicing: Slicing, out: Path, stem: str, figure: FigureOptions, progress: Progress | None
 ) -> LayerFiles:
     """A checked job with the names of its files."""
-    greys = Greys() if slicing.process is None else read_process(slicing.process).process.greys
+    greys = Greys() if slicing.process is None else read_process(slicing.process).greys
     job = Job(part.solid, printer_of(slicing.printer), slicing, greys)
     if slicing.format == "goo":
         checked_for_goo(job)

@@ -64,7 +64,8 @@ def predict(
     if out is not None:
         contents[out] = profile_text(prediction.profile).encode()
     if compensate is not None:
-        contents |= compensation_files(compensate, sensor, prediction)
+        made, profile = prediction.compensation, prediction.compensated_profile
+        contents |= compensation_files(compensate, sensor, made, profile, prediction.process)
     if solid is not None and prediction.part is not None:
         contents[solid] = MESH_WRITERS[solid.suffix.lower()[1:]](prediction.part.mesh, prediction.part.label)
     files.write_all(contents)

@@ -1,0 +1,97 @@
+"""The command that tunes a lens print by print."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from solen.cli.app import FLAT, Set, lines, progress_bar
+from solen.explore import TunedPrint, TuneOptions
+from solen.explore.tuning_log import LensResponse, Residual
+from solen.fabricate.layers import Slicing
+from solen.report.options import FigureOptions
+from solen.results import Outcome
+
+
+def tune(
+    picture: Path,
+    /,
+    *,
+    design: Path,
+    out: Path,
+    options: Annotated[TuneOptions, FLAT] = TuneOptions(),
+    slicing: Annotated[Slicing, FLAT] = Slicing(),
+    log: Path | None = None,
+    response: Annotated[bool, Parameter(negative="--no-response")] = True,
+    set_: Set = None,
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
+) -> Outcome[TunedPrint]:
+    """Draw a lens so that its next print comes out nearer to the design, from a picture of this one and those before.
+
+    Parameters
+    ----------
+    picture
+        A micrograph of the printed lens, seen along y: TIFF, OME-TIFF, PNG, JPEG (needs the extra vision).
+    design
+        The design file, as the part is wanted.
+    out
+        Folder for the corrected drawing, its layers, STL and settings; made if need be.
+    log
+        Log of all prints (.json), taken up where it is there; default: one in the folder.
+    response
+        Trace the sensor with the lens as designed, as printed and as predicted.
+    """
+    from solen.pipeline.print import tune as pipeline
+
+    with progress_bar("tuning") as progress:
+        return pipeline.tune_print(
+            picture,
+            design,
+            out,
+            options,
+            slicing,
+            log=log,
+            assignments=set_ or (),
+            response=response,
+            figure=figure,
+            progress=progress,
+        )
+
+
+@lines.register
+def _(tuned: TunedPrint) -> Iterator[str]:
+    common, (low, high) = tuned.common, tuned.drawn_range_um
+    simulated = "simulated: " if tuned.simulated else ""
+    yield f"{simulated}print {tuned.number} of {tuned.design}, drawn by {tuned.drawn_by} ({tuned.process})"
+    yield f"off the design by {tuned.rms_um:.3g} ± {tuned.u_rms_um:.2g} µm rms"
+    yield (
+        f"prints have in common, by {common.prints} of them: overgrowth {common.overgrowth_um:+.3g} ± "
+        f"{common.u_overgrowth_um:.2g} µm, size {common.size_percent:+.2g} ± {common.u_size_percent:.2g} %, form "
+        f"{common.form_um:.2g} µm rms; each has about {common.repeat_um:.2g} µm for itself"
+    )
+    yield (
+        f"corrected: {', '.join(tuned.corrected)}; the lens is drawn {low:+.3g} to {high:+.3g} µm off, walls "
+        f"{tuned.wall_um:+.3g} µm, all {tuned.scale:.5g} times"
+    )
+    yield f"the same drawing once more: {_residual(tuned.unchanged)}"
+    yield f"the next print, of the corrected drawing: {_residual(tuned.predicted)}"
+    if (traced := tuned.response) is not None:
+        where = "in space" if traced.dimension == "extruded" else "in the plane"
+        for name, one in (("designed", traced.designed), ("this print", traced.before), ("next", traced.after)):
+            yield f"response {where}, {name}: {_response(one)}"
+    if len(tuned.history) > 1:
+        steps = (f"{step.rms_um:.3g}" for step in tuned.history)
+        yield f"prints so far, µm rms: {', '.join(steps)}"
+
+
+def _residual(residual: Residual) -> str:
+    low, high = residual.interval95_rms_um
+    return f"{residual.rms_um:.3g} ± {residual.u_rms_um:.2g} µm rms predicted, {low:.2g} to {high:.2g} in 95 %"
+
+
+def _response(response: LensResponse) -> str:
+    slope = f"{response.slope_per_deg:+.3g} ± {response.u_slope_per_deg:.1g} of contrast per degree about 0"
+    if response.null_deg is None or response.u_null_deg is None:
+        return f"{slope}, no null"
+    return f"{slope}, null at {response.null_deg:+.3f} ± {response.u_null_deg:.2g} deg"

@@ -1,0 +1,142 @@
+"""The outline of a lens and its walls as one line, and what a picture says of a print along it.
+
+The idea: wall, front and wall are one line with the material on its left, and lengths along it count from the front's
+left end. A picture's thousand points are means of short pieces of it, whose noise is known; each is how far the print
+stands out of the design there, once the part is laid on the design together with its size and overgrowth.
+
+The interface: `Contour` of a design's front; `Rows` of a measured print.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from solen.arrays import FloatArray
+from solen.metrology import LensInspection
+from solen.metrology.nominal import END_MM, NominalFront, arc_lengths, interpolated, outward
+from solen.metrology.print_fit import EDGE_BIAS_PX, laid
+
+FRONT_PIECES, WALL_PIECES = 100, 8
+SHARED_LINES = 2.0
+"""Neighbouring points of an edge share grey values: so many count as one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Contour:
+    """Left wall, front and right wall of a design as one line."""
+
+    nominal: NominalFront
+
+    @property
+    def length_mm(self) -> float:
+        """Of the front."""
+        return float(self.nominal.arc_mm[-1])
+
+    @property
+    def centre_mm(self) -> FloatArray:
+        """Middle (2,) of the front, about which a print shrinks."""
+        return np.asarray(self.nominal.at(np.array([0.5 * self.length_mm]))[0][0])
+
+    @cached_property
+    def _line(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Lengths (M,) from the front's left end, places (M, 2) and outward normals (M, 2)."""
+        front, left, right = self.nominal.front_mm, self.nominal.left_mm[::-1], self.nominal.right_mm
+        arcs = [arc_lengths(left) - arc_lengths(left)[-1]] if len(left) else []
+        arcs += [self.nominal.arc_mm] + ([self.length_mm + arc_lengths(right)] if len(right) else [])
+        pieces = [piece for piece in (left, front, right) if len(piece)]
+        return np.concatenate(arcs), np.vstack(pieces), np.vstack([outward(piece) for piece in pieces])
+
+    def by_rigid(self, arc_mm: FloatArray) -> FloatArray:
+        """Derivatives (N, 3) of deviations by a turn and a shift along x and z."""
+        points, normals = self.at(arc_mm)
+        turned = normals[:, 1] * points[:, 0] - normals[:, 0] * points[:, 1]
+        return np.column_stack([turned, normals])
+
+    def by_size(self, arc_mm: FloatArray) -> FloatArray:
+        """Derivative (N,) of deviations, in mm, by growth by the factor e about the front's middle."""
+        points, normals = self.at(arc_mm)
+        return np.asarray(np.sum((points - self.centre_mm) * normals, axis=1))
+
+    def at(self, arc_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Places (N, 2) and outward normals (N, 2) at lengths along the line."""
+        arc, points, normals = self._line
+        return interpolated(arc_mm, arc, points), interpolated(arc_mm, arc, normals)
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Deviations of a print along a contour, N pieces of it.
+
+    Attributes
+    ----------
+    arc_mm
+        Lengths (N,) along the contour; below 0 and beyond the front's length on a wall.
+    deviation_um, u_um
+        How far the print stands out, as its picture's scale has it, and the standard uncertainty of noise (N,).
+    um_per_px, u_um_per_px
+        The picture's scale; the uncertainty is None where none is stated.
+    """
+
+    arc_mm: FloatArray
+    deviation_um: FloatArray
+    u_um: FloatArray
+    um_per_px: float
+    u_um_per_px: float | None
+
+    @classmethod
+    def of(cls, inspection: LensInspection) -> "Rows":
+        """Rows of the chosen edge and the walls behind it."""
+        chosen, nominal = inspection.outline.chosen, inspection.nominal
+        front, walls = laid(chosen.traced, nominal, chosen.size)
+        u_um = chosen.edge.measured[1] * inspection.image.um_per_px
+        near = nominal.nearest(front)
+        inner = (near.arc_mm > END_MM) & (near.arc_mm < near_end(nominal)) & ~near.beyond & chosen.size.on_front
+        parts = [_pieces(near.arc_mm[inner], near.deviation_mm[inner], u_um[inner], FRONT_PIECES)]
+        sides = iter(nominal.walls)
+        ends = (-arc_lengths(nominal.left_mm)[-1:], near_end(nominal) + END_MM + np.zeros(1))
+        for number, (points, line) in enumerate(zip(walls, (nominal.left_mm, nominal.right_mm), strict=True)):
+            if len(line) < 2:
+                continue
+            wall = next(sides)
+            if points is None:
+                continue
+            foot = wall.nearest(points)
+            past = 0.0 if number == 0 else float(arc_lengths(line)[-1] - wall.arc_mm[-1])
+            on = ~foot.beyond
+            along = float(ends[number][0]) + past + foot.arc_mm[on]
+            parts.append(_pieces(along, foot.deviation_mm[on], np.full(int(on.sum()), np.median(u_um)), WALL_PIECES))
+        arc, deviation, u = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+        scale = inspection.scale
+        return cls(arc, 1e3 * deviation, u, scale.um_per_px, scale.u_um_per_px)
+
+    @property
+    def on_walls(self) -> bool:
+        """Whether a wall was measured: the front alone hardly separates overgrowth from size."""
+        return bool((self.arc_mm < 0.0).any())
+
+    @property
+    def bias_um(self) -> float:
+        """What uneven light may shift all edges by."""
+        return EDGE_BIAS_PX * self.um_per_px
+
+
+def near_end(nominal: NominalFront) -> float:
+    """Length along the front at which its right corner begins."""
+    return float(nominal.arc_mm[-1]) - END_MM
+
+
+def _pieces(
+    arc: FloatArray, deviation: FloatArray, u: FloatArray, count: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Means of a line's points over so many even pieces of it, and the uncertainty of each by noise."""
+    if not len(arc):
+        return np.zeros(0), np.zeros(0), np.zeros(0)
+    edges = np.linspace(arc.min(), arc.max(), count + 1)[1:-1]
+    which = np.digitize(arc, edges)
+    number = np.bincount(which, minlength=count)
+    seen = number > 0
+    number = number[seen]
+    mean_arc, mean = (np.bincount(which, one, count)[seen] / number for one in (arc, deviation))
+    square = np.bincount(which, u**2, count)[seen] / number
+    return mean_arc, mean, np.sqrt(square * SHARED_LINES / np.maximum(number, SHARED_LINES))

@@ -1,0 +1,107 @@
+"""What a correction of the drawing cannot mend, as a picture shows it: sentences, none where nothing is wrong.
+
+The interface: `of_picture` and `of_prediction`.
+"""
+
+from solen.explore.print_model import PrintModel
+from solen.explore.tuning_log import LoggedPrint, Residual, TuningLog
+from solen.fabricate.process import Drawing, walls_um
+from solen.metrology import LensInspection
+from solen.ranks import do_not_use, note
+
+WORTH = 0.95
+"""Share of the deviation of an unchanged drawing that a correction must come below to be worth a print."""
+SURE = 0.95
+_TAPER_UM = 1.0
+
+
+def of_picture(inspection: LensInspection, model: PrintModel) -> list[str]:
+    """Faults of the picture or of the part in it that no drawing mends."""
+    return [*_defocus(inspection, model), *_side(inspection), *_design(inspection), *_scale(inspection), *_face(model)]
+
+
+def of_prediction(log: TuningLog, unchanged: Residual, before: Drawing, u_overgrowth_um: float) -> list[str]:
+    """Doubts of the drawing that follows, and of the one before."""
+    last = log.prints[-1]
+    moved = abs(last.correction.wall_um - before.wall_um) > u_overgrowth_um
+    return [*([] if moved else _gain(last, unchanged)), *_missed(log)]
+
+
+def _defocus(inspection: LensInspection, model: PrintModel) -> list[str]:
+    blur_um, printed_um = inspection.edge.blur_px * inspection.image.um_per_px, model.settings.edge_um
+    if blur_um <= printed_um:
+        return []
+    return [
+        f"the edge is blurred over {blur_um:.3g} µm, more than the printer's own {printed_um:.3g}: out of focus, or a "
+        "leaning wall; no drawing mends that, and two faces may be measured as one. Focus on the upper rim"
+    ]
+
+
+def _side(inspection: LensInspection) -> list[str]:
+    if inspection.mirrored is not None:
+        return []
+    return [
+        "the picture does not show from which face it was taken (--seen-from): only what is alike left and right is "
+        "corrected, as the rest would be doubled where the picture is mirrored"
+    ]
+
+
+def _design(inspection: LensInspection) -> list[str]:
+    own = min(inspection.designs.values(), key=lambda one: abs(one.rms_um - inspection.deviation.rms_um))
+    best = next(iter(inspection.designs.values()))
+    if best is own or best.probability < SURE:
+        return []
+    return [
+        do_not_use(
+            f"the outline is rather that of {best.name} (probability {best.probability:.2g} among those compared) than "
+            f"of {inspection.design}: a correction would bend one lens into another. Check which file was printed"
+        )
+    ]
+
+
+def _scale(inspection: LensInspection) -> list[str]:
+    if inspection.scale.u_um_per_px is not None:
+        return []
+    return [
+        "the scale's uncertainty is not stated (--u-um-per-px): a wrong scale and shrinkage cannot be separated, so "
+        "overgrowth and form are corrected and size is not; the predicted residual includes a scale off by 3 %"
+    ]
+
+
+def _face(model: PrintModel) -> list[str]:
+    layers = max(1, round(1e3 * model.plain.thickness_mm / model.settings.layer_um))
+    _, beyond = walls_um(model.settings, layers)
+    middle = float(beyond[layers // 2])
+    ends = [float(beyond[place]) - middle for place in (0, -1)]
+    if max(map(abs, ends)) < _TAPER_UM:
+        return []
+    return [
+        note(
+            f"by the model walls stand {ends[0]:+.2g} µm at the first layer and {ends[1]:+.2g} µm at the last beyond "
+            "those at half the thickness, where the emitter is: the face in the picture is corrected"
+        )
+    ]
+
+
+def _gain(last: LoggedPrint, unchanged: Residual) -> list[str]:
+    if last.predicted.rms_um < WORTH * unchanged.rms_um:
+        return []
+    return [
+        f"another correction gains nothing: {last.predicted.rms_um:.2g} µm (rms) predicted, and {unchanged.rms_um:.2g} "
+        "of the same drawing once more; what is left differs from print to print, or is not resolved"
+    ]
+
+
+def _missed(log: TuningLog) -> list[str]:
+    """Warning where a print is not what was predicted of it."""
+    last = log.prints[-1]
+    if last.drawing == 0 or last.drawing != last.number - 1:
+        return []
+    was = log.prints[last.drawing - 1].predicted
+    low, high = was.interval95_rms_um
+    if low - 2.0 * last.u_rms_um <= last.rms_um <= high + 2.0 * last.u_rms_um:
+        return []
+    return [
+        f"{last.rms_um:.3g} ± {last.u_rms_um:.2g} µm (rms) were measured where {low:.2g} to {high:.2g} µm were "
+        "predicted: printer, resin, cleaning or the picture's scale changed, or --repeat-um is too small"
+    ]

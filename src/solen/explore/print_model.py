@@ -1,0 +1,186 @@
+"""What a drawing does to a print, by the print model: differences of drawings, whose common errors cancel.
+
+The interface: `PrintModel.of` a design and how it is printed; `PrintModel.effect` of a drawing, `PrintModel.against`.
+"""
+
+import hashlib
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d, uniform_filter1d
+
+from solen.arrays import FloatArray
+from solen.errors import SpecError
+from solen.explore.contour import FRONT_PIECES, Contour, Rows
+from solen.fabricate.label import label_of
+from solen.fabricate.layers import Slicing
+from solen.fabricate.process import (
+    Compensation,
+    Drawing,
+    Printing,
+    PrintOptions,
+    Process,
+    Settings,
+    Target,
+    lens_face,
+    process_of,
+    with_resin,
+)
+from solen.fabricate.process.predict import FLAT_POINTS
+from solen.recording import Provenance
+from solen.sensor import Sensor
+from solen.spec import load
+
+SIGMA = "sigma_um"
+OWN_SHARE, PLACES = 0.7, 4
+"""Share of what pixels do to an edge that the model misses, and places in the pixel at which that is looked at."""
+SLOW_MM, PIECE_MM = 0.3, 0.1
+"""Lengths over which forms are no longer those of pixels, and over which their size is taken."""
+
+
+@dataclass(frozen=True, eq=False)
+class PrintModel:
+    """A wanted design and the process that prints it flat, with the printer's pixels.
+
+    ``wider`` is the process with its blur wider by the standard uncertainty; None where that is exact.
+    """
+
+    sensor: Sensor
+    process: Process
+    sources: tuple[Provenance, ...]
+    plain: Printing
+    wider: Printing | None
+    _known: dict[bytes, FloatArray] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, sensor: Sensor, slicing: Slicing) -> "PrintModel":
+        """Model of a design that is sliced so.
+
+        Raises
+        ------
+        SpecError
+            Where it is not printed flat as it is.
+        DataError
+            Where the process or the printer cannot be.
+        """
+        if slicing.orientation != "flat" or any(slicing.rotate_deg):
+            limit = "a lens is tuned that is printed flat, along the printer's X"
+            raise SpecError("--orientation or --rotate-deg", value=slicing.orientation, limit=limit, remedy="leave out")
+        process, sources = process_of(PrintOptions(process=slicing.process, printer=slicing.printer))
+        process = with_resin(process, sensor.design)
+        body = sensor.body()
+        target = Target.of(lens_face(body).curve, FLAT_POINTS)
+        thickness_mm = sensor.design.body.thickness_mm
+        settings = process.process
+        height_um = 0.5 * max(1, round(1e3 * thickness_mm / settings.layer_um)) * settings.layer_um
+
+        def printing(values: Settings) -> Printing:
+            return Printing(body, target, values, thickness_mm, height_um, slicing.phase_px)
+
+        keys, covariance = process.covariance()
+        u = float(np.sqrt(covariance[keys.index(SIGMA), keys.index(SIGMA)])) if SIGMA in keys else 0.0
+        wider = printing(blurred(settings, u)) if u > 0.0 else None
+        return cls(sensor, process, sources, printing(settings), wider)
+
+    @property
+    def target(self) -> Target:
+        """The wanted lens."""
+        return self.plain.target
+
+    @property
+    def settings(self) -> Settings:
+        """Values of the process."""
+        return self.plain.settings
+
+    @property
+    def phase_px(self) -> tuple[float, float]:
+        """Where the vertex stands in its pixel."""
+        return self.plain.phase
+
+    @property
+    def as_designed(self) -> Drawing:
+        """The drawing of the design itself."""
+        return Drawing(np.zeros(len(self.target.points_mm)))
+
+    def effect(self, drawing: Drawing) -> tuple[FloatArray, FloatArray]:
+        """By how much a drawing's lens prints beyond the design's own print (N,), and more of it with a wider blur."""
+        plain = self._moved(self.plain, drawing)
+        return plain, (np.zeros_like(plain) if self.wider is None else self._moved(self.wider, drawing) - plain)
+
+    @cached_property
+    def of_pixels_um(self) -> FloatArray:
+        """What the model may miss of the pixels of another drawing (N,), standard uncertainty along the lens."""
+        step, (x, z) = float(np.mean(np.diff(self.target.along_mm))), self.phase_px
+        squares = []
+        for part in range(PLACES):
+            placed = replace(self.plain, phase=(x, (z + part / PLACES) % 1.0))
+            printed = placed.deviation_um(placed.outlines(self.as_designed))
+            squares.append((printed - gaussian_filter1d(printed, SLOW_MM / step, mode="nearest")) ** 2)
+        local = gaussian_filter1d(np.mean(squares, axis=0), PIECE_MM / step, mode="nearest")
+        return np.asarray(OWN_SHARE * np.sqrt(local))
+
+    def is_designed(self, drawing: Drawing) -> bool:
+        """Whether a drawing is that of the design, whose own pixels are part of what its prints show."""
+        return drawing.scale == 1.0 and not drawing.wall_um and not drawing.drawn_um.any()
+
+    def on(self, rows: Rows, contour: Contour, drawing: Drawing) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The effect of a drawing, with a wider blur, and what is missed of it, at the rows of a picture.
+
+        A wall follows its own drawing.
+        """
+        along = contour.nominal.nearest(self.target.points_mm).arc_mm
+        wall = drawing.wall_um * drawing.scale + 1e3 * (drawing.scale - 1.0) * contour.by_size(rows.arc_mm)
+        piece = max(1, round(contour.length_mm / FRONT_PIECES / float(np.mean(np.diff(along)))))
+        on_front = (rows.arc_mm >= 0.0) & (rows.arc_mm <= contour.length_mm)
+        lens, more = (
+            np.interp(rows.arc_mm, along, uniform_filter1d(column, piece, mode="nearest"))
+            for column in self.effect(drawing)
+        )
+        missed = np.interp(rows.arc_mm, along, self.of_pixels_um) * (not self.is_designed(drawing))
+        return np.where(on_front, lens, wall), np.where(on_front, more, 0.0), np.where(on_front, missed, 0.0)
+
+    def blurred(self, by: float) -> "PrintModel":
+        """The same with the printer's blur as it was learnt, wider by so many of its standard uncertainty."""
+        if self.wider is None:
+            return self
+        u = self.wider.settings.sigma_um - self.settings.sigma_um
+        plain, wider = (replace(self.plain, settings=blurred(self.settings, more)) for more in (by * u, (by + 1.0) * u))
+        return replace(self, plain=plain, wider=wider)
+
+    @property
+    def least_blur(self) -> float:
+        """By how many of its standard uncertainty the blur may be narrower: to half of itself."""
+        if self.wider is None:
+            return 0.0
+        return -0.5 * self.settings.sigma_um / (self.wider.settings.sigma_um - self.settings.sigma_um)
+
+    def against(self, beyond_um: FloatArray, start: Drawing) -> Compensation:
+        """Drawing whose print is the wanted lens where the design itself prints ``beyond_um`` (N,) beyond it."""
+        return self.plain.against(start, beyond_um - self._printed(self.plain, self.as_designed))
+
+    def sha256_of(self, path: Path) -> str | None:
+        """Hash of the outline that a design file draws; None where it is the wanted design itself."""
+        design = load(path)
+        if label_of(design, "").sha256 == label_of(self.sensor.design, "").sha256:
+            return None
+        outline = design.files.get("body.file")
+        return hashlib.sha256((path if outline is None else outline).read_bytes()).hexdigest()
+
+    def _moved(self, printing: Printing, drawing: Drawing) -> FloatArray:
+        return self._printed(printing, drawing) - self._printed(printing, self.as_designed)
+
+    def _printed(self, printing: Printing, drawing: Drawing) -> FloatArray:
+        """What a drawing prints, kept for the next time it is asked for."""
+        sizes = np.array([drawing.wall_um, drawing.scale, printing.settings.sigma_um])
+        key = drawing.drawn_um.tobytes() + sizes.tobytes()
+        if key not in self._known:
+            self._known[key] = printing.deviation_um(printing.outlines(drawing))
+        return self._known[key]
+
+
+def blurred(settings: Settings, more_um: float) -> Settings:
+    """Settings with a wider blur."""
+    sigma_um = settings.sigma_um + more_um
+    return settings.model_copy(update={SIGMA: sigma_um, "halo_um": max(settings.halo_um, sigma_um)})

@@ -1,0 +1,84 @@
+"""Response of a sensor with a printed lens, as it is and as the next print is predicted.
+
+The interface: `responses` of a sensor with its designed lens, and with lenses that were measured or predicted.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+
+from solen.arrays import FloatArray, Progress
+from solen.errors import DesignError
+from solen.explore.tuning_log import LensResponse, Responses
+from solen.lens import MeasuredLens
+from solen.sensor import Sensor
+from solen.sensor.as_printed import DRAWN_RAYS
+from solen.sensor.effects import swept
+from solen.sensor.practice import spread
+from solen.sensor.response import Response, contrast, powers
+
+MOST_ANGLES, NEAR_DEG, MOST_NULL_DEG = 5, 0.4, 1.0
+"""Angles over the motion, how far beside 0 the slope is taken, and how far from 0 it gives the null."""
+
+
+def responses(
+    sensor: Sensor,
+    before: Sequence[MeasuredLens],
+    after: Sequence[MeasuredLens],
+    progress: Progress | None = None,
+) -> Responses:
+    """Responses with the lens as designed, as printed, and as predicted, in the plane or in space as the design has it.
+
+    Of the printed and the predicted lens the first is the best known one; further ones are what it may be as well.
+
+    Raises
+    ------
+    DesignError
+        Where the sensor has no pair of receivers, a body cannot be built, or no light arrives.
+    """
+    sensor.check_pair()
+    motion = sensor.design.motion.angles_deg()
+    angles = sorted({*spread(motion, MOST_ANGLES), -NEAR_DEG, 0.0, NEAR_DEG})
+    made = [_response(swept(sensor, angles), [])]
+    for number, (best, *others) in enumerate((before, after)):
+        sensors = [replace(sensor, cut=lens) for lens in (best, *others)]
+        whole = swept(sensors[0], angles)
+        near, *away = (_sampled(one, angles) for one in sensors)
+        made.append(_response(whole, [one - near for one in away]))
+        if progress is not None:
+            progress(0.5 * (number + 1))
+    return Responses(sensor.design.trace.dimension, sensor.light.width_mm, *made)
+
+
+def _sampled(sensor: Sensor, angles: Sequence[float]) -> FloatArray:
+    """Contrasts (N,) by the same rays for each lens, so that what differs is the lens."""
+    scene = sensor.scene(angles[0])
+    sampling: Literal["fan", "sobol"] = "sobol" if scene.is_random or scene.extrusion is not None else "fan"
+    readings = [powers(sensor.trace(angle, "power", DRAWN_RAYS, sampling=sampling)) for angle in angles]
+    values = [contrast(reading["right"], reading["left"]) for reading in readings]
+    return np.array(values, float)
+
+
+def _response(best: Response, away: Sequence[FloatArray]) -> LensResponse:
+    """A response, with what other lenses change of it as uncertainty."""
+    if not np.isfinite([best.contrast, *away]).all():
+        raise DesignError("response", limit="no light arrives at some angle", remedy="narrow the motion")
+    u_lens = np.sqrt(np.mean(np.square(away), axis=0)) if away else np.zeros_like(best.contrast)
+    u = np.hypot(u_lens, best.u_contrast)
+    low, here, high = (best.at(angle) for angle in (-NEAR_DEG, 0.0, NEAR_DEG))
+    slope = float(best.contrast[high] - best.contrast[low]) / (2.0 * NEAR_DEG)
+    bent = [float(one[high] - one[low]) / (2.0 * NEAR_DEG) for one in away] or [0.0]
+    u_slope = float(np.hypot(np.sqrt(np.mean(np.square(bent))), best.u_contrast[here] / (np.sqrt(2.0) * NEAR_DEG)))
+    null = -float(best.contrast[here]) / slope if slope else np.inf
+    has_null = abs(null) <= MOST_NULL_DEG
+    return LensResponse(
+        tuple(best.angle_deg.tolist()),
+        tuple(np.round(best.contrast, 6).tolist()),
+        tuple(np.round(u, 6).tolist()),
+        null if has_null else None,
+        float(u[here]) / abs(slope) if has_null else None,
+        slope,
+        u_slope,
+    )

@@ -1,0 +1,489 @@
+"""Tuning a lens print by print: what a picture shows, the drawing against it, and what the next print will be.
+
+The idea: a print model knows well what a change of the drawing does, and badly where the print stands at first; a
+picture is the other way round. So what prints have in common (`solen.explore.systematic`) is taken from the pictures,
+and the drawing that cancels it from the model. Only what is resolved is corrected: even overgrowth and size where they
+exceed their uncertainty, size moreover only with a stated scale, the form as far as its mean is not damped to 0. The
+next print is then predicted with all that is not known: of the printer, the pictures, the model, and of what a print
+has for itself.
+
+The interface: `tune` gives a `TunedPrint`, whose `log` the next call takes.
+"""
+
+import hashlib
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from solen.arrays import BoolArray, FloatArray, Progress
+from solen.errors import DataError, DesignError, SolenError, SpecError
+from solen.explore.contour import Contour, Rows
+from solen.explore.doubts import of_picture, of_prediction
+from solen.explore.print_model import PrintModel
+from solen.explore.systematic import BLUR, OVERGROWTH, SIZE, Known, Print, Systematic, learnt, of_pixels
+from solen.explore.tuned_response import responses
+from solen.explore.tuning_log import Correction, LoggedPrint, Picture, Residual, Responses, TuningLog
+from solen.fabricate.label import label_of
+from solen.fabricate.layers import Slicing
+from solen.fabricate.process import Compensation, Deviation, Drawing, outline_text
+from solen.fabricate.process.print_design import profile_of_print
+from solen.lens import OvalLens
+from solen.lens.build import measured_lens
+from solen.lens.profile import MeasuredProfile
+from solen.metrology import InspectOptions, LensInspection
+from solen.metrology.nominal import END_MM
+from solen.recording import Provenance
+from solen.results import HIDDEN, Result, reported
+from solen.sensor import Sensor
+from solen.sensor.as_printed import DRAWS
+from solen.spec.strict import Finite
+
+SAMPLES, SEED = 2000, 1
+EVERY = 3
+"""Every so many of the lens's points are reckoned with."""
+MOST_BLUR = 3.0
+"""By how many of its standard uncertainties the printer's blur may be wider."""
+UNLIKE = 20.0
+"""Logarithm of a likelihood ratio from which on a print is one of another drawing."""
+EXACT = 1e-3
+"""Uncertainty in % of a shrinkage that a scale's error is taken for."""
+
+
+class TuneOptions(InspectOptions):
+    """How a picture is measured, and what is known of prints."""
+
+    repeat_um: Annotated[Finite, Field(gt=0, le=100)] = 1.0
+    """Usual difference (rms) of two prints of one drawing, known within a factor of 2, µm."""
+    drawn: Path | None = None
+    """Design file that this print was drawn by; default: the design at first, then the log's last correction."""
+    another_copy: bool = False
+    """The picture shows another print of the drawing that the print before was made with."""
+
+
+@dataclass(frozen=True)
+class Common:
+    """What prints of a design have in common, and what each has for itself.
+
+    Attributes
+    ----------
+    overgrowth_um, u_overgrowth_um
+        By how much every wall stands out evenly.
+    size_percent, u_size_percent
+        By how much prints are larger beside that.
+    form_um
+        Form (rms, after registration) beside both, as far as it is resolved.
+    repeat_um
+        Size of the form that a print has for itself.
+    prints
+        Number of prints that this rests on.
+    """
+
+    overgrowth_um: float
+    u_overgrowth_um: float
+    size_percent: float
+    u_size_percent: float
+    form_um: float
+    repeat_um: float
+    prints: int
+
+
+@dataclass(frozen=True)
+class TunedStep:
+    """One print of a tuning: its drawing, its deviation, and what was predicted of it before."""
+
+    number: int
+    drawing: int
+    rms_um: float
+    u_rms_um: float
+    predicted: Residual | None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class TunedPrint(Result):
+    """A print of a tuning, the drawing that follows from it, and the next print as it is predicted.
+
+    Attributes
+    ----------
+    design, simulated, process
+        Names, and whether any picture was computed.
+    number, drawn_by
+        Number of the print, and the drawing that it was made with.
+    rms_um, u_rms_um
+        Its deviation, as `solen print inspect` measures it.
+    common
+        What prints have in common.
+    corrected
+        What of that the drawing is changed by.
+    wall_um, scale
+        By how much walls are drawn outwards, and by what all is enlarged.
+    unchanged
+        Deviation of a further print of the same drawing.
+    predicted
+        Deviation of the next print, of the corrected drawing.
+    response
+        Response as designed, of this print and of the next; None where it was not traced.
+    history
+        All prints of the log.
+    x_mm, measured_um, predicted_um, u_predicted_um
+        Along the front (N,): deviation of this print, NaN where it was not measured, and of the next one.
+    """
+
+    design: str
+    simulated: bool
+    process: str
+    number: int
+    drawn_by: str
+    rms_um: float
+    u_rms_um: float
+    common: Common
+    corrected: tuple[str, ...]
+    wall_um: float
+    scale: float
+    unchanged: Residual
+    predicted: Residual
+    response: Responses | None
+    history: tuple[TunedStep, ...]
+    x_mm: FloatArray
+    measured_um: FloatArray
+    predicted_um: FloatArray
+    u_predicted_um: FloatArray
+    sources: tuple[Provenance, ...]
+    warnings: tuple[str, ...]
+    made: Compensation = field(metadata=HIDDEN)
+    profile: MeasuredProfile = field(metadata=HIDDEN)
+    log: TuningLog = field(metadata=HIDDEN)
+
+    @reported
+    def drawn_range_um(self) -> tuple[float, float]:
+        """Least and most that the lens is drawn beyond the wanted one."""
+        return self.made.drawn_range_um
+
+
+def tune(
+    inspection: LensInspection,
+    sensor: Sensor,
+    slicing: Slicing = Slicing(),
+    options: TuneOptions = TuneOptions(),
+    log: TuningLog | None = None,
+    *,
+    file: str = "tuned.toml",
+    response: bool = True,
+    progress: Progress | None = None,
+) -> TunedPrint:
+    """Drawing that follows from a print and those of the log, and the next print.
+
+    Parameters
+    ----------
+    inspection
+        The print in its picture, measured against the wanted design.
+    sensor
+        The wanted design.
+    slicing
+        How it is printed: the process, the printer's pixels, and the lens's place in its pixel.
+    options
+        What is known of prints, and by which drawing this one was made.
+    log
+        Prints before; None at first.
+    file
+        Name of the design file that will hold the drawing.
+    response
+        Whether the response is traced.
+    progress
+        Called with the share done, up to 1.
+
+    Raises
+    ------
+    DataError
+        Where the log is of another design or printer, or the print of another drawing.
+    SpecError, DesignError
+        Where what is asked for is not of parts printed flat, or the design has no one lens.
+    """
+    if not isinstance(sensor.cut, OvalLens):
+        limit = "the wanted lens must be a Cartesian oval"
+        raise DesignError("lens", value=sensor.design.lens.shape, limit=limit, remedy="name the design as it is wanted")
+    model = PrintModel.of(sensor, slicing)
+    log = _checked(log, sensor, model, inspection)
+    number = _drawing(log, model, options)
+    problem = _Tuning(inspection, sensor, model, log, options, number)
+    problem.check_likeness()
+    return problem.settled().tuned(file, progress, response=response)
+
+
+def _checked(log: TuningLog | None, sensor: Sensor, model: PrintModel, inspection: LensInspection) -> TuningLog:
+    """The log, or a new one; `DataError` where it is of another design, another printer, or has the picture."""
+    design = sensor.design
+    new = TuningLog(design.name, label_of(design, "").sha256, model.settings.pixels_um, model.phase_px)
+    if log is None:
+        return new
+    if log.sha256 != new.sha256:
+        limit = f"is not the design of the log, {log.design}, or was changed since"
+        raise DataError("--design", value=design.name, limit=limit, remedy="name that design, or begin another --log")
+    if (log.pixels_um, log.phase_px) != (new.pixels_um, new.phase_px):
+        value = f"pixels of {new.pixels_um[0]:g} x {new.pixels_um[1]:g} µm, vertex at {new.phase_px}"
+        limit = f"the log's prints have {log.pixels_um[0]:g} x {log.pixels_um[1]:g} µm and {log.phase_px}"
+        raise DataError("--printer", value=value, limit=limit, remedy="name their printer and --phase-px")
+    source = inspection.sources[0]
+    for one in log.prints:
+        if one.picture.sha256 == source.sha256:
+            limit = f"is the picture of print {one.number} of the log"
+            raise DataError(source.file, limit=limit, remedy="photograph the print of the last correction")
+    return log
+
+
+def _drawing(log: TuningLog, model: PrintModel, options: TuneOptions) -> int:
+    """Number of the correction that the print was made with; `DataError` where the file of it is another."""
+    last = len(log.prints)
+    if options.another_copy:
+        if not last:
+            raise SpecError("--another-copy", limit="needs a print before, and the log has none", remedy="leave it out")
+        last = log.prints[-1].drawing
+    if options.drawn is None:
+        return last
+    sha256 = model.sha256_of(options.drawn)
+    hashes = {0: None} | {one.number: one.correction.sha256 for one in log.prints}
+    if sha256 == hashes[last]:
+        return last
+    same = [number for number, known in hashes.items() if known == sha256]
+    found = f"is {log.name(same[0])}" if same else "is no drawing of this log"
+    limit = f"{found}; this print is to be one of {log.name(last)}"
+    raise DataError("--drawn", value=options.drawn.name, limit=limit, remedy="photograph a print of that one")
+
+
+@dataclass(frozen=True, eq=False)
+class _Tuning:
+    """A print and those before it."""
+
+    inspection: LensInspection
+    sensor: Sensor
+    model: PrintModel
+    log: TuningLog
+    options: TuneOptions
+    number: int
+    blur: float = 0.0
+
+    def settled(self) -> "_Tuning":
+        """The same about the printer's blur that the prints show: what it does to pixels is not linear."""
+        somewhere = np.array([0.5 * self.contour.length_mm])
+        blur = float(np.clip(self._learnt(self.number, somewhere).mean[BLUR], self.model.least_blur, MOST_BLUR))
+        return replace(self, model=self.model.blurred(blur), blur=blur)
+
+    @cached_property
+    def contour(self) -> Contour:
+        return Contour(self.inspection.nominal)
+
+    @cached_property
+    def rows(self) -> Rows:
+        return Rows.of(self.inspection)
+
+    @cached_property
+    def arc_mm(self) -> FloatArray:
+        """Lengths along the front of the points that are reckoned with."""
+        return self.inspection.nominal.nearest(self.model.target.points_mm[::EVERY]).arc_mm
+
+    @cached_property
+    def drawing(self) -> Drawing:
+        return self._drawing(self.number)
+
+    @cached_property
+    def common(self) -> Systematic:
+        return self._learnt(self.number, self.arc_mm)
+
+    def _drawing(self, number: int) -> Drawing:
+        return self.log.drawing(number, len(self.model.target.points_mm))
+
+    def _learnt(self, number: int, arc_mm: FloatArray, **otherwise: float) -> Systematic:
+        """What all prints have in common where this one was drawn by a correction."""
+        every = [(one.picture.rows, one.drawing) for one in self.log.prints] + [(self.rows, number)]
+        prints = [Print(rows, by, *self.model.on(rows, self.contour, self._drawing(by))) for rows, by in every]
+        keys = ("overgrowth_um", "u_overgrowth_um", "shrinkage_percent", "u_shrinkage_percent", "repeat_um")
+        known = Known(**({key: getattr(self.options, key) for key in keys} | otherwise), blur=-self.blur)
+        return learnt(self.contour, prints, known, arc_mm)
+
+    def check_likeness(self) -> None:
+        """`DataError` where the print looks like one of another drawing, and nobody states its own."""
+        if not self.log.prints or self.options.drawn is not None:
+            return
+        somewhere = np.array([0.5 * self.contour.length_mm])
+        every = range(len(self.log.prints) + 1)
+        logs = {number: self._learnt(number, somewhere).log_evidence for number in every}
+        best = max(logs, key=lambda number: logs[number])
+        if logs[best] - logs[self.number] > UNLIKE:
+            limit = f"looks like a print of {self.log.name(best)}, and is to be one of {self.log.name(self.number)}"
+            remedy = "photograph a print of the latter, or state by --drawn which drawing it was made with"
+            raise DataError(self.inspection.sources[0].file, limit=limit, remedy=remedy)
+
+    @cached_property
+    def scale_stated(self) -> bool:
+        """Whether the scale of every picture has an uncertainty: without, size is not corrected."""
+        stated = [one.picture.u_um_per_px for one in self.log.prints]
+        return None not in (*stated, self.inspection.scale.u_um_per_px)
+
+    @cached_property
+    def taken(self) -> tuple[FloatArray, float, float, tuple[str, ...]]:
+        """What is corrected: deviation (n,) of the front, overgrowth in µm and size in it, and these in words.
+
+        Each as far as it is resolved: the mean of what is known is damped towards what was known before.
+        """
+        common = self.common if self.scale_stated else self._learnt(self.number, self.arc_mm, u_shrinkage_percent=EXACT)
+        front = common.mean[: len(self.arc_mm)]
+        grown, size = float(common.mean[OVERGROWTH]), float(common.mean[SIZE])
+        words = ["overgrowth"] if abs(grown) > common.u[OVERGROWTH] else []
+        words += ["size"] if self.scale_stated and abs(size) > common.u[SIZE] else []
+        if self.inspection.mirrored is None:
+            return 0.5 * (front + front[::-1]), grown, size, ("form, as far as it is alike left and right", *words)
+        return front, grown, size, ("form", *words)
+
+    @cached_property
+    def made(self) -> Compensation:
+        """The drawing against it."""
+        front, grown, size, _ = self.taken
+        along = self.inspection.nominal.nearest(self.model.target.points_mm).arc_mm
+        start = replace(self.drawing, wall_um=-grown, scale=1.0 / (1.0 + size))
+        return self.model.against(np.interp(along, self.arc_mm, front), start)
+
+    @cached_property
+    def draws(self) -> tuple[FloatArray, FloatArray]:
+        """States within what is known, and what a further print has for itself."""
+        return self.common.drawn(SAMPLES, np.random.default_rng(SEED))
+
+    @cached_property
+    def _registered(self) -> FloatArray:
+        """Projection (n, n) of deviations on what a rotation and a shift leave of them, as a picture is registered."""
+        rigid = self.contour.by_rigid(self.arc_mm) * self.measured_part[:, None]
+        basis = self.contour.by_rigid(self.arc_mm) @ np.linalg.pinv(rigid)
+        return np.asarray(np.eye(len(self.arc_mm)) - basis)
+
+    @cached_property
+    def measured_part(self) -> BoolArray:
+        """Which points are no corners."""
+        return np.asarray((self.arc_mm > END_MM) & (self.arc_mm < self.contour.length_mm - END_MM))
+
+    def future(self, drawing: Drawing) -> FloatArray:
+        """Deviations (SAMPLES, n) of a further print of a drawing, registered."""
+        states, alone = self.draws
+        effect, by_blur = (column[::EVERY] for column in self.model.effect(drawing))
+        truth = states[:, : len(self.arc_mm)] + effect + np.outer(states[:, BLUR], by_blur) + alone
+        if not self.model.is_designed(drawing):
+            covariance = of_pixels(self.arc_mm, self.model.of_pixels_um[::EVERY])
+            rng = np.random.default_rng(SEED + 1)
+            truth += rng.multivariate_normal(np.zeros(len(covariance)), covariance, SAMPLES, method="eigh")
+        return np.asarray(truth @ self._registered.T)
+
+    def residual(self, prints: FloatArray) -> Residual:
+        """Root mean squares of some prints in numbers."""
+        rms = np.sqrt(np.mean(prints[:, self.measured_part] ** 2, axis=1))
+        low, high = np.quantile(rms, [0.025, 0.975]).tolist()
+        return Residual(float(rms.mean()), float(rms.std()), (low, high))
+
+    def tuned(self, file: str, progress: Progress | None, *, response: bool) -> TunedPrint:
+        """The answer."""
+        made, inspection = self.made, self.inspection
+        prints = self.future(Drawing(made.drawn_um, made.wall_um, made.scale))
+        unchanged, predicted = self.residual(self.future(self.drawing)), self.residual(prints)
+        traced, why = self._responses(prints, progress) if response else (None, [])
+        log = self.log.with_print(self._entry(file, predicted, traced))
+        warnings = [*of_picture(inspection, self.model), *why, *inspection.warnings]
+        warnings += of_prediction(log, unchanged, self.drawing, float(self.common.u[OVERGROWTH]))
+        return TunedPrint(
+            design=self.sensor.design.name,
+            simulated=any(one.picture.simulated for one in log.prints),
+            process=self.model.process.name,
+            number=len(log.prints),
+            drawn_by=self.log.name(self.number),
+            rms_um=inspection.deviation.rms_um,
+            u_rms_um=inspection.deviation.u_rms_um,
+            common=self._summary(),
+            corrected=self.taken[3],
+            wall_um=made.wall_um,
+            scale=made.scale,
+            unchanged=unchanged,
+            predicted=predicted,
+            response=traced,
+            history=_history(log),
+            x_mm=self.model.target.points_mm[::EVERY, 0],
+            measured_um=self._measured(),
+            predicted_um=prints.mean(axis=0),
+            u_predicted_um=prints.std(axis=0),
+            sources=(*inspection.sources, *self.model.sources),
+            warnings=tuple(dict.fromkeys(warnings)),
+            made=made,
+            profile=self._profile(prints.mean(axis=0), predicted.u_rms_um),
+            log=log,
+        )
+
+    def _summary(self) -> Common:
+        mean, u, n = self.common.mean, self.common.u, len(self.arc_mm)
+        form = mean[:n] - mean[OVERGROWTH] - mean[SIZE] * 1e3 * self.contour.by_size(self.arc_mm)
+        left = (self._registered @ form)[self.measured_part]
+        return Common(
+            overgrowth_um=float(mean[OVERGROWTH]),
+            u_overgrowth_um=float(u[OVERGROWTH]),
+            size_percent=100.0 * float(mean[SIZE]),
+            u_size_percent=100.0 * float(u[SIZE]),
+            form_um=float(np.sqrt(np.mean(left**2))),
+            repeat_um=self.common.repeat_um,
+            prints=len(self.log.prints) + 1,
+        )
+
+    def _measured(self) -> FloatArray:
+        """Deviation of the picture at the points, registered as `solen print inspect` does; NaN beyond it."""
+        fit, nominal = self.inspection.outline.chosen.registration, self.inspection.nominal
+        at = nominal.nearest(fit.points_mm).arc_mm
+        order = np.argsort(at)
+        um = np.interp(self.arc_mm, at[order], fit.deviation_um[order], left=np.nan, right=np.nan)
+        return np.asarray(um)
+
+    def _profile(self, um: FloatArray, u_um: float) -> MeasuredProfile:
+        """Profile of a lens that deviates so."""
+        target = self.model.target
+        along = self.inspection.nominal.nearest(target.points_mm).arc_mm
+        deviation = Deviation(target, np.interp(along, self.arc_mm, um))
+        return profile_of_print(deviation, self.sensor.design.name, self.model.process.name, u_um, self.model.sources)
+
+    def _responses(self, prints: FloatArray, progress: Progress | None) -> tuple[Responses | None, list[str]]:
+        """Responses before and after, or why there are none."""
+        designed = self.sensor.lens
+        assert isinstance(designed, OvalLens)  # noqa: S101  checked before
+        try:
+            seen = measured_lens(designed, self.inspection.profile())
+            before = [seen, *(seen.drawn_within(number) for number in range(1, DRAWS + 1))]
+            outlines = [prints.mean(axis=0), *prints[:DRAWS]]
+            after = [measured_lens(designed, self._profile(um, 0.0)) for um in outlines]
+            return responses(self.sensor, before, after, progress), []
+        except SolenError as bad:
+            return None, [f"no response: {bad}"]
+
+    def _entry(self, file: str, predicted: Residual, traced: Responses | None) -> LoggedPrint:
+        """The log's entry of this print."""
+        source, rows, made = self.inspection.sources[0], self.rows, self.made
+        columns = (tuple(np.round(column, 5).tolist()) for column in (rows.arc_mm, rows.deviation_um, rows.u_um))
+        scale = self.inspection.scale
+        face = self.options.seen_from
+        picture = Picture(
+            source.file, source.sha256, source.simulated, scale.um_per_px, scale.u_um_per_px, face, *columns
+        )
+        number = len(self.log.prints) + 1
+        drawing = Drawing(made.drawn_um, made.wall_um, made.scale)
+        sha256 = hashlib.sha256(outline_text(self.sensor, made).encode()).hexdigest()
+        deviation = self.inspection.deviation
+        correction = Correction.of(number, file, sha256, drawing)
+        return LoggedPrint(
+            number, self.number, picture, deviation.rms_um, deviation.u_rms_um, correction, predicted, traced
+        )
+
+
+def _history(log: TuningLog) -> tuple[TunedStep, ...]:
+    return tuple(
+        TunedStep(
+            one.number,
+            one.drawing,
+            one.rms_um,
+            one.u_rms_um,
+            log.prints[one.drawing - 1].predicted if one.drawing else None,
+        )
+        for one in log.prints
+    )

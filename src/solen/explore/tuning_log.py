@@ -1,0 +1,200 @@
+"""The log of a tuning: one entry for each print, with its picture, what was measured, and what is drawn next.
+
+The idea: the log holds what was measured and what was drawn, and nothing that follows from these, so every call reckons
+with all prints anew. A drawing is known by the hash of its outline, a picture by that of its file.
+
+The interface: `TuningLog`; `read_log` and `log_text`.
+"""
+
+import json
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from solen.errors import DataError
+from solen.explore.contour import Rows
+from solen.fabricate.process import Drawing
+from solen.files import read_text
+from solen.results import Result
+from solen.spec.objects import made, parsed
+
+KIND = "print tuning log"
+SCHEMA = 1
+AS_DESIGNED = "the design itself"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Correction(Result):
+    """A drawing: number 0 is the design itself, another that of the print after which it was made.
+
+    Attributes
+    ----------
+    number, file, sha256
+        Its number, the name of its design file, and the hash of its outline.
+    lens_um
+        By how much the lens is drawn beyond the wanted one, along its normals, evenly along it.
+    wall_um, scale
+        By how much other walls are drawn outwards, and by what all is enlarged.
+    """
+
+    number: int
+    file: str
+    sha256: str
+    lens_um: tuple[float, ...]
+    wall_um: float
+    scale: float
+
+    @classmethod
+    def of(cls, number: int, file: str, sha256: str, drawing: Drawing) -> "Correction":
+        """Entry of a drawing."""
+        lens = tuple(np.round(drawing.drawn_um, 5).tolist())
+        return cls(number, file, sha256, lens, drawing.wall_um, drawing.scale)
+
+    @property
+    def drawing(self) -> Drawing:
+        """The drawing."""
+        return Drawing(np.array(self.lens_um), self.wall_um, self.scale)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Picture(Result):
+    """What a picture says of a print, as `solen.explore.contour.Rows` holds it."""
+
+    file: str
+    sha256: str
+    simulated: bool
+    um_per_px: float
+    u_um_per_px: float | None
+    seen_from: Literal["top", "bottom"] | None
+    arc_mm: tuple[float, ...]
+    deviation_um: tuple[float, ...]
+    u_um: tuple[float, ...]
+
+    @property
+    def rows(self) -> Rows:
+        """Its deviations."""
+        arc, deviation, u = (np.array(column) for column in (self.arc_mm, self.deviation_um, self.u_um))
+        return Rows(arc, deviation, u, self.um_per_px, self.u_um_per_px)
+
+
+@dataclass(frozen=True)
+class Residual:
+    """Deviation (rms) of the next print as it is predicted, its standard uncertainty and 95 % interval."""
+
+    rms_um: float
+    u_rms_um: float
+    interval95_rms_um: tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LensResponse(Result):
+    """Contrast of a sensor with a printed lens over N angles, and its null.
+
+    Attributes
+    ----------
+    angle_deg, contrast, u_contrast
+        Angles, contrast, and its standard uncertainty by what is known of the lens and by the trace.
+    null_deg, u_null_deg
+        Null by the contrast at 0 and the slope there; None where it is not near 0.
+    slope_per_deg, u_slope_per_deg
+        Slope of the contrast about 0.
+    """
+
+    angle_deg: tuple[float, ...]
+    contrast: tuple[float, ...]
+    u_contrast: tuple[float, ...]
+    null_deg: float | None
+    u_null_deg: float | None
+    slope_per_deg: float
+    u_slope_per_deg: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Responses(Result):
+    """Response as designed, of this print, and of the next one as it is predicted."""
+
+    dimension: str
+    width_mm: float
+    designed: LensResponse
+    before: LensResponse
+    after: LensResponse
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LoggedPrint(Result):
+    """One print of the log.
+
+    Attributes
+    ----------
+    number, drawing
+        Its number, and that of the correction that it was drawn with.
+    picture
+        Its picture.
+    rms_um, u_rms_um
+        Its deviation, as `solen print inspect` measures it.
+    correction
+        The drawing that follows from it and all prints before.
+    predicted
+        Deviation of the next print of that drawing.
+    response
+        Response before and after; None where it was not traced.
+    """
+
+    number: int
+    drawing: int
+    picture: Picture
+    rms_um: float
+    u_rms_um: float
+    correction: Correction
+    predicted: Residual
+    response: Responses | None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class TuningLog(Result):
+    """Prints of one design on one printer; heights and place in the pixel are those that are drawn."""
+
+    design: str
+    sha256: str
+    pixels_um: tuple[float, float]
+    phase_px: tuple[float, float]
+    prints: tuple[LoggedPrint, ...] = ()
+
+    def drawing(self, number: int, points: int) -> Drawing:
+        """Drawing of a correction by its number, with so many points along the lens."""
+        return Drawing(np.zeros(points)) if number == 0 else self.prints[number - 1].correction.drawing
+
+    def name(self, number: int) -> str:
+        """A drawing in words."""
+        file = AS_DESIGNED if number == 0 else self.prints[number - 1].correction.file
+        return f"correction {number} ({file})"
+
+    def with_print(self, one: LoggedPrint) -> "TuningLog":
+        """The same with one more print."""
+        return replace(self, prints=(*self.prints, one))
+
+
+def read_log(path: Path) -> TuningLog:
+    """Log of a file; `DataError` where it is none, or damaged."""
+    where = str(path)
+    data = parsed(read_text(path, DataError), where)
+    if not isinstance(data, dict) or data.pop("solen", None) != KIND:
+        remedy = "name another --log, or remove the file"
+        raise DataError(where, limit=f'not a log of solen print tune: it has no "solen": "{KIND}"', remedy=remedy)
+    if (schema := data.pop("schema", None)) != SCHEMA:
+        raise DataError(f"{where}: schema", value=schema, limit=f"this solen reads {SCHEMA}")
+    log = made(TuningLog, data, where)
+    for number, one in enumerate(log.prints, start=1):
+        columns = {len(column) for column in (one.picture.arc_mm, one.picture.deviation_um, one.picture.u_um)}
+        if one.number != number or not 0 <= one.drawing < number or len(columns) != 1:
+            limit = "prints must be in order, with as many deviations as places, and drawn before they are measured"
+            raise DataError(f"{where}: prints[{number - 1}]", limit=limit, remedy="restore the file")
+    return log
+
+
+def log_text(log: TuningLog) -> str:
+    """JSON text of a log; `read_log` gives it back."""
+    data: dict[str, Any] = {"solen": KIND, "schema": SCHEMA} | log.to_dict()
+    return json.dumps(data, indent=1, allow_nan=False) + "\n"
