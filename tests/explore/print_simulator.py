@@ -52,8 +52,8 @@ class Printer:
     def _light(self, ring: FloatArray) -> FloatArray:
         """Light on fine cells: pixels of the covered share, 255 greys, and the kernel."""
         fine = round(self.pixel_mm / CELL_MM)
-        shape = tuple(round((high - low) / self.pixel_mm) for low, high in zip(LOW[::-1], HIGH[::-1], strict=True))
-        share = coverage([(ring - np.array(LOW)) / self.pixel_mm], shape)
+        rows, columns = (round((HIGH[axis] - LOW[axis]) / self.pixel_mm) for axis in (1, 0))
+        share = coverage([(ring - np.array(LOW)) / self.pixel_mm], (rows, columns))
         cells = np.kron(np.round(255.0 * share) / 255.0, np.ones((fine, fine)))
         reach = round(5.0 * self.tail_mm / CELL_MM)
         y, x = np.mgrid[-reach : reach + 1, -reach : reach + 1] * CELL_MM

@@ -7,7 +7,7 @@ from solen.explore.print_model import PrintModel
 from solen.explore.tuning_log import LoggedPrint, Residual, TuningLog
 from solen.fabricate.process import Drawing, walls_um
 from solen.metrology import LensInspection
-from solen.ranks import do_not_use, note
+from solen.ranks import Caution, do_not_use, look_at, note
 
 WORTH = 0.95
 """Share of the deviation of an unchanged drawing that a correction must come below to be worth a print."""
@@ -15,38 +15,42 @@ SURE = 0.95
 _TAPER_UM = 1.0
 
 
-def of_picture(inspection: LensInspection, model: PrintModel) -> list[str]:
+def of_picture(inspection: LensInspection, model: PrintModel) -> list[Caution]:
     """Faults of the picture or of the part in it that no drawing mends."""
     return [*_defocus(inspection, model), *_side(inspection), *_design(inspection), *_scale(inspection), *_face(model)]
 
 
-def of_prediction(log: TuningLog, unchanged: Residual, before: Drawing, u_overgrowth_um: float) -> list[str]:
+def of_prediction(log: TuningLog, unchanged: Residual, before: Drawing, u_overgrowth_um: float) -> list[Caution]:
     """Doubts of the drawing that follows, and of the one before."""
     last = log.prints[-1]
     moved = abs(last.correction.wall_um - before.wall_um) > u_overgrowth_um
     return [*([] if moved else _gain(last, unchanged)), *_missed(log)]
 
 
-def _defocus(inspection: LensInspection, model: PrintModel) -> list[str]:
+def _defocus(inspection: LensInspection, model: PrintModel) -> list[Caution]:
     blur_um, printed_um = inspection.edge.blur_px * inspection.image.um_per_px, model.settings.edge_um
     if blur_um <= printed_um:
         return []
     return [
-        f"the edge is blurred over {blur_um:.3g} µm, more than the printer's own {printed_um:.3g}: out of focus, or a "
-        "leaning wall; no drawing mends that, and two faces may be measured as one. Focus on the upper rim"
+        look_at(
+            f"the edge is blurred over {blur_um:.3g} µm, more than the printer's own {printed_um:.3g}: out of focus, "
+            "or a leaning wall; no drawing mends that, and two faces may be measured as one. Focus on the upper rim"
+        )
     ]
 
 
-def _side(inspection: LensInspection) -> list[str]:
+def _side(inspection: LensInspection) -> list[Caution]:
     if inspection.mirrored is not None:
         return []
     return [
-        "the picture does not show from which face it was taken (--seen-from): only what is alike left and right is "
-        "corrected, as the rest would be doubled where the picture is mirrored"
+        look_at(
+            "the picture does not show from which face it was taken (--seen-from): only what is alike left and right "
+            "is corrected, as the rest would be doubled where the picture is mirrored"
+        )
     ]
 
 
-def _design(inspection: LensInspection) -> list[str]:
+def _design(inspection: LensInspection) -> list[Caution]:
     own = min(inspection.designs.values(), key=lambda one: abs(one.rms_um - inspection.deviation.rms_um))
     best = next(iter(inspection.designs.values()))
     if best is own or best.probability < SURE:
@@ -59,16 +63,18 @@ def _design(inspection: LensInspection) -> list[str]:
     ]
 
 
-def _scale(inspection: LensInspection) -> list[str]:
+def _scale(inspection: LensInspection) -> list[Caution]:
     if inspection.scale.u_um_per_px is not None:
         return []
     return [
-        "the scale's uncertainty is not stated (--u-um-per-px): a wrong scale and shrinkage cannot be separated, so "
-        "overgrowth and form are corrected and size is not; the predicted residual includes a scale off by 3 %"
+        look_at(
+            "the scale's uncertainty is not stated (--u-um-per-px): a wrong scale and shrinkage cannot be separated, "
+            "so overgrowth and form are corrected and size is not; the predicted residual includes a scale off by 3 %"
+        )
     ]
 
 
-def _face(model: PrintModel) -> list[str]:
+def _face(model: PrintModel) -> list[Caution]:
     layers = max(1, round(1e3 * model.plain.thickness_mm / model.settings.layer_um))
     _, beyond = walls_um(model.settings, layers)
     middle = float(beyond[layers // 2])
@@ -83,16 +89,19 @@ def _face(model: PrintModel) -> list[str]:
     ]
 
 
-def _gain(last: LoggedPrint, unchanged: Residual) -> list[str]:
+def _gain(last: LoggedPrint, unchanged: Residual) -> list[Caution]:
     if last.predicted.rms_um < WORTH * unchanged.rms_um:
         return []
     return [
-        f"another correction gains nothing: {last.predicted.rms_um:.2g} µm (rms) predicted, and {unchanged.rms_um:.2g} "
-        "of the same drawing once more; what is left differs from print to print, or is not resolved"
+        look_at(
+            f"another correction gains nothing: {last.predicted.rms_um:.2g} µm (rms) predicted, and "
+            f"{unchanged.rms_um:.2g} of the same drawing once more; what is left differs from print to print, or "
+            "is not resolved"
+        )
     ]
 
 
-def _missed(log: TuningLog) -> list[str]:
+def _missed(log: TuningLog) -> list[Caution]:
     """Warning where a print is not what was predicted of it."""
     last = log.prints[-1]
     if last.drawing == 0 or last.drawing != last.number - 1:
@@ -102,6 +111,8 @@ def _missed(log: TuningLog) -> list[str]:
     if low - 2.0 * last.u_rms_um <= last.rms_um <= high + 2.0 * last.u_rms_um:
         return []
     return [
-        f"{last.rms_um:.3g} ± {last.u_rms_um:.2g} µm (rms) were measured where {low:.2g} to {high:.2g} µm were "
-        "predicted: printer, resin, cleaning or the picture's scale changed, or --repeat-um is too small"
+        look_at(
+            f"{last.rms_um:.3g} ± {last.u_rms_um:.2g} µm (rms) were measured where {low:.2g} to {high:.2g} µm were "
+            "predicted: printer, resin, cleaning or the picture's scale changed, or --repeat-um is too small"
+        )
     ]

@@ -34,8 +34,8 @@ from solen.sensor import Sensor
 from solen.spec import load
 
 SIGMA = "sigma_um"
-OWN_SHARE, PLACES = 0.7, 4
-"""Share of what pixels do to an edge that the model misses, and places in the pixel at which that is looked at."""
+OWN_SHARE, PLACES = 1.0, 4
+"""Share of what pixels do to an edge that a model may miss, and places in the pixel at which that is looked at."""
 SLOW_MM, PIECE_MM = 0.3, 0.1
 """Lengths over which forms are no longer those of pixels, and over which their size is taken."""
 
@@ -68,8 +68,11 @@ class PrintModel:
         if slicing.orientation != "flat" or any(slicing.rotate_deg):
             limit = "a lens is tuned that is printed flat, along the printer's X"
             raise SpecError("--orientation or --rotate-deg", value=slicing.orientation, limit=limit, remedy="leave out")
-        process, sources = process_of(PrintOptions(process=slicing.process, printer=slicing.printer))
+        process, sources = process_of(PrintOptions(process=slicing.process, cure=slicing.cure, printer=slicing.printer))
         process = with_resin(process, sensor.design)
+        if others := slicing.otherwise(process.process):
+            limit = "the layers of a tuned lens are printed as its process has it"
+            raise SpecError("--process", value=others[0], limit=limit, remedy="leave that option out, or change it")
         body = sensor.body()
         target = Target.of(lens_face(body).curve, FLAT_POINTS)
         thickness_mm = sensor.design.body.thickness_mm

@@ -31,6 +31,8 @@ PIXELS_MM = 0.1
 """Length over which that goes together which pixels do to an edge."""
 REPEATS = ((0.4, 0.25), (1.0, 0.5), (2.5, 0.25))
 """Factors of the usual difference between prints, and their weights: known within a factor of 2."""
+MISSED = ((0.3, 0.4), (0.8, 0.4), (1.5, 0.2))
+"""Factors of what a model usually misses of pixels, and their weights."""
 U_POSE = 0.1
 """Prior of a turn (rad) and a shift (mm) beside those of the fit: as good as none."""
 SLIGHT = 1e-4
@@ -83,6 +85,8 @@ class Systematic:
         Standard deviation (H,) of the form that a print has for itself.
     lengths_mm
         Length (H,) over which that goes together.
+    missed
+        Factor (H,) of what the model usually misses of pixels.
     log_evidence
         Logarithm of the marginal likelihood of all pictures, but for a constant.
     """
@@ -94,6 +98,7 @@ class Systematic:
     covariances: FloatArray
     repeats_um: FloatArray
     lengths_mm: FloatArray
+    missed: FloatArray
     log_evidence: float
 
     @property
@@ -112,8 +117,11 @@ class Systematic:
         """Form that a print has for itself, mean."""
         return float(self.weights @ self.repeats_um)
 
-    def drawn(self, count: int, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
-        """Some states (count, n + 3) within what is known, and what a further print has for itself (count, n)."""
+    def drawn(self, count: int, rng: np.random.Generator) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Some states (count, n + 3) within what is known, what a further print has for itself (count, n), and factors.
+
+        The factors (count,) are of what the model misses of pixels.
+        """
         which = rng.choice(len(self.weights), count, p=self.weights)
         states = np.empty((count, self.means.shape[1]))
         alone = np.empty((count, len(self.arc_mm)))
@@ -122,23 +130,24 @@ class Systematic:
             states[mine] = rng.multivariate_normal(self.means[kind], self.covariances[kind], mine.sum(), method="eigh")
             once = self.repeats_um[kind] ** 2 * _alone(self.contour, self.arc_mm, self.arc_mm, self.lengths_mm[kind])
             alone[mine] = rng.multivariate_normal(np.zeros(len(once)), once, mine.sum(), method="eigh")
-        return states, alone
+        return states, alone, self.missed[which]
 
 
 def learnt(contour: Contour, prints: Sequence[Print], known: Known, arc_mm: FloatArray) -> Systematic:
     """What prints of known drawings have in common, at lengths (n,) along the front."""
     problem = _Problem(contour, prints, known, arc_mm)
     grid = [
-        (form, length, factor * known.repeat_um, weight)
+        (form, length, factor * known.repeat_um, missed, weight * share)
         for length in LENGTHS_MM
         for form in FORMS_UM.tolist()
         for factor, weight in REPEATS
+        for missed, share in MISSED
     ]
-    logs = np.array([problem.log_evidence(*kind[:3]) + math.log(kind[3]) for kind in grid])
+    logs = np.array([problem.log_evidence(*kind[:4]) + math.log(kind[4]) for kind in grid])
     weights = np.exp(logs - logs.max())
     total = float(weights.sum())
     kept = np.flatnonzero(weights > SLIGHT * total)
-    states = [problem.state(*grid[place][:3]) for place in kept]
+    states = [problem.state(*grid[place][:4]) for place in kept]
     return Systematic(
         contour,
         arc_mm,
@@ -147,6 +156,7 @@ def learnt(contour: Contour, prints: Sequence[Print], known: Known, arc_mm: Floa
         np.array([covariance for _, covariance in states]),
         np.array([grid[place][2] for place in kept]),
         np.array([grid[place][1] for place in kept]),
+        np.array([grid[place][3] for place in kept]),
         float(logs.max()) + math.log(total),
     )
 
@@ -170,7 +180,7 @@ class _Problem:
         steady = self.u[0] ** 2 + self.u[1] ** 2 * np.outer(self.size, self.size) + np.outer(self.blur, self.blur)
         by = np.array([one.drawing for one in prints])[self.which]
         missed = np.concatenate([one.missed_um for one in prints])
-        steady += (by[:, None] == by[None, :]) * of_pixels(self.arc, missed)
+        self.missed = (by[:, None] == by[None, :]) * of_pixels(self.arc, missed)
         self.fixed = np.diag(self.noise) + self.columns @ self.columns.T + steady
         self.kernels = {length: _matern(self.arc, self.arc, length) for length in LENGTHS_MM}
         self.same = {length: same * _alone(contour, self.arc, self.arc, length) for length in LENGTHS_MM}
@@ -187,19 +197,20 @@ class _Problem:
             columns += [u * self.size * of_it, prints[scales.index((um_per_px, u_um_per_px))].rows.bias_um * of_it]
         return np.column_stack(columns)
 
-    def _factor(self, form: float, length: float, repeat: float) -> tuple[FloatArray, bool]:
+    def _factor(self, form: float, length: float, repeat: float, missed: float) -> tuple[FloatArray, bool]:
         covariance = self.fixed + form**2 * self.kernels[length] + repeat**2 * self.same[length]
+        covariance += missed**2 * self.missed
         factor, lower = cho_factor(covariance, lower=True)
         return np.asarray(factor), lower
 
-    def log_evidence(self, form: float, length: float, repeat: float) -> float:
+    def log_evidence(self, form: float, length: float, repeat: float, missed: float) -> float:
         """Logarithm of the likelihood of all rows, but for a constant."""
-        factor = self._factor(form, length, repeat)
+        factor = self._factor(form, length, repeat, missed)
         return float(-0.5 * self.off @ cho_solve(factor, self.off) - np.log(np.diag(factor[0])).sum())
 
-    def state(self, form: float, length: float, repeat: float) -> tuple[FloatArray, FloatArray]:
+    def state(self, form: float, length: float, repeat: float, missed: float) -> tuple[FloatArray, FloatArray]:
         """Mean and covariance of the state."""
-        factor = self._factor(form, length, repeat)
+        factor = self._factor(form, length, repeat, missed)
         u_grown, u_size = self.u
         ones, at_ones = np.ones(len(self.arc)), np.ones(len(self.at))
         front = form**2 * _matern(self.at, self.arc, length)

@@ -36,6 +36,7 @@ from solen.lens.build import measured_lens
 from solen.lens.profile import MeasuredProfile
 from solen.metrology import InspectOptions, LensInspection
 from solen.metrology.nominal import END_MM
+from solen.ranks import Caution, look_at
 from solen.recording import Provenance
 from solen.results import HIDDEN, Result, reported
 from solen.sensor import Sensor
@@ -49,6 +50,7 @@ MOST_BLUR = 3.0
 """By how many of its standard uncertainties the printer's blur may be wider."""
 UNLIKE = 20.0
 """Logarithm of a likelihood ratio from which on a print is one of another drawing."""
+NO_DRAWING = -1
 EXACT = 1e-3
 """Uncertainty in % of a shrinkage that a scale's error is taken for."""
 
@@ -152,7 +154,7 @@ class TunedPrint(Result):
     predicted_um: FloatArray
     u_predicted_um: FloatArray
     sources: tuple[Provenance, ...]
-    warnings: tuple[str, ...]
+    warnings: tuple[Caution, ...]
     made: Compensation = field(metadata=HIDDEN)
     profile: MeasuredProfile = field(metadata=HIDDEN)
     log: TuningLog = field(metadata=HIDDEN)
@@ -295,10 +297,14 @@ class _Tuning:
     def _drawing(self, number: int) -> Drawing:
         return self.log.drawing(number, len(self.model.target.points_mm))
 
-    def _learnt(self, number: int, arc_mm: FloatArray, **otherwise: float) -> Systematic:
-        """What all prints have in common where this one was drawn by a correction."""
-        every = [(one.picture.rows, one.drawing) for one in self.log.prints] + [(self.rows, number)]
-        prints = [Print(rows, by, *self.model.on(rows, self.contour, self._drawing(by))) for rows, by in every]
+    def _learnt(self, number: int, arc_mm: FloatArray, pixels_of: int | None = None, **otherwise: float) -> Systematic:
+        """What all prints have in common where this one was drawn by a correction.
+
+        What the model misses of its pixels is that of another drawing where ``pixels_of`` names one.
+        """
+        every = [(one.picture.rows, one.drawing, one.drawing) for one in self.log.prints]
+        every.append((self.rows, number, number if pixels_of is None else pixels_of))
+        prints = [Print(rows, of, *self.model.on(rows, self.contour, self._drawing(by))) for rows, by, of in every]
         keys = ("overgrowth_um", "u_overgrowth_um", "shrinkage_percent", "u_shrinkage_percent", "repeat_um")
         known = Known(**({key: getattr(self.options, key) for key in keys} | otherwise), blur=-self.blur)
         return learnt(self.contour, prints, known, arc_mm)
@@ -309,7 +315,7 @@ class _Tuning:
             return
         somewhere = np.array([0.5 * self.contour.length_mm])
         every = range(len(self.log.prints) + 1)
-        logs = {number: self._learnt(number, somewhere).log_evidence for number in every}
+        logs = {number: self._learnt(number, somewhere, NO_DRAWING).log_evidence for number in every}
         best = max(logs, key=lambda number: logs[number])
         if logs[best] - logs[self.number] > UNLIKE:
             limit = f"looks like a print of {self.log.name(best)}, and is to be one of {self.log.name(self.number)}"
@@ -346,8 +352,8 @@ class _Tuning:
         return self.model.against(np.interp(along, self.arc_mm, front), start)
 
     @cached_property
-    def draws(self) -> tuple[FloatArray, FloatArray]:
-        """States within what is known, and what a further print has for itself."""
+    def draws(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """States within what is known, what a further print has for itself, and how much of pixels is missed."""
         return self.common.drawn(SAMPLES, np.random.default_rng(SEED))
 
     @cached_property
@@ -364,13 +370,14 @@ class _Tuning:
 
     def future(self, drawing: Drawing) -> FloatArray:
         """Deviations (SAMPLES, n) of a further print of a drawing, registered."""
-        states, alone = self.draws
+        states, alone, missed = self.draws
         effect, by_blur = (column[::EVERY] for column in self.model.effect(drawing))
         truth = states[:, : len(self.arc_mm)] + effect + np.outer(states[:, BLUR], by_blur) + alone
         if not self.model.is_designed(drawing):
             covariance = of_pixels(self.arc_mm, self.model.of_pixels_um[::EVERY])
             rng = np.random.default_rng(SEED + 1)
-            truth += rng.multivariate_normal(np.zeros(len(covariance)), covariance, SAMPLES, method="eigh")
+            pixels = rng.multivariate_normal(np.zeros(len(covariance)), covariance, SAMPLES, method="eigh")
+            truth += missed[:, None] * pixels
         return np.asarray(truth @ self._registered.T)
 
     def residual(self, prints: FloatArray) -> Residual:
@@ -444,7 +451,7 @@ class _Tuning:
         deviation = Deviation(target, np.interp(along, self.arc_mm, um))
         return profile_of_print(deviation, self.sensor.design.name, self.model.process.name, u_um, self.model.sources)
 
-    def _responses(self, prints: FloatArray, progress: Progress | None) -> tuple[Responses | None, list[str]]:
+    def _responses(self, prints: FloatArray, progress: Progress | None) -> tuple[Responses | None, list[Caution]]:
         """Responses before and after, or why there are none."""
         designed = self.sensor.lens
         assert isinstance(designed, OvalLens)  # noqa: S101  checked before
@@ -455,7 +462,7 @@ class _Tuning:
             after = [measured_lens(designed, self._profile(um, 0.0)) for um in outlines]
             return responses(self.sensor, before, after, progress), []
         except SolenError as bad:
-            return None, [f"no response: {bad}"]
+            return None, [look_at(f"no response: {bad}")]
 
     def _entry(self, file: str, predicted: Residual, traced: Responses | None) -> LoggedPrint:
         """The log's entry of this print."""

@@ -1,62 +1,11 @@
 """The command that tunes a lens print by print."""
 
 from collections.abc import Iterator
-from pathlib import Path
-from typing import Annotated
 
-from cyclopts import Parameter
-
-from solen.cli.app import FLAT, Set, lines, progress_bar
-from solen.explore import TunedPrint, TuneOptions
+from solen.cli.app import lines
+from solen.explore import TunedPrint
 from solen.explore.tuning_log import LensResponse, Residual
-from solen.fabricate.layers import Slicing
-from solen.report.options import FigureOptions
-from solen.results import Outcome
-
-
-def tune(
-    picture: Path,
-    /,
-    *,
-    design: Path,
-    out: Path,
-    options: Annotated[TuneOptions, FLAT] = TuneOptions(),
-    slicing: Annotated[Slicing, FLAT] = Slicing(),
-    log: Path | None = None,
-    response: Annotated[bool, Parameter(negative="--no-response")] = True,
-    set_: Set = None,
-    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
-) -> Outcome[TunedPrint]:
-    """Draw a lens so that its next print comes out nearer to the design, from a picture of this one and those before.
-
-    Parameters
-    ----------
-    picture
-        A micrograph of the printed lens, seen along y: TIFF, OME-TIFF, PNG, JPEG (needs the extra vision).
-    design
-        The design file, as the part is wanted.
-    out
-        Folder for the corrected drawing, its layers, STL and settings; made if need be.
-    log
-        Log of all prints (.json), taken up where it is there; default: one in the folder.
-    response
-        Trace the sensor with the lens as designed, as printed and as predicted.
-    """
-    from solen.pipeline.print import tune as pipeline
-
-    with progress_bar("tuning") as progress:
-        return pipeline.tune_print(
-            picture,
-            design,
-            out,
-            options,
-            slicing,
-            log=log,
-            assignments=set_ or (),
-            response=response,
-            figure=figure,
-            progress=progress,
-        )
+from solen.pipeline.print.tune import tune as tune
 
 
 @lines.register

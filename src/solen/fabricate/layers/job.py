@@ -14,10 +14,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.errors import DesignError, SpecError
 from solen.fabricate.grey import FULL, Greys
 from solen.fabricate.layers.slicing import Slicing
 from solen.fabricate.layers.solid import Exposures, Rings, Solid
+from solen.fabricate.process import Process
 from solen.fabricate.raster import coverage_bytes
 from solen.parts.printer import Axis, Printer, library_printer, printers
 
@@ -68,6 +70,7 @@ class Job:
     printer: Printer
     slicing: Slicing = Slicing()  # noqa: RUF009  frozen
     greys: Greys = Greys()  # noqa: RUF009  frozen
+    process: Process | None = None
 
     def __post_init__(self) -> None:
         if self.greys.answer and isinstance(self.solid, Exposures) and self.solid.greys:
@@ -104,6 +107,11 @@ class Job:
     def seconds_of(self, index: int) -> float:
         """Exposure of a layer in s; the first is number 0."""
         return (self.solid.exposures_s or (self.slicing.seconds(index),) * self.count)[index]
+
+    @property
+    def doses_mJ_per_cm2(self) -> FloatArray:
+        """Dose of each layer at the window, (count,)."""
+        return np.array([self.irradiance_mW_per_cm2 * self.seconds_of(index) for index in range(self.count)])
 
     @property
     def burn_in_layers(self) -> int:

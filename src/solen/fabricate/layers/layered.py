@@ -108,6 +108,7 @@ def _warnings(job: Job, settings: PrintSettings, cure: Cure | None, stack: Stack
     warnings = [
         *_of_printer(job),
         *_of_greys(job),
+        *_of_process(job),
         *_of_size(job),
         *_of_burn_in(job),
         *_of_level_faces(job),
@@ -138,6 +139,13 @@ def _of_greys(job: Job) -> list[Caution]:
             f"the process has pixels of {of} µm, {job.printer.name} of {to} µm: its greys may give other light here"
         )
     ]
+
+
+def _of_process(job: Job) -> list[Caution]:
+    """Warnings of layers and exposures that are not those of the process."""
+    if job.slicing.process is None or job.process is None or job.solid.exposures_s:
+        return []
+    return [look_at(f"not printed as the process has it: {one}") for one in job.slicing.otherwise(job.process.process)]
 
 
 def _of_size(job: Job) -> list[Caution]:
@@ -183,14 +191,16 @@ def _of_level_faces(job: Job) -> list[Caution]:
 
 
 def _of_cure(settings: PrintSettings, cure: Cure | None, printer: Printer) -> list[Caution]:
-    if cure is None or settings.cure_depth_um is None:
+    if settings.cure_depth_um is None:
         return []
     warnings = []
     if settings.cure_depth_um <= settings.layer_um:
         depth = f"{settings.cure_depth_um:.0f} µm, a layer is {settings.layer_um:g} µm"
         warnings.append(do_not_use(f"one exposure cures {depth}: layers would not hold together"))
     light = printer.wavelength_nm
-    if light is not None and cure.wavelength_nm is not None and abs(light.usual - cure.wavelength_nm) > APART_NM:
+    if cure is None or light is None or cure.wavelength_nm is None:
+        return warnings
+    if abs(light.usual - cure.wavelength_nm) > APART_NM:
         apart = f"{cure.wavelength_nm:g} nm, the printer has {light.usual:g} nm"
         warnings.append(do_not_use(f"the working curve was measured at {apart}: its depths do not hold"))
     return warnings

@@ -8,11 +8,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
+from solen.arrays import FloatArray
 from solen.fabricate.label import WRITER
 from solen.fabricate.layers.job import GREY_STEPS, Job
 from solen.fabricate.layers.orientation import described
 from solen.fabricate.layers.solid import Exposures
-from solen.material.cure.layers import cure_depth_um
+from solen.material.cure.law import CureLaw
 from solen.material.resin import Cure
 from solen.results import Result
 
@@ -61,8 +64,11 @@ class PrintSettings(Result):
         Resin in all parts.
     exposures_s, pause_s, estimated_time_s
         All exposures together, the pause between two, and the whole print.
-    cure_depth_um, burn_in_cure_depth_um
-        Depths that one exposure cures by the resin's working curve.
+    cure, cure_depth_um, burn_in_cure_depth_um
+        Working curve in words, and the depths that one exposure cures by it; None without one.
+    layer_exposures_s, layer_doses_mJ_per_cm2, layer_received_mJ_per_cm2
+        Of each layer, the first printed first: its exposure, its dose at the window, and the mean dose that it gets
+        with what later layers let through, by the working curve; None without one.
     """
 
     solen_settings: int
@@ -97,13 +103,18 @@ class PrintSettings(Result):
     exposures_s: float
     pause_s: float | None
     estimated_time_s: float | None
+    cure: str | None
     cure_depth_um: float | None
     burn_in_cure_depth_um: float | None
+    layer_exposures_s: tuple[float, ...]
+    layer_doses_mJ_per_cm2: tuple[float, ...]
+    layer_received_mJ_per_cm2: tuple[float, ...] | None
 
 
 def print_settings(job: Job, *, name: str, stl: str, material: str, cure: Cure | None = None) -> PrintSettings:
-    """Settings of a job; ``cure`` is the working curve of the resin, where it has one."""
-    slicing, printer = job.slicing, job.printer
+    """Settings of a job; ``cure`` is the working curve of the resin, where it has one and the process none."""
+    slicing, printer, doses = job.slicing, job.printer, job.doses_mJ_per_cm2
+    law, words = cure_law(job, cure)
     dose, burn_in_dose = (job.irradiance_mW_per_cm2 * time for time in (slicing.exposure_s, slicing.burn_in_s))
     return PrintSettings(
         solen_settings=SHEET_SCHEMA,
@@ -138,9 +149,35 @@ def print_settings(job: Job, *, name: str, stl: str, material: str, cure: Cure |
         exposures_s=job.exposures_s,
         pause_s=None if printer.pause_s is None else printer.pause_s.usual,
         estimated_time_s=job.seconds,
-        cure_depth_um=_depth_um(cure, dose),
-        burn_in_cure_depth_um=_depth_um(cure, burn_in_dose),
+        cure=words,
+        cure_depth_um=None if law is None else law.depth_um(dose),
+        burn_in_cure_depth_um=None if law is None else law.depth_um(burn_in_dose),
+        layer_exposures_s=tuple(job.seconds_of(index) for index in range(job.count)),
+        layer_doses_mJ_per_cm2=tuple(doses.tolist()),
+        layer_received_mJ_per_cm2=_received(job, law, doses),
     )
+
+
+def cure_law(job: Job, cure: Cure | None) -> tuple[CureLaw | None, str | None]:
+    """Law of a job's cure, and that in words: the process's where it is measured, else the resin's."""
+    process = job.process
+    if process is not None and not {"Dp_um", "Ec_mJ_per_cm2"} & set(process.assumptions):
+        lines = len(process.process.lamp)
+        lamp = f", the lamp by {lines} lines" if lines else ""
+        s = process.process
+        return s.law, f"Dp {s.Dp_um:.4g} µm, Ec {s.Ec_mJ_per_cm2:.3g} mJ/cm²{lamp} ({process.source['Dp_um']})"
+    if cure is None:
+        return None, None
+    return CureLaw(
+        cure.Dp_um, cure.Ec_mJ_per_cm2
+    ), f"Dp {cure.Dp_um:.4g} µm, Ec {cure.Ec_mJ_per_cm2:.3g} mJ/cm² (resin)"
+
+
+def _received(job: Job, law: CureLaw | None, doses: FloatArray) -> tuple[float, ...] | None:
+    if law is None:
+        return None
+    received = doses if job.solid.exposures_s else law.received(doses, job.slicing.layer_um)
+    return tuple(np.round(received, 4).tolist())
 
 
 def _pictures(job: Job) -> tuple[Picture, ...]:
@@ -149,10 +186,6 @@ def _pictures(job: Job) -> tuple[Picture, ...]:
     names = (GREY_STEPS,) if job.solid.greys else job.solid.names
     doses = (job.irradiance_mW_per_cm2 * seconds for seconds in job.solid.exposures_s)
     return tuple(map(Picture, names, job.solid.exposures_s, doses))
-
-
-def _depth_um(cure: Cure | None, dose: float) -> float | None:
-    return None if cure is None else max(float(cure_depth_um(dose, cure.Dp_um, cure.Ec_mJ_per_cm2)), 0.0)
 
 
 def as_sheet(settings: PrintSettings, warnings: Sequence[str]) -> str:
@@ -174,6 +207,7 @@ def _settings(s: PrintSettings) -> list[tuple[str, str]]:
         ("Copies", str(s.copies)),
         ("Layer (slice) thickness", f"{s.layer_um:g} µm"),
         *_exposures(s),
+        *([("Working curve", s.cure)] if s.cure else []),
         ("Light intensity", f"{s.irradiance_mW_per_cm2:g} mW/cm² at the window: measure yours"),
         ("Z offset", f"{s.z_offset_um:g} µm above the calibrated zero of the plate"),
         *_pictured(s),
@@ -219,6 +253,10 @@ def _checks(s: PrintSettings) -> list[tuple[str, str]]:
     if s.cure_depth_um is not None:
         depths = f"{s.cure_depth_um:.0f} µm; burn-in {s.burn_in_cure_depth_um:.0f} µm"
         checks.append(("Depth that one exposure cures (working curve)", depths))
+    if (received := s.layer_received_mJ_per_cm2) and not s.pictures:
+        places = (received[0], received[len(received) // 2], received[-1])
+        first, middle, last = (f"{dose:.3g}" for dose in places)
+        checks.append(("Dose that layers get with later ones", f"first {first}, middle {middle}, last {last} mJ/cm²"))
     return checks
 
 

@@ -49,7 +49,9 @@ class Slicing(Options):
     no_anti_aliasing: bool = False
     """Light pixels that are covered by half or more, and no others; without it, pixels at an edge are grey."""
     process: Path | None = None
-    """Process file whose measured greys an edge is drawn by, so that its pixels get their covered share of light."""
+    """Process file: its measured greys draw edges, its layers and exposures are taken, its cure is on the sheet."""
+    cure: Path | None = None
+    """Working curve of the resin for the sheet, with its lamp's spectrum where fitted: solen resin cure --out."""
     format: Literal["zip", "goo"] = "zip"
     """File of the pictures: a ZIP of PNGs, which UVtools opens too, or a .goo of version 3."""
     resin: str | None = None
@@ -57,16 +59,18 @@ class Slicing(Options):
     sheet_only: bool = False
     """Write STL and settings, no pictures."""
 
-    def exposed_as(self, process: Settings) -> tuple["Slicing", list[str]]:
-        """The same with what a process states of layers and exposures, and what the options state otherwise."""
-        stated = {key: getattr(process, key) for key in EXPOSED}
-        own = {key for key in EXPOSED if key in self.model_fields_set}
-        others = [
-            f"--{key.replace('_', '-')} {getattr(self, key):g} is taken, and the process has {stated[key]:g}"
+    def exposed_as(self, process: Settings) -> "Slicing":
+        """The same with what a process states of layers and exposures, where no option states it."""
+        stated = {key: getattr(process, key) for key in EXPOSED if key not in self.model_fields_set}
+        return self.model_copy(update=stated)
+
+    def otherwise(self, process: Settings) -> list[str]:
+        """What options state otherwise than a process."""
+        return [
+            f"--{key.replace('_', '-')} {getattr(self, key):g}, and the process has {getattr(process, key):g}"
             for key in EXPOSED
-            if key in own and getattr(self, key) != stated[key]
+            if getattr(self, key) is not None and getattr(self, key) != getattr(process, key)
         ]
-        return self.model_copy(update={key: stated[key] for key in EXPOSED if key not in own}), others
 
     def seconds(self, index: int) -> float:
         """Exposure of a layer in s; the first is number 0."""

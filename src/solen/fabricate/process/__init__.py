@@ -30,7 +30,7 @@ from solen.fabricate.process.settings import (
     read_process,
 )
 from solen.fabricate.process.solid import printed_solid
-from solen.fabricate.process.source import PrintOptions, process_of, with_resin
+from solen.fabricate.process.source import PrintOptions, process_of, with_cure, with_resin
 from solen.fabricate.process.target import Deviation, Target, exits_um
 from solen.fabricate.process.terms import terms_at
 from solen.fabricate.process.upright import SidePrint
@@ -82,5 +82,6 @@ __all__ = [
     "straight_edge_um",
     "terms_at",
     "walls_um",
+    "with_cure",
     "with_resin",
 ]

@@ -29,7 +29,8 @@ from solen.arrays import FloatArray
 from solen.errors import DataError, SolenError
 from solen.fabricate.grey import Greys
 from solen.files import read_text
-from solen.material.cure.spectral import ONE_LINE, Lines, depth, left
+from solen.material.cure.law import CureLaw
+from solen.material.cure.spectral import ONE_LINE, Lines
 from solen.ranks import Caution, do_not_use, look_at
 from solen.spec.strict import Migrations, NotNegative, Number, Positive, Strict, Text, migrated, parse_toml, refused
 from solen.spec.strict import error_context as told_of_file
@@ -142,7 +143,12 @@ class Settings(Strict):
     @property
     def cure_depth_um(self) -> float:
         """Cure depth of one ordinary layer's exposure; Dp ln(E/Ec) at one wavelength."""
-        return self.Dp_um * float(depth(self.lines, math.log(self.dose_mJ_per_cm2 / self.Ec_mJ_per_cm2)))
+        return self.law.depth_um(self.dose_mJ_per_cm2)
+
+    @property
+    def law(self) -> CureLaw:
+        """The law by which light cures the resin."""
+        return CureLaw(self.Dp_um, self.Ec_mJ_per_cm2, self.lines)
 
     @property
     def lines(self) -> Lines:
@@ -151,7 +157,7 @@ class Settings(Strict):
 
     def left(self, depth_um: ArrayLike) -> FloatArray:
         """Share of the light that is left at a depth."""
-        return left(self.lines, np.asarray(depth_um, float) / self.Dp_um)
+        return self.law.left(depth_um)
 
     @property
     def deep_Dp_um(self) -> float:

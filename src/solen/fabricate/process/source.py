@@ -5,6 +5,7 @@ The interface: `PrintOptions` is how a design is printed; `process_of` gives the
 """
 
 import hashlib
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -14,6 +15,7 @@ from pydantic import Field
 from solen.errors import DataError
 from solen.fabricate.process.predict import Orientation
 from solen.fabricate.process.settings import Calibration, Process, default_process, read_process
+from solen.material.cure.law import read_law
 from solen.material.resin import resin_of
 from solen.parts import printer_of
 from solen.ranks import Caution, look_at
@@ -29,6 +31,8 @@ class PrintOptions(Options):
 
     process: Path | None = None
     """Process file; default: published settings with assumed optics."""
+    cure: Path | None = None
+    """Working curve of the resin, with its lamp's spectrum where that was fitted: solen resin cure --out."""
     printer: str | None = None
     """Printer whose pixels are taken: a name of solen print printers, or a printer's .toml."""
     orientation: Orientation = "flat"
@@ -43,13 +47,43 @@ class PrintOptions(Options):
 
 def process_of(options: PrintOptions) -> tuple[Process, tuple[Provenance, ...]]:
     """Process that was named, with the pixels of a named printer, and the provenance of its file."""
-    if options.process is None:
-        return with_printer(default_process(), options.printer), ()
-    process = read_process(options.process)
+    process, sources = (default_process(), ()) if options.process is None else _of_file(options.process)
+    if options.cure is not None:
+        process, sources = with_cure(process, options.cure), (*sources, _source(options.cure, "solen-cure"))
+    return with_printer(process, options.printer), sources
+
+
+def _of_file(path: Path) -> tuple[Process, tuple[Provenance, ...]]:
+    process = read_process(path)
     simulated = process.calibration is not None and process.calibration.simulated
-    digest = hashlib.sha256(options.process.read_bytes()).hexdigest()
-    source = Provenance(options.process.name, digest, "solen-process", simulated=simulated)
-    return with_printer(process, options.printer), (source,)
+    return process, (replace(_source(path, "solen-process"), simulated=simulated),)
+
+
+def _source(path: Path, kind: str) -> Provenance:
+    return Provenance(path.name, hashlib.sha256(path.read_bytes()).hexdigest(), kind)
+
+
+def with_cure(process: Process, path: Path) -> Process:
+    """Process with the working curve of a file, by its law with the lamp's spectrum unless the discs prefer Jacobs'.
+
+    Raises
+    ------
+    DataError
+        Where the file is no working curve, or the process was calibrated: its critical dose is that of its walls.
+    """
+    curve = read_law(path)
+    if process.keeps_growth:
+        limit = f"the process {process.name} was calibrated with another Dp, and its critical dose is that of its walls"
+        remedy = "calibrate with a process that has this Dp and lamp"
+        raise DataError("--cure", value=path.name, limit=limit, remedy=remedy)
+    keys = ("Dp_um", "Ec_mJ_per_cm2")
+    changed = process.with_settings(**curve.values)
+    calibration = None
+    if not curve.uncertainties:
+        calibration = Calibration(keys=keys, covariance=curve.covariance, simulated=curve.simulated)
+    source = changed.source | dict.fromkeys((*keys, "lamp"), f"solen resin cure: {path.name}")
+    u = changed.uncertainty | curve.uncertainties
+    return changed.model_copy(update={"source": source, "uncertainty": u, "calibration": calibration})
 
 
 def with_printer(process: Process, name: str | None) -> Process:

@@ -29,7 +29,7 @@ from solen.fabricate.layers import (
     write_archive,
     write_goo,
 )
-from solen.fabricate.process import read_process
+from solen.fabricate.process import PrintOptions, Process, process_of
 from solen.fabricate.seats import SeatOptions
 from solen.parts import printer_of
 from solen.pipeline.design.designs import open_design
@@ -113,6 +113,8 @@ def layers(
     assignments = [*(set_ or ()), *seats.assignments]
     if figure.figure is not None and slicing.sheet_only:
         raise SpecError("--figure", limit="draws layers, and --sheet-only makes none", remedy="leave one of them out")
+    if file.suffix.lower() != ".json":
+        slicing = exposed_as_printed(slicing)
     if file.suffix.lower() == ".toml":
         design = open_design(file, assignments)
         part = printable_design(design, fabricate.sensor_part(design, Sensor.of(design).body()), file, slicing)
@@ -131,17 +133,26 @@ def layers(
     return Outcome(made.result, made.targets)
 
 
-def exposed_as_printed(slicing: Slicing) -> tuple[Slicing, list[str]]:
-    """Slicing with the layers and exposures of its process, and what its options state otherwise."""
-    return (slicing, []) if slicing.process is None else slicing.exposed_as(read_process(slicing.process).process)
+def printed_by(slicing: Slicing) -> Process | None:
+    """Process of a slicing, with its working curve; None where it names neither."""
+    if slicing.process is None and slicing.cure is None:
+        return None
+    return process_of(PrintOptions(process=slicing.process, cure=slicing.cure))[0]
+
+
+def exposed_as_printed(slicing: Slicing) -> Slicing:
+    """Slicing with the layers and exposures of its process."""
+    process = None if slicing.process is None else printed_by(slicing)
+    return slicing if process is None else slicing.exposed_as(process.process)
 
 
 def layer_files(
     part: Printable, slicing: Slicing, out: Path, stem: str, figure: FigureOptions, progress: Progress | None
 ) -> LayerFiles:
     """A checked job with the names of its files."""
-    greys = Greys() if slicing.process is None else read_process(slicing.process).greys
-    job = Job(part.solid, printer_of(slicing.printer), slicing, greys)
+    process = printed_by(slicing)
+    greys = Greys() if process is None else process.greys
+    job = Job(part.solid, printer_of(slicing.printer), slicing, greys, process)
     if slicing.format == "goo":
         checked_for_goo(job)
     layers = {"zip": "-layers.zip", "goo": ".goo"}[slicing.format]

@@ -1,17 +1,20 @@
 """Tuning of a lens, print by print: a picture and its design in; the drawing against it, its layers and the log out."""
 
 import tempfile
-from collections.abc import Sequence
 from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
 
 from solen import fabricate, files
-from solen.arrays import Progress
-from solen.explore import TunedPrint, TuneOptions, TuningLog, log_text, read_log, tune
+from solen.explore import TunedPrint, TuneOptions, TuningLog, log_text, read_log
+from solen.explore import tune as tune_print
 from solen.fabricate.layers import Slicing, printable_design
 from solen.fabricate.process import compensation_files
 from solen.metrology import measure_lens, read_image
 from solen.pipeline.design.designs import open_design
 from solen.pipeline.names import stem_of
+from solen.pipeline.options import FLAT, ProgressBar, Set
 from solen.pipeline.outputs import check_ending, drawn
 from solen.pipeline.print.layers import LayerFiles, exposed_as_printed, layer_files, with_figure
 from solen.report.options import FigureOptions
@@ -19,43 +22,34 @@ from solen.results import Outcome
 from solen.sensor import Sensor
 
 
-def tune_print(
+def tune(
     picture: Path,
+    /,
+    *,
     design: Path,
     out: Path,
-    options: TuneOptions = TuneOptions(),
-    slicing: Slicing = Slicing(),
-    *,
+    options: Annotated[TuneOptions, FLAT] = TuneOptions(),
+    slicing: Annotated[Slicing, FLAT] = Slicing(),
     log: Path | None = None,
-    assignments: Sequence[str] = (),
-    response: bool = True,
-    figure: FigureOptions = FigureOptions(),
-    progress: Progress = lambda _: None,
+    response: Annotated[bool, Parameter(negative="--no-response")] = True,
+    set_: Set = None,
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
+    progress: ProgressBar = None,
 ) -> Outcome[TunedPrint]:
-    """Measure a print and draw its lens so that the next print comes out nearer to the design.
+    """Draw a lens so that its next print comes out nearer to the design, from a picture of this one and those before.
 
     Parameters
     ----------
     picture
-        Any file that `solen.metrology.read_image` takes.
+        A micrograph of the printed lens, seen along y: TIFF, OME-TIFF, PNG, JPEG (needs the extra vision).
     design
-        The design file, as it is wanted.
+        The design file, as the part is wanted.
     out
-        Folder for the drawing, its layers, STL and settings.
-    options
-        How the picture is measured, and what is known of prints.
-    slicing
-        How the part is printed.
+        Folder for the corrected drawing, its layers, STL and settings; made if need be.
     log
-        File of the log, read where it is there; None for one in the folder.
-    assignments
-        ``key=value`` of the design.
+        Log of all prints (.json), continued if it exists; default: one in the folder.
     response
-        Whether the response before and after is traced.
-    figure
-        Draw the deviations before and after into this file.
-    progress
-        Called with the share done, up to 1.
+        Trace the sensor with the lens as designed, as printed and as predicted.
 
     Raises
     ------
@@ -65,19 +59,20 @@ def tune_print(
     """
     figure.check()
     check_ending(log, "a log", ".json")
-    wanted = open_design(design, assignments)
+    wanted = open_design(design, set_)
     log = out / f"{stem_of(design)}-tuning.json" if log is None else log
     before = read_log(log) if log.exists() else None
-    slicing, _ = exposed_as_printed(slicing)
+    slicing = exposed_as_printed(slicing)
     image = read_image(picture, options=options)
     measured = measure_lens(image, wanted, edge=options.edge, priors=options, seen_from=options.seen_from)
     sensor = Sensor.of(wanted)
     name = f"{stem_of(design)}-tuned-{_next(before)}"
-    tuned = tune(measured, sensor, slicing, options, before, file=f"{name}.toml", response=response, progress=progress)
+    tuned = tune_print(
+        measured, sensor, slicing, options, before, file=f"{name}.toml", response=response, progress=progress
+    )
     with files.output_folder(out):
         layers = _layers(tuned, sensor, slicing, out, name)
-        targets = {"drawn": out / f"{name}.toml", **layers.targets, "log": log}
-        targets = with_figure(targets, figure.figure)
+        targets = with_figure({"drawn": out / f"{name}.toml", **layers.targets, "log": log}, figure.figure)
         contents = layers.contents() | _drawing(tuned, sensor, targets["drawn"]) | drawn(tuned, figure, "tune")
         files.write_all(contents | {log: log_text(tuned.log).encode()})
     return Outcome(tuned, targets)
@@ -99,4 +94,4 @@ def _layers(tuned: TunedPrint, sensor: Sensor, slicing: Slicing, out: Path, name
         files.write_all(_drawing(tuned, sensor, path))
         design = open_design(path)
         part = printable_design(design, fabricate.sensor_part(design, Sensor.of(design).body()), path, slicing)
-    return layer_files(part, slicing, out, name, FigureOptions(), lambda _: None)
+    return layer_files(part, slicing, out, name, FigureOptions(), None)
