@@ -195,6 +195,9 @@ def test_a_measured_lens_is_bent_and_traced_in_space(tmp_path: Path) -> None:
     assert found[0].ledger.total == pytest.approx(1.0, abs=1e-9)
     for name, reading in found[1].detectors.items():
         assert found[0].detectors[name].power == pytest.approx(reading.power, abs=2e-3)  # 4096 rays, the same ones
+    rippled = sensor(tmp_path, profile(2.0 * np.sin(2.0 * np.pi * X / 0.3), 1e-4), space).integrate(-1.0)
+    assert rippled.reached
+    assert rippled.rays < 1_000_000  # by its cells: none of it is left to millions of samples
 
 
 def test_what_printing_did_is_told_with_its_uncertainty(tmp_path: Path) -> None:

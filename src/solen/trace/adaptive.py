@@ -82,7 +82,8 @@ def integrate(
         so, less is followed exactly and more is sampled.
     most_legs
         After so many straight stretches of light from one point, and of samples, the integration ends, whatever its
-        uncertainty. By default their number grows as the tolerance falls.
+        uncertainty; in space after five times as many where it is near the tolerance. By default their number grows as
+        the tolerance falls.
 
     Returns
     -------

@@ -46,6 +46,8 @@ TRAPPED = 0.3
 """Share of the legs that the first cells may take: with more, light is trapped and halving cells does not help."""
 SPARE, FUTILE = 0.95, 0.1
 """Shares of the tolerance: where cells are halved no further; where what is lacking was not lost between cells."""
+NEAR, MORE_LEGS = 3.0, 5
+"""Within so many tolerances it goes on to so many times the legs: what is left of light is dearer to sample."""
 CAUTION = 3.5
 """Factor on the error learned from halving: it is a root mean square over few cells."""
 CHANGE_SHARE, LEAST_SHARE = 0.5, 0.05
@@ -422,7 +424,8 @@ def divided(
     for cells, of_cells in refined(over, beginning):
         lacking = abs(1.0 - accounted(cells.value))  # all light goes somewhere: this is an error that is known
         u = max(of_cells, lacking)
-        if u <= SPARE * tolerance or of_cells <= FUTILE * tolerance or room.counts[1] >= most_legs:
+        most = (MORE_LEGS if u <= NEAR * tolerance else 1) * most_legs
+        if u <= SPARE * tolerance or of_cells <= FUTILE * tolerance or room.counts[1] >= most:
             break
     return cells, u
 
