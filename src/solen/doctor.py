@@ -28,11 +28,11 @@ class Optional:
     name
         The distribution.
     version
-        The one that is installed; None where it is missing.
+        The installed one; None if it is missing.
     extra
         The extra of solen that installs it.
     install
-        The command that does.
+        The command that installs it.
     """
 
     name: str

@@ -273,7 +273,7 @@ def _enters(a: FloatArray, middle: int, high: int, level: float | None, toleranc
 
 
 def _check_sampled(ramps: tuple[Ramp, ...]) -> None:
-    """`DataError` where the angle jumps: a list of set points holds no sample on its way."""
+    """`DataError` if the angle jumps, as in a list of set points without samples in between."""
     inside = float(np.median([ramp.stop - ramp.start - 2 for ramp in ramps]))
     if inside < 3.0:
         _refuse_jumps(max(inside, 0.0))

@@ -255,7 +255,7 @@ def _named(edges: list[Edge], walls: Sequence[list[Edge]], image: Image, prior: 
 
 
 def _beside(walls: Sequence[list[Edge]], place: int, count: int) -> tuple[Edge | None, ...]:
-    """Of each wall the edge that goes on where one of the front's ends; None where their numbers differ."""
+    """The edge of each wall that continues an edge of the front; None if their numbers differ."""
     return tuple(wall[place] if len(wall) == count else None for wall in walls)
 
 

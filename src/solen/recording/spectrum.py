@@ -1,6 +1,6 @@
 """Spectra of a recording: each trace with its wavelengths in nm.
 
-The interface: `spectra` of a recording; `Spectrum.ratio` for values without percent; `listing` for what a file holds.
+The interface: `spectra` of a recording; `Spectrum.ratio` for values without percent; `listing` of a file.
 """
 
 from collections.abc import Sequence

@@ -155,7 +155,7 @@ class SimulatedStage:
         self._clock = clock
 
     def reference(self) -> None:
-        """It always knows where it is."""
+        """Do nothing: its zero is always known."""
 
     def begin_move(self, target: float, velocity: float) -> None:
         """Begin to move; `BenchError` beyond its limits."""

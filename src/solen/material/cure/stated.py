@@ -1,4 +1,4 @@
-"""What statements about a resin say of its working curve where no points are published.
+"""Bounds on a resin's working curve from published statements without data points.
 
 The idea: "39 mJ/cm² cures more than 200 µm" is an inequality, Dp ln(39/Ec) > 200 µm, so for each penetration depth the
 critical dose is below 39 e^(-200/Dp). Several statements leave a region of (Dp, Ec), not a value: what lies in it is

@@ -151,26 +151,26 @@ class RefractometerIndex(Measured):
     Attributes
     ----------
     mode
-        How the index was found: ``refractometer``.
+        How the index was determined: ``refractometer``.
     measurement
         Whether n was measured.
     measured_nm, measured_n, u_measured_n
-        _Values that went in, with their wavelengths and standard uncertainties, shape (values,).
+        Input values with their wavelengths and standard uncertainties, shape (values,).
     prior
-        What was expected of the dispersion.
+        Prior of the dispersion.
     abbe, u_abbe, bend, u_bend
         Abbe number, and the part of the rise from line C to F that the 1/λ⁴ term makes, from values and prior
         together.
     n_D, u_n_D
         Index at the sodium line, 589.3 nm, and its standard uncertainty.
     chi2, degrees_of_freedom
-        Misfit of values and prior, in squares of their uncertainties, and how many values there are beyond one.
+        Misfit of values and prior, in squares of their uncertainties, and the number of values minus one.
     fit
         Cauchy formula with the covariance of A, B and C.
     at
-        n at the wavelengths that were asked for.
+        n at the requested wavelengths.
     led
-        n in the light of the emitter that was asked for.
+        n in the light of the requested emitter.
     options
         What was stated and asked for.
     """

@@ -54,7 +54,7 @@ class Solved:
 
     @property
     def freedom(self) -> int:
-        """Points beyond the parameters."""
+        """Number of points minus that of parameters."""
         return int(self.residuals.size - self.inner.size)
 
 

@@ -238,7 +238,7 @@ class _Reader:
         return self.power()
 
     def atom(self) -> Node:
-        """A number, a name with what belongs to it, or something in brackets."""
+        """A number, a name with its arguments, or an expression in brackets."""
         token = self.token
         if token.kind == "number":
             self.next += 1
