@@ -248,3 +248,4 @@ def test_intervals_hold_from_raw_samples_to_a_diagnosis_over_200_seeds(tmp_path:
     found = covered(range(200), tmp_path)
     print(found)
     assert min(found.values()) >= 0.90
+    assert max(found["emitter_offset_mm"], found["chip_width_mm"]) <= 0.99  # nor are they wide without need

@@ -19,6 +19,7 @@ from scipy.signal import fftconvolve
 from solen.analysis.alignment import principal
 from solen.arrays import FloatArray, IndexArray
 from solen.errors import DataError
+from solen.ranks import note
 from solen.recording.column_roles import left_right
 
 _MOST = 1 << 20
@@ -111,7 +112,7 @@ def angle_by_protocol(
         )
     else:
         warnings.append(
-            "the sign of the angle is that of the convention (right brighter at negative angles), not a finding"
+            note("the sign of the angle is that of the convention (right brighter at negative angles), not a finding")
         )
     return ProtocolAngle(angle, period, starts, tuple(warnings))
 

@@ -165,7 +165,7 @@ def sign_warnings(
         f"from the lowest to the highest angle {names[0]} changes by {left.value:+.3g} {unit} and {names[1]} by "
         f"{right.value:+.3g} {unit}"
     )
-    if left.value > 0.0 > right.value:
+    if left.value > 0.0 > right.value and unit == "V":  # of lux, brighter is more
         return [
             f"{changes}: the reverse of the convention (at negative angles the right receiver is brighter, and "
             "brighter is a lower voltage); the angle counts the other way, the receivers are swapped, or the circuit's "

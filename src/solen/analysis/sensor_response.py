@@ -28,6 +28,7 @@ from solen.analysis.signals import SignalOptions, Signals
 from solen.analysis.timing import Source, Timing, angle_bound_s, cycle_speeds, of_main_speed, timing_of
 from solen.arrays import BoolArray, FloatArray
 from solen.errors import DataError
+from solen.ranks import do_not_use, note, of
 from solen.recording.column_roles import left_right
 from solen.results import HIDDEN, Result, reported
 from solen.spec.strict import Finite, refused
@@ -372,15 +373,16 @@ def _cautions(receivers: dict[str, ReceiverResponse], ways: Passes, runs: Sequen
     for place, (name, own) in enumerate(receivers.items()):
         size, u = own.hysteresis_V, own.u_hysteresis_V
         if abs(own.swing_V) <= max(3.0 * own.u_swing_V, _ROUNDING_V):
-            warnings.append(f"{name}: does not respond to the angle beyond its noise (swing {own.swing_V:.2g} {unit})")
+            swing = f"does not respond to the angle beyond its noise (swing {own.swing_V:.2g} {unit})"
+            warnings.append(of(name, do_not_use(swing)))
         if math.isfinite(u) and 1e-9 * own.range_V < size <= 3.0 * u:
-            warnings.append(
-                f"{name}: the hysteresis of {size:.2g} {unit} is within 3 of its uncertainties ({u:.2g} {unit}); it is "
-                "a bound"
+            bound = (
+                f"the hysteresis of {size:.2g} {unit} is within 3 of its uncertainties ({u:.2g} {unit}); it is a bound"
             )
+            warnings.append(of(name, note(bound)))
         warnings += _drift_warnings(name, own, runs)
         if not np.isfinite(ways.volts[..., place]).any():
-            warnings.append(f"{name}: has no reading in the cycles that are used")
+            warnings.append(of(name, do_not_use("has no reading in the cycles that are used")))
     return warnings
 
 

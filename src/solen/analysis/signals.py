@@ -19,6 +19,7 @@ from solen.analysis.demodulation.clock import On
 from solen.analysis.timebase import TimeBase, time_base
 from solen.arrays import BoolArray, FloatArray
 from solen.errors import DataError, SpecError
+from solen.ranks import note, of
 from solen.recording import Channel, Provenance, Recording
 from solen.recording.column_roles import (
     ENDS_IN_V,
@@ -395,7 +396,7 @@ def _unwound(channel: Channel, scale: float, warnings: list[str]) -> FloatArray:
         return angle
     unwound = np.unwrap(angle[held], period=_TURN_DEG)
     angle[held] = unwound - _TURN_DEG * np.round(np.median(unwound) / _TURN_DEG)
-    warnings.append(f"{channel.name} jumps by a whole turn; the angle is continued there")
+    warnings.append(of(channel.name, note("jumps by a whole turn; the angle is continued there")))
     return angle
 
 

@@ -31,6 +31,7 @@ from solen.analysis.signals import (
 )
 from solen.analysis.waveforms import waveforms
 from solen.errors import DataError, SolenError, SpecError
+from solen.ranks import note
 from solen.recording import Provenance, Recording, read, read_parts
 from solen.recording.column_roles import by_sensor
 from solen.recording.labels import has_lens, labels
@@ -403,10 +404,10 @@ def _pooling_warnings(options: AnalysisOptions, sensors: Mapping[str, Sequence[S
 
 def _group_warnings(groups: Sequence[SensorGroup | None], sensors: int) -> list[str]:
     """What the number of sensors cannot show."""
-    warnings = []
+    warnings: list[str] = []
     for group, what in zip(groups, ("with a lens", "without a lens"), strict=True):
         if group is not None and group.n == 1 and sensors > 1:
-            warnings.append(f"one sensor {what}: how far prints differ cannot be judged from it")
+            warnings.append(note(f"one sensor {what}: how far prints differ cannot be judged from it"))
     if groups[0] is not None and sensors == 1:
-        warnings.append("one sensor: its cycles show how it repeats, not how far prints differ")
+        warnings.append(note("one sensor: its cycles show how it repeats, not how far prints differ"))
     return warnings

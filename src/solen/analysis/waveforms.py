@@ -22,6 +22,7 @@ from solen.analysis.signals import AngleSource, SignalOptions, Switching, Wavefo
 from solen.analysis.timebase import time_base
 from solen.arrays import IndexArray
 from solen.errors import SpecError
+from solen.ranks import note
 from solen.recording import Recording
 
 _WIDEST = 0.05  # share of a recording that a moving mean may span
@@ -142,20 +143,19 @@ def _readings(whole: Waveforms, readings: Switched, emitter: int) -> Waveforms:
 def _warnings(result: Switched, state: Switching, clock: Clock) -> list[str]:
     each = clock.rate_hz / max(len(result.readings.emitters), 1)
     by = "detected automatically" if state.detected else f"{state.on_off_hz:g} Hz was stated"
-    warnings = [
+    subtracted = (
         f"ambient light is subtracted: a reading is on less the mean of off before and after, "
         f"{result.kept.time_s.size} readings at {each:.6g} Hz ({by}); "
         f"light makes the voltage {'lower' if state.on == 'low' else 'higher'}"
-    ]
+    )
+    warnings: list[str] = [note(subtracted)]
     missing = sum(result.readings.counts.missing.values())
     if missing:
         warnings.append(f"{missing} on slots are missing from the recording")
     if result.flicker is not None:
         lines = " and ".join(f"{n * result.flicker.mains_hz:.4g}" for n in result.flicker.multiples)
-        warnings.append(
-            f"lamps flicker at {lines} Hz by up to {state.flicker_V:.2g} {result.samples.units[0]}: fitted to the off "
-            "phases and subtracted"
-        )
+        size = f"{state.flicker_V:.2g} {result.samples.units[0]}"
+        warnings.append(note(f"lamps flicker at {lines} Hz by up to {size}: fitted to the off phases and subtracted"))
     for name, resting in zip(result.samples.names, result.dark_at_limit, strict=True):
         if resting:
             warnings.append(f"{name} rests at its limit in the dark: weak light of the emitter or the room is not seen")

@@ -18,6 +18,7 @@ from solen.analysis.sensor_response import SensorResponse
 from solen.analysis.study import Study
 from solen.errors import DataError, SpecError
 from solen.files import check_name
+from solen.ranks import do_not_use, note
 from solen.recording import Provenance
 from solen.results import HIDDEN, Result, in_unit, plain
 
@@ -115,7 +116,7 @@ def _chosen(study: Study, options: CalibrationOptions) -> tuple[list[SensorRespo
     if options.pool and len(kept) < 2:
         raise SpecError("--pool", value=len(kept), limit="needs at least two sensors with a lens")
     left_out = bare and not options.with_controls
-    return kept, [f"without a lens and not calibrated: {bare}"] if left_out else []
+    return kept, [note(f"without a lens and not calibrated: {bare}")] if left_out else []
 
 
 def _file(
@@ -178,7 +179,8 @@ def _cautions(sensor: SensorResponse, calibration: Calibration, check: Check | N
     elif check.whole.ambiguous > _MANY:
         warnings.append(f"{100 * check.whole.ambiguous:.2g} % of the readings have several angles that explain them")
     if check is not None and check.whole.within_95 < _FEW:
-        warnings.append(f"only {100 * check.whole.within_95:.0f} % of a cycle left out lie within the bands of 95 %")
+        few = f"only {100 * check.whole.within_95:.0f} % of a cycle left out lie within the bands of 95 %"
+        warnings.append(do_not_use(few))
     low, high = sensor.runs[0].motion.low_deg, sensor.runs[0].motion.high_deg
     first, second, last = (float(calibration.angle_deg[place]) for place in (0, 1, -1))
     beside = 2.0 * (second - first)

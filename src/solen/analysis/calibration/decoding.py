@@ -19,6 +19,7 @@ from solen.analysis.calibration.heading import WINDOW_S, Headings, Tracker
 from solen.analysis.calibration.streams import Batch, Stream
 from solen.arrays import BoolArray, FloatArray
 from solen.errors import DataError, SpecError
+from solen.ranks import do_not_use
 from solen.recording import Provenance
 from solen.results import Result
 from solen.spec.strict import Finite
@@ -247,7 +248,7 @@ def _condition_warnings(known: CalibrationFile, stream: Stream, options: DecodeO
     if len(known.prints) == 1 and stream.sensor is not None and _last(stream.sensor) != _last(known.sensor):
         other.insert(0, f"sensor {stream.sensor} instead of {known.sensor}")
     if other:
-        yield f"this calibration is not for what is decoded: {'; '.join(other)}"
+        yield do_not_use(f"this calibration is not for what is decoded: {'; '.join(other)}")
     if unknown and not moved:
         yield (
             f"whether the calibration is for this motion cannot be checked: nothing states the {', '.join(unknown)}; "
