@@ -70,7 +70,11 @@ class ADC:
         self.side = {26: 1.0, 27: -1.0}.get(pin.number, 0.0)
 
     def read_u16(self):
-        angle = STEPS[0] / STEPS_PER_DEG
+        if by_hand := os.environ.get("BOARD_ANGLE"):
+            with open(by_hand) as file:
+                angle = float(file.read())
+        else:
+            angle = STEPS[0] / STEPS_PER_DEG
         bright = 2.4 / (1.0 + math.exp(1.2 * self.side * angle)) if LIT else 0.0
         return round(65535 * (3.2 - 0.05 - bright) / 3.3)
 
@@ -292,14 +296,15 @@ def torrent(folder: Path, count: int) -> list[str]:
 
 
 @contextlib.contextmanager
-def on_a_pty(line: list[str], folder: Path, log: Path) -> Iterator[str]:
-    """Name of a serial line that a program is at the other end of."""
+def on_a_pty(line: list[str], folder: Path, log: Path, angle: Path | None = None) -> Iterator[str]:
+    """Name of a serial line that a program is at the other end of; a file may hold the sensor's angle."""
     import pty
     import tty
 
     board, host = pty.openpty()
     tty.setraw(host)
     environment = {**os.environ, "BOARD_LOG": str(log), "PYTHONDONTWRITEBYTECODE": "1"}
+    environment |= {} if angle is None else {"BOARD_ANGLE": str(angle)}
     with subprocess.Popen(line, cwd=folder, stdin=board, stdout=board, env=environment) as child:
         try:
             yield os.ttyname(host)
