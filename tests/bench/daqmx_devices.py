@@ -29,8 +29,8 @@ class Facts:
         Its ranges, and the one that inputs without a pair have whatever is asked; 0 for as asked.
     bits
         Of its converter.
-    counters, lines
-        Those that put out pulses, and static outputs.
+    counters, lines, timed_hz
+        Those that put out pulses, and digital outputs; how fast these follow a clock, 0 for not.
     converts
         Whether it states when it converts.
     """
@@ -46,6 +46,7 @@ class Facts:
     simultaneous: bool = False
     converts: bool = True
     real_v: float = 0.0
+    timed_hz: float = 0.0
 
     def property(self, number: int) -> object:
         """Value of a device's attribute by its number in NIDAQmx.h; None where the device has no such property."""
@@ -56,6 +57,7 @@ class Facts:
             0x2322: self.lines,
             0x298C: self.alone_hz or None,
             0x298D: self.all_hz or None,
+            0x299A: self.timed_hz or None,
             0x298F: int(self.simultaneous),
             0x2990: self.rails_v or None,
         }[number]
@@ -94,7 +96,7 @@ DEVICES = {
     # USB-6356 (X series): a converter for each of eight inputs
     "USB-6356": Facts(
         "USB-6356", {f"ai{n}": DIFF for n in range(8)}, 1.25e6, 1.25e6, rails(1.0, 2.0, 5.0, 10.0), 16,
-        lines(port0=8, port1=8, port2=8), ("ctr0", "ctr1", "ctr2", "ctr3"), simultaneous=True,
+        lines(port0=8, port1=8, port2=8), ("ctr0", "ctr1", "ctr2", "ctr3"), simultaneous=True, timed_hz=1e6,
     ),
     # USB-6289: 18 bits
     "USB-6289": Facts(

@@ -360,6 +360,11 @@ def test_a_device_says_what_it_can_and_is_used_so(
             "myDAQ has 1 count",
         ),
         ("USB-6356", {"terminal": "differential", "rate_hz": 2e6}, "an input of USB-6356 takes 1250000 samples"),
+        (
+            "USB-6356",
+            {"terminal": "differential", "switching": "counter", "emitters": 5},
+            "has 4 counters that put out pulses, and its other outputs solen does not clock, at up to 1e.06 Hz",
+        ),
         ("USB-6289", {}, "has a converter of 18 bits, and counts of 16 are kept; take"),
         ("USB-6289", {"switching": "counter", "emitters": 3}, "USB-6289 has 2 counters"),
         ("USB-6501", {}, "is no way to wire USB-6501, which has no analog inputs"),

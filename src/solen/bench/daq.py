@@ -49,6 +49,8 @@ class Model:
         Static digital outputs.
     simultaneous
         Whether each input has a converter of its own.
+    timed_hz
+        How fast its digital lines follow a clock; 0 where they follow the program.
     """
 
     name: str
@@ -59,6 +61,7 @@ class Model:
     switches: tuple[tuple[str, str, str], ...]
     lines: tuple[str, ...]
     simultaneous: bool = False
+    timed_hz: float = 0.0
 
     def check(self, setup: "Setup") -> None:
         """`BenchError` where it cannot do what is asked of it."""
@@ -110,7 +113,8 @@ class Model:
     def _check_counters(self, setup: "Setup") -> None:
         if setup.emitters > len(self.switches):
             has = f"{len(self.switches) or 'no'} counters that put out pulses"
-            limit = f"take turns; {self.name} has {has}, and its other outputs are not timed"
+            others = "are not timed" if self.timed_hz == 0.0 else f"solen does not clock, at up to {self.timed_hz:g} Hz"
+            limit = f"take turns; {self.name} has {has}, and its other outputs {others}"
             remedy = 'light them by something outside (switching = "external"), with a sync where they take turns'
             raise BenchError("sensor.emitter", value=setup.emitters, limit=limit, remedy=remedy)
         taken = [line for _, _, line in self.switches[: setup.emitters]]

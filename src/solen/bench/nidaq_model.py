@@ -60,6 +60,7 @@ def model_of(device: Any, ni: Any) -> Model:
         inputs=_inputs(device, ni),
         switches=tuple((name, *outputs.get(name, ("", ""))) for name in map(_of, counters) if name.startswith("ctr")),
         lines=tuple(map(_of, asked(no_names, lambda: device.do_lines.channel_names))),
+        timed_hz=asked(0.0, lambda: float(device.do_max_rate)),
         simultaneous=asked(False, lambda: bool(device.ai_simultaneous_sampling_supported)),
     )
 
