@@ -24,6 +24,8 @@ CHANNEL = {
     0x1815: "AI.Rng.High",
     0x1816: "AI.Rng.Low",
     0x1765: "AI.Resolution",
+    0x187F: "ChanType",
+    0x2179: "DO.NumLines",
 }
 SYSTEM = {0x1272: "MajorVersion", 0x1923: "MinorVersion", 0x2F22: "UpdateVersion", 0x193B: "DevNames"}
 WORDS = {
@@ -114,8 +116,8 @@ class Library:
         Error codes that the next calls of a function are answered with; 0 for none.
     waiting
         Counts (channels, N) that were sampled and not read.
-    lines, running
-        Levels of static lines, and counters that put out pulses.
+    lines, running, pattern
+        Levels of static lines; tasks that put out pulses or a pattern, and that, (lines, samples).
     tasks
         Numbers of tasks that are not cleared, each with its channels.
     missing
@@ -134,6 +136,7 @@ class Library:
         self.lines: dict[str, bool] = {}
         self.running: set[int] = set()
         self.tasks: dict[int, list[str]] = {}
+        self.pattern: NDArray[np.bool_] | None = None
         self.missing: set[str] = {"DAQmxInternalGetLastCreatedChan"}
         self._made, self._rate, self._frequency, self._range_v = 0, 0.0, 0.0, 0.0
         self._functions: dict[str, Function] = {}
@@ -193,8 +196,8 @@ class Library:
         to.to.value = self._made
 
     def _GetTaskAttribute(self, task: int, attribute: int, to: Any, size: int) -> int:
-        assert attribute == 0x1276
-        return _text(f"_unnamedTask<{task}>", to, size)
+        text = {0x1276: f"_unnamedTask<{task}>", 0x1273: ", ".join(self.tasks[task])}[attribute]
+        return _text(text, to, size)
 
     def _CreateAIVoltageChan(
         self, task: int, channel: str, _: str, wired: int, _low: float, high: float, *__: Any
@@ -236,8 +239,12 @@ class Library:
         if name == "AI.DevScalingCoeff":
             return _numbers(self.coefficients, to, size)
         ends = {"AI.Rng.High": self._range_v, "AI.Rng.Low": -self._range_v, "AI.Resolution": float(self.facts.bits)}
-        to.to.value = self._frequency if name == "CO.Pulse.Freq" else ends[name]
+        known = {"CO.Pulse.Freq": self._frequency, "ChanType": 10153, "DO.NumLines": 1}
+        to.to.value = (known | ends)[name]
         return 0
+
+    def _GetWriteAttribute(self, _task: int, attribute: int, to: Pointer) -> None:
+        to.to.value = {0x217F: 1, 0x217E: len(self.tasks[_task])}[attribute]
 
     def _GetReadAttribute(self, _task: int, attribute: int, to: Pointer) -> None:
         assert READ[attribute] == "AvailSampPerChan"
@@ -247,7 +254,7 @@ class Library:
         pass
 
     def _StartTask(self, task: int) -> None:
-        if any("ctr" in channel for channel in self.tasks[task]):
+        if any("ctr" in channel or "port" in channel for channel in self.tasks[task]):
             self.running.add(task)
 
     def _StopTask(self, task: int) -> None:
@@ -269,9 +276,12 @@ class Library:
     def _WriteDigitalLines(
         self, task: int, n: int, auto: bool, _timeout: float, _layout: int, data: NDArray[np.bool_], *_: Any
     ) -> None:
-        assert (n, bool(auto)) == (1, True)
-        (line,) = self.tasks[task]
-        self.lines[line] = bool(data[0])
+        lines = self.tasks[task]
+        if auto:
+            (line,) = lines
+            self.lines[line] = bool(data[0])
+        else:
+            self.pattern = np.array(data, bool).reshape(len(lines), n)
 
 
 def _text(text: str, to: Any, size: int) -> int:
@@ -301,8 +311,10 @@ class Rig(Library):
         Counts of the inputs with the emitter on and off.
     """
 
-    def __init__(self, clock: Clock, lit: tuple[int, ...], dark_counts: tuple[int, ...]) -> None:
-        super().__init__()
+    def __init__(
+        self, clock: Clock, lit: tuple[int, ...], dark_counts: tuple[int, ...], kind: str = "USB-6218"
+    ) -> None:
+        super().__init__(kind)
         self._clock, self._levels = clock, np.array([lit, dark_counts])
         self._begun_s, self._read = 0.0, 0
 
@@ -314,7 +326,10 @@ class Rig(Library):
         """What was sampled up to now and is not read."""
         taken = int((self._clock.now_s() - self._begun_s) * self._rate + 1e-6)
         number = np.arange(self._read, taken)
-        on = (number * self._frequency / self._rate + 1e-9) % 1.0 < 0.5
+        if self.pattern is None:
+            on = (number * self._frequency / self._rate + 1e-9) % 1.0 < 0.5
+        else:
+            on = self.pattern[0, number % self.pattern.shape[1]]
         self.waiting = np.where(on, *self._levels[:, :, None]).astype(np.int16)
 
     def _GetReadAttribute(self, task: int, attribute: int, to: Pointer) -> None:

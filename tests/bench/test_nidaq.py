@@ -363,7 +363,7 @@ def test_a_device_says_what_it_can_and_is_used_so(
         (
             "USB-6356",
             {"terminal": "differential", "switching": "counter", "emitters": 5},
-            "has 4 counters that put out pulses, and its other outputs solen does not clock, at up to 1e.06 Hz",
+            "has 4 counters that put out pulses, and its other outputs follow a clock; switching = .lines. takes these",
         ),
         ("USB-6289", {}, "has a converter of 18 bits, and counts of 16 are kept; take"),
         ("USB-6289", {"switching": "counter", "emitters": 3}, "USB-6289 has 2 counters"),
@@ -396,14 +396,14 @@ HEADER = {
 class Driven:
     """A run of the real driver on an instrument that is not there."""
 
-    def __init__(self, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.clock, self.folder = SimulatedClock(), folder
-        self.library = Rig(self.clock, lit=(1000, -2000), dark_counts=(20_000, 25_000))
+    def __init__(self, folder: Path, monkeypatch: pytest.MonkeyPatch, kind: str = "USB-6218", **more: object) -> None:
+        self.clock, self.folder, self.setup = SimulatedClock(), folder, setup(**more)
+        self.library = Rig(self.clock, lit=(1000, -2000), dark_counts=(20_000, 25_000), kind=kind)
         use(self.library, monkeypatch)
         (folder / "protocol.toml").write_text(PROTOCOL, encoding="utf-8")
 
     def run(self, watch: Callable[[Tick], None] | None = None) -> None:
-        daq = NiDaq(self.clock, "Dev1", setup())
+        daq = NiDaq(self.clock, "Dev1", self.setup)
         on = Instruments(SimulatedStage(self.clock), daq, self.clock)
         with begin(self.folder / "run.journal", on, HEADER) as journal:
             run(load_protocol(self.folder / "protocol.toml"), on, journal, watch=watch)
@@ -432,6 +432,65 @@ def test_a_run_by_the_driver_gives_the_volts_of_the_coefficients(driven: Driven)
     assert np.diff(read["time_s"]) == pytest.approx(0.005, abs=1e-6)
     assert (done.outcome, done.sensors["A"]) == ("done", len(read["time_s"]))
     assert read["angle_deg"].min() == pytest.approx(-3.0)
+
+
+LINES = {"model": "", "terminal": "differential", "switching": "lines"}
+
+
+def test_lines_that_follow_the_samples_light_emitters_in_turn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    three = {"lines": ("port0/line0", "port0/line1", "port0/line2"), "emitters": 3, "rate_hz": 12_000.0}
+    driven = Driven(tmp_path, monkeypatch, "USB-6356", **LINES | three)
+    driven.run()
+    assert driven.library.dark
+    clocked = next(said for said in driven.library.said if said.startswith("CfgSampClkTiming") and "ai" in said)
+    assert "'/Dev1/ai/SampleClock', 12000" in clocked
+    turn = driven.library.pattern
+    assert turn is not None
+    assert turn.shape == (3, 12_000)
+    assert [np.flatnonzero(line[:60]).tolist() for line in turn] == [list(range(n, n + 10)) for n in (0, 20, 40)]
+    assert set(driven.library.lines) == {f"Dev1/port0/line{number}" for number in range(3)}
+    done, read = driven.closed()
+    dark, lit = (
+        volts_of(np.array([[one]], np.int16), np.array([Library.coefficients]))[0, 0] for one in (20_000, 1000)
+    )
+    assert done.outcome == "done"
+    assert read["right"] == pytest.approx(np.full(len(read["right"]), lit - dark), abs=1e-9)
+    assert np.diff(read["time_s"]) == pytest.approx(0.005, abs=2e-6)  # 20 MHz over 1667
+
+
+@pytest.mark.parametrize(
+    ("kind", "more", "told"),
+    [
+        (
+            "USB-6218",
+            {"lines": ("port1/line0",), "terminal": "rse"},
+            "USB-6218 .BNC. follow the program",
+        ),
+        ("USB-6356", {"lines": ("port3/line0",)}, r"daq\.lines = 'port3/line0'; must be one of USB-6356's"),
+        (
+            "USB-6356",
+            {"lines": ("port0/line0",), "enable": "port0/line0"},
+            "line0'; must be .* not taken",
+        ),
+        (
+            "USB-6356",
+            {"lines": ("port0/line0",), "rate_hz": 1.1e6, "switch_hz": 1000.0},
+            "a clock of 1e.06 Hz",
+        ),
+        ("USB-6356", {"lines": ("port0/line0",), "emitters": 2}, "must be one for each of 2 emitters"),
+        ("USB-6356", {"lines": ("port0/line0",), "rate_hz": 10_100.0}, "must be a multiple of 400 Hz"),
+        ("USB-6356", {"lines": ()}, 'are for switching = "lines", and needed there'),
+        ("USB-6356", {"lines": ("port0/line0",), "switching": "counter"}, 'are for switching = "lines"'),
+    ],
+)
+def test_lines_that_cannot_light_emitters_are_refused(
+    kind: str, more: dict[str, object], told: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    library = with_device(kind, monkeypatch)
+    with pytest.raises(BenchError, match=told):
+        NiDaq(SimulatedClock(), "Dev1", setup(**LINES | more))
+    assert library.dark
+    assert not library.lines
 
 
 def test_a_converter_whose_counts_end_before_16_bits_do_clips_there(

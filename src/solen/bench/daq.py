@@ -18,9 +18,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from solen.errors import BenchError
 
-Switching = Literal["external", "counter"]
+Switching = Literal["external", "counter", "lines"]
 Terminal = Literal["rse", "nrse", "differential"]
 
+OUTSIDE = 'light them by something outside (switching = "external"), with a sync where they take turns'
 LEAST_IN_PHASE = 2
 """Settled samples of a phase of the emitters, at the least."""
 ENDS = np.array([[-(1 << 15)], [(1 << 15) - 1]], np.int16)
@@ -79,6 +80,8 @@ class Model:
                 raise BenchError(f"daq.{key}", value=line, limit=limit)
         if setup.switching == "counter":
             self._check_counters(setup)
+        elif setup.switching == "lines":
+            self._check_lines(setup)
 
     def highest_hz(self, channels: int) -> float:
         """Samples per second of each of so many inputs, at the most."""
@@ -113,14 +116,29 @@ class Model:
     def _check_counters(self, setup: "Setup") -> None:
         if setup.emitters > len(self.switches):
             has = f"{len(self.switches) or 'no'} counters that put out pulses"
-            others = "are not timed" if self.timed_hz == 0.0 else f"solen does not clock, at up to {self.timed_hz:g} Hz"
+            others = "follow a clock" if self.timed_hz else "are not timed"
             limit = f"take turns; {self.name} has {has}, and its other outputs {others}"
-            remedy = 'light them by something outside (switching = "external"), with a sync where they take turns'
+            remedy = 'switching = "lines" takes these' if self.timed_hz else OUTSIDE
             raise BenchError("sensor.emitter", value=setup.emitters, limit=limit, remedy=remedy)
         taken = [line for _, _, line in self.switches[: setup.emitters]]
         for key, line in setup.static_lines.items():
             if line in taken:
                 raise BenchError(f"daq.{key}", value=line, limit="is the line on which a counter lights an emitter")
+
+    def _check_lines(self, setup: "Setup") -> None:
+        """Lines that light emitters follow the clock of the samples."""
+        if setup.rate_hz > self.timed_hz:
+            follow = (
+                f"follow a clock of {self.timed_hz:g} Hz at the most" if self.timed_hz else "follow the program alone"
+            )
+            limit = f"cannot be: the digital outputs of {self.name} {follow}"
+            raise BenchError("daq.switching", value="lines", limit=limit, remedy=OUTSIDE)
+        for line in setup.lines:
+            if line not in self.lines or line in setup.static_lines.values():
+                limit = (
+                    f"must be one of {self.name}'s digital outputs, {self.lines[0]} to {self.lines[-1]}, and not taken"
+                )
+                raise BenchError("daq.lines", value=line, limit=limit)
 
 
 def _named(*numbers: range) -> tuple[str, ...]:
@@ -161,8 +179,9 @@ class Setup:
         Samples of each channel per second.
     emitters, switch_hz
         How many take turns, and how often each is lit per second.
-    switching
-        ``external``, or ``counter`` for the instrument's own.
+    switching, lines
+        ``external``, ``counter`` for the instrument's own, or ``lines``: digital outputs, one for each emitter, that
+        follow the clock of the samples.
     model, range_v, terminal
         The instrument (empty where it is asked what it is), its range ± V, and how inputs are wired.
     enable
@@ -193,6 +212,7 @@ class Setup:
     alive: str | None = None
     settle_us: float = 300.0
     buffer_s: float = 10.0
+    lines: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if len(set(self.channels)) < len(self.channels):
@@ -200,6 +220,7 @@ class Setup:
         if self.model in MODELS:
             MODELS[self.model].check(self)
         self._check_phase()
+        self._check_slots()
         if self.switching == "external" and self.emitters > 1 and not self.synced:
             limit = f"is needed with {self.emitters} emitters in turn: nothing else tells which of them is on"
             raise BenchError("daq.sync", limit=limit, remedy="record what lights emitter 1, or light all at once")
@@ -221,6 +242,21 @@ class Setup:
     def frame(self) -> int:
         """Samples that are kept together: about those of a period of the emitters."""
         return max(1, round(self.rate_hz / self.switch_hz))
+
+    def _check_slots(self) -> None:
+        """Lines that follow the samples: one for each emitter, and whole samples in each half of a slot."""
+        if (self.switching == "lines") != bool(self.lines):
+            limit = 'are for switching = "lines", and needed there'
+            raise BenchError("daq.lines", value=", ".join(self.lines), limit=limit)
+        if self.switching != "lines":
+            return
+        if len(self.lines) != self.emitters or len(set(self.lines)) < self.emitters:
+            limit = f"must be one for each of {self.emitters} emitters"
+            raise BenchError("daq.lines", value=", ".join(self.lines), limit=limit)
+        halves = 2 * self.emitters * self.switch_hz
+        if abs(self.rate_hz / halves - round(self.rate_hz / halves)) > 1e-9:
+            limit = f"must be a multiple of {halves:g} Hz, of the halves of slots"
+            raise BenchError("daq.rate_hz", value=self.rate_hz, limit=limit, remedy="lines change with a sample")
 
     def _check_phase(self) -> None:
         phase_s = 0.5 / (self.switch_hz * self.emitters)

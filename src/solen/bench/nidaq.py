@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from solen.bench.clock import Clock
 from solen.bench.daq import DaqLosses, Model, Samples, Setup
 from solen.bench.drivers import on_failure
+from solen.bench.nidaq_emitters import clear, pulses, turns
 from solen.bench.nidaq_model import WIRED, answer_or, model_of, nidaqmx_package, no_driver
 from solen.errors import BenchError
 
@@ -103,7 +104,7 @@ class NiDaq:
     @property
     def no_watchdog(self) -> str | None:
         """What a killed program leaves, and what helps; None where a watchdog outside is fed."""
-        lights = self.setup.switching == "counter" or self.setup.enable is not None
+        lights = self.setup.switching != "external" or self.setup.enable is not None
         if not lights or self.setup.alive is not None:
             return None
         return (
@@ -173,13 +174,18 @@ class NiDaq:
         """Tasks of the counters and of the inputs, reserved and not started; the inputs are the last."""
         with self._translated("configure"):
             for place, (counter, terminal, _) in enumerate(self._switches):
-                self._tasks.append(self._pulses(place, counter, terminal))
+                task, self.switch_hz = pulses(self._ni, self._device, self.setup, place, counter, terminal)
+                self._tasks.append(task)
+            if self.setup.lines:
+                self._tasks.append(turns(self._ni, self._device, self.setup))
             self._tasks.append(self._inputs())
+            if self.setup.lines:
+                self.switch_hz = self.rate_hz / self.setup.frame
 
     def _inputs(self) -> Any:
         constants, setup = self._ni.constants, self.setup
         task = self._ni.Task()
-        with on_failure(lambda: _clear(task, self._ni)):
+        with on_failure(lambda: clear(task, self._ni)):
             wired = WIRED[setup.terminal]
             channels = [
                 task.ai_channels.add_ai_voltage_chan(
@@ -224,26 +230,6 @@ class NiDaq:
         ]
         return longest
 
-    def _pulses(self, place: int, counter: str, terminal: str) -> Any:
-        """Pulses for an emitter: on for the first half of its slot, from the first sample on."""
-        constants, setup = self._ni.constants, self.setup
-        task = self._ni.Task()
-        with on_failure(lambda: _clear(task, self._ni)):
-            channel = task.co_channels.add_co_pulse_chan_freq(
-                f"{self._device}/{counter}",
-                idle_state=constants.Level.LOW,
-                initial_delay=place / (setup.emitters * setup.switch_hz),
-                freq=setup.switch_hz,
-                duty_cycle=0.5 / setup.emitters,
-            )
-            if terminal:
-                channel.co_pulse_term = f"/{self._device}/{terminal}"
-            task.timing.cfg_implicit_timing(sample_mode=constants.AcquisitionType.CONTINUOUS)
-            task.triggers.start_trigger.cfg_dig_edge_start_trig(f"/{self._device}/ai/StartTrigger")
-            task.control(constants.TaskMode.TASK_COMMIT)
-            self.switch_hz = float(channel.co_pulse_freq)
-        return task
-
     def _begin(self) -> None:
         """Counters first: they wait for the inputs' start."""
         with self._translated("start"):
@@ -275,7 +261,7 @@ class NiDaq:
         """Release the tasks and set the lines low; the error of the lines, if any."""
         tasks, self._tasks = self._tasks, []
         for task in tasks:
-            _clear(task, self._ni)
+            clear(task, self._ni)
         try:
             self._lines(False)
         except BenchError as bad:
@@ -286,7 +272,7 @@ class NiDaq:
     def _lines(self, high: bool) -> None:
         """Set every line that lights something."""
         taken = tuple(line for _, _, line in self._switches if line)
-        self._put((*taken, *self.setup.static_lines.values()), high)
+        self._put((*taken, *self.setup.lines, *self.setup.static_lines.values()), high)
 
     def _put(self, lines: tuple[str, ...], high: bool) -> None:
         for line in lines:
@@ -297,7 +283,7 @@ class NiDaq:
                     writer = self._ni.stream_writers.DigitalSingleChannelWriter(task.out_stream, auto_start=True)
                     writer.write_one_sample_one_line(high, timeout=1.0)
                 finally:
-                    _clear(task, self._ni)
+                    clear(task, self._ni)
 
     @contextlib.contextmanager
     def _translated(self, what: str) -> Iterator[None]:
@@ -334,9 +320,3 @@ class NiDaq:
 class _OverrunError(Exception):
     def __init__(self, code: int) -> None:
         self.code = code
-
-
-def _clear(task: Any, ni: Any) -> None:
-    """Let go of a task, whatever state it is in."""
-    with contextlib.suppress(ni.errors.Error):
-        task.close()

@@ -50,7 +50,7 @@ def clock_of(time_s: FloatArray, volts: FloatArray, setup: Setup, switch_hz: flo
         Where the window shows no switching.
     """
     slots_hz = switch_hz * setup.emitters
-    if setup.switching == "counter":
+    if setup.switching != "external":
         return _even(time_s * slots_hz, slots_hz, 0.5, COUNTER_JITTER_US)
     if setup.synced:
         return _by_sync(time_s, volts[:, -1], setup)

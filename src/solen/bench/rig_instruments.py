@@ -152,6 +152,7 @@ _ASKED = {
     "rate_hz",
     "switch_hz",
     "switching",
+    "lines",
     "range_v",
     "terminal",
     "enable",
@@ -183,9 +184,12 @@ class DaqOf(BenchTable):
     channels: Annotated[tuple[Text, ...], Field(min_length=1, max_length=64)] | None = Field(
         None, description="Its analog inputs for the rig's inputs 1, 2, …; default: ai0, ai1, …"
     )
-    switching: Literal["external", "counter"] = Field(
-        "external", description="What switches the emitters: something outside, or the instrument's counters."
+    switching: Literal["external", "counter", "lines"] = Field(
+        "external",
+        description="What switches the emitters: something outside, the instrument's counters, or its lines where they "
+        "follow a clock.",
     )
+    lines: tuple[Text, ...] = Field((), description="Digital outputs that light emitters 1, 2, …: port0/line0.")
     switch_hz: Annotated[Number, Field(ge=1, le=2000)] = Field(
         200.0, description="Times per second that each emitter is lit."
     )
@@ -206,8 +210,8 @@ class DaqOf(BenchTable):
         if self.driver == "simulated" and self.kind not in MODELS:
             raise refused("model", f"must be one of {', '.join(MODELS)}", value=self.model)
         _check_driver(self, "device")
-        if self.switching == "counter" and self.sync is not None:
-            raise refused("sync", "has no use beside counters, which run by the clock of the samples", value=self.sync)
+        if self.switching != "external" and self.sync is not None:
+            raise refused("sync", "has no use beside what runs by the clock of the samples", value=self.sync)
         return self
 
     @property

@@ -130,7 +130,7 @@ class SimulatedDaq:
 
     def _since_on(self, time_s: FloatArray, emitter: int) -> FloatArray:
         """Share of a period since an emitter went on last, in [0, 1)."""
-        ppm = self.ppm if self.setup.switching == "counter" else self.outside_ppm
+        ppm = self.outside_ppm if self.setup.switching == "external" else self.ppm
         turns = (time_s - (self._begun_s or 0.0)) * self.switch_hz * (1.0 + 1e-6 * ppm) + self._turn
         return np.asarray((turns - (emitter - 1) / self.setup.emitters) % 1.0)
 
