@@ -148,7 +148,7 @@ def _periods(file: Any, journaled: JournalContent) -> Content:
     cuts, readings, bent = cut_short(journaled), {}, []
     for sensor in header["sensors"]:
         parts = list(sensor_readings(sensor, journaled, time_s, cuts))
-        bent += _bent(sensor["name"], parts, header["rig"]["board"].get("straight_v"))
+        bent += _bent(sensor["name"], parts, header.get("rig", {}).get("board", {}).get("straight_v"))
         readings[sensor["name"]] = _sensor(file, sensor, parts, signal_unit(header))
     return time_s, readings, [*_unsound(board), *bent]
 
