@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 from PIL import Image
 
 from solen.errors import OutputError, SpecError
-from solen.report.canvas import drawn, encoded
+from solen.report.canvas import drawn, encoded, receiver
 from solen.report.options import FigureOptions
 from tests.report.lettering import faults
 
@@ -121,6 +121,29 @@ def test_panels_beyond_z_have_two_letters() -> None:
     figure = drawn(many, FigureOptions(letters="A", limits=("y=0:2",)))
     assert [axes.texts[-1].get_text() for axes in figure.axes[24:]] == ["Y", "Z", "AA", "AB"]
     assert {axes.get_ylim() for axes in figure.axes} == {(0.0, 2.0)}
+    chosen = drawn(many, FigureOptions(panels="b,AA", letters="A", limits=("B.x=0:5",)))
+    assert len(chosen.axes) == 2
+    assert len(drawn(many, FigureOptions(panels="AB")).axes) == 1
+    with pytest.raises(SpecError, match="'AC'; the figure has the panels A to AB"):
+        drawn(many, FigureOptions(panels="A,AC"))
+
+
+def test_many_panels_in_a_column_fit_on_a_page() -> None:
+    def six() -> Figure:
+        figure = Figure(figsize=(12.0, 3.0))
+        for number, axes in enumerate(figure.subplots(1, 6)):
+            axes.plot([0.0, 1.0], [0.0, number], label="a line")
+            axes.set(xlabel="length (mm)", ylabel="level (dB)")
+        return figure
+
+    figure = drawn(six, FigureOptions(width_mm=90.0))
+    assert figure.get_figheight() * 25.4 < 240.0
+    assert faults(figure) == []
+
+
+@pytest.mark.parametrize(("name", "marker"), [("left", "<"), ("right", ">"), ("left_mV", "<"), ("photodiode", "s")])
+def test_receivers_differ_in_more_than_colour(name: str, marker: str) -> None:
+    assert receiver(name)["marker"] == marker
 
 
 def test_pictures_have_the_stated_pixels() -> None:

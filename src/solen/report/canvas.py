@@ -20,6 +20,7 @@ from matplotlib.font_manager import fontManager
 
 from solen.arrays import FloatArray
 from solen.errors import SpecError
+from solen.recording.column_roles import side_of
 from solen.report.finish import finish, titles_of
 from solen.report.options import FigureOptions
 
@@ -30,6 +31,8 @@ SERIES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#22
 LINES = ("-", (0, (5, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)), (0, (3, 1)), (0, (6, 1, 1, 1, 1, 1)), (0, (9, 2)))
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 """Dashes and markers of the same series, which then differ in more than colour."""
+SIDES = {"right": (RIGHT, ">"), "left": (LEFT, "<")}
+"""Colour and marker of the right and the left receiver."""
 FONTS = ("Helvetica Neue", "Arial", "Liberation Sans", "DejaVu Sans")
 STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
@@ -60,6 +63,13 @@ def series(number: int, *, dots: bool = False) -> dict[str, Any]:
     """Style of the series with a given number: colour and dashes, or colour and marker."""
     place = number % len(SERIES)
     return {"color": SERIES[place]} | ({"marker": MARKERS[place], "ls": ""} if dots else {"ls": LINES[place]})
+
+
+def receiver(name: str, place: int = 0) -> dict[str, Any]:
+    """Look of a receiver's curve: its side's colour and triangles that point there; of others, those of its place."""
+    side = SIDES.get(side_of(name) or "")
+    colour, marker = side or (SERIES[2:][place % len(SERIES[2:])], MARKERS[1:][place % len(MARKERS[1:])])
+    return {"color": colour, "marker": marker, "markevery": 0.13, "ms": 6.5, "mew": 0.0}
 
 
 def draw_repeats(

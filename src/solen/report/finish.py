@@ -38,6 +38,8 @@ NARROWEST_IN = 2.1
 TALLEST = 0.75
 """Height of a graph in its widths, on a page; pictures keep their shape."""
 LOWEST_IN = 1.3
+PAGE_IN = 9.25
+"""Height of a page, to which stacked panels are lowered, as far as they can be read then."""
 _AIR_PX = 1.0
 _MANY = 4
 _CODES = range(1, 11)
@@ -88,12 +90,20 @@ def _letter_of(number: int) -> str:
     return (_letter_of(before - 1) if before else "") + string.ascii_uppercase[last]
 
 
+def _listed(names: Sequence[str]) -> str:
+    return "".join(names) if len(names) <= _MANY else f"{names[0]} to {names[-1]}"
+
+
 def _chosen(panels: list[list[Axes]], letters: str) -> list[list[Axes]]:
     names = [_letter_of(number) for number in range(len(panels))]
-    for letter in letters.upper():
+    wanted = letters.upper()
+    asked = (
+        [wanted] if wanted in names else [name.strip() for name in wanted.split(",")] if "," in wanted else [*wanted]
+    )
+    for letter in asked:
         if letter not in names:
-            raise SpecError("--panels", value=letter, limit=f"the figure has the panels {''.join(names)}")
-    chosen = [panels[names.index(letter)] for letter in dict.fromkeys(letters.upper())]
+            raise SpecError("--panels", value=letter, limit=f"the figure has the panels {_listed(names)}")
+    chosen = [panels[names.index(letter)] for letter in dict.fromkeys(asked)]
     for panel in panels:
         for axes in reversed(panel if panel not in chosen else []):
             axes.remove()
@@ -121,6 +131,8 @@ def _fit(figure: Figure, panels: list[list[Axes]], look: FigureOptions) -> None:
     tallest = [TALLEST * each if panel[0].get_aspect() == "auto" else math.inf for panel in panels]
     wanted = [min(h * min(1.0, each / w), most) for (w, h), most in zip(sizes, tallest, strict=True)]
     heights = [max(LOWEST_IN, *wanted[at : at + across]) + 0.3 for at in range(0, len(panels), across)]
+    lower = min(1.0, PAGE_IN / sum(heights))
+    heights = [max(LOWEST_IN, lower * height) for height in heights]
     grid = GridSpec(len(heights), across, figure=figure, height_ratios=heights)
     for number, panel in enumerate(panels):
         place = grid[divmod(number, across)] if len(panels) > 1 else grid[0, 0]
@@ -152,7 +164,7 @@ def _set_limits(panels: list[list[Axes]], look: FigureOptions) -> None:
     names = [_letter_of(number) for number in range(len(panels))]
     for letter, axis, low, high in look.ends():
         if letter is not None and letter not in names:
-            raise SpecError("--limits", value=letter, limit=f"the figure has the panels {''.join(names)}")
+            raise SpecError("--limits", value=letter, limit=f"the figure has the panels {_listed(names)}")
         for name, panel in zip(names, panels, strict=True):
             if letter in {None, name}:
                 if min(low, high) <= 0.0 and getattr(panel[0], f"get_{axis}scale")() == "log":

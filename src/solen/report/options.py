@@ -36,7 +36,7 @@ class FigureOptions(Options):
     letters: Literal["A", "a", "(a)"] | None = None
     """Letter the panels, beginning so."""
     panels: str = ""
-    """Draw some panels alone, by their letters, as in AC."""
+    """Draw some panels alone, by their letters, as in AC; after Z comes AA, and then with commas: A,AA."""
     limits: tuple[str, ...] = ()
     """Ends of an axis: x=400:900 of all panels, B.y=0:1 of one; repeatable."""
     dpi: int = Field(300, ge=72, le=1200)
@@ -82,7 +82,7 @@ def _ends(text: str) -> Limits:
         least, most = float(low), float(high)
     except ValueError:
         least = most = 0.0
-    if axis not in {"x", "y"} or len(panel) > 1 or not 0.0 < abs(most - least) < math.inf:
+    if axis not in {"x", "y"} or (panel and not panel.isalpha()) or not 0.0 < abs(most - least) < math.inf:
         raise SpecError(
             "--limits", value=text, limit="is not an axis with two ends", remedy="write as x=400:900 or B.y=0:1"
         )

@@ -13,16 +13,10 @@ from matplotlib.figure import Figure
 
 from solen.analysis import SensorResponse, Study
 from solen.recording.column_roles import side_of
-from solen.report.canvas import LEFT, LOST, RIGHT, SERIES
+from solen.report.canvas import LOST, SERIES, receiver
 
 _ACROSS = 4
 _SHOWN = 60  # ways that are drawn one by one
-_OTHERS = SERIES[2:]
-
-
-def colour_of(name: str, place: int) -> str:
-    """Colour of a receiver: by its side, else by its place."""
-    return {"left": LEFT, "right": RIGHT}.get(side_of(name), _OTHERS[place % len(_OTHERS)])
 
 
 def study_figure(study: Study) -> Figure:
@@ -66,15 +60,14 @@ def title_of(response: SensorResponse) -> str:
 
 def _draw_sensor(axes: Axes, response: SensorResponse) -> None:
     angle = response.passes.angle_deg
-    for place, (name, receiver) in enumerate(response.receivers.items()):
-        colour = colour_of(name, place)
+    for place, (name, one) in enumerate(response.receivers.items()):
+        look = receiver(name, place)
+        colour = look["color"]
         ways = response.passes.volts[..., place].reshape(-1, angle.size)
         every = max(1, len(ways) // _SHOWN)
         axes.plot(angle, ways[::every].T, color=colour, lw=0.4, alpha=0.3)
-        axes.fill_between(
-            angle, receiver.mean_V - receiver.sd_V, receiver.mean_V + receiver.sd_V, color=colour, alpha=0.25, lw=0
-        )
-        axes.plot(angle, receiver.mean_V, color=colour, lw=1.8, label=name)
+        axes.fill_between(angle, one.mean_V - one.sd_V, one.mean_V + one.sd_V, color=colour, alpha=0.25, lw=0)
+        axes.plot(angle, one.mean_V, **look, lw=1.8, label=name)
     count = response.passes.cycles
     axes.set_title(f"{title_of(response)} ({count} cycle{'s' * (count != 1)}, ± SD)", loc="left")
     axes.legend()
@@ -86,12 +79,12 @@ def _draw_all(axes: Axes, sensors: Sequence[SensorResponse], *, beside: bool) ->
     for sensor in sensors:
         plain = sensor.lens is False
         colour = LOST if plain else SERIES[with_lens.index(sensor) % len(SERIES)]
-        for name, receiver in sensor.receivers.items():
-            angle = receiver.angle_deg
+        for name, one in sensor.receivers.items():
+            angle = one.angle_deg
             dashes = "--" if side_of(name) == "left" else "-"
-            low, high = receiver.mean_V - receiver.sd_V, receiver.mean_V + receiver.sd_V
+            low, high = one.mean_V - one.sd_V, one.mean_V + one.sd_V
             axes.fill_between(angle, low, high, color=colour, alpha=0.2, lw=0)
-            axes.plot(angle, receiver.mean_V, dashes, color=colour, lw=1.4)
+            axes.plot(angle, one.mean_V, dashes, color=colour, lw=1.4)
         axes.plot(np.nan, np.nan, color=colour, label=title_of(sensor))
     axes.set_title("all: right solid, left dashed", loc="left")
     if beside:

@@ -12,10 +12,9 @@ from matplotlib.figure import Figure
 from solen.analysis.calibration import Calibration, CalibrationFile, Check, SensorCalibrations
 from solen.arrays import IndexArray
 from solen.report.bench.analyse import label_of, state_origin
-from solen.report.canvas import INK, LEFT, LOST, RIGHT, SOFT
+from solen.report.canvas import INK, LOST, RIGHT, SOFT, receiver
 
 _DRAWN = 3000
-_SIDES = (("left", LEFT), ("right", RIGHT))
 
 
 def calibration_figure(result: SensorCalibrations) -> Figure:
@@ -46,13 +45,14 @@ def _draw_calibration(row: Sequence[Axes], file: CalibrationFile, check: Check |
 
 
 def _draw_curves(axes: Axes, calibration: Calibration, unit: str) -> None:
-    for place, (name, colour) in enumerate(_SIDES):
+    for place, name in enumerate(("left", "right")):
+        look = receiver(name)
         rising, falling = calibration.curves_V[0, :, place], calibration.curves_V[1, :, place]
         half = 2.0 * np.sqrt(calibration.total[:, place, place])
         middle = 0.5 * (rising + falling)
-        axes.fill_between(calibration.angle_deg, middle - half, middle + half, color=colour, alpha=0.25, lw=0)
-        axes.plot(calibration.angle_deg, rising, color=colour, lw=1.5, label=name)
-        axes.plot(calibration.angle_deg, falling, "--", color=colour, lw=1.0)
+        axes.fill_between(calibration.angle_deg, middle - half, middle + half, color=look["color"], alpha=0.25, lw=0)
+        axes.plot(calibration.angle_deg, rising, **look, lw=1.5, label=name)
+        axes.plot(calibration.angle_deg, falling, "--", **look, lw=1.0)
     axes.set_xlabel("angle (°)")
     axes.set_ylabel(label_of(unit))
     axes.legend()

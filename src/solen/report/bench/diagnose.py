@@ -6,8 +6,8 @@ from matplotlib.figure import Figure
 
 from solen.analysis.diagnosis import Diagnosis, SensorDiagnoses, words
 from solen.analysis.diagnosis.diagnose import model_V
-from solen.report.bench.analyse import colour_of, state_origin
-from solen.report.canvas import INK
+from solen.report.bench.analyse import state_origin
+from solen.report.canvas import INK, receiver
 
 _MAP = "RdBu_r"
 _SHORT = {
@@ -36,9 +36,18 @@ def diagnoses_figure(result: SensorDiagnoses) -> Figure:
 def _curves(axes: Axes, diagnosis: Diagnosis) -> None:
     angle, fitted = diagnosis.cycles.angle_deg, model_V(diagnosis)
     for n, side in enumerate(diagnosis.sides):
-        colour = colour_of(side, n)
-        axes.plot(angle, diagnosis.cycles.mean_V[:, n], "o", ms=2.6, color=colour, mec="none", alpha=0.7, label=side)
-        axes.plot(angle, fitted[:, n], color=colour, lw=1.2, label=f"{side}, model")
+        look = receiver(side, n)
+        axes.plot(
+            angle,
+            diagnosis.cycles.mean_V[:, n],
+            look["marker"],
+            ms=2.6,
+            color=look["color"],
+            mec="none",
+            alpha=0.7,
+            label=side,
+        )
+        axes.plot(angle, fitted[:, n], color=look["color"], ls="-" if n else "--", lw=1.2, label=f"{side}, model")
     axes.set_title("\n".join([diagnosis.label, *words(diagnosis)[:2]]), loc="left")
     axes.legend()
 
@@ -46,11 +55,11 @@ def _curves(axes: Axes, diagnosis: Diagnosis) -> None:
 def _residuals(axes: Axes, diagnosis: Diagnosis) -> None:
     angle, count = diagnosis.cycles.angle_deg, len(diagnosis.cycles.volts)
     for n, side in enumerate(diagnosis.sides):
-        colour, rest = colour_of(side, n), 1e3 * diagnosis.fitted.residual_V[:, n]
-        axes.plot(angle, rest, color=colour, lw=1.0)
+        look, rest = receiver(side, n), 1e3 * diagnosis.fitted.residual_V[:, n]
+        axes.plot(angle, rest, **look, lw=1.0)
         if count > 1:
             u = 1e3 * diagnosis.cycles.volts[..., n].std(axis=0, ddof=1) / np.sqrt(count)
-            axes.fill_between(angle, rest - u, rest + u, color=colour, alpha=0.25, lw=0)
+            axes.fill_between(angle, rest - u, rest + u, color=look["color"], alpha=0.25, lw=0)
     axes.axhline(0.0, color=INK, lw=0.6)
     axes.set_xlabel("angle (°)")
     axes.set_title("residual, ± the uncertainty of the mean by the cycles", loc="left")

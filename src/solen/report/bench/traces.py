@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 
 from solen.analysis import Run, SensorResponse, Study
 from solen.arrays import FloatArray
-from solen.report.bench.analyse import colour_of, label_of, state_origin, title_of
-from solen.report.canvas import INK, LOST, SOFT
+from solen.report.bench.analyse import label_of, state_origin, title_of
+from solen.report.canvas import INK, LOST, SOFT, receiver
 
 _POINTS = 2400
 _MOST_ROWS = 12
@@ -35,7 +35,7 @@ def traces_figure(study: Study) -> Figure:
 def _draw(axes: Axes, response: SensorResponse, run: Run) -> None:
     signals = run.signals
     for place, name in enumerate(signals.receivers):
-        axes.plot(*_thinned(signals.time_s, signals.volts[:, place]), color=colour_of(name, place), lw=0.8, label=name)
+        axes.plot(*_thinned(signals.time_s, signals.volts[:, place]), **receiver(name, place), lw=0.8, label=name)
         flags = run.clipped[:, place]
         if flags.any():
             places = np.flatnonzero(flags)[:: max(1, int(flags.sum()) // _POINTS)]

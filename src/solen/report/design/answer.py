@@ -56,7 +56,7 @@ def measured(value: float | None, u: float | None, *, sign: bool = True) -> str:
     power = math.floor(math.log10(u))
     digits = min(max(-power + (u / 10.0**power < 2.95), 0), MOST_DIGITS)
     rounded = _unsigned(round(value, digits), 0.0)
-    shown = f"{u:.{digits}f}" if u > 0.5 * 10.0**-digits else f"{10.0**-digits:.{digits}f} or less"
+    shown = f"{u:.{digits}f}" if u > 0.5 * 10.0**-digits else f"< {10.0**-digits:.{digits}f}"
     return f"{rounded:{'+' if sign and rounded else ''}.{digits}f} ± {shown}"
 
 

@@ -17,7 +17,7 @@ from solen.errors import OutputError
 from solen.geometry import Body
 from solen.geometry.body import area, polyline
 from solen.plane import along
-from solen.report.canvas import INK, LEFT, LOST, RIGHT, SERIES, SPACE
+from solen.report.canvas import INK, LEFT, LOST, RIGHT, SERIES, SPACE, receiver
 from solen.report.design.answer import matters
 from solen.scene import Scene
 from solen.sensor import SATURATED, Case, DesignStudy, Practice, Response, Sensor
@@ -70,7 +70,7 @@ def sweep_figure(response: Response) -> Figure:
     figure, power_axes, contrast_axes = _response_axes()
     for side in ("right", "left"):
         power = getattr(response, side)
-        power_axes.plot(angle, power, color=COLOURS[side], lw=2.0, label=side)
+        power_axes.plot(angle, power, **receiver(side), lw=2.0, label=side)
         power_axes.fill_between(angle, power - half, power + half, color=COLOURS[side], alpha=0.3, lw=0)
     u = np.nan_to_num(response.u_contrast)
     contrast_axes.plot(angle, response.contrast, color=INK, lw=2.0)
@@ -235,7 +235,7 @@ def _draw_response(power_axes: Axes, contrast_axes: Axes, case: Case, name: str,
     thin = 2.0 if style == "-" else 1.2
     for side in ("right", "left"):
         power_axes.plot(
-            power.angle_deg, getattr(power, side), style, color=COLOURS[side], lw=thin, label=f"{side}, {name}"
+            power.angle_deg, getattr(power, side), style, **receiver(side), lw=thin, label=f"{side}, {name}"
         )
         if counted is not None:
             power_axes.plot(counted.angle_deg, getattr(counted, side), ".", color=COLOURS[side], ms=3, alpha=0.6)

@@ -5,10 +5,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from solen.report.canvas import INK, LEFT, LOST, RIGHT
+from solen.report.canvas import INK, LOST, receiver
 from solen.sensor.readings import DesignReadings
-
-COLOURS = {"right": RIGHT, "left": LEFT}
 
 
 def readout_figure(readings: DesignReadings) -> Figure:
@@ -25,9 +23,9 @@ def _volts(axes: Axes, readings: DesignReadings) -> None:
     angle, circuit = readings.angle_deg, readings.circuit
     for place, name in enumerate(circuit.names):
         low, high = (readings.voltage_by_case_V[case][:, place] for case in ("brightest", "dimmest"))
-        axes.fill_between(angle, low, high, color=COLOURS[name], alpha=0.13, lw=0)
+        axes.fill_between(angle, low, high, color=receiver(name)["color"], alpha=0.13, lw=0)
         noise = f"{1e3 * float(np.median(readings.noise.reading_V[:, place])):.2g} mV"
-        axes.plot(angle, readings.voltage_V[:, place], color=COLOURS[name], lw=1.6, label=f"{name}, noise {noise}")
+        axes.plot(angle, readings.voltage_V[:, place], **receiver(name), lw=1.6, label=f"{name}, noise {noise}")
     axes.axhline(circuit.supply_V, color=LOST, lw=0.8, ls=":")
     axes.axhline(readings.advice.target_V, color=LOST, lw=0.8, ls="--", label="saturates below")
     load = f"{circuit.load_ohm[0]:g} Ω, {circuit.supply_V:g} V, emitter {circuit.drive.current_mA:g} mA"
@@ -38,7 +36,7 @@ def _volts(axes: Axes, readings: DesignReadings) -> None:
 
 def _resolution(axes: Axes, readings: DesignReadings) -> None:
     for place, name in enumerate(readings.circuit.names):
-        axes.plot(readings.angle_deg, readings.resolution_deg[:, place], color=COLOURS[name], lw=1.2, label=name)
+        axes.plot(readings.angle_deg, readings.resolution_deg[:, place], **receiver(name), lw=1.2, label=name)
     axes.plot(readings.angle_deg, readings.resolution_of_all_deg, color=INK, lw=1.6, label="both")
     axes.set_yscale("log")
     axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))

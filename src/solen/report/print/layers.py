@@ -8,7 +8,7 @@ from matplotlib.patches import Rectangle
 
 from solen.fabricate.grey import FULL
 from solen.fabricate.layers import Job, LayeredPrint
-from solen.report.canvas import INK, LEFT, LOST, RIGHT
+from solen.report.canvas import INK, LOST, RIGHT, series
 
 LIT = LinearSegmentedColormap.from_list("lit", ["#ffffff", RIGHT])
 SHOWN = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
@@ -106,8 +106,8 @@ def _draw_side(axes: Axes, job: Job) -> None:
     sizes = [np.ptp(np.vstack(rings), axis=0) if len(rings) else np.zeros(2) for rings in sections]
     burn_in = job.burn_in_layers * job.layer_mm
     axes.axhspan(0.0, burn_in, color=LOST, alpha=0.35, lw=0, label="burn-in")
-    for axis, (colour, label) in enumerate(((RIGHT, "along X"), (LEFT, "along Y"))):
-        axes.plot([size[axis] for size in sizes], middles, color=colour, lw=1.2, label=label)
+    for axis, label in enumerate(("along X", "along Y")):
+        axes.plot([size[axis] for size in sizes], middles, **series(axis), lw=1.2, label=label)
     axes.set(xlabel="extent of a layer (mm)", ylabel="height above the plate (mm)")
     axes.set(ylim=(0.0, job.height_mm), xlim=(0.0, 1.05 * max(1e-9, *(size.max() for size in sizes))))
     axes.legend()

@@ -5,7 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from solen.fabricate.process import PrintedDesign
-from solen.report.canvas import INK, LEFT, LOST, RIGHT, SPACE
+from solen.report.canvas import INK, LEFT, LOST, RIGHT, series
 from solen.sensor.print_loss import PrintLoss
 
 _EXAGGERATED = 10.0
@@ -30,9 +30,9 @@ def printed_figure(prediction: PrintedDesign) -> Figure:
 def _outline(axes: Axes, prediction: PrintedDesign) -> None:
     target, made = prediction.deviation.target, prediction.compensation
     axes.plot(*target.points_mm.T, color=INK, lw=3.0, alpha=0.5, label="wanted")
-    axes.plot(*target.moved_um(_EXAGGERATED * prediction.deviation.um).T, color=LEFT, lw=1.2, label="printed")
+    axes.plot(*target.moved_um(_EXAGGERATED * prediction.deviation.um).T, **series(1), lw=1.2, label="printed")
     if made is not None:
-        axes.plot(*target.moved_um(_EXAGGERATED * made.drawn_um).T, "--", color=SPACE, lw=1.2, label="to be drawn")
+        axes.plot(*target.moved_um(_EXAGGERATED * made.drawn_um).T, **series(2), lw=1.2, label="to be drawn")
         axes.plot(*target.moved_um(_EXAGGERATED * made.printed.um).T, color=RIGHT, lw=1.2, label="printed then")
     axes.set(xlabel="x (mm)", ylabel="z (mm)", aspect="equal")
     axes.set_title(f"the lens, deviations drawn {_EXAGGERATED:g} times")
@@ -45,7 +45,7 @@ def _deviation(axes: Axes, prediction: PrintedDesign) -> None:
     axes.fill_between(x, um - 2 * u_um, um + 2 * u_um, color=LEFT, alpha=_BAND, lw=0, label="± 2 u")
     if np.any(prediction.lens.ripple_um):
         axes.plot(x, um + prediction.lens.ripple_um, color=LOST, lw=0.6, label="with its steps")
-    axes.plot(x, um, color=LEFT, lw=1.4, label=f"printed, {prediction.deviation.rms_um:.3g} µm rms")
+    axes.plot(x, um, **series(1), lw=1.4, label=f"printed, {prediction.deviation.rms_um:.3g} µm rms")
     if prediction.compensation is not None:
         printed = prediction.compensation.printed
         axes.plot(x, printed.um, color=RIGHT, lw=1.4, label=f"compensated, {printed.rms_um:.2g} µm rms")

@@ -1,11 +1,14 @@
 """The figure of a cut-back: level against length, the line, its band, and outliers."""
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from solen.material.loss import GuideLoss, Line, Piece
-from solen.report.canvas import INK, LOST, SERIES
+from solen.report.canvas import INK, LOST, series
 
 _BAND = 0.15
 
@@ -19,12 +22,12 @@ def cutback_figure(loss: GuideLoss) -> Figure:
     ways = list(dict.fromkeys(piece.orientation for piece in loss.points))
     lines = {line.orientation: line for line in loss.by_orientation} or {"": loss}
     for number, way in enumerate(ways):
-        colour = SERIES[number % len(SERIES)]
+        look = series(number, dots=True)
         line = lines.get(way, lines.get(""))
         dots = [piece for piece in loss.points if piece.orientation == way]
-        _dots(axes, dots, _label(way, line, loss), colour, zero)
+        _dots(axes, dots, _label(way, line, loss), look, zero)
         if line is not None:
-            _line(axes, line, loss, colour, zero)
+            _line(axes, line, loss, look["color"], zero)
     _crosses(axes, loss, zero)
     axes.set(
         xlabel="length (mm)", ylabel="level (dB)" + ("" if loss.launched_dB is None else ", from what was launched")
@@ -44,13 +47,12 @@ def _label(way: str, line: Line | None, loss: GuideLoss) -> str:
     return f"{name}{line.loss_dB_per_cm:.3g} dB/cm ({low:.3g} to {high:.3g}, 95 %)"
 
 
-def _dots(axes: Axes, pieces: list[Piece], label: str, colour: str, zero: float) -> None:
+def _dots(axes: Axes, pieces: list[Piece], label: str, look: Mapping[str, Any], zero: float) -> None:
     axes.plot(
         [piece.length_mm for piece in pieces],
         [piece.level_dB - zero for piece in pieces],
-        "o",
+        **look,
         ms=4,
-        color=colour,
         label=label,
     )
 

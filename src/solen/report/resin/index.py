@@ -38,9 +38,9 @@ def index_figure(index: LayerIndex) -> Figure:
     return figure
 
 
-def _style(nm: FloatArray) -> str:
-    """A line, or dots where there are few points."""
-    return "o" if nm.size < 12 else "-"
+def _style(nm: FloatArray, place: int = 0) -> str:
+    """A line, or dots where there are few points; those of another place are of another kind."""
+    return ("o", "s")[place] if nm.size < 12 else ("-", "--")[place]
 
 
 def _widened(low: float, high: float) -> tuple[float, float]:
@@ -53,9 +53,9 @@ def _draw_light(axes: Axes, nm: FloatArray, index: LayerIndex) -> None:
     if np.isfinite(index.T).any():
         axes.plot(nm, index.T, _style(nm), color=RIGHT, ms=3, lw=1.4, label=f"T{against}")
     if index.mode in {"measured", "fringes", "joint"} and np.isfinite(index.R).any():
-        axes.plot(nm, index.R, _style(nm), color=LEFT, ms=3, lw=1.4, label="R")
+        axes.plot(nm, index.R, _style(nm, 1), color=LEFT, ms=3, lw=1.4, label="R")
     elif index.mode not in {"lossless", "fringes", "joint"}:
-        axes.plot(nm, index.R, "--", color=LEFT, lw=1.2, label="R, by difference")
+        axes.plot(nm, index.R, ":", color=LEFT, lw=1.4, label="R, by difference")
     low, high = axes.get_ylim()
     axes.set(ylabel="fraction", ylim=(min(low, 0.0), max(high, 1.0)))
     axes.legend()
@@ -68,7 +68,7 @@ def _draw_loss(axes: Axes, nm: FloatArray, index: LayerIndex) -> None:
     if (
         index.mode in {"measured", "absorptance", "fringes"} and np.isfinite(r).any() and not index.options.substrate
     ):  # T and R of one baseline
-        axes.plot(nm, 1.0 - r - t, _style(nm), color=SPACE, ms=3, lw=1.4, label="absorptance 1 − R − T")
+        axes.plot(nm, 1.0 - r - t, _style(nm, 1), color=SPACE, ms=3, lw=1.4, label="absorptance 1 − R − T")
         axes.legend()
     axes.axhline(0.0, color=INK, lw=0.6)
     axes.set_ylabel("A, of two kinds" if axes.get_legend() else "absorbance −log10 T")
@@ -108,7 +108,7 @@ def _draw_fit(axes: Axes, fit: Fit | None) -> None:
     if fit is None:
         return
     nm, n, u = fit.wavelength_nm, fit.n, fit.u_n
-    axes.plot(nm, n, color=SPACE, lw=1.4, label=f"{fit.kind} fit{' ± u' if np.isfinite(u).any() else ''}")
+    axes.plot(nm, n, "-.", color=SPACE, lw=1.4, label=f"{fit.kind} fit{' ± u' if np.isfinite(u).any() else ''}")
     for edge in (n - u, n + u):
         axes.plot(nm, edge, "--", color=SPACE, lw=0.8)
 
