@@ -1,7 +1,7 @@
 """From a lens and a guide, or a drawing, to closed outlines of named exact curves, in any state of their motion."""
 
 from solen.geometry.bend import bend_of, bent
-from solen.geometry.body import Body, Face, Pose, material
+from solen.geometry.body import Body, Face, Front, Pose, material
 from solen.geometry.kinds import BODY_KINDS, BodyKind, body_of, drawn_kind
 from solen.geometry.mirror import are_mirrored
 from solen.geometry.outline import outline_body
@@ -12,6 +12,7 @@ __all__ = [
     "Body",
     "BodyKind",
     "Face",
+    "Front",
     "Pose",
     "are_mirrored",
     "arm_angle_deg",

@@ -16,7 +16,8 @@ import numpy as np
 from solen.arrays import FloatArray
 from solen.curve import END_TOLERANCE_MM, Curve
 from solen.errors import DesignError
-from solen.plane import Point
+from solen.lens import LensInSpace
+from solen.plane import Point, Rigid
 
 if TYPE_CHECKING:
     import shapely.geometry.base
@@ -69,11 +70,25 @@ class Pose:
 
 
 @dataclass(frozen=True)
+class Front:
+    """A face in space that stands in place of an upright one: a lens that is no cylinder.
+
+    ``interface`` is the name of the upright face that has its middle section, material on its left; ``motion`` takes
+    the lens's own frame to the body's.
+    """
+
+    interface: str
+    lens: LensInSpace
+    motion: Rigid
+
+
+@dataclass(frozen=True)
 class Body:
     """A closed outline, its emitter and its named points (``marks``: the fork's two corners, the crotch, the base).
 
     ``others`` are further closed outlines: holes, and bodies that stand apart. ``apart`` are faces in the air beside
     the body: receivers behind a gap, mirrors. An emitter may be ``embedded`` in the material.
+    With a ``front`` the outline is that of the middle section, and the body no prism.
     """
 
     faces: tuple[Face, ...]
@@ -82,6 +97,18 @@ class Body:
     others: tuple[tuple[Face, ...], ...] = ()
     apart: tuple[Face, ...] = ()
     embedded: bool = False
+    front: Front | None = None
+
+    def upright(self) -> "Body":
+        """The body itself; `DesignError` where its lens is no cylinder, so that one outline does not describe it."""
+        if self.front is None:
+            return self
+        raise DesignError(
+            "lens.shape",
+            value=self.front.lens.shape,
+            limit="its walls are not upright: one outline for all heights does not describe this body",
+            remedy='set lens.shape = "cartesian-oval"',
+        )
 
     @property
     def outlines(self) -> tuple[tuple[Face, ...], ...]:

@@ -28,9 +28,9 @@ from functools import lru_cache
 from solen.curve import Bezier, Curve, Measure, Parabola, Segment, check_numbers
 from solen.errors import DesignError
 from solen.geometry.bend import bend_of, bent
-from solen.geometry.body import GAP_MM, Body, Face, Pose
+from solen.geometry.body import GAP_MM, Body, Face, Front, Pose
 from solen.geometry.walls import behind_gap, with_walls
-from solen.lens import FlatFace, Lens
+from solen.lens import FlatFace, Lens, LensInSpace
 from solen.plane import Point, Rigid, along
 from solen.spec import Body as BodyTable
 from solen.spec import Design, Join, Motion, Wall
@@ -112,7 +112,8 @@ def _turned(plan: _Plan, angle_deg: float) -> Body:
     if "receivers" in moves:
         apart = tuple(replace(face, curve=face.curve.moved(turn)) for face in apart)
     (walls,) = with_walls((faces,), plan.wall, JOINS if plan.motion.kind == "rotation" and "lens" in moves else ())
-    return Body(walls, emitter, marks, apart=apart)
+    in_space = Front("lens", lens, turn if turns_lens else Rigid()) if isinstance(lens, LensInSpace) else None
+    return Body(walls, emitter, marks, apart=apart, front=in_space)
 
 
 def _bent(plan: _Plan, angle_deg: float) -> Body:
@@ -133,7 +134,8 @@ def _bent(plan: _Plan, angle_deg: float) -> Body:
     emitter = Pose(carried.point(rest.emitter.point), angle_deg)
     marks = {**rest.marks, "stem-base": carried.point(rest.marks["stem-base"])}
     faces = tuple(replace(face, curve=moved(face)) for face in rest.faces)
-    return replace(rest, faces=faces, emitter=emitter, marks=marks)
+    front = None if rest.front is None else replace(rest.front, motion=carried)
+    return replace(rest, faces=faces, emitter=emitter, marks=marks, front=front)
 
 
 def arm_angle_deg(design: Design) -> float:

@@ -1,7 +1,10 @@
-"""The lens: a Cartesian oval that takes the emitter to one focus, one that was measured, or a flat face without one."""
+"""The lens: a Cartesian oval, one that keeps its focus in space, one that was measured, or a flat face without one."""
 
 from solen.lens.build import lens_of, measured_lens
 from solen.lens.fitted_profile import FittedProfile
+from solen.lens.in_space import LensInSpace
+from solen.lens.layered import LayeredLens
+from solen.lens.line_focus import LineFocusLens
 from solen.lens.measured import MeasuredLens
 from solen.lens.optics import FlatFace, Lens, OvalLens, nearest_focus_mm, tangency
 from solen.lens.profile import MeasuredProfile, profile_of, profile_text, read_profile
@@ -9,7 +12,10 @@ from solen.lens.profile import MeasuredProfile, profile_of, profile_text, read_p
 __all__ = [
     "FittedProfile",
     "FlatFace",
+    "LayeredLens",
     "Lens",
+    "LensInSpace",
+    "LineFocusLens",
     "MeasuredLens",
     "MeasuredProfile",
     "OvalLens",

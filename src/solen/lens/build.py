@@ -6,10 +6,16 @@ from pathlib import Path
 
 from solen.errors import DataError, DesignError
 from solen.lens.fitted_profile import FittedProfile
+from solen.lens.in_space import LensInSpace
+from solen.lens.layered import LayeredLens
+from solen.lens.line_focus import LineFocusLens
 from solen.lens.measured import MeasuredLens
 from solen.lens.optics import FlatFace, Lens, OvalLens
 from solen.lens.profile import MeasuredProfile, read_profile
 from solen.spec import Design
+
+DEFAULT_LAYER_MM = 0.025
+"""Height of a layer where the design states none: that of the paper's printer."""
 
 
 def lens_of(design: Design, index: float) -> Lens:
@@ -25,10 +31,36 @@ def lens_of(design: Design, index: float) -> Lens:
         raise DesignError(
             "the material's index", value=index, limit="must be above 1, the air's", remedy="or no lens can focus"
         )
+    if spec.in_space:
+        return _in_space(design, spec.design_index or index)
     oval = OvalLens(distance_mm, spec.focus_mm, spec.half_width_mm, spec.design_index or index)
     if design.profile_file is None or spec.shape != "measured":
         return oval
     return measured_lens(oval, _profile(design.profile_file))
+
+
+def _in_space(design: Design, index: float) -> LensInSpace:
+    """Lens whose walls are not upright."""
+    spec, thickness_mm = design.lens, design.body.thickness_mm
+    cut = (design.emitter.distance_mm, spec.focus_mm, spec.half_width_mm, index)
+    if spec.shape == "layered":
+        return _layered(*cut, thickness_mm, DEFAULT_LAYER_MM if spec.layer_mm is None else spec.layer_mm)
+    return _line_focus(*cut, thickness_mm, "body" if spec.y_focus_mm is None else spec.y_focus_mm)
+
+
+@lru_cache(maxsize=32)
+def _layered(distance: float, focus: float, half: float, index: float, thickness: float, layer: float) -> LayeredLens:
+    return LayeredLens(distance, focus, half, index, thickness_mm=thickness, layer_mm=layer)
+
+
+@lru_cache(maxsize=32)
+def _line_focus(
+    distance: float, focus: float, half: float, index: float, thickness: float, y_focus: float | str
+) -> LineFocusLens:
+    if isinstance(y_focus, str):
+        collimated = LineFocusLens(distance, focus, half, index, thickness_mm=thickness)
+        return collimated if y_focus == "collimated" else LineFocusLens.keeping_light(collimated)
+    return LineFocusLens(distance, focus, half, index, thickness_mm=thickness, y_focus_mm=y_focus)
 
 
 @lru_cache(maxsize=32)

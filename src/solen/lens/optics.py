@@ -40,7 +40,7 @@ class Lens(Result, ABC):
 
     @reported
     def shape(self) -> str:
-        """Kind of the lens: ``none``, ``cartesian-oval`` or ``measured``."""
+        """What it is, as ``lens.shape`` names it."""
         return self.shape_name
 
     @reported

@@ -204,10 +204,10 @@ def nominal_front(design: Design, name: str = "") -> NominalFront:
     sensor = Sensor.of(design)
     name = name or design.name
     if sensor.is_drawn:
-        return _drawn_front(name, sensor.body())
+        return _drawn_front(name, sensor.body().upright())
     if not sensor.has_lens:
         raise DataError(name, limit="has no lens to compare a picture with", remedy="inspect a design with a lens")
-    walls = {face.name: face.curve for face in sensor.body().all_faces}
+    walls = {face.name: face.curve for face in sensor.body().upright().all_faces}
     front = sensor.lens.front
     beside = [
         None if (wall := walls.get(f"stem-{side}")) is None else _starting_near(wall, end)

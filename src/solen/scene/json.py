@@ -32,6 +32,9 @@ PARTS = ("regions", "interfaces", "sources", "monitors")
 
 def dumps(scene: Scene) -> str:
     """JSON text of a scene; `DesignError` for a curve or a source that has no name in JSON."""
+    if scene.front is not None:
+        limit = "has no form in JSON: a face in space belongs to a design"
+        raise DesignError("scene front", value=scene.front.lens.shape, limit=limit, remedy="keep the design file")
     data: dict[str, Any] = {
         "solen_scene": SCHEMA,
         "name": scene.name,

@@ -17,6 +17,7 @@ from typing import Literal, get_args
 
 from solen.curve import Curve, Segment, check_count, check_numbers, check_points, check_range
 from solen.errors import DesignError
+from solen.geometry import Front
 from solen.material import Dispersion
 from solen.plane import Point
 from solen.scene.apart import ON_IT_MM, check_apart, overlap_mm
@@ -121,6 +122,7 @@ class Scene:
     Interfaces lie apart (see `solen.scene.apart`) and media are closed (`solen.scene.closed_media`). ``open_media``
     leaves both unchecked, for media that end in nothing, as a half-space or an endless plate does in a drawing: a ray
     that goes round such an end and meets a medium that it is not in ends there, and the trace counts it as undefined.
+    A ``front`` is a face of an extruded scene that is not upright.
     """
 
     regions: tuple[Region, ...]
@@ -130,6 +132,7 @@ class Scene:
     name: str = "scene"
     open_media: bool = False
     extrusion: Extrusion | None = None
+    front: Front | None = None
 
     def __post_init__(self) -> None:
         _unique("region", (region.name for region in self.regions))
@@ -149,6 +152,7 @@ class Scene:
         self._check_wavelengths()
         for monitor in self.monitors:
             self._check_monitor(monitor)
+        self._check_front()
 
     @property
     def receivers(self) -> tuple[str, ...]:
@@ -243,6 +247,22 @@ class Scene:
     def is_turbid(self) -> bool:
         """Whether some medium scatters."""
         return any(region.scattering_per_mm > 0.0 for region in self.regions)
+
+    def _check_front(self) -> None:
+        """A face in space needs space, and the smooth and bare interface that it stands for."""
+        if self.front is None:
+            return
+        what, wall = "scene front", {i.name: i for i in self.interfaces}.get(self.front.interface)
+        if self.extrusion is None:
+            raise DesignError(what, value="in the plane", limit="is a face in space", remedy="state an extrusion")
+        if wall is None or wall.behaviour != "refracting" or wall.surface is not None:
+            limit = "must stand for an interface that is refracting, smooth and bare"
+            raise DesignError(what, value=self.front.interface, limit=limit)
+        if self.extrusion.thickness_mm != self.front.lens.thickness_mm:
+            limit = f"is cut for a body of {self.front.lens.thickness_mm:g} mm"
+            raise DesignError(what, value=f"{self.extrusion.thickness_mm:g} mm", limit=limit)
+        if self.monitors:
+            raise DesignError(what, value=f"{len(self.monitors)} monitors", limit="is traced without monitors")
 
     def _check_monitor(self, monitor: Monitor) -> None:
         """`DesignError` for a monitor along an interface, where rounding would decide what it counts."""

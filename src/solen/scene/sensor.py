@@ -74,7 +74,7 @@ def sensor_scene(design: Design, body: Body, material: Optical, rays: int | None
     if high_mm is not None:
         height_mm = (-0.5 * high_mm, 0.5 * high_mm)
         interfaces = [replace(i, height_mm=height_mm) if i.behaviour == "receiver" else i for i in interfaces]
-    return Scene(regions, tuple(interfaces), sources, name=design.name, extrusion=extrusion)
+    return Scene(regions, tuple(interfaces), sources, name=design.name, extrusion=extrusion, front=body.front)
 
 
 def _emitter(design: Design, light: Light, pose: Pose, rays: int | None) -> Source:
@@ -93,7 +93,7 @@ def _emitter(design: Design, light: Light, pose: Pose, rays: int | None) -> Sour
         pattern = CosinePower(light.exponent)
     elif light.pattern == "table":
         pattern = PatternTable(tuple(angle for angle, _ in light.table), tuple(value for _, value in light.table))
-    size = (light.cone_deg, width_mm, light.height_mm)
+    size = (light.cone_deg, width_mm, light.height_mm, design.emitter.y_mm)
     return Emitter(pose.point, pose.axis_deg, stated, pattern, *size, spectrum=light.spectrum)
 
 

@@ -26,6 +26,7 @@ from solen.scene import Scene, Source
 from solen.scene.sources.base import Launch, Placed, PlacedInSpace
 from solen.sensor.sensor import Sensor
 from solen.trace import trace
+from solen.trace.entry import through_face
 
 SIDES = ("right", "left")
 ANGLE_BINS, BANDS = 90, 8
@@ -68,6 +69,7 @@ class Acceptance:
         """
         if self.is_flat:
             return np.ones(len(SIDES))
+        scene = through_face(scene, "power")
         edges = np.linspace(-90.0, 90.0, ANGLE_BINS + 1)
         sine = self.index * np.sin(np.radians(0.5 * (edges[1:] + edges[:-1])))
         window_deg, powers = [], []
@@ -128,5 +130,7 @@ class Band(Source):
         """See :meth:`~solen.scene.sources.base.Source.launch_at`."""
         launch = self.whole.launch_at(u, rays, in_space)
         up = np.zeros(len(launch)) if launch.dy is None else np.abs(launch.dy)
+        if launch.behind is not None:
+            up = np.minimum(launch.behind.inside * up, 1.0)
         inside = (up >= self.least) & (up <= self.most)
         return replace(launch, power_s=launch.power_s * inside, power_p=launch.power_p * inside)

@@ -66,9 +66,11 @@ def budget(sensor: Sensor) -> Budget:
     scene = sensor.scene(0.0)
     scene = replace(scene, sources=scene.sources[:1])
     whole, u = _settled(scene)
+    right, left = (whole.detectors[name].power for name in ("right", "left"))
+    if scene.front is not None:
+        return _of_a_face_in_space(scene, whole, u)
     black, u_black = _settled(_black(scene))
     opaque, u_opaque = _settled(_opaque(scene))
-    right, left = (whole.detectors[name].power for name in ("right", "left"))
     beside = black.ledger.escaped - black.missed
     reflected = max(0.0, opaque.ledger.escaped - black.ledger.escaped)
     return Budget(
@@ -82,6 +84,27 @@ def budget(sensor: Sensor) -> Budget:
         absorbed=whole.ledger.absorbed,
         truncated=whole.ledger.truncated,
         u=u + u_black + u_opaque,
+    )
+
+
+def _of_a_face_in_space(scene: Scene, whole: Trace, u: float) -> Budget:
+    """Budget where the trace itself tells what its face reflects: a body in which light goes nowhere does for the rest.
+
+    A black face in space cannot be stated.
+    """
+    opaque, u_opaque = _settled(_opaque(scene))
+    right, left = (whole.detectors[name].power for name in ("right", "left"))
+    return Budget(
+        right=right,
+        left=left,
+        beside=opaque.ledger.escaped - opaque.missed - opaque.reflected,
+        above_below=opaque.missed,
+        reflected=opaque.reflected,
+        leaked=whole.leaked,
+        escaped=max(0.0, whole.ledger.escaped - opaque.ledger.escaped - whole.leaked),
+        absorbed=whole.ledger.absorbed,
+        truncated=whole.ledger.truncated,
+        u=u + u_opaque,
     )
 
 

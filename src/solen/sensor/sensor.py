@@ -16,7 +16,7 @@ import numpy as np
 from solen.arrays import Progress
 from solen.errors import DesignError, SolenError, SpecError
 from solen.geometry import BODY_KINDS, Body, are_mirrored, body_of
-from solen.lens import FlatFace, Lens, MeasuredLens, lens_of
+from solen.lens import FlatFace, Lens, LensInSpace, MeasuredLens, lens_of
 from solen.material import Optical, optical
 from solen.parts import Light, light_of
 from solen.scene import Scene, sensor_scene
@@ -98,6 +98,11 @@ class Sensor:
     def has_lens(self) -> bool:
         """Whether light enters by a lens rather than by the stem's flat face. Of a drawn body it is assumed."""
         return not isinstance(self.cut, FlatFace)
+
+    @property
+    def is_sampled(self) -> bool:
+        """Whether its lens is no cylinder, so that its light is sampled and never integrated."""
+        return isinstance(self.cut, LensInSpace)
 
     @property
     def is_measured(self) -> bool:
@@ -229,13 +234,16 @@ class Sensor:
                 raise SpecError(key, limit=why, remedy="leave it out")
         values = {key: number(self, key) for key in chosen}
         scene = self.scene(angle_deg)
-        if why := why_not(scene):
+        if (why := why_not(scene)) and not self.is_sampled:
             limit = "derivatives need light from points that nothing scatters by chance"
             raise DesignError("sensitivity", value=why, limit=limit, remedy="compare two designs by solen trace")
         in_space = scene.extrusion is not None
         tolerance = EXTENDED_TOLERANCE if is_extended(scene) else DERIVATIVE_TOLERANCE
         tolerance = SPACE_TOLERANCE if in_space else tolerance
-        base = integrate(scene, "power", tolerance, most_legs=None if in_space else MOST_LEGS)
+        if self.is_sampled:
+            base, _ = self.sampled(angle_deg)
+        else:
+            base = integrate(scene, "power", tolerance, most_legs=None if in_space else MOST_LEGS)
         if not base.reached:
             limit = f"the integral must reach {tolerance:g}"
             raise DesignError(f"light at {angle_deg:g} deg", value=base.why, limit=limit, remedy="try another angle")

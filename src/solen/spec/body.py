@@ -97,10 +97,19 @@ class Lens(Strict):
     table: ClassVar[str] = "lens"
     reserved: ClassVar[frozenset[str]] = frozenset({"outline"})
 
-    shape: Literal["cartesian-oval", "measured", "none"] = Field(
+    shape: Literal["cartesian-oval", "line-focus", "layered", "measured", "none"] = Field(
         "cartesian-oval",
-        description="A Cartesian oval; measured: that oval as it was printed, by its profile; or none: a flat face at "
-        "the stem's base, the emitter distance_mm before it.",
+        description="A Cartesian oval; line-focus: a smooth surface that sends rays in space to one line; layered: "
+        "upright walls with a profile for each layer that do so; measured: the oval as printed, by its profile; or "
+        "none: a flat face at the stem's base, the emitter distance_mm before it.",
+    )
+    y_focus_mm: Length | Literal["collimated", "body"] | None = Field(
+        None,
+        description="With line-focus: from how far before the vertex, in mm, light in the body seems to come in y; "
+        "collimated; or body, the nearest whose light top and bottom reflect totally. Default: body.",
+    )
+    layer_mm: Length | None = Field(
+        None, description="With layered: height in mm of the layers, a printer's or slabs of several; default: 0.025."
     )
     profile: Text | None = Field(
         None,
@@ -118,7 +127,16 @@ class Lens(Strict):
     def _profile_of_a_measured_one(self) -> Self:
         if self.shape == "measured" and self.profile is None:
             raise refused("profile", 'missing: shape = "measured" needs it', remedy='add profile = "lens.json"')
+        for key, shape in (("y_focus_mm", "line-focus"), ("layer_mm", "layered")):
+            if getattr(self, key) is not None and self.shape != shape:
+                limit, remedy = f'has no meaning with shape = "{self.shape}"', f'set shape = "{shape}"'
+                raise refused(key, limit, value=getattr(self, key), remedy=remedy)
         return self
+
+    @property
+    def in_space(self) -> bool:
+        """Whether its walls are not upright."""
+        return self.shape in ("line-focus", "layered")
 
 
 class Body(Strict):

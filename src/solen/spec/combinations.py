@@ -26,6 +26,11 @@ def check_combinations(design: "Design") -> None:
     if design.trace.dimension == "extruded" and design.emitter.is_fan:
         limit = 'needs light out of the plane, and emitter.pattern = "fan" has none'
         raise refused("trace.dimension", limit, value="extruded", remedy='set emitter.pattern = "lambertian"')
+    if design.lens.in_space and design.trace.dimension != "extruded":
+        limit = 'needs dimension = "extruded": in the plane this lens is the Cartesian oval'
+        raise refused(
+            "trace.dimension", limit, value=design.trace.dimension, remedy='set it, or shape = "cartesian-oval"'
+        )
     if bends:
         _check_bend(design)
     elif design.body.kind == "y":

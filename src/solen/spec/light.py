@@ -43,6 +43,7 @@ class Emitter(Strict):
     )
     distance_mm: Length = Field(1.0, description="Distance to the lens vertex in mm.")
     offset_mm: Place = Field(0.0, description="Decentre from the axis in mm, towards +x.")
+    y_mm: Place = Field(0.0, description="Height of its middle over that of the body in mm, in space alone.")
     width_mm: Size = Field(0.0, description="Width of the chip across the axis in mm; 0 for a point.")
     height_mm: Size = Field(0.0, description="Height of the chip along y in mm; 0 for a line.")
     cone_deg: Annotated[Number, Field(gt=0, le=360)] = Field(
@@ -105,7 +106,7 @@ class Emitter(Strict):
 
     def _rays_alone(self) -> None:
         """Reject keys beside a ray file, which states everything but the wavelength."""
-        for key in ("part", "width_mm", "height_mm", "cone_deg", "pattern", "spectrum", "fwhm_nm"):
+        for key in ("part", "y_mm", "width_mm", "height_mm", "cone_deg", "pattern", "spectrum", "fwhm_nm"):
             if self.states(key):
                 raise refused(key, "cannot be combined with ray_file", remedy="leave it out")
 

@@ -243,6 +243,8 @@ def why_not(scene: Scene) -> str:
     """Why a scene cannot be integrated; empty where it can."""
     if scene.is_random:
         return "a scene that scatters"
+    if scene.front is not None:
+        return "a lens whose walls are not upright"
     if scene.extrusion is not None:
         return why_not_in_space(scene)
     others = [type(source).__name__ for source in scene.sources if source.emission() is None]
@@ -327,8 +329,8 @@ class Lights:
     def of(cls, scene: Scene, mode: Mode, limits: Limits) -> "Lights":
         """Lights of a scene; `DesignError` as in `integrate`."""
         if why := why_not(scene):
-            limit = "needs a scene without chance, whose sources are made of points"
-            raise DesignError("adaptive integration", value=why, limit=limit, remedy="trace it")
+            limit = "needs upright walls, a scene without chance, and sources that are made of points"
+            raise DesignError("adaptive integration", value=why, limit=limit, remedy="trace it, with sampling sobol")
         rules = Rules(SPLITTING[mode], limits.min_weight, limits.max_hits, seed=0, first=0, step=1, turbid=False)
         tables = compile_scene(scene)
         in_space = scene.extrusion is not None

@@ -126,7 +126,10 @@ def rows_in_space(job: Job, chunk: Chunk) -> RowsInSpace:
     launch, flat = chunk.launch, rows_of(job, chunk)
     if launch.y_mm is None or launch.dy is None:
         raise AssertionError("rays of an extruded scene are launched in space")
-    return RowsInSpace(flat.x, launch.y_mm, flat.z, flat.dx, launch.dy, flat.dz, flat.s, flat.p, flat.colour)
+    nothing = np.zeros(len(launch.x_mm))
+    behind = launch.behind
+    more = (nothing, nothing, nothing) if behind is None else (behind.cr, behind.ci, behind.optical_path_mm)
+    return RowsInSpace(flat.x, launch.y_mm, flat.z, flat.dx, launch.dy, flat.dz, flat.s, flat.p, *more, flat.colour)
 
 
 def rules_of(job: Job, chunk: Chunk) -> Rules:

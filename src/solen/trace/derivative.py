@@ -10,12 +10,13 @@ far they are apart bounds the error.
 
 What a source with a size gives is smooth where that of its points is not, so that plain differences of its integral
 serve: over larger steps, and to the error of the integral over the step. In space both ends of a difference are
-integrated over the same cells, and the cells are halved by what the rules find of the difference.
+integrated over the same cells, and the cells are halved by what the rules find of the difference. Light through a lens
+whose walls are not upright is sampled instead: both ends of a difference with the same samples, several times.
 """
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,13 +27,16 @@ from solen.results import Result
 from solen.scene import Scene
 from solen.trace.adaptive import LEAST_SHARE, Lights, is_extended
 from solen.trace.cone import Parts
-from solen.trace.result import Limits, Mode
+from solen.trace.engine import trace
+from solen.trace.result import Limits, Mode, Trace
 from solen.trace.space import LightInSpace
 
 TOLERANCE, EXTENDED_TOLERANCE, SPACE_TOLERANCE = 1e-9, 1e-6, 1e-4
 RELATIVE_STEP, EXTENDED_STEP, POINT_STEP_IN_SPACE = 2e-4, 1e-2, 1e-3
 MOST_HALVINGS = 6
 MOST_LEGS, SPACE_LEGS = 400_000, 4_000_000
+SEEDS, SAMPLES = 8, 2**15
+"""Independent differences of sampled light, and the rays of each end of one."""
 ROUGH = 1e-2
 """Tolerance that light in space reaches at once, unless it is trapped."""
 
@@ -102,6 +106,8 @@ def derivative(
     check_range("step", step, above=0.0)
     if tolerance is None:
         tolerance = TOLERANCE if point else EXTENDED_TOLERANCE if scene.extrusion is None else SPACE_TOLERANCE
+    if scene.front is not None:
+        return _of_samples(scene_at, value, step, mode, limits)
     limits = limits or Limits(min_weight=LEAST_SHARE * tolerance)
 
     def at(value: float) -> Lights:
@@ -177,6 +183,34 @@ def _in_space(at: At, value: float, step: float, tolerance: float) -> Derivative
         close += weight * lights[2].slopes_again(lights[1], 0.5 * step, rules, slopes)[: len(names)]
         u += weight * slopes.u
     return Derivative(_slopes(names, wide, close, u), step, reached=True)
+
+
+def _of_samples(
+    scene_at: Callable[[float], Scene], value: float, step: float, mode: Mode, limits: Limits | None
+) -> Derivative:
+    """Derivative by differences of samples: both ends take the same points, and the spread over seeds is the error."""
+    scenes = {sign: _with_samples(scene_at(value + sign * step)) for sign in (-1.0, -0.5, 0.5, 1.0)}
+    names = scenes[1.0].receivers
+    found = np.empty((SEEDS, 2, len(names)))
+    for seed in range(SEEDS):
+        powers = {
+            sign: _powers(trace(scene, mode, limits, sampling="sobol", seed=seed)) for sign, scene in scenes.items()
+        }
+        found[seed] = (powers[1.0] - powers[-1.0]) / (2.0 * step), (powers[0.5] - powers[-0.5]) / step
+    wide, close = found.mean(axis=0)
+    error = found[:, 0].std(axis=0, ddof=1) / math.sqrt(SEEDS)
+    apart = np.abs(close - wide)
+    slopes = {name: Slope(float(wide[i]), float(error[i] + apart[i])) for i, name in enumerate(names)}
+    return Derivative(slopes, step, reached=True)
+
+
+def _powers(found: Trace) -> FloatArray:
+    """Power of every receiver."""
+    return np.array([reading.power for reading in found.detectors.values()])
+
+
+def _with_samples(scene: Scene) -> Scene:
+    return replace(scene, sources=tuple(source.with_rays(SAMPLES) for source in scene.sources))
 
 
 def _slopes(names: tuple[str, ...], wide: FloatArray, close: FloatArray, noise: float) -> dict[str, Slope]:

@@ -31,6 +31,7 @@ from solen.trace.chunks import (
     rows_of,
     rules_of,
 )
+from solen.trace.entry import note_entry, through_face
 from solen.trace.kernel import extruded, loop
 from solen.trace.kernel.block import BLOCK
 from solen.trace.kernel.surface import SPLITTING
@@ -116,6 +117,7 @@ def trace(
         raise DesignError("legs", value=legs, limit="a graphics card keeps none", remedy='use device="cpu"')
     if scene.extrusion is not None:
         _check_extruded(scene, precision, device, legs)
+        scene = through_face(scene, mode)
     treated = scene.is_turbid or any(interface.surface is not None for interface in scene.interfaces)
     if treated and device == "cuda":
         limit = "cuda traces smooth, clean and bare surfaces and clear media only"
@@ -231,6 +233,7 @@ def _trace_in_space(job: Job, chunk: Chunk, extrusion: Extrusion) -> loop.Sums:
     while True:
         sums, room = empty(job), extruded.room_in_space(waiting)
         if extruded.trace_in_space(job.constants, job.tables, sums, rays, rules, slab, room):
+            note_entry(sums, chunk.launch)
             return sums
         waiting *= 2
 

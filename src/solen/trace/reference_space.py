@@ -14,6 +14,7 @@ import numpy as np
 
 from solen.errors import DesignError
 from solen.scene import Extrusion, Gaussian, HarveyShack, Interface, Region, ScatterTable, Scene, Surface, Texture
+from solen.trace.reference_front import FrontHit, FrontInSpace
 from solen.trace.reference_surfaces import film_fields, shares_of
 from solen.trace.result import Limits
 
@@ -88,7 +89,9 @@ def trace_space_reference(scene: Scene, limits: Limits | None = None, *, seed: i
                 _field(math.sqrt(launch.power_p[i] / whole), _cross(d, e)),
             )
             at = (float(launch.x_mm[i]), float(launch.y_mm[i]), float(launch.z_mm[i]))
-            tracer.follow(Ray(at, d, light), source.spectrum[launch.line[i]][0] if source.spectrum else None)
+            region = None if tracer.face is None else tracer.face.right
+            nm = source.spectrum[launch.line[i]][0] if source.spectrum else None
+            tracer.follow(Ray(at, d, light, region), nm)
     return Reading(tracer.rays, tracer.all, tracer.squares)
 
 
@@ -99,6 +102,10 @@ class _Tracer:
         self.scene, self.slab, self.limits, self.draw = scene, slab, limits, draw
         self.regions = {region.name: region for region in scene.regions}
         self.half = 0.5 * slab.thickness_mm
+        self.front = None if scene.front is None else FrontInSpace(scene.front)
+        name = "" if scene.front is None else scene.front.interface
+        self.face = next((interface for interface in scene.interfaces if interface.name == name), None)
+        """the upright face that a face in space stands for; the sources stand on its right"""
         self.rays = 0
         self.sums: dict[str, float] = {}
         """of one ray"""
@@ -131,11 +138,17 @@ class _Tracer:
             self._count("missed", ray.light)
             return self._count("escaped", ray.light)
         wall, far = self._wall(ray)
-        if wall is None:
+        met = None if wall is None else _meeting(wall, _ahead(ray, far))
+        hit = self.front.hit(ray.at, ray.d) if self.front is not None else None
+        if hit is not None and hit.way < far:
+            met, far = self._meets_front(hit), hit.way
+        if met is None:
             lossy = ray.region is not None and self.regions[ray.region].absorption_per_mm > 0.0
             return self._count("absorbed" if lossy else "escaped", ray.light)
-        met = _meeting(wall, _ahead(ray, far))
         if ray.region not in (None, met.here):
+            if self._passes_over(ray, far):
+                self._count("missed", ray.light)
+                return self._count("escaped", ray.light)
             return self._count("truncated", ray.light)
         medium = self.regions[met.here]
         free = self._free_path(medium)
@@ -147,7 +160,7 @@ class _Tracer:
         if way == free:
             d = self._turned(ray.d, medium.anisotropy)
             return ray._replace(d=d, light=_depolarised(ray.light, d), last=None)
-        return self._over(ray) if way < far else self._at_wall(ray._replace(last=wall), met)
+        return self._over(ray) if way < far else self._at_wall(ray._replace(last=met.wall), met)
 
     def _wall(self, ray: Ray) -> tuple[Interface | None, float]:
         """The wall that a ray meets first if nothing comes between, and how far it is."""
@@ -156,11 +169,29 @@ class _Tracer:
             return None, math.inf
         wall, nearest = None, math.inf
         for interface in self.scene.interfaces:
+            if interface is self.face:
+                continue
             origin, along = (ray.at[0], ray.at[2]), (ray.d[0] / flat, ray.d[2] / flat)
             for t in interface.curve.hits(origin, along, leaving=interface is ray.last):
-                if t < nearest:
+                hidden = self.front is not None and t < nearest and self.front.hides(_ahead(ray, t / flat).at)
+                if t < nearest and not hidden:
                     wall, nearest = interface, t
         return wall, nearest / flat
+
+    def _meets_front(self, hit: FrontHit) -> "Meeting":
+        """A hit on the face in space; its interface has the body on its left."""
+        wall = self.face
+        if wall is None:
+            raise AssertionError("a hit on a face that is not there")
+        if hit.goes_in:
+            return Meeting(wall, hit.normal, True, wall.right, wall.left)
+        return Meeting(wall, _times(-1.0, hit.normal), False, wall.left, wall.right)
+
+    def _passes_over(self, ray: Ray, far: float) -> bool:
+        """Whether a ray in the air before a face in space leaves the slab, so that it does not get to a wall ahead."""
+        if self.face is None or ray.region != self.face.right:
+            return False
+        return abs(ray.at[1] + far * ray.d[1]) > self.half
 
     def _free_path(self, medium: Region) -> float:
         return self.draw.expovariate(medium.scattering_per_mm) if medium.scattering_per_mm > 0.0 else math.inf

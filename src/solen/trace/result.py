@@ -168,8 +168,9 @@ class Trace(Result):
     not, ``why`` says what stood in the way, and the powers lack what was not integrated. ``single_error`` is the
     largest difference of a receiver's power between single and double precision, found on a part of the rays. In an
     extruded scene ``missed`` and ``leaked`` are parts of what escaped: what passed above or below all bodies, and what
-    left them through top or bottom. ``u_ledger``, ``u_missed`` and ``u_leaked`` are their uncertainties, NaN where the
-    rays cannot tell.
+    left them through top or bottom; ``reflected`` is what a lens that is no cylinder reflected of the light that met
+    it, wherever that went, and 0 for any other face. ``u_ledger``, ``u_missed`` and ``u_leaked`` are their
+    uncertainties, NaN where the rays cannot tell.
     """
 
     mode: Mode
@@ -192,6 +193,7 @@ class Trace(Result):
     u_ledger: Ledger = UNKNOWN
     u_missed: float = math.nan
     u_leaked: float = math.nan
+    reflected: float = 0.0
     legs: NDArray[np.void] | None = field(default=None, metadata=HIDDEN)
 
     @reported

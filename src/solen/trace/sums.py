@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from solen.arrays import FloatArray, IntArray
 from solen.scene import Source
 from solen.trace.chunks import HALVES, Job
+from solen.trace.entry import REFLECTED
 from solen.trace.kernel import loop
 from solen.trace.result import (
     ABSORBED,
@@ -32,7 +33,7 @@ def empty(job: Job, legs: int = 0) -> loop.Sums:
     receivers, monitors = len(job.scene.receivers), len(job.scene.monitors)
     interfaces = len(job.scene.interfaces) if job.position_bins else 0
     return loop.Sums(
-        fate=np.zeros(loop.LEAKED + 1),
+        fate=np.zeros(REFLECTED + 1),
         detected=np.zeros(receivers),
         arrived=np.zeros(receivers, dtype=np.int64),
         optical=np.zeros(receivers),
@@ -125,6 +126,7 @@ def result(job: Job, totals: list[list[loop.Sums]], rays: Counts, legs: NDArray[
         leaked=float(total.fate[loop.LEAKED] / emitted),
         u_missed=float(u_fate[loop.MISSED]),
         u_leaked=float(u_fate[loop.LEAKED]),
+        reflected=float(total.fate[REFLECTED] / emitted),
         legs=legs,
     )
 

@@ -52,7 +52,7 @@ def _design(sensor: Sensor, outline: str) -> Design:
 
 def _outline(sensor: Sensor, made: Compensation) -> dict[str, Any]:
     """Outline as JSON of `solen.geometry.drawing.outline_json`, with the emitter at its place in the wanted body."""
-    body = sensor.body()
+    body = sensor.body().upright()
     faces = [{"name": face.name, "curve": _curve(curve_of(face))} for outline in made.outlines for face in outline]
     emitter = {"point": list(body.emitter.point), "axis_deg": body.emitter.axis_deg}
     points = {"pivot": list(body.marks["stem-base"])} if "stem-base" in body.marks else {}

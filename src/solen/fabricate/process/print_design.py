@@ -260,11 +260,11 @@ class _Print:
 
     @cached_property
     def target(self) -> Target:
-        return Target.of(lens_face(self.sensor.body()).curve, points_for(self.options.orientation))
+        return Target.of(lens_face(self.sensor.body().upright()).curve, points_for(self.options.orientation))
 
     @cached_property
     def rings(self) -> list[FloatArray]:
-        return rings_of(as_designed(self.sensor.body()))
+        return rings_of(as_designed(self.sensor.body().upright()))
 
     @cached_property
     def chosen(self) -> Phase | None:
@@ -331,11 +331,11 @@ class _Print:
 
     def compensation(self) -> Compensation:
         settings, stands = self.process.process, self.phase_px or (0.0, 0.0)
-        body = self.sensor.body()
+        body = self.sensor.body().upright()
         return compensated(Printing(body, self.target, settings, self.thickness_mm, self.height_um, stands))
 
     def part(self) -> PrintedPart:
-        design, body = self.sensor.design, self.sensor.body()
+        design, body = self.sensor.design, self.sensor.body().upright()
         centre = self.target.centre
         stands = self.phase_px or (0.0, 0.0)
         mesh, slabs = printed_solid(self.rings, self.process.process, self.thickness_mm, centre, design.name, stands)

@@ -60,7 +60,7 @@ def export(
         FORMATS[kind].needs()
     part = design if isinstance(design, Design) else open_design(design, assignments)
     path = Path(f"{part.name}.toml") if isinstance(design, Design) else design
-    made = Export(part, Sensor.of(part).body(), tolerance_mm)
+    made = Export(part, Sensor.of(part).body().upright(), tolerance_mm)
     stem = stem_of(path)
     with files.output_folder(out):
         targets = with_figure({kind: out / f"{stem}{FORMATS[kind].ending}" for kind in chosen}, figure.figure)

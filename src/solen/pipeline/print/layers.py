@@ -117,7 +117,9 @@ def layers(
         slicing = exposed_as_printed(slicing)
     if file.suffix.lower() == ".toml":
         design = open_design(file, assignments)
-        part = printable_design(design, fabricate.sensor_part(design, Sensor.of(design).body()), file, slicing)
+        part = printable_design(
+            design, fabricate.sensor_part(design, Sensor.of(design).body().upright()), file, slicing
+        )
     elif assignments:
         raise SpecError("--set", value=assignments[0], limit="applies to a design only")
     elif file.suffix.lower() == ".json":

@@ -159,7 +159,7 @@ def sensor_view(
     """
     lens = "" if sensor.has_lens else "no lens, "
     title = f"{lens}{angle_deg:+g}°" if angle_deg else f"{lens}0°"
-    scene = replace(sensor.scene(angle_deg, rays), extrusion=None)
+    scene = replace(sensor.scene(angle_deg, rays), extrusion=None, front=None)
     return title, sensor.body(angle_deg), scene, trace(scene, mode, legs=True)
 
 

@@ -23,6 +23,25 @@ LEAST_POWER, MOST_POWER = 1e-12, 1e12
 """Powers of sources: what even single precision can divide among any number of rays."""
 
 
+class Behind(NamedTuple):
+    """What rays that begin behind a face have behind them: polarisation, optical path (N,), and what was lost.
+
+    ``cr`` and ``ci`` are real and imaginary part of the coherency of both fields, ``inside`` is the index there;
+    ``leaked``, ``turned_back`` and ``absorbed`` are the powers that never began, ``turned_back`` a part of what was
+    ``reflected``. As many as ``more`` of the rays are parts that were split off at the face.
+    """
+
+    cr: FloatArray
+    ci: FloatArray
+    optical_path_mm: FloatArray
+    inside: FloatArray
+    leaked: float
+    reflected: float
+    turned_back: float
+    absorbed: float
+    more: int
+
+
 @dataclass(frozen=True, eq=False)
 class Launch:
     """Rays as arrays (N,): origin in mm, unit direction, power in each polarisation.
@@ -42,9 +61,12 @@ class Launch:
     y_mm: FloatArray | None = None
     """None in the plane"""
     dy: FloatArray | None = None
+    behind: Behind | None = None
+    """None of rays that begin at the source itself"""
 
     def __len__(self) -> int:
-        return len(self.x_mm)
+        """Rays of the source."""
+        return len(self.x_mm) - (0 if self.behind is None else self.behind.more)
 
 
 Line = tuple[float, float]

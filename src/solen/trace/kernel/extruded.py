@@ -64,6 +64,9 @@ class RowsInSpace(NamedTuple):
     dz: Floats
     s: Floats
     p: Floats
+    cr: Floats
+    ci: Floats
+    optical: Floats
     colour: IntArray
 
 
@@ -249,8 +252,8 @@ def trace_in_space(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                 launched += 1
                 continue
             state[X, n], state[Y, n], state[Z, n] = rays.x[launched], rays.y[launched], rays.z[launched]
-            note_direction(state[:, n], d, upright(d), Coherency(s, p, 0.0, 0.0))
-            state[LEAST, n], state[AT, n], state[OPTICAL, n] = rules.min_weight * (s + p), 0.0, 0.0
+            note_direction(state[:, n], d, upright(d), Coherency(s, p, rays.cr[launched], rays.ci[launched]))
+            state[LEAST, n], state[AT, n], state[OPTICAL, n] = rules.min_weight * (s + p), 0.0, rays.optical[launched]
             tags[REGION, n], tags[LAST, n], tags[HIT, n] = -1, -1, 0
             tags[NUMBER, n], tags[COLOUR, n] = launched, rays.colour[launched]
             launched += 1

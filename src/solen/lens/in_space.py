@@ -1,0 +1,147 @@
+"""Lenses whose walls are not upright: what a printer that draws every layer anew can make of the oval.
+
+A cylinder is a stronger lens for skew rays, and they cross the axis before the fork. A :class:`LensInSpace` has the
+oval for its middle section and another profile at every height, so that skew rays cross the same *line* (x = 0,
+z = s'). It has two leaves: :class:`~solen.lens.line_focus.LineFocusLens`, an exact smooth surface, and
+:class:`~solen.lens.layered.LayeredLens`, a stack of upright walls, one profile for each printed layer. Where nothing
+else is said, heights y count from the middle of the body.
+"""
+
+import math
+from abc import abstractmethod
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from solen.arrays import FloatArray
+from solen.curve import check_range
+from solen.errors import DesignError
+from solen.lens.optics import OvalLens
+from solen.results import reported
+
+PLACES_ACROSS, PLACES_UP = 65, 33
+"""Places, across half the aperture and over half the height, at which a surface is checked."""
+NEAREST = 0.9
+"""Share of the emitter's distance by which the face may approach it."""
+
+
+class Face(NamedTuple):
+    """A face in numbers, in the lens's own frame, as the tracer takes it.
+
+    It is a surface |P − E| + n·D = const where ``profiles`` is empty, else layers between ``edges`` (L + 1,) with
+    z (L, M) and dz/dx (L, M) at M places evenly from the axis to the half width.
+    """
+
+    distance: float
+    focus: float
+    design_index: float
+    ring: float
+    """radius about the focal line on which light seems to start from, mm; infinite for light collimated in y"""
+    half_width: float
+    half_height: float
+    base: float
+    """Depth z behind which the body is a prism"""
+    deepest: float
+    edges: FloatArray
+    profiles: FloatArray
+    slopes: FloatArray
+
+
+@dataclass(frozen=True, repr=False)
+class LensInSpace(OvalLens):
+    """A face whose middle section is the Cartesian oval, and that is another curve at other heights.
+
+    Parameters
+    ----------
+    thickness_mm
+        Height of the body, which the face is cut for.
+
+    Raises
+    ------
+    DesignError
+        Where there is no such face over the whole aperture, or light of the emitter grazes it.
+    """
+
+    thickness_mm: float = 4.0
+
+    @abstractmethod
+    def z_at(self, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
+        """Face z(x, y) at lateral positions and heights of the same shape; NaN where there is none."""
+
+    @property
+    @abstractmethod
+    def face(self) -> Face:
+        """The face in numbers."""
+
+    @property
+    def middle(self) -> OvalLens:
+        """The cylinder of the same middle section."""
+        return OvalLens(self.distance_mm, self.focus_mm, self.half_width_mm, self.design_index, self.outside_index)
+
+    @property
+    def half_height_mm(self) -> float:
+        """Half the body's height."""
+        return 0.5 * self.thickness_mm
+
+    @cached_property
+    def checked(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """x, y and z (N, M) of the face over a quarter of the aperture; it mirrors itself."""
+        x, y = np.meshgrid(
+            np.linspace(0.0, self.half_width_mm, PLACES_ACROSS), np.linspace(0.0, self.half_height_mm, PLACES_UP)
+        )
+        return x, y, self.z_at(x, y)
+
+    @reported
+    def deepest_mm(self) -> float:
+        """Largest z of the face."""
+        return float(np.max(self.checked[2]))
+
+    @reported
+    def nearest_mm(self) -> float:
+        """Smallest z of the face: below 0 where it comes nearer to the emitter than its vertex."""
+        return float(np.min(self.checked[2]))
+
+    @reported
+    def edge_depth_at_top_mm(self) -> float:
+        """Depth z of the face's corners, at the edge of the aperture on top and bottom of the body."""
+        return float(self.checked[2][-1, -1])
+
+    @reported
+    def acceptance_y_deg(self) -> float:
+        """Largest angle out of the plane at which the emitter's light meets the face, above the axis."""
+        depth_mm = float(self.checked[2][-1, 0])
+        return math.degrees(math.atan2(self.half_height_mm, self.distance_mm + depth_mm))
+
+    def table(self, tolerance_mm: float = 1e-4) -> str:
+        """CSV of x, y and z of points of the face: sections at the heights that it is checked at, or of its layers."""
+        across = self.front.flattened(tolerance_mm)[:, 0]
+        x, y = (part.ravel() for part in np.meshgrid(across, self.heights_mm))
+        rows = (f"{a:.9g},{b:.9g},{c:.12g}" for a, b, c in zip(x, y, self.z_at(x, y), strict=True))
+        return "\n".join(["x_mm,y_mm,z_mm", *rows, ""])
+
+    @property
+    def heights_mm(self) -> FloatArray:
+        """Heights of the sections of its table."""
+        return np.linspace(-self.half_height_mm, self.half_height_mm, 2 * PLACES_UP - 1)
+
+    def _check_face(self) -> None:
+        """Refuse a face that is not there everywhere, or that comes too near to the emitter."""
+        check_range("body.thickness_mm", self.thickness_mm, above=0.0)
+        x, y, z = self.checked
+        if np.isnan(z).any():
+            bad = np.isnan(z)
+            raise DesignError(
+                f"lens.shape {self.shape_name}",
+                value=f"no face from |x| = {x[bad].min():.3f} and |y| = {y[bad].min():.3f} mm on",
+                limit=f"the emitter's light must meet it over ±{self.half_width_mm:g} by ±{self.half_height_mm:g} mm",
+                remedy="narrow the lens, thin the body, focus farther away or move the emitter away",
+            )
+        if self.nearest_mm <= -NEAREST * self.distance_mm:
+            raise DesignError(
+                f"lens.shape {self.shape_name}",
+                value=f"comes within {self.distance_mm + self.nearest_mm:.3f} mm of the emitter's plane",
+                limit=f"must stay behind z = {-NEAREST * self.distance_mm:.3f} mm",
+                remedy="raise lens.y_focus_mm or thin the body",
+            )

@@ -1,0 +1,136 @@
+"""The lens of upright layers: every printed layer has a profile of its own.
+
+Upright walls keep β, the index times the y-component of a ray, and in projection along y the ray obeys Snell's law with
+√(n² − β²) in place of n. The emitter's ray that meets a layer at height y in projection at the distance r has
+β = y / √(r² + y²). A profile that takes all of these rays, in projection, to the focus has the normal
+√(1 − β²) u − √(n² − β²) v, with u the unit vector from the emitter and v the one to the focus; so
+
+    dz/dx = −(√(1 − β²) u_x − √(n² − β²) v_x) / (√(1 − β²) u_z − √(n² − β²) v_z),    z(0) = 0,
+
+an ordinary differential equation, as β changes along the profile. At y = 0 its solution is the Cartesian oval. What
+stands out between one layer and the next is a *ledge*, level and a few micrometres wide.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+
+from solen.arrays import FloatArray, IntArray
+from solen.curve import check_range
+from solen.errors import DesignError
+from solen.lens.in_space import Face, LensInSpace
+from solen.results import reported
+
+PLACES, STEPS = 257, 4
+"""Places of a profile from the axis to its edge, and steps of the fourth-order Runge–Kutta rule between two of them."""
+MOST_LAYERS = 4000
+
+
+@dataclass(frozen=True, repr=False)
+class LayeredLens(LensInSpace):
+    """One profile for each layer, cut for the rays that meet the layer at its middle height.
+
+    Parameters
+    ----------
+    layer_mm
+        Height of a layer; they are counted from the bottom of the body, and the last one may be lower.
+    """
+
+    shape_name: ClassVar[str] = "layered"
+
+    layer_mm: float = 0.025
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_range("lens.layer_mm", self.layer_mm, above=0.0)
+        if self.thickness_mm > MOST_LAYERS * self.layer_mm:
+            limit = f"must be at least {self.thickness_mm / MOST_LAYERS:g} mm: {MOST_LAYERS} layers at most"
+            raise DesignError("lens.layer_mm", value=self.layer_mm, limit=limit)
+        self._check_face()
+
+    @cached_property
+    def edges_mm(self) -> FloatArray:
+        """Heights (L + 1,) of the borders between layers, bottom and top of the body included."""
+        whole = round(self.thickness_mm / self.layer_mm, 9)
+        borders = self.layer_mm * np.arange(math.ceil(whole)) - self.half_height_mm
+        return np.append(borders, self.half_height_mm)
+
+    @property
+    def middles_mm(self) -> FloatArray:
+        """Heights (L,) of the layers' middles."""
+        return np.asarray(0.5 * (self.edges_mm[:-1] + self.edges_mm[1:]))
+
+    @property
+    def heights_mm(self) -> FloatArray:
+        """See :attr:`LensInSpace.heights_mm`: one for each layer."""
+        return self.middles_mm
+
+    @reported
+    def layers(self) -> int:
+        """Number of layers."""
+        return len(self.middles_mm)
+
+    @reported
+    def widest_ledge_um(self) -> float:
+        """Widest step between one layer and the next, along z, micrometres."""
+        return 1e3 * float(np.max(np.abs(np.diff(self.profiles[0], axis=0)), initial=0.0))
+
+    @cached_property
+    def profiles(self) -> tuple[FloatArray, FloatArray]:
+        """Depth z and dz/dx (L, M) of every layer at M places evenly from axis to half width; NaN behind tangency."""
+        heights, which = np.unique(np.round(np.abs(self.middles_mm), 12), return_inverse=True)
+        z, slope = _profiles(self, np.asarray(heights, dtype=float))
+        return z[which], slope[which]
+
+    def z_at(self, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
+        """See :meth:`LensInSpace.z_at`: of the layer that a height lies in."""
+        x, y = np.broadcast_arrays(np.abs(x_mm), y_mm)
+        layer = np.clip(np.searchsorted(self.edges_mm, y, side="right") - 1, 0, self.layers - 1).astype(np.int64)
+        return self.profile_mm(layer, x)
+
+    def profile_mm(self, layer: IntArray | int, x_mm: FloatArray) -> FloatArray:
+        """Depth z of layers by their numbers at lateral positions: cubics between places, off by 1e-9 mm at most."""
+        (z, slope), step = self.profiles, self.half_width_mm / (PLACES - 1)
+        at = np.abs(x_mm) / step
+        cell = np.minimum(at.astype(int), PLACES - 2)
+        t = at - cell
+        a, b = z[layer, cell], z[layer, cell + 1]
+        p, q = step * slope[layer, cell], step * slope[layer, cell + 1]
+        return np.asarray(a + t * (p + t * (3.0 * (b - a) - 2.0 * p - q + t * (2.0 * (a - b) + p + q))))
+
+    @property
+    def face(self) -> Face:
+        """See :attr:`LensInSpace.face`."""
+        numbers = (self.distance_mm, self.focus_mm, self.design_index, math.inf)
+        sizes = (self.half_width_mm, self.half_height_mm, self.depth_mm, self.deepest_mm)
+        return Face(*numbers, *sizes, self.edges_mm, *self.profiles)
+
+
+def _profiles(lens: LayeredLens, heights: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Depth z and dz/dx (H, PLACES) of the profiles at heights (H,)."""
+    step = lens.half_width_mm / ((PLACES - 1) * STEPS)
+    z, slope = np.zeros((len(heights), PLACES)), np.zeros((len(heights), PLACES))
+    now = np.zeros(len(heights))
+    for i in range(1, PLACES):
+        for k in range(STEPS):
+            x = ((i - 1) * STEPS + k) * step
+            one = _slope(lens, x, now, heights)
+            two = _slope(lens, x + 0.5 * step, now + 0.5 * step * one, heights)
+            three = _slope(lens, x + 0.5 * step, now + 0.5 * step * two, heights)
+            four = _slope(lens, x + step, now + step * three, heights)
+            now = now + step / 6.0 * (one + 2.0 * two + 2.0 * three + four)
+        z[:, i], slope[:, i] = now, _slope(lens, i * step * STEPS, now, heights)
+    return z, slope
+
+
+def _slope(lens: LayeredLens, x: float, z: FloatArray, y: FloatArray) -> FloatArray:
+    """dz/dx by Snell's law in projection; NaN where the emitter's ray grazes the profile."""
+    before, behind = np.hypot(x, z + lens.distance_mm), np.hypot(x, lens.focus_mm - z)
+    square = y * y / (before * before + y * y)
+    n1, n2 = np.sqrt(lens.outside_index**2 * (1.0 - square)), np.sqrt(lens.design_index**2 - square)
+    ux, uz, vx, vz = x / before, (z + lens.distance_mm) / before, -x / behind, (lens.focus_mm - z) / behind
+    grazes = n1 >= n2 * (ux * vx + uz * vz)
+    return np.where(grazes, np.nan, -(n1 * ux - n2 * vx) / (n1 * uz - n2 * vz))

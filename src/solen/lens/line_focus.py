@@ -1,0 +1,146 @@
+"""The lens that takes every ray of the emitter through one line, and is smooth.
+
+Every way from the emitter E to the surface and on to a wave front behind it has the same optical length,
+|P − E| + n·D(P) = const. D decides what becomes of the light along y. With ρ = √(x² + (s' − z)²), the distance from
+the focal line, D = ρ makes the wave fronts cylinders about that line: the light is collimated in y. A front at a
+constant distance from a circle of radius ρ₀ about the line, D = −√((ρ − ρ₀)² + y²), lets it diverge in y as if it came
+from that circle: from a virtual focus ρ₀ − s' before the vertex. Either way ∇D has no part round the line, so every ray
+meets it. At y = 0 both are D = ρ but for a constant: the middle section is the Cartesian oval.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+
+from solen.arrays import FloatArray
+from solen.curve import check_range
+from solen.errors import DesignError
+from solen.lens.in_space import Face, LensInSpace
+from solen.results import reported
+
+SCAN, HALVINGS = 64, 60
+FARTHEST_MM, CLOSENESS_MM = 1e4, 1e-3
+"""How far before the vertex a virtual focus is sought, and how closely."""
+
+
+@dataclass(frozen=True, repr=False)
+class LineFocusLens(LensInSpace):
+    """Surface |P − E| + n·D(ρ, y) = const with a line focus at x = 0, z = s'.
+
+    Parameters
+    ----------
+    y_focus_mm
+        How far before the vertex the light in the body seems to come from along y: infinite for collimated light.
+    """
+
+    shape_name: ClassVar[str] = "line-focus"
+
+    y_focus_mm: float = math.inf
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not math.isinf(self.y_focus_mm):
+            check_range("lens.y_focus_mm", self.y_focus_mm, above=0.0)
+        self._check_face()
+
+    @classmethod
+    def keeping_light(cls, lens: "LineFocusLens") -> "LineFocusLens":
+        """The lens of the nearest virtual focus whose light is totally reflected at top and bottom of the body.
+
+        A ray with β = n·d_y stays between them as long as β² < n² − 1; the rays of the emitter's middle are meant.
+        """
+        index = lens.design_index
+        if index <= math.sqrt(2.0):
+            limit = "light within the body is kept by its top and bottom above √2 alone, whatever its slope"
+            raise DesignError(
+                "lens.y_focus_mm", value="body", limit=f"index {index:g}: {limit}", remedy='use "collimated"'
+            )
+        low, high = 1e-3, 1.0
+        while lens._at(high) is None or lens._at(high)._steepest > _most(index):  # type: ignore[union-attr]
+            low, high = high, 2.0 * high
+            if high > FARTHEST_MM:
+                return lens
+        while high - low > CLOSENESS_MM:
+            middle = 0.5 * (low + high)
+            found = lens._at(middle)
+            low, high = (low, middle) if found is not None and found._steepest <= _most(index) else (middle, high)
+        return cls(**{**_fields(lens), "y_focus_mm": high})
+
+    def z_at(self, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
+        """See :meth:`LensInSpace.z_at`: the first place along z at which the optical length is right, to 1e-13 mm."""
+        x, y = np.broadcast_arrays(np.abs(x_mm), np.abs(y_mm))
+        planes = np.linspace(-self.distance_mm, self.focus_mm, SCAN + 1)
+        behind = self.residual_mm(x[..., None], y[..., None], planes) < 0.0
+        first = np.argmax(behind, axis=-1)
+        low, high = planes[np.maximum(first - 1, 0)], planes[first]
+        for _ in range(HALVINGS):
+            middle = 0.5 * (low + high)
+            inside = self.residual_mm(x, y, middle) < 0.0
+            low, high = np.where(inside, low, middle), np.where(inside, middle, high)
+        z = 0.5 * (low + high)
+        return np.where(behind.any(axis=-1) & (self._faces(x, y, z) < 0.0), z, np.nan)
+
+    def residual_mm(self, x: FloatArray, y: FloatArray, z: FloatArray) -> FloatArray:
+        """Optical length from the emitter less that over the vertex: above 0 before the surface."""
+        from_line = np.hypot(x, self.focus_mm - z)
+        along = from_line - self.focus_mm
+        if not math.isinf(self.y_focus_mm):
+            ring = self.focus_mm + self.y_focus_mm
+            along = self.y_focus_mm - np.hypot(from_line - ring, y)
+        from_emitter = np.sqrt(x * x + y * y + (z + self.distance_mm) ** 2)
+        return np.asarray(from_emitter - self.distance_mm + self.design_index * along)
+
+    @reported
+    def y_focus(self) -> str:
+        """What becomes of the light along y: ``collimated``, or from where it seems to come."""
+        if math.isinf(self.y_focus_mm):
+            return "collimated"
+        return f"as from {self.y_focus_mm:.4g} mm before the vertex"
+
+    @property
+    def face(self) -> Face:
+        """See :attr:`LensInSpace.face`."""
+        half, nothing = self.half_height_mm, np.empty((0, 0))
+        ring = self.focus_mm + self.y_focus_mm
+        numbers = (self.distance_mm, self.focus_mm, self.design_index, ring, self.half_width_mm, half)
+        return Face(*numbers, self.depth_mm, self.deepest_mm, np.array([-half, half]), nothing, nothing)
+
+    @cached_property
+    def _steepest(self) -> float:
+        """Largest d_y of the rays of the emitter's middle in the body."""
+        x, y, z = self.checked
+        if math.isinf(self.y_focus_mm):
+            return 0.0
+        away = self.focus_mm + self.y_focus_mm - np.hypot(x, self.focus_mm - z)
+        return float(np.max(y / np.hypot(away, y)))
+
+    def _at(self, y_focus_mm: float) -> "LineFocusLens | None":
+        """The same with another focus; None where there is no such surface."""
+        try:
+            return LineFocusLens(**{**_fields(self), "y_focus_mm": y_focus_mm})
+        except DesignError:
+            return None
+
+    def _faces(self, x: FloatArray, y: FloatArray, z: FloatArray) -> FloatArray:
+        """Derivative of the residual along the emitter's ray: below 0 where the surface faces the emitter."""
+        from_line = np.hypot(x, self.focus_mm - z)
+        from_emitter = np.sqrt(x * x + y * y + (z + self.distance_mm) ** 2)
+        by_line, by_y = np.ones_like(from_line), np.zeros_like(from_line)
+        if not math.isinf(self.y_focus_mm):
+            away = self.focus_mm + self.y_focus_mm - from_line
+            by_line, by_y = away / np.hypot(away, y), -y / np.hypot(away, y)
+        onto = by_line * (x * x - (self.focus_mm - z) * (z + self.distance_mm)) / from_line + by_y * y
+        return np.asarray(1.0 + self.design_index * onto / from_emitter)
+
+
+def _most(index: float) -> float:
+    """Largest d_y in a body of this index, in air, that top and bottom reflect totally."""
+    return math.sqrt(1.0 - 1.0 / index**2)
+
+
+def _fields(lens: LineFocusLens) -> dict[str, float]:
+    names = ("distance_mm", "focus_mm", "half_width_mm", "design_index", "outside_index", "thickness_mm", "y_focus_mm")
+    return {name: getattr(lens, name) for name in names}

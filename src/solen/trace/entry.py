@@ -1,0 +1,160 @@
+"""Light that enters a body by a face whose walls are not upright: the one step in space before the extruded engine.
+
+`through_face` puts in place of a scene's sources the rays that they send through the face, as they run in the body:
+with their powers after Fresnel's equations at the face, their polarisation, and the optical path that they have behind
+them. What the face reflects is reported as ``reflected``; what goes back escapes, and what goes on, as at the
+edges, is followed. So is what passes the lens. Behind the face the body is a prism, traced as any other.
+
+Light that comes back to the face from within meets the cylinder of its middle section; see `solen.trace.kernel.entry`.
+"""
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.arrays import FloatArray
+from solen.errors import DesignError
+from solen.geometry import Front
+from solen.plane import Rigid
+from solen.scene import Launch, Scene, Source
+from solen.scene.sources.base import Behind, Placed
+from solen.trace.kernel import entry, loop
+from solen.trace.result import ABSORBED, ESCAPED, Mode
+
+if TYPE_CHECKING:
+    from solen.scene.model import Region
+
+T = TypeVar("T", bound=np.generic)
+
+REFLECTED = loop.LEAKED + 1
+"""Of what escaped, what a face in space turned back; the compiled loops never write to it."""
+
+
+def through_face(scene: Scene, mode: Mode) -> Scene:
+    """The scene with the light behind its face in space for its sources; itself where it has no such face."""
+    front, slab = scene.front, scene.extrusion
+    if front is None or slab is None:
+        return scene
+    wall = next(interface for interface in scene.interfaces if interface.name == front.interface)
+    regions = {region.name: region for region in scene.regions}
+    body, air = regions[wall.left], regions[wall.right]
+    sources = tuple(Entered.of(source, front, body, air, mode, scene) for source in scene.sources)
+    return replace(scene, sources=sources, front=None)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Entered(Source):
+    """A source's light behind a face in space."""
+
+    source: Source
+    faced: entry.Faced
+    motion: Rigid
+    indices: tuple[float, ...]
+    """of the body by the lines of the spectrum"""
+
+    @classmethod
+    def of(cls, source: Source, front: Front, body: "Region", air: "Region", mode: Mode, scene: Scene) -> "Entered":
+        """Light of a source behind the face of a scene."""
+        slab = scene.extrusion
+        if slab is None:
+            raise AssertionError("a face in space needs a slab")
+        if source.emission() is None:
+            limit = "must be an emitter with a pattern: others are not followed through a lens that is no cylinder"
+            raise DesignError("source", value=type(source).__name__, limit=limit, remedy="use the cartesian-oval")
+        face = front.lens.face
+        outside = air.index_at(source.spectrum[0][0] if source.spectrum else None)
+        counts = mode == "count"
+        loss = 0.0 if counts else body.absorption_per_mm
+        return cls(
+            power=source.power,
+            s_share=source.s_share,
+            spectrum=source.spectrum,
+            source=source,
+            faced=entry.Faced(*face, outside, slab.index_above, slab.index_below, loss, counts),
+            motion=front.motion,
+            indices=tuple(body.index_at(nm) for nm, _ in source.spectrum) or (body.index_at(None),),
+        )
+
+    @property
+    def rays(self) -> int:
+        """Rays of the source itself."""
+        return self.source.rays
+
+    @property
+    def shape_dimensions(self) -> int:
+        """As the source, in the plane."""
+        return self.source.shape_dimensions
+
+    @property
+    def _ledges(self) -> bool:
+        return len(self.faced.edges) > 2
+
+    def dimensions(self, in_space: bool = False) -> int:
+        """As the source, and one number more where there are ledges."""
+        return self.source.dimensions(in_space) + self._ledges
+
+    def place(self, u: FloatArray) -> Placed:  # noqa: ARG002  it has no rays in the plane
+        """Rays of the plane meet a face in space nowhere."""
+        raise AssertionError("a face in space is met in space")
+
+    def check(self) -> None:
+        """The source was checked by its scene."""
+
+    def launch_at(self, u: FloatArray, rays: int, in_space: bool = False) -> Launch:
+        """See :meth:`~solen.scene.sources.base.Source.launch_at`; what misses the body has y beyond it."""
+        own = self.source.dimensions(in_space)
+        launch = self.source.launch_at(u[:, :own], rays, in_space)
+        if launch.y_mm is None or launch.dy is None:
+            raise AssertionError("a face in space is met in space")
+        count = len(launch)
+        back = _inverse(self.motion)
+        x, z = _moved(back, launch.x_mm, launch.z_mm)
+        dx, dz = _moved(replace(back, shift=(0.0, 0.0)), launch.dx, launch.dz)
+        chance = u[:, own] if self._ledges else np.zeros(count)
+        columns = (x, launch.y_mm, z, dx, launch.dy, dz, launch.power_s, launch.power_p)
+        room, free = [_with_room(column) for column in (*columns, np.zeros((3, count)), chance)], np.array([count])
+        *given, more, chance = room
+        line = _with_room(launch.line)
+        through = entry.Passage(*given, *more, np.array(self.indices)[line], chance, line, np.zeros(entry.LOST))
+        entry.pass_face(self.faced, through, free)
+        rows = slice(0, int(free[0]))
+        x, z = _moved(self.motion, through.x[rows], through.z[rows])
+        dx, dz = _moved(replace(self.motion, shift=(0.0, 0.0)), through.dx[rows], through.dz[rows])
+        behind = Behind(
+            *(column[rows] for column in (through.cr, through.ci, through.optical, through.inside)),
+            *through.lost.tolist(),
+            more=int(free[0]) - count,
+        )
+        s, p, y, dy = (column[rows] for column in (through.s, through.p, through.y, through.dy))
+        return Launch(x, z, dx, dz, s, p, line[rows], y, dy, behind)
+
+
+def note_entry(sums: loop.Sums, launch: Launch) -> None:
+    """Add up what was lost before rays began."""
+    behind = launch.behind
+    if behind is None:
+        return
+    sums.fate[ESCAPED] += behind.leaked + behind.turned_back
+    sums.fate[loop.LEAKED] += behind.leaked
+    sums.fate[REFLECTED] += behind.reflected
+    sums.fate[ABSORBED] += behind.absorbed
+
+
+def _with_room(column: NDArray[T]) -> NDArray[T]:
+    """Numbers (..., N) with room for as many again."""
+    return np.ascontiguousarray(np.concatenate([column, np.zeros_like(column)], axis=-1))
+
+
+def _inverse(motion: Rigid) -> Rigid:
+    """The motion back."""
+    x, z = motion.shift
+    c, s = motion.cos, motion.sin
+    return Rigid(c, -s, (-(c * x + s * z), s * x - c * z))
+
+
+def _moved(motion: Rigid, x: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Points after a motion."""
+    c, s, (x0, z0) = motion.cos, motion.sin, motion.shift
+    return c * x - s * z + x0, s * x + c * z + z0

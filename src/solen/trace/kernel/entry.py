@@ -1,0 +1,397 @@
+"""The compiled way of rays through a face whose walls are not upright, into a body that is a prism behind it.
+
+In the lens's own frame. A ray from before the face is carried to it, layer by layer: a smooth face is one layer.
+Where a layer stands out beyond the one that the ray comes from, the ray meets its level *ledge*; there β, which upright
+walls keep, changes. Of both parts at a ledge one is followed, drawn by its power; of those at the face the one that
+goes in. That one is carried on, by the bounces off top and bottom that it may take, to the plane of the stem's base,
+unless it is beyond it: from there on the body is a prism.
+
+What is left out: a ray in the body that comes back to the face (it meets the cylinder of the middle section instead),
+and one in the body that meets a ledge from within, on its way to the middle of the body.
+"""
+
+import math
+from typing import NamedTuple
+
+from solen.arrays import FloatArray, IntArray
+from solen.trace.kernel.compiled import called, compiled
+from solen.trace.kernel.rows import Floats
+from solen.trace.kernel.space import (
+    Coherency,
+    Vector,
+    divided,
+    scalar,
+    scaled,
+    smooth_parts,
+    turned_basis,
+    unit_of,
+    upright,
+    vector,
+)
+from solen.trace.kernel.treated import Amplitudes
+
+SCAN, STEPS = 8, 60
+"""Places at which a smooth face is sought along a ray, and most steps of closing in on it."""
+CLOSE_MM, INSIDE_MM, BESIDE_MM = 1e-13, 1e-7, 0.05
+"""How closely the face is found; how far in rays of the body begin; how far beside the lens those that pass it do."""
+BEFORE_MM, BEYOND_MM = 1e-9, 1e-6
+"""Where a ray is looked at first, before the vertices of layers, and last, behind the deepest place."""
+ROUNDING, LEAST, EXACT_MM = 1e-12, 1e-300, 1e-15
+MOST_BOUNCES = 1000
+
+PASSED, ENTERED, OVER = range(3)
+"""Beside the face; into the body; above or below it."""
+LEAKED, REFLECTED, TURNED_BACK, ABSORBED, LOST = range(5)
+
+
+class Faced(NamedTuple):
+    """The face in numbers, as `solen.lens.in_space.Face`, and the media."""
+
+    distance: float
+    focus: float
+    design_index: float
+    ring: float
+    half_width: float
+    half_height: float
+    base: float
+    deepest: float
+    edges: Floats
+    profiles: Floats
+    slopes: Floats
+    outside: float
+    above: float
+    below: float
+    loss: float
+    """absorbed per mm in the body"""
+    counts: bool
+    """whether rays are counted: none is divided"""
+
+
+class Passage(NamedTuple):
+    """Rays in the lens's frame: before the face, and written over by what comes of them.
+
+    N come from the source; there is room for as many again, for what is reflected forwards at the face's edges and may
+    meet the body elsewhere.
+    """
+
+    x: FloatArray
+    y: FloatArray
+    z: FloatArray
+    dx: FloatArray
+    dy: FloatArray
+    dz: FloatArray
+    s: FloatArray
+    p: FloatArray
+    cr: FloatArray
+    ci: FloatArray
+    optical: FloatArray
+    inside: FloatArray
+    """index of the body in the ray's colour"""
+    chance: FloatArray
+    """a number from 0 to 1, for ledges"""
+    line: IntArray
+    lost: FloatArray
+    """(4,) power that leaked; that the face reflected, and of that what goes back; that was absorbed"""
+
+
+class Step(NamedTuple):
+    """Where a ray meets the face: how far, whether, and whether on a ledge."""
+
+    way: float
+    met: bool
+    ledge: bool
+    layer: int
+
+
+@compiled
+def before(f: Faced, layer: int, x: float, y: float, z: float) -> float:
+    """Something above 0 before the face, below 0 in the body: the optical length, or the distance from a profile."""
+    if len(f.profiles) > 0:
+        return profile_at(f, layer, x) - z
+    from_line = math.sqrt(x * x + (f.focus - z) * (f.focus - z))
+    length = from_line - f.focus
+    if f.ring < math.inf:
+        away = f.ring - from_line
+        length = (f.ring - f.focus) - math.sqrt(away * away + y * y)
+    rise = z + f.distance
+    return math.sqrt(x * x + y * y + rise * rise) - f.distance + f.design_index * length
+
+
+@compiled
+def place_on(f: Faced, x: float) -> tuple[float, int, float]:
+    """Distance between places of a profile, the place before a lateral position, and how far it is to the next."""
+    step = f.half_width / (f.profiles.shape[1] - 1)
+    at = min(abs(x), f.half_width) / step
+    cell = min(int(at), f.profiles.shape[1] - 2)
+    return step, cell, at - cell
+
+
+@compiled
+def profile_at(f: Faced, layer: int, x: float) -> float:
+    """Depth z of a layer's profile."""
+    step, cell, t = place_on(f, x)
+    a, b = f.profiles[layer, cell], f.profiles[layer, cell + 1]
+    p, q = step * f.slopes[layer, cell], step * f.slopes[layer, cell + 1]
+    depth: float = a + t * (p + t * (3.0 * (b - a) - 2.0 * p - q + t * (2.0 * (a - b) + p + q)))
+    return depth
+
+
+@compiled
+def facing(f: Faced, layer: int, x: float, y: float, z: float) -> Vector:
+    """Unit normal of the face towards the outside."""
+    if len(f.profiles) > 0:
+        step, cell, t = place_on(f, x)
+        rise = (f.profiles[layer, cell + 1] - f.profiles[layer, cell]) / step
+        p, q = f.slopes[layer, cell], f.slopes[layer, cell + 1]
+        slope = p + t * (6.0 * rise - 4.0 * p - 2.0 * q + t * (3.0 * (p + q) - 6.0 * rise))
+        return unit_of(Vector(math.copysign(slope, x), 0.0, -1.0))
+    from_line = math.sqrt(x * x + (f.focus - z) * (f.focus - z))
+    by_line, by_y = 1.0, 0.0
+    if f.ring < math.inf:
+        away = f.ring - from_line
+        size = math.sqrt(away * away + y * y)
+        by_line, by_y = away / size, -y / size
+    rise = z + f.distance
+    r = math.sqrt(x * x + y * y + rise * rise)
+    scale = f.design_index * by_line / from_line
+    return unit_of(Vector(x / r + scale * x, y / r + f.design_index * by_y, rise / r - scale * (f.focus - z)))
+
+
+@compiled
+def closed_in(
+    f: Faced, layer: int, at: Vector, d: Vector, low: float, high: float, g_low: float, g_high: float
+) -> float:
+    """Where a ray meets the face between a place before and one behind it: regula falsi, by Illinois's rule."""
+    side = 0
+    for _ in range(STEPS):
+        if high - low <= CLOSE_MM:
+            break
+        t = low + (high - low) * g_low / (g_low - g_high)
+        g = before(f, layer, at.x + t * d.x, at.y + t * d.y, at.z + t * d.z)
+        if g > 0.0:
+            low, g_low = t, g
+            g_high = 0.5 * g_high if side == 1 else g_high
+            side = 1
+        else:
+            high, g_high = t, g
+            g_low = 0.5 * g_low if side == -1 else g_low
+            side = -1
+        if abs(g) <= EXACT_MM:
+            return t
+    return 0.5 * (low + high)
+
+
+@compiled
+def stretch(f: Faced, at: Vector, d: Vector) -> tuple[float, float]:
+    """Between which ways a ray may meet the face: up to where it leaves the aperture."""
+    start = max((-BEFORE_MM - at.z) / d.z, 0.0) if len(f.profiles) > 0 and d.z > 0.0 else 0.0
+    end = ((f.deepest + BEYOND_MM) - at.z) / d.z if d.z > 0.0 else math.inf
+    if d.x != 0.0:
+        end = min(end, (math.copysign(f.half_width, d.x) - at.x) / d.x)
+    if d.y != 0.0:
+        end = min(end, (math.copysign(f.half_height, d.y) - at.y) / d.y)
+    return start, end
+
+
+@compiled
+def along(f: Faced, layer: int, at: Vector, d: Vector, way: float) -> float:
+    """`before` at a place along a ray."""
+    return before(f, layer, at.x + way * d.x, at.y + way * d.y, at.z + way * d.z)
+
+
+@called
+def to_smooth(f: Faced, at: Vector, d: Vector, start: float, end: float) -> Step:
+    """A smooth face ahead of a ray."""
+    low, g_low = start, along(f, 0, at, d, start)
+    for i in range(1, SCAN + 1):
+        t = start + (end - start) * i / SCAN
+        g = along(f, 0, at, d, t)
+        if g <= 0.0 < g_low:
+            return Step(closed_in(f, 0, at, d, low, t, g_low, g), True, False, 0)
+        low, g_low = t, g
+    return Step(end, False, False, 0)
+
+
+@called
+def to_layers(f: Faced, layer: int, at: Vector, d: Vector, start: float, end: float) -> Step:
+    """The profile of a layer ahead of a ray, or the ledge of the next one."""
+    if start > 0.0:
+        layer = layer_of(f, at.y + start * d.y)
+    while True:
+        border = f.edges[layer + 1] if d.y > 0.0 else f.edges[layer]
+        to = max(min((border - at.y) / d.y, end) if d.y != 0.0 else end, start)
+        g = along(f, layer, at, d, to)
+        if g <= 0.0:
+            g_start = max(along(f, layer, at, d, start), LEAST)
+            return Step(closed_in(f, layer, at, d, start, to, g_start, g), True, False, layer)
+        following = layer + (1 if d.y > 0.0 else -1)
+        if to >= end or not 0 <= following < len(f.edges) - 1:
+            return Step(end, False, False, layer)
+        if along(f, following, at, d, to) <= 0.0:
+            return Step(to, True, True, layer)
+        start, layer = to, following
+
+
+@compiled
+def to_face(f: Faced, layer: int, at: Vector, d: Vector) -> Step:
+    """The face ahead of a ray before it; where there is none, the way to where the ray leaves the aperture."""
+    start, end = stretch(f, at, d)
+    if not end > start or abs(at.x) > f.half_width:
+        return Step(max(end, 0.0), False, False, layer)
+    return to_layers(f, layer, at, d, start, end) if len(f.profiles) > 0 else to_smooth(f, at, d, start, end)
+
+
+@compiled
+def layer_of(f: Faced, y: float) -> int:
+    """Number of the layer at a height."""
+    low, high = 0, len(f.edges) - 2
+    while low < high:
+        middle = (low + high + 1) // 2
+        low, high = (middle, high) if f.edges[middle] <= y else (low, middle - 1)
+    return low
+
+
+class Walk(NamedTuple):
+    """A ray on its way: place, direction, basis and polarisation, and the optical path behind it."""
+
+    at: Vector
+    d: Vector
+    e: Vector
+    light: Coherency
+    optical: float
+    fate: int
+
+
+@compiled
+def ahead(at: Vector, d: Vector, way: float) -> Vector:
+    """Place so far along a direction."""
+    return Vector(at.x + way * d.x, at.y + way * d.y, at.z + way * d.z)
+
+
+@compiled
+def power_of(light: Coherency) -> float:
+    """Power of both fields."""
+    return light.i1 + light.i2
+
+
+@compiled
+def goes_over(f: Faced, at: Vector, d: Vector, way: float) -> bool:
+    """Whether a ray that misses the face leaves the slab above or below the body, rather than beside it."""
+    if d.y == 0.0 or not d.z > 0.0 or abs(at.y + way * d.y) < f.half_height * (1.0 - ROUNDING):
+        return False
+    aside = (math.copysign(f.half_width, d.x) - at.x) / d.x if d.x != 0.0 else math.inf
+    return at.z + aside * d.z > f.base
+
+
+@compiled
+def beside(f: Faced, walk: Walk) -> Walk:
+    """A ray that misses the face, just beside the body; what left the slab on the way stands at its end.
+
+    Behind the base the prism is cut away before a deeper face: there it is put beside the wall.
+    """
+    at, d = walk.at, walk.d
+    if not d.z > 0.0 or d.x == 0.0:
+        return walk
+    way = (math.copysign(f.half_width, d.x) - at.x) / d.x
+    way += (BESIDE_MM if at.z + way * d.z > f.base else INSIDE_MM) / abs(d.x)
+    way = max(way, 0.0)
+    there = ahead(at, d, way)
+    if abs(there.y) > f.half_height and there.z > f.base:
+        return Walk(at, d, walk.e, walk.light, walk.optical, OVER)
+    y = min(max(there.y, -f.half_height), f.half_height)
+    return Walk(Vector(there.x, y, there.z), d, walk.e, walk.light, walk.optical + f.outside * way, PASSED)
+
+
+@compiled
+def write(f: Faced, rays: Passage, i: int, walk: Walk) -> None:
+    """Write a ray into a row, its polarisation in the upright basis; what goes over the body is put beyond the slab."""
+    at, d = walk.at, walk.d
+    basis = upright(d)
+    light = turned_basis(walk.light, scalar(basis, walk.e), scalar(basis, vector(d, walk.e)))
+    rays.s[i], rays.p[i], rays.cr[i], rays.ci[i] = light.i1, light.i2, light.cr, light.ci
+    rays.x[i], rays.y[i], rays.z[i] = at.x, at.y, at.z
+    rays.dx[i], rays.dy[i], rays.dz[i] = d.x, d.y, d.z
+    rays.optical[i] = walk.optical
+    if walk.fate == OVER:
+        rays.y[i] = 4.0 * f.half_height
+
+
+@called
+def met(f: Faced, rays: Passage, i: int, free: IntArray) -> Walk:
+    """A ray at the face, on its way in, or as it misses it."""
+    at, d = Vector(rays.x[i], rays.y[i], rays.z[i]), Vector(rays.dx[i], rays.dy[i], rays.dz[i])
+    e, light = upright(d), Coherency(rays.s[i], rays.p[i], 0.0, 0.0)
+    inside, chance, optical = rays.inside[i], rays.chance[i], 0.0
+    layer = layer_of(f, at.y)
+    while True:
+        step = to_face(f, layer, at, d)
+        if not step.met:
+            return Walk(at, d, e, light, optical, OVER if goes_over(f, at, d, step.way) else PASSED)
+        at, layer = ahead(at, d, step.way), step.layer
+        optical += f.outside * step.way
+        normal = Vector(0.0, -math.copysign(1.0, d.y), 0.0) if step.ledge else facing(f, layer, at.x, at.y, at.z)
+        if not scalar(d, normal) < 0.0:  # it only grazes
+            return Walk(at, d, e, light, optical, PASSED)
+        parts = smooth_parts(d, e, normal, light, f.outside, inside)
+        if f.counts:
+            open_way = Amplitudes(0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 0.0)
+            parts = divided(d, e, normal, light, f.outside, inside, open_way)
+        on, back = power_of(parts.on_light), power_of(parts.back_light)
+        if not step.ledge:
+            rays.lost[REFLECTED] += back
+            mirrored = beside(f, Walk(at, parts.back, parts.s, parts.back_light, optical, PASSED))
+            if back > 0.0 and parts.back.z > 0.0 and parts.back.x * at.x > 0.0:
+                write(f, rays, free[0], mirrored)
+                rays.line[free[0]] = rays.line[i]
+                free[0] += 1
+            else:
+                rays.lost[TURNED_BACK] += back
+            return Walk(at, parts.on, parts.s, parts.on_light, optical, ENTERED)
+        returned = back / (on + back)
+        if not chance < returned:
+            return Walk(at, parts.on, parts.s, scaled(parts.on_light, 1.0 / (1.0 - returned)), optical, ENTERED)
+        chance /= returned
+        d, e, light = parts.back, parts.s, scaled(parts.back_light, 1.0 / returned)
+
+
+@called
+def carried(f: Faced, rays: Passage, i: int, walk: Walk) -> Walk:
+    """A ray in the body at the plane of the stem's base, by its bounces off top, bottom and sides, or where it was."""
+    at, d, e, light, optical = walk.at, walk.d, walk.e, walk.light, walk.optical
+    inside = rays.inside[i]
+    way = max((f.base - at.z) / d.z, 0.0) if d.z > 0.0 else 0.0
+    for _ in range(MOST_BOUNCES):
+        over = max((math.copysign(f.half_height, d.y) - at.y) / d.y, 0.0) if d.y != 0.0 else math.inf
+        side = max((math.copysign(f.half_width, d.x) - at.x) / d.x, 0.0) if d.x != 0.0 else math.inf
+        to = min(way, over, side)
+        at = ahead(at, d, to)
+        optical += inside * to
+        kept = math.exp(-f.loss * to)
+        rays.lost[ABSORBED] += (1.0 - kept) * power_of(light)
+        light = scaled(light, kept)
+        way -= to
+        if not way > 0.0:
+            break
+        if over <= side:
+            normal, outside = Vector(0.0, -math.copysign(1.0, d.y), 0.0), f.above if d.y > 0.0 else f.below
+        else:
+            normal, outside = Vector(-math.copysign(1.0, d.x), 0.0, 0.0), f.outside
+        parts = smooth_parts(d, e, normal, light, inside, outside)
+        rays.lost[LEAKED if over <= side else REFLECTED] += power_of(parts.on_light)
+        d, e, light = parts.back, parts.s, parts.back_light
+    at = Vector(at.x + INSIDE_MM * d.x, at.y, at.z + INSIDE_MM * d.z)
+    return Walk(at, d, e, light, optical, ENTERED)
+
+
+@called
+def pass_face(f: Faced, rays: Passage, free: IntArray) -> None:
+    """Carry rays to the face and into the body; ``free`` (1,) is how many rows are taken."""
+    for i in range(free[0]):
+        if abs(rays.y[i]) > f.half_height:
+            continue
+        walk = met(f, rays, i, free)
+        if walk.fate == ENTERED:
+            walk = carried(f, rays, i, walk)
+        elif walk.fate == PASSED:
+            walk = beside(f, walk)
+        write(f, rays, i, walk)

@@ -1,0 +1,228 @@
+"""Light through lenses whose walls are not upright: against closed cases, the cylinder, and a plain tracer."""
+
+from dataclasses import replace
+
+import pytest
+
+from solen.errors import DesignError
+from solen.geometry import Front
+from solen.lens import LayeredLens, LensInSpace, LineFocusLens
+from solen.plane import Rigid
+from solen.scene import Monitor, Scene, dumps
+from solen.sensor import Sensor
+from solen.sensor.budget import budget
+from solen.spec import Design, with_values
+from solen.trace import Trace, derivative, integrate, trace
+from solen.trace.reference_space import Reading, trace_space_reference
+
+CHIP = {
+    "emitter.pattern": "lambertian",
+    "emitter.cone_deg": 120.0,
+    "emitter.width_mm": 0.2,
+    "emitter.height_mm": 0.2,
+    "trace.dimension": "extruded",
+}
+LINE = {"lens.shape": "line-focus", "lens.y_focus_mm": 2.0}
+LAYERED = {"lens.shape": "layered"}
+RAYS = 2**16
+
+
+def sensor(lens: dict[str, object] | None = None, **values: object) -> Sensor:
+    """The paper's sensor in space with a chip, by its lens and by other keys of the design."""
+    plain = Design(name="a", material={"index": 1.44, "absorption_per_mm": values.pop("absorption_per_mm", 0.0)})
+    return Sensor.of(with_values(plain, CHIP | (lens or {}) | values))
+
+
+def sampled(of: Sensor | Scene, angle_deg: float = -1.0, rays: int = RAYS) -> Trace:
+    scene = of.scene(angle_deg, rays) if isinstance(of, Sensor) else of
+    return trace(scene, "power", sampling="sobol")
+
+
+def contrast(found: Trace) -> float:
+    right, left = (found.detectors[side].power for side in ("right", "left"))
+    return (right - left) / (right + left)
+
+
+def light(found: Trace) -> float:
+    return sum(reading.power for reading in found.detectors.values())
+
+
+def u_contrast(found: Trace) -> float:
+    return 2.0 * found.u_power / light(found)
+
+
+def behind_front(scene: Scene, lens: LensInSpace, angle_deg: float) -> Scene:
+    """A scene of the cylinder with another lens before it, turned about the stem's base."""
+    return replace(scene, front=Front("lens", lens, Rigid.about((0.0, lens.depth_mm), angle_deg)))
+
+
+PAPER = {"distance_mm": 1.0, "focus_mm": 20.0, "half_width_mm": 2.0, "design_index": 1.44}
+
+
+@pytest.mark.parametrize("values", [{}, {"absorption_per_mm": 0.01}, {"motion.kind": "bend"}, {"emitter.y_mm": 0.7}])
+def test_slabs_thicker_than_the_body_are_the_cylinder(values: dict[str, object]) -> None:
+    """The very rays of the cylinder: another way to the same numbers."""
+    cylinder = sensor(**values).scene(-2.0, 2**12)
+    slab = sensor({"lens.shape": "layered", "lens.layer_mm": 9.0}, **values).scene(-2.0, 2**12)
+    one, other = sampled(cylinder), sampled(slab)
+    for name, reading in one.detectors.items():
+        assert other.detectors[name].power == pytest.approx(reading.power, abs=1e-9)
+        assert other.detectors[name].optical_path_mm == pytest.approx(reading.optical_path_mm, abs=1e-6)
+    for part in ("detected", "escaped", "absorbed"):
+        assert getattr(other.ledger, part) == pytest.approx(getattr(one.ledger, part), abs=1e-9)
+    assert (other.missed, other.leaked) == pytest.approx((one.missed, one.leaked), abs=1e-9)
+    assert other.reflected > 0.02
+
+
+@pytest.mark.parametrize("focus", [2.0, "collimated"])
+def test_in_a_thin_body_every_lens_is_the_cylinder(focus: object) -> None:
+    thin = {"body.thickness_mm": 0.02, "emitter.height_mm": 0.0}
+    cylinder, smooth = sampled(sensor(**thin)), sampled(sensor(LINE | {"lens.y_focus_mm": focus}, **thin))
+    assert contrast(smooth) == pytest.approx(contrast(cylinder), abs=1e-3 + 3.0 * u_contrast(cylinder))
+
+
+def test_a_point_is_taken_to_the_line() -> None:
+    point = {"emitter.width_mm": 0.0, "emitter.height_mm": 0.0}
+    assert contrast(sampled(sensor(LINE, **point))) >= 0.999
+    assert contrast(sampled(sensor(**point))) == pytest.approx(0.543, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("lens", "contrasts", "received"),
+    [(LINE, (0.244, 0.474, 0.933), 0.657), (LAYERED, (0.229, 0.440, 0.906), 0.632)],
+    ids=["line-focus", "layered"],
+)
+def test_what_the_prototype_gave(lens: dict[str, object], contrasts: tuple[float, ...], received: float) -> None:
+    """A chip of 0.2 × 0.2 mm, found with another tracer."""
+    for angle_deg, value in zip((0.5, 1.0, 3.0), contrasts, strict=True):
+        found = sampled(sensor(lens), -angle_deg, 2**17)
+        assert contrast(found) == pytest.approx(value, abs=3e-3)
+    assert light(found) == pytest.approx(received, abs=6e-3)
+
+
+@pytest.mark.parametrize(
+    ("values", "value"),
+    [
+        ({"material.index": 1.45, "lens.design_index": 1.44}, 0.481),
+        ({"material.index": 1.43, "lens.design_index": 1.44}, 0.423),
+        ({"emitter.y_mm": 0.1}, 0.452),
+        ({"emitter.y_mm": -0.2}, 0.398),
+        ({"emitter.offset_mm": 0.02}, 0.299),
+    ],
+)
+def test_tolerances_of_a_line_focus(values: dict[str, object], value: float) -> None:
+    """Figures of another tracer, for the contrast at 1°."""
+    assert contrast(sampled(sensor(LINE, **values))) == pytest.approx(value, abs=5e-3)
+
+
+@pytest.mark.parametrize(("distance_mm", "value"), [(0.9, 0.425), (1.1, 0.503)])
+def test_an_emitter_nearer_or_farther(distance_mm: float, value: float) -> None:
+    """The lens is cut for 1 mm."""
+    cut = sensor(LINE)
+    other = replace(sensor(LINE, **{"emitter.distance_mm": distance_mm}), cut=cut.lens)
+    assert contrast(sampled(other)) == pytest.approx(value, abs=5e-3)
+
+
+def same(found: Trace, reading: Reading, errors: float = 3.0) -> None:
+    """Whether both tracers agree within so many standard errors."""
+    for name, part in found.detectors.items():
+        apart = (reading.error(name) ** 2 + part.u_power**2) ** 0.5
+        assert abs(reading.mean(name) - part.power) < errors * apart, name
+    for name, part, u in (("leaked", found.leaked, found.u_leaked), ("missed", found.missed, found.u_missed)):
+        assert (
+            abs(reading.mean(name) - part) < errors * (reading.error(name) ** 2 + u**2) ** 0.5 + 3.0 / reading.rays
+        ), name
+    assert reading.mean("truncated") < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("lens", "values"),
+    [
+        (LINE, {}),
+        (LAYERED | {"lens.layer_mm": 0.5}, {"emitter.y_mm": 0.5}),
+        (LAYERED, {"motion.kind": "bend", "absorption_per_mm": 0.01}),
+    ],
+    ids=["line-focus", "slabs off in y", "layers, bent, lossy"],
+)
+def test_the_plain_tracer_agrees(lens: dict[str, object], values: dict[str, object]) -> None:
+    made = sensor(lens, **values)
+    same(sampled(made, -2.0), trace_space_reference(made.scene(-2.0, 1500), seed=5), errors=3.5)
+
+
+@pytest.mark.evidence
+@pytest.mark.parametrize("lens", [LINE, LAYERED], ids=["line-focus", "layered"])
+@pytest.mark.parametrize("angle_deg", [-1.0, -3.0])
+def test_the_plain_tracer_agrees_closely(lens: dict[str, object], angle_deg: float) -> None:
+    made = sensor(lens)
+    same(sampled(made, angle_deg, 2**20), trace_space_reference(made.scene(angle_deg, 100_000), seed=7))
+
+
+def test_the_plain_tracer_takes_one_slab_for_the_cylinder() -> None:
+    """Ray by ray, with the same draws."""
+    scene = sensor().scene(-1.0, 400)
+    slab = behind_front(scene, LayeredLens(**PAPER, layer_mm=9.0), -1.0)
+    one, other = (trace_space_reference(each, seed=3) for each in (scene, slab))
+    for name in ("right", "left", "escaped", "missed"):
+        assert other.mean(name) == pytest.approx(one.mean(name), abs=1e-9)
+
+
+def test_the_ledger_is_whole_and_symmetric() -> None:
+    for lens in (LINE, LAYERED):
+        made = sensor(lens, absorption_per_mm=0.005)
+        found = sampled(made, 0.0)
+        assert found.ledger.total == pytest.approx(1.0, abs=1e-12)
+        right, left = (found.detectors[side] for side in ("right", "left"))
+        assert right.power == pytest.approx(left.power, abs=4.0 * found.u_power)
+
+
+def test_a_count_divides_no_ray() -> None:
+    found = trace(sensor(LINE).scene(-1.0, 2**13), "count")
+    assert found.reflected == 0.0
+    assert found.ledger.detected > light(sampled(sensor(LINE)))
+
+
+def test_what_the_budget_holds() -> None:
+    parts = budget(sensor(LAYERED))
+    shares = [value for name, value in vars(parts).items() if name != "u"]
+    assert sum(shares) == pytest.approx(1.0, abs=2.0 * parts.u)
+    assert parts.reflected == pytest.approx(0.0785, abs=3.0 * parts.u)
+    assert parts.leaked == pytest.approx(0.053, abs=3.0 * parts.u)
+
+
+def test_a_derivative_is_that_of_samples() -> None:
+    made = sensor(LINE)
+    slope = made.derivative("emitter.offset_mm", -1.0)
+    ends = [sampled(made.set({"emitter.offset_mm": step}), -1.0, 2**18) for step in (-0.02, 0.02)]
+    for name, found in slope.detectors.items():
+        difference = (ends[1].detectors[name].power - ends[0].detectors[name].power) / 0.04
+        u = (ends[0].u_power + ends[1].u_power) / 0.04
+        assert found.value == pytest.approx(difference, abs=3.0 * (u + found.u_value))
+        assert found.u_value < 0.1 * abs(found.value)
+
+
+def test_what_such_a_lens_cannot_do_is_refused() -> None:
+    scene = sensor(LINE).scene(-1.0, 100)
+    with pytest.raises(DesignError, match="not upright"):
+        integrate(scene)
+    with pytest.raises(DesignError, match="not upright"):
+        sensor(LINE).body().upright()
+    with pytest.raises(DesignError, match="no form in JSON"):
+        dumps(scene)
+    with pytest.raises(DesignError, match="monitors"):
+        replace(scene, monitors=(Monitor("m", (-1.0, 5.0), (1.0, 5.0)),))
+    with pytest.raises(DesignError, match="4 mm"):
+        replace(scene, extrusion=replace(scene.extrusion, thickness_mm=3.0))  # type: ignore[type-var]
+    with pytest.raises(DesignError, match="state an extrusion"):
+        replace(scene, extrusion=None)
+    with pytest.raises(DesignError, match="smooth and bare"):
+        replace(scene, front=Front("nothing", LineFocusLens(**PAPER), Rigid()))
+
+
+def test_derivatives_of_scenes_need_no_sensor() -> None:
+    """The parameter may be any: here how far the chip lies out of the plane."""
+
+    def scene_at(y_mm: float) -> Scene:
+        return sensor(LINE, **{"emitter.y_mm": y_mm}).scene(-1.0, 100)
+
+    found = derivative(scene_at, 0.3)
+    assert found.detectors["right"].value < -found.detectors["right"].u_value

@@ -1,0 +1,148 @@
+"""Lenses whose walls are not upright: a line focus in space, and one profile for each layer."""
+
+import math
+
+import numpy as np
+import pytest
+
+from solen.errors import DesignError, SpecError
+from solen.interface import refracted
+from solen.lens import LayeredLens, LineFocusLens, OvalLens, lens_of
+from solen.plane import unit
+from solen.spec import Design, with_values
+
+PAPER = {"distance_mm": 1.0, "focus_mm": 20.0, "half_width_mm": 2.0, "design_index": 1.44}
+OVAL = OvalLens(**PAPER)
+SMOOTH = [LineFocusLens(**PAPER, y_focus_mm=focus) for focus in (2.0, 3.0, 10.0, math.inf)]
+X = np.linspace(-2.0, 2.0, 81)
+
+
+def refracted_in_space(lens: LineFocusLens, x: float, y: float) -> tuple[np.ndarray, np.ndarray]:
+    """Where the emitter's ray meets the surface, and its direction behind it, by the gradient and Snell's law."""
+    z = float(lens.z_at(np.array(x), np.array(y)))
+    at, step = np.array([x, y, z]), 1e-5
+    normal = np.array([
+        (float(lens.residual_mm(*(at + d))) - float(lens.residual_mm(*(at - d)))) / (2 * step)
+        for d in step * np.eye(3)
+    ])  # fmt: skip
+    normal /= np.linalg.norm(normal)
+    ray = at + np.array([0.0, 0.0, lens.distance_mm])
+    ray /= np.linalg.norm(ray)
+    cos, ratio = -ray @ normal, 1.0 / lens.design_index
+    return at, ratio * ray + (ratio * cos - math.sqrt(1.0 - ratio**2 * (1.0 - cos**2))) * normal
+
+
+@pytest.mark.parametrize("lens", SMOOTH, ids=lambda lens: lens.y_focus)
+def test_every_ray_crosses_the_focal_line(lens: LineFocusLens) -> None:
+    for x, y in ((0.3, 0.0), (1.9, 0.5), (-1.2, 1.9), (0.7, -1.4), (2.0, 2.0)):
+        at, d = refracted_in_space(lens, x, y)
+        assert at[0] + d[0] / d[2] * (lens.focus_mm - at[2]) == pytest.approx(0.0, abs=1e-7)
+
+
+@pytest.mark.parametrize("lens", SMOOTH, ids=lambda lens: lens.y_focus)
+def test_light_diverges_in_y_as_from_the_virtual_focus(lens: LineFocusLens) -> None:
+    """Seen about the focal line, all rays come from one circle, or are level."""
+    for x, y in ((0.3, 0.4), (1.9, 0.5), (-1.2, 1.9)):
+        at, d = refracted_in_space(lens, x, y)
+        towards = np.array([-at[0], 0.0, lens.focus_mm - at[2]])
+        radius = np.linalg.norm(towards)
+        slope = d[1] / (d @ towards / radius)
+        assert slope == pytest.approx(at[1] / (lens.focus_mm + lens.y_focus_mm - radius), abs=1e-7)
+
+
+@pytest.mark.parametrize("lens", SMOOTH, ids=lambda lens: lens.y_focus)
+def test_the_middle_section_is_the_oval(lens: LineFocusLens) -> None:
+    assert lens.z_at(X, 0.0 * X) == pytest.approx(OVAL.z_mm(X), abs=1e-12)
+
+
+def test_one_layer_is_the_oval_cylinder() -> None:
+    lens = LayeredLens(**PAPER, layer_mm=9.0)
+    assert lens.layers == 1
+    assert lens.z_at(X, np.full_like(X, 1.7)) == pytest.approx(OVAL.z_mm(X), abs=1e-9)
+
+
+def test_profiles_take_their_rays_to_the_focus_in_projection() -> None:
+    """By Snell's law with √(n² − β²) at the slopes of the profiles themselves."""
+    lens = LayeredLens(**PAPER, layer_mm=0.25)
+    for layer, x in ((0, 0.4), (0, 1.9), (5, -1.3), (11, 2.0)):
+        step = 1e-5 if abs(x) < 2.0 else -1e-5
+        near = lens.profile_mm(np.array([layer, layer]), np.array([x, x + step]))
+        slope = float(near[1] - near[0]) / step
+        r = math.hypot(x, near[0] + 1.0)
+        beta = lens.middles_mm[layer] / math.hypot(r, lens.middles_mm[layer])
+        inside = refracted(
+            unit((x, float(near[0]) + 1.0)), unit((slope, -1.0)), math.sqrt(1 - beta**2), math.sqrt(1.44**2 - beta**2)
+        )
+        assert inside is not None
+        assert x + inside[0] / inside[1] * (20.0 - float(near[0])) == pytest.approx(0.0, abs=2e-3)
+
+
+def test_layers_of_a_printer() -> None:
+    lens = LayeredLens(**PAPER)
+    assert lens.layers == 160
+    assert lens.edges_mm[[0, -1]].tolist() == [-2.0, 2.0]
+    assert lens.deepest_mm == pytest.approx(1.811, abs=1e-3)
+    assert lens.edge_depth_at_top_mm == pytest.approx(1.168, abs=6e-3)  # of the last layer's middle
+    assert lens.widest_ledge_um < 10.5
+    assert LayeredLens(**PAPER, layer_mm=0.03).edges_mm[-2:] == pytest.approx([1.99, 2.0])
+
+
+def test_the_nearest_focus_that_keeps_light() -> None:
+    lens = LineFocusLens.keeping_light(LineFocusLens(**PAPER))
+    steepest = [
+        abs(refracted_in_space(focused, x, 2.0)[1][1])
+        for focused in (lens, LineFocusLens(**PAPER, y_focus_mm=lens.y_focus_mm - 0.01))
+        for x in (0.0,)
+    ]
+    kept = math.sqrt(1.0 - 1.0 / 1.44**2)
+    assert steepest[0] <= kept < steepest[1]
+
+
+def test_numbers_of_a_lens_are_those_of_its_file() -> None:
+    design = with_values(
+        Design(name="a", material={"index": 1.44}),
+        {"emitter.pattern": "lambertian", "trace.dimension": "extruded", "lens.shape": "line-focus"},
+    )
+    body = lens_of(design, 1.44)
+    assert isinstance(body, LineFocusLens)
+    assert body.y_focus_mm == pytest.approx(1.918, abs=2e-3)
+    collimated = lens_of(with_values(design, {"lens.y_focus_mm": "collimated"}), 1.44)
+    assert isinstance(collimated, LineFocusLens)
+    assert math.isinf(collimated.y_focus_mm)
+    layered = lens_of(with_values(design, {"lens.shape": "layered", "lens.layer_mm": 0.05}), 1.44)
+    assert isinstance(layered, LayeredLens)
+    assert layered.layers == 80
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: LineFocusLens(**PAPER, y_focus_mm=1.2), ("line-focus", "z = -0.9")),
+        (lambda: LineFocusLens(**PAPER, y_focus_mm=-1.0), ("lens.y_focus_mm", "-1")),
+        (lambda: LineFocusLens(**PAPER, thickness_mm=0.0), ("body.thickness_mm", "0")),
+        (lambda: LayeredLens(**PAPER, layer_mm=1e-4), ("lens.layer_mm", "0.001")),
+        (lambda: LayeredLens(**{**PAPER, "half_width_mm": 2.94}), ("lens.half_width_mm", "2.932")),
+        (lambda: LayeredLens(**{**PAPER, "half_width_mm": 2.9}, thickness_mm=40.0), ("layered", "|x| =")),
+        (lambda: LineFocusLens.keeping_light(LineFocusLens(**{**PAPER, "design_index": 1.4})), ("body", "collimated")),
+    ],
+)
+def test_what_cannot_be_is_refused(make: object, words: tuple[str, ...]) -> None:
+    with pytest.raises(DesignError) as refusal:
+        make()  # type: ignore[operator]
+    assert all(word in str(refusal.value) for word in words)
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"lens.shape": "layered"}, ("extruded", "2d")),
+        ({"lens.y_focus_mm": 2.0}, ("y_focus_mm", "cartesian-oval")),
+        ({"lens.layer_mm": 0.05}, ("layer_mm", "cartesian-oval")),
+        ({"lens.shape": "line-focus", "lens.y_focus_mm": "nowhere", "trace.dimension": "extruded"}, ("y_focus_mm",)),
+    ],
+)
+def test_keys_that_mean_nothing_are_refused(values: dict[str, object], words: tuple[str, ...]) -> None:
+    design = with_values(Design(name="a", material={"index": 1.44}), {"emitter.pattern": "lambertian"})
+    with pytest.raises(SpecError) as refusal:
+        with_values(design, values)
+    assert all(word in str(refusal.value) for word in words)
