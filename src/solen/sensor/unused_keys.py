@@ -27,6 +27,8 @@ def _in_the_plane(sensor: Sensor) -> Iterator[str]:
     design, remedy = sensor.design, 'has no effect in the plane; set trace.dimension = "extruded"'
     if design.receivers.height_mm is not None:
         yield f"receivers.height_mm = {design.receivers.height_mm:g} {remedy}"
+    if design.emitter.y_mm != 0.0:
+        yield f"emitter.y_mm = {design.emitter.y_mm:g} {remedy}"
     if design.emitter.height_mm > 0.0:
         yield f"emitter.height_mm = {design.emitter.height_mm:g} {remedy}"
     for i, wall in enumerate(design.wall):

@@ -6,7 +6,7 @@ from pydantic import AfterValidator, ConfigDict, Field, model_validator
 
 from solen.registry import BODY_KINDS, Registry, offered
 from solen.spec.quantities import Index, Length
-from solen.spec.strict import NotNegative, Number, Strict, Text, refused
+from solen.spec.strict import NotNegative, Number, Strict, Text, or_refuse, refused
 
 Keys = dict[str, tuple[str, ...]]
 """Keys by table."""
@@ -19,7 +19,7 @@ UNUSED_KEYS: dict[str, Keys] = {
     },
     "outline": {
         "body": ("parameters", "stem_length_mm", "stem_curve_per_mm", "arm_length_mm", "arm_width_mm", "arm_angle_deg"),
-        "lens": ("shape", "profile", "focus_mm", "half_width_mm", "design_index"),
+        "lens": ("shape", "profile", "y_focus_mm", "layer_mm", "focus_mm", "half_width_mm", "design_index"),
         "emitter": ("distance_mm",),
         "motion": ("join",),
     },
@@ -85,6 +85,12 @@ class Material(Strict):
         return "absorption_per_mm" in self.model_fields_set
 
 
+YFocus = Annotated[
+    Length | Literal["collimated", "body"],
+    or_refuse('must be "collimated", "body" or a finite number of at least 1e-6'),
+]
+
+
 class Lens(Strict):
     """The lens at the stem's base."""
 
@@ -103,7 +109,7 @@ class Lens(Strict):
         "upright walls with a profile for each layer that do so; measured: the oval as printed, by its profile; or "
         "none: a flat face at the stem's base, the emitter distance_mm before it.",
     )
-    y_focus_mm: Length | Literal["collimated", "body"] | None = Field(
+    y_focus_mm: YFocus | None = Field(
         None,
         description="With line-focus: from how far before the vertex, in mm, light in the body seems to come in y; "
         "collimated; or body, the nearest whose light top and bottom reflect totally. Default: body.",

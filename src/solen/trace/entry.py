@@ -114,21 +114,19 @@ class Entered(Source):
         dx, dz = _moved(replace(back, shift=(0.0, 0.0)), launch.dx, launch.dz)
         chance = u[:, own] if self._ledges else np.zeros(count)
         columns = (x, launch.y_mm, z, dx, launch.dy, dz, launch.power_s, launch.power_p)
-        room, free = [_with_room(column) for column in (*columns, np.zeros((3, count)), chance)], np.array([count])
-        *given, more, chance = room
-        line = _with_room(launch.line)
-        through = entry.Passage(*given, *more, np.array(self.indices)[line], chance, line, np.zeros(entry.LOST))
+        x, y, z, dx, dy, dz, s, p, chance = (_with_room(column) for column in (*columns, chance))
+        (cr, ci, optical), line, free = np.zeros((3, 2 * count)), _with_room(launch.line), np.array([count])
+        inside = np.array(self.indices)[line]
+        lost = np.zeros(entry.LOST)
+        through = entry.Passage(x, y, z, dx, dy, dz, s, p, cr, ci, optical, inside, chance, line, lost)
         entry.pass_face(self.faced, through, free)
-        rows = slice(0, int(free[0]))
-        x, z = _moved(self.motion, through.x[rows], through.z[rows])
-        dx, dz = _moved(replace(self.motion, shift=(0.0, 0.0)), through.dx[rows], through.dz[rows])
-        behind = Behind(
-            *(column[rows] for column in (through.cr, through.ci, through.optical, through.inside)),
-            *through.lost.tolist(),
-            more=int(free[0]) - count,
-        )
-        s, p, y, dy = (column[rows] for column in (through.s, through.p, through.y, through.dy))
-        return Launch(x, z, dx, dz, s, p, line[rows], y, dy, behind)
+        rows, more = slice(0, int(free[0])), int(free[0]) - count
+        x, z = _moved(self.motion, x[rows], z[rows])
+        dx, dz = _moved(replace(self.motion, shift=(0.0, 0.0)), dx[rows], dz[rows])
+        leaked, reflected, turned_back, absorbed = lost.tolist()
+        began = (cr[rows], ci[rows], optical[rows], inside[rows])
+        behind = Behind(*began, leaked, reflected, turned_back, absorbed, more)
+        return Launch(x, z, dx, dz, s[rows], p[rows], line[rows], y[rows], dy[rows], behind)
 
 
 def note_entry(sums: loop.Sums, launch: Launch) -> None:
