@@ -22,6 +22,7 @@ SAME = (
     "ledger",
     "missed",
     "leaked",
+    "reflected",
     "u_ledger",
     "u_missed",
     "u_leaked",

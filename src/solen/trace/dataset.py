@@ -127,6 +127,7 @@ def _whole(trace: Trace) -> dict[str, _Variable]:
         "u_missed": _real((), trace.u_missed, SHARE, "uncertainty of missed"),
         "u_leaked": _real((), trace.u_leaked, SHARE, "uncertainty of leaked"),
         "missed": _real((), trace.missed, SHARE, "of what escaped, what passed above or below all bodies"),
+        "reflected": _real((), trace.reflected, SHARE, "what a lens that is no cylinder reflected"),
         "leaked": _real((), trace.leaked, SHARE, "of what escaped, what left bodies through top or bottom"),
         "rays": _count((), trace.rays, "rays traced"),
         "hits": _count((), trace.hits, "times that light met an interface"),
