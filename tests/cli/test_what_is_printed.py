@@ -110,6 +110,7 @@ TRACED = {
     *(
         "missed",
         "leaked",
+        "reflected",
         "u_ledger",
         "u_missed",
         "u_leaked",
