@@ -93,5 +93,7 @@ def _layers(tuned: TunedPrint, sensor: Sensor, slicing: Slicing, out: Path, name
         path = Path(folder) / f"{name}.toml"
         files.write_all(_drawing(tuned, sensor, path))
         design = open_design(path)
-        part = printable_design(design, fabricate.sensor_part(design, Sensor.of(design).body()), path, slicing)
+        part = printable_design(
+            design, fabricate.sensor_part(design, Sensor.of(design).body().upright()), path, slicing
+        )
     return layer_files(part, slicing, out, name, FigureOptions(), None)
