@@ -21,7 +21,7 @@ from solen.material.index.substrate import invert_on_substrate
 from solen.readout import circuit_of, settled, volts
 from solen.recording import Channel, Provenance, Recording
 from solen.report.bench.demodulate import demodulation_figure
-from solen.report.canvas import INK, LEFT, LOST, RIGHT, drawn, encoded
+from solen.report.canvas import INK, LEFT, LINES, LOST, RIGHT, drawn, encoded, series
 from solen.report.design.readout import readout_figure
 from solen.report.resin.index import index_figure
 from solen.sensor import Sensor
@@ -40,9 +40,9 @@ def four_motions() -> Figure:
     panels = figure.subplots(1, 2, sharey=True)
     design = loads(template("paper-860"))
     for axes, (title, width_mm) in zip(panels, CHIPS.items(), strict=True):
-        for name, values in MOTIONS.items():
+        for number, (name, values) in enumerate(MOTIONS.items()):
             sensor = Sensor.of(with_values(design, {"emitter.width_mm": width_mm, **values}))
-            axes.plot(ANGLES_DEG, sensor.power(ANGLES_DEG.tolist()).contrast, label=name)
+            axes.plot(ANGLES_DEG, sensor.power(ANGLES_DEG.tolist()).contrast, **series(number), label=name)
         axes.set(title=f"simulated, {title}", xlabel="angle / °")
         axes.grid(alpha=0.3)
     panels[0].set_ylabel("contrast (R − L)/(R + L)")
@@ -57,8 +57,9 @@ def index_routes() -> Figure:
     colours = {"R and T measured": RIGHT, "T alone, lossless": LOST, "as published": LEFT}
     for name, spectrum in routes().items():
         if name in colours:
+            dashes = LINES[list(colours).index(name)]
             told = name if spectrum.measurement else f"{name}: no measurement"
-            axes.plot(WAVELENGTH_NM, spectrum.n.value, color=colours[name], lw=1.0, label=told)
+            axes.plot(WAVELENGTH_NM, spectrum.n.value, color=colours[name], ls=dashes, lw=1.0, label=told)
     axes.plot(WAVELENGTH_NM, INDEX, color=INK, lw=1.8, label="the layer's own")
     axes.set(title="simulated, 0.1 % of noise in T and R", xlabel="wavelength (nm)", ylabel="refractive index n")
     axes.legend(fontsize="small", loc="center right")
@@ -92,8 +93,8 @@ def two_indices() -> Figure:
     ):
         axes.plot(n, values, color=INK, lw=1.6)
         axes.axhline(float(one), color=LOST, lw=0.8, ls="--")
-        for at, colour, label in ((1.49, RIGHT, "n = 1.49"), (other, LEFT, f"n = {other:.2f} reads the same")):
-            axes.plot([at], [float(one)], "o", color=colour, label=label)
+        for number, (at, label) in enumerate(((1.49, "n = 1.49"), (other, f"n = {other:.2f} reads the same"))):
+            axes.plot([at], [float(one)], **series(number, dots=True), label=label)
         axes.set(xlabel="index of the layer", ylabel=name)
         axes.grid(alpha=0.3)
         axes.legend(fontsize="small", loc="lower center" if name[0] == "T" else "upper center")

@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 
 from solen.analysis.demodulation import OFF, Demodulation, gain, rejection_dB
 from solen.analysis.demodulation.rejection import KERNELS, mean_gain
-from solen.report.canvas import INK, LOST, SERIES
+from solen.report.canvas import INK, LOST, SERIES, receiver, series
 
 SHOWN_PERIODS = 12
 MOST_POINTS = 4000
@@ -51,9 +51,9 @@ def _readings(axes: Axes, result: Demodulation) -> None:
         for emitter in result.readings.emitters:
             here = np.flatnonzero(kept.emitter == emitter)
             here = here[:: max(1, len(here) // MOST_POINTS)]
-            colour = SERIES[number % len(SERIES)]
+            look = series(number) if many else receiver(channel, place)
             name = f"{channel}, emitter {emitter}" if many else channel
-            axes.plot(kept.time_s[here], kept.signal[here, place], "-", color=colour, lw=0.8, label=name)
+            axes.plot(kept.time_s[here], kept.signal[here, place], **look, lw=0.8, label=name)
             clipped = here[kept.clipped[here, place]]
             axes.plot(kept.time_s[clipped], kept.signal[clipped, place], "x", color=INK, ms=4)
             number += 1
