@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from solen.errors import DesignError
-from solen.lens import Lens, MeasuredLens, OvalLens
+from solen.lens import Lens, LensInSpace, MeasuredLens, OvalLens
 from solen.report.canvas import HIGHER, INK, LOST, LOWER, SOFT
 from solen.sensor import LensCheck, Sensor, tolerance_of
 from solen.sensor.effects import index_steps
@@ -15,6 +15,8 @@ from solen.sensor.effects import index_steps
 PAPER_INDICES = (1.44, 1.49, 1.54)
 TOLERANCE_MM = 1e-4
 """How far a drawn profile may leave the exact one."""
+ACROSS, UP = 41, 41
+"""Places across and up at which a face in space is drawn."""
 SHOWN_STEPS = 3.0
 """How many times its uncertainty the index is varied in a figure of the focus."""
 
@@ -26,6 +28,8 @@ def lens_figure(check: LensCheck) -> Figure:
 
 def profile_figure(lens: Lens) -> Figure:
     """The lens's profile, with ovals for the paper's indices, or with the designed oval of a measured lens."""
+    if isinstance(lens, LensInSpace):
+        return _figure_in_space(lens)
     figure = Figure(figsize=(5.2, 2.7))
     axes = figure.add_subplot()
     if isinstance(lens, OvalLens):
@@ -36,6 +40,25 @@ def profile_figure(lens: Lens) -> Figure:
     if isinstance(lens, MeasuredLens):
         axes.plot(*lens.designed.front.flattened(TOLERANCE_MM).T, color=LOST, lw=1.2, ls="--", label="designed")
     axes.set(xlabel="x (mm)", ylabel="z (mm), from the vertex")
+    axes.set_aspect("equal")
+    axes.legend()
+    return figure
+
+
+def _figure_in_space(lens: LensInSpace) -> Figure:
+    """The face of a lens that is no cylinder: in three dimensions, and its profiles at some heights."""
+    figure = Figure(figsize=(7.2, 3.2))
+    solid = figure.add_subplot(1, 2, 1, projection="3d")
+    x = np.linspace(-lens.half_width_mm, lens.half_width_mm, ACROSS)
+    across, up = np.meshgrid(x, np.linspace(-1.0, 1.0, UP) * lens.half_height_mm * (1.0 - 1e-9))
+    solid.plot_surface(across, up, lens.z_at(across, up), color=SOFT, edgecolor=LOST, linewidth=0.3)
+    solid.set(xlabel="x (mm)", ylabel="y (mm)", zticks=[0.0, 1.0])
+    solid.set_box_aspect((lens.half_width_mm, lens.half_height_mm, 0.5 * lens.deepest_mm))
+    axes = figure.add_subplot(1, 2, 2)
+    for share, color in zip((0.0, 0.5, 1.0), (INK, LOWER, HIGHER), strict=True):
+        y_mm = share * lens.half_height_mm * (1.0 - 1e-9)
+        axes.plot(x, lens.z_at(x, np.full_like(x, y_mm)), color=color, lw=1.8, label=f"y = {y_mm:.3g} mm")
+    axes.set(xlabel="x (mm)", ylabel="z (mm)")
     axes.set_aspect("equal")
     axes.legend()
     return figure

@@ -140,6 +140,8 @@ def _limits(study: DesignStudy) -> str:
     rough = study.case.sensor.scene().is_random
     faces = "faces scatter only where the design says so" if rough else "perfectly smooth faces, no scatter"
     rays = "Rays in space, in a body of the same outline at every height"
+    if study.design.lens.in_space:
+        rays = "Rays in space, through a lens that is no cylinder, as it was designed and never printed yet, by samples"
     if study.design.trace.dimension == "2d":
         rays = "Rays in the plane only, except where space is stated"
     return f"{rays}; {faces}, no diffraction; {loss}. {_arms(study)}"
