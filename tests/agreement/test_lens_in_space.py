@@ -226,3 +226,11 @@ def test_derivatives_of_scenes_need_no_sensor() -> None:
 
     found = derivative(scene_at, 0.3)
     assert found.detectors["right"].value < -found.detectors["right"].u_value
+
+
+def test_comparisons_leave_out_keys_of_the_lens() -> None:
+    """Without its lens, and as a cylinder in the plane."""
+    made = sensor(LINE)
+    assert not made.without_lens.has_lens
+    oval = made.set({"lens.shape": "cartesian-oval", "lens.y_focus_mm": None, "trace.dimension": "2d"})
+    assert oval.scene().front is None

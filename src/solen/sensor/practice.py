@@ -20,7 +20,7 @@ from solen.results import Result, reported
 from solen.sensor.budget import Budget, budget
 from solen.sensor.effects import TOLERANCE, Effect, effects
 from solen.sensor.response import Response
-from solen.sensor.sensor import Sensor
+from solen.sensor.sensor import OF_SPACE, Sensor
 from solen.spec import with_values
 from solen.trace import Slope
 
@@ -186,7 +186,10 @@ def extent_of(sensor: Sensor) -> Extent:
 
 def _as_in_paper(sensor: Sensor, own: Response) -> Response:
     light = sensor.light
-    paper = _with(sensor, PAPER | {"emitter.wavelength_nm": light.wavelength_nm})
+    values = PAPER | {"emitter.wavelength_nm": light.wavelength_nm}
+    if sensor.design.lens.in_space:  # in the plane it is the oval
+        values |= OF_SPACE | {"lens.shape": "cartesian-oval"}
+    paper = _with(sensor, values)
     if paper.light == light and sensor.scene().extrusion is None:
         raise _NoMeaning("the design is a point in the plane")
     return paper.smooth(paper.power(own.angle_deg.tolist()))

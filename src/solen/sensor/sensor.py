@@ -31,6 +31,8 @@ from solen.trace.derivative import TOLERANCE as DERIVATIVE_TOLERANCE
 
 SAMPLED_TOLERANCE, FIRST_SAMPLED, MOST_SAMPLED = 2e-4, 2**15, 2**19
 """To what standard error rays in space and scattered light are sampled, and their least and largest number."""
+OF_SPACE = {"lens.y_focus_mm": None, "lens.layer_mm": None}
+"""Keys that other lenses than those for space do not have."""
 RECENT_SCENES = 64
 """Scenes that a sensor remembers."""
 BUILDING = RLock()
@@ -122,7 +124,7 @@ class Sensor:
     @cached_property
     def without_lens(self) -> "Sensor":
         """The same sensor with the stem's flat face for a lens."""
-        return Sensor.of(with_values(self.design, {"lens.shape": "none"}))
+        return Sensor.of(with_values(self.design, OF_SPACE | {"lens.shape": "none"}))
 
     def body(self, angle_deg: float = 0.0) -> Body:
         """Body with its moving parts turned by ``angle_deg``; `DesignError` where it cannot be."""
