@@ -45,6 +45,9 @@ def test_titles_are_left_out_of_the_picture_and_kept_in_the_description() -> Non
     shown = re.sub(r"(?s)<metadata>.*?</metadata>|<title>.*?</title>", "", encoded(figure, ".svg", "a").decode())
     assert "simulated: a figure" not in shown
     assert "panel 1" not in shown
+    (note,) = [text for text in figure.texts if text.get_visible() and "simulated" in text.get_text()]
+    assert note.get_text() == "simulated"
+    assert faults(figure) == []
 
 
 def test_chosen_panels_are_lettered_and_have_the_stated_ends() -> None:

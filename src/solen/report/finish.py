@@ -185,9 +185,13 @@ def _titles(figure: Figure) -> list[Text]:
 
 
 def _hide_titles(figure: Figure) -> None:
-    for title in _titles(figure):
+    """Hide titles; where one says that data are simulated, a small note goes on saying so."""
+    titles = _titles(figure)
+    for title in titles:
         title.set_visible(False)
         title.set_in_layout(False)
+    if any("simulated" in title.get_text() for title in titles):
+        figure.supxlabel("simulated", x=1.0, ha="right", fontsize=LEAST_PT, color="0.4")
 
 
 def _letter(panels: list[list[Axes]], first: str) -> None:

@@ -32,7 +32,7 @@ class FigureOptions(Options):
     font_pt: Annotated[Finite, Ge(LEAST_PT), Le(24.0)] | None = None
     """Size of the lettering; default: 9, and 8 with --width-mm. Nothing is smaller than 6."""
     no_titles: bool = False
-    """Leave titles out of the picture; the file's description keeps them."""
+    """Leave titles out of the picture, but for a note that data are simulated; the file's description keeps them."""
     letters: Literal["A", "a", "(a)"] | None = None
     """Letter the panels, beginning so."""
     panels: str = ""
