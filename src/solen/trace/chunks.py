@@ -15,8 +15,8 @@ import numpy as np
 from solen.arrays import FloatArray
 from solen.scene import Launch, Scene, Source
 from solen.scene.sources.points import COPIES, sample
-from solen.trace.kernel import loop
 from solen.trace.kernel.extruded import RowsInSpace
+from solen.trace.kernel.room import Rows
 from solen.trace.kernel.rows import Precision
 from solen.trace.kernel.step import Rules
 from solen.trace.kernel.surface import SPLITTING
@@ -111,14 +111,14 @@ def _of_a_sample(
             yield partial(make, draw, start, group)
 
 
-def rows_of(job: Job, chunk: Chunk) -> loop.Rows:
+def rows_of(job: Job, chunk: Chunk) -> Rows:
     """The rays of a chunk as the kernel takes them."""
     launch, dtype = chunk.launch, job.tables.shape.dtype.type
     spectrum = job.scene.sources[chunk.source].spectrum
     colours = np.array([job.scene.wavelengths_nm.index(nm) for nm, _ in spectrum] or [0], dtype=np.int64)
     columns = (launch.x_mm, launch.z_mm, launch.dx, launch.dz, launch.power_s, launch.power_p)
     x, z, dx, dz, s, p = (column.astype(dtype, copy=False) for column in columns)
-    return loop.Rows(x, z, dx, dz, s, p, colours[launch.line])
+    return Rows(x, z, dx, dz, s, p, colours[launch.line])
 
 
 def rows_in_space(job: Job, chunk: Chunk) -> RowsInSpace:

@@ -32,8 +32,8 @@ from solen.trace.chunks import (
     rules_of,
 )
 from solen.trace.entry import note_entry, through_face
-from solen.trace.kernel import extruded, loop
-from solen.trace.kernel.block import BLOCK
+from solen.trace.kernel import extruded, loop, tally
+from solen.trace.kernel.room import BLOCK, Rows, room
 from solen.trace.kernel.surface import SPLITTING
 from solen.trace.result import Limits, Mode, Trace, check_choice, check_mode, in_order
 from solen.trace.sums import add, empty, legs_of, result
@@ -160,12 +160,12 @@ def _check_extruded(scene: Scene, precision: str, device: str, legs: bool) -> No
                 raise DesignError(f"interface {interface.name}", value=key, limit=limit, remedy="leave extrusion out")
 
 
-def _traced(job: Job, threads: int) -> Iterator[tuple[Chunk, loop.Sums]]:
+def _traced(job: Job, threads: int) -> Iterator[tuple[Chunk, tally.Sums]]:
     """Sums of one chunk after the other, in order."""
     if job.device == "cuda":
         card = _card(job)
 
-        def prepare(make: Callable[[], Chunk]) -> tuple[Chunk, loop.Rows]:
+        def prepare(make: Callable[[], Chunk]) -> tuple[Chunk, Rows]:
             chunk = make()
             return chunk, rows_of(job, chunk)
 
@@ -174,7 +174,7 @@ def _traced(job: Job, threads: int) -> Iterator[tuple[Chunk, loop.Sums]]:
             yield chunk, card.trace(rows, rules_of(job, chunk))
         return
 
-    def work(make: Callable[[], Chunk]) -> tuple[Chunk, loop.Sums]:
+    def work(make: Callable[[], Chunk]) -> tuple[Chunk, tally.Sums]:
         chunk = make()
         return chunk, _trace_chunk(job, chunk)
 
@@ -210,7 +210,7 @@ def _card(job: Job) -> "Card":
     return cuda.Card(job.constants, job.tables, empty(job), SPLITTING[job.mode], job.limits.min_weight, rays)
 
 
-def _trace_chunk(job: Job, chunk: Chunk) -> loop.Sums:
+def _trace_chunk(job: Job, chunk: Chunk) -> tally.Sums:
     launch, dtype = chunk.launch, job.tables.shape.dtype.type
     if job.scene.extrusion is not None:
         return _trace_in_space(job, chunk, job.scene.extrusion)
@@ -219,15 +219,15 @@ def _trace_chunk(job: Job, chunk: Chunk) -> loop.Sums:
     legs, waiting = (8 * len(launch) if job.legs else 0), 64 * BLOCK
     while True:
         sums = empty(job, legs)
-        room = loop.room(len(launch), dtype, waiting)
-        enough = loop.trace_rays(job.constants, job.tables, sums, rays, rules, room, treatments)
-        if enough and (not job.legs or sums.counts[loop.LEGS] <= legs):
+        space = room(len(launch), dtype, waiting)
+        enough = loop.trace_rays(job.constants, job.tables, sums, rays, rules, space, treatments)
+        if enough and (not job.legs or sums.counts[tally.LEGS] <= legs):
             return sums
-        legs = max(legs, int(sums.counts[loop.LEGS]) if job.legs else 0)
+        legs = max(legs, int(sums.counts[tally.LEGS]) if job.legs else 0)
         waiting = waiting if enough else 2 * waiting
 
 
-def _trace_in_space(job: Job, chunk: Chunk, extrusion: Extrusion) -> loop.Sums:
+def _trace_in_space(job: Job, chunk: Chunk, extrusion: Extrusion) -> tally.Sums:
     rays, rules, waiting = rows_in_space(job, chunk), rules_of(job, chunk), 64 * BLOCK
     slab = extruded.Slab(0.5 * extrusion.thickness_mm, extrusion.index_above, extrusion.index_below)
     while True:

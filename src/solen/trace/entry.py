@@ -20,7 +20,7 @@ from solen.geometry import Front
 from solen.plane import Rigid
 from solen.scene import Launch, Scene, Source
 from solen.scene.sources.base import Behind, Placed
-from solen.trace.kernel import entry, loop
+from solen.trace.kernel import entry, tally
 from solen.trace.result import ABSORBED, ESCAPED, Mode
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T", bound=np.generic)
 
-REFLECTED = loop.LEAKED + 1
+REFLECTED = tally.LEAKED + 1
 """Of what escaped, what a face in space turned back; the compiled loops never write to it."""
 
 
@@ -129,13 +129,13 @@ class Entered(Source):
         return Launch(x, z, dx, dz, s[rows], p[rows], line[rows], y[rows], dy[rows], behind)
 
 
-def note_entry(sums: loop.Sums, launch: Launch) -> None:
+def note_entry(sums: tally.Sums, launch: Launch) -> None:
     """Add up what was lost before rays began."""
     behind = launch.behind
     if behind is None:
         return
     sums.fate[ESCAPED] += behind.leaked + behind.turned_back
-    sums.fate[loop.LEAKED] += behind.leaked
+    sums.fate[tally.LEAKED] += behind.leaked
     sums.fate[REFLECTED] += behind.reflected
     sums.fate[ABSORBED] += behind.absorbed
 

@@ -19,8 +19,8 @@ from solen.curve import check_count
 from solen.errors import DesignError
 from solen.scene import Scene
 from solen.trace.chunks import DTYPES, Chunk, Digits, Job, chunks, rows_of, rules_of
-from solen.trace.kernel import batch, loop
-from solen.trace.kernel.block import BLOCK
+from solen.trace.kernel import batch, tally
+from solen.trace.kernel.room import BLOCK, Rows, room
 from solen.trace.result import KEPT_PLACES, Limits, Mode, Trace, check_choice, check_mode
 from solen.trace.sums import empty, result
 from solen.trace.tables import Tables
@@ -69,7 +69,7 @@ class _Batch:
         self.jobs, self.tasks = jobs, tasks
         self.tables, self.starts = _joined([job.tables for job in jobs])
         rays = [rows_of(jobs[i], chunk) for i, chunk in tasks]
-        self.rays = loop.Rows(*(np.concatenate(column) for column in zip(*rays, strict=True)))
+        self.rays = Rows(*(np.concatenate(column) for column in zip(*rays, strict=True)))
         receivers = [len(jobs[i].scene.receivers) for i, _ in tasks]
         monitors = [len(jobs[i].scene.monitors) for i, _ in tasks]
         bins = [int(jobs[i].tables.bins.sum()) for i, _ in tasks]
@@ -82,8 +82,8 @@ class _Batch:
             monitor=_starts(monitors),
             bin=_starts(bins),
         )
-        self.sums = loop.Sums(
-            fate=np.zeros((len(tasks), loop.LEAKED + 1)),
+        self.sums = tally.Sums(
+            fate=np.zeros((len(tasks), tally.LEAKED + 1)),
             detected=np.zeros(sum(receivers)),
             arrived=np.zeros(sum(receivers), dtype=np.int64),
             optical=np.zeros(sum(receivers)),
@@ -94,7 +94,7 @@ class _Batch:
             maps=np.zeros(sum(bins)),
             counts=np.zeros((len(tasks), 4), dtype=np.int64),
             place=np.full((len(tasks), 2, KEPT_PLACES, 2), np.nan),
-            legs=np.empty((0, loop.LEG_WIDTH)),
+            legs=np.empty((0, tally.LEG_WIDTH)),
         )
 
     def shares(self, threads: int) -> list[int]:
@@ -112,14 +112,14 @@ class _Batch:
         treatments = self.tables.treatments if len(self.tables.treatments) else None
         while not batch.trace_tasks(
             job.constants, self.tables, self.starts, self.where, self.sums, self.rays, rules,
-            loop.room(most, dtype, waiting), treatments, begin, stop,
+            room(most, dtype, waiting), treatments, begin, stop,
         ):  # fmt: skip
             waiting *= 2
             self._clear(begin, stop)
 
     def _clear(self, begin: int, stop: int) -> None:
         """Forget what some of the tasks have added up."""
-        for name in loop.Sums._fields:
+        for name in tally.Sums._fields:
             column = self._part(name, begin, stop)
             column[...] = np.nan if name == "place" else 0
 
@@ -135,17 +135,17 @@ class _Batch:
             return column[begin:stop]
         return column[where[name][begin] : where[name][stop]] if name in where else column
 
-    def _of_task(self, task: int) -> loop.Sums:
+    def _of_task(self, task: int) -> tally.Sums:
         """Sums of one task alone."""
-        parts = {name: self._part(name, task, task + 1) for name in loop.Sums._fields}
+        parts = {name: self._part(name, task, task + 1) for name in tally.Sums._fields}
         for name in ROWS:
             parts[name] = parts[name][0]
         receivers = len(self.jobs[self.tasks[task][0]].scene.receivers)
-        return loop.Sums(**{**parts, "angle": np.zeros((receivers, 0))})
+        return tally.Sums(**{**parts, "angle": np.zeros((receivers, 0))})
 
     def results(self) -> list[Trace]:
         """Results scene by scene."""
-        parts: list[list[list[loop.Sums]]] = [[[] for _ in job.scene.sources] for job in self.jobs]
+        parts: list[list[list[tally.Sums]]] = [[[] for _ in job.scene.sources] for job in self.jobs]
         rays = [[np.zeros(job.groups(source), dtype=np.int64) for source in job.scene.sources] for job in self.jobs]
         for task, (i, chunk) in enumerate(self.tasks):
             while len(parts[i][chunk.source]) < chunk.group:  # a group without rays has no task

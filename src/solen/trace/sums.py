@@ -13,7 +13,7 @@ from solen.arrays import FloatArray, IntArray
 from solen.scene import Source
 from solen.trace.chunks import HALVES, Job
 from solen.trace.entry import REFLECTED
-from solen.trace.kernel import loop
+from solen.trace.kernel import tally
 from solen.trace.result import (
     ABSORBED,
     DETECTED,
@@ -28,11 +28,11 @@ from solen.trace.result import (
 )
 
 
-def empty(job: Job, legs: int = 0) -> loop.Sums:
+def empty(job: Job, legs: int = 0) -> tally.Sums:
     """Sums of nothing, with room for so many legs."""
     receivers, monitors = len(job.scene.receivers), len(job.scene.monitors)
     interfaces = len(job.scene.interfaces) if job.position_bins else 0
-    return loop.Sums(
+    return tally.Sums(
         fate=np.zeros(REFLECTED + 1),
         detected=np.zeros(receivers),
         arrived=np.zeros(receivers, dtype=np.int64),
@@ -44,16 +44,16 @@ def empty(job: Job, legs: int = 0) -> loop.Sums:
         maps=np.zeros(int(job.tables.bins.sum())),
         counts=np.zeros(4, dtype=np.int64),
         place=np.full((2, KEPT_PLACES, 2), math.nan),
-        legs=np.empty((legs, loop.LEG_WIDTH)),
+        legs=np.empty((legs, tally.LEG_WIDTH)),
     )
 
 
-def add(total: loop.Sums, sums: loop.Sums) -> loop.Sums:
+def add(total: tally.Sums, sums: tally.Sums) -> tally.Sums:
     """Both sums together; of the places the first, and of the legs those of the total."""
     added = {
-        name: getattr(total, name) + getattr(sums, name) for name in loop.Sums._fields if name not in {"place", "legs"}
+        name: getattr(total, name) + getattr(sums, name) for name in tally.Sums._fields if name not in {"place", "legs"}
     }
-    return loop.Sums(**added, place=_first_places(total.place, sums.place), legs=total.legs)
+    return tally.Sums(**added, place=_first_places(total.place, sums.place), legs=total.legs)
 
 
 def _first_places(*places: FloatArray) -> FloatArray:
@@ -67,9 +67,9 @@ def _first_places(*places: FloatArray) -> FloatArray:
     return first_places
 
 
-def legs_of(sums: loop.Sums, emitted: float) -> NDArray[np.void]:
+def legs_of(sums: tally.Sums, emitted: float) -> NDArray[np.void]:
     """Straight stretches that a chunk kept, powers as fractions of the emitted power."""
-    rows = sums.legs[: sums.counts[loop.LEGS]]
+    rows = sums.legs[: sums.counts[tally.LEGS]]
     legs = np.empty(len(rows), dtype=LEG)
     for column, name in enumerate(LEG.names or ()):
         legs[name] = rows[:, column]
@@ -82,7 +82,7 @@ Counts = list[IntArray]
 """Rays of each source (G,) by group; sources need not have as many groups."""
 
 
-def result(job: Job, totals: list[list[loop.Sums]], rays: Counts, legs: NDArray[np.void] | None) -> Trace:
+def result(job: Job, totals: list[list[tally.Sums]], rays: Counts, legs: NDArray[np.void] | None) -> Trace:
     """Trace of a job from its sums by source and group, and the rays in each."""
     scene, emitted = job.scene, job.scene.emitted
     of_source = [reduce(add, groups) for groups in totals]
@@ -117,21 +117,21 @@ def result(job: Job, totals: list[list[loop.Sums]], rays: Counts, legs: NDArray[
         },
         ledger=Ledger(*(float(total.fate[fate] / emitted) for fate in (DETECTED, ESCAPED, ABSORBED, TRUNCATED))),
         u_ledger=Ledger(*(float(u_fate[fate]) for fate in (DETECTED, ESCAPED, ABSORBED, TRUNCATED))),
-        hits=int(total.counts[loop.HITS]),
-        undefined=int(total.counts[loop.UNDEFINED]),
+        hits=int(total.counts[tally.HITS]),
+        undefined=int(total.counts[tally.UNDEFINED]),
         undefined_at_mm=undefined_at_mm,
-        truncated=int(total.counts[loop.CUT]),
+        truncated=int(total.counts[tally.CUT]),
         truncated_at_mm=truncated_at_mm,
-        missed=float(total.fate[loop.MISSED] / emitted),
-        leaked=float(total.fate[loop.LEAKED] / emitted),
-        u_missed=float(u_fate[loop.MISSED]),
-        u_leaked=float(u_fate[loop.LEAKED]),
+        missed=float(total.fate[tally.MISSED] / emitted),
+        leaked=float(total.fate[tally.LEAKED] / emitted),
+        u_missed=float(u_fate[tally.MISSED]),
+        u_leaked=float(u_fate[tally.LEAKED]),
         reflected=float(total.fate[REFLECTED] / emitted),
         legs=legs,
     )
 
 
-def _uncertainty(job: Job, totals: list[list[loop.Sums]], rays: Counts, name: str) -> FloatArray:
+def _uncertainty(job: Job, totals: list[list[tally.Sums]], rays: Counts, name: str) -> FloatArray:
     """Uncertainty of each entry of a sum as a fraction of the emitted power, from what the groups have found.
 
     Sources whose rays are divided alike are taken together, as their errors may go together; the kinds are independent.
@@ -178,7 +178,7 @@ def _spread(spread: FloatArray, weight: FloatArray, least: float) -> FloatArray:
     return np.where(error > 0.0, error, least)  # that no sample has seen it does not mean that there is nothing
 
 
-def _positions(job: Job, receiver: str, total: loop.Sums) -> FloatArray:
+def _positions(job: Job, receiver: str, total: tally.Sums) -> FloatArray:
     """Histogram along each interface of a receiver."""
     if not job.position_bins:
         return np.empty((0, 0))

@@ -8,7 +8,7 @@ import numpy as np
 from solen.arrays import FloatArray
 from solen.curve import check_points, check_range
 from solen.plane import Point, heading
-from solen.scene.sources.base import Emission, Placed, PlacedInSpace, Source, about_axis
+from solen.scene.sources.base import Emission, Placed, PlacedInSpace, Source, about_axis, headings
 from solen.scene.sources.pattern import CosinePower
 
 PANELS = 16
@@ -45,20 +45,20 @@ class Ambient(Source):
         """See :meth:`~solen.scene.sources.base.Source.place`."""
         x, z, inwards = self._on_the_circle(u[:, 0])
         angle = inwards + LAMBERT.in_plane(u[:, 1], 0.5 * math.pi)
-        return x, z, -np.sin(angle), np.cos(angle)
+        return x, z, *headings(angle)
 
     def place_in_space(self, u: FloatArray) -> PlacedInSpace:
         """See :meth:`~solen.scene.sources.base.Source.place_in_space`."""
         x, z, inwards = self._on_the_circle(u[:, 0])
         theta, phi = LAMBERT.in_space(u[:, 1], 0.5 * math.pi), 2.0 * math.pi * u[:, 2]
         y = self.height_mm * (u[:, 3] - 0.5) if self.height_mm > 0.0 else np.zeros(len(u))
-        return x, y, z, *about_axis(theta, phi, np.cos(inwards), np.sin(inwards))
+        return x, y, z, *about_axis(theta, phi, *headings(inwards))
 
     def _on_the_circle(self, place: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Points x, z and the directions inwards, radians from +z."""
         outwards = 2.0 * math.pi * place
-        x, z = self.center[0] - self.radius_mm * np.sin(outwards), self.center[1] + self.radius_mm * np.cos(outwards)
-        return x, z, outwards + math.pi
+        dx, dz = headings(outwards)
+        return self.center[0] + self.radius_mm * dx, self.center[1] + self.radius_mm * dz, outwards + math.pi
 
     def emission(self) -> Emission:
         """See :meth:`~solen.scene.sources.base.Source.emission`."""

@@ -217,7 +217,7 @@ class LineSource(Source):
         """See :meth:`Source.place`."""
         angle = self.angles(u[:, 0])
         x, z = self.across(u[:, 1] if self.shape_dimensions > 1 else np.full(len(u), 0.5))
-        return x, z, -np.sin(angle), np.cos(angle)
+        return x, z, *headings(angle)
 
     def emission(self) -> Emission:
         """See :meth:`Source.emission`."""
@@ -239,10 +239,19 @@ class LineSource(Source):
         check_range(f"{what} cone_deg", self.cone_deg, 0.0, 360.0)
 
 
-def about_axis(theta: FloatArray, phi: FloatArray, cos: FloatArray | float, sin: FloatArray | float) -> Directions:
-    """Unit directions x, y, z (N,) at angles from an axis and round it; the cosine and sine are those of the axis."""
-    along, left, up = np.cos(theta), np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi)
-    return -sin * along - cos * left, up, cos * along - sin * left
+def headings(angle: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Unit directions x, z (N,) of angles in radians, through the tangent of the half: numpy takes many at once."""
+    half = np.tan(0.5 * angle)
+    scale = 1.0 / (1.0 + half * half)
+    return -(half + half) * scale, (1.0 - half * half) * scale
+
+
+def about_axis(theta: FloatArray, phi: FloatArray, dx: FloatArray | float, dz: FloatArray | float) -> Directions:
+    """Unit directions x, y, z (N,) at angles from an axis of direction x, z, and round it."""
+    right, along = headings(theta)
+    down, aside = headings(phi)
+    left, up = -right * aside, right * down
+    return dx * along - dz * left, up, dz * along + dx * left
 
 
 def drawn_by(weights: Sequence[float] | FloatArray, u: FloatArray) -> IntArray:

@@ -7,7 +7,7 @@ import numpy as np
 
 from solen.arrays import FloatArray
 from solen.curve import check_numbers, check_range
-from solen.plane import Point
+from solen.plane import Point, heading
 from solen.scene.sources.base import LineSource, PlacedInSpace, about_axis
 from solen.scene.sources.pattern import Isotropic, Pattern
 
@@ -64,8 +64,7 @@ class Emitter(LineSource):
         wide, high = self.width_mm > 0.0, self.height_mm > 0.0
         x, z = self.across(u[:, 2] if wide else middle)
         y = self.y_mm + self.height_mm * ((u[:, 2 + wide] if high else middle) - 0.5)
-        axis = math.radians(self.axis_deg)
-        return x, y, z, *about_axis(theta, phi, math.cos(axis), math.sin(axis))
+        return x, y, z, *about_axis(theta, phi, *heading(self.axis_deg))
 
     def check(self) -> None:
         """See :meth:`~solen.scene.sources.base.Source.check`."""

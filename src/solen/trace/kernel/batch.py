@@ -4,9 +4,11 @@ from typing import NamedTuple
 
 from solen.arrays import IntArray
 from solen.trace.kernel.compiled import called
-from solen.trace.kernel.loop import Rows, Space, Sums, trace_rays
+from solen.trace.kernel.loop import trace_rays
+from solen.trace.kernel.room import Rows, Space
 from solen.trace.kernel.rows import Floats, Precision
 from solen.trace.kernel.step import Rules
+from solen.trace.kernel.tally import Sums
 from solen.trace.tables import Tables
 
 

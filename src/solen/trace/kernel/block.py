@@ -6,8 +6,7 @@ rays at once. Where there are many curves the grid of `solen.trace.kernel.neares
 
 from typing import NamedTuple
 
-from solen.arrays import IntArray
-from solen.trace.kernel.compiled import compiled, never_nan
+from solen.trace.kernel.compiled import compiled
 from solen.trace.kernel.hits import (
     arc_hit,
     conic_hit,
@@ -21,6 +20,7 @@ from solen.trace.kernel.hits import (
     segment_hit,
 )
 from solen.trace.kernel.nearest import Ray, curve_hit, nearest
+from solen.trace.kernel.room import Found, Rays
 from solen.trace.kernel.rows import (
     ARC,
     CONIC,
@@ -30,36 +30,16 @@ from solen.trace.kernel.rows import (
     Oval,
     Precision,
     arc_row,
+    as_in,
     conic_row,
+    greatest,
+    least,
     oval_row,
     segment_row,
 )
 from solen.trace.tables import Tables
 
-BLOCK = 128
-"""Rays carried side by side: enough to fill vector registers, few enough to stay in the nearest cache."""
 VECTOR_STEPS = 3
-
-
-class Rays(NamedTuple):
-    """A block of rays (BLOCK,): where they are, where they go, the curve they stand on and the parameter there."""
-
-    x: Floats
-    z: Floats
-    dx: Floats
-    dz: Floats
-    last: IntArray
-    at: Floats
-
-
-class Found(NamedTuple):
-    """What lies ahead of each ray of a block, and room to work in."""
-
-    distance: Floats
-    curve: IntArray
-    place: Floats
-    work: Floats
-    pick: IntArray
 
 
 class Bounds(NamedTuple):
@@ -71,13 +51,12 @@ class Bounds(NamedTuple):
     dz: tuple[float, float]
 
 
-@never_nan
+@compiled
 def span(numbers: Floats, n: int) -> tuple[float, float]:
     """Least and greatest of the first n numbers."""
     low, high = numbers[0], numbers[0]
     for i in range(n):
-        low = numbers[i] if numbers[i] < low else low
-        high = numbers[i] if numbers[i] > high else high
+        low, high = least(low, numbers[i]), greatest(high, numbers[i])
     return low, high
 
 
@@ -108,7 +87,7 @@ def find_block(  # noqa: C901  one inner loop per kind of curve
 ) -> None:
     """Nearest interface ahead of rays 0 to n: distance (infinity for none), which (−1), parameter there."""
     x, z, dx, dz, last, at = rays
-    best, which, place, work, pick = found
+    best, which, place = found.distance, found.curve, found.place
     if len(tables.grid_item) > 0:
         for i in range(n):
             best[i], which[i], place[i] = nearest(k, tables, Ray(x[i], z[i], dx[i], dz[i], last[i], at[i]))
@@ -120,29 +99,30 @@ def find_block(  # noqa: C901  one inner loop per kind of curve
     for c in range(len(kind)):
         if passes_by(bounds, tables.box[c]):
             continue
+        mine = as_in(which[0], c)
         if kind[c] == SEGMENT:
             s = segment_row(shape, c)
             for i in range(n):
-                t = segment_hit(k, s, x[i], z[i], dx[i], dz[i], last[i] == c)
+                t = segment_hit(k, s, x[i], z[i], dx[i], dz[i], last[i] == mine)
                 nearer = t < best[i]
                 best[i] = t if nearer else best[i]
-                which[i] = c if nearer else which[i]
+                which[i] = mine if nearer else which[i]
         elif kind[c] == CONIC:
             q = conic_row(shape, c)
             for i in range(n):
-                t = conic_hit(k, q, x[i], z[i], dx[i], dz[i], last[i] == c)
+                t = conic_hit(k, q, x[i], z[i], dx[i], dz[i], last[i] == mine)
                 nearer = t < best[i]
                 best[i] = t if nearer else best[i]
-                which[i] = c if nearer else which[i]
+                which[i] = mine if nearer else which[i]
         elif kind[c] == ARC:
             a = arc_row(shape, c)
             for i in range(n):
-                t = arc_hit(k, a, x[i], z[i], dx[i], dz[i], last[i] == c)
+                t = arc_hit(k, a, x[i], z[i], dx[i], dz[i], last[i] == mine)
                 nearer = t < best[i]
                 best[i] = t if nearer else best[i]
-                which[i] = c if nearer else which[i]
+                which[i] = mine if nearer else which[i]
         elif kind[c] == OVAL:
-            oval_block(k, shape, c, n, rays, best, which, work, pick)
+            oval_block(k, oval_row(shape, c), mine, n, rays, found)
         else:
             for i in range(n):
                 t, u = curve_hit(k, tables, c, Ray(x[i], z[i], dx[i], dz[i], last[i], at[i]))
@@ -151,56 +131,60 @@ def find_block(  # noqa: C901  one inner loop per kind of curve
 
 
 @compiled
-def oval_block(  # noqa: C901  several inner loops over one set of rays
-    k: Precision, shape: Floats, c: int, n: int, rays: Rays, best: Floats, which: IntArray, work: Floats, pick: IntArray
-) -> None:
-    """Front of oval ``c`` against rays 0 to n; as `solen.trace.kernel.hits.oval_hit`, in steps over many rays.
+def oval_block(k: Precision, o: Oval, mine: int, n: int, rays: Rays, found: Found) -> None:
+    """Front of oval number ``mine`` against rays 0 to n; as `solen.trace.kernel.hits.oval_hit`, over many rays.
 
-    Rows of ``work``: x, z, dx, dz, number, residual, slope of the rays that come near; from row 7 the same of those
-    that Newton's method runs on, with distance and state in place of residual and slope.
+    Rows of ``work``: 5 what is wanted of a ray (the near root, the far one or nothing), then its hit; 7 to 10 x, z, dx,
+    dz of the rays whose near root is sought by Newton's method; 11 and 12 the root and whether it is settled.
     """
-    o = oval_row(shape, c)
-    mask = work[5]
+    x, z, dx, dz, last, _ = rays
+    best, which, _, work, pick = found
+    wanted, hit = work[5], work[5]
     for i in range(n):
-        comes = oval_near(k, o, rays.x[i], rays.z[i], rays.dx[i], rays.dz[i], rays.last[i] == c)
-        mask[i] = k.one if comes else k.zero
-    near = 0
-    for i in range(n):
-        if mask[i] == 1.0:
-            pick[near] = i
-            work[0, near], work[1, near], work[2, near], work[3, near] = rays.x[i], rays.z[i], rays.dx[i], rays.dz[i]
-            near += 1
-    if near == 0:
-        return
-    for j in range(near):
-        work[5, j], work[6, j] = oval_at(k, o, work[0, j], work[1, j], work[2, j], work[3, j])
+        leaving = last[i] == mine
+        value, slope = oval_at(k, o, x[i], z[i], dx[i], dz[i])
+        outside = (value > 0.0) & (not leaving)
+        near = k.one if outside & (slope < 0.0) else k.zero
+        far = -k.one if (slope < 0.0) | (not (outside | leaving)) else k.zero
+        comes = oval_near(k, o, x[i], z[i], dx[i], dz[i], leaving)
+        wanted[i] = (near if near > 0.0 else far) if comes else k.zero
     m = 0
-    for j in range(near):
-        i = pick[j]
-        outside = work[5, j] > 0.0 and rays.last[i] != c
-        if work[6, j] < 0.0 and outside:
-            for row in range(4):
-                work[7 + row, m] = work[row, j]
-            work[4, m] = i
+    for i in range(n):
+        if wanted[i] > 0.0:
+            pick[m] = i
+            work[7, m], work[8, m], work[9, m], work[10, m] = x[i], z[i], dx[i], dz[i]
             m += 1
-        elif work[6, j] < 0.0 or (not outside and rays.last[i] != c):
-            x, z, dx, dz = work[0, j], work[1, j], work[2, j], work[3, j]
-            t = oval_root(k, o, x, z, dx, dz, k.one)
-            if 0.0 < t < best[i] and oval_holds(k, o, x + t * dx, z + t * dz):
-                best[i], which[i] = t, c
+        elif wanted[i] < 0.0:
+            t = oval_root(k, o, x[i], z[i], dx[i], dz[i], k.one)
+            if 0.0 < t < best[i] and oval_holds(k, o, x[i] + t * dx[i], z[i] + t * dz[i]):
+                best[i], which[i] = t, mine
     newton(k, o, m, work)
     for j in range(m):
-        i, x, z, dx, dz = int(work[4, j]), work[7, j], work[8, j], work[9, j], work[10, j]
-        t = work[11, j] if work[12, j] == 1.0 else oval_root(k, o, x, z, dx, dz, -k.one)
-        if t != t:
-            continue  # the line misses the oval
-        if t > 0.0 and oval_holds(k, o, x + t * dx, z + t * dz):
-            if t < best[i]:
-                best[i], which[i] = t, c
-            continue
-        t = oval_root(k, o, x, z, dx, dz, k.one)
-        if 0.0 < t < best[i] and oval_holds(k, o, x + t * dx, z + t * dz):
-            best[i], which[i] = t, c
+        t = work[11, j]
+        met = (
+            (work[12, j] == 1.0)
+            & (t > 0.0)
+            & oval_holds(k, o, work[7, j] + t * work[9, j], work[8, j] + t * work[10, j])
+        )
+        hit[j] = t if met else -k.one
+    for j in range(m):
+        i, t = pick[j], hit[j]
+        if t < 0.0:
+            t = oval_again(k, o, work[7, j], work[8, j], work[9, j], work[10, j], work[11, j], work[12, j] == 1.0)
+        if t < best[i]:
+            best[i], which[i] = t, mine
+
+
+@compiled
+def oval_again(k: Precision, o: Oval, x: float, z: float, dx: float, dz: float, near: float, settled: bool) -> float:
+    """Where a ray from outside meets the front whose near root was not found there in a few steps."""
+    t = near if settled else oval_root(k, o, x, z, dx, dz, -k.one)
+    if t != t:
+        return k.none  # the line misses the oval
+    if t > 0.0 and oval_holds(k, o, x + t * dx, z + t * dz):
+        return t
+    t = oval_root(k, o, x, z, dx, dz, k.one)
+    return t if t > 0.0 and oval_holds(k, o, x + t * dx, z + t * dz) else k.none
 
 
 @compiled

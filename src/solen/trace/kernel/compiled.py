@@ -56,9 +56,9 @@ def rounded(function: Callable[P, R]) -> Callable[P, R]:
     return _compiled(function, forceinline=True, fastmath=False)
 
 
-def never_nan(function: Callable[P, R]) -> Callable[P, R]:
-    """As `compiled`, for numbers that are never NaN: a least or greatest one can be sought by several at once."""
-    return _compiled(function, forceinline=True, fastmath={"contract", "arcp", "nsz", "nnan", "reassoc"})
+def summed(function: Callable[P, R]) -> Callable[P, R]:
+    """As `compiled`, for sums: in any order, so that several of their numbers can be added at once."""
+    return _compiled(function, forceinline=True, fastmath={"contract", "arcp", "nsz", "reassoc"})
 
 
 def called(function: Callable[P, R]) -> Callable[P, R]:

@@ -25,21 +25,21 @@ from numpy.typing import NDArray
 from solen.arrays import IntArray
 from solen.trace.kernel.compiled import cached, called
 from solen.trace.kernel.hits import product
-from solen.trace.kernel.loop import (
+from solen.trace.kernel.nearest import Ray, nearest
+from solen.trace.kernel.room import Rows
+from solen.trace.kernel.rows import Floats, Precision
+from solen.trace.kernel.step import Load, Rules, carried_on, escape, leave, meet, part, weakened
+from solen.trace.kernel.surface import BRANCHES
+from solen.trace.kernel.tally import (
     CUT,
     HITS,
     LEG_WIDTH,
     UNDEFINED,
-    Rows,
     Sums,
     count_arrival,
     count_monitors,
     note_place,
 )
-from solen.trace.kernel.nearest import Ray, nearest
-from solen.trace.kernel.rows import Floats, Precision
-from solen.trace.kernel.step import Load, Rules, carried_on, escape, leave, meet, part, weakened
-from solen.trace.kernel.surface import BRANCHES
 from solen.trace.result import ABSORBED, DETECTED, GOES_ON, KEPT_PLACES, TRUNCATED
 from solen.trace.tables import Tables
 

@@ -12,21 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 from solen.arrays import IntArray
-from solen.trace.kernel.block import BLOCK, Found, Rays, find_block
+from solen.trace.kernel.block import find_block
 from solen.trace.kernel.compiled import called, compiled
-from solen.trace.kernel.loop import (
-    CUT,
-    HITS,
-    LEAKED,
-    MISSED,
-    UNDEFINED,
-    Sums,
-    count_arrival,
-    count_monitors,
-    note_place,
-    room_of_block,
-)
 from solen.trace.kernel.nearest import Hit, Ray
+from solen.trace.kernel.room import BLOCK, Found, Rays, room_of_block
 from solen.trace.kernel.rows import MIRROR, RECEIVER, REFRACTING, TREATED, Floats, Precision
 from solen.trace.kernel.space import (
     Coherency,
@@ -41,6 +30,17 @@ from solen.trace.kernel.space import (
 )
 from solen.trace.kernel.step import Load, Rules, carried_on, escape, free_path, meet
 from solen.trace.kernel.surface import COUNT, ROULETTE, Event, chance, chance_of, end_fate
+from solen.trace.kernel.tally import (
+    CUT,
+    HITS,
+    LEAKED,
+    MISSED,
+    UNDEFINED,
+    Sums,
+    count_arrival,
+    count_monitors,
+    note_place,
+)
 from solen.trace.kernel.treated import PHASE, Amplitudes, acting
 from solen.trace.kernel.treated_space import henyey_greenstein, treated_parts
 from solen.trace.result import ABSORBED, DETECTED, ESCAPED, GOES_ON, TRUNCATED

@@ -1,81 +1,167 @@
-"""Counting: a block of rays taken through the curves that they meet, side by side.
+"""A block of rays taken through the bare curves that they meet, side by side.
 
-Counting needs no more than a normal and Snell's law where light meets a bare surface. Inner loops over the rays of a
-block do that, free of branches; what needs more (corners, rays in another region than they should be, treated surfaces)
-is left to the loop over single rays.
+A normal, Snell's law and Fresnel's formulas are the same arithmetic for every ray. Inner loops over the rays of a block
+do it, free of branches, curve by curve: what each ray of the block would become there, and then, of those that meet the
+curve, what it does become. What needs more (corners, rays in another region than they should be, treated surfaces,
+curves that few meet) is left to the loop over single rays.
 """
 
-from typing import NamedTuple
+import math
 
-from solen.arrays import IntArray
-from solen.trace.kernel.block import Found, Rays
-from solen.trace.kernel.compiled import compiled
+from solen.trace.kernel.compiled import compiled, summed
 from solen.trace.kernel.hits import arc_normal, conic_normal, oval_normal
+from solen.trace.kernel.room import (
+    AT,
+    COLOUR,
+    DX,
+    DZ,
+    HIT,
+    LAST,
+    LEAST,
+    NUMBER,
+    OPTICAL,
+    REGION,
+    Carried,
+    P,
+    Rays,
+    S,
+    Space,
+    X,
+    Z,
+)
 from solen.trace.kernel.rows import (
     ABSORBING,
     ARC,
     CONIC,
-    MIRROR,
     OVAL,
     RECEIVER,
-    REFRACTING,
     SEGMENT,
+    SPLITTER,
     Floats,
     Precision,
+    Tags,
     arc_row,
+    as_in,
     conic_row,
     oval_row,
 )
-from solen.trace.kernel.step import Rules
-from solen.trace.kernel.surface import COUNT, bend
-from solen.trace.result import ABSORBED, DETECTED, GOES_ON
+from solen.trace.kernel.step import Rules, escape
+from solen.trace.kernel.surface import BRANCHES, COUNT, bend
+from solen.trace.kernel.tally import CUT, HITS, Sums, note_place
+from solen.trace.result import ABSORBED, DETECTED, ESCAPED, GOES_ON, TRUNCATED
 from solen.trace.tables import Tables
 
 ASIDE, LEFT = -1, -2
 """Of a ray not yet looked at here, and of one that is left to the loop over single rays; that loop takes both."""
-MOST_CURVES = 8
+MOST_CURVES = 12
 """Curves that a block is taken through in this way: neighbouring rays meet few."""
-
-
-class Carried(NamedTuple):
-    """What the rays of a block carry (BLOCK,)."""
-
-    optical: Floats
-    region: IntArray
-    colour: IntArray
-    hits: IntArray
+FEWEST_RAYS = 4
+"""Rays that make a curve worth the while."""
+MOST_HITS = 2**30
+NX, NZ, ON_X, ON_Z, BACK_X, BACK_Z, SHARE_S, SHARE_P, N_LEFT, N_RIGHT, WAY, FROM_RIGHT, KEPT = range(13)
+FIRST_BACK, OTHER_S, OTHER_P, TOO_WEAK = SHARE_S, SHARE_P, N_LEFT, N_RIGHT
+"""Rows of the room to work in; the last ones take the places of what is done with."""
 
 
 @compiled
 def pass_block(
-    k: Precision, tables: Tables, rules: Rules, n: int, rays: Rays, carried: Carried, found: Found, fate: IntArray
-) -> None:
-    """Take rays 0 to n through what they meet; ``fate`` (BLOCK,) becomes what became of each, `ASIDE` or `LEFT`.
+    k: Precision, tables: Tables, rules: Rules, sums: Sums, n: int, rays: Rays, carried: Carried, space: Space,
+    clear: bool, waiting: int,
+) -> tuple[int, int]:  # fmt: skip
+    """Take rays 0 to n through what they meet, and add up those that end.
 
-    Rays that go on then are where they do; of those that ended only the optical path is new.
+    ``space.found.pick`` (BLOCK,) becomes what became of each, `ASIDE` or `LEFT`; rays that go on are where they do.
+    Where media are ``clear`` nothing is absorbed on the way. Returns how many branches wait then, and how many rays are
+    left to the loop over single rays.
     """
-    for i in range(n):
-        fate[i] = ASIDE
+    which, fate = space.found.curve, space.found.pick
+    miss(k, tables, rules, n, carried, space, clear)
     first = 0
     for _ in range(MOST_CURVES):
-        while first < n and (fate[first] != ASIDE or found.curve[first] < 0):
+        while first < n and fate[first] != ASIDE:
             first += 1
         if first == n:
-            return
-        c = found.curve[first]
+            break
+        c = which[first]
         first += 1
-        if normals(k, tables, c, n, rays, found):
-            if tables.behaviour[c] in (REFRACTING, MIRROR):
-                refract(k, tables, rules, c, n, rays, carried, found, fate)
-            elif tables.behaviour[c] in (RECEIVER, ABSORBING):
-                end(k, tables, c, n, rays, carried, found, fate)
+        behaviour = tables.behaviour[c]
+        if not enough(c, n, space) or behaviour >= SPLITTER or not normals(k, tables, c, n, rays, space):
+            put_off(c, n, space)
+        elif behaviour in (RECEIVER, ABSORBING):
+            end(k, tables, sums, c, n, rays, carried, space, clear)
+        else:
+            waiting = cross(k, tables, rules, sums, c, n, rays, carried, space, clear, waiting)
+    left, hits, nothing = 0, 0, as_in(which[0], -1)
+    for i in range(n):
+        left += fate[i] < 0
+        hits += (fate[i] >= 0) & (which[i] > nothing)
+    sums.counts[HITS] += hits
+    for ended in (ESCAPED, ABSORBED):
+        sums.fate[ended] += power_of(as_in(which[0], ended), n, carried, fate)
+    return waiting, left
 
 
 @compiled
-def normals(k: Precision, tables: Tables, c: int, n: int, rays: Rays, found: Found) -> bool:
+def miss(k: Precision, tables: Tables, rules: Rules, n: int, carried: Carried, space: Space, clear: bool) -> None:
+    """Fates of the rays that meet nothing; the others are put aside."""
+    which, fate = space.found.curve, space.found.pick
+    nothing, aside, escaped = as_in(which[0], -1), as_in(which[0], ASIDE), as_in(which[0], ESCAPED)
+    for i in range(n):
+        fate[i] = escaped if which[i] == nothing else aside
+    if not clear:
+        for i in range(n):
+            if which[i] < 0:
+                fate[i] = escape(k, tables, rules, carried.region[i], carried.colour[i])[1]
+
+
+@compiled
+def enough(c: int, n: int, space: Space) -> bool:
+    """Whether so many rays of a block meet a curve that all may be taken along."""
+    many, which, mine = 0, space.found.curve, as_in(space.found.curve[0], c)
+    for i in range(n):
+        many += which[i] == mine
+    return many >= FEWEST_RAYS
+
+
+@compiled
+def put_off(c: int, n: int, space: Space) -> None:
+    """Leave the rays that meet a curve to the loop over single rays."""
+    which, fate, mine, left = (
+        space.found.curve,
+        space.found.pick,
+        as_in(space.found.curve[0], c),
+        as_in(space.found.curve[0], LEFT),
+    )
+    for i in range(n):
+        before = fate[i]
+        fate[i] = left if which[i] == mine else before
+
+
+@compiled
+def absorbs(absorption: Floats) -> bool:
+    """Whether a medium absorbs at some wavelength."""
+    for colour in range(absorption.shape[0]):
+        for region in range(absorption.shape[1]):
+            if absorption[colour, region] > 0.0:
+                return True
+    return False
+
+
+@summed
+def power_of(ended: int, n: int, carried: Carried, fate: Tags) -> float:
+    """Power of the rays of a block that ended in one way."""
+    total, s, p = 0.0, carried.s, carried.p
+    for i in range(n):
+        own = s[i] + p[i]
+        total += own if fate[i] == ended else 0.0
+    return total
+
+
+@compiled
+def normals(k: Precision, tables: Tables, c: int, n: int, rays: Rays, space: Space) -> bool:
     """Write the normals of curve ``c`` where the rays of a block meet it; False for a curve that has no loop here."""
     x, z, dx, dz, _, _ = rays
-    t, nx, nz = found.distance, found.work[0], found.work[1]
+    t, nx, nz = space.found.distance, space.found.work[NX], space.found.work[NZ]
     kind, shape = tables.kind[c], tables.shape
     if kind == SEGMENT:
         across, along = -shape[c, 3], shape[c, 2]
@@ -97,62 +183,32 @@ def normals(k: Precision, tables: Tables, c: int, n: int, rays: Rays, found: Fou
 
 
 @compiled
-def refract(
-    k: Precision,
-    tables: Tables,
-    rules: Rules,
-    c: int,
-    n: int,
-    rays: Rays,
-    carried: Carried,
-    found: Found,
-    fate: IntArray,
-) -> None:
-    """Refract or reflect the rays of a block that meet curve ``c``."""
-    x, z, dx, dz, last, _ = rays
-    t, which, work = found.distance, found.curve, found.work
-    nx, nz, on_x, on_z, way, side = work[0], work[1], work[2], work[3], work[4], work[5]
-    left, right, behaviour = tables.left[c], tables.right[c], tables.behaviour[c]
-    indices(tables, c, n, carried, found)
-    n_left, n_right = work[6], work[7]
+def approach(
+    k: Precision, tables: Tables, c: int, n: int, rays: Rays, carried: Carried, space: Space, most: int,
+    on_left: int, on_right: int,
+) -> None:  # fmt: skip
+    """Fates of the rays that come to curve ``c`` from its left and its right; or they are left to the other loop."""
+    dx, dz, last = rays.dx, rays.dz, rays.last
+    found, work, region, hits = space.found, space.found.work, carried.region, carried.hits
+    t, which, fate, nx, nz, from_right = found.distance, found.curve, found.pick, work[NX], work[NZ], work[FROM_RIGHT]
+    one = which[0]
+    mine, left, right, most = as_in(one, c), as_in(one, tables.left[c]), as_in(one, tables.right[c]), as_in(one, most)
+    on_left, on_right, put_off, unknown = as_in(one, on_left), as_in(one, on_right), as_in(one, LEFT), as_in(one, -1)
     for i in range(n):
-        a, b, from_right = n_left[i], n_right[i], dx[i] * nx[i] + dz[i] * nz[i] > 0.0
-        n1, n2 = (b if from_right else a), (a if from_right else b)
-        ways = bend(k, behaviour, COUNT, dx[i], dz[i], nx[i], nz[i], n1, n2)
-        back = ways.share_s > 0.0
-        on_x[i], on_z[i] = (ways.back_x if back else ways.on_x), (ways.back_z if back else ways.on_z)
-        side[i] = k.one if back == from_right else k.zero
-        way[i] = n1 * t[i]
-    region, hits, optical = carried.region, carried.hits, carried.optical
-    for i in range(n):
-        here = right if dx[i] * nx[i] + dz[i] * nz[i] > 0.0 else left
-        known, clear = (region[i] == here) | (region[i] == -1), (t[i] > k.corner) | (last[i] < 0)
-        before = fate[i]
-        meets = (which[i] == c) & (before == ASIDE)
-        mine = meets & known & clear & (hits[i] + 1 < rules.max_hits)
-        fate[i] = GOES_ON if mine else (LEFT if meets else before)
-    for i in range(n):
-        mine = (which[i] == c) & (fate[i] == GOES_ON)
-        old_x, old_z, old = x[i], z[i], optical[i]
-        px, pz, new = old_x + t[i] * dx[i], old_z + t[i] * dz[i], old + way[i]
-        x[i], z[i], optical[i] = (px if mine else old_x), (pz if mine else old_z), (new if mine else old)
-    for i in range(n):
-        mine = (which[i] == c) & (fate[i] == GOES_ON)
-        old_x, old_z, new_x, new_z = dx[i], dz[i], on_x[i], on_z[i]
-        dx[i], dz[i] = (new_x if mine else old_x), (new_z if mine else old_z)
-    for i in range(n):
-        mine = (which[i] == c) & (fate[i] == GOES_ON)
-        old_last, old_region, old_hits = last[i], region[i], hits[i]
-        new_region = right if side[i] == k.one else left
-        last[i], region[i] = (c if mine else old_last), (new_region if mine else old_region)
-        hits[i] = old_hits + 1 if mine else old_hits
+        comes, stands, place, before = dx[i] * nx[i] + dz[i] * nz[i] > 0.0, last[i], region[i], fate[i]
+        from_right[i] = k.one if comes else k.zero
+        here = right if comes else left
+        known, clear = (place == here) | (place == unknown), (t[i] > k.corner) | (stands <= unknown)
+        taken = on_right if comes else on_left
+        becomes = taken if known & clear & (hits[i] < most) else put_off
+        fate[i] = becomes if which[i] == mine else before
 
 
 @compiled
-def indices(tables: Tables, c: int, n: int, carried: Carried, found: Found) -> None:
-    """Write the refractive indices on both sides of curve ``c`` at each ray's wavelength."""
-    index, colour = tables.refractive_index, carried.colour
-    n_left, n_right, left, right = found.work[6], found.work[7], tables.left[c], tables.right[c]
+def indices(tables: Tables, c: int, n: int, carried: Carried, space: Space) -> None:
+    """Write the refractive indices on both sides of curve ``c`` at each ray's wavelength, and the optical way to it."""
+    index, colour, work, t = tables.refractive_index, carried.colour, space.found.work, space.found.distance
+    n_left, n_right, way, left, right = work[N_LEFT], work[N_RIGHT], work[WAY], tables.left[c], tables.right[c]
     if len(index) == 1:
         on_left, on_right = index[0, left], index[0, right]
         for i in range(n):
@@ -160,34 +216,215 @@ def indices(tables: Tables, c: int, n: int, carried: Carried, found: Found) -> N
     else:
         for i in range(n):
             n_left[i], n_right[i] = index[colour[i], left], index[colour[i], right]
+    from_right = work[FROM_RIGHT]
+    for i in range(n):
+        on_left, on_right = n_left[i], n_right[i]
+        way[i] = (on_right if from_right[i] > 0.0 else on_left) * t[i]
+
+
+@compiled
+def weaken(tables: Tables, c: int, n: int, carried: Carried, space: Space) -> None:
+    """Write how much media leave of the power on the way to curve ``c``."""
+    work, t, which = space.found.work, space.found.distance, space.found.curve
+    from_right, kept, absorption = work[FROM_RIGHT], work[KEPT], tables.absorption
+    for i in range(n):
+        if which[i] == c:
+            here = tables.right[c] if from_right[i] > 0.0 else tables.left[c]
+            kept[i] = math.exp(-absorption[carried.colour[i], here] * t[i])
+
+
+@summed
+def absorb(mine: int, n: int, carried: Carried, space: Space, one: int, other: int) -> float:
+    """Take off what media absorb of the rays that curve ``mine`` gave one of two fates; how much that is."""
+    s, p, kept, which, fate = carried.s, carried.p, space.found.work[KEPT], space.found.curve, space.found.pick
+    lost, whole = 0.0, as_in(s[0], 1.0)
+    for i in range(n):
+        old_s, old_p, share = s[i], p[i], kept[i]
+        left = share if (which[i] == mine) & ((fate[i] == one) | (fate[i] == other)) else whole
+        new_s, new_p = left * old_s, left * old_p
+        s[i], p[i] = new_s, new_p
+        lost += (old_s + old_p) - (new_s + new_p)
+    return lost
 
 
 @compiled
 def end(
-    k: Precision,
-    tables: Tables,
-    c: int,
-    n: int,
-    rays: Rays,
-    carried: Carried,
-    found: Found,
-    fate: IntArray,
+    k: Precision, tables: Tables, sums: Sums, c: int, n: int, rays: Rays, carried: Carried, space: Space, clear: bool
 ) -> None:
     """End the rays of a block that meet curve ``c``, a receiver or a black wall."""
-    dx, dz, last = rays.dx, rays.dz, rays.last
-    t, which, work = found.distance, found.curve, found.work
-    nx, nz, n_left, n_right = work[0], work[1], work[6], work[7]
-    left, right, region, optical = tables.left[c], tables.right[c], carried.region, carried.optical
-    receives = tables.behaviour[c] == RECEIVER
-    indices(tables, c, n, carried, found)
+    which, fate, way = space.found.curve, space.found.pick, space.found.work[WAY]
+    receives, one = tables.behaviour[c] == RECEIVER, which[0]
+    mine, detected = as_in(one, c), as_in(one, DETECTED)
+    approach(k, tables, c, n, rays, carried, space, MOST_HITS, DETECTED if receives else ABSORBED, ABSORBED)
+    indices(tables, c, n, carried, space)
+    if not clear:
+        weaken(tables, c, n, carried, space)
+        sums.fate[ABSORBED] += absorb(mine, n, carried, space, detected, as_in(one, ABSORBED))
+    if not receives:
+        return
+    receiver = tables.receiver[c]
+    power, optical, many = arrivals(mine, detected, n, carried, way, which, fate)
+    sums.fate[DETECTED] += power
+    sums.detected[receiver] += power
+    sums.arrived[receiver] += many
+    sums.optical[receiver] += optical
+
+
+@summed
+def arrivals(
+    mine: int, detected: int, n: int, carried: Carried, way: Floats, which: Tags, fate: Tags
+) -> tuple[float, float, int]:
+    """Power of the rays that a receiver detects, the same times their optical paths, and how many they are."""
+    power, optical, many, s, p, before = 0.0, 0.0, 0, carried.s, carried.p, carried.optical
     for i in range(n):
-        a, b, from_right = n_left[i], n_right[i], dx[i] * nx[i] + dz[i] * nz[i] > 0.0
-        here = right if from_right else left
-        known, clear = (region[i] == here) | (region[i] == -1), (t[i] > k.corner) | (last[i] < 0)
-        before, way = fate[i], optical[i]
-        meets = (which[i] == c) & (before == ASIDE)
-        mine = meets & known & clear
-        ended = DETECTED if receives & (not from_right) else ABSORBED
-        fate[i] = ended if mine else (LEFT if meets else before)
-        new = way + (b if from_right else a) * t[i]
-        optical[i] = new if mine else way
+        arrives, both, path = (which[i] == mine) & (fate[i] == detected), s[i] + p[i], before[i] + way[i]
+        own = both if arrives else 0.0
+        power += own
+        optical += own * path
+        many += arrives
+    return power, optical, many
+
+
+@compiled
+def cross(
+    k: Precision, tables: Tables, rules: Rules, sums: Sums, c: int, n: int, rays: Rays, carried: Carried,
+    space: Space, clear: bool, waiting: int,
+) -> int:  # fmt: skip
+    """Refract and reflect the rays of a block that meet curve ``c``; how many branches wait then."""
+    one, splits = space.found.curve[0], rules.splitting == BRANCHES
+    mine, goes_on = as_in(one, c), as_in(one, GOES_ON)
+    approach(k, tables, c, n, rays, carried, space, min(rules.max_hits - 1, MOST_HITS), GOES_ON, GOES_ON)
+    indices(tables, c, n, carried, space)
+    if not clear:
+        weaken(tables, c, n, carried, space)
+        spare_the_weak(mine, n, carried, space)
+        sums.fate[ABSORBED] += absorb(mine, n, carried, space, goes_on, goes_on)
+    if splits:
+        both_ways(k, tables.behaviour[c], n, rays, space)
+        divide(k, mine, n, carried, space)
+    else:
+        one_way(k, tables.behaviour[c], n, rays, space)
+    advance(tables, c, n, rays, carried, space)
+    return part_with(tables, sums, c, n, rays, space, waiting) if splits else waiting
+
+
+@compiled
+def spare_the_weak(mine: int, n: int, carried: Carried, space: Space) -> None:
+    """Leave rays that are worn out when they get to curve ``mine`` to the other loop."""
+    s, p, least, kept = carried.s, carried.p, carried.least, space.found.work[KEPT]
+    which, fate, put_off = space.found.curve, space.found.pick, as_in(mine, LEFT)
+    for i in range(n):
+        weak, before = kept[i] * (s[i] + p[i]) < least[i], fate[i]
+        fate[i] = put_off if (which[i] == mine) & weak else before
+
+
+@compiled
+def one_way(k: Precision, behaviour: int, n: int, rays: Rays, space: Space) -> None:
+    """Where each ray goes when it is counted: on, or back where it is reflected totally."""
+    dx, dz, work = rays.dx, rays.dz, space.found.work
+    nx, nz, on_x, on_z, n_left, n_right = work[NX], work[NZ], work[ON_X], work[ON_Z], work[N_LEFT], work[N_RIGHT]
+    from_right, back = work[FROM_RIGHT], work[FIRST_BACK]
+    for i in range(n):
+        turned = from_right[i] > 0.0
+        a, b = n_left[i], n_right[i]
+        n1, n2 = (b if turned else a), (a if turned else b)
+        ways = bend(k, behaviour, COUNT, dx[i], dz[i], nx[i], nz[i], n1, n2)
+        total = ways.share_s > 0.0
+        on_x[i], on_z[i] = (ways.back_x if total else ways.on_x), (ways.back_z if total else ways.on_z)
+        back[i] = k.one if total else k.zero
+
+
+@compiled
+def both_ways(k: Precision, behaviour: int, n: int, rays: Rays, space: Space) -> None:
+    """Both ways of each ray at a curve, and the shares of s and p that go back."""
+    dx, dz, work = rays.dx, rays.dz, space.found.work
+    nx, nz, on_x, on_z, n_left, n_right = work[NX], work[NZ], work[ON_X], work[ON_Z], work[N_LEFT], work[N_RIGHT]
+    from_right, back_x, back_z = work[FROM_RIGHT], work[BACK_X], work[BACK_Z]
+    share_s, share_p = work[SHARE_S], work[SHARE_P]
+    for i in range(n):
+        turned = from_right[i] > 0.0
+        a, b = n_left[i], n_right[i]
+        n1, n2 = (b if turned else a), (a if turned else b)
+        ways = bend(k, behaviour, BRANCHES, dx[i], dz[i], nx[i], nz[i], n1, n2)
+        on_x[i], on_z[i], back_x[i], back_z[i] = ways.on_x, ways.on_z, ways.back_x, ways.back_z
+        share_s[i], share_p[i] = ways.share_s, ways.share_p
+
+
+@compiled
+def divide(k: Precision, mine: int, n: int, carried: Carried, space: Space) -> None:
+    """Which part of each ray is followed first, of two the weaker one, and what the other one and weak ones carry.
+
+    The way of the first part then stands where that on stood, the other one's where that back stood.
+    """
+    s, p, least, work = carried.s, carried.p, carried.least, space.found.work
+    share_s, share_p, weak = work[SHARE_S], work[SHARE_P], work[TOO_WEAK]
+    first_back, other_s, other_p = work[FIRST_BACK], work[OTHER_S], work[OTHER_P]
+    which, fate, goes_on = space.found.curve, space.found.pick, as_in(mine, GOES_ON)
+    ended = as_in(mine, TRUNCATED)
+    for i in range(n):
+        old_s, old_p, before = s[i], p[i], fate[i]
+        taken = (which[i] == mine) & (before == goes_on)
+        back_s, back_p = share_s[i] * old_s, share_p[i] * old_p
+        on_s, on_p = old_s - back_s, old_p - back_p
+        on, back = on_s + on_p, back_s + back_p
+        strong_on, strong_back = on >= least[i], back >= least[i]
+        both, turns = taken & strong_on & strong_back, strong_back & ((back <= on) | (not strong_on))
+        weak[i] = ((k.zero if strong_on else on) + (k.zero if strong_back else back)) if taken else k.zero
+        other_s[i] = (on_s if turns else back_s) if both else -k.one
+        other_p[i] = on_p if turns else back_p
+        first_back[i] = k.one if turns else k.zero
+        s[i] = (back_s if turns else on_s) if taken else old_s
+        p[i] = (back_p if turns else on_p) if taken else old_p
+        fate[i] = ended if taken & (not (strong_on | strong_back)) else before
+    on_x, on_z, back_x, back_z = work[ON_X], work[ON_Z], work[BACK_X], work[BACK_Z]
+    for i in range(n):
+        a_x, a_z, b_x, b_z, turns = on_x[i], on_z[i], back_x[i], back_z[i], first_back[i] > 0.0
+        on_x[i], on_z[i] = (b_x if turns else a_x), (b_z if turns else a_z)
+        back_x[i], back_z[i] = (a_x if turns else b_x), (a_z if turns else b_z)
+
+
+@compiled
+def advance(tables: Tables, c: int, n: int, rays: Rays, carried: Carried, space: Space) -> None:
+    """Put the rays that go on from curve ``c`` there, on the way of the part that is followed first."""
+    x, z, dx, dz, last, _ = rays
+    found, work, optical, region, hits = space.found, space.found.work, carried.optical, carried.region, carried.hits
+    t, which, fate, way = found.distance, found.curve, found.pick, work[WAY]
+    on_x, on_z, from_right, first_back = work[ON_X], work[ON_Z], work[FROM_RIGHT], work[FIRST_BACK]
+    one = which[0]
+    mine, left, right = as_in(one, c), as_in(one, tables.left[c]), as_in(one, tables.right[c])
+    aside = as_in(one, ASIDE)
+    for i in range(n):
+        taken = (which[i] == mine) & (fate[i] > aside)
+        old_x, old_z, old = x[i], z[i], optical[i]
+        new_x, new_z, new = old_x + t[i] * dx[i], old_z + t[i] * dz[i], old + way[i]
+        x[i], z[i], optical[i] = (new_x if taken else old_x), (new_z if taken else old_z), (new if taken else old)
+    for i in range(n):
+        taken = (which[i] == mine) & (fate[i] > aside)
+        old_x, old_z, new_x, new_z = dx[i], dz[i], on_x[i], on_z[i]
+        dx[i], dz[i] = (new_x if taken else old_x), (new_z if taken else old_z)
+    for i in range(n):
+        taken = (which[i] == mine) & (fate[i] > aside)
+        old_last, old_region, old_hits = last[i], region[i], hits[i]
+        new_region = right if from_right[i] == first_back[i] else left
+        last[i], region[i] = (mine if taken else old_last), (new_region if taken else old_region)
+        hits[i] = old_hits + 1 if taken else old_hits
+
+
+@compiled
+def part_with(tables: Tables, sums: Sums, c: int, n: int, rays: Rays, space: Space, waiting: int) -> int:
+    """Let the other parts of rays wait, and give up those that are too weak; how many wait then."""
+    state, tags, work = space.state, space.tags, space.found.work
+    for i in range(n):
+        if work[TOO_WEAK, i] > 0.0:
+            sums.fate[TRUNCATED] += work[TOO_WEAK, i]
+            note_place(sums, CUT, rays.x[i], rays.z[i])
+        if work[OTHER_S, i] >= 0.0:
+            row, tag, back = space.waiting_state[waiting], space.waiting_tags[waiting], work[FIRST_BACK, i] == 0.0
+            row[X], row[Z], row[S], row[P] = state[X, i], state[Z, i], work[OTHER_S, i], work[OTHER_P, i]
+            row[DX], row[DZ] = work[BACK_X, i], work[BACK_Z, i]
+            row[LEAST], row[AT], row[OPTICAL] = state[LEAST, i], state[AT, i], state[OPTICAL, i]
+            right = (work[FROM_RIGHT, i] > 0.0) == back
+            tag[REGION], tag[LAST] = tables.right[c] if right else tables.left[c], c
+            tag[HIT], tag[NUMBER], tag[COLOUR] = tags[HIT, i], tags[NUMBER, i], tags[COLOUR, i]
+            waiting += 1
+    return waiting

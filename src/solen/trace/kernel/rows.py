@@ -4,11 +4,12 @@
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
+from llvmlite import ir
 from numba import types
-from numba.extending import overload
+from numba.extending import intrinsic, overload
 from numpy.typing import NDArray
 
 from solen.curve import END_TOLERANCE_MM, ROUNDING, SMALL
@@ -16,6 +17,10 @@ from solen.scene.model import BEHAVIOURS
 from solen.trace.kernel.compiled import compiled
 
 Floats = NDArray[np.floating]
+Tags = NDArray[np.signedinteger]
+"""Whole numbers as wide as the floating-point numbers beside them, so that as many fit into a register."""
+N = TypeVar("N", float, np.signedinteger)
+TYPES: dict[Any, type[np.number]] = {types.float32: np.float32, types.int32: np.int32, types.int64: np.int64}
 
 SEGMENT, ARC, CONIC, OVAL, CUBIC = range(5)
 REFRACTING, MIRROR, ABSORBING, RECEIVER, SPLITTER, LENS, GRATING = range(len(BEHAVIOURS))
@@ -178,20 +183,44 @@ def treatment_row(treatments: Floats, i: int) -> Treatment:
     )  # fmt: skip
 
 
-def as_in(sample: float, number: float) -> float:
-    """A number in the precision of another one."""
+def as_in(sample: N, number: float) -> N:
+    """A number in the type of another one: wider ones beside it would halve how many are computed side by side."""
     return type(sample)(number)
 
 
 @overload(as_in)
 def _as_in(sample: Any, number: Any) -> Any:  # noqa: ARG001  numba compares the names
-    def single(sample: Any, number: Any) -> Any:  # noqa: ARG001
-        return np.float32(number)
+    kind = TYPES.get(sample, np.float64)
 
-    def double(sample: Any, number: Any) -> Any:  # noqa: ARG001
-        return np.float64(number)
+    def convert(sample: Any, number: Any) -> Any:  # noqa: ARG001
+        return kind(number)
 
-    return single if sample == types.float32 else double
+    return convert
+
+
+@intrinsic
+def _least(context: Any, a: Any, b: Any) -> Any:  # noqa: ARG001
+    """The less of two numbers, none of which is NaN, in a form that a loop can take for many at once."""
+    return a(a, b), _extreme("llvm.minnum")
+
+
+@intrinsic
+def _greatest(context: Any, a: Any, b: Any) -> Any:  # noqa: ARG001
+    """The greater of two numbers; see `least`."""
+    return a(a, b), _extreme("llvm.maxnum")
+
+
+least: Callable[[float, float], float] = _least
+greatest: Callable[[float, float], float] = _greatest
+
+
+def _extreme(name: str) -> Callable[..., Any]:
+    def code(_: Any, builder: Any, signature: Any, numbers: Any) -> Any:  # noqa: ARG001
+        kind = numbers[0].type
+        function = builder.module.declare_intrinsic(name, (kind,), ir.FunctionType(kind, (kind, kind)))
+        return builder.call(function, numbers, fastmath=("nnan", "nsz"))
+
+    return code
 
 
 @compiled
