@@ -6,7 +6,7 @@ totally reflected.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from solen.curve import Segment
 from solen.plane import Point
-from solen.scene import Fan, Interface, Region, Scene
+from solen.scene import CosinePower, Emitter, Extrusion, Fan, Interface, Region, Scene
 from solen.sensor import Sensor
 from solen.spec import Design, Material
 
@@ -23,6 +23,10 @@ SLAB_MM = (5.0, 100.0)
 """Width and length of the slab; it starts at z = 0."""
 FLAT_MM = 1e-5
 """How far a mesh may leave a curved face."""
+CHIP_MM, CONE_DEG = 0.2, 120.0
+"""Of the chip in space: width and height, and the cone that its light is cut at."""
+ERROR = 1e-4
+"""Of the detected share, that times are stated to."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +58,12 @@ class Case:
             receiver=np.repeat([face.receiver is not None for face in faces], pieces),
         )
 
+    @property
+    def half_mm(self) -> float | None:
+        """Half the thickness of a body in space; None in the plane."""
+        extrusion = self.make(1).extrusion
+        return None if extrusion is None else 0.5 * extrusion.thickness_mm
+
     def fan(self, rays: int) -> Fan:
         """Its only source."""
         (source,) = self.make(rays).sources
@@ -78,6 +88,13 @@ class Row:
     hits: int
     detected: float
     lost: int
+    error: float | None = None
+    """of the detected share, as far as it is known"""
+
+    @property
+    def to_error_s(self) -> float | None:
+        """Time to an error of `ERROR`, which falls with the root of the number of rays."""
+        return None if self.error is None else self.seconds * max(self.error / ERROR, 1.0) ** 2
 
 
 @dataclass(frozen=True)
@@ -97,6 +114,18 @@ def paper_case() -> Case:
     """The paper's sensor, turned by −3°."""
     sensor = Sensor.of(Design(name="paper", material=Material(index=INDEX)))
     return Case("sensor at −3°", lambda rays: sensor.scene(-3.0, rays))
+
+
+def space_case() -> Case:
+    """The same in space, as thick as the design says, and the emitter a chip with a Lambertian pattern."""
+    sensor = Sensor.of(Design(name="paper", material=Material(index=INDEX)))
+    pose = sensor.body(-3.0).emitter
+
+    def make(rays: int) -> Scene:
+        chip = Emitter(pose.point, pose.axis_deg, rays, CosinePower(1.0), CONE_DEG, CHIP_MM, CHIP_MM)
+        return replace(sensor.scene(-3.0, 1), sources=(chip,), extrusion=Extrusion(sensor.design.body.thickness_mm))
+
+    return Case("chip in space", make)
 
 
 def slab_case() -> Case:

@@ -8,15 +8,20 @@ Neighbouring rays of a fan go nearly the same way. Embree can be told so, which 
 once; Mitsuba leaves that off unless asked, so both are measured.
 """
 
+import math
+import time
 from functools import partial
 from importlib.util import find_spec
 from typing import Any, NamedTuple
 
 import numpy as np
+from manifold3d import triangulate
 
 from benchmarks.cases import INDEX, Case, Outline, Row, Tool
 from benchmarks.tracing import best_s
-from solen.scene import Fan
+from solen.plane import heading
+from solen.scene import Emitter, Fan
+from solen.scene.sources import Source
 
 VARIANT = "llvm_ad_rgb"
 OLDEST = (3, 6)
@@ -28,10 +33,11 @@ HOW = 'pip install "mitsuba>=3.6", and LLVM\'s shared library (tried with 15 and
 
 
 class Prism(NamedTuple):
-    """A Mitsuba scene whose triangles from number ``first_receiver`` on are receivers."""
+    """A Mitsuba scene whose triangles from number ``first_receiver`` on are receivers; ``flat``: in a plane."""
 
     scene: Any
     first_receiver: int
+    flat: bool
 
 
 class Found(NamedTuple):
@@ -68,39 +74,53 @@ def versions() -> str:
 
 def measure(case: Case, rays: int) -> list[Row]:
     """Rows of a case, without packets and with them."""
-    made, fan = prism(case.outline), case.fan(rays)
+    made, (source,) = prism(case.outline, case.half_mm), case.make(rays).sources
     rows = []
     for how, coherent in (("", False), (", packets", True)):
-        found = trace(made, fan, coherent=coherent, watch=True)
-        run = partial(trace, made, fan, coherent=coherent)
+        found = trace(made, source, coherent=coherent, watch=True)
+        run = partial(trace, made, source, coherent=coherent)
         run()  # compiles the kernel
-        seconds = best_s(run)
+        seconds = best_s(run, clock=time.process_time)
         share = found.detected / rays
-        rows.append(Row(case.name, f"Mitsuba{how}", "float32 mesh", rays, seconds, found.hits, share, found.lost))
+        error = None if made.flat else math.sqrt(share * (1.0 - share) / rays)
+        row = Row(case.name, f"Mitsuba{how}", "float32 mesh", rays, seconds, found.hits, share, found.lost, error)
+        rows.append(row)
     return rows
 
 
-def prism(outline: Outline) -> Prism:
-    """Two triangles for each piece of the outline, receivers last; their normals point out of the body."""
+def prism(outline: Outline, half_mm: float | None = None) -> Prism:
+    """Two triangles for each piece of the outline, receivers last; their normals point out of the body.
+
+    With half a thickness, as in space, top and bottom come first.
+    """
     import mitsuba as mi
 
     order = np.argsort(outline.receiver, kind="stable")
     start, end = outline.start[order], outline.end[order]
-    vertices = np.empty((len(start), 4, 3), dtype=np.float32)
-    vertices[:, (0, 3), :2], vertices[:, (1, 2), :2] = start[:, None], end[:, None]
-    vertices[:, :2, 2], vertices[:, 2:, 2] = -HALF_DEPTH_MM, HALF_DEPTH_MM
+    half = half_mm or HALF_DEPTH_MM
+    walls = np.empty((len(start), 4, 3), dtype=np.float32)
+    walls[:, (0, 3), :2], walls[:, (1, 2), :2] = start[:, None], end[:, None]
+    walls[:, :2, 2], walls[:, 2:, 2] = -half, half
+    vertices = walls.reshape(-1, 3)
     faces = 4 * np.arange(len(start), dtype=np.uint32)[:, None, None] + np.array([[0, 1, 2], [0, 2, 3]], np.uint32)
-    mesh = mi.Mesh("walls", 4 * len(start), 2 * len(start))
+    faces = faces.reshape(-1, 3)
+    if half_mm is not None:
+        flat = triangulate([outline.start]).astype(np.uint32)
+        corners = len(vertices) + np.arange(2, dtype=np.uint32) * len(outline.start)
+        faces = np.vstack([corners[0] + flat[:, ::-1], corners[1] + flat, faces])
+        caps = [np.column_stack([outline.start, np.full(len(outline.start), y)]) for y in (-half, half)]
+        vertices = np.vstack([vertices, *caps]).astype(np.float32)
+    mesh = mi.Mesh("walls", len(vertices), len(faces))
     values = mi.traverse(mesh)
     values["vertex_positions"] = mi.Float(vertices.ravel())
     values["faces"] = mi.UInt32(faces.ravel())
     values.update()
     scene = mi.load_dict({"type": "scene", "walls": mesh})
-    return Prism(scene, 2 * int(np.count_nonzero(~outline.receiver)))
+    return Prism(scene, len(faces) - 2 * int(np.count_nonzero(outline.receiver)), half_mm is None)
 
 
-def trace(made: Prism, fan: Fan, *, coherent: bool, watch: bool = False) -> Found:
-    """Follow every ray of a fan to its end; with ``watch``, which costs half as much again, lost rays are counted."""
+def trace(made: Prism, source: Source, *, coherent: bool, watch: bool = False) -> Found:
+    """Follow every ray of a source to its end; with ``watch``, which costs half as much again, count lost rays."""
     import drjit as dr
     import mitsuba as mi
 
@@ -114,7 +134,7 @@ def trace(made: Prism, fan: Fan, *, coherent: bool, watch: bool = False) -> Foun
         cos = dr.dot(ray.d, hit.n)
         defined = met & ((cos > 0) == inside)
         receiver = defined & (hit.prim_index >= made.first_receiver)
-        direction, total = _bent(ray.d, hit.n, cos)
+        direction, total = _bent(ray.d, hit.n, cos, flat=made.flat)
         hits = dr.select(met, hits + 1, hits)
         if watch:
             lost |= (met & ~defined) | (going & ~met & inside)
@@ -123,7 +143,14 @@ def trace(made: Prism, fan: Fan, *, coherent: bool, watch: bool = False) -> Foun
         return hit.spawn_ray(direction), goes_on, inside_next, hits, detected | (receiver & inside), lost
 
     no = mi.Bool(False)
-    state = (_launched(fan), mi.Bool(True), no, mi.UInt32(0), no, no)
+    state = (
+        _launched(source) if isinstance(source, Fan) else _emitted(source),
+        mi.Bool(True),
+        no,
+        mi.UInt32(0),
+        no,
+        no,
+    )
     _, _, _, hits, detected, lost = dr.while_loop(state, going_on, step, mode="symbolic")
     sums = dr.sum(hits), dr.count(detected), dr.count(lost)
     dr.eval(*sums)
@@ -140,7 +167,26 @@ def _launched(fan: Fan) -> Any:
     return mi.Ray3f(mi.Point3f(*fan.point, 0.0), mi.Vector3f(-sine, cosine, 0.0))
 
 
-def _bent(direction: Any, normal: Any, cos: Any) -> tuple[Any, Any]:
+def _emitted(source: Source) -> Any:
+    """Independent rays of a chip with a Lambertian pattern, in Mitsuba's (x, z, y)."""
+    import drjit as dr
+    import mitsuba as mi
+
+    if not isinstance(source, Emitter):
+        raise TypeError("the other tracers are given fans and chips")
+    random = mi.PCG32(size=source.rays)
+    share, turn, wide, high = (random.next_float32() for _ in range(4))
+    sine = dr.sqrt(share) * math.sin(source.half_rad)
+    across, up = dr.sincos(2.0 * math.pi * turn)
+    along, left, up = dr.sqrt(1.0 - sine * sine), sine * up, sine * across
+    axis, aside = heading(source.axis_deg), heading(source.axis_deg + 90.0)
+    step, y = source.width_mm * (wide - 0.5), source.height_mm * (high - 0.5)
+    point = mi.Point3f(source.point[0] + aside[0] * step, source.point[1] + aside[1] * step, y)
+    direction = mi.Vector3f(axis[0] * along + aside[0] * left, axis[1] * along + aside[1] * left, up)
+    return mi.Ray3f(point, direction)
+
+
+def _bent(direction: Any, normal: Any, cos: Any, *, flat: bool) -> tuple[Any, Any]:
     """Direction behind the face, or before it where the reflection is total; and whether it is.
 
     ``cos`` is the direction's along the outward normal: positive for a ray in the body.
@@ -154,7 +200,8 @@ def _bent(direction: Any, normal: Any, cos: Any) -> tuple[Any, Any]:
     root = dr.sqrt(dr.select(total, 0.0, cos2))  # LLVM 15 cannot compile dr.safe_sqrt
     through = dr.copysign(root, cos) - ratio * cos
     bent = dr.select(total, 1.0, ratio) * direction + dr.select(total, -2.0 * cos, through) * normal
-    bent.z = 0.0
+    if flat:
+        bent.z = 0.0
     return dr.normalize(bent), total
 
 

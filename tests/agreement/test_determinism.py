@@ -40,6 +40,23 @@ def test_keeping_ways_does_not_change_a_bit(mode: Mode) -> None:
     assert int(np.sum(kept.legs["interface"] >= 0)) == kept.hits
 
 
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("mode", ["count", "power"])
+def test_rays_side_by_side_end_as_they_do_one_by_one(mode: Mode, seed: int) -> None:
+    """Rays whose ways are kept are followed one by one."""
+    scene = dataclasses.replace(random_scene(seed, 3_000), monitors=())
+    together, apart = trace(scene, mode, LIMITS), trace(scene, mode, LIMITS, legs=True)
+    assert (together.hits, together.truncated) == (apart.hits, apart.truncated)
+    assert together.undefined == apart.undefined
+    for name, one in together.detectors.items():
+        other = apart.detectors[name]
+        assert one.rays == other.rays
+        assert one.power == pytest.approx(other.power, rel=1e-12, abs=1e-14)
+        assert one.optical_path_mm == pytest.approx(other.optical_path_mm, rel=1e-9, nan_ok=True)
+    for fate in ("detected", "escaped", "absorbed", "truncated"):
+        assert getattr(together.ledger, fate) == pytest.approx(getattr(apart.ledger, fate), rel=1e-10, abs=1e-13)
+
+
 def test_ways_are_the_same_on_one_thread_and_two() -> None:
     one, two = (trace(random_scene(4, 9_000), "count", LIMITS, legs=True, threads=threads) for threads in (1, 2))
     assert one.legs is not None

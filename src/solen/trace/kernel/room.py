@@ -7,7 +7,7 @@ import numpy as np
 from solen.arrays import IntArray
 from solen.trace.kernel.rows import Floats, Tags
 
-BLOCK = 128
+BLOCK = 256
 """Rays carried side by side: enough to fill vector registers, few enough to stay in the nearest cache."""
 X, Z, DX, DZ, S, P, LEAST, AT, OPTICAL = range(9)
 REGION, LAST, HIT, BRANCH, NUMBER, PARENT, COLOUR = range(7)

@@ -4,7 +4,7 @@
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
 from llvmlite import ir
@@ -210,8 +210,8 @@ def _greatest(context: Any, a: Any, b: Any) -> Any:  # noqa: ARG001
     return a(a, b), _extreme("llvm.maxnum")
 
 
-least: Callable[[float, float], float] = _least
-greatest: Callable[[float, float], float] = _greatest
+least = cast("Callable[[float, float], float]", _least)
+greatest = cast("Callable[[float, float], float]", _greatest)
 
 
 def _extreme(name: str) -> Callable[..., Any]:
