@@ -278,9 +278,9 @@ def arrivals(
     power, optical, many, s, p, before = 0.0, 0.0, 0, carried.s, carried.p, carried.optical
     for i in range(n):
         arrives, both, path = (which[i] == mine) & (fate[i] == detected), s[i] + p[i], before[i] + way[i]
-        own = both if arrives else 0.0
+        own, far = (both if arrives else 0.0), (path if arrives else 0.0)  # what meets nothing has gone infinitely far
         power += own
-        optical += own * path
+        optical += own * far
         many += arrives
     return power, optical, many
 
