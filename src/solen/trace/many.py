@@ -19,6 +19,7 @@ from solen.curve import check_count
 from solen.errors import DesignError
 from solen.scene import Scene
 from solen.trace.chunks import DTYPES, Chunk, Digits, Job, chunks, rows_of, rules_of
+from solen.trace.entry import REFLECTED
 from solen.trace.kernel import batch, tally
 from solen.trace.kernel.room import BLOCK, Rows, room
 from solen.trace.result import KEPT_PLACES, Limits, Mode, Trace, check_choice, check_mode
@@ -83,7 +84,7 @@ class _Batch:
             bin=_starts(bins),
         )
         self.sums = tally.Sums(
-            fate=np.zeros((len(tasks), tally.LEAKED + 1)),
+            fate=np.zeros((len(tasks), REFLECTED + 1)),
             detected=np.zeros(sum(receivers)),
             arrived=np.zeros(sum(receivers), dtype=np.int64),
             optical=np.zeros(sum(receivers)),
