@@ -231,3 +231,26 @@ def test_a_blank_cell_above_a_grey_that_set_is_refused(tmp_path: Path) -> None:
     path.write_text("\n".join([*lines[:4], f"{grey},,{u}", *lines[5:]]), encoding="utf-8")
     with pytest.raises(DataError, match=r"thickness.*row 4.*0\.7"):
         measured_greys(read(path), known())
+
+
+@pytest.mark.parametrize(("u_disc_um", "u_scale_percent"), [(4.0, 0.0), (1.0, 4.0)])
+def test_what_all_steps_share_does_not_average_out(u_disc_um: float, u_scale_percent: float, tmp_path: Path) -> None:
+    """300 tables, Dp exact: one full grey that all others are compared with, or a gauge off by 4 %.
+
+    The exponent that fits the light best, weighted as the steps' errors are, against what is stated of it.
+    """
+    rng = np.random.default_rng(11)
+    exact = known()
+    exact = exact.model_copy(update={"uncertainty": exact.uncertainty | {"Dp_um": 0.0}})
+    over, logs = [], POWER * np.log(np.array(GREYS[1:]))
+    for _ in range(300):
+        gauge = 1.0 + 0.01 * u_scale_percent * rng.normal()
+        depth = DP * np.log(np.array(GREYS) ** POWER * DOSE / EC) + rng.normal(0.0, u_disc_um, len(GREYS))
+        rows = [f"{grey:g},{gauge * one:.4f},{u_disc_um}" for grey, one in zip(GREYS, depth, strict=True)]
+        path = tmp_path / "gauge.csv"
+        path.write_text("\n".join(["grey,thickness_um,u_thickness_um", *rows]), encoding="utf-8")
+        found = measured_greys(read(path), exact, GreyOptions(u_scale_percent=u_scale_percent))
+        measured = np.log(np.interp(GREYS[1:], found.grey, found.light))
+        full = np.linalg.inv(np.eye(len(logs)) + 1.0)
+        over.append((logs @ full @ measured / (logs @ full @ logs) - 1.0) / found.u_power)
+    assert np.mean(np.abs(over) < 1.96) == pytest.approx(0.95, abs=0.03)

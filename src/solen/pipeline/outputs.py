@@ -81,6 +81,12 @@ def check_ending(path: Path | None, what: str, *endings: str) -> None:
         raise OutputError(str(path), limit=f"{what} ends in {', '.join(endings)}", remedy="rename it")
 
 
+def check_new(path: Path | None, *, force: bool) -> None:
+    """`OutputError` if a file exists and is not to be replaced: what it holds was measured once."""
+    if path is not None and path.exists() and not force:
+        raise OutputError(str(path), limit="exists already", remedy="name another file, or add --force")
+
+
 def check_out(out: Path | None) -> None:
     """`OutputError` where the file of a result is not named .json."""
     check_ending(out, "a result", ".json")

@@ -10,6 +10,7 @@ The interface: `measured_greys` gives `MeasuredGreys`, whose ``process`` holds t
 """
 
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +44,8 @@ class GreyOptions(RowOptions):
 
     u_thickness_um: Finite | None = Field(None, gt=0.0)
     """Standard uncertainty of a disc's thickness, where the table has no column u_thickness_um and no repeats."""
+    u_scale_percent: Annotated[Finite, Field(ge=0.0, le=50.0)] = 0.0
+    """Standard uncertainty of the gauge's scale, %: what all thicknesses share; it is not in those of the discs."""
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -125,8 +128,8 @@ def measured_greys(recording: Recording, process: Process, options: GreyOptions 
     u_light = np.append(light[:-1] * u_log, 0.0)
     if not log_light[0] < 0.0:
         raise DataError("thickness", limit="all discs are as thick as those of the full grey: was one picture shown?")
-    u_own = float(np.sum((log_light[:-1] / u_log) ** 2)) ** -0.5
-    u_power = float(np.hypot(u_Dp / Dp, u_own))
+    u_own = _u_of_exponent(log_light[:-1], u_mean * per_um)
+    u_power = float(np.hypot(np.hypot(u_Dp / Dp, 0.01 * options.u_scale_percent), u_own))
     pairs = tuple((float(grey), float(share)) for grey, share in zip(greys, light, strict=True))
     return MeasuredGreys(
         process=_with_greys(process, pairs, u_power, recording.provenance.file or "a table of grey steps"),
@@ -140,6 +143,15 @@ def measured_greys(recording: Recording, process: Process, options: GreyOptions 
         sources=(recording.provenance,),
         warnings=(*beside, *_warnings(process, shares, set_at, greys)),
     )
+
+
+def _u_of_exponent(log_light: FloatArray, u_log: FloatArray) -> float:
+    """Standard uncertainty of the exponent of all light by generalised least squares.
+
+    All logarithms (N,) share the error of the full grey, the last of ``u_log`` (N + 1,): it does not average out.
+    """
+    covariance = np.diag(u_log[:-1] ** 2) + u_log[-1] ** 2
+    return float(log_light @ np.linalg.solve(covariance, log_light)) ** -0.5
 
 
 def _shares(recording: Recording) -> tuple[FloatArray, str]:

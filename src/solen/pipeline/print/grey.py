@@ -15,7 +15,7 @@ from solen.fabricate.process import (
     read_process,
 )
 from solen.pipeline.options import FLAT
-from solen.pipeline.outputs import check_ending, named
+from solen.pipeline.outputs import check_ending, check_new, named
 from solen.recording import read
 from solen.results import Outcome
 
@@ -28,6 +28,7 @@ def grey(
     process: Path | None = None,
     sheet: str | None = None,
     out: Annotated[Path | None, Parameter(name="--out", help="Write the process with the greys to this .toml.")] = None,
+    force: bool = False,
 ) -> Outcome[MeasuredGreys]:
     """Measure which light grey pixels let through, from discs of the coupon grey-steps.
 
@@ -39,6 +40,8 @@ def grey(
         Process that the greys are added to, and whose Dp turns thickness into light; default: the published settings.
     sheet
         Sheet of a workbook.
+    force
+        Replace a file that exists.
 
     Raises
     ------
@@ -46,6 +49,7 @@ def grey(
         Where a file cannot be read, or no curve follows; nothing is written then.
     """
     check_ending(out, "a process", ".toml")
+    check_new(out, force=force)
     before = default_process() if process is None else read_process(process)
     found = measured_greys(read(file, sheet=sheet), before, options)
     if out is not None:

@@ -10,7 +10,7 @@ from solen.metrology.image import read_plane
 from solen.metrology.micrometer import MeasuredScale, MicrometerOptions, measured_scale
 from solen.metrology.scale import scale_text
 from solen.pipeline.options import FLAT
-from solen.pipeline.outputs import check_ending, named
+from solen.pipeline.outputs import check_ending, check_new, named
 from solen.results import Outcome
 
 
@@ -23,6 +23,7 @@ def scale(
         Path | None,
         Parameter(name="--out", help="Write the scale to this .toml, which --scale of other commands takes."),
     ] = None,
+    force: bool = False,
 ) -> Outcome[MeasuredScale]:
     """Measure the scale of an objective once, in a picture of a stage micrometer.
 
@@ -30,6 +31,8 @@ def scale(
     ----------
     picture
         A picture of even parallel lines: TIFF, PNG, JPEG and others (needs the extra vision).
+    force
+        Replace a file that exists.
 
     Raises
     ------
@@ -37,6 +40,7 @@ def scale(
         Where the picture cannot be read or shows no even lines; nothing is written then.
     """
     check_ending(out, "a scale", ".toml")
+    check_new(out, force=force)
     plane, source = read_plane(picture)
     measured = measured_scale(plane.grey, source, options)
     if out is not None:

@@ -4,12 +4,11 @@ from pathlib import Path
 from typing import Annotated
 
 from solen import __version__, files
-from solen.errors import OutputError
 from solen.material.facts import ResinFacts, ShowOptions, facts_of
 from solen.material.resin import dumps_resin, resin_of
 from solen.material.resin_from_results import BuildOptions, gather
 from solen.pipeline.options import FLAT
-from solen.pipeline.outputs import check_ending, check_outputs, write
+from solen.pipeline.outputs import check_ending, check_new, check_outputs, write
 from solen.report.options import FigureOptions
 from solen.results import Outcome
 from solen.spec.design import names_file
@@ -57,8 +56,7 @@ def build(
         Where the file exists already and is not to be replaced, or cannot be written.
     """
     check_ending(out, "a resin file", ".toml")
-    if out.exists() and not force:
-        raise OutputError(str(out), limit="exists already", remedy="name another file, or add --force")
+    check_new(out, force=force)
     given = {"index": index, "cutback": cutback, "cure": cure, "stiffness": stiffness}
     given |= {"refractometer": refractometer, "penetration": penetration}
     results = {option: path for option, path in given.items() if path is not None}
