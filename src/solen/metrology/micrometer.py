@@ -303,7 +303,8 @@ def _even(number: IntArray, places: FloatArray) -> tuple[float, float, float, fl
     line = np.polyfit(x, places, 1)
     beside = places - np.polyval(line, x)
     few = float(stats.t.ppf(0.975, len(x) - 2)) / NORMAL  # of few lines the scatter is not well known
-    u = few * math.sqrt(float(beside @ beside) / (len(x) - 2) / float(x @ x))
+    even = math.sqrt(float(beside @ beside) / (len(x) - 2) / float(x @ x))
+    u = few * max(even, _u_of_uneven(x, beside))
     return (
         float(line[0]),
         u,
@@ -312,6 +313,16 @@ def _even(number: IntArray, places: FloatArray) -> tuple[float, float, float, fl
         beside,
         float(np.sqrt(np.mean(left**2))),
     )
+
+
+def _u_of_uneven(x: FloatArray, beside: FloatArray) -> float:
+    """Standard uncertainty of a slope where points (n,) scatter unequally, by residuals over 1 less their leverage.
+
+    The lines at the picture's corners are short, so read worse than others, and they bear most on the slope (HC3: J. G.
+    MacKinnon and H. White, J. Econometrics 29, 305, 1985).
+    """
+    leverage = 1.0 / len(x) + x**2 / float(x @ x)
+    return float(np.sqrt(np.sum((x * beside / (1.0 - leverage)) ** 2))) / float(x @ x)
 
 
 def _warnings(options: MicrometerOptions, number: IntArray, stretch_percent: float | None) -> list[Caution]:
