@@ -70,6 +70,8 @@ class PrintModel:
             raise SpecError("--orientation or --rotate-deg", value=slicing.orientation, limit=limit, remedy="leave out")
         process, sources = process_of(PrintOptions(process=slicing.process, cure=slicing.cure, printer=slicing.printer))
         process = with_resin(process, sensor.design)
+        if slicing.process is None:
+            process = process.with_settings(**slicing.exposed(process.process))
         if others := slicing.otherwise(process.process):
             limit = "the layers of a tuned lens are printed as its process has it"
             raise SpecError("--process", value=others[0], limit=limit, remedy="leave that option out, or change it")

@@ -64,12 +64,16 @@ class Slicing(Options):
         stated = {key: getattr(process, key) for key in EXPOSED if key not in self.model_fields_set}
         return self.model_copy(update=stated)
 
+    def exposed(self, process: Settings) -> dict[str, float]:
+        """Layers and exposures that the options state otherwise than a process, by their keys."""
+        stated = {key: getattr(self, key) for key in EXPOSED}
+        return {key: value for key, value in stated.items() if value not in (None, getattr(process, key))}
+
     def otherwise(self, process: Settings) -> list[str]:
-        """What options state otherwise than a process."""
+        """The same in words."""
         return [
-            f"--{key.replace('_', '-')} {getattr(self, key):g}, and the process has {getattr(process, key):g}"
-            for key in EXPOSED
-            if getattr(self, key) is not None and getattr(self, key) != getattr(process, key)
+            f"--{key.replace('_', '-')} {value:g}, and the process has {getattr(process, key):g}"
+            for key, value in self.exposed(process).items()
         ]
 
     def seconds(self, index: int) -> float:

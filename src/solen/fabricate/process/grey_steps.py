@@ -151,7 +151,7 @@ def _u_of_exponent(log_light: FloatArray, u_log: FloatArray) -> float:
     All logarithms (N,) share the error of the full grey, the last of ``u_log`` (N + 1,): it does not average out.
     """
     covariance = np.diag(u_log[:-1] ** 2) + u_log[-1] ** 2
-    return float(log_light @ np.linalg.solve(covariance, log_light)) ** -0.5
+    return float(1.0 / np.sqrt(log_light @ np.linalg.solve(covariance, log_light)))
 
 
 def _shares(recording: Recording) -> tuple[FloatArray, str]:
