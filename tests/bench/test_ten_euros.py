@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from solen.analysis import study
+from solen.analysis.sensor_response import AnalysisOptions
 from solen.arrays import FloatArray
 from solen.bench.record import record
 from solen.cli import run_command
@@ -36,19 +37,18 @@ emitter = 1
 right = 1
 left = 2
 """
-CYCLES = 3
 SWING_V, PER_DEG = 2.4, 1.2
 """Of the circuit that `tests.bench.pty_support` simulates."""
 
 
 def stops(step_deg: float, hold_s: float, cycles: int) -> str:
-    """The paper's turn to 3 degrees on either side, in stops; it has six cycles."""
+    """The paper's turn to 3 degrees on either side, in stops; it has six cycles of it."""
     to = [*np.arange(-step_deg, -3.01, -step_deg), *np.arange(-3 + step_deg, 3.01, step_deg)]
     to += [*np.arange(3 - step_deg, -0.01, -step_deg)]
     steps = "".join(
         f"[[step]]\nto_deg = {round(float(one), 3)}\nvelocity_deg_per_s = 15.0\nhold_s = {hold_s}\n" for one in to
     )
-    return f'schema = 1\nname = "3 degrees in stops"\ncycles = {cycles}\nrest_s = 0.2\n{steps}'
+    return f'schema = 1\nname = "3 degrees in stops"\ncycles = {cycles}\nrest_s = {3.0 * hold_s}\n{steps}'
 
 
 class Person:
@@ -120,10 +120,10 @@ def test_readings_at_stops_are_those_of_the_circuit(bench: Path, monkeypatch: py
 
 @pytest.mark.evidence
 def test_a_hand_and_a_pico_draw_the_paper_s_figure(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path, figure = run_by_hand(bench, stops(0.5, 0.6, CYCLES), monkeypatch), bench / "4D.svg"
-    assert run_command(["bench", "analyse", str(path), "--figure", str(figure), "--quiet"]) == 0
+    path, figure = run_by_hand(bench, stops(0.5, 1.0, 1), monkeypatch), bench / "4D.svg"
+    assert run_command(["bench", "analyse", str(path), "--figure", str(figure), "--drop", "0", "--quiet"]) == 0
     assert figure.stat().st_size > 10_000
-    sensor = study([path]).to_dict()["sensors"]["A"]
+    sensor = study([path], AnalysisOptions(drop=0)).to_dict()["sensors"]["A"]
     for side, sign in (("right", 1.0), ("left", -1.0)):
         found = sensor["receivers"][side]
         at = np.array(found["angle_deg"])
@@ -134,4 +134,4 @@ def test_a_hand_and_a_pico_draw_the_paper_s_figure(bench: Path, monkeypatch: pyt
         assert stopped.sum() >= 11
         assert off_mV < 5.0
         assert hysteresis < 0.5
-    assert sensor["cycles_used"] >= 1  # the first is left out, and the last has no rest after it
+    assert sensor["cycles_used"] == 1
