@@ -32,7 +32,7 @@ def test_every_warning_of_resin_and_print_states_a_rank() -> None:
         and (kind := node.returns if isinstance(node, ast.FunctionDef) else node.annotation) is not None
     ]
     assert len(kinds) > 30
-    written = {"material/resin.py", "material/dispersion.py", "material/resin_from_results.py"}
+    written = {"material/resin.py", "material/dispersion.py", "material/result_files.py"}
     assert not [(file, kind) for file, kind in kinds if "Caution" not in kind and file not in written]
     made = {file for file, node in nodes() if isinstance(node, ast.Call) and ast.unparse(node.func) == "Caution"}
     assert made == FROM_FILES
