@@ -65,7 +65,7 @@ class LayeredLens(LensInSpace):
 
     @property
     def heights_mm(self) -> FloatArray:
-        """See :attr:`LensInSpace.heights_mm`: one for each layer."""
+        """See :attr:`solen.lens.in_space.LensInSpace.heights_mm`: one for each layer."""
         return self.middles_mm
 
     @reported
@@ -86,7 +86,7 @@ class LayeredLens(LensInSpace):
         return z[which], slope[which]
 
     def z_at(self, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
-        """See :meth:`LensInSpace.z_at`: of the layer that a height lies in."""
+        """See :meth:`solen.lens.in_space.LensInSpace.z_at`: of the layer that a height lies in."""
         x, y = np.broadcast_arrays(np.abs(x_mm), y_mm)
         layer = np.clip(np.searchsorted(self.edges_mm, y, side="right") - 1, 0, self.layers - 1).astype(np.int64)
         return self.profile_mm(layer, x)
@@ -103,7 +103,7 @@ class LayeredLens(LensInSpace):
 
     @property
     def face(self) -> Face:
-        """See :attr:`LensInSpace.face`."""
+        """See :attr:`solen.lens.in_space.LensInSpace.face`."""
         numbers = (self.distance_mm, self.focus_mm, self.design_index, math.inf)
         sizes = (self.half_width_mm, self.half_height_mm, self.depth_mm, self.deepest_mm)
         return Face(*numbers, *sizes, self.edges_mm, *self.profiles)

@@ -70,7 +70,7 @@ class LineFocusLens(LensInSpace):
         return cls(**{**_fields(lens), "y_focus_mm": high})
 
     def z_at(self, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
-        """See :meth:`LensInSpace.z_at`: the first place along z at which the optical length is right, to 1e-13 mm."""
+        """See :meth:`solen.lens.in_space.LensInSpace.z_at`: the first z of the right optical length, to 1e-13 mm."""
         x, y = np.broadcast_arrays(np.abs(x_mm), np.abs(y_mm))
         planes = np.linspace(-self.distance_mm, self.focus_mm, SCAN + 1)
         behind = self.residual_mm(x[..., None], y[..., None], planes) < 0.0
@@ -102,7 +102,7 @@ class LineFocusLens(LensInSpace):
 
     @property
     def face(self) -> Face:
-        """See :attr:`LensInSpace.face`."""
+        """See :attr:`solen.lens.in_space.LensInSpace.face`."""
         half, nothing = self.half_height_mm, np.empty((0, 0))
         ring = self.focus_mm + self.y_focus_mm
         numbers = (self.distance_mm, self.focus_mm, self.design_index, ring, self.half_width_mm, half)
