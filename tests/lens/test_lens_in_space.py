@@ -117,7 +117,7 @@ def test_numbers_of_a_lens_are_those_of_its_file() -> None:
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: LineFocusLens(**PAPER, y_focus_mm=1.2), ("line-focus", "z = -0.9")),
+        (lambda: LineFocusLens(**PAPER, y_focus_mm=1.2), ("line-focus", "|y| = 1.")),
         (lambda: LineFocusLens(**PAPER, y_focus_mm=-1.0), ("lens.y_focus_mm", "-1")),
         (lambda: LineFocusLens(**PAPER, thickness_mm=0.0), ("body.thickness_mm", "0")),
         (lambda: LayeredLens(**PAPER, layer_mm=1e-4), ("lens.layer_mm", "0.001")),

@@ -2,10 +2,9 @@
 
 The idea: a print model knows well what a change of the drawing does, and badly where the print stands at first; a
 picture is the other way round. So what prints have in common (`solen.explore.systematic`) is taken from the pictures,
-and the drawing that cancels it from the model. Only what is resolved is corrected: even overgrowth and size where they
-exceed their uncertainty, size moreover only with a stated scale, the form as far as its mean is not damped to 0. The
-next print is then predicted with all that is not known: of the printer, the pictures, the model, and of what a print
-has for itself.
+and the drawing that cancels it from the model. Corrected is the mean of what is known of even overgrowth, size (with a
+stated scale only) and form: where pictures resolve little, that is near to what was known before. The next print is
+then predicted with all that is not known: of the printer, the pictures, the model, and of what a print has for itself.
 
 The interface: `tune` gives a `TunedPrint`, whose `log` the next call takes.
 """
@@ -119,7 +118,7 @@ class TunedPrint(Result):
     common
         What prints have in common.
     corrected
-        What of that the drawing is changed by.
+        What of that the drawing is changed by beyond its uncertainty; the rest is corrected by its mean all the same.
     wall_um, scale
         By how much walls are drawn outwards, and by what all is enlarged.
     unchanged

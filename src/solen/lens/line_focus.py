@@ -24,6 +24,8 @@ from solen.results import reported
 SCAN, HALVINGS = 64, 60
 FARTHEST_MM, CLOSENESS_MM = 1e4, 1e-3
 """How far before the vertex a virtual focus is sought, and how closely."""
+END_MM = 1e-9
+"""What rounding may leave of a difference of optical lengths."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -81,7 +83,8 @@ class LineFocusLens(LensInSpace):
             inside = self.residual_mm(x, y, middle) < 0.0
             low, high = np.where(inside, low, middle), np.where(inside, middle, high)
         z = 0.5 * (low + high)
-        return np.where(behind.any(axis=-1) & (self._faces(x, y, z) < 0.0), z, np.nan)
+        reached = np.abs(self.residual_mm(x, y, z)) < END_MM  # or else the length jumps there, at the virtual focus
+        return np.where(behind.any(axis=-1) & reached & (self._faces(x, y, z) < 0.0), z, np.nan)
 
     def residual_mm(self, x: FloatArray, y: FloatArray, z: FloatArray) -> FloatArray:
         """Optical length from the emitter less that over the vertex: above 0 before the surface."""
@@ -89,7 +92,7 @@ class LineFocusLens(LensInSpace):
         along = from_line - self.focus_mm
         if not math.isinf(self.y_focus_mm):
             ring = self.focus_mm + self.y_focus_mm
-            along = self.y_focus_mm - np.hypot(from_line - ring, y)
+            along = np.where(from_line < ring, self.y_focus_mm - np.hypot(from_line - ring, y), np.inf)
         from_emitter = np.sqrt(x * x + y * y + (z + self.distance_mm) ** 2)
         return np.asarray(from_emitter - self.distance_mm + self.design_index * along)
 
@@ -131,7 +134,8 @@ class LineFocusLens(LensInSpace):
         by_line, by_y = np.ones_like(from_line), np.zeros_like(from_line)
         if not math.isinf(self.y_focus_mm):
             away = self.focus_mm + self.y_focus_mm - from_line
-            by_line, by_y = away / np.hypot(away, y), -y / np.hypot(away, y)
+            with np.errstate(invalid="ignore"):  # at the virtual focus itself there is no direction
+                by_line, by_y = away / np.hypot(away, y), -y / np.hypot(away, y)
         onto = by_line * (x * x - (self.focus_mm - z) * (z + self.distance_mm)) / from_line + by_y * y
         return np.asarray(1.0 + self.design_index * onto / from_emitter)
 

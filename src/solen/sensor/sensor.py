@@ -243,7 +243,12 @@ class Sensor:
         tolerance = EXTENDED_TOLERANCE if is_extended(scene) else DERIVATIVE_TOLERANCE
         tolerance = SPACE_TOLERANCE if in_space else tolerance
         if self.is_sampled:
-            base, _ = self.sampled(angle_deg)
+            base, u = self.sampled(angle_deg)
+            if u > SAMPLED_TOLERANCE:
+                limit = f"its samples must reach {SAMPLED_TOLERANCE:g}"
+                raise DesignError(
+                    f"light at {angle_deg:g} deg", value=f"{u:.1e}", limit=limit, remedy="use solen trace"
+                )
         else:
             base = integrate(scene, "power", tolerance, most_legs=None if in_space else MOST_LEGS)
         if not base.reached:

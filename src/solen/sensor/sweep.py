@@ -19,7 +19,7 @@ BEND = 0.02
 """How far a contrast may lie from the straight line between its neighbours before angles are added between them."""
 
 FAILURES = 2
-"""After so many angles of a sweep at which integration failed, it is not tried at the others."""
+"""Where integration fails at the first so many angles of a sweep it is not tried at the others."""
 
 Reading = tuple[Trace, dict[str, float], float]
 """A trace, the power at each receiver, and its uncertainty."""
