@@ -47,6 +47,7 @@ def test_what_is_said_is_the_manual_s(recwarn: pytest.WarningsRecorder) -> None:
         (b"ERR?\n", b"7\n"),
         (b"\x18", b""),
         (b"ERR?\n", b"10\n"),
+        (b"\x05", b"0\n"),
     ]
     link = Written(HELLO + more)
     stage = Gcs2Stage(link, SimulatedClock(), stage="M-060.DG")

@@ -138,6 +138,19 @@ def test_a_run_that_was_ended_is_taken_up_after_its_last_whole_cycle(
     assert set(part) == {0, 1}
 
 
+@pytest.mark.parametrize("how", [KeyboardInterrupt(), BenchError("board", limit="is on fire")])
+def test_a_stage_that_was_not_stopped_is_said(bench: Path, how: BaseException, monkeypatch: pytest.MonkeyPatch) -> None:
+    def goes_on(stage: SimulatedStage) -> None:
+        raise BenchError(stage.name, limit="goes on")
+
+    monkeypatch.setattr(recording, "READ_SIMULATED_S", 0.1)
+    monkeypatch.setattr(SimulatedStage, "stop", goes_on)
+    with pytest.raises(type(how), match=r"stage not stopped: .*goes on.*--resume") as ended:
+        recorded(bench, watch=stopping(1, how))
+    assert "stage stopped" not in str(ended.value)
+    assert len(str(ended.value).splitlines()) == 1
+
+
 def test_what_a_stop_leaves_can_be_closed(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(recording, "READ_SIMULATED_S", 0.1)
     with pytest.raises(KeyboardInterrupt, match=r"emitters off, stage stopped; .*protocol\.journal: .*--resume"):

@@ -86,5 +86,6 @@ class GcodeStage(LineStage):
                     raise
                 continue
             if self._ends(line, text):
+                self._lines.owed = False
                 return lines
             lines.append(line)

@@ -40,8 +40,6 @@ ERRORS = {
 }
 """What the controller means by its error codes; others are shown by number."""
 STOPPED = 10
-STOPPING_S = 0.05
-"""By then everything has come that was on its way when a stop was sent."""
 STOP_ALL, MOVING, READY = b"\x18", b"\x05", b"\x07"
 _READY, _BUSY = b"\xb1", b"\xb0"
 
@@ -168,16 +166,13 @@ class Gcs2Stage(LineStage):
         return self._value("ONT?") == "1"
 
     def stop(self) -> None:
-        """Stop at once; the controller reports that as an error, which is taken from it.
-
-        A late answer to an earlier question, which Ctrl-C interrupted, is dropped.
-        """
+        """Stop at once; the controller reports that as an error, which is taken from it."""
+        self._cut_in(self._to.encode() + STOP_ALL)
         self._say(STOP_ALL)
-        self._clock.sleep(STOPPING_S)
-        self._lines.forget()
         code = self._error()
         if code not in {0, STOPPED}:
             raise self._refusal(_meaning(code), "look after the stage")
+        self._come_to_rest(lambda: not self._moving())
 
     def command(self, text: str) -> None:
         """Send a command and ask whether it was taken; `BenchError` with the controller's reason where it was not."""
@@ -190,6 +185,7 @@ class Gcs2Stage(LineStage):
         lines = [self._lines.next()]
         while lines[-1].endswith(" "):
             lines.append(self._lines.next())
+        self._lines.owed = False
         lines = [line.strip() for line in lines]
         prefix = f"0 {self._to}"
         return [line.removeprefix(prefix) if self._to else line for line in lines]
@@ -220,6 +216,7 @@ class Gcs2Stage(LineStage):
     def _moving(self) -> bool:
         self._say(MOVING)
         answer = self._lines.next().strip().removeprefix(f"0 {self._to}" if self._to else "")
+        self._lines.owed = False
         try:
             return int(answer, 16) != 0
         except ValueError:
@@ -228,6 +225,7 @@ class Gcs2Stage(LineStage):
     def _ready(self) -> bool:
         self._say(READY)
         answer = self._lines.next_bytes().strip()
+        self._lines.owed = False
         if answer[-1:] not in {_READY, _BUSY}:
             raise self._refusal(f"answered {answer!r} to #7", "check the baud rate")
         return answer[-1:] == _READY

@@ -125,6 +125,7 @@ class GrblStage(GcodeStage):
                 places = found[2].split(",") if found else []
                 if found is None or len(places) <= self._place:
                     raise self._refusal(f"answered {line!r}", "let it report machine positions: $10=1")
+                self._lines.owed = False
                 return found[1], float(places[self._place])
         raise self._refusal(f"says {line[:40]!r} and no state", "is it GRBL? check the baud rate")
 

@@ -162,8 +162,8 @@ class KinesisStage(LineStage):
         return False
 
     def stop(self) -> None:
-        """Stop at once, with its deceleration; a late answer to an earlier question is dropped."""
-        self._lines.forget()
+        """Stop at once, with its deceleration."""
+        self._cut_in(_HEADER.pack(STOP, 1, PROFILED, USB, HOST))
         self._tell(STOP, 1, PROFILED)
         self._come_to_rest(lambda: not self._status()[1] & (MOVING | HOMING))
 
@@ -219,9 +219,9 @@ class KinesisStage(LineStage):
             answer = self._lines.next_bytes()
             number, _, _, _, who = _HEADER.unpack_from(answer)
             if number == expected and who == USB:
+                self._lines.owed = False
                 return answer[_HEADER.size :]
             if number in {BAD, BAD_WITH_WORDS} or who != USB:
-                self._lines.late = True  # the answer may come yet
                 raise self._complaint(number, answer)
 
     def _complaint(self, number: int, said: bytes) -> BenchError:

@@ -46,9 +46,16 @@ class LineStage(ABC):
 
     def _send(self, data: bytes) -> None:
         """Send bytes; an answer that came too late is not taken for theirs."""
-        if self._lines.late:
+        if self._lines.owed:
             self._lines.forget()
+        self._lines.owed = True
         self._link.write(data)
+
+    def _cut_in(self, stop: bytes) -> None:
+        """Where a question was interrupted, as by Ctrl-C: send a stop first, then drop what is still on its way."""
+        if self._lines.owed:
+            self._link.write(stop)
+            self._lines.settle()
 
     def _came_true(self, done: Callable[[], bool], within_s: float, every_s: float) -> bool:
         """Ask until something is done; False where it takes too long."""

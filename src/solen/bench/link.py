@@ -107,8 +107,8 @@ class Lines:
         self._timeout_s = timeout_s
         self._cut = cut
         self._waiting = b""
-        self.late = False
-        """Whether an answer did not come in time, so that it may come yet, as if it were another's."""
+        self.owed = False
+        """Whether something was sent whose answer was not taken, so that it may come yet, as if it were another's."""
 
     def next(self) -> str:
         """One line; `BenchError` where none came in time, or what came is not text."""
@@ -125,7 +125,6 @@ class Lines:
         while (found := self._cut(self._waiting)) is None:
             left = due - self._clock.now_s()
             if left <= 0.0:
-                self.late = True
                 came = f"only {self._waiting!r} came" if self._waiting else "nothing came"
                 limit = f"no answer within {self._timeout_s:g} s ({came})"
                 raise BenchError(self._link.name, limit=limit, remedy="check cable, power and baud rate")
@@ -143,5 +142,12 @@ class Lines:
         dropped = self._waiting
         while came := self._link.read(4096, 0.0):
             dropped += came
-        self._waiting, self.late = b"", False
+        self._waiting, self.owed = b"", False
         return dropped
+
+    def settle(self) -> None:
+        """Drop what came and what may come yet: nothing does once the line was silent for an answer's time."""
+        due = self._clock.now_s() + 2.0 * self._timeout_s
+        while self._link.read(4096, self._timeout_s) and self._clock.now_s() < due:
+            pass
+        self.forget()

@@ -166,9 +166,10 @@ def _kept(path: Path) -> Iterator[None]:
         yield
     except KeyboardInterrupt as bad:
         line = str(bad) or "interrupted"
-        raise Ended(f"{line}; emitters off, stage stopped; {kept}", getattr(bad, "exit_code", 130)) from None
+        state = "; ".join(getattr(bad, "__notes__", ())) or "emitters off, stage stopped"
+        raise Ended(f"{line}; {state}; {kept}", getattr(bad, "exit_code", 130)) from None
     except SolenError as bad:
-        remedy = f"{bad.remedy}; {kept}" if bad.remedy else kept
+        remedy = "; ".join([*filter(None, [bad.remedy]), *getattr(bad, "__notes__", ()), kept])
         raise type(bad)(bad.what, value=bad.value, limit=bad.limit, remedy=remedy) from None
 
 

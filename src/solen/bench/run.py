@@ -113,7 +113,7 @@ def run(
         Where an instrument fails; what was recorded up to then is in the journal, which says so. Emitters are off and
         the stage stands still.
     KeyboardInterrupt
-        Where Ctrl-C stopped it; likewise.
+        Where Ctrl-C stopped it; likewise. Of either, notes name what could not be stopped.
     """
     if instruments.stage.unit != protocol.unit:
         limit = f"moves in {protocol.unit}, and the stage {instruments.stage.name} in {instruments.stage.unit}"
@@ -121,16 +121,20 @@ def run(
     part, done = (0, 0) if before is None else (before.parts, before.cycles)
     runner = _Runner(protocol, instruments, journal, part, done, watch)
     outcome, reason = "done", ""
+    ended: BaseException | None = None
     try:
         runner.all()
     except BaseException as bad:
+        ended = bad
         outcome = "stopped" if isinstance(bad, KeyboardInterrupt) else "fault"
         reason = str(bad) if isinstance(bad, SolenError | Ended) else type(bad).__name__
         raise
     finally:
         with uninterrupted():
             end = {"outcome": outcome, "reason": reason, "losses": vars(instruments.board.losses)}
-            runner.safe()
+            for line in runner.safe():
+                if ended is not None:
+                    ended.add_note(line)
             journal.event(runner.now_s, outcome, **end)
             if outcome == "done":
                 journal.end(**end)
@@ -188,17 +192,20 @@ class _Runner:
         self._stay(self.protocol.rest_s)
         self._read()
 
-    def safe(self) -> None:
+    def safe(self) -> list[str]:
         """Emitters off, then the stage stopped; the second is tried whatever becomes of the first.
 
-        Then what was seen of the stage since the last reading is written down.
+        Then what was seen of the stage since the last reading is written down. Gives a line for what did not stop.
         """
+        left = []
         for name, stop in (("board", self.on.board.stop), ("stage", self.on.stage.stop)):
             try:
                 stop()
             except SolenError as bad:
                 self.journal.event(self.now_s, "not stopped", instrument=name, reason=str(bad))
+                left.append(f"{name} not stopped: {bad}")
         self._write_looks()
+        return left
 
     def _go(self, step: Step) -> None:
         """Move and wait until it is there; while it moves it is asked for its position alone."""

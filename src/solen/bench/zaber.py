@@ -127,8 +127,8 @@ class ZaberStage(LineStage):
         return True
 
     def stop(self) -> None:
-        """Stop at once, with its deceleration; a late answer to an earlier question is dropped."""
-        self._lines.forget()
+        """Stop at once, with its deceleration."""
+        self._cut_in(self._line("stop"))
         self._ask("stop")
         self._come_to_rest(lambda: self._ask("get pos").idle)
 
@@ -140,16 +140,20 @@ class ZaberStage(LineStage):
 
     def _ask(self, text: str) -> Reply:
         """Answer to a command; alerts and remarks of the device, which come unasked, are passed over."""
-        address, axis = self._to
-        self._send(f"/{address} {axis} {text}\n".encode("ascii"))
+        self._send(self._line(text))
         while (line := self._lines.next().strip())[:1] in {"!", "#"}:
             pass
         found = _REPLY.match(line)
-        if found is None or (int(found[1]), found[2]) != (address, axis):
+        if found is None or (int(found[1]), found[2]) != self._to:
             raise self._refusal(f"answered {line!r} to {text}", "check address, axis and baud rate (115200)")
+        self._lines.owed = False
         if found[3] == "RJ":
             raise self._refusal(f"{text}: refused, {found[6]}", "see the protocol's manual")
         return Reply(found[4] == "IDLE", found[5], found[6] or "")
+
+    def _line(self, text: str) -> bytes:
+        address, axis = self._to
+        return f"/{address} {axis} {text}\n".encode("ascii")
 
     def _check(self, reply: Reply) -> None:
         if reply.warning.startswith("F"):
