@@ -1,5 +1,6 @@
 """Light through lenses whose walls are not upright: against closed cases, the cylinder, and a plain tracer."""
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -22,12 +23,12 @@ CHIP = {
     "emitter.height_mm": 0.2,
     "trace.dimension": "extruded",
 }
-LINE = {"lens.shape": "line-focus", "lens.y_focus_mm": 2.0}
-LAYERED = {"lens.shape": "layered"}
+LINE: dict[str, object] = {"lens.shape": "line-focus", "lens.y_focus_mm": 2.0}
+LAYERED: dict[str, object] = {"lens.shape": "layered"}
 RAYS = 2**16
 
 
-def sensor(lens: dict[str, object] | None = None, **values: object) -> Sensor:
+def sensor(lens: dict[str, object] | None = None, /, **values: object) -> Sensor:
     """The paper's sensor in space with a chip, by its lens and by other keys of the design."""
     plain = Design(name="a", material={"index": 1.44, "absorption_per_mm": values.pop("absorption_per_mm", 0.0)})
     return Sensor.of(with_values(plain, CHIP | (lens or {}) | values))
@@ -125,28 +126,24 @@ def test_an_emitter_nearer_or_farther(distance_mm: float, value: float) -> None:
 
 def same(found: Trace, reading: Reading, errors: float = 3.0) -> None:
     """Whether both tracers agree within so many standard errors."""
-    for name, part in found.detectors.items():
-        apart = (reading.error(name) ** 2 + part.u_power**2) ** 0.5
-        assert abs(reading.mean(name) - part.power) < errors * apart, name
-    escaped = ("escaped", found.ledger.escaped, found.u_ledger.escaped)
-    for name, part, u in (escaped, ("missed", found.missed, found.u_missed)):
-        assert (
-            abs(reading.mean(name) - part) < errors * (reading.error(name) ** 2 + u**2) ** 0.5 + 3.0 / reading.rays
-        ), name
+    stated = {name: (part.power, part.u_power) for name, part in found.detectors.items()}
+    stated["escaped"] = (found.ledger.escaped, found.u_ledger.escaped)
+    stated |= {"missed": (found.missed, found.u_missed), "leaked": (found.leaked, found.u_leaked)}
+    for name, (value, u) in stated.items():
+        apart = math.hypot(reading.error(name), u)
+        assert abs(reading.mean(name) - value) < errors * apart + 3.0 / reading.rays, name
     assert reading.mean("truncated") < 1e-3
-    assert reading.mean("leaked") == pytest.approx(
-        found.leaked, abs=0.01 + errors * reading.error("leaked")
-    )  # see docs
 
 
 @pytest.mark.parametrize(
     ("lens", "values"),
     [
         (LINE, {}),
+        (LINE | {"lens.y_focus_mm": "collimated"}, {}),
         (LAYERED | {"lens.layer_mm": 0.5}, {"emitter.y_mm": 0.5}),
         (LAYERED, {"motion.kind": "bend", "absorption_per_mm": 0.01}),
     ],
-    ids=["line-focus", "slabs off in y", "layers, bent, lossy"],
+    ids=["line-focus", "collimated", "slabs off in y", "layers, bent, lossy"],
 )
 def test_the_plain_tracer_agrees(lens: dict[str, object], values: dict[str, object]) -> None:
     made = sensor(lens, **values)
@@ -190,7 +187,7 @@ def test_what_the_budget_holds() -> None:
     shares = [value for name, value in vars(parts).items() if name != "u"]
     assert sum(shares) == pytest.approx(1.0, abs=2.0 * parts.u)
     assert parts.reflected == pytest.approx(0.0785, abs=3.0 * parts.u)
-    assert parts.leaked == pytest.approx(0.053, abs=3.0 * parts.u)
+    assert parts.leaked == pytest.approx(0.067, abs=3.0 * parts.u)
 
 
 def test_a_derivative_is_that_of_samples() -> None:

@@ -10,6 +10,7 @@ from solen.analysis.diagnosis.response_table import angles_deg
 from solen.bench.rig import load_rig
 from solen.bench.simulated.sensors import simulated_sensors
 from solen.curve import Segment
+from solen.readout.transistor import angular_factor
 from solen.scene import Extrusion, Interface, Region, Scene
 from solen.scene.sources import Emitter
 from solen.scene.sources.pattern import CosinePower
@@ -17,6 +18,7 @@ from solen.sensor import Sensor
 from solen.sensor.acceptance import Acceptance
 from solen.sensor.readings import readings
 from solen.spec import Design, load, with_values
+from solen.trace import trace
 
 PART = 'schema = 1\nname = "Narrow"\nkind = "receiver"\nmaker = "me"\ndocument = "notes"\n' + "".join(
     f'[{key}]\ntypical = {value}\nbasis = "measured"\nsource = "bench"\n'
@@ -92,3 +94,29 @@ def test_a_lambertian_point_before_a_wide_directional_receiver(exponent: float) 
     regions = (Region("inside", 1.0), Region("outside", 1.0))
     scene = Scene(regions, walls, (source,), extrusion=Extrusion(2.0 * far))
     assert Acceptance(exponent).factors(scene) == pytest.approx(2.0 / (exponent + 1.0), abs=2e-3)
+
+
+IN_SPACE = {"trace.dimension": "extruded", "emitter.pattern": "lambertian", "emitter.cone_deg": 120.0}
+
+
+def test_a_single_slab_is_seen_as_the_cylinder(design: Design) -> None:
+    """Behind a lens that is no cylinder light is sorted by what it does there."""
+    slab = {"lens.shape": "layered", "lens.layer_mm": 9.0}
+    one, other = (Sensor.of(with_values(design, IN_SPACE | more)) for more in ({}, slab))
+    seen = Acceptance.of(one).factors(one.scene(-0.3, 2**12))
+    assert 0.2 < seen[1] < 0.9
+    assert Acceptance.of(other).factors(other.scene(-0.3, 2**12)) == pytest.approx(seen, abs=1e-4)
+
+
+def test_collimated_light_of_a_point_is_seen_in_projection(design: Design) -> None:
+    """It runs level in the body, so the angles of projection are all there is."""
+    lens = {"lens.shape": "line-focus", "lens.y_focus_mm": "collimated", "emitter.width_mm": 0.0}
+    sensor = Sensor.of(with_values(design, IN_SPACE | lens))
+    scene, acceptance = sensor.scene(-0.3, 2**14), Acceptance.of(sensor)
+    detectors = trace(scene, "power", angle_bins=90).detectors
+    edges = np.linspace(-90.0, 90.0, 91)
+    sine = acceptance.index * np.sin(np.radians(0.5 * (edges[1:] + edges[:-1])))
+    projected = np.degrees(np.arcsin(np.clip(sine, -1.0, 1.0)))
+    powers = np.array([detectors[side].power_by_angle for side in ("right", "left")])
+    seen = angular_factor(acceptance.exponent, projected, powers)
+    assert acceptance.factors(scene) == pytest.approx(seen, rel=0.02)

@@ -81,13 +81,22 @@ class Acceptance:
 
 
 def _bands(scene: Scene) -> Iterator[tuple[Source, tuple[float, ...]]]:
-    """Bands of a scene's first source by the y-component of direction in air, each with an equal share of its light."""
+    """Bands of a scene's first source by the y-component of direction in air, each with two values that stand for it.
+
+    They have the mean and the standard deviation of the band's light as it starts.
+    """
     source = scene.sources[0]
     if scene.extrusion is None:
         yield source, (0.0,)
         return
+    launch = source.launch(in_space=True)
+    ups = _ups(launch)
     for least, most in pairwise(np.linspace(0.0, 1.0, BANDS + 1).tolist()):
-        middle, half = 0.5 * (least + most), 0.5 * (most - least) / math.sqrt(3.0)
+        power = (launch.power_s + launch.power_p) * ((ups >= least) & (ups <= most))
+        if not power.any():
+            continue
+        middle = float(np.average(ups, weights=power))
+        half = math.sqrt(float(np.average((ups - middle) ** 2, weights=power)))
         band = Band(whole=source, least=least, most=most, power=source.power, spectrum=source.spectrum)
         yield band, (middle - half, middle + half)
 
@@ -129,8 +138,12 @@ class Band(Source):
     def launch_at(self, u: FloatArray, rays: int, in_space: bool = False) -> Launch:
         """See :meth:`~solen.scene.sources.base.Source.launch_at`."""
         launch = self.whole.launch_at(u, rays, in_space)
-        up = np.zeros(len(launch)) if launch.dy is None else np.abs(launch.dy)
-        if launch.behind is not None:
-            up = np.minimum(launch.behind.inside * up, 1.0)
+        up = _ups(launch)
         inside = (up >= self.least) & (up <= self.most)
         return replace(launch, power_s=launch.power_s * inside, power_p=launch.power_p * inside)
+
+
+def _ups(launch: Launch) -> FloatArray:
+    """Sizes (N,) of the y-components of direction in air; 1 at most."""
+    up = np.zeros_like(launch.dx) if launch.dy is None else np.abs(launch.dy)
+    return up if launch.behind is None else np.minimum(launch.behind.inside * up, 1.0)

@@ -2,8 +2,8 @@
 
 `through_face` puts in place of a scene's sources the rays that they send through the face, as they run in the body:
 with their powers after Fresnel's equations at the face, their polarisation, and the optical path that they have behind
-them. What the face reflects is reported as ``reflected``; what goes back escapes, and what goes on, as at the
-edges, is followed. So is what passes the lens. Behind the face the body is a prism, traced as any other.
+them. What the face reflects is reported as ``reflected``; what goes back escapes, and what goes on, or onto a
+ledge, is followed. So is what passes the lens. Behind the face the body is a prism, traced as any other.
 
 Light that comes back to the face from within meets the cylinder of its middle section; see `solen.trace.kernel.entry`.
 """

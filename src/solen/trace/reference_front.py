@@ -48,9 +48,9 @@ class FrontInSpace:
     def hides(self, at: Vector) -> bool:
         """Whether a point of a wall of the prism lies before the face, where the prism is cut away."""
         x, y, z = self.own(at, shift=True)
-        if z > self.deepest or abs(x) > 1.1 * self.half_width:
+        if abs(y) > self.lens.half_height_mm or z > self.deepest or abs(x) > 1.1 * self.half_width:
             return False
-        return z < self._depth(math.copysign(min(abs(x), self.half_width), x), y)
+        return z < self._depth(x, y)
 
     def own(self, v: Vector, *, shift: bool) -> Vector:
         """A point or a direction of the scene in the lens's own frame."""
@@ -139,9 +139,10 @@ class FrontInSpace:
                 continue
             way = (side * self.half_width - at[0]) / d[0]
             y, z = at[1] + way * d[1], at[2] + way * d[2]
-            if way <= LEAST_MM or abs(y) > self.lens.half_height_mm or z >= self.base:
+            leaves, half = side * d[0] > 0.0, self.lens.half_height_mm  # as all walls, they go on above and below
+            if way <= LEAST_MM or (abs(y) > half and not leaves) or z >= self.base:
                 continue
-            if z > self._depth(self.half_width, y):
+            if z > self._depth(self.half_width, min(max(y, -half), half)):
                 yield FrontHit(way, (side, 0.0, 0.0), side * d[0] < 0.0)
 
 

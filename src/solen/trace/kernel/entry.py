@@ -2,12 +2,12 @@
 
 In the lens's own frame. A ray from before the face is carried to it, layer by layer: a smooth face is one layer.
 Where a layer stands out beyond the one that the ray comes from, the ray meets its level *ledge*; there β, which upright
-walls keep, changes. Of both parts at a ledge one is followed, drawn by its power; of those at the face the one that
-goes in. That one is carried on, by the bounces off top and bottom that it may take, to the plane of the stem's base,
-unless it is beyond it: from there on the body is a prism.
+walls keep, changes. Of both parts at a ledge one is followed, drawn by its power; at the face both are, as what a wall
+reflects may meet the next ledge. What goes in is carried on, by the bounces off top and bottom that it may take, to the
+plane of the stem's base, unless it is beyond it: from there on the body is a prism.
 
 What is left out: a ray in the body that comes back to the face (it meets the cylinder of the middle section instead),
-and one in the body that meets a ledge from within, on its way to the middle of the body.
+and one in the body that meets a ledge from within, on its way to the middle of the body, or runs back from one.
 """
 
 import math
@@ -70,8 +70,7 @@ class Faced(NamedTuple):
 class Passage(NamedTuple):
     """Rays in the lens's frame: before the face, and written over by what comes of them.
 
-    N come from the source; there is room for as many again, for what is reflected forwards at the face's edges and may
-    meet the body elsewhere.
+    N come from the source; there is room for as many again, for what the face reflects forwards, or onto a ledge.
     """
 
     x: FloatArray
@@ -275,12 +274,21 @@ def power_of(light: Coherency) -> float:
 
 
 @compiled
+def over_body(f: Faced, y: float, z: float) -> bool:
+    """Whether a place at the edge of the aperture, seen along y, lies in the body: behind its middle or its corner."""
+    layer = layer_of(f, y)
+    return z > f.base or before(f, layer, f.half_width, math.copysign(f.half_height, y), z) < 0.0
+
+
+@compiled
 def goes_over(f: Faced, at: Vector, d: Vector, way: float) -> bool:
     """Whether a ray that misses the face leaves the slab above or below the body, rather than beside it."""
     if d.y == 0.0 or not d.z > 0.0 or abs(at.y + way * d.y) < f.half_height * (1.0 - ROUNDING):
         return False
-    aside = (math.copysign(f.half_width, d.x) - at.x) / d.x if d.x != 0.0 else math.inf
-    return at.z + aside * d.z > f.base
+    if d.x == 0.0:
+        return True
+    aside = (math.copysign(f.half_width, d.x) - at.x) / d.x
+    return over_body(f, at.y + aside * d.y, at.z + aside * d.z)
 
 
 @compiled
@@ -296,7 +304,7 @@ def beside(f: Faced, walk: Walk) -> Walk:
     way += (BESIDE_MM if at.z + way * d.z > f.base else INSIDE_MM) / abs(d.x)
     way = max(way, 0.0)
     there = ahead(at, d, way)
-    if abs(there.y) > f.half_height and there.z > f.base:
+    if abs(there.y) > f.half_height and over_body(f, there.y, there.z):
         return Walk(at, d, walk.e, walk.light, walk.optical, OVER)
     y = min(max(there.y, -f.half_height), f.half_height)
     return Walk(Vector(there.x, y, there.z), d, walk.e, walk.light, walk.optical + f.outside * way, PASSED)
@@ -312,16 +320,34 @@ def write(f: Faced, rays: Passage, i: int, walk: Walk) -> None:
     rays.x[i], rays.y[i], rays.z[i] = at.x, at.y, at.z
     rays.dx[i], rays.dy[i], rays.dz[i] = d.x, d.y, d.z
     rays.optical[i] = walk.optical
+    if walk.fate != ENTERED:
+        rays.inside[i] = f.outside
     if walk.fate == OVER:
         rays.y[i] = 4.0 * f.half_height
+
+
+@called
+def set_aside(f: Faced, rays: Passage, free: IntArray, i: int, layer: int, chance: float, walk: Walk) -> None:
+    """Write what the face reflects of a ray into a row of its own, where it may get to the body; the rest goes back."""
+    power = power_of(walk.light)
+    rays.lost[REFLECTED] += power
+    row, inside = free[0], rays.inside[i]
+    if power == 0.0:
+        return
+    if row == len(rays.x) or not (walk.d.z > 0.0 or to_face(f, layer, walk.at, walk.d).met):
+        rays.lost[TURNED_BACK] += power
+        return
+    write(f, rays, row, walk)
+    rays.line[row], rays.inside[row], rays.chance[row] = rays.line[i], inside, chance
+    free[0] += 1
 
 
 @called
 def met(f: Faced, rays: Passage, i: int, free: IntArray) -> Walk:
     """A ray at the face, on its way in, or as it misses it."""
     at, d = Vector(rays.x[i], rays.y[i], rays.z[i]), Vector(rays.dx[i], rays.dy[i], rays.dz[i])
-    e, light = upright(d), Coherency(rays.s[i], rays.p[i], 0.0, 0.0)
-    inside, chance, optical = rays.inside[i], rays.chance[i], 0.0
+    e, light = upright(d), Coherency(rays.s[i], rays.p[i], rays.cr[i], rays.ci[i])
+    inside, chance, optical = rays.inside[i], rays.chance[i], rays.optical[i]
     layer = layer_of(f, at.y)
     while True:
         step = to_face(f, layer, at, d)
@@ -338,14 +364,8 @@ def met(f: Faced, rays: Passage, i: int, free: IntArray) -> Walk:
             parts = divided(d, e, normal, light, f.outside, inside, open_way)
         on, back = power_of(parts.on_light), power_of(parts.back_light)
         if not step.ledge:
-            rays.lost[REFLECTED] += back
-            mirrored = beside(f, Walk(at, parts.back, parts.s, parts.back_light, optical, PASSED))
-            if back > 0.0 and parts.back.z > 0.0 and parts.back.x * at.x > 0.0:
-                write(f, rays, free[0], mirrored)
-                rays.line[free[0]] = rays.line[i]
-                free[0] += 1
-            else:
-                rays.lost[TURNED_BACK] += back
+            mirrored = Walk(at, parts.back, parts.s, parts.back_light, optical, PASSED)
+            set_aside(f, rays, free, i, layer, chance, mirrored)
             return Walk(at, parts.on, parts.s, parts.on_light, optical, ENTERED)
         returned = back / (on + back)
         if not chance < returned:
@@ -386,7 +406,9 @@ def carried(f: Faced, rays: Passage, i: int, walk: Walk) -> Walk:
 @called
 def pass_face(f: Faced, rays: Passage, free: IntArray) -> None:
     """Carry rays to the face and into the body; ``free`` (1,) is how many rows are taken."""
-    for i in range(free[0]):
+    i = -1
+    while i + 1 < free[0]:  # what the face reflects is added behind
+        i += 1
         if abs(rays.y[i]) > f.half_height:
             continue
         walk = met(f, rays, i, free)
