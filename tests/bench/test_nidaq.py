@@ -226,6 +226,23 @@ def test_a_line_that_cannot_be_set_low_is_told(library: Library) -> None:
     with pytest.raises(BenchError, match=r"lines .* emitters .*; cut their supply"):
         daq.stop()
     assert not library.tasks
+    daq.close()  # tried again
+    assert library.dark
+
+
+def test_a_line_that_cannot_be_set_low_does_not_keep_the_others_high(library: Library) -> None:
+    daq = NiDaq(SimulatedClock(), "Dev1", setup(enable="port1/line7"))
+    daq.start()
+    library.lines["Dev1/port1/line0"] = True
+    library.faults["DAQmxWriteDigitalLines"] = [0, -88709]
+    with pytest.raises(BenchError, match="unplugged"):
+        daq.stop()
+    assert library.lines == {"Dev1/port1/line0": True, "Dev1/port1/line7": False}
+    library.faults["DAQmxWriteDigitalLines"] = [-88709] * 2
+    with pytest.raises(BenchError, match="cut their supply"):
+        daq.close()
+    daq.close()
+    assert library.dark
 
 
 def test_a_device_that_is_not_there_or_another_is_told(library: Library) -> None:

@@ -87,8 +87,9 @@ class NiDaq:
         self._stretch, self._next, self._begun_s = 0, 0, 0.0
         self._overruns_s: list[float] = []
         self._beat = False
+        self._low = True
         with on_failure(self._off):
-            self._lines(False)
+            self._lower()
             self._prepare()
 
     @property
@@ -118,7 +119,7 @@ class NiDaq:
             if not self._tasks:
                 self._prepare()
             if self.setup.enable is not None:
-                self._put((self.setup.enable,), True)
+                self._put(self.setup.enable, True)
             self._begin()
 
     def read(self) -> Samples:
@@ -142,7 +143,7 @@ class NiDaq:
             raise
         if self.setup.alive is not None:
             self._beat = not self._beat
-            self._put((self.setup.alive,), self._beat)
+            self._put(self.setup.alive, self._beat)
         first, self._next = self._next, self._next + counts.shape[1]
         remarks, self._remarks = tuple(self._remarks), []
         return Samples(self._stretch, first, np.ascontiguousarray(counts.T), remarks)
@@ -154,8 +155,8 @@ class NiDaq:
             raise failed
 
     def close(self) -> None:
-        """Stop and release the instrument."""
-        if self._tasks:
+        """Stop and release the instrument; lines that could not be set low are tried again."""
+        if self._tasks or not self._low:
             self.stop()
 
     def _checked(self, setup: Setup) -> Model:
@@ -263,27 +264,34 @@ class NiDaq:
         for task in tasks:
             clear(task, self._ni)
         try:
-            self._lines(False)
+            self._lower()
         except BenchError as bad:
             limit, remedy = "its lines could not be set low: emitters may be on", "cut their supply"
             return BenchError(self.name, limit=f"{limit} ({bad})", remedy=remedy)
         return None
 
-    def _lines(self, high: bool) -> None:
-        """Set every line that lights something."""
+    def _lower(self) -> None:
+        """Set every line that lights something low, the enabling one first; `BenchError` after all were tried."""
         taken = tuple(line for _, _, line in self._switches if line)
-        self._put((*taken, *self.setup.lines, *self.setup.static_lines.values()), high)
+        faults = []
+        for line in (*self.setup.static_lines.values(), *taken, *self.setup.lines):
+            try:
+                self._put(line, False)
+            except BenchError as bad:
+                faults.append(bad)
+        self._low = not faults
+        if faults:
+            raise faults[0]
 
-    def _put(self, lines: tuple[str, ...], high: bool) -> None:
-        for line in lines:
-            with self._translated("set a line"):
-                task = self._ni.Task()
-                try:
-                    task.do_channels.add_do_chan(f"{self._device}/{line}")
-                    writer = self._ni.stream_writers.DigitalSingleChannelWriter(task.out_stream, auto_start=True)
-                    writer.write_one_sample_one_line(high, timeout=1.0)
-                finally:
-                    clear(task, self._ni)
+    def _put(self, line: str, high: bool) -> None:
+        with self._translated("set a line"):
+            task = self._ni.Task()
+            try:
+                task.do_channels.add_do_chan(f"{self._device}/{line}")
+                writer = self._ni.stream_writers.DigitalSingleChannelWriter(task.out_stream, auto_start=True)
+                writer.write_one_sample_one_line(high, timeout=1.0)
+            finally:
+                clear(task, self._ni)
 
     @contextlib.contextmanager
     def _translated(self, what: str) -> Iterator[None]:
