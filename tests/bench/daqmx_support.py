@@ -257,6 +257,9 @@ class Library:
         if any("ctr" in channel or "port" in channel for channel in self.tasks[task]):
             self.running.add(task)
 
+    def _IsTaskDone(self, task: int, to: Pointer) -> None:
+        to.to.value = task not in self.running
+
     def _StopTask(self, task: int) -> None:
         self.running.discard(task)
 

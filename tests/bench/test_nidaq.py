@@ -58,6 +58,7 @@ StartTask(2)
 StartTask(3)
 GetReadAttribute(3, 4643, &)
 ReadBinaryI16(3, 3, 1, 0, int16[6], 6, &, None)
+IsTaskDone(2, &)
 ClearTask(2)
 ClearTask(3)
 CreateTask('', &)
@@ -216,6 +217,35 @@ def test_a_fault_is_one_line_and_leaves_everything_dark(
     with pytest.raises(BenchError, match=told) as refusal:
         used()
     assert len(str(refusal.value).splitlines()) == 1
+    assert library.dark
+
+
+def test_emitters_that_are_switched_no_more_end_the_run(library: Library) -> None:
+    daq = NiDaq(SimulatedClock(), "Dev1", setup(enable="port1/line7"))
+    daq.start()
+    daq.read()
+    library.running.clear()
+    with pytest.raises(BenchError, match="emitters"):
+        daq.read()
+    assert library.dark
+    daq.start()
+    library.faults["DAQmxIsTaskDone"] = [-88709]
+    with pytest.raises(BenchError, match="-88709"):
+        daq.read()
+    assert library.dark
+
+
+@pytest.mark.parametrize(("faults", "ends"), [([-88709], True), ([0, -200279], False)])
+def test_after_an_overrun_only_the_inputs_may_have_failed(library: Library, faults: list[int], ends: bool) -> None:
+    daq = NiDaq(SimulatedClock(), "Dev1", setup())
+    daq.start()
+    library.faults |= {"DAQmxGetReadAttribute": [-200361], "DAQmxStopTask": faults}
+    if not ends:
+        assert daq.read().stretch == 1
+        daq.close()
+    else:
+        with pytest.raises(BenchError, match="-88709"):
+            daq.read()
     assert library.dark
 
 

@@ -136,6 +136,7 @@ class NiDaq:
                     reader.verify_array_shape = False  # it asks the driver for the number of channels each time
                     got = reader.read_int16(counts, counts.shape[1], timeout=1.0)
                     counts = counts.ravel()[: channels * got].reshape(channels, got)
+            self._check_emitters()
         except _OverrunError as bad:
             return self._again(bad.code)
         except BenchError:
@@ -250,13 +251,22 @@ class NiDaq:
             limit = f"{OVERRUNS[code]}, {MOST_OVERRUNS} times in {WITHIN_S:g} s"
             raise BenchError(self.name, limit=limit, remedy="lower daq.rate_hz, or relieve the computer")
         with on_failure(self._off), self._translated("start"):
-            for task in self._tasks:
-                with contextlib.suppress(self._ni.errors.DaqError):  # the input's task failed already
-                    task.stop()
+            for task in self._tasks[:-1]:
+                task.stop()
+            with contextlib.suppress(self._ni.errors.DaqError):  # the inputs' task failed already
+                self._tasks[-1].stop()
             self._begin()
         self._stretch += 1
         remark = f"{self.name}: {OVERRUNS[code]}; about {lost} samples of each channel are lost"
         return Samples(self._stretch, 0, np.zeros((0, len(self.setup.channels)), np.int16), (remark,))
+
+    def _check_emitters(self) -> None:
+        """`BenchError` where a task that switches emitters has ended: its lines stand still while inputs go on."""
+        with self._translated("switch the emitters"):
+            ended = any(task.is_task_done() for task in self._tasks[:-1])
+        if ended:
+            limit = "switches its emitters no more: one of its tasks has ended"
+            raise BenchError(self.name, limit=limit, remedy="check its cable and power, then run again")
 
     def _off(self) -> BenchError | None:
         """Release the tasks and set the lines low; the error of the lines, if any."""
