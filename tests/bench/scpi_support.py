@@ -1,6 +1,5 @@
 """Multimeters and oscilloscopes that speak SCPI, simulated, written after SCPI-1999 and programming guides."""
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -89,6 +88,10 @@ class Scope(ScpiDevice):
         Of a record.
     low, high
         Ends of the screen.
+    short
+        By how many points the record of channel 2 is shorter.
+    arming
+        So many questions it answers by its last state when it was told to wait for a trigger.
     """
 
     clock: Clock = None  # type: ignore[assignment]  # it is always given
@@ -97,12 +100,20 @@ class Scope(ScpiDevice):
     points: int = 1200
     low: float = 0.0
     high: float = 5.0
-    _taken_s: float = math.nan
+    short: int = 0
+    arming: int = 0
+    _late: int = 0
+    _armed: bool = False
+    _taken_s: float = 0.0
     _channel: str = ""
 
     def _obey(self, line: str) -> bytes:
-        if line.startswith((":DIG", ":TFOR")):
+        if line == ":SING":
+            self._armed, self._late = True, self.arming
+        if line.startswith(":DIG") or (line == ":TFOR" and self._armed and not self._late):
             self._taken_s = self.clock.now_s()
+        if line in {":STOP", ":TFOR"} and not self._late:
+            self._armed = False
         if line.startswith(":WAV:SOUR CHAN"):
             self._channel = line.removeprefix(":WAV:SOUR CHAN")
         return super()._obey(line)
@@ -114,13 +125,15 @@ class Scope(ScpiDevice):
             case "*OPC?":
                 return "1"
             case ":TRIG:STAT?":
-                return "STOP" if math.isfinite(self._taken_s) else "WAIT"
+                last, self._late = self._late > 0, max(0, self._late - 1)
+                return "WAIT" if self._armed and not last else "STOP"
             case ":WAV:PRE?":
                 # Rigol: volts = (byte - origin - reference) * step; Keysight: (byte - reference) * step + origin
                 origin, reference = (2.0 - self.low / step_V - 128.0, 128.0) if rigol else (self.low, 2.0)
                 return f"0,0,{self.points},1,{self.step_s:.6e},0.0,0,{step_V:.8e},{origin:.8e},{reference:g}"
             case ":WAV:DATA?":
-                time_s = self._taken_s + self.step_s * np.arange(self.points)
+                points = self.points - (self.short if self._channel == "2" else 0)
+                time_s = self._taken_s + self.step_s * np.arange(points)
                 volts = self.waves[self._channel](time_s)
                 data = np.clip(np.rint((volts - self.low) / step_V + 2.0), 1, 255).astype(np.uint8).tobytes()
                 return f"#8{len(data):08d}".encode() + data + b"\n"

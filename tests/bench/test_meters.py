@@ -13,7 +13,7 @@ from solen.analysis import study
 from solen.bench.clock import WallClock
 from solen.bench.drivers import DRIVERS
 from solen.bench.glance import sampler_of
-from solen.bench.meter import Reading
+from solen.bench.meter import AskingMeter, Reading, steady
 from solen.bench.multimeter import Multimeters
 from solen.bench.oscilloscope import Oscilloscope
 from solen.bench.record import record
@@ -144,6 +144,62 @@ def test_an_oscilloscope_that_clips_or_does_not_trigger_or_shows_nothing() -> No
         with pytest.raises(BenchError, match=r"acquires nothing within 0\.3 s; does it trigger"):
             first(meter)
         meter.close()
+
+
+def test_a_record_of_before_is_no_reading() -> None:
+    clock, since_s = WallClock(), 0.0
+    ramp = {one: lambda time_s: 0.5 * (time_s - since_s) for one in ("1", "2")}
+    scope = Scope(maker="RIGOL", clock=clock, waves=ramp, arming=2)
+    with served(scope) as names:
+        meter = Oscilloscope(clock, names[0], ("1", "2"))
+        since_s = clock.now_s()
+        meter.start()
+        for _ in range(3):
+            reading = waited(meter)
+            length_s = scope.step_s * scope.points
+            assert reading.sent_s <= reading.on[0] / 0.5 + since_s - 0.5 * length_s + 0.02 <= reading.t_s + 0.04
+        meter.close()
+
+
+@pytest.mark.parametrize("more", [{"short": 1}, {"points": 1}])
+def test_records_that_are_not_alike_are_no_readings(more: dict[str, int]) -> None:
+    clock = WallClock()
+    scope = Scope(maker="KEYSIGHT", clock=clock, waves=receivers(True), **more)  # type: ignore[arg-type]
+    with served(scope) as names:
+        meter = Oscilloscope(clock, names[0], ("1", "2"), sync="4")
+        with pytest.raises(DataError, match="records of its channels") as told:
+            first_fault(meter)
+        assert len(str(told.value).splitlines()) == 1
+        meter.close()
+
+
+class Breaking(AskingMeter):
+    """A meter that reads three times and breaks."""
+
+    def measure(self) -> Reading:
+        self.losses.unreadable += 1
+        if self.losses.unreadable > 3:
+            raise ValueError("two\nlines")
+        return steady(0.0, 0.0, np.zeros(1), np.zeros(1, bool))
+
+    def release(self) -> None:
+        pass
+
+
+def test_whatever_breaks_a_meter_ends_the_run_after_its_readings() -> None:
+    meter = Breaking("a meter", WallClock(), inputs=1, unit="V", switched=False)
+    got: list[Reading] = []
+
+    def drained() -> None:
+        due = time.monotonic() + 20.0
+        while time.monotonic() < due:
+            got.extend(meter.read())
+
+    meter.start()
+    with pytest.raises(BenchError, match=r"a meter; .*two lines"):
+        drained()
+    assert len(got) == 3
+    meter.close()
 
 
 def first_fault(meter: Oscilloscope) -> None:

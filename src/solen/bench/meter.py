@@ -94,14 +94,14 @@ class AskingMeter(ABC):
 
     def read(self) -> list[Reading]:
         """Readings since the last call; `BenchError` with what ended them."""
-        found = []
+        found, fault = [], self._fault  # looked at first: what was read before it is then in the queue
         while True:
             try:
                 found.append(self._made.get_nowait())
             except Empty:
                 break
-        if self._fault is not None and not found:
-            raise self._fault
+        if fault is not None and not found:
+            raise fault
         return found
 
     def stop(self) -> None:
@@ -132,6 +132,10 @@ class AskingMeter(ABC):
                 if not isinstance(bad, DataError) or missed >= MOST_MISSED:
                     self._fault = bad
                     return
+            except Exception as bad:  # the thread would end in silence
+                words = " ".join(f"{type(bad).__name__}: {bad}".split())
+                self._fault = BenchError(self.name, limit=f"cannot be read: {words}")
+                return
 
 
 def steady(sent_s: float, t_s: float, values: FloatArray, clipped: BoolArray) -> Reading:

@@ -28,6 +28,7 @@ from solen.errors import DataError
 LOWEST, HIGHEST = 1, 255
 """Bytes at and beyond which a sample is off the screen; Keysight's 0 is none at all."""
 LOOK_S = 0.01
+LEAST_SAMPLES = 2
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ class Dialect:
     setup
         Commands before the first acquisition.
     acquire
-        Commands of one, for channels.
+        Commands of one, for channels, each with whether the question is answered by ``answer`` then, or no longer.
     done
         The question that is answered by ``answer`` when the record is whole.
     volts
@@ -49,7 +50,7 @@ class Dialect:
     """
 
     setup: tuple[str, ...]
-    acquire: Callable[[tuple[str, ...]], str]
+    acquire: Callable[[tuple[str, ...]], tuple[tuple[str, bool], ...]]
     done: str
     answer: str
     volts: Callable[[FloatArray, float, float, float], FloatArray]
@@ -59,7 +60,7 @@ class Dialect:
 DIALECTS = {
     "KEYSIGHT": Dialect(
         (":TRIG:SWE AUTO", ":WAV:FORM BYTE", ":WAV:UNS 1"),
-        lambda channels: ":DIG " + ",".join(f"CHAN{one}" for one in channels),
+        lambda channels: ((":DIG " + ",".join(f"CHAN{one}" for one in channels), True),),
         "*OPC?",
         "1",
         lambda byte, increment, origin, reference: (byte - reference) * increment + origin,
@@ -67,7 +68,7 @@ DIALECTS = {
     ),
     "RIGOL": Dialect(
         (":WAV:MODE NORM", ":WAV:FORM BYTE"),
-        lambda _: ":SING\n:TFOR",
+        lambda _: ((":STOP", True), (":SING", False), (":TFOR", True)),  # not armed yet, it states the last record
         ":TRIG:STAT?",
         "STOP",
         lambda byte, increment, origin, reference: (byte - origin - reference) * increment,
@@ -130,14 +131,14 @@ class Oscilloscope(AskingMeter):
     def measure(self) -> Reading:
         """One acquisition."""
         sent_s = self._clock.now_s()
-        state = self._asked(self._dialect.acquire(self._channels), self._dialect.done)
-        while state != self._dialect.answer:
-            if self._clock.now_s() > sent_s + self._answer_s:
-                raise self._scope.refusal(f"acquires nothing within {self._answer_s:g} s", "does it trigger?")
-            self._clock.sleep(LOOK_S)
-            state = self._scope.ask(self._dialect.done)
+        for command, whole in self._dialect.acquire(self._channels):
+            self._comes_to(command, whole, sent_s)
         t_s = self._clock.now_s()
         waves = [self._wave(channel) for channel in self._channels]
+        sizes = [len(wave[0]) for wave in waves]
+        if len(set(sizes)) > 1 or sizes[0] < LEAST_SAMPLES:
+            limit = f"samples are in the records of its channels; the same, {LEAST_SAMPLES} or more, are needed"
+            raise DataError(self.name, value=", ".join(map(str, sizes)), limit=limit)
         time_s, volts = waves[0][0], np.stack([wave[1] for wave in waves], axis=1)
         clipped = np.array([wave[2].any() for wave in waves[: self.inputs]])
         if not self.switched:
@@ -149,12 +150,21 @@ class Oscilloscope(AskingMeter):
         """End the session."""
         self._scope.close()
 
-    def _asked(self, commands: str, question: str) -> str:
-        """Answer to a question after commands."""
+    def _comes_to(self, command: str, whole: bool, sent_s: float) -> None:
+        """Send a command and wait until the record is whole, or no longer is."""
+        state = self._asked(command, self._dialect.done)
+        while (state == self._dialect.answer) != whole:
+            if self._clock.now_s() > sent_s + self._answer_s:
+                what = "acquires nothing" if whole else f"is not seen to acquire after {command}"
+                raise self._scope.refusal(f"{what} within {self._answer_s:g} s", "does it trigger?")
+            self._clock.sleep(LOOK_S)
+            state = self._scope.ask(self._dialect.done)
+
+    def _asked(self, command: str, question: str) -> str:
+        """Answer to a question after a command."""
         if self._dialect.joins:
-            return self._scope.ask(f"{commands};{question}")
-        for command in commands.split("\n"):
-            self._scope.say(command)
+            return self._scope.ask(f"{command};{question}")
+        self._scope.say(command)
         return self._scope.ask(question)
 
     def _wave(self, channel: str) -> tuple[FloatArray, FloatArray, BoolArray]:
