@@ -117,6 +117,22 @@ def test_where_it_stands_is_taken_for_zero_and_nothing_moves() -> None:
     assert controller.axis.at(clock.now_s()) == pytest.approx(35.0 * PRM1_Z8, abs=1.0)
 
 
+def test_a_short_move_has_not_ended_before_it_begins() -> None:
+    stage, controller, clock, _ = driven()
+    make_known(stage, "here", 0.0)
+    controller.stuck = True  # what it states until it begins
+    stage.begin_move(0.009, 15.0)
+    assert not stage.on_target()
+    controller.stuck = False
+    stage.begin_move(0.009, 15.0)
+    arrived(stage, clock)
+    assert stage.position() == pytest.approx(0.009, abs=2.0 / PRM1_Z8)
+    controller.stuck = True
+    stage.begin_move(0.0, 15.0)
+    clock.sleep(0.3)
+    assert stage.on_target()  # a servo may rest so near
+
+
 def test_faults_of_the_stage_and_of_the_line_end_in_a_line() -> None:
     stage, controller, clock, wire = driven()
     make_known(stage, "here", 0.0)

@@ -31,7 +31,7 @@ PROFILED = 2
 _HEADER, _INFO, _STATUS = struct.Struct("<HBBBB"), struct.Struct("<I8s72s"), struct.Struct("<Hi4xI")
 _VELOCITY, _POSITION = struct.Struct("<Hiii"), struct.Struct("<Hi")
 
-MOVING, HOMING, HOMED, ENABLED = 0xF0, 0x200, 0x400, 0x8000_0000
+MOVING, HOMING, HOMED = 0xF0, 0x200, 0x400
 FAULTS = {
     0x4000: "motion error: it does not follow, or cannot move",
     0x2_0000: "it is overheated",
@@ -58,6 +58,8 @@ BEGINS_S = 0.25
 """So long after its command a move may not have begun yet."""
 NEAR = 0.01
 """As far from its target, in deg or mm, a servo may rest."""
+CLOSE = 2.0
+"""So many counts from its target, a move has ended that nothing shows to have begun."""
 
 
 def message_of(data: bytes) -> tuple[bytes, bytes] | None:
@@ -155,9 +157,10 @@ class KinesisStage(LineStage):
         if bits & (MOVING | HOMING):
             return False
         away = (at - self._target) / self._per_unit
-        if abs(away) <= max(NEAR, 2.0 / self._per_unit):
+        begun = self._clock.now_s() > self._begun_s + BEGINS_S
+        if abs(away) <= max(NEAR if begun else 0.0, CLOSE / self._per_unit):
             return True
-        if self._clock.now_s() > self._begun_s + BEGINS_S:
+        if begun:
             raise self._refusal(f"rests {away:g} {self.unit} from where it was sent", "did a limit switch stop it?")
         return False
 
