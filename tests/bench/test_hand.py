@@ -5,6 +5,7 @@ import re
 import threading
 import time
 from pathlib import Path
+from queue import SimpleQueue
 
 import h5netcdf
 import numpy as np
@@ -103,6 +104,30 @@ def test_what_is_typed_is_where_it_stands() -> None:
     stage.begin_move(0.0, 1.0)
     with pytest.raises(BenchError, match="nobody answers"):
         answered(stage)
+
+
+@pytest.mark.parametrize("late", [False, True])
+def test_enter_after_a_stop_is_no_arrival_at_the_next_target(late: bool) -> None:
+    lines: SimpleQueue[str] = SimpleQueue()
+    heard = threading.Semaphore(0)
+
+    def answer() -> str:
+        line = lines.get(timeout=10.0)
+        heard.release()
+        return line
+
+    stage = HandStage("deg", lambda _: None, answer)
+    stage.begin_move(3.0, 1.0)
+    stage.stop()
+    if not late:
+        lines.put("\n")
+        assert heard.acquire(timeout=5.0)
+        time.sleep(0.02)  # it is on its way
+    stage.begin_move(-3.0, 1.0)
+    assert not any(stage.on_target() for _ in range(5))
+    lines.put("\n")  # one is enough, whoever waits for it
+    answered(stage)
+    assert stage.position() == -3.0
 
 
 def test_a_rig_with_a_hand_needs_no_port_and_has_no_model() -> None:

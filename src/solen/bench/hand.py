@@ -52,7 +52,8 @@ class HandStage:
     ) -> None:
         self.name, self.unit = "stage turned by hand", unit
         self._say, self._answer = say, answer
-        self._answers: SimpleQueue[str] = SimpleQueue()
+        self._answers: SimpleQueue[tuple[int, str]] = SimpleQueue()
+        self._lock, self._question, self._waiting = threading.Lock(), 0, False
         self._target, self._position = math.nan, math.nan
 
     def reference(self) -> None:
@@ -64,7 +65,7 @@ class HandStage:
             return
         self._target, self._position = target, math.nan
         self._say(f"Move the stage to {target:+g} {self.unit}, then press Enter (or type where it stands).")
-        threading.Thread(target=lambda: self._answers.put(self._answer()), daemon=True).start()
+        self._ask()
 
     def position(self) -> float:
         """Where it stands; NaN while it is moved, and before the first move."""
@@ -75,8 +76,10 @@ class HandStage:
         if math.isfinite(self._position):
             return True
         try:
-            line = self._answers.get_nowait()
+            question, line = self._answers.get_nowait()
         except Empty:
+            return False
+        if question != self._question:
             return False
         if not line:
             raise BenchError(self.name, limit="nobody answers: the input has ended", remedy="run it at a terminal")
@@ -84,7 +87,9 @@ class HandStage:
         return math.isfinite(self._position)
 
     def stop(self) -> None:
-        """Nothing moves by itself; a hand that is at it is no longer waited for."""
+        """Nothing moves by itself; a hand that is at it is no longer waited for, and what is typed now is dropped."""
+        with self._lock:
+            self._question += 1
 
     def close(self) -> None:
         """Do nothing: no port is open."""
@@ -99,4 +104,19 @@ class HandStage:
             self._position = position
         else:
             self._say(f"{text!r} is no position in {self.unit}; press Enter, or type a number.")
-            threading.Thread(target=lambda: self._answers.put(self._answer()), daemon=True).start()
+            self._ask()
+
+    def _ask(self) -> None:
+        """Wait for a line, unless a line is waited for still: who asks twice needs one answer."""
+        with self._lock:
+            self._question += 1
+            waiting, self._waiting = self._waiting, True
+        if not waiting:
+            threading.Thread(target=self._hear, daemon=True).start()
+
+    def _hear(self) -> None:
+        """Put a line beside the question that it answers: the last one when it came."""
+        line = self._answer()
+        with self._lock:
+            self._waiting = False
+            self._answers.put((self._question, line))
