@@ -397,7 +397,7 @@ def carried(f: Faced, rays: Passage, i: int, walk: Walk) -> Walk:
         else:
             normal, outside = Vector(-math.copysign(1.0, d.x), 0.0, 0.0), f.outside
         parts = smooth_parts(d, e, normal, light, inside, outside)
-        rays.lost[LEAKED if over <= side else REFLECTED] += power_of(parts.on_light)
+        rays.lost[LEAKED if over <= side else TURNED_BACK] += power_of(parts.on_light)  # by a side it escapes, too
         d, e, light = parts.back, parts.s, parts.back_light
     at = Vector(at.x + INSIDE_MM * d.x, at.y, at.z + INSIDE_MM * d.z)
     return Walk(at, d, e, light, optical, ENTERED)
