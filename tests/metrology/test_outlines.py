@@ -216,6 +216,12 @@ def test_designs_that_are_alike_are_not_told_apart() -> None:
     assert "cannot be distinguished" in doubts(designs, 2.0)[0]
 
 
+def test_too_few_points_beside_the_lens_are_refused() -> None:
+    away = np.full((500, 2), 9e4)
+    with pytest.raises(DataError, match=r"= 0; at least 4 .*--um-per-px"):
+        register(away, np.full(500, 0.5), Pose(19.0, (306.0, 395.0), 4.0), NOMINAL)
+
+
 def test_registration_gives_back_a_pose_and_its_uncertainty() -> None:
     rng = np.random.default_rng(4)
     truth = Pose(21.0, (300.0, 400.0), 4.0)

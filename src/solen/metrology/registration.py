@@ -16,6 +16,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from solen.arrays import BoolArray, FloatArray, IndexArray
+from solen.errors import DataError
 from solen.metrology.nominal import END_MM, NominalFront
 from solen.metrology.pose import Pose
 
@@ -23,6 +24,8 @@ ROUNDS = 60
 HUBER = 2.5
 """Deviations beyond so many robust standard deviations count less."""
 CONVERGED_MM = 1e-8
+FEWEST = 4
+"""Points at least that a rotation and a shift are fitted to."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,9 +114,17 @@ def register(
         Relative standard uncertainty of the scale.
     only
         Shape (N,): which points are of the front; default: those beside it.
+
+    Raises
+    ------
+    DataError
+        Where too few points lie beside the front.
     """
     fit = _fit(pose.to_mm(points_px), nominal, np.ones(len(points_px), dtype=bool) if only is None else only)
     order = np.flatnonzero(fit.inside)
+    if len(order) < FEWEST:
+        what, limit = "points of the picture beside the designed lens", f"at least {FEWEST} are needed"
+        raise DataError(what, value=len(order), limit=limit, remedy="check the scale (--um-per-px) and the design")
     order = order[np.argsort(fit.arc[order], kind="stable")]
     deviation, weights, jacobian = fit.deviation[order], fit.weights[order], fit.jacobian[order]
     independent = effective_number(deviation)
