@@ -58,6 +58,9 @@ def test_the_middle_section_is_the_oval(lens: LineFocusLens) -> None:
 def test_one_layer_is_the_oval_cylinder() -> None:
     lens = LayeredLens(**PAPER, layer_mm=9.0)
     assert lens.layers == 1
+    assert "this is the cylinder" in " ".join(lens.warnings)
+    assert "only 2 profiles" in " ".join(LayeredLens(**PAPER, layer_mm=2.0).warnings)
+    assert not LayeredLens(**PAPER, layer_mm=1.0).warnings
     assert lens.z_at(X, np.full_like(X, 1.7)) == pytest.approx(OVAL.z_mm(X), abs=1e-9)
 
 
@@ -117,7 +120,7 @@ def test_numbers_of_a_lens_are_those_of_its_file() -> None:
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: LineFocusLens(**PAPER, y_focus_mm=1.2), ("line-focus", "|y| = 1.")),
+        (lambda: LineFocusLens(**PAPER, y_focus_mm=1.2), ("line-focus", "|y| = 1.", "larger lens.y_focus_mm")),
         (lambda: LineFocusLens(**PAPER, y_focus_mm=-1.0), ("lens.y_focus_mm", "-1")),
         (lambda: LineFocusLens(**PAPER, thickness_mm=0.0), ("body.thickness_mm", "0")),
         (lambda: LayeredLens(**PAPER, layer_mm=1e-4), ("lens.layer_mm", "0.001")),

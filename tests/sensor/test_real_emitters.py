@@ -36,6 +36,14 @@ def test_a_chip_makes_the_response_analog() -> None:
     assert np.all(response.u_power <= 1e-4)
 
 
+def test_a_wavelength_that_the_part_does_not_emit_is_warned_of() -> None:
+    said = " ".join(sensor(part="VSMY1850", wavelength_nm=1550.0).warnings)
+    assert "850" in said
+    assert "1550" in said
+    for near in ({}, {"wavelength_nm": 860.0}):
+        assert not [text for text in sensor(part="VSMY1850", **near).warnings if "VSMY1850" in text]
+
+
 def test_a_chips_slope_at_the_null_is_finite_and_that_of_its_response() -> None:
     chip = sensor(width_mm=0.2)
     slope = chip.slope_per_deg(0.0)

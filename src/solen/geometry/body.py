@@ -106,7 +106,7 @@ class Body:
         raise DesignError(
             "lens.shape",
             value=self.front.lens.shape,
-            limit="its walls are not upright: one outline for all heights does not describe this body",
+            limit="a lens that differs by height: one outline for all heights does not describe this body",
             remedy='set lens.shape = "cartesian-oval"',
         )
 

@@ -81,6 +81,11 @@ class LensInSpace(OvalLens):
         return OvalLens(self.distance_mm, self.focus_mm, self.half_width_mm, self.design_index, self.outside_index)
 
     @property
+    def remedy(self) -> str:
+        """What to change where there is no such face."""
+        return "narrow the lens, thin the body, focus farther away or move the emitter away"
+
+    @property
     def half_height_mm(self) -> float:
         """Half the body's height."""
         return 0.5 * self.thickness_mm
@@ -136,7 +141,7 @@ class LensInSpace(OvalLens):
                 f"lens.shape {self.shape_name}",
                 value=f"no face from |x| = {x[bad].min():.3f} and |y| = {y[bad].min():.3f} mm on",
                 limit=f"the emitter's light must meet it over ±{self.half_width_mm:g} by ±{self.half_height_mm:g} mm",
-                remedy="narrow the lens, thin the body, focus farther away or move the emitter away",
+                remedy=self.remedy,
             )
         if self.nearest_mm <= -NEAREST * self.distance_mm:
             raise DesignError(

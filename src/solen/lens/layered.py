@@ -51,6 +51,19 @@ class LayeredLens(LensInSpace):
             raise DesignError("lens.layer_mm", value=self.layer_mm, limit=limit)
         self._check_face()
 
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """See :attr:`solen.lens.optics.Lens.warnings`."""
+        if self.layer_mm < self.half_height_mm:
+            return ()
+        profiles = "one profile over the whole body: this is the cylinder"
+        if self.layers > 1:
+            profiles = f"only {self.layers} profiles over the whole body"
+        return (
+            f"lens.layer_mm = {self.layer_mm:g} in a body of {self.thickness_mm:g} mm: {profiles}; "
+            "layers are stated in mm",
+        )
+
     @cached_property
     def edges_mm(self) -> FloatArray:
         """Heights (L + 1,) of the borders between layers, bottom and top of the body included."""

@@ -104,6 +104,11 @@ class LineFocusLens(LensInSpace):
         return f"as from {self.y_focus_mm:.4g} mm before the vertex"
 
     @property
+    def remedy(self) -> str:
+        """See :attr:`solen.lens.in_space.LensInSpace.remedy`."""
+        return super().remedy if math.isinf(self.y_focus_mm) else f"state a larger lens.y_focus_mm, or {super().remedy}"
+
+    @property
     def face(self) -> Face:
         """See :attr:`solen.lens.in_space.LensInSpace.face`."""
         half, nothing = self.half_height_mm, np.empty((0, 0))

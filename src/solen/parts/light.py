@@ -18,6 +18,8 @@ from solen.spec.light import why_no_pattern
 FWHM_OF_SIGMA = 2.0 * math.sqrt(2.0 * math.log(2.0))
 HERMITE = ((0.0, 0.533333333333333333), (1.355626179974266, 0.222075922005612), (2.856970013872806, 0.011257411327720))
 """Gauss–Hermite nodes in standard deviations, from the middle outwards, and their weights."""
+FAR_NM = 40.0
+"""Difference of wavelengths beyond which an emitter is another one."""
 CONES_DEG = {"fan": 120.0, "uniform": 180.0, "lambertian": 180.0, "table": 360.0}
 """Full opening angle where a design states none."""
 
@@ -44,6 +46,8 @@ class Light:
         Path of a file of rays that stands for all of these but the wavelength.
     source
         Where it comes from, in words.
+    warnings
+        What a stated wavelength has against the part.
     """
 
     wavelength_nm: float
@@ -56,6 +60,7 @@ class Light:
     height_mm: float = 0.0
     ray_file: Path | None = None
     source: str = "the design's [emitter]"
+    warnings: tuple[str, ...] = ()
 
 
 def light_of(design: Design) -> Light:
@@ -83,6 +88,17 @@ def light_of(design: Design) -> Light:
         height_mm=_size("height_mm", emitter, part),
         ray_file=design.file_of(emitter.ray_file),
         source=f"{part.name}: {part.document}" if part else "the design's [emitter]",
+        warnings=_doubts(part, wavelength_nm),
+    )
+
+
+def _doubts(part: EmitterPart | None, wavelength_nm: float) -> tuple[str, ...]:
+    """Warning of light that the part does not emit."""
+    if part is None or abs(part.peak_nm.usual - wavelength_nm) <= FAR_NM:
+        return ()
+    return (
+        f"emitter.part {part.name} emits at {part.peak_nm.usual:g} nm, and the light is traced at {wavelength_nm:g} "
+        "nm, which is stated: leave out emitter.wavelength_nm (and spectrum), or name the part that emits there",
     )
 
 

@@ -2,13 +2,12 @@
 
 from collections.abc import Iterator
 
+from solen.parts.light import FAR_NM
 from solen.readout.advice import Advice
 from solen.readout.circuit import Circuit
 
 SETTLED = 5.0
 """Time constants after which 0.7 % of a step are left."""
-FAR_NM = 40.0
-"""Difference of wavelengths beyond which an emitter is another one."""
 DIM, OTHER_WINDOW = 0.5, 0.05
 FOR_VISIBLE = "TEMT7000X01"
 

@@ -113,8 +113,8 @@ class Sensor:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What must be known of its material's numbers and of its lens before its response is believed."""
-        return (*self.material.warnings, *(self.cut.warnings if self.cut is not None else ()))
+        """What must be known of its material's numbers, its light and its lens before its response is believed."""
+        return (*self.material.warnings, *self.light.warnings, *(self.cut.warnings if self.cut is not None else ()))
 
     @cached_property
     def as_designed(self) -> "Sensor":

@@ -244,7 +244,7 @@ def why_not(scene: Scene) -> str:
     if scene.is_random:
         return "a scene that scatters"
     if scene.front is not None:
-        return "a lens whose walls are not upright"
+        return "a lens that differs by height"
     if scene.extrusion is not None:
         return why_not_in_space(scene)
     others = [type(source).__name__ for source in scene.sources if source.emission() is None]
@@ -329,8 +329,10 @@ class Lights:
     def of(cls, scene: Scene, mode: Mode, limits: Limits) -> "Lights":
         """Lights of a scene; `DesignError` as in `integrate`."""
         if why := why_not(scene):
-            limit = "needs upright walls, a scene without chance, and sources that are made of points"
-            raise DesignError("adaptive integration", value=why, limit=limit, remedy="trace it, with sampling sobol")
+            limit = "needs one outline for all heights, a scene without chance, and sources that are made of points"
+            cylinder = ', or set lens.shape = "cartesian-oval"' if scene.front is not None else ""
+            remedy = f"trace it, with sampling sobol{cylinder}"
+            raise DesignError("adaptive integration", value=why, limit=limit, remedy=remedy)
         rules = Rules(SPLITTING[mode], limits.min_weight, limits.max_hits, seed=0, first=0, step=1, turbid=False)
         tables = compile_scene(scene)
         in_space = scene.extrusion is not None
