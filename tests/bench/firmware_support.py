@@ -43,7 +43,7 @@ for line in SCRIPT.split("\\n"):
         continue
     at, _, text = line.partition(" ")
     until = int(at)
-    while True:
+    while text != "!":
         due = board.next_us()
         due = hardware.at_us + 100 if due is None else min(due, hardware.at_us + 100)
         if due > until:
@@ -51,7 +51,7 @@ for line in SCRIPT.split("\\n"):
         hardware.at_us = max(due, hardware.at_us)
         board.work()
     hardware.at_us = until
-    board.hear(bytes(int(text[i : i + 2], 16) for i in range(0, len(text), 2)))
+    board.hear(b"" if text == "!" else bytes(int(text[i : i + 2], 16) for i in range(0, len(text), 2)))
 """
 REPLAY_C = r"""
 #include <stdio.h>
@@ -74,7 +74,7 @@ int main(void) {
     while (fgets(line, sizeof line, stdin)) {
         char *text, pair[3] = "";
         uint64_t until = strtoull(line, &text, 10);
-        for (;;) {
+        while (text[1] != '!') {
             uint32_t next;
             uint64_t due = at_us + IDLE_US;
             if (board_next_us(&next) && at_us + (int32_t)(next - (uint32_t)at_us) < due)
@@ -84,7 +84,7 @@ int main(void) {
             board_work();
         }
         at_us = until;
-        for (text++; text[0] > ' '; text += 2) {
+        for (text++; text[0] > '!'; text += 2) {
             pair[0] = text[0];
             pair[1] = text[1];
             board_hear(strtol(pair, NULL, 16));
@@ -104,12 +104,12 @@ mp.runPython(readFileSync(0, "utf-8"));
 
 @dataclass(frozen=True)
 class Script:
-    """Commands and their times in ms."""
+    """Commands and their times in ms; None where the loop stood still from the last one on."""
 
-    turns: tuple[tuple[float, bytes], ...]
+    turns: tuple[tuple[float, bytes | None], ...]
 
     def __str__(self) -> str:
-        return "".join(f"{round(1e3 * at_ms)} {data.hex()}\n" for at_ms, data in self.turns)
+        return "".join(f"{round(1e3 * at_ms)} {'!' if data is None else data.hex()}\n" for at_ms, data in self.turns)
 
 
 def said(lines: str) -> list[bytes]:

@@ -124,6 +124,16 @@ def test_a_move_may_take_longer_than_the_clock_of_a_uno_counts(tmp_path: Path) -
     assert [moving for _, moving in places] == [1, 1, 1, 0]
 
 
+def test_steps_that_a_stall_missed_are_made_up_no_faster_than_the_motor_takes(tmp_path: Path) -> None:
+    asked = (command(MOVE, "<iII", 1000, 1_000_000, 100_000), b"", None, *[command(WHERE)] * 3)
+    script = Script(tuple(zip((1.0, 100.0, 150.0, 150.0, 152.0, 300.0), asked, strict=True)))
+    for frames in (by_python(script), by_c(script, tmp_path)):
+        if frames is not None:
+            before, soon, late = (at for at, _ in where(frames))
+            assert 9 <= soon - before <= 11  # a step per 200 µs, where the loop takes 100
+            assert late == pytest.approx(294, abs=1)
+
+
 @pytest.mark.evidence
 def test_the_core_under_micropython_says_the_same(tmp_path: Path) -> None:
     command_line = micropython(tmp_path)

@@ -94,10 +94,12 @@ class Axis:
         self._hardware = hardware
         self.position, self.moving = 0, False
         self._begin_us, self._start, self._sign = 0, 0, 1
+        self._stepped_us = self._least_us = 0
         self._way = self._velocity = self._acceleration = self._up_s = self._flat_s = self._all_s = 0.0
 
     def send(self, now_us: int, target: int, velocity: float, acceleration: float) -> None:
         """Begin a ramp to a position, in steps, steps/s and steps/s²."""
+        self._least_us = 1_000_000 // self._hardware.most_steps_per_s
         way = float(abs(target - self.position))
         up = min(velocity / acceleration, (way / acceleration) ** 0.5)
         flat = (way - acceleration * up * up) / velocity
@@ -117,11 +119,13 @@ class Axis:
         self.position, self.moving = position, False
 
     def work(self, now_us: int) -> None:
-        """One step on, where the ramp is ahead."""
+        """One step on, where the ramp is ahead, and no sooner after the last than the motor takes."""
         since = 1e-6 * (now_us - self._begin_us)
         if self._sign * (self.position - self._start) < int(self._gone(since) + 0.5):
-            self.position += self._sign
-            self._hardware.step(self.position, self._sign > 0)
+            if now_us - self._stepped_us >= self._least_us:
+                self._stepped_us = now_us
+                self.position += self._sign
+                self._hardware.step(self.position, self._sign > 0)
         elif since >= self._all_s:
             self.moving = False
 

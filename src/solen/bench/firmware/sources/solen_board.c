@@ -21,6 +21,7 @@ static struct {
     bool moving, forward, braking;
     uint32_t begin_us, last_us; /* since it began; beside how often that has wrapped, for moves of over 71 minutes */
     uint8_t wraps;
+    uint32_t stepped_us, least_us; /* of the last step; and from a step to the next */
     float way, velocity, acceleration, up_s, all_s;
 } motor;
 
@@ -141,6 +142,7 @@ static void move(int32_t target, float velocity, float acceleration) {
     float way = forward ? target - motor.position : motor.position - target;
     float up = fminf(velocity / acceleration, sqrtf(way / acceleration));
     motor.braking = false;
+    motor.least_us = 1000000 / hw_most_steps_per_s;
     ramp(forward, way, acceleration * up, acceleration, up, (way - acceleration * up * up) / velocity);
 }
 
@@ -173,6 +175,9 @@ void board_motor(void) {
     float since = since_s();
     int32_t made = motor.forward ? motor.position - motor.start : motor.start - motor.position;
     if (made < (int32_t)(gone(since) + 0.5f)) {
+        uint32_t now = hw_now_us();
+        if (now - motor.stepped_us < motor.least_us) return; /* steps that were missed are made up no faster */
+        motor.stepped_us = now;
         motor.position += motor.forward ? 1 : -1;
         hw_step(motor.position, motor.forward);
     } else if (since >= motor.all_s) {
