@@ -19,8 +19,9 @@ from solen.bench import record as recording
 from solen.bench import waveform
 from solen.bench.catalogue import list_recordings
 from solen.bench.clock import SimulatedClock
-from solen.bench.daq import Samples, Setup, volts_of
+from solen.bench.daq import DaqLosses, Samples, Setup, volts_of
 from solen.bench.frames import Layout
+from solen.bench.glance import Glances
 from solen.bench.journal import read_journal
 from solen.bench.netcdf import RecordedRun, write_recording
 from solen.bench.phases import clock_of, states
@@ -475,3 +476,34 @@ def test_a_run_that_is_killed_at_any_moment_loses_less_than_half_a_second(bench:
         )
     print(f"20 kills: {dict(found)}")
     assert found["in the middle"] >= 10
+
+
+class Multiplexed:
+    """Two inputs of 4 V, pulled to 1 V by an emitter, and a sync, converted 1 ms apart: 200 periods of 10 ms."""
+
+    name, rate_hz, switch_hz, convert_s = "multiplexed", 10_000.0, 100.0, 1e-3
+    setup = Setup(("ai0", "ai1", "ai2"), True, 10_000.0, 1, 100.0, switching="external")
+    coefficients, losses = np.tile([0.0, 1e-3], (3, 1)), DaqLosses()
+
+    def start(self) -> None:
+        pass
+
+    def stop(self) -> None:
+        pass
+
+    def close(self) -> None:
+        pass
+
+    def read(self) -> Samples:
+        taken_s = np.arange(20_000)[:, None] / self.rate_hz + self.convert_s * np.arange(3)
+        lit = (taken_s * self.switch_hz + 0.123) % 1.0 < 0.5
+        return Samples(0, 0, np.where(lit, [1000, 1000, 3300], [4000, 4000, 0]).astype(np.int16))
+
+
+def test_a_glance_counts_from_the_channel_of_the_sync() -> None:
+    sensor = {"name": "A", "design": "a.toml", "emitter": 1, "right": 1, "left": 2}
+    daq: Daq = Multiplexed()
+    glance = Glances(daq, Rig(name="two", sensor=(sensor,))).read()
+    assert glance is not None
+    assert glance.signal == pytest.approx(np.full(glance.signal.shape, 3.0), abs=1e-9)
+    assert glance.off == pytest.approx(np.full(glance.off.shape, 4.0), abs=1e-9)

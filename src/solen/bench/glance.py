@@ -21,7 +21,7 @@ from solen.bench.daq import Samples, ends_of, volts_of
 from solen.bench.drivers import DRIVERS
 from solen.bench.frames import UNSOUND, Periods
 from solen.bench.interrupts import uninterrupted
-from solen.bench.phases import clock_of, states
+from solen.bench.phases import clock_of, seen_by, states
 from solen.bench.protocol import Protocol, Step
 from solen.bench.readings import Converter, subtracted
 from solen.bench.rig import Rig
@@ -126,11 +126,12 @@ class Glances:
             return None
         taken_s = (samples.first + np.arange(len(samples.counts))) / daq.rate_hz
         volts = volts_of(samples.counts, daq.coefficients)
-        clock = clock_of(taken_s, volts, setup, daq.switch_hz)
+        seen, place = seen_by(setup, range(setup.inputs))
+        clock = clock_of(taken_s, volts[:, seen], setup, daq.switch_hz)
         low, high = ends_of(daq.coefficients, getattr(daq, "limits_V", None))
         readings = []
         for channel in range(setup.inputs):
-            state = states(clock, channel * daq.convert_s, 1e-6 * setup.settle_us, setup.emitters)
+            state = states(clock, (channel - place) * daq.convert_s, 1e-6 * setup.settle_us, setup.emitters)
             one = slice(channel, channel + 1)
             readings.append(subtract(slots_of(taken_s, volts[:, one], state, limits=(low[one], high[one]))))
         return Glance.of([readings] * setup.emitters, (float(low.max()), float(high.min())))

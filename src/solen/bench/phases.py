@@ -9,6 +9,7 @@ Inputs are converted one after the other: `states` gives the state of a sample a
 The interface: `clock_of` a window of samples; `states` of samples that are converted a little later.
 """
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -25,6 +26,12 @@ EDGE_SAMPLES, LOOSE_SAMPLES = 0.15, 0.55
 """Parts of a sample to which an edge is known, on a line of many and alone, beside what `Clock.states` leaves out."""
 LINE_SAMPLES = 0.75
 """Edges that lie so near to a straight line are on it: a sample is all that each of them is known to."""
+
+
+def seen_by(setup: Setup, inputs: Iterable[int]) -> tuple[list[int], float]:
+    """Channels that show the switching, the sync or some inputs; and the place at whose conversions its clock is."""
+    seen = [setup.inputs] if setup.synced else list(inputs)
+    return seen, float(np.mean(seen)) if setup.switching == "external" else 0.0
 
 
 def clock_of(time_s: FloatArray, volts: FloatArray, setup: Setup, switch_hz: float) -> Clock:

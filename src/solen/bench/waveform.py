@@ -20,7 +20,7 @@ from solen.arrays import BoolArray, FloatArray
 from solen.bench.clock_fit import ClockLine, fit_clock
 from solen.bench.daq import Setup, ends_of, volts_of
 from solen.bench.journal_content import JournalContent
-from solen.bench.phases import clock_of, states
+from solen.bench.phases import clock_of, seen_by, states
 from solen.bench.timing import came_by, exchanges
 from solen.errors import DataError
 
@@ -147,20 +147,14 @@ class Waveform:
         volts = volts_of(self._counts[low * frame : high * frame], self._coefficients)
         taken_s = (self.number[low] + np.arange(len(volts))) / self._rate_hz
         try:
-            seen = self._seen(sensors)
+            wired = (sensor[side] - 1 for sensor in sensors for side in ("right", "left"))
+            seen, place = seen_by(self._setup, wired)
             clock = clock_of(taken_s, volts[:, seen], self._setup, self._switch_hz)
-            place = float(np.mean(seen)) if self._setup.switching == "external" else 0.0
             for sensor in sensors:
                 yield sensor, self._subtracted(volts, taken_s, clock, place, stretch.line, sensor)
         except DataError as bad:
             span = f"{self.time_s[begin]:.1f} to {self.time_s[end - 1]:.1f} s"
             self.remarks.append(f"no readings from {span}: {bad}")
-
-    def _seen(self, sensors: Sequence[Sensor]) -> list[int]:
-        """Channels that show the switching: the sync, or all that are wired; the clock is that of their middle."""
-        if self._setup.synced:
-            return [self._setup.inputs]
-        return [sensor[side] - 1 for sensor in sensors for side in ("right", "left")]
 
     def _subtracted(
         self, volts: FloatArray, taken_s: FloatArray, clock: Clock, place: float, line: ClockLine, sensor: Sensor
