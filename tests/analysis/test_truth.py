@@ -233,3 +233,15 @@ def test_too_few_cycles_are_refused() -> None:
     alone = found_of(Truth(Protocol(cycles=1)), AnalysisOptions(drop=0))
     assert alone.passes.cycles == 1
     assert any("one cycle is used" in warning for warning in alone.warnings)
+
+
+def test_a_rest_that_is_only_passed_loses_no_angle() -> None:
+    """A sine about 0 without a hold: the null is at the place where cycles begin."""
+    time_s = np.arange(0.0, 8 * 2.5, 0.005)
+    angle = 3.0 * np.sin(2.0 * np.pi * time_s / 2.5)
+    volts = NOISY.response_V(angle) + 3e-4 * np.random.default_rng(2).standard_normal((time_s.size, 2))
+    signals = replace(made(NOISY), time_s=time_s, angle_deg=angle, volts=volts)
+    pair = sensor_response([signals], AnalysisOptions()).left_minus_right
+    assert pair is not None
+    assert pair.balance_deg == pytest.approx(0.0, abs=4.0 * pair.u_balance_deg)
+    assert pair.u_balance_deg < 1e-3

@@ -186,3 +186,14 @@ def test_a_video_is_the_motion_log_of_a_recording(tmp_path: Path) -> None:
     slope = np.polyfit(receiver["angle_deg"], np.array(receiver["mean_V"], float), 1)[0]
     assert slope == pytest.approx(0.3, rel=5e-3)
     assert receiver["hysteresis_percent"] < 1.0
+
+
+def test_a_marker_that_moves_at_the_beginning_has_no_zero(tmp_path: Path) -> None:
+    time_s, eye = np.arange(0.0, 2.5, 1.0 / RATE_HZ), camera()
+    angle = 3.0 * np.sin(2.0 * np.pi * time_s / 2.5)
+    write_avi(tmp_path / "moving.avi", (eye.picture(one) for one in angle), RATE_HZ)
+    motion = motion_of(tmp_path / "moving.avi", VideoOptions(readout_ms=1e-9))
+    assert any("do not use" in line and "0.5 s" in line for line in motion.warnings)
+    off = np.abs(errors(motion, time_s, angle))
+    assert off.min() > 1.0
+    assert off.max() < 2.0 * motion.u_angle_deg

@@ -106,6 +106,10 @@ def test_a_recording_is_decoded_to_its_own_angle(
     assert told["against_angle"]["rms_deg"] < 0.06
     assert 0.92 < told["against_angle"]["within_95"] <= 1.0
     assert told["outside"] < 0.01 * told["readings"]
+    (named,) = [line for line in told["warnings"] if "--sensor again" in line]
+    assert named.startswith("note")
+    other = answered(capfd, "bench", "decode", str(calibration), str(folder / "again.csv"), "--sensor", "again")
+    assert any("sensor again instead of S1" in line for line in other["warnings"])
     text = out.read_text(encoding="utf-8").splitlines()
     assert text[0] == ",".join(COLUMNS)
     assert len(text) == told["readings"] + 1
@@ -208,6 +212,11 @@ def test_a_pipe_is_answered_before_it_is_closed(calibration: Path) -> None:
         process.stdin.close()
         assert process.wait(timeout=30) == 0
         process.stdin = None
+
+
+def test_all_readings_are_100_percent(folder: Path) -> None:
+    lines = ["time_s,left_V,right_V", *(f"{0.01 * n},9,9" for n in range(20))]
+    assert any("20 readings (100 %)" in line for line in decoded(folder, text=lines).warnings)
 
 
 @pytest.mark.parametrize(

@@ -331,7 +331,8 @@ def _cycles(
     starts = _starts(away, ramps, rest, first, far, tolerance)
     if not starts:
         raise DataError("angle", limit="makes no cycle from its rest", remedy="record at least one whole cycle")
-    spans = [_span(away, start, stop, tolerance) for start, stop in zip(starts, [*starts[1:], None], strict=True)]
+    following = [*starts[1:], (None, tolerance)]
+    spans = [_span(away, start, stop, within) for (start, _), (stop, within) in zip(starts, following, strict=True)]
     both = [bool(np.min(away[a:b]) < -far) for a, b, _ in spans]
     wanted = 2 * sum(both[:-1]) >= len(both[:-1]) if len(both) > 1 else both[0]
     whole = [back and (two or not wanted) for (_, _, back), two in zip(spans, both, strict=True)]
@@ -346,21 +347,25 @@ def _cycles(
         if not ok
     ]
     if abs(ramps[0].start_deg - rest) > far:
-        warnings.insert(0, f"the recording begins on the way: what is before {time_s[starts[0]]:.6g} s is left out")
+        warnings.insert(0, f"the recording begins on the way: what is before {time_s[starts[0][0]]:.6g} s is left out")
     return cycles, tuple(warnings)
 
 
 def _starts(
     away: FloatArray, ramps: tuple[Ramp, ...], rest: float, first: int, far: float, tolerance: float
-) -> list[int]:
-    """Last sample at rest before each excursion to the first side."""
-    numbers: list[int] = []
+) -> list[tuple[int, float]]:
+    """Last sample at rest before each excursion to the first side, and what is taken for rest there.
+
+    Where a ramp only passes the rest, no sample near it may be lost: none is at rest but the crossing itself.
+    """
+    found: list[tuple[int, float]] = []
     for ramp in ramps:
         if ramp.direction == first and first * (ramp.start_deg - rest) <= far < first * (ramp.end_deg - rest):
-            low = numbers[-1] + 1 if numbers else 0
-            held = np.flatnonzero(away[low : ramp.stop] <= tolerance)
-            numbers.append(low + int(held[-1]) if held.size else ramp.start)
-    return numbers
+            low = found[-1][0] + 1 if found else 0
+            within = 0.0 if first * (ramp.start_deg - rest) < -far else tolerance
+            held = np.flatnonzero(away[low : ramp.stop] <= within)
+            found.append((low + int(held[-1]) if held.size else ramp.start, within))
+    return found
 
 
 def _span(away: FloatArray, start: int, following: int | None, tolerance: float) -> tuple[int, int, bool]:

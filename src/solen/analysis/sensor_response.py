@@ -8,7 +8,7 @@ The interface: `sensor_response` of a sensor's `Signals`; `group_of` several sen
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Self
@@ -25,7 +25,7 @@ from solen.analysis.protocol_angle import Protocol
 from solen.analysis.receiver_pair import PairResponse, pair_response, sign_warnings
 from solen.analysis.response import Passes, common_range, grid_deg, nice_step, passes
 from solen.analysis.signals import SignalOptions, Signals
-from solen.analysis.timing import Source, Timing, angle_bound_s, cycle_speeds, of_main_speed, timing_of
+from solen.analysis.timing import Source, Timing, angle_bound_s, cycle_speeds, of_main_speed, same_speed, timing_of
 from solen.arrays import BoolArray, FloatArray
 from solen.errors import DataError
 from solen.ranks import do_not_use, note, of
@@ -226,6 +226,7 @@ def sensor_response(
     warnings += [] if first.lens is False else sign_warnings(receivers, sides, first.unit)
     warnings += _cautions(receivers, ways, runs)
     timing = _timing(runs, every, receivers)
+    warnings += [line for run in runs for line in _other_speeds_left_out(run)]
     warnings += _timing_warnings(timing, receivers)
     ageing = None
     if options.every is not None:
@@ -270,10 +271,28 @@ def _timing_warnings(timing: Timing, receivers: dict[str, ReceiverResponse]) -> 
         return []
     if not any(one.hysteresis_V > 3.0 * one.u_hysteresis_V for one in receivers.values()):
         return []
+    speeds = " and ".join(f"{one:.3g}" for one in timing.speeds_deg_per_s)
+    known, remedy = f"at one speed ({speed:.3g}°/s)", "record cycles at a second speed, twice as slow or as fast, too"
+    if len(timing.speeds_deg_per_s) > 1:
+        known, remedy = f"with so few cycles at {speeds}°/s", "record more cycles at each speed"
     return [
-        f"at one speed ({speed:.3g}°/s) nothing tells a hysteresis from a lag; clocks and looks at the stage leave "
-        f"±{1e3 * timing.bound_s:.2g} ms, up to {adds:.2g}° between both ways: use slow cycles, too"
+        f"{known} nothing tells a hysteresis from a lag; clocks and looks at the stage leave "
+        f"±{1e3 * timing.bound_s:.2g} ms, up to {adds:.2g}° between both ways: {remedy}"
     ]
+
+
+def _other_speeds_left_out(run: Run) -> Iterator[str]:
+    """Whether cycles that are left out at the beginning are all there is at another speed."""
+    signals, motion = run.signals, run.motion
+    speeds = cycle_speeds(signals.time_s, signals.angle_deg, motion, range(len(motion.cycles)))
+    timed = speeds[list(run.timed)]
+    lost = [one for one in speeds[: run.timed[0]].tolist() if not same_speed(timed, one).any()]
+    if lost:
+        used = float(np.median(speeds[list(run.used)]))
+        yield (
+            f"{len(lost)} cycle{'s' * (len(lost) != 1)} at {lost[0]:.3g}°/s came first and are left out (--drop "
+            f"{run.timed[0]}): too few at that speed; all figures are of {used:.3g}°/s: record more at each speed"
+        )
 
 
 def _run(signals: Signals, options: AnalysisOptions, known: dict[int, Motion]) -> Run:

@@ -169,6 +169,11 @@ def _u_of_parts(products: FloatArray, squares: FloatArray, speeds: FloatArray, w
     return math.sqrt(float(share @ (np.array(own) - whole) ** 2) / (len(own) - 1))
 
 
+def same_speed(speeds: FloatArray, one: float) -> BoolArray:
+    """Which speeds are not meant to be other ones than one."""
+    return np.asarray((speeds <= _MEANT * one) & (one <= _MEANT * speeds))
+
+
 def of_main_speed(speeds: FloatArray) -> BoolArray:
     """Which cycles are at the speed of most, (cycles,); all where no second speed is plainly meant."""
     main = max(_groups(speeds), key=lambda group: (len(group), group[0]))

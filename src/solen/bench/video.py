@@ -26,7 +26,7 @@ from solen.bench.marker import Dictionary, Finder, refined, turns
 from solen.errors import DataError, SpecError
 from solen.extras import need
 from solen.files import check_seal
-from solen.ranks import Caution, look_at, note
+from solen.ranks import Caution, do_not_use, look_at, note
 from solen.results import HIDDEN, Result
 from solen.spec.strict import Options
 
@@ -38,6 +38,8 @@ UNEVEN = 0.02
 """Share of the usual interval by which intervals may vary without a word."""
 BEGIN_S = 0.5
 """The angle counts from where the marker stands so long at the beginning."""
+_FEWEST = 4  # pictures that show whether it stands
+_MOVED = 3.0  # uncertainties between both halves of the beginning, from which on it does not
 CONTRAST = 6.0
 """A glow stands out of its noise by so much."""
 
@@ -79,7 +81,7 @@ class VideoMotion(Result):
         Range of the angle.
     u_angle_deg
         Standard uncertainty of an angle: the larger of what the corners' misfit shows and what varies from picture to
-        picture.
+        picture; with that of the zero, where the marker moves at the beginning.
     misfit_px
         Root mean square by which a coordinate of a corner misses a square in a plane.
     glow_s
@@ -149,7 +151,9 @@ def motion_of(path: Path, options: VideoOptions = VideoOptions()) -> VideoMotion
         warnings.append(
             note("a rolling shutter and the exposure delay the angle by up to an interval: a lag of the log")
         )
-    angle = found.angle_deg - np.median(found.angle_deg[time_s <= time_s[0] + BEGIN_S])
+    begin = slice(max(_FEWEST, int(np.sum(time_s <= time_s[0] + BEGIN_S))))
+    angle = found.angle_deg - np.median(found.angle_deg[begin])
+    own_u_deg = max(found.u_angle_deg, _scatter(angle))
     interval = float(np.median(np.diff(stamped)))
     missing = len(stamped) - len(seen.places) - seen.ambiguous
     if missing or seen.ambiguous:
@@ -166,7 +170,7 @@ def motion_of(path: Path, options: VideoOptions = VideoOptions()) -> VideoMotion
         longest_gap_s=float(np.diff(time_s).max()),
         low_deg=float(angle.min()),
         high_deg=float(angle.max()),
-        u_angle_deg=max(found.u_angle_deg, _scatter(angle)),
+        u_angle_deg=float(np.hypot(own_u_deg, _u_zero(angle[begin], own_u_deg, warnings))),
         misfit_px=found.misfit_px,
         glow_s=glow_s,
         u_start_s=interval / np.sqrt(12.0) if glow_s else None,
@@ -278,6 +282,23 @@ def _scatter(angle: FloatArray) -> float:
     """Noise of an angle by second differences, most of which are of rest or of steady motion."""
     bends = np.diff(angle, 2)
     return float(1.4826 * np.median(np.abs(bends)) / np.sqrt(6.0))
+
+
+def _u_zero(angle: FloatArray, u_deg: float, warnings: list[Caution]) -> float:
+    """Uncertainty of a zero taken from the beginning: 0 where the marker stands, else its way's, evenly spread."""
+    half = len(angle) // 2
+    moved = float(np.median(angle[-half:]) - np.median(angle[:half]))
+    spread = 1.4826 * float(np.median(np.abs(angle)))
+    if max(abs(moved), spread) <= _MOVED * u_deg:
+        return 0.0
+    way = float(np.abs(angle).max())
+    warnings.append(
+        do_not_use(
+            f"the marker moves in the first {BEGIN_S:g} s, by {np.ptp(angle):.2g}°, and all angles count from there: "
+            f"their zero is off by up to {way:.2g}°; begin the video {BEGIN_S:g} s before the motion"
+        )
+    )
+    return way / float(np.sqrt(3.0))
 
 
 def _glow(time_s: FloatArray, level: FloatArray) -> tuple[float, ...]:

@@ -19,7 +19,7 @@ from solen.analysis.calibration.heading import WINDOW_S, Headings, Tracker
 from solen.analysis.calibration.streams import Batch, Stream
 from solen.arrays import BoolArray, FloatArray
 from solen.errors import DataError, SpecError
-from solen.ranks import do_not_use
+from solen.ranks import do_not_use, note
 from solen.recording import Provenance
 from solen.results import Result
 from solen.spec.strict import Finite
@@ -237,7 +237,7 @@ class StreamDecoder:
             count = self.counts[name]
             percent = 100.0 * count / max(self.counts["readings"], 1)
             if count and (name == "missing" or percent >= _TOLD):
-                yield f"{count} readings ({percent:.2g} %) {meaning}"
+                yield f"{count} readings ({percent:.3g} %) {meaning}"
 
 
 def _condition_warnings(known: CalibrationFile, stream: Stream, options: DecodeOptions) -> Iterator[str]:
@@ -246,7 +246,13 @@ def _condition_warnings(known: CalibrationFile, stream: Stream, options: DecodeO
     other, unknown = differences(known, motion, circuit)
     moved = bool(other)
     if len(known.prints) == 1 and stream.sensor is not None and _last(stream.sensor) != _last(known.sensor):
-        other.insert(0, f"sensor {stream.sensor} instead of {known.sensor}")
+        if stream.named:
+            other.insert(0, f"sensor {stream.sensor} instead of {known.sensor}")
+        else:
+            yield note(
+                f"{stream.sensor} is only the file's name: it is decoded as the calibrated sensor {known.sensor}; "
+                f"--sensor {stream.sensor} states another"
+            )
     if other:
         yield do_not_use(f"this calibration is not for what is decoded: {'; '.join(other)}")
     if unknown and not moved:

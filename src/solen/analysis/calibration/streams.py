@@ -7,7 +7,7 @@ The interface: `recorded_stream` of a file, `line_stream` of lines.
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 
@@ -52,7 +52,10 @@ class Batch:
 
 @dataclass(frozen=True, eq=False)
 class Stream:
-    """Readings with their sensor, source and unit, and whether ambient light was subtracted (None if unknown)."""
+    """Readings with their sensor, source and unit, and whether ambient light was subtracted (None if unknown).
+
+    ``named`` is False where the sensor has only the name of its file.
+    """
 
     batches: Iterator[Batch]
     sensor: str | None = None
@@ -60,6 +63,7 @@ class Stream:
     provenance: Provenance | None = None
     warnings: tuple[str, ...] = ()
     unit: str = "V"
+    named: bool = True
 
     @property
     def simulated(self) -> bool:
@@ -87,7 +91,8 @@ def recorded_stream(path: Path, options: SignalOptions, sensor: str | None, cali
     if not streams:
         remedy = "name them with --channel left=COLUMN right=COLUMN"
         raise DataError(path.name, limit="has no pair of a left and a right receiver", remedy=remedy)
-    return streams[chosen_sensor(list(streams), sensor, calibrated, path.name)]
+    name = chosen_sensor(list(streams), sensor, calibrated, path.name)
+    return replace(streams[name], named=sensor is not None or name != path.stem)
 
 
 def _of_sensor(samples: Waveforms, name: str, places: list[int], provenance: Provenance) -> Stream:

@@ -55,6 +55,8 @@ def _timing(timing: Timing) -> str:
     if timing.separated:
         lag = f"{1e3 * timing.lag_s:.3g} ± {1e3 * timing.u_lag_s:.2g} ms"
         return f"  timing: by two speeds, the voltages come {lag} after the angle"
+    if not math.isfinite(timing.bound_s):
+        return "  timing: not known"
     return (
         f"  timing: ±{1e3 * timing.bound_s:.2g} ms, up to {timing.timing_deg:.2g}° between both ways; at one speed "
         "nothing tells more of it from a hysteresis"
