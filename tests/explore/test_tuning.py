@@ -10,6 +10,7 @@ from solen.arrays import FloatArray
 from solen.errors import DataError, SpecError
 from solen.explore import TunedPrint, TuneOptions, log_text, read_log, tune
 from solen.metrology import measure_lens, read_image
+from solen.pipeline.print.tune import tune as tune_files
 from solen.sensor import Sensor
 from solen.spec import template, with_values
 from tests.explore.print_simulator import Printer
@@ -18,6 +19,7 @@ from tests.metrology.inspect_support import lens
 from tests.metrology.render.optics import gaussian
 
 PRINTS = 3
+EXAMPLE = Path(__file__).parents[2] / "examples" / "lens-simulated.ome.tif"
 
 
 @pytest.fixture(scope="module")
@@ -124,6 +126,20 @@ def test_what_a_picture_does_not_tell_is_not_corrected(lab: Lab, tuned: list[Tun
     said = " ".join(blind.warnings)
     assert "--seen-from" in said
     assert "cannot be separated" in said
+
+
+def test_a_drawing_that_no_correction_betters_is_kept(tmp_path: Path) -> None:
+    """Of this picture, without its face and its scale's uncertainty, a correction is predicted to do harm."""
+    design, out = tmp_path / "sensor.toml", tmp_path / "out"
+    design.write_text(template("solen-860"))
+    tuned = tune_files(EXAMPLE, design=design, out=out, response=False).result
+    assert tuned.kept
+    assert [path.name for path in out.iterdir()] == ["sensor-tuning.json"]
+    assert tuned.predicted == tuned.unchanged
+    assert (tuned.wall_um, tuned.scale, tuned.drawn_range_um) == (0.0, 1.0, (0.0, 0.0))
+    log = read_log(out / "sensor-tuning.json")
+    assert log.last_drawing == log.prints[0].correction.number == 0
+    assert any("correction 0" in warning and "kept" in warning for warning in tuned.warnings)
 
 
 def test_a_blurred_picture_and_another_lens_are_said(lab: Lab) -> None:

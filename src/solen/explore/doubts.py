@@ -4,8 +4,8 @@ The interface: `of_picture` and `of_prediction`.
 """
 
 from solen.explore.print_model import PrintModel
-from solen.explore.tuning_log import LoggedPrint, Residual, TuningLog
-from solen.fabricate.process import Drawing, walls_um
+from solen.explore.tuning_log import Residual, TuningLog
+from solen.fabricate.process import walls_um
 from solen.metrology import LensInspection
 from solen.ranks import Caution, do_not_use, look_at, note
 
@@ -20,11 +20,11 @@ def of_picture(inspection: LensInspection, model: PrintModel) -> list[Caution]:
     return [*_defocus(inspection, model), *_side(inspection), *_design(inspection), *_scale(inspection), *_face(model)]
 
 
-def of_prediction(log: TuningLog, unchanged: Residual, before: Drawing, u_overgrowth_um: float) -> list[Caution]:
+def of_prediction(log: TuningLog, corrected: Residual, unchanged: Residual, *, moved: bool) -> list[Caution]:
     """Doubts of the drawing that follows, and of the one before."""
     last = log.prints[-1]
-    moved = abs(last.correction.wall_um - before.wall_um) > u_overgrowth_um
-    return [*([] if moved else _gain(last, unchanged)), *_missed(log)]
+    kept = f"; {log.name(last.correction.number)} is kept, and nothing new is drawn" if last.keeps else ""
+    return [*([] if moved else _gain(corrected, unchanged, kept)), *_missed(log)]
 
 
 def _defocus(inspection: LensInspection, model: PrintModel) -> list[Caution]:
@@ -89,14 +89,14 @@ def _face(model: PrintModel) -> list[Caution]:
     ]
 
 
-def _gain(last: LoggedPrint, unchanged: Residual) -> list[Caution]:
-    if last.predicted.rms_um < WORTH * unchanged.rms_um:
+def _gain(corrected: Residual, unchanged: Residual, kept: str) -> list[Caution]:
+    if corrected.rms_um < WORTH * unchanged.rms_um:
         return []
     return [
         look_at(
-            f"another correction gains nothing: {last.predicted.rms_um:.2g} µm (rms) predicted, and "
+            f"another correction gains nothing: {corrected.rms_um:.2g} µm (rms) predicted, and "
             f"{unchanged.rms_um:.2g} of the same drawing once more; what is left differs from print to print, or "
-            "is not resolved"
+            f"is not resolved{kept}"
         )
     ]
 
@@ -104,9 +104,9 @@ def _gain(last: LoggedPrint, unchanged: Residual) -> list[Caution]:
 def _missed(log: TuningLog) -> list[Caution]:
     """Warning where a print is not what was predicted of it."""
     last = log.prints[-1]
-    if last.drawing == 0 or last.drawing != last.number - 1:
+    if last.number == 1 or last.drawing != log.prints[-2].correction.number:
         return []
-    was = log.prints[last.drawing - 1].predicted
+    was = log.prints[-2].predicted
     low, high = was.interval95_rms_um
     if low - 2.0 * last.u_rms_um <= last.rms_um <= high + 2.0 * last.u_rms_um:
         return []

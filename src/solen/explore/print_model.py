@@ -18,6 +18,7 @@ from solen.fabricate.label import label_of
 from solen.fabricate.layers import Slicing
 from solen.fabricate.process import (
     Compensation,
+    Deviation,
     Drawing,
     Printing,
     PrintOptions,
@@ -164,6 +165,12 @@ class PrintModel:
     def against(self, beyond_um: FloatArray, start: Drawing) -> Compensation:
         """Drawing whose print is the wanted lens where the design itself prints ``beyond_um`` (N,) beyond it."""
         return self.plain.against(start, beyond_um - self._printed(self.plain, self.as_designed))
+
+    def drawn(self, drawing: Drawing) -> Compensation:
+        """A drawing as it is, and its predicted print."""
+        outlines = self.plain.outlines(drawing)
+        printed = Deviation(self.target, self._printed(self.plain, drawing))
+        return Compensation(outlines, drawing.drawn_um, drawing.wall_um, drawing.scale, printed, ())
 
     def sha256_of(self, path: Path) -> str | None:
         """Hash of the outline that a design file draws; None where it is the wanted design itself."""

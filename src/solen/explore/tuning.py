@@ -25,7 +25,7 @@ from solen.explore.doubts import of_picture, of_prediction
 from solen.explore.print_model import PrintModel
 from solen.explore.systematic import BLUR, OVERGROWTH, SIZE, Known, Print, Systematic, learnt, of_pixels
 from solen.explore.tuned_response import responses
-from solen.explore.tuning_log import Correction, LoggedPrint, Picture, Residual, Responses, TuningLog
+from solen.explore.tuning_log import AS_DESIGNED, Correction, LoggedPrint, Picture, Residual, Responses, TuningLog
 from solen.fabricate.label import label_of
 from solen.fabricate.layers import Slicing
 from solen.fabricate.process import Compensation, Deviation, Drawing, outline_text
@@ -119,12 +119,14 @@ class TunedPrint(Result):
         What prints have in common.
     corrected
         What of that the drawing is changed by beyond its uncertainty; the rest is corrected by its mean all the same.
+    kept
+        Whether the drawing of before is kept, as no corrected one is predicted to be better: nothing new is drawn.
     wall_um, scale
         By how much walls are drawn outwards, and by what all is enlarged.
     unchanged
         Deviation of a further print of the same drawing.
     predicted
-        Deviation of the next print, of the corrected drawing.
+        Deviation of the next print: of the corrected drawing, or of the kept one.
     response
         Response as designed, of this print and of the next; None where it was not traced.
     history
@@ -142,6 +144,7 @@ class TunedPrint(Result):
     u_rms_um: float
     common: Common
     corrected: tuple[str, ...]
+    kept: bool
     wall_um: float
     scale: float
     unchanged: Residual
@@ -237,15 +240,15 @@ def _checked(log: TuningLog | None, sensor: Sensor, model: PrintModel, inspectio
 
 def _drawing(log: TuningLog, model: PrintModel, options: TuneOptions) -> int:
     """Number of the correction that the print was made with; `DataError` where the file of it is another."""
-    last = len(log.prints)
+    last = log.last_drawing
     if options.another_copy:
-        if not last:
+        if not log.prints:
             raise SpecError("--another-copy", limit="needs a print before, and the log has none", remedy="leave it out")
         last = log.prints[-1].drawing
     if options.drawn is None:
         return last
     sha256 = model.sha256_of(options.drawn)
-    hashes = {0: None} | {one.number: one.correction.sha256 for one in log.prints}
+    hashes = {0: None} | {one.number: one.correction.sha256 for one in log.prints if not one.keeps}
     if sha256 == hashes[last]:
         return last
     same = [number for number, known in hashes.items() if known == sha256]
@@ -313,7 +316,7 @@ class _Tuning:
         if not self.log.prints or self.options.drawn is not None:
             return
         somewhere = np.array([0.5 * self.contour.length_mm])
-        every = range(len(self.log.prints) + 1)
+        every = [0, *(one.number for one in self.log.prints if not one.keeps)]
         logs = {number: self._learnt(number, somewhere, NO_DRAWING).log_evidence for number in every}
         best = max(logs, key=lambda number: logs[number])
         if logs[best] - logs[self.number] > UNLIKE:
@@ -344,7 +347,30 @@ class _Tuning:
 
     @cached_property
     def made(self) -> Compensation:
-        """The drawing against it."""
+        """The drawing of the next print."""
+        return self.model.drawn(self.drawing) if self.kept else self._against
+
+    @cached_property
+    def kept(self) -> bool:
+        """Whether the drawing against it is no better, in form or in its walls, than the one before."""
+        return not self._moved and self._corrected.rms_um >= self._unchanged.rms_um
+
+    @cached_property
+    def _moved(self) -> bool:
+        """Whether walls move by more than is unknown of them, which a deviation without its shift does not show."""
+        return bool(abs(self._against.wall_um - self.drawing.wall_um) > self.common.u[OVERGROWTH])
+
+    @cached_property
+    def _unchanged(self) -> Residual:
+        return self.residual(self.future(self.drawing))
+
+    @cached_property
+    def _corrected(self) -> Residual:
+        return self.residual(self.future(self._against.drawing))
+
+    @cached_property
+    def _against(self) -> Compensation:
+        """The drawing against what prints have in common."""
         front, grown, size, _ = self.taken
         along = self.inspection.nominal.nearest(self.model.target.points_mm).arc_mm
         start = replace(self.drawing, wall_um=-grown, scale=1.0 / (1.0 + size))
@@ -388,12 +414,12 @@ class _Tuning:
     def tuned(self, file: str, progress: Progress | None, *, response: bool) -> TunedPrint:
         """The answer."""
         made, inspection = self.made, self.inspection
-        prints = self.future(Drawing(made.drawn_um, made.wall_um, made.scale))
-        unchanged, predicted = self.residual(self.future(self.drawing)), self.residual(prints)
+        prints = self.future(made.drawing)
+        predicted = self.residual(prints)
         traced, why = self._responses(prints, progress) if response else (None, [])
         log = self.log.with_print(self._entry(file, predicted, traced))
         warnings = [*of_picture(inspection, self.model), *why, *inspection.warnings]
-        warnings += of_prediction(log, unchanged, self.drawing, float(self.common.u[OVERGROWTH]))
+        warnings += of_prediction(log, self._corrected, self._unchanged, moved=self._moved)
         return TunedPrint(
             design=self.sensor.design.name,
             simulated=any(one.picture.simulated for one in log.prints),
@@ -403,10 +429,11 @@ class _Tuning:
             rms_um=inspection.deviation.rms_um,
             u_rms_um=inspection.deviation.u_rms_um,
             common=self._summary(),
-            corrected=self.taken[3],
+            corrected=() if self.kept else self.taken[3],
+            kept=self.kept,
             wall_um=made.wall_um,
             scale=made.scale,
-            unchanged=unchanged,
+            unchanged=self._unchanged,
             predicted=predicted,
             response=traced,
             history=_history(log),
@@ -473,10 +500,11 @@ class _Tuning:
             source.file, source.sha256, source.simulated, scale.um_per_px, scale.u_um_per_px, face, *columns
         )
         number = len(self.log.prints) + 1
-        drawing = Drawing(made.drawn_um, made.wall_um, made.scale)
         sha256 = hashlib.sha256(outline_text(self.sensor, made).encode()).hexdigest()
         deviation = self.inspection.deviation
-        correction = Correction.of(number, file, sha256, drawing)
+        correction = Correction.of(number, file, sha256, made.drawing)
+        if self.kept:
+            correction = self.log.correction(self.number) or Correction.of(0, AS_DESIGNED, sha256, made.drawing)
         return LoggedPrint(
             number, self.number, picture, deviation.rms_um, deviation.u_rms_um, correction, predicted, traced
         )

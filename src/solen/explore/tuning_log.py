@@ -135,7 +135,7 @@ class LoggedPrint(Result):
     rms_um, u_rms_um
         Its deviation, as `solen print inspect` measures it.
     correction
-        The drawing that follows from it and all prints before.
+        The drawing that follows from it and all prints before; that of before where it is kept.
     predicted
         Deviation of the next print of that drawing.
     response
@@ -150,6 +150,11 @@ class LoggedPrint(Result):
     correction: Correction
     predicted: Residual
     response: Responses | None
+
+    @property
+    def keeps(self) -> bool:
+        """Whether no drawing followed, but the one of before was kept."""
+        return self.correction.number != self.number
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -170,6 +175,15 @@ class TuningLog(Result):
         """A drawing in words."""
         file = AS_DESIGNED if number == 0 else self.prints[number - 1].correction.file
         return f"correction {number} ({file})"
+
+    @property
+    def last_drawing(self) -> int:
+        """Number of the drawing that the next print is to be made with."""
+        return self.prints[-1].correction.number if self.prints else 0
+
+    def correction(self, number: int) -> Correction | None:
+        """The correction of a number; None for the design itself."""
+        return self.prints[number - 1].correction if number else None
 
     def with_print(self, one: LoggedPrint) -> "TuningLog":
         """The same with one more print."""

@@ -19,12 +19,13 @@ def _(tuned: TunedPrint) -> Iterator[str]:
         f"{common.u_overgrowth_um:.2g} µm, size {common.size_percent:+.2g} ± {common.u_size_percent:.2g} %, form "
         f"{common.form_um:.2g} µm rms; each has about {common.repeat_um:.2g} µm for itself"
     )
+    what = "kept: the drawing of before" if tuned.kept else f"corrected: {', '.join(tuned.corrected)}"
     yield (
-        f"corrected: {', '.join(tuned.corrected)}; the lens is drawn {low:+.3g} to {high:+.3g} µm off, walls "
+        f"{what}; the lens is drawn {low:+.3g} to {high:+.3g} µm off, walls "
         f"{tuned.wall_um:+.3g} µm, all {tuned.scale:.5g} times"
     )
     yield f"the same drawing once more: {_residual(tuned.unchanged)}"
-    yield f"the next print, of the corrected drawing: {_residual(tuned.predicted)}"
+    yield f"the next print, of the {'kept' if tuned.kept else 'corrected'} drawing: {_residual(tuned.predicted)}"
     if (traced := tuned.response) is not None:
         where = "in space" if traced.dimension == "extruded" else "in the plane"
         for name, one in (("designed", traced.designed), ("this print", traced.before), ("next", traced.after)):

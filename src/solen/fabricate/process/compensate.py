@@ -61,6 +61,11 @@ class Compensation:
     printed: Deviation
     rounds_um: tuple[float, ...]
 
+    @property
+    def drawing(self) -> "Drawing":
+        """How it is drawn."""
+        return Drawing(self.drawn_um, self.wall_um, self.scale)
+
     @reported
     def drawn_range_um(self) -> tuple[float, float]:
         """Least and most that the lens is drawn beyond the wanted one."""

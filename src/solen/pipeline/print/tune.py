@@ -71,15 +71,22 @@ def tune(
         measured, sensor, slicing, options, before, file=f"{name}.toml", response=response, progress=progress
     )
     with files.output_folder(out):
-        layers = _layers(tuned, sensor, slicing, out, name)
-        targets = with_figure({"drawn": out / f"{name}.toml", **layers.targets, "log": log}, figure.figure)
-        contents = layers.contents() | _drawing(tuned, sensor, targets["drawn"]) | drawn(tuned, figure, "tune")
-        files.write_all(contents | {log: log_text(tuned.log).encode()})
+        targets, contents = ({}, {}) if tuned.kept else _printed(tuned, sensor, slicing, out, name)
+        targets = with_figure({**targets, "log": log}, figure.figure)
+        files.write_all(contents | drawn(tuned, figure, "tune") | {log: log_text(tuned.log).encode()})
     return Outcome(tuned, targets)
 
 
 def _next(log: TuningLog | None) -> int:
     return 1 if log is None else len(log.prints) + 1
+
+
+def _printed(
+    tuned: TunedPrint, sensor: Sensor, slicing: Slicing, out: Path, name: str
+) -> tuple[dict[str, Path], dict[Path, files.Content]]:
+    """Files of a new drawing and of its layers, by their names, and their contents."""
+    layers, path = _layers(tuned, sensor, slicing, out, name), out / f"{name}.toml"
+    return {"drawn": path, **layers.targets}, layers.contents() | _drawing(tuned, sensor, path)
 
 
 def _drawing(tuned: TunedPrint, sensor: Sensor, path: Path) -> dict[Path, files.Content]:
