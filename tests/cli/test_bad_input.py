@@ -125,7 +125,7 @@ VALUES: dict[str, tuple[dict[str, str], str]] = {
     "negative distance": ({"emitter.distance_mm": "-1.0"}, "emitter.distance_mm"),
     "focus inside the lens": ({"lens.focus_mm": "1.9"}, "lies inside the lens"),
     "beyond tangency": ({"lens.half_width_mm": "2.95"}, "must be below 2.932 mm"),
-    "bad shape": ({"lens.shape": '"sphere"'}, "'cartesian-oval', 'measured' or 'none'"),
+    "bad shape": ({"lens.shape": '"sphere"'}, "'layered', 'measured' or 'none'"),
     "from above to": ({"motion.from_deg": "4"}, "must be less than motion.to_deg"),
     "from is to": ({"motion.from_deg": "3"}, "must be less than motion.to_deg"),
     "zero step": ({"motion.step_deg": "0"}, "motion.step_deg"),
