@@ -2,6 +2,7 @@
 
 import re
 from collections import Counter
+from html import escape
 from html.parser import HTMLParser
 
 import pytest
@@ -116,10 +117,10 @@ def test_what_matters_stands_before_the_response(studied: Studies, text: str) ->
     study = studied("paper")
     first = text.partition("<h2>Response</h2>")[0]
     for heading, words in expected(study):
-        assert f"<dt>{heading[0].upper()}{heading[1:]}</dt><dd>{words}</dd>" in first
+        assert f"<dt>{heading[0].upper()}{heading[1:]}</dt><dd>{escape(words)}</dd>" in first
     for row in matters(study.practice)[1]:
         assert f"<td>{row.name}</td><td>{row.by}</td>" in first
-        assert all(f"<td>{change}</td>" in first for change in row.contrast)
+        assert all(f"<td>{escape(change)}</td>" in first for change in row.contrast)
     assert [f"<li>{one}</li>" in first for one in advice(study)] == [True] * len(advice(study)) != []
 
 
