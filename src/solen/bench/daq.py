@@ -76,7 +76,7 @@ class Model:
                 which = (
                     f"one of {self.name}'s static outputs, {self.lines[0]} to {self.lines[-1]}" if self.lines else ""
                 )
-                limit = f"must be {which}" if which else f"is no line of {self.name}, which has no static outputs"
+                limit = f"must be {which}" if which else f"is not a line of {self.name}, which has no static outputs"
                 raise BenchError(f"daq.{key}", value=line, limit=limit)
         if setup.switching == "counter":
             self._check_counters(setup)

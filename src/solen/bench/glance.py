@@ -148,7 +148,7 @@ class Glances:
 def sampler_of(rig: Rig, folder: Path, clock: Clock) -> Iterator[EmitterBoard | Daq]:
     """Board or data acquisition of a rig, its emitters taking turns; dark and closed in the end."""
     if rig.meter is not None:
-        limit = "has a meter, which lights no emitter: nothing can be told of its wires"
+        limit = "has a meter, which lights no emitter: its wires cannot be checked"
         raise BenchError(f"rig {rig.name}", limit=limit, remedy="look at the meter itself")
     if rig.sampler.driver == "simulated":
         from solen.bench.simulated.instruments import simulated_instruments  # the tracer is loaded where it is needed

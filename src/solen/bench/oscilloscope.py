@@ -33,7 +33,7 @@ LEAST_SAMPLES = 2
 
 @dataclass(frozen=True)
 class Dialect:
-    """What a manufacturer's oscilloscopes are told, and how volts are made of a byte.
+    """Commands of one manufacturer's oscilloscopes, and how a byte becomes volts.
 
     Attributes
     ----------

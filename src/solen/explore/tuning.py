@@ -252,7 +252,7 @@ def _drawing(log: TuningLog, model: PrintModel, options: TuneOptions) -> int:
     if sha256 == hashes[last]:
         return last
     same = [number for number, known in hashes.items() if known == sha256]
-    found = f"is {log.name(same[0])}" if same else "is no drawing of this log"
+    found = f"is {log.name(same[0])}" if same else "is not a drawing of this log"
     limit = f"{found}; this print is to be one of {log.name(last)}"
     raise DataError("--drawn", value=options.drawn.name, limit=limit, remedy="photograph a print of that one")
 
