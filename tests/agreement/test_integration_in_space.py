@@ -20,7 +20,7 @@ from solen.trace.cone import DOUBLE
 from solen.trace.kernel.paths import add_ray, at_angles, integrate_path, path_room
 from solen.trace.kernel.prism import NO_DRAW, trace_prism
 from solen.trace.kernel.space import Vector
-from solen.trace.space import LightInSpace
+from solen.trace.space import Cell, Cells, LightInSpace
 
 CHIP = {
     "trace.dimension": "extruded",
@@ -343,3 +343,16 @@ def test_derivatives_in_space_are_those_of_close_integrals(key: str) -> None:
         u = math.hypot(ends[0].u_power, ends[1].u_power) / (2.0 * step)
         assert slope.value == pytest.approx(difference, abs=3.0 * math.hypot(u, slope.u_value) + 0.01 * abs(difference))
         assert slope.u_value < 0.08 * max(abs(slope.value) for slope in found.detectors.values())
+
+
+def test_sums_of_cells_hold_however_small_what_is_left_becomes() -> None:
+    value = np.array([0.25, 0.75])
+    cells = Cells([Cell((0.0, 1.0), value, (value,), (0.1,), 0.1, 1)])
+    for n in range(200):
+        cells.worst()
+        small = 10.0 ** -min(n / 10.0 + 1.0, 12.0)
+        for _ in range(2):
+            cells.add(Cell((0.0, 1.0), small * value, (value,), (small,), small, 1))
+    exact = sum(cell.error**2 for cell in cells)
+    assert cells.u(1.0) == pytest.approx(math.sqrt(2.0 * exact), rel=1e-3)
+    assert cells.value == pytest.approx(sum(cell.value for cell in cells), rel=1e-6)

@@ -61,14 +61,13 @@ class LineFocusLens(LensInSpace):
                 "lens.y_focus_mm", value="body", limit=f"index {index:g}: {limit}", remedy='use "collimated"'
             )
         low, high = 1e-3, 1.0
-        while lens._at(high) is None or lens._at(high)._steepest > _most(index):  # type: ignore[union-attr]
+        while not lens._keeps(high):
             low, high = high, 2.0 * high
             if high > FARTHEST_MM:
                 return lens
         while high - low > CLOSENESS_MM:
             middle = 0.5 * (low + high)
-            found = lens._at(middle)
-            low, high = (low, middle) if found is not None and found._steepest <= _most(index) else (middle, high)
+            low, high = (low, middle) if lens._keeps(middle) else (middle, high)
         return cls(**{**_fields(lens), "y_focus_mm": high})
 
     def z_at(self, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
@@ -125,12 +124,13 @@ class LineFocusLens(LensInSpace):
         away = self.focus_mm + self.y_focus_mm - np.hypot(x, self.focus_mm - z)
         return float(np.max(y / np.hypot(away, y)))
 
-    def _at(self, y_focus_mm: float) -> "LineFocusLens | None":
-        """The same with another focus; None where there is no such surface."""
+    def _keeps(self, y_focus_mm: float) -> bool:
+        """Whether there is such a surface with another focus, and top and bottom keep its light."""
         try:
-            return LineFocusLens(**{**_fields(self), "y_focus_mm": y_focus_mm})
+            other = LineFocusLens(**{**_fields(self), "y_focus_mm": y_focus_mm})
         except DesignError:
-            return None
+            return False
+        return other._steepest <= _most(self.design_index)
 
     def _faces(self, x: FloatArray, y: FloatArray, z: FloatArray) -> FloatArray:
         """Derivative of the residual along the emitter's ray: below 0 where the surface faces the emitter."""

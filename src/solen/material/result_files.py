@@ -74,9 +74,9 @@ class _Result(Strict):
 
     def as_table(self, selection: Selection = _EVERYTHING) -> Any:
         """Table of the resin."""
-        raise NotImplementedError
+        raise NotImplementedError  # each kind of file has its own
 
-    def found_from(self, selection: Selection = _EVERYTHING) -> tuple[Source, ...]:  # noqa: ARG002
+    def found_from(self, selection: Selection = _EVERYTHING) -> tuple[Source, ...]:  # noqa: ARG002  a file of one index has no choice
         """Files of the measurement."""
         kept = Source.model_fields.keys() - {"of"}
         return tuple(
@@ -108,7 +108,7 @@ class IndexResult(_Result):
                 raise refused(key, limit, value=len(getattr(self, key)))
         return self
 
-    def as_table(self, selection: Selection = _EVERYTHING) -> Dispersion:  # noqa: ARG002
+    def as_table(self, selection: Selection = _EVERYTHING) -> Dispersion:  # noqa: ARG002  a file of one index has no choice
         """Index of the resin: the formula that was fitted, or else a table of what was measured."""
         if self.fit is None:
             return self._tabulated()

@@ -110,8 +110,7 @@ class Cells:
         self._heap = [(-cell.error, n, cell) for n, cell in enumerate(cells)]
         heapq.heapify(self._heap)
         self._many = len(cells)
-        self._squares = np.array([math.fsum(cell.error**2 for cell in cells), math.fsum(c.inner**2 for c in cells)])
-        self.value: FloatArray = np.sum([cell.value for cell in cells], axis=0)
+        self._sum()
 
     def __iter__(self) -> Iterator[Cell]:
         return (cell for _, _, cell in self._heap)
@@ -132,6 +131,14 @@ class Cells:
         heapq.heappush(self._heap, (-cell.error, self._many, cell))
         self._many += 1
         self._count(cell, 1.0)
+        if self._many & (self._many - 1) == 0:  # now and then anew: what is left may be small beside what was taken out
+            self._sum()
+
+    def _sum(self) -> None:
+        """Sums from all cells."""
+        cells = list(self)
+        self._squares = np.array([math.fsum(cell.error**2 for cell in cells), math.fsum(c.inner**2 for c in cells)])
+        self.value: FloatArray = np.sum([cell.value for cell in cells], axis=0)
 
     def _count(self, cell: Cell, sign: float) -> None:
         self.value = self.value + sign * cell.value
