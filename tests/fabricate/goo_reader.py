@@ -1,0 +1,269 @@
+"""A reader of `.goo` V3.0, written from the format's description alone, by somebody who had not seen the writer.
+
+The description: the table of fields that Elegoo publishes (github.com/elegooofficial/GOO), as independent programs
+repeat it field by field: UVtools (`GooFile.cs`, with the maker's remarks on runs) and mslicer (`goo_format`, which adds
+that numbers are big-endian, that the checksum is the inverted sum of the payload, and that every pixel must be stated).
+Whatever breaks a rule is refused; nothing is repaired.
+"""
+
+import math
+import re
+import struct
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+MAGIC = bytes.fromhex("07 00 00 00 44 4C 50 00")
+DELIMITER = b"\r\n"
+ENDING = bytes(3) + MAGIC
+PREVIEWS = {"small_preview": 116, "big_preview": 290}
+"""Side of each preview in pixels of two bytes: red 5 bits, green 6, blue 5, big-endian."""
+
+HEADER = [
+    *(("version", "4s"), ("magic", "8s"), ("software", "32s"), ("software_version", "24s"), ("file_time", "24s")),
+    *(("printer_name", "32s"), ("printer_type", "32s"), ("profile_name", "32s")),
+    *(("anti_aliasing_level", "H"), ("grey_level", "H"), ("blur_level", "H")),
+    *(("small_preview", f"{116 * 116 * 2}s"), ("small_preview_end", "2s")),
+    *(("big_preview", f"{290 * 290 * 2}s"), ("big_preview_end", "2s")),
+    *(("total_layers", "I"), ("x_resolution", "H"), ("y_resolution", "H"), ("x_mirror", "B"), ("y_mirror", "B")),
+    *(("x_size_mm", "f"), ("y_size_mm", "f"), ("z_size_mm", "f"), ("layer_thickness_mm", "f")),
+    *(("exposure_s", "f"), ("exposure_delay_mode", "B"), ("turn_off_s", "f")),
+    *(("bottom_before_lift_s", "f"), ("bottom_after_lift_s", "f"), ("bottom_after_retract_s", "f")),
+    *(("before_lift_s", "f"), ("after_lift_s", "f"), ("after_retract_s", "f")),
+    *(("bottom_exposure_s", "f"), ("bottom_layers", "I")),
+    *(("bottom_lift_mm", "f"), ("bottom_lift_mm_per_min", "f"), ("lift_mm", "f"), ("lift_mm_per_min", "f")),
+    *(("bottom_retract_mm", "f"), ("bottom_retract_mm_per_min", "f"), ("retract_mm", "f"), ("retract_mm_per_min", "f")),
+    *(("bottom_second_lift_mm", "f"), ("bottom_second_lift_mm_per_min", "f")),
+    *(("second_lift_mm", "f"), ("second_lift_mm_per_min", "f")),
+    *(("bottom_second_retract_mm", "f"), ("bottom_second_retract_mm_per_min", "f")),
+    *(("second_retract_mm", "f"), ("second_retract_mm_per_min", "f")),
+    *(("bottom_light_pwm", "H"), ("light_pwm", "H"), ("advance_mode", "B"), ("printing_time_s", "I")),
+    *(("total_volume_mm3", "f"), ("total_weight_g", "f"), ("total_price", "f"), ("price_unit", "8s")),
+    *(("layers_begin_at", "I"), ("grey_scale_level", "B"), ("transition_layers", "H")),
+]
+LAYER = [
+    *(("pause_flag", "H"), ("pause_position_mm", "f"), ("position_mm", "f"), ("exposure_s", "f"), ("turn_off_s", "f")),
+    *(("before_lift_s", "f"), ("after_lift_s", "f"), ("after_retract_s", "f")),
+    *(("lift_mm", "f"), ("lift_mm_per_min", "f"), ("second_lift_mm", "f"), ("second_lift_mm_per_min", "f")),
+    *(("retract_mm", "f"), ("retract_mm_per_min", "f"), ("second_retract_mm", "f"), ("second_retract_mm_per_min", "f")),
+    *(("light_pwm", "H"), ("definition_end", "2s"), ("data_size", "I")),
+]
+FLAGS = {"x_mirror", "y_mirror", "exposure_delay_mode", "advance_mode", "grey_scale_level", "pause_flag"}
+POSITIVE = {
+    *("total_layers", "x_resolution", "y_resolution", "x_size_mm", "y_size_mm", "z_size_mm"),
+    *("layer_thickness_mm", "exposure_s", "bottom_exposure_s", "position_mm"),
+}
+TEXTS = {"software", "software_version", "file_time", "printer_name", "printer_type", "profile_name", "price_unit"}
+OF_EACH_KIND = ["exposure_s", "light_pwm", *(name for name, _ in LAYER if name.endswith(("lift_s", "retract_s")))]
+OF_EACH_KIND += [name for name, _ in LAYER if "lift_mm" in name or "retract_mm" in name]
+"""What the header states for bottom layers (`bottom_…`) and for all others."""
+
+
+class RuleError(ValueError):
+    """The file breaks a rule of the description."""
+
+
+def need(holds: bool, rule: str) -> None:
+    if not holds:
+        raise RuleError(rule)
+
+
+@dataclass(frozen=True)
+class GooLayer:
+    """One layer: its definition and its runs."""
+
+    fields: dict
+    data: bytes = field(repr=False)
+    shape: tuple[int, int]
+    """Rows and columns."""
+    top: int
+    """The grey that is full light."""
+
+    @cached_property
+    def runs(self) -> tuple[np.ndarray, np.ndarray]:
+        """Grey and length of each run."""
+        return decoded(self.data, self.shape[0] * self.shape[1], self.top)
+
+    @property
+    def lit_pixels(self) -> float:
+        """Covered area in pixels: the sum of greys, each as a share of full light."""
+        greys, lengths = self.runs
+        return float(np.dot(greys.astype(float), lengths)) / self.top
+
+    @property
+    def picture(self) -> np.ndarray:
+        """Greys, shape (rows, columns)."""
+        return np.repeat(*self.runs).reshape(self.shape)
+
+
+@dataclass(frozen=True)
+class GooFile:
+    """A whole file that keeps every rule."""
+
+    header: dict
+    layers: list[GooLayer]
+
+    @property
+    def pixel_mm(self) -> tuple[float, float]:
+        """Width and height of a pixel on the plate."""
+        head = self.header
+        return head["x_size_mm"] / head["x_resolution"], head["y_size_mm"] / head["y_resolution"]
+
+    @property
+    def areas_mm2(self) -> np.ndarray:
+        """Covered area of each layer."""
+        width, height = self.pixel_mm
+        return np.array([layer.lit_pixels for layer in self.layers]) * width * height
+
+    def preview(self, name: str) -> np.ndarray:
+        """Red, green and blue of a preview, 0 to 1."""
+        words = np.frombuffer(self.header[name], ">u2").reshape(PREVIEWS[name], -1)
+        return np.stack([(words >> 11) / 31, (words >> 5 & 63) / 63, (words & 31) / 31], axis=-1)
+
+
+def read_goo(path: str | Path) -> GooFile:
+    """Read and check a whole file."""
+    content = Path(path).read_bytes()
+    header, place = fields_of(content, 0, HEADER)
+    check_header(header, place)
+    layers = []
+    for index in range(header["total_layers"]):
+        layer, place = layer_at(content, place, header, index)
+        layers.append(layer)
+    need(content[place:] == ENDING, f"after the last layer stand {content[place:][:16].hex()}, not the ending string")
+    stack = GooFile(header, layers)
+    check_order(stack)
+    return stack
+
+
+def fields_of(content: bytes, place: int, table: list[tuple[str, str]]) -> tuple[dict, int]:
+    layout = struct.Struct(">" + "".join(code for _, code in table))
+    need(len(content) >= place + layout.size, f"the file ends at byte {len(content)}, within a table at {place}")
+    found = dict(zip((name for name, _ in table), layout.unpack_from(content, place), strict=True))
+    for name, value in found.items():
+        check_value(name, value)
+    return found, place + layout.size
+
+
+def check_value(name: str, value: object) -> None:
+    if name in FLAGS:
+        need(value in (0, 1), f"{name} is {value}, neither 0 nor 1")
+    if name.endswith("_pwm"):
+        need(value <= 255, f"{name} is {value}, above 255")
+    if name.endswith("_end"):
+        need(value == DELIMITER, f"{name} is {value!r}")
+    if name in POSITIVE:
+        need(value > 0, f"{name} is {value}, not positive")
+    if isinstance(value, float):
+        need(math.isfinite(value) and value >= 0, f"{name} is {value}")
+    if name in TEXTS:
+        check_text(name, value)
+
+
+def check_text(name: str, value: bytes) -> None:
+    """Text ends with a zero byte, as the readers in C of a printer need it, and only zeros follow."""
+    words, zero, rest = value.partition(b"\0")
+    need(bool(zero) and not any(rest), f"{name} is not ended by zeros: {value!r}")
+    need(words.decode("utf-8", "replace").isprintable() and words.isascii(), f"{name} is not plain text: {words!r}")
+
+
+def check_header(head: dict, size: int) -> None:
+    need(head["version"] == b"V3.0", f"version {head['version']!r}")
+    need(head["magic"] == MAGIC, f"magic tag {head['magic'].hex()}")
+    need(
+        head["layers_begin_at"] == size == 195477,
+        f"layers begin at {head['layers_begin_at']}, not at {size}",
+    )
+    time = head["file_time"].rstrip(b"\0").decode()
+    need(not time or bool(re.fullmatch(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d", time)), f"file_time is {time!r}")
+    need(head["total_layers"] * head["layer_thickness_mm"] <= head["z_size_mm"] * (1 + 1e-6), "higher than the printer")
+    for kind in ("bottom_", ""):
+        check_motion(kind or "common ", {name: head[kind + name] for name in OF_EACH_KIND})
+
+
+def check_motion(which: str, motion: dict) -> None:
+    """A motion has a speed, and the platform comes back to where it was."""
+    for name in ("lift", "second_lift", "retract", "second_retract"):
+        need(motion[f"{name}_mm"] == 0 or motion[f"{name}_mm_per_min"] > 0, f"{which}{name} has no speed")
+    up, down = (motion[f"{way}_mm"] + motion[f"second_{way}_mm"] for way in ("lift", "retract"))
+    need(math.isclose(up, down, rel_tol=1e-6), f"{which}lifts {up} mm and retracts {down} mm")
+
+
+def layer_at(content: bytes, place: int, head: dict, index: int) -> tuple[GooLayer, int]:
+    found, place = fields_of(content, place, LAYER)
+    check_motion(f"layer {index}: ", found)
+    data = content[place : place + found["data_size"]]
+    need(
+        len(data) == found["data_size"] >= 2,
+        f"layer {index} has {len(data)} of {found['data_size']} bytes",
+    )
+    place += len(data)
+    need(content[place : place + 2] == DELIMITER, f"layer {index} is not ended by its delimiter")
+    need(data[0] == 0x55, f"layer {index} begins with {data[0]:#04x}")
+    need(data[-1] == 0xFF & ~sum(data[1:-1]), f"layer {index} has checksum {data[-1]:#04x}, its bytes another")
+    top = 0xFF if head["grey_scale_level"] else 0xF
+    return GooLayer(found, data[1:-1], (head["y_resolution"], head["x_resolution"]), top), place + 2
+
+
+def decoded(data: bytes, pixels: int, top: int) -> tuple[np.ndarray, np.ndarray]:
+    """Greys and lengths of the runs of a layer; they must state every pixel once."""
+    greys, lengths, place = [], [], 0
+    while place < len(data):
+        try:
+            grey, length, place = chunk(data, place, greys[-1] if greys else None)
+        except IndexError:
+            raise RuleError(f"the chunk at byte {place} ends after the data") from None
+        need(length > 0, f"the chunk before byte {place} has no length")
+        need(0 <= grey <= top, f"grey {grey} before byte {place}")
+        greys.append(grey)
+        lengths.append(length)
+    need(sum(lengths) == pixels, f"the runs hold {sum(lengths)} pixels of {pixels}")
+    return np.array(greys, np.uint8), np.array(lengths, np.int64)
+
+
+def chunk(data: bytes, place: int, before: int | None) -> tuple[int, int, int]:
+    """Grey and length of the chunk at `place`, and where the next begins."""
+    head = data[place]
+    kind, way, low = head >> 6, head >> 4 & 3, head & 15
+    place += 1
+    if kind == 2:
+        need(before is not None, "a difference without a pixel before it")
+        grey = before - low if way & 2 else before + low
+        return (grey, data[place], place + 1) if way & 1 else (grey, 1, place)
+    grey = 0xFF if kind == 3 else 0
+    if kind == 1:
+        grey = data[place]
+        place += 1
+        need(0 < grey < 0xFF, f"a chunk of grey is {grey:#04x}")
+    length = 0
+    for _ in range(way):
+        length = length << 8 | data[place]
+        place += 1
+    return grey, length << 4 | low, place
+
+
+def check_order(stack: GooFile) -> None:
+    """Heights ascend, and where the header rules (no advance mode), each layer repeats what it states."""
+    head, heights = stack.header, [layer.fields["position_mm"] for layer in stack.layers]
+    need(heights == sorted(heights), "layers do not ascend")
+    need(heights[-1] <= head["z_size_mm"] * (1 + 1e-6), f"a layer at {heights[-1]} mm, above the printer")
+    for index, layer in enumerate(stack.layers if not head["advance_mode"] else []):
+        due = head["layer_thickness_mm"] * (index + 1)
+        need(math.isclose(heights[index], due, rel_tol=1e-5), f"layer {index} at {heights[index]} mm, not {due}")
+        repeats_header(layer.fields, head, index)
+
+
+def repeats_header(layer: dict, head: dict, index: int) -> None:
+    if head["bottom_layers"] <= index < head["bottom_layers"] + head["transition_layers"]:
+        ends = sorted([head["bottom_exposure_s"], head["exposure_s"]])
+        need(ends[0] <= layer["exposure_s"] <= ends[1], f"transition layer {index} has {layer['exposure_s']} s")
+        return
+    kind = "bottom_" if index < head["bottom_layers"] else ""
+    for name in OF_EACH_KIND:
+        need(
+            layer[name] == head[kind + name],
+            f"layer {index}: {name} {layer[name]}, header {head[kind + name]}",
+        )
+    need(layer["turn_off_s"] == head["turn_off_s"], f"layer {index}: turn_off_s is {layer['turn_off_s']}")

@@ -1,0 +1,210 @@
+"""The readers of layers: files made by hand from the descriptions are read, and each broken rule is refused."""
+
+import struct
+import zlib
+from zipfile import ZipFile
+
+import pytest
+
+from tests.fabricate.goo_reader import DELIMITER, ENDING, HEADER, LAYER, MAGIC, RuleError, chunk, decoded, read_goo
+from tests.fabricate.zip_reader import SIGNATURE, read_png, read_zip
+
+PLACES = {
+    "magic": 4,
+    "small_preview_end": 194 + 2 * 116**2,
+    "big_preview_end": 196 + 2 * 116**2 + 2 * 290**2,
+    "total_layers": 195310,
+    "bottom_layers": 195373,
+    "light_pwm": 195443,
+    "layers_begin_at": 195470,
+}
+"""Where some fields stand, counted by hand along the maker's table."""
+
+VALUES = {
+    "version": b"V3.0",
+    "magic": MAGIC,
+    "price_unit": b"$",
+    "small_preview": b"\x07\xe0",
+    "total_layers": 2,
+    "small_preview_end": DELIMITER,
+    "big_preview_end": DELIMITER,
+    "layers_begin_at": 195477,
+    "grey_scale_level": 1,
+    "x_resolution": 40,
+    "y_resolution": 2,
+    "x_size_mm": 4,
+    "y_size_mm": 0.4,
+    "z_size_mm": 9,
+    "bottom_layers": 1,
+    "layer_thickness_mm": 0.25,
+    "exposure_s": 2,
+    "bottom_exposure_s": 3,
+    "exposure_delay_mode": 1,
+    "bottom_lift_mm": 5,
+    "bottom_lift_mm_per_min": 60,
+    "bottom_retract_mm": 5,
+    "bottom_retract_mm_per_min": 60,
+}
+RUNS = bytes([0b11_01_0101, 2, 0b01_00_0010, 0x80, 0b10_10_1111, 0b10_01_0001, 2, 0b00_01_0110, 2])
+"""37 white pixels, two of 128, one of 113, two of 114, 38 black ones: the two rows of 40."""
+LAYERS = [
+    {
+        "position_mm": 0.25,
+        "exposure_s": 3,
+        "lift_mm": 5,
+        "lift_mm_per_min": 60,
+        "retract_mm": 5,
+        "retract_mm_per_min": 60,
+    },
+    {"position_mm": 0.5, "exposure_s": 2},
+]
+
+
+def packed(table, values):
+    blank = {name: b"" if code.endswith("s") else 0 for name, code in table}
+    return b"".join(struct.pack(f">{code}", values.get(name, blank[name])) for name, code in table)
+
+
+def layer(values, runs=RUNS):
+    data = b"\x55" + runs + bytes([0xFF & ~sum(runs)])
+    return packed(LAYER, {"definition_end": DELIMITER, "data_size": len(data), **values}) + data + DELIMITER
+
+
+def written(folder, header=(), layers=LAYERS, runs=RUNS):
+    path = folder / "made.goo"
+    body = b"".join(layer(values, runs) for values in layers)
+    path.write_bytes(packed(HEADER, VALUES | dict(header)) + body + ENDING)
+    return path
+
+
+def test_a_file_made_by_hand_is_read(tmp_path):
+    stack = read_goo(written(tmp_path))
+    greys = stack.layers[0].picture
+    assert greys.tolist() == [[255] * 37 + [128] * 2 + [113], [114] * 2 + [0] * 38]
+    assert stack.pixel_mm == pytest.approx((0.1, 0.2))
+    assert stack.areas_mm2 == pytest.approx([greys.sum() / 255 * 0.02] * 2)
+    assert stack.preview("small_preview")[0, 0].tolist() == [0, 1, 0]
+
+
+@pytest.mark.parametrize("name", PLACES)
+def test_fields_stand_where_the_description_puts_them(name):
+    at = 0
+    for other, code in HEADER:
+        if other == name:
+            break
+        at += struct.calcsize(f">{code}")
+    assert at == PLACES[name]
+
+
+@pytest.mark.parametrize(("data", "length"), [("c7", 7), ("d701", 23), ("e70102", 0x1027), ("f7010203", 0x102037)])
+def test_lengths_of_one_to_four_bytes(data, length):
+    assert chunk(bytes.fromhex(data), 0, None) == (255, length, len(data) // 2)
+
+
+@pytest.mark.parametrize(
+    "broken",
+    [
+        *(
+            {"version": b"V2.0"},
+            {"magic": b"DLP"},
+            {"small_preview_end": b"\n\r"},
+            {"total_layers": 1},
+            {"total_layers": 3},
+        ),
+        *({"x_resolution": 41}, {"z_size_mm": 0.4}, {"x_mirror": 2}, {"exposure_s": 0}, {"exposure_s": float("nan")}),
+        *({"light_pwm": 256}, {"layers_begin_at": 195461}, {"software": b"a" * 32}, {"file_time": b"today"}),
+        *({"bottom_layers": 2}, {"layer_thickness_mm": 0.3}, {"lift_mm": 5}, {"bottom_retract_mm": 4}),
+        *({"bottom_light_pwm": 255}, {"grey_scale_level": 0}, {"before_lift_s": -1}),
+    ],
+    ids=str,
+)
+def test_a_broken_header_is_refused(tmp_path, broken):
+    with pytest.raises(RuleError):
+        read_goo(written(tmp_path, broken)).areas_mm2  # noqa: B018 - reading the runs is what may fail
+
+
+@pytest.mark.parametrize(
+    "broken",
+    [
+        *({"position_mm": 0.4}, {"exposure_s": 2.5}, {"definition_end": b"\0\0"}, {"data_size": 4}, {"data_size": 1}),
+        *({"pause_flag": 2}, {"light_pwm": 999}, {"retract_mm": 4}, {"second_lift_mm": 1}),
+    ],
+    ids=str,
+)
+def test_a_broken_layer_is_refused(tmp_path, broken):
+    with pytest.raises(RuleError):
+        read_goo(written(tmp_path, layers=[LAYERS[0] | broken, LAYERS[1]]))
+
+
+@pytest.mark.parametrize(
+    "runs",
+    ["", "df", "df04", "df0400", "df04c2", "8f", "c041", "4200df04", "42ffdf04", "c15fbfdf04", "40df04df04", "cf4180"],
+)
+def test_runs_that_break_a_rule_are_refused(runs):
+    with pytest.raises(RuleError):
+        decoded(bytes.fromhex(runs), 80, 255)
+
+
+@pytest.mark.parametrize("place", [195477 + 70, -20, -12, -1])
+def test_one_changed_byte_is_refused(tmp_path, place):
+    path = written(tmp_path)
+    content = bytearray(path.read_bytes())
+    content[place] ^= 1
+    path.write_bytes(content)
+    with pytest.raises(RuleError):
+        read_goo(path)
+
+
+def part(kind, body):
+    return struct.pack(">I", len(body)) + kind + body + zlib.crc32(kind + body).to_bytes(4, "big")
+
+
+def png(rows, depth=8, colour=0):
+    head = struct.pack(">IIBBBBB", len(rows[0]) - 1, len(rows), depth, colour, 0, 0, 0)
+    return (
+        SIGNATURE + part(b"IHDR", head) + part(b"IDAT", zlib.compress(b"".join(map(bytes, rows)))) + part(b"IEND", b"")
+    )
+
+
+def test_the_five_filters_of_a_png():
+    rows = [[0, 9, 8, 250], [1, 9, 255, 242], [2, 0, 0, 0], [3, 5, 0, 121], [4, 0, 0, 0]]
+    assert read_png(png(rows)).picture.tolist() == [[9, 8, 250]] * 5
+
+
+MADE = {"LayerHeight": "0.025", "ResolutionX": "3", "ResolutionY": "1", "DisplayWidth": "0.3", "DisplayHeight": "0.1"}
+
+
+def archive(folder, manifest=(), names=("1.png", "2.png", "manifest.uvtools"), picture=None):
+    path, values = folder / "made.zip", MADE | {"MachineZ": "9"} | dict(manifest)
+    xml = "".join(f"<{name}>{value}</{name}>" for name, value in values.items())
+    with ZipFile(path, "w") as zipped:
+        for name in names:
+            zipped.writestr(
+                name, picture or png([[0, 255, 51, 0]]) if name.endswith("png") else f"<Manifest>{xml}</Manifest>"
+            )
+    return path
+
+
+def test_an_archive_made_by_hand_is_read(tmp_path):
+    assert read_zip(archive(tmp_path)).areas_mm2 == pytest.approx([0.012, 0.012])
+
+
+@pytest.mark.parametrize(
+    "broken",
+    [
+        *(
+            {"manifest": {"ResolutionX": "4"}},
+            {"manifest": {"LayerHeight": "0,025"}},
+            {"manifest": {"MachineZ": "0.04"}},
+        ),
+        *({"manifest": {"Resolution": "4"}}, {"names": ("1.png", "3.png", "manifest.uvtools")}, {"names": ("1.png",)}),
+        *({"names": ("0.png", "1.png", "manifest.uvtools")}, {"names": ("1.png", "a/2.png", "manifest.uvtools")}),
+        *({"names": ("run.gcode", "1.png", "manifest.uvtools")}, {"names": ("manifest.uvtools",)}),
+        *({"picture": png([[0, 1, 2, 3]], depth=16)}, {"picture": png([[0, 1, 2, 3]], colour=3)}),
+        *({"picture": png([[5, 1, 2, 3]])}, {"picture": png([[0, 1, 2]])}, {"picture": png([[0, 1, 2, 3]])[:-13]}),
+    ],
+    ids=lambda broken: str(broken)[:60],
+)
+def test_a_broken_archive_is_refused(tmp_path, broken):
+    with pytest.raises(RuleError):
+        read_zip(archive(tmp_path, **broken)).areas_mm2  # noqa: B018 - reading the pictures is what may fail
