@@ -19,6 +19,7 @@ from solen.bench.clock import WallClock
 from solen.bench.firmware.solen_board import ALIVE, CONFIGURE, START
 from solen.bench.firmware.written import sources_of
 from solen.bench.frames import frame
+from tests.bench.firmware_support import CORE, MODULE, micropython
 
 STEPS_PER_DEG = 100.0
 SLOW = 8
@@ -222,10 +223,9 @@ int main(int argc, char **argv) {
 
 
 TORRENT = """
-import os, random, struct
-from solen_board import Board, Hardware
+import random, struct
 
-draw = random.Random(1)
+random.seed(1)
 
 
 class Line(Hardware):
@@ -249,50 +249,99 @@ class Line(Hardware):
 
     def send(self, data):
         number, kind = int.from_bytes(data[6:10], "little"), data[3]
-        what = draw.random() if kind == 1 and 0 < number < COUNT - 100 else 1.0
+        what = random.random() if kind == 1 and 0 < number < COUNT - 100 else 1.0
         data = bytearray(data)
         if what < 0.005:
             self.lost += what < 0.003
+            at = random.randrange(2, len(data))
             if what < 0.001:
-                data[draw.randrange(2, len(data))] ^= 1 << draw.randrange(8)
+                data[at] ^= 1 << random.randrange(8)
             elif what < 0.002:
-                del data[draw.randrange(len(data))]
+                data = data[:at] + data[at + 1 :]
             elif what < 0.003:
-                del data[draw.randrange(1, len(data)) :]
+                data = data[:at]
             elif what < 0.004:
                 data = data + data
             else:
-                data += draw.randbytes(draw.randrange(1, 60))
+                data += bytes([random.randrange(256) for _ in range(at)])
         self.out += data
-        while len(self.out) > 4000 or (number >= COUNT - 1 and self.out and kind == 1):
-            del self.out[: os.write(1, self.out)]
+        last = kind == 1 and number == COUNT - 1
+        if last:
+            tell(self.lost)
+        if len(self.out) > 4000 or last:
+            put(self.out)
+            self.out = bytearray()
 
 
 line = Line()
 board = Board(line, "torrent")
 for command in COMMANDS:
     board.hear(command)
-line.out.clear()
-for number in range(2 * COUNT):
-    line.at = board.next_us()
-    if number % 200 == 0:
-        board.hear(COMMANDS[-1])
-    if number == 2 * COUNT - 1:
-        open("lost", "w").write(str(line.lost))
-    board.work()
-import time
-time.sleep(60)
+line.out = bytearray()
+
+
+def turns(first, last):
+    for number in range(first, last):
+        line.at = board.next_us()
+        if number % 200 == 0:
+            board.hear(COMMANDS[-1])
+        board.work()
+"""
+BY_PYTHON = """
+import os, time
+from solen_board import Board, Hardware
+
+
+def put(data):
+    while data:
+        data = data[os.write(1, data) :]
+
+
+def tell(lost):
+    open("lost", "w").write(str(lost))
+"""
+BY_MICROPYTHON = """
+from binascii import hexlify
+from wire import put_hex, tell
+
+
+def put(data):
+    put_hex(hexlify(data).decode())
+"""
+NODE = f"""
+import {{ loadMicroPython }} from "{MODULE}";
+import {{ readFileSync, writeFileSync, writeSync }} from "fs";
+const mp = await loadMicroPython({{ heapsize: 4 * 1024 * 1024 }});
+function put_hex(text) {{
+    for (let data = Buffer.from(text, "hex"); data.length; )
+        try {{ data = data.subarray(writeSync(1, data)); }} catch (bad) {{ if (bad.code !== "EAGAIN") throw bad; }}
+}}
+mp.registerJsModule("wire", {{ put_hex, tell: (lost) => writeFileSync("lost", String(lost)) }});
+mp.runPython(readFileSync("torrent.py", "utf-8"));
+const last = 2 * Number(process.argv[2]);
+for (let n = 0; n < last; n += 5000)  // between two calls it collects what nobody holds
+    mp.runPython(`turns(${{n}}, ${{Math.min(n + 5000, last)}})`);
+setTimeout(() => 0, 60_000);
 """
 
 
-def torrent(folder: Path, count: int) -> list[str]:
-    """Command that sends periods of the core as fast as it can, some of them damaged."""
+def torrent(folder: Path, count: int, *, by_micropython: bool = False) -> list[str] | str:
+    """Command that sends periods of the core as fast as it can, some of them damaged; or why there is none."""
     written("pico", folder)
     (folder / "main.py").unlink()
     commands = [frame(CONFIGURE, 0, CONFIGURATION.pack(5000, 1, 2)), frame(START, 0, b""), frame(ALIVE, 0, b"")]
     text = f"COUNT, COMMANDS = {count}, {commands}\n{TORRENT}"
+    if by_micropython:
+        node = micropython(folder)
+        if isinstance(node, str):
+            return node
+        (folder / "torrent.mjs").write_text(NODE, encoding="utf-8")
+        text, line = CORE.read_text(encoding="utf-8") + BY_MICROPYTHON + text, [node[0], "torrent.mjs", str(count)]
+    else:
+        text = f"{BY_PYTHON}\n{text}\nturns(0, {2 * count})\ntime.sleep(60)\n"
+        line = [sys.executable, "torrent.py"]
     (folder / "torrent.py").write_text(text, encoding="utf-8")
-    return [sys.executable, "torrent.py"]
+    return line
 
 
 @contextlib.contextmanager

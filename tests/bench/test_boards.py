@@ -154,12 +154,25 @@ def test_an_uno_turns_and_reads_the_sensor(bench: Path, tmp_path: Path, monkeypa
     to_the_figure(bench, "uno", line, tmp_path / "log", 2, monkeypatch)
 
 
-@pytest.mark.parametrize("count", [20_000, pytest.param(1_000_000, marks=pytest.mark.evidence)])
-def test_frames_of_the_core_through_a_faulty_line(tmp_path: Path, count: int) -> None:
+MANY = 1_000_000
+
+
+@pytest.mark.parametrize(
+    ("count", "by"),
+    [
+        (20_000, "CPython"),
+        pytest.param(MANY, "CPython", marks=pytest.mark.evidence),
+        pytest.param(MANY, "MicroPython", marks=pytest.mark.evidence),
+    ],
+)
+def test_frames_of_the_core_through_a_faulty_line(tmp_path: Path, count: int, by: str) -> None:
     from tests.bench.pty_support import on_a_pty, torrent
 
     taken, wrong, last = 0, 0, -1
-    with on_a_pty(torrent(tmp_path, count), tmp_path, tmp_path / "log") as port:
+    line = torrent(tmp_path, count, by_micropython=by == "MicroPython")
+    if isinstance(line, str):
+        pytest.skip(line)
+    with on_a_pty(line, tmp_path, tmp_path / "log") as port:
         link, reader = open_link(port), FrameReader(Layout(1, 2))
         while data := link.read(1 << 16, 20.0):
             found = reader.feed(data)
@@ -171,7 +184,8 @@ def test_frames_of_the_core_through_a_faulty_line(tmp_path: Path, count: int) ->
                 break
         link.close()
     lost = int((tmp_path / "lost").read_text(encoding="utf-8"))
-    print(f"\n  {count} frames: {taken} read, {wrong} wrong; {lost} damaged on the way, {reader.losses}")
+    told = f"{taken} read, {wrong} wrong; {lost} damaged on the way, {reader.losses}"
+    print(f"\n  {count} frames of the core under {by}: {told}")
     assert wrong == 0
     assert lost > count // 500
     assert (reader.losses.dropped, taken) == (lost, count - lost)

@@ -1,6 +1,7 @@
 """Multimeters and oscilloscopes as receivers: simulated ones that speak SCPI behind a socket, to a response."""
 
 import contextlib
+import math
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -170,6 +171,16 @@ def test_records_that_are_not_alike_are_no_readings(more: dict[str, int]) -> Non
         with pytest.raises(DataError, match="records of its channels") as told:
             first_fault(meter)
         assert len(str(told.value).splitlines()) == 1
+        meter.close()
+
+
+@pytest.mark.parametrize("more", [{"step_s": 0.0}, {"step_s": math.nan}, {"low": 5.0}])
+def test_a_preamble_without_steps_of_time_or_volts_ends_in_a_line(more: dict[str, float]) -> None:
+    scope = Scope(maker="KEYSIGHT", clock=WallClock(), waves=receivers(False), **more)  # type: ignore[arg-type]
+    with served(scope) as names:
+        meter = Oscilloscope(scope.clock, names[0], ("1", "2"))
+        with pytest.raises(BenchError, match=r":WAV:PRE\?"):
+            first(meter)
         meter.close()
 
 

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from solen.analysis import study
-from solen.bench.clock import WallClock
+from solen.bench.clock import Clock, SimulatedClock, WallClock
 from solen.bench.frames import ANEW, Layout
 from solen.bench.journal import read_journal
 from solen.bench.netcdf import RecordedRun
@@ -29,7 +29,7 @@ from solen.bench.simulated.sensors import simulated_sensors
 from solen.errors import BenchError
 from tests.bench.board_controller_support import BoardController, SimulatedHardware
 from tests.bench.gcs2_controller_support import Gcs2Controller
-from tests.bench.wire_support import Served
+from tests.bench.wire_support import Served, Wire
 
 CYCLES = 2
 
@@ -62,10 +62,9 @@ class Wires:
         return not self.board.lit
 
 
-@pytest.fixture
-def wires(bench: Path) -> Iterator[Wires]:
-    """The simulated rig of the folder as controllers on loopback sockets, and a rig file that names these."""
-    rig, clock = load_rig(bench / "rig.toml"), WallClock()
+def controllers(bench: Path, clock: Clock) -> tuple[Gcs2Controller, BoardController]:
+    """The simulated rig of the folder as controllers of stage and board."""
+    rig = load_rig(bench / "rig.toml")
     stage = Gcs2Controller(clock, reference_s=0.05, offset=0.0)
     prints = simulated_sensors(rig, bench, 3.0, np.random.default_rng([rig.seed, 0]))
     sampler = SimulatedBoard(
@@ -79,14 +78,25 @@ def wires(bench: Path) -> Iterator[Wires]:
     )
     sampler.start()
     hardware = SimulatedHardware(sampler.counts, 5000, rig.emitters, rig.inputs)
-    board = BoardController(clock, hardware)
+    return stage, BoardController(clock, hardware)
+
+
+def write_rig(bench: Path, to_stage: str, to_board: str) -> None:
+    """A short protocol, and a rig file that names the ports of both controllers."""
     text = (bench / "protocol.toml").read_text(encoding="utf-8").replace("cycles = 3", f"cycles = {CYCLES}")
     (bench / "protocol.toml").write_text(text, encoding="utf-8")
+    lines = f'[stage]\ndriver = "gcs2"\nhome = true\nport = "{to_stage}"\n'
+    lines += f'[board]\ndriver = "serial"\nport = "{to_board}"\n'
+    wired = (bench / "rig.toml").read_text(encoding="utf-8").replace("[board]\ntrim_v = 1.0\n", lines)
+    (bench / "wired.toml").write_text(wired[: wired.index("[ambient]")], encoding="utf-8")
+
+
+@pytest.fixture
+def wires(bench: Path) -> Iterator[Wires]:
+    """The controllers on loopback sockets."""
+    stage, board = controllers(bench, WallClock())
     with Served(stage) as to_stage, Served(board) as to_board:
-        lines = f'[stage]\ndriver = "gcs2"\nhome = true\nport = "{to_stage.url}"\n'
-        lines += f'[board]\ndriver = "serial"\nport = "{to_board.url}"\n'
-        wired = (bench / "rig.toml").read_text(encoding="utf-8").replace("[board]\ntrim_v = 1.0\n", lines)
-        (bench / "wired.toml").write_text(wired[: wired.index("[ambient]")], encoding="utf-8")
+        write_rig(bench, to_stage.url, to_board.url)
         yield Wires(bench, stage, board, to_stage, to_board)
 
 
@@ -107,20 +117,25 @@ def volts_at(found: dict[str, Any], sensor: str, side: str, angle: float) -> flo
     return float(np.interp(angle, told["angle_deg"], [np.nan if one is None else one for one in told["mean_V"]]))
 
 
-def test_from_the_wire_to_the_response(wires: Wires) -> None:
-    found = wires.run()
+def test_from_the_wire_to_the_response(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Drivers and controllers speak by wires on one simulated clock: a busy computer changes nothing."""
+    clock = SimulatedClock()
+    stage, board = controllers(bench, clock)
+    wires = {"to stage": Wire(stage, clock), "to board": Wire(board, clock)}
+    write_rig(bench, *wires)
+    monkeypatch.setattr("solen.bench.link.open_link", lambda name, **_: wires[name])
+    monkeypatch.setattr("solen.bench.record.WallClock", lambda *_: clock)
+    found = record(bench / "protocol.toml", bench / "wired.toml", bench / "out")
     assert (found.outcome, found.cycles, found.simulated) == ("done", CYCLES, False)
     assert not any(found.losses.values())
-    assert not wires.board.lit
-    assert wires.stands()
+    assert not board.lit
+    assert not stage.axis.moving(clock.now_s())
     told = study([found.path]).to_dict()
     lens = {(side, angle): volts_at(told, "A", side, angle) for side in ("right", "left") for angle in (-2.8, 2.8)}
     assert lens["right", -2.8] < lens["right", 2.8] - 1.0  # brighter is lower: -3 degrees brighten the right receiver
     assert lens["left", 2.8] < lens["left", -2.8] - 1.0
     # what the same prints give without a wire, but for where the stage was between two looks at it
-    there = record(
-        wires.folder / "protocol.toml", wires.folder / "rig.toml", wires.folder / "out", RecordOptions(name="straight")
-    )
+    there = record(bench / "protocol.toml", bench / "rig.toml", bench / "out", RecordOptions(name="straight"))
     straight = study([there.path]).to_dict()
     for (side, angle), volts in lens.items():
         assert volts == pytest.approx(volts_at(straight, "A", side, angle), abs=0.1)

@@ -328,9 +328,9 @@ def test_a_file_that_cannot_be_written(
 ) -> None:
     monkeypatch.setattr(traced, "convergence", partial(convergence, most_rays=16))
     name, flag = option
-    target = OUTPUTS[case].replace(".svg", ".nc" if flag == "--netcdf" else ".svg")
-    for folder in ("folder.svg", "folder.nc"):
-        (refused.folder / folder).mkdir()
+    target = OUTPUTS[case].replace(".svg", {"--netcdf": ".nc", "--csv": ".csv"}.get(flag, ".svg"))
+    for ending in (".svg", ".nc", ".csv"):
+        (refused.folder / f"folder{ending}").mkdir()
     before = snapshot(refused.folder)
     code = run_command([name, "sensor.toml", flag, target])
     printed = refused.capsys.readouterr()
@@ -354,9 +354,9 @@ def test_a_missing_extra_is_told_with_its_remedy(
     assert f"netCDF; needs {missing}, which is not installed; pip install" in told
 
 
-@pytest.mark.parametrize("table", ["", ".", "/"])
-def test_a_table_without_a_name(refused: Refusal, table: str) -> None:
-    assert "cannot be written" in refused("lens", "sensor.toml", "--csv", table)
+@pytest.mark.parametrize("table", ["", ".", "/", "l.xyz"])
+def test_a_table_without_its_ending(refused: Refusal, table: str) -> None:
+    assert "ends in .csv" in refused("lens", "sensor.toml", "--csv", table)
 
 
 @pytest.mark.parametrize("out", ["sensor.toml", "sensor.toml/out"])

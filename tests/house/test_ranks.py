@@ -9,7 +9,7 @@ import solen
 from solen.errors import SolenError
 from solen.ranks import do_not_use, note, ranked
 
-RANKED = ("fabricate", "material", "metrology", "recording")
+RANKED = ("analysis", "bench", "fabricate", "material", "metrology", "recording")
 """Folders whose sentences the type checker takes only with a rank, as they are `Caution` and not text."""
 FROM_FILES = {"recording/model.py", "recording/spectrum.py", "material/resin.py", "material/facts.py"}
 """Where a sentence comes with its rank from a file or a channel."""
@@ -22,7 +22,7 @@ def nodes() -> Iterator[tuple[str, ast.AST]]:
             yield path.relative_to(root).as_posix(), node
 
 
-def test_every_warning_of_resin_and_print_states_a_rank() -> None:
+def test_every_warning_of_a_measurement_or_a_print_states_a_rank() -> None:
     """Fields and functions called warnings hold `Caution`, and nobody makes one but by the words for a rank."""
     kinds = [
         (file, ast.unparse(kind))

@@ -108,6 +108,11 @@ def test_a_recording_is_decoded_to_its_own_angle(
     assert told["outside"] < 0.01 * told["readings"]
     (named,) = [line for line in told["warnings"] if "--sensor again" in line]
     assert named.startswith("note")
+    command = ("bench", "decode", str(calibration), str(folder / "again.csv"), "--out", str(out))
+    out.write_text("measured once", encoding="utf-8")
+    assert "angles.csv; exists already; name another file, or add --force" in refused(capfd, *command)
+    assert out.read_text(encoding="utf-8") == "measured once"
+    answered(capfd, *command, "--force")
     other = answered(capfd, "bench", "decode", str(calibration), str(folder / "again.csv"), "--sensor", "again")
     assert any("sensor again instead of S1" in line for line in other["warnings"])
     text = out.read_text(encoding="utf-8").splitlines()
@@ -327,7 +332,10 @@ def test_streams_that_cannot_be_decoded(
     assert "left_mV" in refused(capfd, "bench", "decode", str(calibration), str(milli), "--json")
     assert "no such file" in refused(capfd, "bench", "decode", str(calibration), str(tmp_path / "no.csv"))
     assert "--follow" in refused(capfd, "bench", "decode", str(calibration), str(milli), "--follow")
-    assert "written as .csv" in refused(capfd, "bench", "decode", str(calibration), str(milli), "--out", "a.json")
+    assert "ends in .csv" in refused(capfd, "bench", "decode", str(calibration), str(milli), "--out", "a.json")
+    for more in ((), ("--force",)):
+        itself = refused(capfd, "bench", "decode", str(calibration), str(milli), "--out", str(milli), *more)
+        assert "is the source itself" in itself
     assert "voltage without light" in refused(
         capfd, "bench", "decode", str(calibration), str(milli), "--gain-percent", "5"
     )

@@ -215,9 +215,12 @@ def test_settling_longer_than_a_phase_is_refused(tmp_path: Path) -> None:
         demodulate(with_states(tmp_path / "a.csv", readings=1), DemodulationOptions(mains_hz=50.0))
 
 
-def test_readings_are_written_as_csv_only(tmp_path: Path) -> None:
-    with pytest.raises(OutputError, match=r"written as \.csv"):
-        demodulate(with_states(tmp_path / "a.csv"), DemodulationOptions(), out=tmp_path / "a.json")
+def test_readings_are_written_as_csv_and_over_nothing_that_is_there(tmp_path: Path) -> None:
+    path = with_states(tmp_path / "a.csv")
+    (tmp_path / "b.csv").write_text("measured once", encoding="utf-8")
+    for name, limit in (("a.json", r"ends in \.csv"), ("a.csv", "the source itself"), ("b.csv", "--force")):
+        with pytest.raises(OutputError, match=limit):
+            demodulate(path, out=tmp_path / name)
 
 
 def test_the_command(tmp_path: Path) -> None:
@@ -226,5 +229,7 @@ def test_the_command(tmp_path: Path) -> None:
     done = subprocess.run(command, capture_output=True, text=True, encoding="utf-8", check=False)
     assert (done.returncode, done.stderr) == (0, "")
     assert "60 readings" in done.stdout
-    bare = subprocess.run([*command, "--json"], capture_output=True, text=True, encoding="utf-8", check=False)
+    bare = subprocess.run(
+        [*command, "--json", "--force"], capture_output=True, text=True, encoding="utf-8", check=False
+    )
     assert json.loads(bare.stdout)["sources"][0]["file"] == "a.csv"

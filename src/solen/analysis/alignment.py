@@ -30,6 +30,7 @@ from solen.analysis.log_interpolation import LoggedAngle, logged_angle
 from solen.analysis.motion import Motion, find_motion
 from solen.arrays import BoolArray, FloatArray, IntArray
 from solen.errors import DataError
+from solen.ranks import Caution, look_at
 from solen.results import HIDDEN, Result
 
 _CELLS = 512
@@ -68,7 +69,7 @@ class Alignment(Result):
     rate_ppm: float
     u_rate_ppm: float
     angle_deg: FloatArray = field(metadata=HIDDEN)
-    warnings: tuple[str, ...] = field(metadata=HIDDEN)
+    warnings: tuple[Caution, ...] = field(metadata=HIDDEN)
 
 
 def align(
@@ -363,15 +364,17 @@ def _line(x: FloatArray, y: FloatArray, weights: FloatArray) -> tuple[float, flo
 
 def _warnings(
     lag: float, u_lag: float, rivals: tuple[float, ...], speed: float, time_s: FloatArray, shown: FloatArray
-) -> tuple[str, ...]:
+) -> tuple[Caution, ...]:
     known = "" if math.isnan(u_lag) else f" ± {u_lag:.2g}"
-    warnings = [
+    found = (
         f"the log's clock is {lag:.6g}{known} s ahead, found by the voltages themselves: a hysteresis and a lag look "
         f"alike at one speed (1 ms is {1e-3 * speed:.2g}°), so the hysteresis given is what a lag cannot explain"
-    ]
+    )
+    warnings = [look_at(found)]
     if rivals:
-        warnings.append(f"a lag of {rivals[0]:.6g} s fits the voltages nearly as well, as the motion repeats itself")
+        again = f"a lag of {rivals[0]:.6g} s fits the voltages nearly as well, as the motion repeats itself"
+        warnings.append(look_at(again))
     missing = int(np.isnan(shown).sum())
     if missing:
-        warnings.append(f"{missing} of {time_s.size} samples lie outside the log and are left out")
+        warnings.append(look_at(f"{missing} of {time_s.size} samples lie outside the log and are left out"))
     return tuple(warnings)

@@ -20,6 +20,7 @@ from scipy.ndimage import median_filter, uniform_filter1d
 from solen.analysis.timebase import LONGEST_GAP
 from solen.arrays import FloatArray, IndexArray
 from solen.errors import DataError
+from solen.ranks import Caution, look_at
 from solen.results import HIDDEN, Result
 
 _TENTH = 0.1
@@ -94,7 +95,7 @@ class Motion(Result):
     noise_deg: float
     step_deg: float
     speed_deg_per_s: float
-    warnings: tuple[str, ...] = field(metadata=HIDDEN)
+    warnings: tuple[Caution, ...] = field(metadata=HIDDEN)
 
 
 def find_motion(time_s: FloatArray, angle_deg: FloatArray) -> Motion:
@@ -324,7 +325,7 @@ def _side(ramps: tuple[Ramp, ...], rest: float, far: float) -> int:
 
 def _cycles(
     time_s: FloatArray, angle_deg: FloatArray, ramps: tuple[Ramp, ...], rest: float, first: int, tolerance: float
-) -> tuple[tuple[Cycle, ...], tuple[str, ...]]:
+) -> tuple[tuple[Cycle, ...], tuple[Caution, ...]]:
     """Whole cycles, and what is left out."""
     away = first * (angle_deg - rest)
     far = _TENTH * float(np.ptp([end for ramp in ramps for end in (ramp.start_deg, ramp.end_deg)]))
@@ -342,12 +343,13 @@ def _cycles(
     if not cycles:
         raise DataError("angle", limit="makes no whole cycle", remedy="record at least one, from rest to rest")
     warnings = [
-        f"the cycle that begins at {time_s[a]:.6g} s is not whole and is left out"
+        look_at(f"the cycle that begins at {time_s[a]:.6g} s is not whole and is left out")
         for (a, _, _), ok in zip(spans, whole, strict=True)
         if not ok
     ]
     if abs(ramps[0].start_deg - rest) > far:
-        warnings.insert(0, f"the recording begins on the way: what is before {time_s[starts[0][0]]:.6g} s is left out")
+        begun = f"the recording begins on the way: what is before {time_s[starts[0][0]]:.6g} s is left out"
+        warnings.insert(0, look_at(begun))
     return cycles, tuple(warnings)
 
 

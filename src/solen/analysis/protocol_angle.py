@@ -19,7 +19,7 @@ from scipy.signal import fftconvolve
 from solen.analysis.alignment import principal
 from solen.arrays import FloatArray, IndexArray
 from solen.errors import DataError
-from solen.ranks import note
+from solen.ranks import Caution, look_at, note
 from solen.recording.column_roles import left_right
 
 _MOST = 1 << 20
@@ -59,7 +59,7 @@ class ProtocolAngle:
     angle_deg: FloatArray
     period_s: float
     starts_s: FloatArray
-    warnings: tuple[str, ...]
+    warnings: tuple[Caution, ...]
 
 
 def angle_by_protocol(
@@ -99,17 +99,18 @@ def angle_by_protocol(
     turn = np.searchsorted(starts, grid[inside], side="right")
     _check_goes_with(_less_means(even[inside], turn), np.interp(grid[inside], time_s, angle), protocol)
     rest = period - protocol.shortest_s
-    warnings = [
+    unrecorded = (
         f"no angle was recorded: cycles of {period:.4g} s were found in the voltages, and the angle is the one that "
         f"±{protocol.amplitude_deg:g}° at {protocol.speed_deg_per_s:g}°/s with holds of {protocol.hold_s:g} s should "
         "have had; range, sensitivity and hysteresis are no better than that"
-    ]
+    )
+    warnings = [look_at(unrecorded)]
     if rest > _SLACK * period:
-        warnings.append(f"a cycle is {rest:.3g} s longer than that; half of it is taken for a rest at each return to 0")
+        longer = f"a cycle is {rest:.3g} s longer than that; half of it is taken for a rest at each return to 0"
+        warnings.append(look_at(longer))
     if sides is None:
-        warnings.append(
-            "the names do not distinguish a left from a right receiver: the first excursion is taken as positive"
-        )
+        unnamed = "the names do not distinguish a left from a right receiver: the first excursion is taken as positive"
+        warnings.append(look_at(unnamed))
     else:
         warnings.append(
             note("the sign of the angle is that of the convention (right brighter at negative angles), not a finding")

@@ -16,6 +16,7 @@ import numpy as np
 from solen.analysis.figures_of_merit import Estimate, ReceiverResponse, over_cycles, receiver_response
 from solen.analysis.response import Passes
 from solen.arrays import FloatArray
+from solen.ranks import Caution, look_at
 from solen.results import Result
 
 _NOTHING_V = 1e-9  # a change below this is rounding
@@ -153,7 +154,7 @@ def _contrast(angle_deg: FloatArray, left: FloatArray, right: FloatArray, dark_V
 
 def sign_warnings(
     receivers: Mapping[str, ReceiverResponse], sides: tuple[int, int] | None, unit: str = "V"
-) -> list[str]:
+) -> list[Caution]:
     """Whether left and right answer as in the convention: a rising angle darkens the right and brightens the left."""
     if sides is None:
         return []
@@ -166,11 +167,12 @@ def sign_warnings(
         f"{right.value:+.3g} {unit}"
     )
     if left.value > 0.0 > right.value and unit == "V":  # of lux, brighter is more
-        return [
+        reverse = (
             f"{changes}: the reverse of the convention (at negative angles the right receiver is brighter, and "
             "brighter is a lower voltage); the angle counts the other way, the receivers are swapped, or the circuit's "
             "voltage rises with light. Nothing was turned round: --flip-angle counts it the other way"
-        ]
+        )
+        return [look_at(reverse)]
     if left.value * right.value > 0.0:
-        return [f"{changes}: both move the same way, so they do not tell one side from the other"]
+        return [look_at(f"{changes}: both move the same way, so they do not tell one side from the other")]
     return []

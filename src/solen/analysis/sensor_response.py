@@ -28,7 +28,7 @@ from solen.analysis.signals import SignalOptions, Signals
 from solen.analysis.timing import Source, Timing, angle_bound_s, cycle_speeds, of_main_speed, same_speed, timing_of
 from solen.arrays import BoolArray, FloatArray
 from solen.errors import DataError
-from solen.ranks import do_not_use, note, of
+from solen.ranks import Caution, do_not_use, look_at, note, of
 from solen.recording.column_roles import left_right
 from solen.results import HIDDEN, Result, reported
 from solen.spec.strict import Finite, refused
@@ -114,7 +114,7 @@ class Run(Result):
     used: tuple[int, ...]
     timed: tuple[int, ...]
     clipped: BoolArray = field(metadata=HIDDEN)
-    warnings: tuple[str, ...] = field(metadata=HIDDEN)
+    warnings: tuple[Caution, ...] = field(metadata=HIDDEN)
 
     @reported
     def file(self) -> str:
@@ -156,7 +156,7 @@ class SensorResponse(Result):
     timing: Timing
     runs: tuple[Run, ...]
     passes: Passes = field(metadata=HIDDEN)
-    warnings: tuple[str, ...] = field(metadata=HIDDEN)
+    warnings: tuple[Caution, ...] = field(metadata=HIDDEN)
     ageing: Ageing | None = None
 
     @reported
@@ -264,7 +264,7 @@ def _timing(runs: Sequence[Run], every: Passes, receivers: dict[str, ReceiverRes
     return timing_of(every, np.concatenate(speeds), max(bounds), receivers)
 
 
-def _timing_warnings(timing: Timing, receivers: dict[str, ReceiverResponse]) -> list[str]:
+def _timing_warnings(timing: Timing, receivers: dict[str, ReceiverResponse]) -> list[Caution]:
     """Whether a hysteresis may be timing."""
     speed, adds = max(timing.speeds_deg_per_s), timing.timing_deg
     if timing.separated:
@@ -275,13 +275,14 @@ def _timing_warnings(timing: Timing, receivers: dict[str, ReceiverResponse]) -> 
     known, remedy = f"at one speed ({speed:.3g}°/s)", "record cycles at a second speed, twice as slow or as fast, too"
     if len(timing.speeds_deg_per_s) > 1:
         known, remedy = f"with so few cycles at {speeds}°/s", "record more cycles at each speed"
-    return [
+    bound = (
         f"{known} nothing tells a hysteresis from a lag; clocks and looks at the stage leave "
         f"±{1e3 * timing.bound_s:.2g} ms, up to {adds:.2g}° between both ways: {remedy}"
-    ]
+    )
+    return [look_at(bound)]
 
 
-def _other_speeds_left_out(run: Run) -> Iterator[str]:
+def _other_speeds_left_out(run: Run) -> Iterator[Caution]:
     """Whether cycles that are left out at the beginning are all there is at another speed."""
     signals, motion = run.signals, run.motion
     speeds = cycle_speeds(signals.time_s, signals.angle_deg, motion, range(len(motion.cycles)))
@@ -289,7 +290,7 @@ def _other_speeds_left_out(run: Run) -> Iterator[str]:
     lost = [one for one in speeds[: run.timed[0]].tolist() if not same_speed(timed, one).any()]
     if lost:
         used = float(np.median(speeds[list(run.used)]))
-        yield (
+        yield look_at(
             f"{len(lost)} cycle{'s' * (len(lost) != 1)} at {lost[0]:.3g}°/s came first and are left out (--drop "
             f"{run.timed[0]}): too few at that speed; all figures are of {used:.3g}°/s: record more at each speed"
         )
@@ -328,7 +329,7 @@ def _pooled_passes(runs: Sequence[Run], step_deg: float | None, label: str) -> P
     return Passes.joined(parts)
 
 
-def _clip_warnings(signals: Signals, marked: BoolArray) -> list[str]:
+def _clip_warnings(signals: Signals, marked: BoolArray) -> list[Caution]:
     warnings = []
     for name, column, flags in zip(signals.receivers, signals.volts.T, marked.T, strict=True):
         if flags.any():
@@ -336,14 +337,15 @@ def _clip_warnings(signals: Signals, marked: BoolArray) -> list[str]:
             where = " and ".join(f"{value:.4g} {signals.unit}" for value in ends)
             what = "readings hold samples" if signals.ambient_subtracted else "samples"
             at = "at a limit of the recorder" if signals.ambient_subtracted else f"clipped at {where}"
-            warnings.append(
-                f"{name}: {int(flags.sum())} {what} {at} ({100.0 * flags.mean():.2g} %); angles at which a cycle is "
+            marks = (
+                f"{int(flags.sum())} {what} {at} ({100.0 * flags.mean():.2g} %); angles at which a cycle is "
                 "clipped have no mean, and the numbers are those of the rest"
             )
+            warnings.append(of(name, look_at(marks)))
     return warnings
 
 
-def _rest_warnings(runs: Sequence[Run]) -> list[str]:
+def _rest_warnings(runs: Sequence[Run]) -> list[Caution]:
     """Whether the angle rests elsewhere than at 0, where numbers near zero are not what they are called."""
     for run in runs:
         motion = run.motion
@@ -351,44 +353,47 @@ def _rest_warnings(runs: Sequence[Run]) -> list[str]:
             abs(motion.rest_deg) > _TENTH * (motion.high_deg - motion.low_deg)
             and not motion.low_deg < 0 < motion.high_deg
         ):
-            return [
+            rests = (
                 f"the angle rests at {motion.rest_deg:.4g}° and never passes 0, so there are no numbers near zero; "
                 f"--zero-deg {motion.rest_deg:.4g} counts from there"
-            ]
+            )
+            return [look_at(rests)]
     return []
 
 
-def _reach_warnings(ways: Passes, runs: Sequence[Run]) -> list[str]:
+def _reach_warnings(ways: Passes, runs: Sequence[Run]) -> list[Caution]:
     """Whether some ways go much farther than others, so that only part of the range is common to all."""
     low, high = min(run.motion.low_deg for run in runs), max(run.motion.high_deg for run in runs)
     first, last = float(ways.angle_deg[0]), float(ways.angle_deg[-1])
     if last - first > (1.0 - _TENTH) * (high - low):
         return []
-    return [
+    part = (
         f"the angle goes from {low:.3g}° to {high:.3g}°, but every way that is used only from {first:.3g}° to "
         f"{last:.3g}°: curves and numbers are of that part"
-    ]
+    )
+    return [look_at(part)]
 
 
-def _drift_warnings(name: str, own: ReceiverResponse, runs: Sequence[Run]) -> list[str]:
+def _drift_warnings(name: str, own: ReceiverResponse, runs: Sequence[Run]) -> list[Caution]:
     """Whether drift alone separates both ways by half of the hysteresis: they lie up to half a cycle apart."""
     drift, unit = own.drift_V_per_min, runs[0].signals.unit
     lasts = [run.motion.cycles[place].end_s - run.motion.cycles[place].start_s for run in runs for place in run.used]
     apart = abs(drift) / 60.0 * 0.5 * float(np.median(lasts))
     if not (abs(drift) > 3.0 * own.u_drift_V_per_min and apart > 0.5 * own.hysteresis_V > 0.5 * _ROUNDING_V):
         return []
-    return [
-        f"{name}: a drift of {drift:+.2g} {unit}/min parts rising and falling ways by up to {apart:.2g} {unit}, "
+    part = (
+        f"a drift of {drift:+.2g} {unit}/min parts rising and falling ways by up to {apart:.2g} {unit}, "
         f"which is in the hysteresis of {own.hysteresis_V:.2g} {unit}"
-    ]
+    )
+    return [of(name, look_at(part))]
 
 
-def _cautions(receivers: dict[str, ReceiverResponse], ways: Passes, runs: Sequence[Run]) -> list[str]:
+def _cautions(receivers: dict[str, ReceiverResponse], ways: Passes, runs: Sequence[Run]) -> list[Caution]:
     """What the numbers of a sensor cannot show."""
     warnings, unit = _rest_warnings(runs) + _reach_warnings(ways, runs), runs[0].signals.unit
     if ways.cycles < 3:
         count = "one cycle is" if ways.cycles == 1 else "two cycles are"
-        warnings.append(f"{count} used: repeatability and drift cannot be judged")
+        warnings.append(look_at(f"{count} used: repeatability and drift cannot be judged"))
     for place, (name, own) in enumerate(receivers.items()):
         size, u = own.hysteresis_V, own.u_hysteresis_V
         if abs(own.swing_V) <= max(3.0 * own.u_swing_V, _ROUNDING_V):

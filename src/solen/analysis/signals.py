@@ -19,7 +19,7 @@ from solen.analysis.demodulation.clock import On
 from solen.analysis.timebase import TimeBase, time_base
 from solen.arrays import BoolArray, FloatArray
 from solen.errors import DataError, SpecError
-from solen.ranks import note, of
+from solen.ranks import Caution, look_at, note, of
 from solen.recording import Channel, Provenance, Recording
 from solen.recording.column_roles import (
     ENDS_IN_V,
@@ -172,7 +172,7 @@ class Waveforms:
     ambient_subtracted: bool = False
     window_s: float = 0.0
     switching: Switching | None = None
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Caution, ...] = ()
 
     def rows(self, kept: BoolArray) -> "Waveforms":
         """Some of the samples."""
@@ -257,7 +257,7 @@ def sampled(recording: Recording, options: SignalOptions, angle: AngleSource = "
     DataError, SpecError
         Where a column is missing, holds no numbers or has a unit of another kind.
     """
-    warnings: list[str] = list(recording.warnings)
+    warnings: list[Caution] = list(recording.warnings)
     base = sample_times(recording, options, warnings)
     angle_deg = None if angle == "elsewhere" else recorded_angle_deg(recording, options, warnings)
     if angle_deg is None and angle == "required":
@@ -301,7 +301,7 @@ def _complete(samples: Waveforms, file: str) -> Waveforms:
         kept &= np.isfinite(samples.angle_deg)
     if kept.all():
         return samples
-    warning = f"{int((~kept).sum())} of {kept.size} samples lack a number and are left out"
+    warning = look_at(f"{int((~kept).sum())} of {kept.size} samples lack a number and are left out")
     return replace(samples.rows(kept), warnings=(*samples.warnings, warning))
 
 
@@ -322,12 +322,12 @@ def _angle_column(recording: Recording, options: SignalOptions) -> Channel | Non
     return column_of(recording, "angle")
 
 
-def sample_times(recording: Recording, options: SignalOptions, warnings: list[str]) -> TimeBase:
+def sample_times(recording: Recording, options: SignalOptions, warnings: list[Caution]) -> TimeBase:
     """Order and times of a recording's samples; assumptions are added to the warnings."""
     return time_base(_time_s(recording, options, warnings), f"{recording.provenance.file}: time")
 
 
-def _time_s(recording: Recording, options: SignalOptions, warnings: list[str]) -> FloatArray:
+def _time_s(recording: Recording, options: SignalOptions, warnings: list[Caution]) -> FloatArray:
     channel, file = _time_column(recording, options), _file(recording)
     if channel is None:
         if options.rate_hz is None:
@@ -344,14 +344,14 @@ def _time_s(recording: Recording, options: SignalOptions, warnings: list[str]) -
     return channel.values * scale
 
 
-def _seconds_assumed(channel: Channel, file: str, warnings: list[str]) -> FloatArray:
+def _seconds_assumed(channel: Channel, file: str, warnings: list[Caution]) -> FloatArray:
     steps = np.diff(channel.values)
     usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
     if usual >= _SLOW_S:
         limit = f"states no unit, and its steps of {usual:.3g} may be ms, s or samples"
         raise DataError(f"{file}: {channel.name}", limit=limit, remedy="give --time-unit ms, or --rate-hz")
     rate = f", which makes {1 / usual:.4g} samples per second" if usual else ""
-    warnings.append(f"{channel.name} states no unit; s is assumed{rate}")
+    warnings.append(look_at(f"{channel.name} states no unit; s is assumed{rate}"))
     return channel.values
 
 
@@ -362,7 +362,7 @@ def refuse_without_angle(recording: Recording) -> NoReturn:
     raise DataError(_file(recording), limit=limit, remedy=remedy + existing(recording))
 
 
-def recorded_angle_deg(recording: Recording, options: SignalOptions, warnings: list[str]) -> FloatArray | None:
+def recorded_angle_deg(recording: Recording, options: SignalOptions, warnings: list[Caution]) -> FloatArray | None:
     """Angle at each sample as the file orders them, (n,); None where no column is one."""
     channel, file = _angle_column(recording, options), _file(recording)
     if channel is None:
@@ -376,7 +376,7 @@ def recorded_angle_deg(recording: Recording, options: SignalOptions, warnings: l
     return (-1.0 if options.flip_angle else 1.0) * (_unwound(channel, scale, warnings) - options.zero_deg)
 
 
-def _check_degrees(channel: Channel, file: str, warnings: list[str]) -> None:
+def _check_degrees(channel: Channel, file: str, warnings: list[Caution]) -> None:
     """`DataError` where an angle without a unit cannot be in degrees."""
     farthest = float(np.nanmax(np.abs(channel.values), initial=0.0))
     if farthest > _FAR_DEG:
@@ -384,10 +384,10 @@ def _check_degrees(channel: Channel, file: str, warnings: list[str]) -> None:
         remedy = "state its unit in the header: deg, mdeg, rad or mrad; or name another column with --angle"
         raise DataError(f"{file}: {channel.name}", limit=limit, remedy=remedy)
     if not plain(channel.name).endswith("deg"):
-        warnings.append(f"{channel.name} states no unit; degrees are assumed")
+        warnings.append(look_at(f"{channel.name} states no unit; degrees are assumed"))
 
 
-def _unwound(channel: Channel, scale: float, warnings: list[str]) -> FloatArray:
+def _unwound(channel: Channel, scale: float, warnings: list[Caution]) -> FloatArray:
     """Degrees, continued where they jump from 360 to 0 or from 180 to -180 and back."""
     angle = np.asarray(channel.values * scale)
     held = np.isfinite(angle)
@@ -425,7 +425,7 @@ def _unit_of(channels: Iterable[Channel]) -> str:
     return next((unit for unit in units if factor(unit, "V") is None), "V")
 
 
-def _values(channel: Channel, unit: str, file: str, warnings: list[str]) -> FloatArray:
+def _values(channel: Channel, unit: str, file: str, warnings: list[Caution]) -> FloatArray:
     """Values of a receiver in the unit of all."""
     if unit != "V" or (channel.unit and channel.unit != "1"):
         scale = factor(channel.unit, unit) if channel.unit else None
@@ -437,5 +437,5 @@ def _values(channel: Channel, unit: str, file: str, warnings: list[str]) -> Floa
     if not ENDS_IN_V.search(channel.name):
         largest = float(np.nanmax(np.abs(channel.values), initial=0.0))
         doubt = f"; up to {largest:.4g} V is much: are they mV?" if largest > _HIGH_V else ""
-        warnings.append(f"{channel.name} states no unit; V is assumed{doubt}")
+        warnings.append(look_at(f"{channel.name} states no unit; V is assumed{doubt}"))
     return channel.values

@@ -31,7 +31,7 @@ from solen.analysis.signals import (
 )
 from solen.analysis.waveforms import waveforms
 from solen.errors import DataError, SolenError, SpecError
-from solen.ranks import note
+from solen.ranks import Caution, look_at, note, of
 from solen.recording import Provenance, Recording, read, read_parts
 from solen.recording.column_roles import by_sensor
 from solen.recording.labels import has_lens, labels
@@ -92,7 +92,7 @@ class Study(Result):
     ambient_subtracted: bool
     provenances: tuple[Provenance, ...] = field(metadata=HIDDEN)
     logs_found: bool = field(metadata=HIDDEN)
-    warnings: tuple[str, ...]
+    warnings: tuple[Caution, ...]
 
     @reported
     def near_zero_deg(self) -> float:
@@ -183,7 +183,7 @@ def study(files: Sequence[Path], options: AnalysisOptions | None = None) -> Stud
         *found.warnings,
         *_pooling_warnings(options, sensors),
         *(
-            f"{response.label}: {line}" if len(responses) > 1 else line
+            of(response.label if len(responses) > 1 else "", line)
             for response in responses.values()
             for line in response.warnings
         ),
@@ -217,7 +217,7 @@ class _Found:
     provenances: list[Provenance] = field(default_factory=list)
     alignment: dict[str, Alignment] = field(default_factory=dict)
     switching: dict[str, Switching] = field(default_factory=dict)
-    warnings: list[str] = field(default_factory=list)
+    warnings: list[Caution] = field(default_factory=list)
     logs: list[Path] = field(default_factory=list)
     bare: bool = True
 
@@ -229,7 +229,7 @@ def _read(files: Sequence[Path], options: AnalysisOptions) -> _Found:
             found.sensors.setdefault(signal.label, []).append(signal)
         found.provenances += [one.provenance for one in (part.recording, part.log) if one is not None]
         found.bare &= part.samples.ambient_subtracted
-        found.warnings += [f"{path.name}: {line}" if len(files) > 1 else line for line in part.samples.warnings]
+        found.warnings += [of(path.name if len(files) > 1 else "", line) for line in part.samples.warnings]
         if part.alignment is not None:
             found.alignment[part.label] = part.alignment
         if part.samples.switching is not None:
@@ -303,7 +303,7 @@ def _with_angle(part: _Part, options: AnalysisOptions, number: int, files: Seque
     beside = find_log(files[number], files)
     if beside is None:
         refuse_without_angle(part.recording)
-    warning = f"{files[number].name} holds no angle: that of {beside.name} beside it is used"
+    warning = look_at(f"{files[number].name} holds no angle: that of {beside.name} beside it is used")
     part = replace(part, samples=replace(samples, warnings=(warning, *samples.warnings)))
     return replace(_by_log(part, beside, options), beside=beside)
 
@@ -316,10 +316,10 @@ def _by_log(part: _Part, path: Path, options: AnalysisOptions) -> _Part:
     return replace(part, samples=kept, log=log, alignment=alignment)
 
 
-def _aligned(samples: Waveforms, log: Recording, options: AnalysisOptions) -> tuple[Alignment, list[str]]:
+def _aligned(samples: Waveforms, log: Recording, options: AnalysisOptions) -> tuple[Alignment, list[Caution]]:
     """How a log's clock differs from the recorder's, and assumptions about the log."""
     own = options.model_copy(update={"time": options.angle_time, "rate_hz": options.angle_rate_hz})
-    warnings: list[str] = []
+    warnings: list[Caution] = []
     base = sample_times(log, own, warnings)
     logged = recorded_angle_deg(log, own, warnings)
     file = log.provenance.file
@@ -328,7 +328,7 @@ def _aligned(samples: Waveforms, log: Recording, options: AnalysisOptions) -> tu
     angle = logged[base.order]
     held = np.isfinite(angle)
     alignment = align(samples.time_s, samples.volts, base.time_s[held], angle[held], samples.window_s)
-    return alignment, [f"{file}: {line}" for line in (*base.warnings, *warnings)]
+    return alignment, [of(file, line) for line in (*base.warnings, *warnings)]
 
 
 def _signals(part: _Part, options: AnalysisOptions, path: Path, files: int) -> Iterator[Signals]:
@@ -391,20 +391,20 @@ def _compared(lens: SensorGroup | None, control: SensorGroup | None) -> dict[str
     return compared
 
 
-def _pooling_warnings(options: AnalysisOptions, sensors: Mapping[str, Sequence[Signals]]) -> list[str]:
+def _pooling_warnings(options: AnalysisOptions, sensors: Mapping[str, Sequence[Signals]]) -> list[Caution]:
     """Recordings that are pooled without a pattern."""
     if options.pattern is not None:
         return []
     return [
-        f"{label}: {len(signals)} recordings of one name are pooled as one sensor; --pattern separates them"
+        of(label, look_at(f"{len(signals)} recordings of one name are pooled as one sensor; --pattern separates them"))
         for label, signals in sensors.items()
         if len(signals) > 1
     ]
 
 
-def _group_warnings(groups: Sequence[SensorGroup | None], sensors: int) -> list[str]:
+def _group_warnings(groups: Sequence[SensorGroup | None], sensors: int) -> list[Caution]:
     """What the number of sensors cannot show."""
-    warnings: list[str] = []
+    warnings = []
     for group, what in zip(groups, ("with a lens", "without a lens"), strict=True):
         if group is not None and group.n == 1 and sensors > 1:
             warnings.append(note(f"one sensor {what}: how far prints differ cannot be judged from it"))

@@ -14,6 +14,7 @@ import numpy as np
 
 from solen.arrays import FloatArray, IndexArray
 from solen.errors import DataError
+from solen.ranks import Caution, look_at
 
 LONGEST_GAP = 5.0
 """Times the usual step from which on a step is a gap."""
@@ -43,7 +44,7 @@ class TimeBase:
     time_s: FloatArray
     step_s: float
     gaps_s: FloatArray
-    warnings: tuple[str, ...]
+    warnings: tuple[Caution, ...]
 
 
 def time_base(time_s: FloatArray, name: str = "time") -> TimeBase:
@@ -62,7 +63,8 @@ def time_base(time_s: FloatArray, name: str = "time") -> TimeBase:
         Where there are too few stamps, or the clock runs backward.
     """
     order = np.flatnonzero(np.isfinite(time_s))
-    warnings = [] if order.size == time_s.size else [f"{time_s.size - order.size} samples without a time are left out"]
+    missing = time_s.size - order.size
+    warnings = [look_at(f"{missing} samples without a time are left out")] if missing else []
     if order.size < _LEAST:
         limit = f"has {order.size} samples with a time; at least {_LEAST} are needed"
         raise DataError(name, limit=limit, remedy="name the column of times with --time")
@@ -82,7 +84,7 @@ def time_base(time_s: FloatArray, name: str = "time") -> TimeBase:
     return TimeBase(order, ordered, usual, gaps, tuple(warnings))
 
 
-def _disorder(time_s: FloatArray, order: IndexArray, steps: FloatArray, usual: float, name: str) -> str:
+def _disorder(time_s: FloatArray, order: IndexArray, steps: FloatArray, usual: float, name: str) -> Caution:
     """Warning of a few samples out of order; `DataError` where the clock was set back."""
     back = np.flatnonzero(steps < 0.0)
     worst = back[np.argmin(steps[back])]
@@ -91,17 +93,17 @@ def _disorder(time_s: FloatArray, order: IndexArray, steps: FloatArray, usual: f
         jump = f"jumps back {back.size} time{'s' * (back.size > 1)}, farthest at sample {row}"
         limit = f"{jump}: from {time_s[order[worst]]:.6g} s to {time_s[order[worst + 1]]:.6g} s"
         raise DataError(name, limit=limit, remedy="split the file there, or export it with one running clock")
-    return (
+    return look_at(
         f"{back.size} samples were out of order by up to {-steps[worst]:.3g} s (first at sample {row}) and are sorted"
     )
 
 
-def _repeated(ordered: FloatArray) -> list[str]:
+def _repeated(ordered: FloatArray) -> list[Caution]:
     same = int(np.sum(np.diff(ordered) == 0.0))
     if not same:
         return []
     where = ordered[np.flatnonzero(np.diff(ordered) == 0.0)[0]]
-    return [f"{same} samples share their time with the one before (first at {where:.6g} s); all are kept"]
+    return [look_at(f"{same} samples share their time with the one before (first at {where:.6g} s); all are kept")]
 
 
 def _gaps(ordered: FloatArray, usual: float) -> FloatArray:
@@ -109,10 +111,10 @@ def _gaps(ordered: FloatArray, usual: float) -> FloatArray:
     return np.column_stack([ordered[wide], ordered[wide + 1]])
 
 
-def _gap_words(gaps: FloatArray) -> list[str]:
+def _gap_words(gaps: FloatArray) -> list[Caution]:
     if not len(gaps):
         return []
     longest = int(np.argmax(gaps[:, 1] - gaps[:, 0]))
     start, end = gaps[longest]
     count = f"{len(gaps)} gap{'s' * (len(gaps) > 1)} in the samples"
-    return [f"{count}, the longest {end - start:.3g} s from {start:.6g} s; nothing is made up for them"]
+    return [look_at(f"{count}, the longest {end - start:.3g} s from {start:.6g} s; nothing is made up for them")]

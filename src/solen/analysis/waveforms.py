@@ -22,7 +22,7 @@ from solen.analysis.signals import AngleSource, SignalOptions, Switching, Wavefo
 from solen.analysis.timebase import time_base
 from solen.arrays import IndexArray
 from solen.errors import SpecError
-from solen.ranks import note
+from solen.ranks import Caution, look_at, note
 from solen.recording import Recording
 
 _WIDEST = 0.05  # share of a recording that a moving mean may span
@@ -69,7 +69,7 @@ def _by_emitter(whole: Waveforms, options: SignalOptions) -> dict[str, Waveforms
         on, clock = "high", find_clock(whole.time_s, whole.volts, rate_hz, on="high", emitters=options.emitters)
         by_emitter = _found(whole, options, clock)
     if detected and not _follows(by_emitter):
-        warning = (
+        warning = look_at(
             f"the voltages switch at {rate_hz:g} Hz, but by the same step wherever the sensor stands: this is taken "
             f"for light of the room; --on-off-hz {rate_hz:g} takes it for the emitter's"
         )
@@ -140,7 +140,7 @@ def _readings(whole: Waveforms, readings: Switched, emitter: int) -> Waveforms:
     )
 
 
-def _warnings(result: Switched, state: Switching, clock: Clock) -> list[str]:
+def _warnings(result: Switched, state: Switching, clock: Clock) -> list[Caution]:
     each = clock.rate_hz / max(len(result.readings.emitters), 1)
     by = "detected automatically" if state.detected else f"{state.on_off_hz:g} Hz was stated"
     subtracted = (
@@ -148,17 +148,18 @@ def _warnings(result: Switched, state: Switching, clock: Clock) -> list[str]:
         f"{result.kept.time_s.size} readings at {each:.6g} Hz ({by}); "
         f"light makes the voltage {'lower' if state.on == 'low' else 'higher'}"
     )
-    warnings: list[str] = [note(subtracted)]
+    warnings = [note(subtracted)]
     missing = sum(result.readings.counts.missing.values())
     if missing:
-        warnings.append(f"{missing} on slots are missing from the recording")
+        warnings.append(look_at(f"{missing} on slots are missing from the recording"))
     if result.flicker is not None:
         lines = " and ".join(f"{n * result.flicker.mains_hz:.4g}" for n in result.flicker.multiples)
         size = f"{state.flicker_V:.2g} {result.samples.units[0]}"
         warnings.append(note(f"lamps flicker at {lines} Hz by up to {size}: fitted to the off phases and subtracted"))
     for name, resting in zip(result.samples.names, result.dark_at_limit, strict=True):
         if resting:
-            warnings.append(f"{name} rests at its limit in the dark: weak light of the emitter or the room is not seen")
+            unseen = "rests at its limit in the dark: weak light of the emitter or the room is not seen"
+            warnings.append(look_at(f"{name} {unseen}"))
     return warnings
 
 

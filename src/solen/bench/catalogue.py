@@ -18,6 +18,7 @@ from typing import Any
 from solen import files
 from solen.bench.journal import SUFFIX as JOURNAL
 from solen.errors import DataError, OutputError, SolenError, SpecError
+from solen.ranks import Caution, look_at
 from solen.results import Result, reported
 
 NAME = "recordings.sqlite"
@@ -69,9 +70,9 @@ class RecordingList(Result):
     strangers: tuple[str, ...]
 
     @reported
-    def warnings(self) -> tuple[str, ...]:
+    def warnings(self) -> tuple[Caution, ...]:
         """The files that are not recordings."""
-        return tuple(f"{name} is not a recording of solen bench run" for name in self.strangers)
+        return tuple(look_at(f"{name} is not a recording of solen bench run") for name in self.strangers)
 
 
 def list_recordings(folder: Path, *, look: bool = False) -> RecordingList:

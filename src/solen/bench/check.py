@@ -25,7 +25,7 @@ from solen.bench.homing import Confirm, knows_zero, make_known
 from solen.bench.interrupts import ended_by_signals
 from solen.bench.rig import Rig, SensorOf, load_rig
 from solen.errors import BenchError, SpecError
-from solen.ranks import do_not_use, note
+from solen.ranks import Caution, do_not_use, look_at, note, of
 from solen.results import HIDDEN, Result, in_unit, reported
 from solen.spec.strict import Options
 
@@ -112,10 +112,10 @@ class RigCheck(Result):
     sensors: dict[str, dict[str, InputCheck]]
     answers_V: tuple[tuple[float, ...], ...]
     simulated: bool
-    faults: tuple[str, ...] = field(metadata=HIDDEN)
+    faults: tuple[Caution, ...] = field(metadata=HIDDEN)
 
     @reported
-    def warnings(self) -> tuple[str, ...]:
+    def warnings(self) -> tuple[Caution, ...]:
         """What is wrong."""
         return self.faults
 
@@ -201,7 +201,7 @@ def _noise(time_s: FloatArray, signal: FloatArray) -> float:
 
 def _faults(
     rig: Rig, sensor: SensorOf, inputs: dict[str, InputCheck], glance: Glance, mean: FloatArray, answers: FloatArray
-) -> Iterator[str]:
+) -> Iterator[Caution]:
     """What is wrong with a sensor; the name of the receiver stands before the colon."""
     short_V, circuit = SHORTED * (glance.high_V - glance.low_V), rig.unit == "V"
     for side, own in inputs.items():
@@ -209,39 +209,41 @@ def _faults(
         mine = answers[:, own.input - 1]
         strongest = int(np.argmax(np.where(mine, np.abs(mean[:, own.input - 1]), 0.0))) + 1
         if circuit and own.on_V < short_V and own.off_V < short_V:
-            yield f"{what}: {do_not_use('stands near 0 V, lit or not; a short, or far too much light')}"
+            yield of(what, do_not_use("stands near 0 V, lit or not; a short, or far too much light"))
         elif not mine.any():
-            yield f"{what}: {do_not_use('answers to no emitter; check its wire and its receiver')}"
+            yield of(what, do_not_use("answers to no emitter; check its wire and its receiver"))
         elif strongest != sensor.emitter:
             wires = f"answers to emitter {strongest}, not to {sensor.emitter}; check rig file and wires"
-            yield f"{what}: {do_not_use(wires)}"
+            yield of(what, do_not_use(wires))
         elif circuit and mean[sensor.emitter - 1, own.input - 1] < 0.0:
-            yield f"{what}: {do_not_use('rises with its emitter on; load and receiver are swapped')}"
+            yield of(what, do_not_use("rises with its emitter on; load and receiver are swapped"))
         else:
-            yield from (f"{what}: {line}" for line in _settings(own, glance, sensor.emitter - 1, rig))
+            yield from (of(what, line) for line in _settings(own, glance, sensor.emitter - 1, rig))
 
 
-def _settings(own: InputCheck, glance: Glance, emitter: int, rig: Rig) -> Iterator[str]:
+def _settings(own: InputCheck, glance: Glance, emitter: int, rig: Rig) -> Iterator[Caution]:
     """What a receiver that works could do better."""
     clipped = float(glance.clipped[:, emitter, own.input - 1].mean())
     if clipped > 0.0:
         upper = glance.high_V - own.off_V < own.on_V - glance.low_V
         phase, end = ("off", "upper") if upper else ("on", "lower")
-        yield (
+        yield look_at(
             f"with its emitter {phase} it stands at the {end} end of the range in {100 * clipped:.3g} % of the "
             "readings; what lies beyond is cut off"
         )
     ends = None if rig.daq is not None else rig.board.straight_v
     if ends is not None and not ends[0] <= own.on_V <= own.off_V <= ends[1]:
-        yield f"its levels reach beyond {ends[0]:g} to {ends[1]:g}, where the converter is not straight"
+        yield look_at(f"its levels reach beyond {ends[0]:g} to {ends[1]:g}, where the converter is not straight")
     if rig.unit == "V" and own.on_V < BOTTOM * own.off_V:
-        yield "is saturated with its emitter on; turn its trimmer to less load"
+        yield look_at("is saturated with its emitter on; turn its trimmer to less load")
     elif own.load_factor is not None and own.load_factor < 1.0:
-        yield f"{GROWS:g} times the light, as in a bent sensor, would saturate it; turn its trimmer to less load"
+        bent = f"{GROWS:g} times the light, as in a bent sensor, would saturate it; turn its trimmer to less load"
+        yield look_at(bent)
     elif own.load_factor is not None:
         yield note(f"light pulls it down by less than {100 * LEAST:.0f} %; more load would use more of the range")
     if own.room_V > ROOM * abs(own.signal_V) and own.room_V > 3.0 * own.noise_V:
-        yield f"varies by {of_noise(own.room_V, rig.unit)} with the emitters off; shade it, or switch lamps off"
+        varies = f"varies by {of_noise(own.room_V, rig.unit)} with the emitters off; shade it, or switch lamps off"
+        yield look_at(varies)
 
 
 class JogOptions(Options):

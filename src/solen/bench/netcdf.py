@@ -30,6 +30,7 @@ from solen.bench.readings import AT_ONCE, Columns, Read, columns_of, cut_short, 
 from solen.bench.timing import Timing, came_by, exchanges, reach_of
 from solen.bench.waveform import Waveform, create_variable
 from solen.extras import need
+from solen.ranks import Caution, look_at, of
 from solen.results import HIDDEN, Result, reported
 
 _NAMED = 5
@@ -75,16 +76,16 @@ class RecordedRun(Result):
     damaged_bytes: int
     missing_records: int
     simulated: bool
-    remarks: tuple[str, ...] = field(default=(), metadata=HIDDEN)
+    remarks: tuple[Caution, ...] = field(default=(), metadata=HIDDEN)
 
     @reported
-    def warnings(self) -> tuple[str, ...]:
+    def warnings(self) -> tuple[Caution, ...]:
         """What was lost, and the remarks."""
         lost = [f"{number} {name}" for name, number in self.losses.items() if number]
         return (
-            *([f"lost {', '.join(lost)}"] if lost else []),
+            *([look_at(f"lost {', '.join(lost)}")] if lost else []),
             *self.remarks,
-            *([f"the last {self.lost_bytes} bytes of the journal were not whole"] if self.lost_bytes else []),
+            *([look_at(f"the last {self.lost_bytes} bytes of the journal were not whole")] if self.lost_bytes else []),
         )
 
 
@@ -111,7 +112,7 @@ def write_recording(journaled: JournalContent, path: Path) -> RecordedRun:
             content = _CONTENT[journaled.sampled]
             time_s, readings, remarks = content(file, journaled)
             _positions(file, journaled)
-            remarks += [event["reason"] for event in journaled.events if event["what"] == "remark"]
+            remarks += [look_at(event["reason"]) for event in journaled.events if event["what"] == "remark"]
             remarks += [*_timing(file, journaled), *_damage(journaled), *_ended(journaled)]
             done.append(
                 RecordedRun(
@@ -135,7 +136,7 @@ def write_recording(journaled: JournalContent, path: Path) -> RecordedRun:
     return done[-1]
 
 
-Content = tuple[FloatArray, dict[str, int], list[str]]
+Content = tuple[FloatArray, dict[str, int], list[Caution]]
 """Time of each period, readings of each sensor, and remarks."""
 
 
@@ -153,7 +154,7 @@ def _periods(file: Any, journaled: JournalContent) -> Content:
     return time_s, readings, [*_unsound(board), *bent]
 
 
-def _bent(name: str, parts: Sequence[Columns], ends: Sequence[float] | None) -> list[str]:
+def _bent(name: str, parts: Sequence[Columns], ends: Sequence[float] | None) -> list[Caution]:
     """Readings that rest on levels where the converter is not straight."""
     if ends is None or not parts:
         return []
@@ -163,13 +164,13 @@ def _bent(name: str, parts: Sequence[Columns], ends: Sequence[float] | None) -> 
         outside.append(np.any([(level < ends[0]) | (level > ends[1]) for level in levels], axis=0))
     share = float(np.concatenate(outside).mean())
     beyond = f"levels beyond {ends[0]:g} to {ends[1]:g}, where the converter is not straight"
-    text = f"{name}: {100 * share:.3g} % of the readings rest on {beyond}"
-    return [text] if share > 0.0 else []
+    return [of(name, look_at(f"{100 * share:.3g} % of the readings rest on {beyond}"))] if share > 0.0 else []
 
 
-def _unsound(board: Rows) -> list[str]:
+def _unsound(board: Rows) -> list[Caution]:
     count = int(np.count_nonzero(board["flags"] & UNSOUND))
-    return [f"{count} periods that the board sampled late, or with a fault, gave no readings"] if count else []
+    late = look_at(f"{count} periods that the board sampled late, or with a fault, gave no readings")
+    return [late] if count else []
 
 
 def _waveform(file: Any, journaled: JournalContent) -> Content:
@@ -307,23 +308,26 @@ def _positions(file: Any, journaled: JournalContent) -> None:
         _variable(file, name, ("look",), values, unit, text)
 
 
-def _ended(journaled: JournalContent) -> list[str]:
+def _ended(journaled: JournalContent) -> list[Caution]:
     """Why a run ended before its end."""
     ends = [event for event in journaled.events if event["what"] in {"stopped", "fault"}]
-    return [f"the run ended before its end: {ends[-1]['reason']}"] if ends and journaled.outcome != "done" else []
+    if not ends or journaled.outcome == "done":
+        return []
+    return [look_at(f"the run ended before its end: {ends[-1]['reason']}")]
 
 
-def _damage(journaled: JournalContent) -> list[str]:
+def _damage(journaled: JournalContent) -> list[Caution]:
     """What a damaged journal lacks."""
     if not journaled.damaged:
         return []
     places = ", ".join(map(str, journaled.missing[:_NAMED]))
     more = f" and {len(journaled.missing) - _NAMED} more gaps" if len(journaled.missing) > _NAMED else ""
     lacks = f"it lacks {places}{more}" if places else "what it lacks is unknown"
-    return [f"the journal is damaged and kept: {journaled.damaged_bytes} bytes no longer make records; {lacks}"]
+    kept = f"the journal is damaged and kept: {journaled.damaged_bytes} bytes no longer make records; {lacks}"
+    return [look_at(kept)]
 
 
-def _timing(file: Any, journaled: JournalContent) -> list[str]:
+def _timing(file: Any, journaled: JournalContent) -> list[Caution]:
     """State what clocks and lines leave open, for who states a hysteresis; and a remark where that is notable."""
     header, stage = journaled.header, journaled.streams["stage"]
     lines = [ClockLine(**line) for line in json.loads(file.attrs["clock"]).values()]

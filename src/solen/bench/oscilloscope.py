@@ -171,10 +171,13 @@ class Oscilloscope(AskingMeter):
         """Times, volts, and which samples are off the screen."""
         preamble = self._asked(f":WAV:SOUR CHAN{channel}", ":WAV:PRE?")
         try:
-            numbers = [float(one) for one in preamble.split(",")]
-            step_s, increment, origin, reference = numbers[4], *numbers[7:10]
+            numbers = np.array([float(one) for one in preamble.split(",")])[[4, 7, 8, 9]]
         except (ValueError, IndexError):
-            raise self._scope.refusal(f"answered {preamble[:40]!r} to :WAV:PRE?", "see its programming guide") from None
+            numbers = np.zeros(4)
+        step_s, increment, origin, reference = numbers.tolist()
+        if not (np.isfinite(numbers).all() and step_s > 0.0 and increment != 0.0):
+            limit = f"answered {preamble[:80]!r} to :WAV:PRE?, with no steps in time and volts"
+            raise self._scope.refusal(limit, "see its programming guide; is the channel on?")
         data = np.frombuffer(self._scope.block(":WAV:DATA?"), np.uint8)
         volts = self._dialect.volts(data.astype(float), increment, origin, reference)
         return np.asarray(step_s * np.arange(len(data))), np.asarray(volts), (data <= LOWEST) | (data >= HIGHEST)

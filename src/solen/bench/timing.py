@@ -21,6 +21,7 @@ from scipy.interpolate import PchipInterpolator
 from solen.arrays import BoolArray, FloatArray
 from solen.bench.clock_fit import ClockLine
 from solen.bench.journal_content import JournalContent, Rows
+from solen.ranks import Caution, look_at
 
 STAGE = np.dtype([("part", "<u2"), ("sent_s", "<f8"), ("t_s", "<f8"), ("position", "<f8")])
 """Part of the run; when the stage was asked, when its answer had come, and what it was."""
@@ -164,13 +165,13 @@ class Timing:
         """What is known of it, by name, as numbers."""
         return {key: value for key, value in asdict(self).items() if value is not None and math.isfinite(value)}
 
-    def remark(self, speed: float, reach: float, unit: str) -> str | None:
+    def remark(self, speed: float, reach: float, unit: str) -> Caution | None:
         """What timing may add to a hysteresis at a speed, where that is a notable share of the range."""
         adds = 2.0 * speed * self.timing_bound_s
         if not reach > 0.0 or adds <= NOTABLE * reach:
             return None
         trip = "" if self.look_round_trip_s is None else f" (a look takes {1e3 * self.look_round_trip_s:.3g} ms)"
-        return (
+        return look_at(
             f"angles and readings may be {1e3 * self.timing_bound_s:.3g} ms apart{trip}: at {speed:g} {unit}/s that "
             f"adds up to {adds:.2g} {unit}, {100.0 * adds / reach:.2g} % of full scale, to a hysteresis"
         )

@@ -23,6 +23,7 @@ from solen.bench.journal_content import JournalContent
 from solen.bench.phases import clock_of, seen_by, states
 from solen.bench.timing import came_by, exchanges
 from solen.errors import DataError
+from solen.ranks import Caution, look_at
 
 Sensor = Mapping[str, Any]
 
@@ -70,7 +71,7 @@ class Waveform:
         self._rate_hz, self._switch_hz, self._convert_s = daq["rate_hz"], daq["switch_hz"], daq["convert_s"]
         self._coefficients = np.array(daq["coefficients"])
         self._limits = ends_of(self._coefficients, daq.get("limits_V"))
-        self.remarks: list[str] = []
+        self.remarks: list[Caution] = []
         frames = journaled.counts["samples"]
         self.part, self.stretch = np.zeros(frames, np.uint16), np.zeros(frames, np.uint16)
         self.number, self.time_s = np.zeros(frames, np.int64), np.zeros(frames)
@@ -154,7 +155,7 @@ class Waveform:
                 yield sensor, self._subtracted(volts, taken_s, clock, place, stretch.line, sensor)
         except DataError as bad:
             span = f"{self.time_s[begin]:.1f} to {self.time_s[end - 1]:.1f} s"
-            self.remarks.append(f"no readings from {span}: {bad}")
+            self.remarks.append(look_at(f"no readings from {span}: {bad}"))
 
     def _subtracted(
         self, volts: FloatArray, taken_s: FloatArray, clock: Clock, place: float, line: ClockLine, sensor: Sensor

@@ -21,4 +21,5 @@ Sheet = Annotated[
 ]
 ProgressBar = Annotated[Progress | None, Parameter(parse=False)]
 """Called with the share that is done, up to 1; a command line shows it as a bar."""
+Force = Annotated[bool, Parameter(name="--force", help="Replace a file that exists.")]
 Out = Annotated[Path | None, Parameter(name="--out", help="Write the result to this .json file.")]

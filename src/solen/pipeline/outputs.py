@@ -92,10 +92,12 @@ def check_out(out: Path | None) -> None:
     check_ending(out, "a result", ".json")
 
 
-def check_table(out: Path | None, what: str) -> None:
-    """`OutputError` where the file of a table is not named .csv."""
-    if out is not None and out.suffix.lower() != ".csv":
-        raise OutputError(str(out), limit=f"{what} are written as .csv", remedy="rename it")
+def check_table(out: Path | None, what: str, source: Path | str, *, force: bool) -> None:
+    """`OutputError` where the file of readings is not named .csv, or exists: recordings are named so, too."""
+    check_ending(out, what, ".csv")
+    if out is not None and out.resolve() == Path(source).resolve():
+        raise OutputError(str(out), limit="is the source itself", remedy="name another file")
+    check_new(out, force=force)
 
 
 def check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:

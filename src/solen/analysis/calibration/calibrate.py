@@ -18,7 +18,7 @@ from solen.analysis.sensor_response import SensorResponse
 from solen.analysis.study import Study
 from solen.errors import DataError, SpecError
 from solen.files import check_name
-from solen.ranks import do_not_use, note
+from solen.ranks import Caution, do_not_use, look_at, note, of
 from solen.recording import Provenance
 from solen.results import HIDDEN, Result, in_unit, plain
 
@@ -62,7 +62,7 @@ class SensorCalibrations(Result):
     checks: tuple[Check | None, ...] = field(metadata=HIDDEN)
     simulated: bool
     sources: tuple[Provenance, ...]
-    warnings: tuple[str, ...]
+    warnings: tuple[Caution, ...]
     remark: str = field(default="", metadata=HIDDEN)
 
     def to_dict(self) -> dict[str, Any]:
@@ -86,7 +86,8 @@ def calibrated_sensors(study: Study, options: CalibrationOptions | None = None) 
     ones = [calibrated(one) for one in trainings]
     if options.pool:
         checks = [leave_one_sensor_out(trainings, ones)]
-        cautions = [] if checks[0] else [f"{len(ones)} prints: three are needed to check it on a print left out"]
+        few = look_at(f"{len(ones)} prints: three are needed to check it on a print left out")
+        cautions = [] if checks[0] else [few]
         files = [_file(study, options, sensors, pooled(ones), checks[0], cautions)]
     else:
         checks = [leave_one_cycle_out(training) for training in trainings]
@@ -94,13 +95,13 @@ def calibrated_sensors(study: Study, options: CalibrationOptions | None = None) 
             _file(study, options, [sensor], one, check, _cautions(sensor, one, check))
             for sensor, one, check in zip(sensors, ones, checks, strict=True)
         ]
-    warnings += [f"{file.sensor}: {line}" for file in files for line in file.warnings]
+    warnings += [of(file.sensor, line) for file in files for line in file.warnings]
     return SensorCalibrations(
         tuple(files), tuple(checks), study.simulated, study.sources, (*study.warnings, *warnings), study.remark
     )
 
 
-def _chosen(study: Study, options: CalibrationOptions) -> tuple[list[SensorResponse], list[str]]:
+def _chosen(study: Study, options: CalibrationOptions) -> tuple[list[SensorResponse], list[Caution]]:
     """Sensors to calibrate: those with a lens, or the named one; with a warning about those left out."""
     sensors = list(study.sensors.values())
     if options.sensor is not None:
@@ -125,7 +126,7 @@ def _file(
     sensors: Sequence[SensorResponse],
     calibration: Calibration,
     check: Check | None,
-    warnings: Sequence[str],
+    warnings: Sequence[Caution],
 ) -> CalibrationFile:
     runs = [run for sensor in sensors for run in sensor.runs]
     subtracted = study.ambient_subtracted and study.options.dark_V is None
@@ -171,13 +172,14 @@ def _sentence(check: Check, left_out: str) -> str:
     )
 
 
-def _cautions(sensor: SensorResponse, calibration: Calibration, check: Check | None) -> list[str]:
+def _cautions(sensor: SensorResponse, calibration: Calibration, check: Check | None) -> list[Caution]:
     """Limits of a sensor's calibration, as warnings."""
     warnings = []
     if check is None:
-        warnings.append("two cycles: three are needed to check it on a cycle left out")
+        warnings.append(look_at("two cycles: three are needed to check it on a cycle left out"))
     elif check.whole.ambiguous > _MANY:
-        warnings.append(f"{100 * check.whole.ambiguous:.2g} % of the readings have several angles that explain them")
+        share = 100 * check.whole.ambiguous
+        warnings.append(look_at(f"{share:.2g} % of the readings have several angles that explain them"))
     if check is not None and check.whole.within_95 < _FEW:
         few = f"only {100 * check.whole.within_95:.0f} % of a cycle left out lie within the bands of 95 %"
         warnings.append(do_not_use(few))
@@ -185,7 +187,8 @@ def _cautions(sensor: SensorResponse, calibration: Calibration, check: Check | N
     first, second, last = (float(calibration.angle_deg[place]) for place in (0, 1, -1))
     beside = 2.0 * (second - first)
     if first > low + beside or last < high - beside:
-        warnings.append(f"both receivers have readings from {first:g}° to {last:g}° only, of {low:.3g}° to {high:.3g}°")
+        part = f"both receivers have readings from {first:g}° to {last:g}° only, of {low:.3g}° to {high:.3g}°"
+        warnings.append(look_at(part))
     return warnings
 
 

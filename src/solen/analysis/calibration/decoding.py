@@ -19,7 +19,7 @@ from solen.analysis.calibration.heading import WINDOW_S, Headings, Tracker
 from solen.analysis.calibration.streams import Batch, Stream
 from solen.arrays import BoolArray, FloatArray
 from solen.errors import DataError, SpecError
-from solen.ranks import do_not_use, note
+from solen.ranks import Caution, do_not_use, look_at, note
 from solen.recording import Provenance
 from solen.results import Result
 from solen.spec.strict import Finite
@@ -110,7 +110,7 @@ class Decoding(Result):
     simulated: bool
     interrupted: bool
     sources: tuple[Provenance, ...]
-    warnings: tuple[str, ...]
+    warnings: tuple[Caution, ...]
 
 
 class StreamDecoder:
@@ -232,15 +232,15 @@ class StreamDecoder:
             warnings=(*self.warnings, *self._flag_warnings()),
         )
 
-    def _flag_warnings(self) -> Iterator[str]:
+    def _flag_warnings(self) -> Iterator[Caution]:
         for name, meaning in _MEANING.items():
             count = self.counts[name]
             percent = 100.0 * count / max(self.counts["readings"], 1)
             if count and (name == "missing" or percent >= _TOLD):
-                yield f"{count} readings ({percent:.3g} %) {meaning}"
+                yield look_at(f"{count} readings ({percent:.3g} %) {meaning}")
 
 
-def _condition_warnings(known: CalibrationFile, stream: Stream, options: DecodeOptions) -> Iterator[str]:
+def _condition_warnings(known: CalibrationFile, stream: Stream, options: DecodeOptions) -> Iterator[Caution]:
     """Whether the calibration fits the source: a sentence on differences, and one on conditions that are not stated."""
     motion, circuit = conditions(stream.sensor or known.sensor, stream.provenance, options, stream.ambient)
     other, unknown = differences(known, motion, circuit)
@@ -256,12 +256,12 @@ def _condition_warnings(known: CalibrationFile, stream: Stream, options: DecodeO
     if other:
         yield do_not_use(f"this calibration is not for what is decoded: {'; '.join(other)}")
     if unknown and not moved:
-        yield (
+        yield look_at(
             f"whether the calibration is for this motion cannot be checked: nothing states the {', '.join(unknown)}; "
             "--design or --motion does"
         )
     if known.simulated and not stream.simulated and stream.provenance is not None:
-        yield "the calibration is simulated, and the recording is not"
+        yield do_not_use("the calibration is simulated, and the recording is not")
 
 
 def _last(name: str) -> str:

@@ -16,6 +16,7 @@ from solen.analysis.calibration.estimate import Calibration
 from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.files import read_text
+from solen.ranks import Caution
 from solen.results import in_unit
 from solen.spec.objects import parsed
 from solen.spec.strict import NotNegative, Number, Strict, Text, error_context, migrated, refused
@@ -137,7 +138,7 @@ class CalibrationFile(Strict):
     leave_one_sensor_out: Checked | None = Field(description="Each print decoded by the others; null without three.")
     words: tuple[str, ...] = Field(description="What the checks show, in sentences.")
     sources: tuple[dict[str, Any], ...] = Field(description="The recordings.")
-    warnings: tuple[str, ...] = Field(description="What cannot be concluded.")
+    warnings: tuple[Caution, ...] = Field(description="What cannot be concluded.")
 
     @property
     def calibration(self) -> Calibration:

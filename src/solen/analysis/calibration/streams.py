@@ -18,6 +18,7 @@ from solen.analysis.signals import SignalOptions, Waveforms
 from solen.analysis.waveforms import waveforms
 from solen.arrays import BoolArray, FloatArray
 from solen.errors import DataError, SpecError
+from solen.ranks import Caution
 from solen.recording import Channel, Provenance, Recording, read_parts
 from solen.recording.column_roles import by_sensor, column_of, existing, is_companion, left_right, named_column, side_of
 from solen.recording.numbers import is_number, parse
@@ -61,7 +62,7 @@ class Stream:
     sensor: str | None = None
     ambient: Ambient | None = None
     provenance: Provenance | None = None
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Caution, ...] = ()
     unit: str = "V"
     named: bool = True
 

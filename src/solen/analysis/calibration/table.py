@@ -20,6 +20,7 @@ from scipy.stats import f as f_distribution
 from solen.analysis.calibration.decoder import OUTSIDE, Decoder
 from solen.analysis.calibration.estimate import Calibration, at_angles
 from solen.arrays import FloatArray
+from solen.ranks import Caution, look_at
 from solen.results import Result, reported
 from solen.spec.strict import Options
 
@@ -198,8 +199,8 @@ class DecodingTable(Result):
     simulated: bool
 
     @reported
-    def warnings(self) -> tuple[str, ...]:
+    def warnings(self) -> tuple[Caution, ...]:
         """Warnings if the table is too coarse."""
         if self.sigma <= MOST_OFF:
             return ()
-        return (f"the table lies up to {self.off_deg:.2g}° beside the whole decoder; take more --points",)
+        return (look_at(f"the table lies up to {self.off_deg:.2g}° beside the whole decoder; take more --points"),)

@@ -18,6 +18,7 @@ from solen.analysis.demodulation.rejection import gain, mean_gain, rejection_dB
 from solen.analysis.demodulation.samples import DemodulationOptions, Samples, other_columns, samples_of
 from solen.analysis.demodulation.subtract import Counts, Demodulated
 from solen.files import csv_cell
+from solen.ranks import Caution, look_at
 from solen.recording import Provenance, Recording
 from solen.results import HIDDEN, Result
 
@@ -127,7 +128,7 @@ class Demodulation(Result):
     rejection: tuple[Rejection, ...]
     simulated: bool
     sources: tuple[Provenance, ...]
-    warnings: tuple[str, ...]
+    warnings: tuple[Caution, ...]
 
     @property
     def samples(self) -> Samples:
@@ -214,12 +215,12 @@ def _rejection(result: Switched, options: DemodulationOptions) -> tuple[Rejectio
     return tuple(Rejection(*row) for row in np.column_stack([hz, two_sided, one_sided, with_mean]).tolist())
 
 
-def _warnings(result: Switched) -> list[str]:
+def _warnings(result: Switched) -> list[Caution]:
     samples, readings, means = result.samples, result.readings, result.means
     return [
         *_count_warnings(readings),
         *_noise_warnings(readings),
-        *([] if means is None or not means.left_out else [_LEFT_OUT.format(means.left_out)]),
+        *([] if means is None or not means.left_out else [look_at(_LEFT_OUT.format(means.left_out))]),
         *swapped(samples, readings),
         *([] if samples.clock is None else _clock_warnings(samples.clock)),
     ]
@@ -228,60 +229,63 @@ def _warnings(result: Switched) -> list[str]:
 _LEFT_OUT = "{} readings fill no unbroken period of the mains: left out of the means"
 
 
-def _count_warnings(readings: Demodulated) -> list[str]:
+def _count_warnings(readings: Demodulated) -> list[Caution]:
     counts = readings.counts
     warnings = [
-        f"emitter {emitter}: {missing} on slots of a regular sequence are missing from the recording"
+        look_at(f"emitter {emitter}: {missing} on slots of a regular sequence are missing from the recording")
         for emitter, missing in counts.missing.items()
         if missing
     ]
     if counts.without_off:
-        warnings.append(f"{counts.without_off} on slots have no off slot near: they give no reading")
+        warnings.append(look_at(f"{counts.without_off} on slots have no off slot near: they give no reading"))
     if counts.one_sided > 2 * len(readings.emitters):
-        warnings.append(
-            f"{counts.one_sided} readings have an off slot on one side only: a ramp is not taken out of them"
-        )
+        one_sided = "readings have an off slot on one side only: a ramp is not taken out of them"
+        warnings.append(look_at(f"{counts.one_sided} {one_sided}"))
     if counts.emptied:
-        warnings.append(f"{counts.emptied} slots had no sample left after settling: shorten --settle-us")
+        warnings.append(look_at(f"{counts.emptied} slots had no sample left after settling: shorten --settle-us"))
     if counts.clipped:
-        warnings.append(
+        clipped = (
             f"{counts.clipped} of {len(readings.time_s)} readings hold samples at a limit of their channel: light "
             "beyond it is not seen, neither the emitter's nor the ambient's (--low, --high)"
         )
+        warnings.append(look_at(clipped))
     return warnings
 
 
-def _noise_warnings(readings: Demodulated) -> list[str]:
+def _noise_warnings(readings: Demodulated) -> list[Caution]:
     if np.isnan(readings.slot_sd).all():
-        return ["fewer than three off slots: uncertainties are not known"]
+        return [look_at("fewer than three off slots: uncertainties are not known")]
     if not np.nanmax(readings.slot_sd) > 0.0:
-        return ["off slots never change: noise is below the converter's step, and uncertainties of 0 are not real"]
+        still = "off slots never change: noise is below the converter's step, and uncertainties of 0 are not real"
+        return [look_at(still)]
     return []
 
 
-def _clock_warnings(clock: Clock) -> list[str]:
+def _clock_warnings(clock: Clock) -> list[Caution]:
     warnings = []
     if clock.between_share > SMOOTH:
-        warnings.append(
+        slow = (
             f"{100.0 * clock.between_share:.0f} % of a period lie between on and off: this looks like flicker or a "
             "slow receiver rather than an emitter that switches"
         )
+        warnings.append(look_at(slow))
     if clock.clearness < CERTAIN:
-        warnings.append(f"the modulation is only {clock.clearness:.0f} times its noise: edges are uncertain")
+        warnings.append(look_at(f"the modulation is only {clock.clearness:.0f} times its noise: edges are uncertain"))
     return warnings
 
 
-def swapped(samples: Samples, readings: Demodulated) -> list[str]:
+def swapped(samples: Samples, readings: Demodulated) -> list[Caution]:
     """Warning where what is taken as off varies more than what is taken as on, as where they are swapped."""
     with np.errstate(invalid="ignore"):
         off, on = (np.nanstd(one, axis=0) for one in (readings.ambient, readings.ambient + readings.signal))
     if len(readings.time_s) < LEAST_TO_COMPARE or not (off > SWAPPED * on).all():
         return []
     remedy = "the column of states" if samples.clock is None else "--on"
-    return [
+    varies = (
         f"readings taken as off vary more than {SWAPPED:g} times as much as those taken as on: an emitter's light "
         f"follows the motion and the room does not, so on and off may be swapped ({remedy})"
-    ]
+    )
+    return [look_at(varies)]
 
 
 def readings_csv(result: Demodulation, recording: Recording) -> str:

@@ -31,6 +31,7 @@ from solen.analysis.sensor_response import SensorResponse
 from solen.analysis.study import Study
 from solen.arrays import FloatArray, Progress
 from solen.errors import DataError, SpecError
+from solen.ranks import Caution, look_at, of
 from solen.readout import circuit_of, face_areas_mm2
 from solen.recording import Provenance
 from solen.results import HIDDEN, Result
@@ -138,7 +139,7 @@ class SensorDiagnosis(Result):
     cycles_used: int
     misfit: Misfit
     receivers: dict[str, FittedCurve]
-    warnings: tuple[str, ...] = field(metadata=HIDDEN)
+    warnings: tuple[Caution, ...] = field(metadata=HIDDEN)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -163,7 +164,7 @@ class SensorDiagnoses(Result):
     prior: dict[str, float]
     simulated: bool
     sources: tuple[Provenance, ...]
-    warnings: tuple[str, ...]
+    warnings: tuple[Caution, ...]
 
 
 @dataclass(frozen=True)
@@ -211,9 +212,7 @@ def diagnosed_sensors(
         sensor.label: _diagnosis(sensor, kind[0], own, responses[distinct.index(kind)], options)
         for sensor, kind, own in zip(sensors, kinds, carried, strict=True)
     }
-    own_warnings = [
-        f"{label}: {line}" if len(made) > 1 else line for label, one in made.items() for line in one.warnings
-    ]
+    own_warnings = [of(label if len(made) > 1 else "", line) for label, one in made.items() for line in one.warnings]
     return SensorDiagnoses(
         made,
         {"angle_zero_deg": options.zero_u_deg} | options.spreads,
@@ -282,7 +281,8 @@ def _diagnosis(
     bend = None if rising else _bend(sensor, design, own)
     warnings = list(_motion_warnings(sensor, design))
     if bend is None:
-        warnings.append("voltages are taken to fall in proportion to the light: the design states no [readout]")
+        straight = "voltages are taken to fall in proportion to the light: the design states no [readout]"
+        warnings.append(look_at(straight))
     diagnosis = diagnosed(sensor, response, {ZERO: options.zero_u_deg} | options.spreads, bend, rising=rising)
     fitted = diagnosis.fitted
     return SensorDiagnosis(
@@ -322,34 +322,35 @@ def _bend(sensor: SensorResponse, design: Design, own: _Carried) -> Bend | None:
     return Bend.of(circuit, tuple(room))
 
 
-def _motion_warnings(sensor: SensorResponse, design: Design) -> Iterator[str]:
+def _motion_warnings(sensor: SensorResponse, design: Design) -> Iterator[Caution]:
     low, high = float(sensor.passes.angle_deg[0]), float(sensor.passes.angle_deg[-1])
     motion = design.motion
     if low < motion.from_deg - MOST_BEYOND_DEG or high > motion.to_deg + MOST_BEYOND_DEG:
-        yield (
+        yield look_at(
             f"the recording goes from {low:.3g}° to {high:.3g}°, the design's motion from {motion.from_deg:g}° to "
             f"{motion.to_deg:g}°: is it the same motion?"
         )
 
 
-def _cautions(diagnosis: Diagnosis, design: Design) -> Iterator[str]:
+def _cautions(diagnosis: Diagnosis, design: Design) -> Iterator[Caution]:
     """Limits of a diagnosis, as warnings."""
     misfit = diagnosis.fitted.misfit
     if misfit.significant:
         rms = ", ".join(f"{1e3 * rms:.2g} mV {side}" for side, rms in zip(diagnosis.sides, misfit.rms_V, strict=True))
-        yield (
+        yield look_at(
             f"the model misses the mean curves by more than the scatter of the cycles ({rms} rms, "
             f"{100.0 * misfit.share:.2g} % of the swing): the intervals are widened by it"
         )
     if misfit.significant and misfit.share > FAR_OFF and design.trace.dimension == "2d":
-        yield (
+        yield look_at(
             "the model is light in the plane, which an emitter in space does not keep to: state "
             'trace.dimension = "extruded", with its emitter.pattern and the chip\'s height_mm'
         )
     if len(diagnosis.cycles.volts) == 1:
-        yield "one cycle: its intervals take its noise for white, and drift and hysteresis are not in them"
+        yield look_at("one cycle: its intervals take its noise for white, and drift and hysteresis are not in them")
     for side, share in diagnosis.left_out.items():
         if share > 0.0:
-            yield f"{side}: {100.0 * share:.2g} % of the angles are clipped or missing in a cycle and are left out"
+            lack = f"{100.0 * share:.2g} % of the angles are clipped or missing in a cycle and are left out"
+            yield of(side, look_at(lack))
     if len(diagnosis.sides) == 1:
-        yield f"only the {diagnosis.sides[0]} receiver is recognised: decentre and chip rest on it alone"
+        yield look_at(f"only the {diagnosis.sides[0]} receiver is recognised: decentre and chip rest on it alone")

@@ -12,7 +12,7 @@ from solen.analysis.calibration.table import DecodingTable
 from solen.cli.app import SHOWN, lines
 from solen.pipeline.bench.recorded import ANALYSED, RECORDED, Analysed, Recorded, split_files
 from solen.pipeline.bench.table import table as table
-from solen.pipeline.options import FLAT
+from solen.pipeline.options import FLAT, Force
 from solen.ranks import ranked
 from solen.report.options import FigureOptions
 from solen.results import Outcome
@@ -71,6 +71,7 @@ def decode(
     options: Annotated[DecodeOptions, FLAT] = DecodeOptions(),
     out: _Table = None,
     send: _Send = None,
+    force: Force = False,
 ) -> Outcome[Decoding] | None:
     """Convert voltages to angles by a calibration: from a recording, from lines as they arrive, or from a running run.
 
@@ -84,15 +85,17 @@ def decode(
     from solen.pipeline.bench import decode as pipeline
 
     if SHOWN.as_json:
-        return pipeline.decode(calibration, source, options, signals, out=out, send=send)
+        return pipeline.decode(calibration, source, options, signals, out=out, send=send, force=force)
     early: list[str] = []
 
     def warn(line: str) -> None:
         early.append(line)
-        print(f"warning: {line}", file=sys.stderr)
+        print(*ranked([line]), file=sys.stderr)
 
     rows, summary = (sys.stdout, sys.stderr) if out is None else (None, sys.stdout)
-    outcome = pipeline.decode(calibration, source, options, signals, out=out, rows=rows, warn=warn, send=send)
+    outcome = pipeline.decode(
+        calibration, source, options, signals, out=out, rows=rows, warn=warn, send=send, force=force
+    )
     for line in ranked(outcome.result.warnings[len(early) :]):
         print(line, file=sys.stderr)
     if not SHOWN.quiet:

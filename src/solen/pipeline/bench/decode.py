@@ -26,7 +26,7 @@ from solen.bench.clock import WallClock
 from solen.bench.follow import Following
 from solen.bench.journal_content import signal_unit
 from solen.bench.outlets import Outlet, Paced, outlet
-from solen.errors import OutputError, SpecError
+from solen.errors import SpecError
 from solen.pipeline.outputs import check_table
 from solen.recording import Provenance
 from solen.results import Outcome
@@ -47,6 +47,7 @@ def decode(
     warn: Callable[[str], None] | None = None,
     text: Iterable[str] | None = None,
     send: str | None = None,
+    force: bool = False,
 ) -> Outcome[Decoding]:
     """Decode a source; write its angles to a file, to ``rows``, to both or to neither. Ctrl-C ends a stream.
 
@@ -66,6 +67,8 @@ def decode(
         Lines of the standard input; by default those of `sys.stdin`.
     send
         Where rows go as well: an outlet of `solen.bench.outlets`; those of a recording at the pace of their times.
+    force
+        Replace ``out`` if it exists.
 
     Raises
     ------
@@ -73,9 +76,7 @@ def decode(
         In one line, where a file, an option or an output is not what it should be.
     """
     options, signals = options or DecodeOptions(), signals or SignalOptions()
-    check_table(out, "decoded angles")
-    if out is not None and str(out) == source:
-        raise OutputError(str(out), limit="is the source itself", remedy="name another file")
+    check_table(out, "a table of angles", source, force=force)
     if options.follow and not source.endswith(JOURNAL):
         raise SpecError("--follow", value=source, limit=f"is for the {JOURNAL} of a run", remedy="leave it out")
     known = load(calibration)

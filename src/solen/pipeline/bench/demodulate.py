@@ -7,7 +7,7 @@ from cyclopts import Parameter
 
 from solen import files
 from solen.analysis.demodulation import Demodulation, DemodulationOptions, demodulated, readings_csv
-from solen.pipeline.options import FLAT, Sheet
+from solen.pipeline.options import FLAT, Force, Sheet
 from solen.pipeline.outputs import check_table, drawn, named
 from solen.recording import read
 from solen.report.options import FigureOptions
@@ -23,6 +23,7 @@ def demodulate(
     options: Annotated[DemodulationOptions, FLAT] = DemodulationOptions(),
     sheet: Sheet = None,
     out: Table = None,
+    force: Force = False,
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
 ) -> Outcome[Demodulation]:
     """Subtract ambient light from a recording of switched emitters: on minus off, with its uncertainty.
@@ -38,7 +39,7 @@ def demodulate(
         In one line, where the file, an option or an output is not what it should be.
     """
     figure.check()
-    check_table(out, "readings")
+    check_table(out, "a table of readings", file, force=force)
     recording = read(file, sheet=sheet)
     result = demodulated(recording, options)
     contents = drawn(result, figure, "demodulation")

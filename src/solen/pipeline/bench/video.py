@@ -7,7 +7,7 @@ from cyclopts import Parameter
 
 from solen import files
 from solen.bench.video import VideoMotion, VideoOptions, motion_of
-from solen.pipeline.options import FLAT
+from solen.pipeline.options import FLAT, Force
 from solen.pipeline.outputs import check_table, named
 from solen.results import Outcome
 
@@ -15,7 +15,7 @@ Log = Annotated[Path | None, Parameter(name="--out", help="Write the angle over 
 
 
 def video(
-    file: Path, /, *, options: Annotated[VideoOptions, FLAT] = VideoOptions(), out: Log = None
+    file: Path, /, *, options: Annotated[VideoOptions, FLAT] = VideoOptions(), out: Log = None, force: Force = False
 ) -> Outcome[VideoMotion]:
     """Read an angle from a video of an ArUco or AprilTag marker that turns, as a motion log for solen bench analyse.
 
@@ -29,7 +29,7 @@ def video(
     DataError, SpecError, OutputError
         In one line, where the file, an option or an output is not what it should be.
     """
-    check_table(out, "angles")
+    check_table(out, "a motion log", file, force=force)
     motion = motion_of(file, options)
     if out is not None:
         files.write_all({out: motion.csv.encode("utf-8")})

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from solen.pipeline.design.designs import open_design
 from solen.pipeline.options import FLAT, Set
-from solen.pipeline.outputs import write
+from solen.pipeline.outputs import check_ending, write
 from solen.report.options import FigureOptions
 from solen.results import Outcome
 from solen.sensor import Check, LensCheck, LensOptions, Sensor, lens_check
@@ -43,6 +43,7 @@ def lens(
         Write the profile as a table of x and z in mm.
     """
     figure.check()
+    check_ending(csv, "a profile", ".csv")
     sensor = Sensor.of(open_design(file, set_))
     table = {"profile": (csv, lambda: sensor.lens.table(options.tolerance_mm).encode())}
     return write(lens_check(sensor), "lens", None, table, figure=figure)
