@@ -1,13 +1,15 @@
 """Lenses whose walls are not upright: a line focus in space, and one profile for each layer."""
 
+import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from solen.errors import DesignError, SpecError
+from solen.errors import DataError, DesignError, SpecError
 from solen.interface import refracted
-from solen.lens import LayeredLens, LineFocusLens, OvalLens, lens_of
+from solen.lens import GivenLayers, LayeredLens, LineFocusLens, OvalLens, Profiles, layers_text, lens_of, read_layers
 from solen.plane import unit
 from solen.spec import Design, with_values
 
@@ -87,7 +89,7 @@ def test_layers_of_a_printer() -> None:
     assert lens.deepest_mm == pytest.approx(1.811, abs=1e-3)
     assert lens.edge_depth_at_top_mm == pytest.approx(1.168, abs=6e-3)  # of the last layer's middle
     assert lens.widest_ledge_um < 10.5
-    assert LayeredLens(**PAPER, layer_mm=0.03).edges_mm[-2:] == pytest.approx([1.99, 2.0])
+    assert LayeredLens(**PAPER, layer_mm=0.03).edges_mm[:2] == pytest.approx([-2.0, -1.99])
 
 
 def test_the_nearest_focus_that_keeps_light() -> None:
@@ -148,4 +150,45 @@ def test_keys_that_mean_nothing_are_refused(values: dict[str, object], words: tu
     design = with_values(Design(name="a", material={"index": 1.44}), {"emitter.pattern": "lambertian"})
     with pytest.raises(SpecError) as refusal:
         with_values(design, values)
+    assert all(word in str(refusal.value) for word in words)
+
+
+def given(folder: Path, **changes: object) -> Path:
+    """A file of the layers of a lens, with what is changed in it."""
+    lens = LayeredLens(**PAPER, layer_mm=0.5)
+    text = layers_text(Profiles("a print", 2.0, lens.edges_mm, lens.profiles[0] + 0.01, simulated=True))
+    path = folder / "layers.json"
+    path.write_text(json.dumps(json.loads(text) | changes))
+    return path
+
+
+def test_given_layers_are_read_and_take_the_place_of_a_lens_own(tmp_path: Path) -> None:
+    values = {"emitter.pattern": "lambertian", "trace.dimension": "extruded", "lens.shape": "layered"}
+    design = with_values(Design(name="a", material={"index": 1.44}), values | {"lens.profile": str(given(tmp_path))})
+    lens, own = lens_of(design, 1.44), LayeredLens(**PAPER, layer_mm=0.5)
+    assert isinstance(lens, GivenLayers)
+    assert lens.simulated
+    y = np.full_like(X, 1.2)
+    assert lens.z_at(X, y) == pytest.approx(own.z_at(X, y) + 0.01, abs=1e-8)
+    assert lens.slope_at(X, y) == pytest.approx(own.slope_at(X, y), abs=1e-5)
+    assert (lens.nearest_mm, lens.face.first) == pytest.approx((0.01, 0.01))
+    assert read_layers(given(tmp_path)).edges_mm == pytest.approx(own.edges_mm)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"solen": "something else"}, ("layers of a lens", "print predict")),
+        ({"schema": 9}, ("schema", "9")),
+        ({"edges_mm": [-2.0, 2.0]}, ("edges_mm", "8 rows")),
+        ({"z_mm": [[0.0, 1.0], [0.0]]}, ("z_mm", "rows")),
+        ({"half_width_mm": 1.0}, ("lens.half_width_mm", "1 mm")),
+        ({"colour": "red"}, ("colour",)),
+    ],
+)
+def test_given_layers_that_are_none_are_refused(
+    changes: dict[str, object], words: tuple[str, ...], tmp_path: Path
+) -> None:
+    with pytest.raises(DataError) as refusal:
+        GivenLayers(**PAPER, layer_mm=0.5, given=read_layers(given(tmp_path, **changes)))
     assert all(word in str(refusal.value) for word in words)

@@ -10,6 +10,7 @@ from solen.fabricate.bspline import Bspline, primitives
 from solen.fabricate.comsol import as_comsol
 from solen.fabricate.dxf import as_dxf
 from solen.fabricate.export import FORMATS, USUAL, Export, ExportedSolid, exported_solid
+from solen.fabricate.faced import cut_for
 from solen.fabricate.label import Label, label_of
 from solen.fabricate.mesh import Mesh, mesh_of
 from solen.fabricate.meshfiles import MESH_WRITERS, as_glb, as_stl, as_threemf
@@ -38,6 +39,7 @@ __all__ = [
     "as_stl",
     "as_svg",
     "as_threemf",
+    "cut_for",
     "exported_solid",
     "label_of",
     "mesh_of",

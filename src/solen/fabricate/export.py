@@ -38,6 +38,11 @@ class Export:
         """The printed part: the body extruded by its thickness, with its seats."""
         return sensor_part(self.design, self.body)
 
+    @property
+    def outline(self) -> Body:
+        """The body of one outline for all heights, which drawings hold; `DesignError` where there is none."""
+        return self.body.upright('export --step or a mesh, or draw its middle section: lens.shape = "cartesian-oval"')
+
     @cached_property
     def mesh(self) -> Mesh:
         """The part as triangles."""
@@ -69,9 +74,9 @@ def _of_mesh(kind: str) -> Format:
 FORMATS: dict[str, Format] = {
     "step": Format(".step", lambda export: as_step(export.part, export.label), check_kernel),
     **{kind: _of_mesh(kind) for kind in MESH_WRITERS},
-    "dxf": Format(".dxf", lambda export: as_dxf(export.body, export.label), check_writer, flat=True),
-    "comsol": Format("-comsol.txt", lambda export: as_comsol(export.body, export.label), flat=True),
-    "svg": Format(".svg", lambda export: as_svg(export.body, export.label), flat=True),
+    "dxf": Format(".dxf", lambda export: as_dxf(export.outline, export.label), check_writer, flat=True),
+    "comsol": Format("-comsol.txt", lambda export: as_comsol(export.outline, export.label), flat=True),
+    "svg": Format(".svg", lambda export: as_svg(export.outline, export.label), flat=True),
 }
 USUAL = ("stl", "3mf")
 """Formats where none is asked for: what a printer's program takes."""
@@ -113,7 +118,7 @@ class ExportedSolid(Result):
     name, sha256
         Name and checksum of the design.
     thickness_mm, area_mm2, volume_mm3
-        Thickness of the part, area and volume within its exact curves.
+        Thickness of the part, area (of the middle section) and volume within its exact curves.
     pieces, faces
         Number of separate pieces, and names of the faces.
     seats
@@ -149,9 +154,9 @@ def exported_solid(export: Export, formats: Sequence[str], layers: LayeredPrint 
         name=export.design.name,
         sha256=export.label.sha256,
         thickness_mm=export.design.body.thickness_mm,
-        area_mm2=sum(prism.area_mm2 for prism in part.prisms),
+        area_mm2=area_mm2(export.body.outlines),
         volume_mm3=part.volume_mm3,
-        pieces=_pieces(part),
+        pieces=_pieces(export.body),
         faces=tuple(face.name for face in export.body.all_faces),
         seats=tuple(Seat(cut.name, cut.volume_mm3) for cut in part.cuts),
         mesh=MeshSize.of(export.mesh, part) if meshed else None,
@@ -160,9 +165,9 @@ def exported_solid(export: Export, formats: Sequence[str], layers: LayeredPrint 
     )
 
 
-def _pieces(part: Part) -> int:
+def _pieces(body: Body) -> int:
     """Number of outlines that are not holes."""
-    return sum(area_mm2([outline]) > 0.0 for prism in part.prisms for outline in prism.outlines)
+    return sum(area_mm2([outline]) > 0.0 for outline in body.outlines)
 
 
 def _warnings(export: Export, formats: Sequence[str]) -> list[Caution]:
@@ -171,7 +176,7 @@ def _warnings(export: Export, formats: Sequence[str]) -> list[Caution]:
         warnings.append(
             look_at('the lens is as it was measured; set lens.shape = "cartesian-oval" for the one to print')
         )
-    if (pieces := _pieces(export.part)) > 1:
+    if (pieces := _pieces(export.body)) > 1:
         warnings.append(look_at(f"the outlines make {pieces} pieces, and nothing holds them together"))
     if export.body.apart:
         names = ", ".join(face.name for face in export.body.apart)

@@ -15,6 +15,7 @@ import numpy as np
 
 from solen.arrays import FloatArray, IntArray
 from solen.errors import DesignError, SpecError
+from solen.fabricate.faced import FacedPart
 from solen.fabricate.part import Part, Prism
 
 if TYPE_CHECKING:
@@ -105,6 +106,8 @@ def mesh_of(part: Part, tolerance_mm: float) -> Mesh:
         limit = f"must be from {finest_mm:g} to {COARSEST_MM:g} mm for this part"
         raise SpecError("--tolerance-mm", value=tolerance_mm, limit=limit)
     solid = _joined([_manifold(prism, tolerance_mm, weld_mm) for prism in part.prisms])
+    if isinstance(part, FacedPart):
+        solid -= _of_triangles(*part.hollow.surface(tolerance_mm), part.name)
     for cut in part.cuts:
         solid -= _manifold(cut.tool, tolerance_mm, weld_mm)
     return closed_mesh(solid.simplify(weld_mm), tolerance_mm, part.name)
@@ -125,22 +128,25 @@ def _weld_mm(part: Part) -> float:
 
 
 def _joined(solids: "list[Manifold]") -> "Manifold":
-    first, *others = solids
-    for other in others:
-        first += other
-    return first
+    from manifold3d import Manifold, OpType
+
+    return Manifold.batch_boolean(solids, OpType.Add) if len(solids) > 1 else solids[0]
 
 
 def _manifold(prism: Prism, tolerance_mm: float, weld_mm: float) -> "Manifold":
     """Solid of a prism as manifold3d holds it."""
-    from manifold3d import Error, Manifold, Mesh64
-
     rings = [_welded(ring, weld_mm) for ring in prism.rings(tolerance_mm - weld_mm)]
     _check_apart(prism, rings, tolerance_mm)
-    vertices, triangles = _prism_surface(rings, prism.from_mm, prism.to_mm)
+    return _of_triangles(*_prism_surface(rings, prism.from_mm, prism.to_mm), prism.name)
+
+
+def _of_triangles(vertices: FloatArray, triangles: IntArray, name: str) -> "Manifold":
+    """Solid of closed triangles as manifold3d holds it."""
+    from manifold3d import Error, Manifold, Mesh64
+
     solid = Manifold(Mesh64(vertices, triangles.astype(np.uint64)))
     if solid.status() != Error.NoError:
-        raise DesignError(prism.name, value=solid.status().name, limit="its surface is not closed")
+        raise DesignError(name, value=solid.status().name, limit="its surface is not closed")
     return solid
 
 

@@ -19,6 +19,7 @@ from scipy.optimize import brentq
 
 from solen.curve import Arc, Curve, Segment
 from solen.errors import DataError, DesignError
+from solen.fabricate.faced import faced_part
 from solen.fabricate.part import Cut, Part, Prism, sensor_prism
 from solen.geometry import Body, Face
 from solen.parts import ReceiverPart, library_part, load_part
@@ -63,8 +64,10 @@ def sensor_part(design: Design, body: Body) -> Part:
     DesignError
         Where the body cannot be built, or a seat does not fit.
     """
-    prism = sensor_prism(body, design.body.thickness_mm)
-    return Part(design.name, (prism,), (*_pockets(design, body), *_slots(design, body), *_mark(design, body)))
+    cuts = (*_pockets(design, body), *_slots(design, body), *_mark(design, body))
+    if body.front is not None:
+        return faced_part(design.name, body, design.body.thickness_mm, cuts)
+    return Part(design.name, (sensor_prism(body, design.body.thickness_mm),), cuts)
 
 
 def _pockets(design: Design, body: Body) -> list[Cut]:
@@ -161,6 +164,7 @@ def _polygon(corners: Sequence[Point]) -> tuple[Face, ...]:
 
 def _through_lens(design: Design, body: Body, half_mm: float) -> tuple[tuple[Face, ...], tuple[Face, ...]]:
     """Outlines of the emitter's slot: of the tool, and of the removed volume, bounded by the lens."""
+    body.upright('leave the emitter out of fabricate.slots, or set lens.shape = "cartesian-oval"')
     lens = [face for face in body.faces if face.part == "lens"]
     if design.body.lens_is_drawn or not lens:
         raise DesignError("fabricate.slots", value="emitter", limit="is only cut into a Y", remedy="leave it out")

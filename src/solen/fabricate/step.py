@@ -3,22 +3,28 @@
 Every curve of an outline becomes one edge, or one for each primitive of it (`solen.fabricate.bspline`): lines, arcs and
 B-splines in the plane of the build plate, with a corner shared exactly by its two edges. Extruded they are planes,
 cylinders and surfaces of extrusion, so a CAD program gets the curves themselves and no facets. Faces carry the names of
-the body's faces, ``top`` and ``bottom``; those that a cut leaves carry its name.
+the body's faces, ``top`` and ``bottom``; those that a cut leaves carry its name. A part of layers is a solid for each
+of them; the smooth face of a lens that differs by height is one B-spline surface.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import numpy as np
+
+from solen.arrays import FloatArray
 from solen.curve import Segment
 from solen.errors import DesignError, OutputError
 from solen.extras import need
 from solen.fabricate.bspline import Bspline, Primitive, primitives
+from solen.fabricate.faced import BEFORE_MM, FacedPart, Hollow, StackedPart
 from solen.fabricate.label import WRITER, Label, ascii_of
-from solen.fabricate.part import Part, Prism
+from solen.fabricate.part import Cut, Part, Prism
 from solen.geometry import Face
 from solen.plane import Point
 
@@ -56,18 +62,20 @@ def _solid(part: Part) -> tuple[Any, Named]:
     from OCP.BRepAlgoAPI import BRepAlgoAPI_Cut, BRepAlgoAPI_Fuse
     from OCP.BRepCheck import BRepCheck_Analyzer
 
+    if isinstance(part, StackedPart):
+        return _stack(part)
     solid, named = _prism(part.prisms[0], part.prisms[0].name)
     operations = [(BRepAlgoAPI_Fuse, prism, "") for prism in part.prisms[1:]]
     operations += [(BRepAlgoAPI_Cut, cut.tool, cut.name) for cut in part.cuts]
-    for operation, prism, name in operations:
-        tool, tool_named = _prism(prism, prism.name)
-        if name:
-            tool_named = [(face, name) for face, _ in tool_named]
+    tools = [(operation, *_prism(prism, prism.name, name), prism.name) for operation, prism, name in operations]
+    if isinstance(part, FacedPart):
+        tools.append((BRepAlgoAPI_Cut, *_hollow(part.hollow), "lens"))
+    for operation, tool, tool_named, name in tools:
         done = operation(solid, tool)
         if not done.IsDone():
-            raise _no_solid(part, prism.name)
+            raise _no_solid(part, name)
         solid = done.Shape()
-        named = [(after, name) for face, name in (*named, *tool_named) for after in _after(done, face)]
+        named = [(after, of) for face, of in (*named, *tool_named) for after in _after(done, face)]
     if not BRepCheck_Analyzer(solid).IsValid():
         raise _no_solid(part, "its faces")
     return solid, named
@@ -86,12 +94,55 @@ def _after(operation: Any, face: Any) -> list[Any]:
     return changed or [face]
 
 
-def _prism(prism: Prism, name: str) -> tuple[Any, Named]:
-    """A prism as one or several solids, with the names of its faces."""
-    from OCP.BRep import BRep_Builder
+def _stack(part: StackedPart) -> tuple[Any, Named]:
+    """Layers as solids of their own, less what is cut from each."""
+    solids, named = [], []
+    for prism in part.prisms:
+        cuts = tuple(cut for cut in part.cuts if prism.from_mm < cut.tool.to_mm and cut.tool.from_mm < prism.to_mm)
+        solid, faces = _solid(Part(prism.name, (prism,), tuple(_within(cut, prism) for cut in cuts)))
+        solids.append(solid)
+        named += faces
+    return _together(solids), named
+
+
+def _within(cut: Cut, prism: Prism) -> Cut:
+    """A cut as far as it lies within the height of a layer."""
+    low, high = max(cut.takes.from_mm, prism.from_mm), min(cut.takes.to_mm, prism.to_mm)
+    return replace(cut, takes=replace(cut.takes, from_mm=low, to_mm=high))
+
+
+def _hollow(hollow: Hollow) -> tuple[Any, Named]:
+    """What lies before a smooth face: its surface, drawn towards the emitter."""
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
     from OCP.BRepPrimAPI import BRepPrimAPI_MakePrism
     from OCP.gp import gp_Vec
-    from OCP.TopoDS import TopoDS_Compound
+
+    face = BRepBuilderAPI_MakeFace(_surface(*hollow.fitted()), 1e-7).Face()
+    drawn = BRepPrimAPI_MakePrism(face, gp_Vec(0.0, -(hollow.lens.deepest_mm - hollow.front_mm + BEFORE_MM), 0.0))
+    if not drawn.IsDone():
+        raise DesignError("lens", limit="the CAD kernel cannot extrude its face", remedy="export a mesh")
+    return drawn.Shape(), [(drawn.FirstShape(), "lens")]
+
+
+def _surface(control: FloatArray, *knots: FloatArray) -> Any:
+    """B-spline surface of the kernel."""
+    from OCP.collections import Array2_gp_Pnt
+    from OCP.Geom import Geom_BSplineSurface
+    from OCP.gp import gp_Pnt
+
+    rows, columns = control.shape[:2]
+    points = Array2_gp_Pnt(1, rows, 1, columns)
+    for i in range(rows):
+        for j in range(columns):
+            points.SetValue(i + 1, j + 1, gp_Pnt(*control[i, j].tolist()))
+    (u, u_counts), (v, v_counts) = (_knots(*np.unique(vector, return_counts=True)) for vector in knots)
+    return Geom_BSplineSurface(points, u, v, u_counts, v_counts, 3, 3, False, False)
+
+
+def _prism(prism: Prism, name: str, all_named: str = "") -> tuple[Any, Named]:
+    """A prism as one or several solids, with the names of its faces, or one for all of them."""
+    from OCP.BRepPrimAPI import BRepPrimAPI_MakePrism
+    from OCP.gp import gp_Vec
 
     named: Named = []
     solids = []
@@ -103,13 +154,20 @@ def _prism(prism: Prism, name: str) -> tuple[Any, Named]:
         solids.append(drawn.Shape())
         named += [(drawn.FirstShape(), "bottom"), (drawn.LastShape(), "top")]
         named += [(side, edge_name) for edge, edge_name in edges for side in drawn.Generated(edge)]
-    if len(solids) == 1:
-        return solids[0], named
+    named = [(face, all_named or own) for face, own in named]
+    return (solids[0] if len(solids) == 1 else _together(solids)), named
+
+
+def _together(solids: list[Any]) -> Any:
+    """Several solids as one shape."""
+    from OCP.BRep import BRep_Builder
+    from OCP.TopoDS import TopoDS_Compound
+
     several, builder = TopoDS_Compound(), BRep_Builder()
     builder.MakeCompound(several)
     for solid in solids:
         builder.Add(several, solid)
-    return several, named
+    return several
 
 
 def _regions(prism: Prism) -> list[list[tuple[Face, ...]]]:
@@ -189,17 +247,25 @@ def _curve(piece: Primitive, height_mm: float) -> tuple[Any, float]:
 
 
 def _bspline(piece: Bspline, height_mm: float) -> Any:
-    from OCP.collections import Array1_double, Array1_gp_Pnt, Array1_int
+    from OCP.collections import Array1_gp_Pnt
     from OCP.Geom import Geom_BSplineCurve
 
     points = Array1_gp_Pnt(1, len(piece.points))
     for i, point in enumerate(piece.points, start=1):
         points.SetValue(i, _point(point, height_mm))
-    knots, counts = Array1_double(1, len(piece.knots)), Array1_int(1, len(piece.knots))
-    for i, (knot, count) in enumerate(zip(piece.knots, piece.multiplicities, strict=True), start=1):
+    return Geom_BSplineCurve(points, *_knots(piece.knots, piece.multiplicities), piece.degree)
+
+
+def _knots(values: Iterable[float], multiplicities: Iterable[int]) -> tuple[Any, Any]:
+    """Knots of the kernel, and how often each counts."""
+    from OCP.collections import Array1_double, Array1_int
+
+    both = [(float(knot), int(count)) for knot, count in zip(values, multiplicities, strict=True)]
+    knots, counts = Array1_double(1, len(both)), Array1_int(1, len(both))
+    for i, (knot, count) in enumerate(both, start=1):
         knots.SetValue(i, knot)
         counts.SetValue(i, count)
-    return Geom_BSplineCurve(points, knots, counts, piece.degree)
+    return knots, counts
 
 
 def _written(solid: Any, named: Named, label: Label) -> bytes:

@@ -5,6 +5,7 @@ from solen.geometry.body import Body, Face, Front, Pose, material
 from solen.geometry.kinds import BODY_KINDS, BodyKind, body_of, drawn_kind
 from solen.geometry.mirror import are_mirrored
 from solen.geometry.outline import outline_body
+from solen.geometry.sections import fronted, section
 from solen.geometry.y import arm_angle_deg, y_body
 
 __all__ = [
@@ -20,7 +21,9 @@ __all__ = [
     "bent",
     "body_of",
     "drawn_kind",
+    "fronted",
     "material",
     "outline_body",
+    "section",
     "y_body",
 ]

@@ -99,7 +99,7 @@ class Body:
     embedded: bool = False
     front: Front | None = None
 
-    def upright(self) -> "Body":
+    def upright(self, remedy: str = 'set lens.shape = "cartesian-oval"') -> "Body":
         """The body itself; `DesignError` where its lens is no cylinder, so that one outline does not describe it."""
         if self.front is None:
             return self
@@ -107,7 +107,7 @@ class Body:
             "lens.shape",
             value=self.front.lens.shape,
             limit="a lens that differs by height: one outline for all heights does not describe this body",
-            remedy='set lens.shape = "cartesian-oval"',
+            remedy=remedy,
         )
 
     @property

@@ -2,6 +2,7 @@
 
 from solen.lens.build import lens_of, measured_lens
 from solen.lens.fitted_profile import FittedProfile
+from solen.lens.given_layers import GivenLayers, Profiles, layers_text, read_layers
 from solen.lens.in_space import LensInSpace
 from solen.lens.layered import LayeredLens
 from solen.lens.line_focus import LineFocusLens
@@ -12,6 +13,7 @@ from solen.lens.profile import MeasuredProfile, profile_of, profile_text, read_p
 __all__ = [
     "FittedProfile",
     "FlatFace",
+    "GivenLayers",
     "LayeredLens",
     "Lens",
     "LensInSpace",
@@ -19,11 +21,14 @@ __all__ = [
     "MeasuredLens",
     "MeasuredProfile",
     "OvalLens",
+    "Profiles",
+    "layers_text",
     "lens_of",
     "measured_lens",
     "nearest_focus_mm",
     "profile_of",
     "profile_text",
+    "read_layers",
     "read_profile",
     "tangency",
 ]

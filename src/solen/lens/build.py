@@ -1,11 +1,14 @@
 """The lens of a design."""
 
 import hashlib
+from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
+from typing import TypeVar, cast
 
 from solen.errors import DataError, DesignError
 from solen.lens.fitted_profile import FittedProfile
+from solen.lens.given_layers import GivenLayers, read_layers
 from solen.lens.in_space import LensInSpace
 from solen.lens.layered import LayeredLens
 from solen.lens.line_focus import LineFocusLens
@@ -14,6 +17,7 @@ from solen.lens.optics import FlatFace, Lens, OvalLens
 from solen.lens.profile import MeasuredProfile, read_profile
 from solen.spec import Design
 
+T = TypeVar("T")
 DEFAULT_LAYER_MM = 0.025
 """Height of a layer where the design states none: that of the paper's printer."""
 
@@ -36,13 +40,17 @@ def lens_of(design: Design, index: float) -> Lens:
     oval = OvalLens(distance_mm, spec.focus_mm, spec.half_width_mm, spec.design_index or index)
     if design.profile_file is None or spec.shape != "measured":
         return oval
-    return measured_lens(oval, _profile(design.profile_file))
+    return measured_lens(oval, _of_file(design.profile_file, read_profile))
 
 
 def _in_space(design: Design, index: float) -> LensInSpace:
     """Lens whose walls are not upright."""
     spec, thickness_mm = design.lens, design.body.thickness_mm
     cut = (design.emitter.distance_mm, spec.focus_mm, spec.half_width_mm, index)
+    if spec.shape == "layered" and design.profile_file is not None:
+        given = _of_file(design.profile_file, read_layers)
+        layer_mm = thickness_mm / len(given.z_mm)
+        return GivenLayers(*cut, thickness_mm=thickness_mm, layer_mm=layer_mm, given=given)
     if spec.shape == "layered":
         return _layered(*cut, thickness_mm, DEFAULT_LAYER_MM if spec.layer_mm is None else spec.layer_mm)
     return _line_focus(*cut, thickness_mm, "body" if spec.y_focus_mm is None else spec.y_focus_mm)
@@ -75,18 +83,18 @@ def measured_lens(designed: OvalLens, profile: MeasuredProfile) -> MeasuredLens:
     return MeasuredLens(FittedProfile(designed, profile))
 
 
-def _profile(path: Path) -> MeasuredProfile:
-    """Profile of a file, read once as long as the file stays the same."""
+def _of_file(path: Path, read: Callable[[Path], T]) -> T:
+    """What a profile's file holds, read once as long as the file stays the same."""
     try:
         stamp = hashlib.sha256(path.read_bytes()).hexdigest()
     except (OSError, ValueError):
-        return read_profile(path)  # which tells why
-    return _read(path, stamp)
+        return read(path)  # which tells why
+    return cast("T", _read(path, stamp, read))
 
 
 @lru_cache(maxsize=32)
-def _read(path: Path, stamp: str) -> MeasuredProfile:  # noqa: ARG001  the stamp tells files apart
+def _read(path: Path, stamp: str, read: Callable[[Path], object]) -> object:  # noqa: ARG001  the stamp tells files apart
     try:
-        return read_profile(path)
+        return read(path)
     except DataError as bad:
         raise DataError(f"lens.profile: {bad.what}", value=bad.value, limit=bad.limit, remedy=bad.remedy) from None

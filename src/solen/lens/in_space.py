@@ -16,13 +16,15 @@ from typing import NamedTuple
 import numpy as np
 
 from solen.arrays import FloatArray
-from solen.curve import check_range
+from solen.curve import Spline, check_range, fitted
 from solen.errors import DesignError
 from solen.lens.optics import OvalLens
 from solen.results import reported
 
 PLACES_ACROSS, PLACES_UP = 65, 33
 """Places, across half the aperture and over half the height, at which a surface is checked."""
+SECTION_MM = 1e-6
+"""How far the curve of a section may be from the face."""
 NEAREST = 0.9
 """Share of the emitter's distance by which the face may approach it."""
 
@@ -43,6 +45,8 @@ class Face(NamedTuple):
     half_height: float
     base: float
     """Depth z behind which the body is a prism"""
+    first: float
+    """Least z of the face"""
     deepest: float
     edges: FloatArray
     profiles: FloatArray
@@ -70,10 +74,26 @@ class LensInSpace(OvalLens):
     def z_at(self, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
         """Face z(x, y) at lateral positions and heights of the same shape; NaN where there is none."""
 
+    @abstractmethod
+    def slope_at(self, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
+        """dz/dx of the face at lateral positions and heights of the same shape."""
+
     @property
     @abstractmethod
     def face(self) -> Face:
         """The face in numbers."""
+
+    def section(self, y_mm: float) -> Spline:
+        """The face at one height, from its left edge to its right one, within `SECTION_MM`."""
+
+        def place(x: FloatArray) -> FloatArray:
+            return np.column_stack([x, self.z_at(x, np.full_like(x, y_mm))])
+
+        def velocity(x: FloatArray) -> FloatArray:
+            return np.column_stack([np.ones_like(x), self.slope_at(x, np.full_like(x, y_mm))])
+
+        half = self.half_width_mm
+        return fitted(place, velocity, SECTION_MM, (-half, -0.5 * half, 0.0, 0.5 * half, half))
 
     @property
     def middle(self) -> OvalLens:

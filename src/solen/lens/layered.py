@@ -36,7 +36,8 @@ class LayeredLens(LensInSpace):
     Parameters
     ----------
     layer_mm
-        Height of a layer; they are counted from the bottom of the body, and the last one may be lower.
+        Height of a layer; they are counted from the face that lies on the build plate, y = half the thickness, and the
+        last one may be lower.
     """
 
     shape_name: ClassVar[str] = "layered"
@@ -66,10 +67,10 @@ class LayeredLens(LensInSpace):
 
     @cached_property
     def edges_mm(self) -> FloatArray:
-        """Heights (L + 1,) of the borders between layers, bottom and top of the body included."""
+        """Heights y (L + 1,) of the borders between layers, both faces of the body included, ascending."""
         whole = round(self.thickness_mm / self.layer_mm, 9)
-        borders = self.layer_mm * np.arange(math.ceil(whole)) - self.half_height_mm
-        return np.append(borders, self.half_height_mm)
+        borders = self.half_height_mm - self.layer_mm * np.arange(math.ceil(whole))
+        return np.append(-self.half_height_mm, borders[::-1])
 
     @property
     def middles_mm(self) -> FloatArray:
@@ -101,24 +102,40 @@ class LayeredLens(LensInSpace):
     def z_at(self, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
         """See :meth:`solen.lens.in_space.LensInSpace.z_at`: of the layer that a height lies in."""
         x, y = np.broadcast_arrays(np.abs(x_mm), y_mm)
-        layer = np.clip(np.searchsorted(self.edges_mm, y, side="right") - 1, 0, self.layers - 1).astype(np.int64)
-        return self.profile_mm(layer, x)
+        return self.profile_mm(self.layer_at(y), x)
+
+    def slope_at(self, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
+        """See :meth:`solen.lens.in_space.LensInSpace.slope_at`."""
+        x, y = np.broadcast_arrays(x_mm, y_mm)
+        a, b, p, q, t = self._cell(self.layer_at(y), x)
+        step = self.half_width_mm / (self.profiles[0].shape[1] - 1)
+        return np.asarray(
+            np.sign(x) * (p + t * (6.0 * (b - a) - 4.0 * p - 2.0 * q + 3.0 * t * (2.0 * (a - b) + p + q))) / step
+        )
+
+    def layer_at(self, y_mm: FloatArray) -> IntArray:
+        """Numbers of the layers that heights lie in, by ascending y."""
+        return np.clip(np.searchsorted(self.edges_mm, y_mm, side="right") - 1, 0, self.layers - 1).astype(np.int64)
 
     def profile_mm(self, layer: IntArray | int, x_mm: FloatArray) -> FloatArray:
         """Depth z of layers by their numbers at lateral positions: cubics between places, off by 1e-9 mm at most."""
-        (z, slope), step = self.profiles, self.half_width_mm / (PLACES - 1)
-        at = np.abs(x_mm) / step
-        cell = np.minimum(at.astype(int), PLACES - 2)
-        t = at - cell
-        a, b = z[layer, cell], z[layer, cell + 1]
-        p, q = step * slope[layer, cell], step * slope[layer, cell + 1]
+        a, b, p, q, t = self._cell(layer, x_mm)
         return np.asarray(a + t * (p + t * (3.0 * (b - a) - 2.0 * p - q + t * (2.0 * (a - b) + p + q))))
+
+    def _cell(self, layer: IntArray | int, x_mm: FloatArray) -> tuple[FloatArray, ...]:
+        """Depths and slopes times the step at both ends of the stretch that positions lie in, and the share of it."""
+        z, slope = self.profiles
+        step = self.half_width_mm / (z.shape[1] - 1)
+        at = np.abs(x_mm) / step
+        cell = np.minimum(at.astype(int), z.shape[1] - 2)
+        ends = (z[layer, cell], z[layer, cell + 1], step * slope[layer, cell], step * slope[layer, cell + 1])
+        return *ends, np.asarray(at - cell)
 
     @property
     def face(self) -> Face:
         """See :attr:`solen.lens.in_space.LensInSpace.face`."""
         numbers = (self.distance_mm, self.focus_mm, self.design_index, math.inf)
-        sizes = (self.half_width_mm, self.half_height_mm, self.depth_mm, self.deepest_mm)
+        sizes = (self.half_width_mm, self.half_height_mm, self.depth_mm, self.nearest_mm, self.deepest_mm)
         return Face(*numbers, *sizes, self.edges_mm, *self.profiles)
 
 

@@ -21,7 +21,8 @@ from solen.errors import DesignError
 from solen.lens.in_space import Face, LensInSpace
 from solen.results import reported
 
-SCAN, HALVINGS = 64, 60
+SCAN, HALVINGS, STEPS = 64, 14, 5
+"""Places along z at which the face is sought, halvings of a stretch, and steps of Newton's method after them."""
 FARTHEST_MM, CLOSENESS_MM = 1e4, 1e-3
 """How far before the vertex a virtual focus is sought, and how closely."""
 END_MM = 1e-9
@@ -82,8 +83,17 @@ class LineFocusLens(LensInSpace):
             inside = self.residual_mm(x, y, middle) < 0.0
             low, high = np.where(inside, low, middle), np.where(inside, middle, high)
         z = 0.5 * (low + high)
+        for _ in range(STEPS):
+            z = np.clip(z - self.residual_mm(x, y, z) / self._gradient(x, y, z)[1], low, high)
         reached = np.abs(self.residual_mm(x, y, z)) < END_MM  # or else the length jumps there, at the virtual focus
         return np.where(behind.any(axis=-1) & reached & (self._faces(x, y, z) < 0.0), z, np.nan)
+
+    def slope_at(self, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
+        """See :meth:`solen.lens.in_space.LensInSpace.slope_at`: by the gradient of the optical length."""
+        x, y = np.broadcast_arrays(x_mm, y_mm)
+        z = self.z_at(x, y)
+        along_x, along_z = self._gradient(x, y, z)
+        return np.asarray(-along_x / along_z)
 
     def residual_mm(self, x: FloatArray, y: FloatArray, z: FloatArray) -> FloatArray:
         """Optical length from the emitter less that over the vertex: above 0 before the surface."""
@@ -113,7 +123,8 @@ class LineFocusLens(LensInSpace):
         half, nothing = self.half_height_mm, np.empty((0, 0))
         ring = self.focus_mm + self.y_focus_mm
         numbers = (self.distance_mm, self.focus_mm, self.design_index, ring, self.half_width_mm, half)
-        return Face(*numbers, self.depth_mm, self.deepest_mm, np.array([-half, half]), nothing, nothing)
+        ends = (self.depth_mm, self.nearest_mm, self.deepest_mm)
+        return Face(*numbers, *ends, np.array([-half, half]), nothing, nothing)
 
     @cached_property
     def _steepest(self) -> float:
@@ -136,13 +147,25 @@ class LineFocusLens(LensInSpace):
         """Derivative of the residual along the emitter's ray: below 0 where the surface faces the emitter."""
         from_line = np.hypot(x, self.focus_mm - z)
         from_emitter = np.sqrt(x * x + y * y + (z + self.distance_mm) ** 2)
-        by_line, by_y = np.ones_like(from_line), np.zeros_like(from_line)
-        if not math.isinf(self.y_focus_mm):
-            away = self.focus_mm + self.y_focus_mm - from_line
-            with np.errstate(invalid="ignore"):  # at the virtual focus itself there is no direction
-                by_line, by_y = away / np.hypot(away, y), -y / np.hypot(away, y)
+        by_line, by_y = self._by_line(from_line, y)
         onto = by_line * (x * x - (self.focus_mm - z) * (z + self.distance_mm)) / from_line + by_y * y
         return np.asarray(1.0 + self.design_index * onto / from_emitter)
+
+    def _gradient(self, x: FloatArray, y: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Derivatives of the residual by x and by z."""
+        from_line = np.hypot(x, self.focus_mm - z)
+        from_emitter = np.sqrt(x * x + y * y + (z + self.distance_mm) ** 2)
+        scale = self.design_index * self._by_line(from_line, y)[0] / from_line
+        along_z = (z + self.distance_mm) / from_emitter - scale * (self.focus_mm - z)
+        return np.asarray(x / from_emitter + scale * x), np.asarray(along_z)
+
+    def _by_line(self, from_line: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Derivatives of D by the distance from the focal line and by y."""
+        if math.isinf(self.y_focus_mm):
+            return np.ones_like(from_line), np.zeros_like(from_line)
+        away = self.focus_mm + self.y_focus_mm - from_line
+        with np.errstate(invalid="ignore"):  # at the virtual focus itself there is no direction
+            return away / np.hypot(away, y), -y / np.hypot(away, y)
 
 
 def _most(index: float) -> float:

@@ -16,7 +16,7 @@ def keys_without_effect(sensor: Sensor, mode: Mode | None = None) -> tuple[str, 
     """A sentence for each key that the design states and that has no effect in its dimension, or in a mode."""
     found = [] if sensor.design.trace.dimension == "extruded" else list(_in_the_plane(sensor))
     shape = sensor.design.lens.shape
-    if sensor.design.lens.profile is not None and shape != "measured":
+    if sensor.design.lens.profile is not None and shape not in ("measured", "layered"):
         found.append(f'lens.profile has no effect with lens.shape = "{shape}"; set lens.shape = "measured"')
     if mode == "count":
         found += _counting(sensor)

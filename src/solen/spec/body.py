@@ -120,7 +120,8 @@ class Lens(Strict):
     profile: Text | None = Field(
         None,
         description='Profile of the lens as it is, with shape = "measured": what solen print inspect writes, or a '
-        "table of x_mm, z_mm and u_mm, relative to the design file.",
+        'table of x_mm, z_mm and u_mm, relative to the design file. With shape = "layered" profiles of all layers, as '
+        "solen print predict writes them.",
     )
     focus_mm: Length = Field(20.0, description="Distance in mm from the vertex into the body where it focuses.")
     half_width_mm: Length = Field(2.0, description="Half the lens aperture in mm.")
@@ -133,6 +134,10 @@ class Lens(Strict):
     def _profile_of_a_measured_one(self) -> Self:
         if self.shape == "measured" and self.profile is None:
             raise refused("profile", 'missing: shape = "measured" needs it', remedy='add profile = "lens.json"')
+        if self.layer_mm is not None and self.profile is not None:
+            raise refused(
+                "layer_mm", "has no meaning with profile", value=self.layer_mm, remedy="leave one of them out"
+            )
         for key, shape in (("y_focus_mm", "line-focus"), ("layer_mm", "layered")):
             if getattr(self, key) is not None and self.shape != shape:
                 limit, remedy = f'has no meaning with shape = "{self.shape}"', f'set shape = "{shape}"'

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from solen.arrays import FloatArray
 from solen.errors import DataError
+from solen.fabricate.faced import lies_flat
 from solen.fabricate.label import Label, label_of
 from solen.fabricate.layers.orientation import orientation
 from solen.fabricate.layers.slicing import Slicing
@@ -48,6 +49,8 @@ class Printable:
         The resin in words, and its working curve where it has one.
     warnings
         About the file.
+    lies
+        How it must lie on the plate, in words; None where that is free.
     """
 
     solid: Solid
@@ -57,6 +60,7 @@ class Printable:
     material: str
     cure: Cure | None
     warnings: tuple[Caution, ...] = ()
+    lies: str | None = None
 
     def write_stl(self, path: Path) -> None:
         """Write its mesh as STL."""
@@ -77,7 +81,8 @@ def printable_design(design: Design, part: Part, path: Path, slicing: Slicing) -
         material, cure = f"not named (n = {design.material.index:g} in the design): give --resin", None
     source = Provenance(path.name, label.sha256, "design")
     placed = placed_mesh(mesh_of(part, MESH_MM), rotation)
-    return Printable(solid_of(part, rotation), placed, label, source, material, cure)
+    lies, warnings = lies_flat(part, rotation, slicing.layer_um)
+    return Printable(solid_of(part, rotation), placed, label, source, material, cure, tuple(warnings), lies)
 
 
 def printable_mesh(path: Path, slicing: Slicing) -> Printable:

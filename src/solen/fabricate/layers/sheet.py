@@ -41,8 +41,8 @@ class PrintSettings(Result):
         Version of this table, and the solen that wrote it.
     part, stl, stl_unit
         Name of the part, and of the STL that the program takes, already turned as it is to be printed.
-    material, printer, orientation
-        A description.
+    material, printer, orientation, lies
+        A description; how the part must lie, None where that is free.
     wavelength_nm, pixel_um, pixel_y_um
         Of the printer; sides of a pixel along X and Y.
     size_mm, copies
@@ -82,6 +82,7 @@ class PrintSettings(Result):
     pixel_um: float
     pixel_y_um: float
     orientation: str
+    lies: str | None
     size_mm: tuple[float, float, float]
     copies: int
     layer_um: float
@@ -111,8 +112,10 @@ class PrintSettings(Result):
     layer_received_mJ_per_cm2: tuple[float, ...] | None
 
 
-def print_settings(job: Job, *, name: str, stl: str, material: str, cure: Cure | None = None) -> PrintSettings:
-    """Settings of a job; ``cure`` is the working curve of the resin, where it has one and the process none."""
+def print_settings(
+    job: Job, *, name: str, stl: str, material: str, cure: Cure | None = None, lies: str | None = None
+) -> PrintSettings:
+    """Settings of a job; ``cure`` is the working curve of the resin, where the process has none."""
     slicing, printer, doses = job.slicing, job.printer, job.doses_mJ_per_cm2
     law, words = cure_law(job, cure)
     dose, burn_in_dose = (job.irradiance_mW_per_cm2 * time for time in (slicing.exposure_s, slicing.burn_in_s))
@@ -128,6 +131,7 @@ def print_settings(job: Job, *, name: str, stl: str, material: str, cure: Cure |
         pixel_um=1000.0 * printer.pitches_mm[0],
         pixel_y_um=1000.0 * printer.pitches_mm[1],
         orientation=described(slicing.orientation, slicing.rotate_deg),
+        lies=lies,
         size_mm=job.solid.size_mm,
         copies=slicing.copies,
         layer_um=slicing.layer_um,
@@ -204,6 +208,7 @@ def _settings(s: PrintSettings) -> list[tuple[str, str]]:
         ("Material", s.material),
         ("Printer", f"{s.printer}{light}, pixels of {sides} µm"),
         ("Orientation", s.orientation),
+        *([("It must lie", s.lies)] if s.lies else []),
         ("Copies", str(s.copies)),
         ("Layer (slice) thickness", f"{s.layer_um:g} µm"),
         *_exposures(s),

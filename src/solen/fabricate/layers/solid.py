@@ -15,10 +15,12 @@ from numpy.typing import NDArray
 
 from solen.arrays import FloatArray
 from solen.errors import DataError, DesignError
+from solen.fabricate.faced import FacedPart
 from solen.fabricate.layers.cut import Cutter, Shells
 from solen.fabricate.mesh import Mesh, mesh_of
 from solen.fabricate.part import Part, Prism
 from solen.fabricate.raster import rings_of
+from solen.geometry import section
 from solen.geometry.body import filled
 
 Rings = Sequence[FloatArray]
@@ -81,6 +83,37 @@ class Plan(Solid):
 
 
 @dataclass(frozen=True, eq=False)
+class Sections(Solid):
+    """A part with a smooth lens that differs by height, lying flat: sections of the exact face, made on demand."""
+
+    part: FacedPart
+    turn: FloatArray
+
+    @classmethod
+    def of(cls, part: FacedPart, turn: FloatArray) -> "Sections":
+        """Solid of a part that is turned about the plate's normal by a matrix (2, 2)."""
+        hollow, (blank,) = part.hollow, part.prisms
+        half, nearest = hollow.lens.half_width_mm, hollow.lens.nearest_mm
+        behind = [ring[ring[:, 1] >= nearest] for ring in blank.rings(PLAN_MM)]
+        points = np.vstack([*behind, [(-half, nearest), (half, nearest)]]) @ turn.T
+        corner, (x, y) = points.min(axis=0), np.ptp(points, axis=0).tolist()
+        cuts = [cut.takes for cut in part.cuts]
+        levels = {0.0, blank.to_mm} | {height for cut in cuts for height in (cut.from_mm, cut.to_mm)}
+        origin = (-float(corner[0]), -float(corner[1]))
+        return cls((x, y, blank.to_mm), origin, part.volume_mm3, tuple(sorted(levels)), part, turn)
+
+    def section(self, z_mm: float) -> tuple[int | None, Rings]:
+        """See `Solid.section`."""
+        hollow = self.part.hollow
+        if not 0.0 <= z_mm < self.size_mm[2]:
+            return None, []
+        outlines = section(hollow.body, hollow.lens.half_height_mm - z_mm).check().outlines
+        here = Prism("section", outlines, 0.0, self.size_mm[2])
+        tools = [cut.tool for cut in self.part.cuts if cut.tool.from_mm < z_mm < cut.tool.to_mm]
+        return None, [ring @ self.turn.T + self.origin_mm for ring in _rings([here], tools)]
+
+
+@dataclass(frozen=True, eq=False)
 class Exposures(Solid):
     """Pieces of one layer that are exposed in turn, each for its own time, without a lift in between.
 
@@ -123,6 +156,8 @@ def solid_of(part: Part, rotation: FloatArray, tolerance_mm: float = MESH_MM) ->
     DesignError, SpecError
         Where its mesh cannot be made.
     """
+    if rotation[2, 2] == 1.0 and isinstance(part, FacedPart):
+        return Sections.of(part, rotation[:2, :2])
     if rotation[2, 2] == 1.0:
         return _plan(part, rotation[:2, :2])
     return mesh_solid(mesh_of(part, tolerance_mm), rotation)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from solen import files
 from solen.arrays import Progress
-from solen.fabricate import FORMATS, USUAL, Export, ExportedSolid, exported_solid
+from solen.fabricate import FORMATS, USUAL, Export, ExportedSolid, cut_for, exported_solid
 from solen.fabricate.layers import Slicing, printable_design
 from solen.pipeline.design.designs import open_design
 from solen.pipeline.names import stem_of
@@ -59,8 +59,9 @@ def export(
     for kind in chosen:
         FORMATS[kind].needs()
     part = design if isinstance(design, Design) else open_design(design, assignments)
+    part = part if slicing is None else cut_for(part, slicing.layer_um)
     path = Path(f"{part.name}.toml") if isinstance(design, Design) else design
-    made = Export(part, Sensor.of(part).body().upright(), tolerance_mm)
+    made = Export(part, Sensor.of(part).body(), tolerance_mm)
     stem = stem_of(path)
     with files.output_folder(out):
         targets = with_figure({kind: out / f"{stem}{FORMATS[kind].ending}" for kind in chosen}, figure.figure)

@@ -116,10 +116,8 @@ def layers(
     if file.suffix.lower() != ".json":
         slicing = exposed_as_printed(slicing)
     if file.suffix.lower() == ".toml":
-        design = open_design(file, assignments)
-        part = printable_design(
-            design, fabricate.sensor_part(design, Sensor.of(design).body().upright()), file, slicing
-        )
+        design = fabricate.cut_for(open_design(file, assignments), slicing.layer_um)
+        part = printable_design(design, fabricate.sensor_part(design, Sensor.of(design).body()), file, slicing)
     elif assignments:
         raise SpecError("--set", value=assignments[0], limit="applies to a design only")
     elif file.suffix.lower() == ".json":

@@ -54,6 +54,7 @@ class Faced(NamedTuple):
     half_width: float
     half_height: float
     base: float
+    first: float
     deepest: float
     edges: Floats
     profiles: Floats
@@ -183,7 +184,7 @@ def closed_in(
 @compiled
 def stretch(f: Faced, at: Vector, d: Vector) -> tuple[float, float]:
     """Between which ways a ray may meet the face: up to where it leaves the aperture."""
-    start = max((-BEFORE_MM - at.z) / d.z, 0.0) if len(f.profiles) > 0 and d.z > 0.0 else 0.0
+    start = max((f.first - BEFORE_MM - at.z) / d.z, 0.0) if len(f.profiles) > 0 and d.z > 0.0 else 0.0
     end = ((f.deepest + BEYOND_MM) - at.z) / d.z if d.z > 0.0 else math.inf
     if d.x != 0.0:
         end = min(end, (math.copysign(f.half_width, d.x) - at.x) / d.x)

@@ -1,0 +1,219 @@
+"""Parts whose lens differs by height: a stack of layers, or a prism that a smooth face cuts.
+
+Heights y of a lens count from the middle of the body; the part stands on y = thickness / 2. A layered lens is a part of
+one prism for each layer. A smooth lens is a prism with a straight front, less what lies before the face: `Blank` is
+that prism, and `Hollow` the solid to be cut from it, as triangles or as a B-spline surface.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from scipy.interpolate import BSpline, make_interp_spline
+
+from solen.arrays import FloatArray, IntArray
+from solen.curve import Segment
+from solen.errors import DesignError, SpecError
+from solen.fabricate.bspline import FIT_TOLERANCE_MM
+from solen.fabricate.part import Cut, Part, Prism, sensor_prism
+from solen.geometry import Body, fronted, section
+from solen.geometry.measures import area_mm2
+from solen.lens import LayeredLens, LensInSpace
+from solen.lens.build import DEFAULT_LAYER_MM
+from solen.ranks import Caution, do_not_use, look_at, note
+from solen.spec import Design, with_values
+
+BEFORE_MM, BESIDE_MM = 0.2, 0.02
+"""How far the blank's front stands before the face, and the hollow beyond the body's sides and faces."""
+FEWEST, MOST = 16, 2048
+GAUSS = 12
+"""Heights at which the area of a smooth lens's sections is taken for its volume."""
+
+
+def cut_for(design: Design, layer_um: float) -> Design:
+    """A design whose layered lens has a profile for each of a printer's layers, where it states no other."""
+    lens = design.lens
+    if lens.shape != "layered" or lens.layer_mm is not None or lens.profile is not None:
+        return design
+    is_default = math.isclose(1e-3 * layer_um, DEFAULT_LAYER_MM)
+    return design if is_default else with_values(design, {"lens.layer_mm": round(1e-3 * layer_um, 9)})
+
+
+def lies_flat(part: Part, rotation: FloatArray, layer_um: float) -> tuple[str | None, list[Caution]]:
+    """How a part whose lens differs by height must lie, in words, and warnings where it does not; None for a prism."""
+    if not isinstance(part, StackedPart | FacedPart):
+        return None, []
+    words = "flat, the faces of the body parallel to the plate: each layer shows its own profile of the lens"
+    warnings = []
+    if rotation[2, 2] != 1.0:
+        limit = "the lens differs by height, and its layers must be parallel to the faces of the body"
+        warnings.append(do_not_use(f"{limit}: as it is turned here they cut across it; print it flat"))
+    if isinstance(part, StackedPart):
+        own_um = 1e3 * part.prisms[0].height_mm
+        say = note if math.isclose(own_um, layer_um, rel_tol=1e-6) else look_at
+        profiles = f"the lens has {len(part.prisms)} profiles, each {own_um:.4g} µm high"
+        warnings.append(say(f"{profiles}; the printer's layers are {layer_um:g} µm (lens.layer_mm)"))
+    return words, warnings
+
+
+def stacked(body: Body, lens: LayeredLens, thickness_mm: float) -> tuple[Prism, ...]:
+    """A prism for each layer of a lens, from the build plate up."""
+    heights = 0.5 * thickness_mm - lens.edges_mm[::-1]
+    layers = zip(pairwise(heights.tolist()), lens.middles_mm[::-1].tolist(), strict=True)
+    return tuple(
+        Prism(f"layer-{i}", section(body, y).check().outlines, low, high)
+        for i, ((low, high), y) in enumerate(layers, start=1)
+    )
+
+
+@dataclass(frozen=True)
+class Hollow:
+    """What lies before a smooth face, as far as a blank reaches."""
+
+    lens: LensInSpace
+    body: Body
+
+    @property
+    def front_mm(self) -> float:
+        """Depth z of the blank's straight front."""
+        return self.lens.nearest_mm - BEFORE_MM
+
+    @property
+    def _halves(self) -> tuple[float, float]:
+        return self.lens.half_width_mm, self.lens.half_height_mm
+
+    def blank(self) -> Body:
+        """The body with a straight front, upright."""
+        half, z = self.lens.half_width_mm, self.front_mm
+        return fronted(self.body, Segment((-half, z), (half, z)))
+
+    @cached_property
+    def volume_mm3(self) -> float:
+        """Volume that the blank loses, by Gauss and Legendre's rule over the areas of exact sections."""
+        places, weights = np.polynomial.legendre.leggauss(GAUSS)
+        half = 0.5 * self.lens.half_height_mm  # the face mirrors itself, so that half of the height is enough
+        areas = [area_mm2(section(self.body, half * (1.0 + place)).outlines) for place in places.tolist()]
+        return 4.0 * half * area_mm2(self.blank().outlines) - 2.0 * half * float(weights @ np.array(areas))
+
+    def surface(self, tolerance_mm: float) -> tuple[FloatArray, IntArray]:
+        """Closed triangles in the part's X, Y and Z; the face is within ``tolerance_mm`` along z.
+
+        Raises
+        ------
+        SpecError
+            Where that would take more than `MOST` places along a side.
+        """
+        count = FEWEST
+        while True:
+            x, y = (_reaching(np.linspace(-half, half, count + 1)) for half in self._halves)
+            z = self._depth(*np.meshgrid(x, y, indexing="ij"))
+            if self._off_mm(x, y, z) <= tolerance_mm:
+                return self._closed(x, y, z)
+            count *= 2
+            if count > MOST:
+                limit = f"would take more than {MOST} places across the lens"
+                raise SpecError("--tolerance-mm", value=tolerance_mm, limit=limit, remedy="make it larger")
+
+    def fitted(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Cubic B-spline surface within `FIT_TOLERANCE_MM` of the face: control points (N, N, 3) and knots over x, y.
+
+        Raises
+        ------
+        DesignError
+            Where the face ends just beyond the aperture, or takes more than `MOST` control points along a side.
+        """
+        count = FEWEST
+        while count <= MOST:
+            x, y = (np.linspace(-half - BESIDE_MM, half + BESIDE_MM, count + 1) for half in self._halves)
+            z = self._continued(*np.meshgrid(x, y, indexing="ij"))
+            along = make_interp_spline(x, z, k=3)
+            both = make_interp_spline(y, along.c.T, k=3)
+            control = both.c.T
+            between = [0.5 * (places[1:] + places[:-1]) for places in (x, y)]
+            shown = BSpline(y_knots := both.t, BSpline(along.t, control, 3)(between[0]).T, 3)(between[1]).T
+            if np.max(np.abs(shown - self._continued(*np.meshgrid(*between, indexing="ij")))) <= FIT_TOLERANCE_MM:
+                return self._placed(control, along.t, y_knots), along.t, y_knots
+            count *= 2
+        limit = f"no B-spline surface of {MOST} by {MOST} points comes within {FIT_TOLERANCE_MM:g} mm of it"
+        raise DesignError("lens", limit=limit, remedy="export a mesh")
+
+    def _placed(self, control: FloatArray, x_knots: FloatArray, y_knots: FloatArray) -> FloatArray:
+        """Control points in the part's X, Y and Z: a spline of degree 3 is linear where they are means of knots."""
+        x, y = (np.array([knots[i + 1 : i + 4].mean() for i in range(len(knots) - 4)]) for knots in (x_knots, y_knots))
+        across, up = np.meshgrid(x, y, indexing="ij")
+        return np.stack([across, control, self.lens.half_height_mm - up], axis=-1)
+
+    def _depth(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """The face; beyond its own edges it goes on level."""
+        half, up = self._halves
+        return self.lens.z_at(np.clip(x, -half, half), np.clip(y, -up, up))
+
+    def _continued(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """The face as its formula goes on beyond its edges."""
+        z = self.lens.z_at(x, y)
+        if np.isnan(z).any():
+            limit = f"ends within {BESIDE_MM:g} mm of the aperture's edge: no surface can be cut there"
+            raise DesignError("lens", limit=limit, remedy="narrow the lens, or export a mesh")
+        return z
+
+    def _off_mm(self, x: FloatArray, y: FloatArray, z: FloatArray) -> float:
+        """How far triangles between places leave the face, in the middle of their sides."""
+        middle_x, middle_y = 0.5 * (x[1:] + x[:-1]), 0.5 * (y[1:] + y[:-1])
+        sides = (
+            (middle_x, y, 0.5 * (z[1:] + z[:-1])),
+            (x, middle_y, 0.5 * (z[:, 1:] + z[:, :-1])),
+            (middle_x, middle_y, 0.5 * (z[1:, 1:] + z[:-1, :-1])),
+        )
+        off = (np.abs(self._depth(*np.meshgrid(a, b, indexing="ij")) - flat) for a, b, flat in sides)
+        return max(float(one.max()) for one in off)
+
+    def _closed(self, x: FloatArray, y: FloatArray, z: FloatArray) -> tuple[FloatArray, IntArray]:
+        """Triangles of the face and, behind it as seen from the body, of a level plane before the blank."""
+        across, up = np.meshgrid(x, self.lens.half_height_mm - y, indexing="ij")
+        level = np.full_like(z, self.front_mm - BEFORE_MM)
+        vertices = np.vstack([np.column_stack([across.ravel(), one.ravel(), up.ravel()]) for one in (z, level)])
+        number = np.arange(z.size).reshape(z.shape)
+        a, b, c, d = number[:-1, :-1].ravel(), number[1:, :-1].ravel(), number[1:, 1:].ravel(), number[:-1, 1:].ravel()
+        face = np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+        ring = np.concatenate([number[:-1, 0], number[-1, :-1], number[:0:-1, -1], number[0, :0:-1]])
+        following = np.roll(ring, -1)
+        rim = [
+            np.column_stack([following, ring, ring + z.size]),
+            np.column_stack([following, ring + z.size, following + z.size]),
+        ]
+        return vertices, np.vstack([face, face[:, ::-1] + z.size, *rim]).astype(np.int64)
+
+
+def _reaching(places: FloatArray) -> FloatArray:
+    """Places, and one more beyond each end."""
+    return np.concatenate([[places[0] - BESIDE_MM], places, [places[-1] + BESIDE_MM]])
+
+
+@dataclass(frozen=True)
+class StackedPart(Part):
+    """A part of layers, each a prism and a solid of its own."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FacedPart(Part):
+    """A part whose one prism, the blank, loses what lies before a smooth face."""
+
+    hollow: Hollow
+
+    @property
+    def volume_mm3(self) -> float:
+        """See `Part.volume_mm3`."""
+        return super().volume_mm3 - self.hollow.volume_mm3
+
+
+def faced_part(name: str, body: Body, thickness_mm: float, cuts: tuple[Cut, ...]) -> Part:
+    """Part of a body whose lens differs by height, with cuts that do not reach the lens."""
+    if body.front is None:
+        raise AssertionError("a prism is no faced part")
+    lens = body.front.lens
+    if isinstance(lens, LayeredLens):
+        return StackedPart(name, stacked(body, lens, thickness_mm), cuts)
+    hollow = Hollow(lens, body)
+    return FacedPart(name, (sensor_prism(hollow.blank(), thickness_mm),), cuts, hollow=hollow)

@@ -1,0 +1,49 @@
+"""Sections of a body at a height: what one layer of a printer shows.
+
+A body whose lens differs by height is a prism from the stem's base on. Before it, a section is bounded by the lens's
+own curve at that height and by the straight sides of the aperture; where that curve ends beyond the base, the stem
+begins there.
+"""
+
+from dataclasses import replace
+
+from solen.curve import Curve, Parabola, Segment
+from solen.errors import DesignError
+from solen.geometry.body import GAP_MM, Body, Face
+from solen.plane import Point
+
+
+def section(body: Body, y_mm: float) -> Body:
+    """Upright body of the outline at a height y from the middle, at rest; of a prism, the body itself."""
+    return body if body.front is None else fronted(body, body.front.lens.section(y_mm))
+
+
+def fronted(body: Body, front: Curve) -> Body:
+    """Upright body, at rest, with another curve across its aperture for the lens, from left to right."""
+    if body.front is None:
+        raise AssertionError("a prism has one outline")
+    lens, (_, *rest) = body.front.lens, body.faces
+    depth, base = front.end[1], lens.depth_mm
+    faces = list(rest)
+    if depth > base + GAP_MM:
+        faces[0], faces[-1] = _begun(rest[0], depth, ends=False), _begun(rest[-1], depth, ends=True)
+    right = _side("lens-side-right", front.end, faces[0].curve.start)
+    left = _side("lens-side-left", faces[-1].curve.end, front.start)
+    return replace(body, faces=(Face("lens", front), *right, *faces, *left), front=None)
+
+
+def _side(name: str, start: Point, end: Point) -> list[Face]:
+    """Straight face between two points, none where they are one."""
+    apart = abs(start[0] - end[0]) + abs(start[1] - end[1])
+    return [Face(name, Segment(start, end))] if apart > GAP_MM else []
+
+
+def _begun(face: Face, depth_mm: float, *, ends: bool) -> Face:
+    """Side of the stem that begins at a depth, or ends there."""
+    curve = face.curve
+    if isinstance(curve, Parabola):
+        share = (depth_mm - curve.start[1]) / (curve.end[1] - curve.start[1])
+        if 0.0 < share < 1.0:
+            return replace(face, curve=curve.part(0.0, share) if ends else curve.part(share, 1.0))
+    limit = f"ends before the lens does at other heights, at z = {depth_mm:.3f} mm"
+    raise DesignError(face.name, limit=limit, remedy="thin the body, or move the wall's table away from the lens")

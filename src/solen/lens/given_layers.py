@@ -1,0 +1,173 @@
+"""A layered lens of given profiles: as a print model predicts them, layer by layer, or as they are drawn for one.
+
+Its file is JSON that `layers_text` writes: heights of the borders between layers, and the depth z of each layer at
+places evenly from the axis to the half width. Profiles mirror themselves about the axis.
+
+The interface: `GivenLayers`, `Profiles`, `read_layers`, `layers_text`.
+"""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from solen.arrays import FloatArray
+from solen.errors import DataError
+from solen.files import read_text
+from solen.lens.layered import MOST_LAYERS, LayeredLens
+from solen.results import HIDDEN, reported
+from solen.spec.objects import made, parsed
+from solen.spec.strict import error_context
+
+KIND, SCHEMA = "layers of a lens", 1
+FEWEST_PLACES, MOST_PLACES = 9, 4001
+DIGITS = 9
+CLOSE_MM = 1e-6
+"""How closely a file's half width and thickness must be those of the design."""
+
+
+@dataclass(frozen=True, eq=False)
+class Profiles:
+    """Profiles of layers.
+
+    Attributes
+    ----------
+    name
+        Of the lens.
+    half_width_mm
+        Half the width of the aperture.
+    edges_mm
+        Heights y (L + 1,) of the borders between layers from the middle of the body, ascending.
+    z_mm
+        Depth (L, M) of each at M places evenly from the axis to the half width.
+    simulated
+        Whether they were computed as a print rather than measured, or stated to be printed.
+    warnings
+        What cannot be concluded from them.
+    """
+
+    name: str
+    half_width_mm: float
+    edges_mm: FloatArray
+    z_mm: FloatArray
+    simulated: bool
+    warnings: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        layers, places = self.z_mm.shape if self.z_mm.ndim == 2 else (0, 0)
+        if self.edges_mm.shape != (layers + 1,) or not 1 <= layers <= MOST_LAYERS:
+            limit = f"must be 2 to {MOST_LAYERS + 1}, one more than z_mm has rows"
+            raise DataError("edges_mm", value=f"{self.edges_mm.size} heights and {layers} rows", limit=limit)
+        if not FEWEST_PLACES <= places <= MOST_PLACES:
+            raise DataError(
+                "z_mm", value=f"{places} places", limit=f"must be {FEWEST_PLACES} to {MOST_PLACES} in a row"
+            )
+        if not np.all(np.diff(self.edges_mm) > 0.0):
+            raise DataError("edges_mm", limit="must ascend")
+
+
+@dataclass(frozen=True, repr=False)
+class GivenLayers(LayeredLens):
+    """Layers of given profiles in place of a layered lens's own."""
+
+    shape_name: ClassVar[str] = "layered"
+
+    given: Profiles = field(kw_only=True, metadata=HIDDEN)
+
+    def __post_init__(self) -> None:
+        wanted, found = (self.half_width_mm, self.thickness_mm), (self.given.half_width_mm, self._height_mm)
+        for key, own, its in zip(("lens.half_width_mm", "body.thickness_mm"), wanted, found, strict=True):
+            if abs(own - its) > CLOSE_MM:
+                raise DataError(f"lens.profile: {self.given.name}", value=f"{its:g} mm", limit=f"{key} is {own:g} mm")
+        super().__post_init__()
+
+    @property
+    def _height_mm(self) -> float:
+        return float(np.ptp(self.given.edges_mm))
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """See :attr:`solen.lens.optics.Lens.warnings`."""
+        return self.given.warnings
+
+    @reported
+    def simulated(self) -> bool:
+        """Whether its profiles were computed as a print."""
+        return self.given.simulated
+
+    @cached_property
+    def edges_mm(self) -> FloatArray:
+        """See :attr:`LayeredLens.edges_mm`."""
+        return self.given.edges_mm
+
+    @cached_property
+    def profiles(self) -> tuple[FloatArray, FloatArray]:
+        """See :attr:`LayeredLens.profiles`: slopes by cubic splines, level on the axis."""
+        x = np.linspace(0.0, self.half_width_mm, self.given.z_mm.shape[1])
+        spline = CubicSpline(x, self.given.z_mm, axis=1, bc_type=((1, np.zeros(len(self.given.z_mm))), "not-a-knot"))
+        return self.given.z_mm, np.asarray(spline(x, 1))
+
+    @cached_property
+    def checked(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """See :attr:`solen.lens.in_space.LensInSpace.checked`: every layer, as they do not mirror each other."""
+        x, y = np.meshgrid(np.linspace(0.0, self.half_width_mm, self.given.z_mm.shape[1]), self.middles_mm)
+        return x, y, self.given.z_mm
+
+
+@dataclass(frozen=True)
+class _LayersFile:
+    """What a file of layers holds beside its kind and schema."""
+
+    half_width_mm: float
+    edges_mm: tuple[float, ...]
+    z_mm: tuple[tuple[float, ...], ...]
+    simulated: bool
+    name: str = ""
+    warnings: tuple[str, ...] = ()
+
+
+def read_layers(path: Path) -> Profiles:
+    """Profiles of a file; `DataError` where it cannot be read, or holds none."""
+    data = parsed(read_text(path, DataError), str(path))
+    if not isinstance(data, dict) or data.pop("solen", None) != KIND:
+        limit = f'holds no layers of a lens: it has no "solen": "{KIND}"'
+        raise DataError(str(path), limit=limit, remedy="solen print predict --out writes one")
+    if (schema := data.pop("schema", None)) != SCHEMA:
+        raise DataError(f"{path}: schema", value=schema, limit=f"this solen reads {SCHEMA}")
+    found = made(_LayersFile, data, str(path))
+    with error_context(str(path)):
+        z = _table(found.z_mm)
+        return Profiles(
+            found.name or path.stem, found.half_width_mm, np.array(found.edges_mm), z, found.simulated, found.warnings
+        )
+
+
+def layers_text(profiles: Profiles) -> str:
+    """JSON text of profiles, to `DIGITS` digits of a mm."""
+    rows = [json.dumps(row) for row in np.round(profiles.z_mm, DIGITS).tolist()]
+    head: dict[str, Any] = {
+        "solen": KIND,
+        "schema": SCHEMA,
+        "name": profiles.name,
+        "simulated": profiles.simulated,
+        "warnings": list(profiles.warnings),
+        "half_width_mm": profiles.half_width_mm,
+        "edges_mm": np.round(profiles.edges_mm, DIGITS).tolist(),
+    }
+    text = json.dumps(head, indent=1, allow_nan=False)
+    return text[: text.rindex("\n}")] + ',\n "z_mm": [\n  ' + ",\n  ".join(rows) + "\n ]\n}\n"
+
+
+def _table(rows: Sequence[Sequence[float]]) -> FloatArray:
+    """Finite numbers (L, M)."""
+    if len({len(row) for row in rows}) != 1:
+        raise DataError("z_mm", limit="must be rows of as many numbers each")
+    table = np.array(rows, dtype=float)
+    if not np.isfinite(table).all():
+        raise DataError("z_mm", limit="must be finite numbers")
+    return table
