@@ -27,8 +27,8 @@ def fronted(body: Body, front: Curve) -> Body:
     faces = list(rest)
     if depth > base + GAP_MM:
         faces[0], faces[-1] = _begun(rest[0], depth, ends=False), _begun(rest[-1], depth, ends=True)
-    right = _side("lens-side-right", front.end, faces[0].curve.start)
-    left = _side("lens-side-left", faces[-1].curve.end, front.start)
+    right = _side("side-right", front.end, faces[0].curve.start)
+    left = _side("side-left", faces[-1].curve.end, front.start)
     return replace(body, faces=(Face("lens", front), *right, *faces, *left), front=None)
 
 
