@@ -7,7 +7,6 @@ import pytest
 
 from solen.errors import DataError
 from solen.fabricate.process import FlatImage, dose_map, straight_edge_um, terms_at
-from solen.fabricate.process.field import fineness
 from solen.fabricate.process.growth import growth_um, with_growth
 from solen.material.cure import cure_depth_um, stack_dose, stack_print_through_um
 from tests.fabricate.direct_dose import cured_um, dose_at
@@ -60,9 +59,9 @@ def test_the_fast_dose_is_that_of_direct_sums(sides: dict[str, float]) -> None:
 
 
 def test_the_grid_is_as_fine_as_a_sharp_projector_needs() -> None:
-    assert fineness(settings()) == 4
+    assert settings().pixel_light.fine == 4
     sharp = settings(sigma_um=5.0)
-    assert fineness(sharp) > 8
+    assert sharp.pixel_light.fine > 8
     image = np.zeros((30, 30))
     image[10:20, 10:20] = 1.0
     found = dose_map(FlatImage(image, 2), sharp, 40.0)
@@ -70,7 +69,7 @@ def test_the_grid_is_as_fine_as_a_sharp_projector_needs() -> None:
     wanted = np.log(dose_at(np.array([image, image]), sharp, places, 40.0) / sharp.Ec_mJ_per_cm2)
     assert np.allclose(found.log_excess(places), wanted, atol=2e-2)
     with pytest.raises(DataError, match=r"process\.sigma_um = 1\.0; must be at least .* for pixels of 27 µm"):
-        fineness(settings(sigma_um=1.0))
+        _ = settings(sigma_um=1.0).pixel_light.fine
 
 
 def test_a_straight_wall_stands_where_direct_sums_have_it() -> None:

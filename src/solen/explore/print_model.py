@@ -34,7 +34,6 @@ from solen.recording import Provenance
 from solen.sensor import Sensor
 from solen.spec import load
 
-SIGMA = "sigma_um"
 OWN_SHARE, PLACES = 1.0, 4
 """Share of what pixels do to an edge that a model may miss, and places in the pixel at which that is looked at."""
 SLOW_MM, PIECE_MM = 0.3, 0.1
@@ -86,7 +85,8 @@ class PrintModel:
             return Printing(body, target, values, thickness_mm, height_um, slicing.phase_px)
 
         keys, covariance = process.covariance()
-        u = float(np.sqrt(covariance[keys.index(SIGMA), keys.index(SIGMA)])) if SIGMA in keys else 0.0
+        key = settings.blur_key
+        u = float(np.sqrt(covariance[keys.index(key), keys.index(key)])) if key in keys else 0.0
         wider = printing(blurred(settings, u)) if u > 0.0 else None
         return cls(sensor, process, sources, printing(settings), wider)
 
@@ -151,7 +151,7 @@ class PrintModel:
         """The same with the printer's blur as it was learnt, wider by so many of its standard uncertainty."""
         if self.wider is None:
             return self
-        u = self.wider.settings.sigma_um - self.settings.sigma_um
+        u = _width(self.wider.settings) - _width(self.settings)
         plain, wider = (replace(self.plain, settings=blurred(self.settings, more)) for more in (by * u, (by + 1.0) * u))
         return replace(self, plain=plain, wider=wider)
 
@@ -160,7 +160,7 @@ class PrintModel:
         """By how many of its standard uncertainty the blur may be narrower: to half of itself."""
         if self.wider is None:
             return 0.0
-        return -0.5 * self.settings.sigma_um / (self.wider.settings.sigma_um - self.settings.sigma_um)
+        return -0.5 * _width(self.settings) / (_width(self.wider.settings) - _width(self.settings))
 
     def against(self, beyond_um: FloatArray, start: Drawing) -> Compensation:
         """Drawing whose print is the wanted lens where the design itself prints ``beyond_um`` (N,) beyond it."""
@@ -185,14 +185,19 @@ class PrintModel:
 
     def _printed(self, printing: Printing, drawing: Drawing) -> FloatArray:
         """What a drawing prints, kept for the next time it is asked for."""
-        sizes = np.array([drawing.wall_um, drawing.scale, printing.settings.sigma_um])
+        sizes = np.array([drawing.wall_um, drawing.scale, _width(printing.settings)])
         key = drawing.drawn_um.tobytes() + sizes.tobytes()
         if key not in self._known:
             self._known[key] = printing.deviation_um(printing.outlines(drawing))
         return self._known[key]
 
 
-def blurred(settings: Settings, more_um: float) -> Settings:
-    """Settings with a wider blur."""
-    sigma_um = settings.sigma_um + more_um
-    return settings.model_copy(update={SIGMA: sigma_um, "halo_um": max(settings.halo_um, sigma_um)})
+def blurred(settings: Settings, more: float) -> Settings:
+    """Settings with a blur that is wider, in the unit of its key."""
+    wider = settings.model_copy(update={settings.blur_key: _width(settings) + more})
+    return wider.model_copy(update={"halo_um": max(wider.halo_um, wider.blur_um)})
+
+
+def _width(settings: Settings) -> float:
+    """The number that the blur is varied by."""
+    return float(getattr(settings, settings.blur_key))

@@ -30,7 +30,8 @@ from solen.ranks import Caution, look_at, note
 from solen.recording import Provenance
 from solen.results import HIDDEN, Result, reported
 
-SOUGHT = ("sigma_um", "Ec_mJ_per_cm2", "shrinkage_percent")
+SOUGHT = ("Ec_mJ_per_cm2", "shrinkage_percent")
+"""What is sought beside the width of the blur: of a response, its scale."""
 INSEPARABLE = 0.9
 """Correlation above which two numbers cannot be separated."""
 LEARNED = 0.5
@@ -154,7 +155,7 @@ def calibrated(process: Process, coupons: Sequence[MeasuredCoupon], name: str) -
     if lateral < LEAST:
         limit = f"needs at least {LEAST} pillars, holes or gaps with a measured size"
         raise DataError("coupons", value=f"{lateral} of {len(features)} features", limit=limit)
-    keys = SOUGHT + (("shrinkage_z_percent",) if lateral < len(used) else ())
+    keys = (process.process.blur_key, *SOUGHT) + (("shrinkage_z_percent",) if lateral < len(used) else ())
     problem = CouponFit(process, used, Scales.among(coupons, used), keys)
     fit = problem.solved()
     return _calibration(problem, fit, coupons, name)

@@ -21,6 +21,7 @@ WIDEST_GROWTH = 10.0
 """Uncertainty of before of a wall's growth, in pixels: as good as none."""
 WIDE: dict[str, float] = {
     "sigma_um": 10.0,
+    "response_scale": 0.2,
     "Ec_mJ_per_cm2": 5.0,
     "shrinkage_percent": 2.0,
     "shrinkage_z_percent": 2.0,
@@ -109,9 +110,9 @@ class CouponFit:
         """Process of some values."""
         changed = dict(zip(self.sought, values.tolist(), strict=True))
         growth = changed.pop("growth_um")
-        changed["halo_um"] = max(self.process.process.halo_um, changed["sigma_um"])
         blurred = self.process.process.model_copy(update=changed)
-        return with_growth(blurred, growth)
+        halo_um = max(blurred.halo_um, blurred.blur_um)
+        return with_growth(blurred.model_copy(update={"halo_um": halo_um}), growth)
 
     def _printed_um(self, settings: Settings) -> FloatArray:
         """Sizes (n,) as they are printed; those of pictures of one coupon are the same."""
@@ -170,6 +171,18 @@ class CouponFit:
 def _ends(settings: Settings) -> tuple[dict[str, float], dict[str, float]]:
     """Bounds of the fit."""
     pixel = settings.pixel_um
-    low = {"sigma_um": 0.1 * pixel, "growth_um": -2.0 * pixel, "shrinkage_percent": -19.0, "shrinkage_z_percent": -19.0}
-    high = {"sigma_um": 20.0 * pixel, "growth_um": 15.0 * pixel, "shrinkage_percent": 19.0, "shrinkage_z_percent": 19.0}
+    low = {
+        "sigma_um": 0.1 * pixel,
+        "response_scale": 0.3,
+        "growth_um": -2.0 * pixel,
+        "shrinkage_percent": -19.0,
+        "shrinkage_z_percent": -19.0,
+    }
+    high = {
+        "sigma_um": 20.0 * pixel,
+        "response_scale": 3.0,
+        "growth_um": 15.0 * pixel,
+        "shrinkage_percent": 19.0,
+        "shrinkage_z_percent": 19.0,
+    }
     return low, high

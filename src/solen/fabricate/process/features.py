@@ -231,8 +231,8 @@ def printed_mm(settings: Settings, features: Sequence[MeasuredFeature]) -> Float
     return np.where(sizes > 0.0, sizes, np.nan)
 
 
-def disc(r_um: FloatArray, radius_um: FloatArray, sigma_um: float) -> FloatArray:
-    """Evenly lit disc blurred by a Gaussian, at distances (n,) from its middle.
+def disc(r_um: FloatArray, radius_um: FloatArray, sigma_um: FloatArray | float) -> FloatArray:
+    """Evenly lit disc blurred by a Gaussian, at distances from its middle; all broadcast.
 
     ∫ exp(-(r - ρ)²/2σ²) e^(-rρ/σ²) I₀(rρ/σ²) ρ dρ/σ² over the disc, by Gauss and Legendre within 6.5 σ of r; in the
     middle 1 - exp(-R²/2σ²).
@@ -241,9 +241,9 @@ def disc(r_um: FloatArray, radius_um: FloatArray, sigma_um: float) -> FloatArray
     low = np.maximum(r_um - _WIDE * sigma_um, 0.0)
     high = np.maximum(np.minimum(r_um + _WIDE * sigma_um, radius_um), low)
     half = 0.5 * (high - low)
-    rho = (low + half)[:, None] + half[:, None] * nodes
-    r = r_um[:, None]
-    density = np.exp(-0.5 * ((r - rho) / sigma_um) ** 2) * i0e(r * rho / sigma_um**2) * rho / sigma_um**2
+    rho = (low + half)[..., None] + half[..., None] * nodes
+    r, sigma = r_um[..., None], np.asarray(sigma_um)[..., None]
+    density = np.exp(-0.5 * ((r - rho) / sigma) ** 2) * i0e(r * rho / sigma**2) * rho / sigma**2
     return np.asarray(half * (density @ weights))
 
 
@@ -255,10 +255,8 @@ def _quadrature() -> tuple[FloatArray, FloatArray]:
 
 def _dose(r_um: FloatArray, radius_um: FloatArray, light: Light) -> FloatArray:
     """Dose at distances from the middle of discs that are lit."""
-    found = np.zeros_like(r_um)
-    for dose, sigma in zip(*light, strict=True):
-        found += dose * disc(r_um, radius_um, float(sigma))
-    return found
+    doses, blurs = light
+    return np.asarray(doses @ disc(r_um, radius_um, blurs[:, None]))
 
 
 def _pillars(diameter: FloatArray, _beside: FloatArray, light: Light, critical: float) -> FloatArray:

@@ -1,10 +1,10 @@
 """Dose in a part printed flat: computed by Fourier transform on a grid finer than the pixels, splines between.
 
-The idea: every term of a dose is an image convolved with a pixel's square and a Gaussian, so its spectrum is a product:
-the image's, sinc·sinc, exp(-σ²k²/2). Terms of one image add up before anything is transformed back, which makes a part
-whose layers all show one image one transform there and one back. The Gaussian ends the spectrum, so a fine grid holds
-the dose to rounding (the grid is chosen so that the narrowest blur is down to `FAINTEST` at its end), and a cubic
-spline of the logarithm, which is nearly a parabola at an edge, gives it in between.
+The idea: every term of a dose is an image convolved with the light of one pixel and a Gaussian, so its spectrum is a
+product: the image's, the pixel's (`solen.fabricate.process.response`), exp(-σ²k²/2). Terms of one image add up before
+anything is transformed back, which makes a part whose layers all show one image one transform there and one back. The
+pixel's blur ends the spectrum, so a fine grid holds the dose to rounding, and a cubic spline of the logarithm, which is
+nearly a parabola at an edge, gives it in between.
 
 A transform is periodic: an image must be dark, or even, within a few widths of the halo from its sides.
 
@@ -27,9 +27,6 @@ from solen.fabricate.process.settings import Settings
 from solen.fabricate.process.terms import terms_at
 from solen.fabricate.raster import coverage
 
-FAINTEST = 1e-6
-"""Relative size of the narrowest blur's spectrum at the end of the fine grid's."""
-LEAST_FINE, MOST_FINE = 3, 16
 DARK = 1e-12
 """Share of the dose inside below which its logarithm is not followed."""
 MOST_POINTS = 20_000_000
@@ -78,7 +75,7 @@ class FlatImage:
         """
         pitch = 1e-3 * np.array(settings.pixels_um)
         halo = math.hypot(settings.halo_um, settings.halo_per_depth * _DEEP * settings.Dp_um)
-        margin = 1e-3 * (_FAR * max(halo, settings.sigma_um) + _REACH_UM)
+        margin = 1e-3 * (max(_FAR * halo, settings.pixel_light.reach_um) + _REACH_UM)
         grid = -pitch * np.asarray(phase)
         first = np.floor((extent.min(axis=0) - margin - grid) / pitch)
         last = np.ceil((extent.max(axis=0) + margin - grid) / pitch)
@@ -130,39 +127,22 @@ class DoseMap:
 
 def dose_map(image: FlatImage, settings: Settings, height_um: float) -> DoseMap:
     """Dose of a part at a height above the platform, on a grid some times finer than the pixels."""
-    (x, y), fine = settings.pixels_um, fineness(settings)
-    rows, columns = image.shares.shape
+    (x, y), pixel = settings.pixels_um, settings.pixel_light
+    fine = pixel.fine
+    rows, columns = (fine * count for count in image.shares.shape)
     terms = terms_at(settings, image.layers, height_um)
-    across = _frequencies(columns, fine, x)[: columns * fine // 2 + 1]
-    along = _frequencies(rows, fine, y)
+    across, along = math.tau * fft.rfftfreq(columns, x / fine), math.tau * fft.fftfreq(rows, y / fine)
+    beyond = np.sqrt(np.maximum(terms.sigma_um**2 - pixel.blur_um**2, 0.0))
     whole = np.tile(image.spectrum, (fine, fine))[:, : len(across)]
-    whole = whole * _blur(along, across, *_merged(terms.dose, terms.sigma_um))
-    whole *= np.outer(np.sinc(along * y / math.tau), np.sinc(across * x / math.tau))
-    dose = fft.irfft2(whole, s=(rows * fine, columns * fine)) * fine**2
+    whole = whole * _blur(along, across, *_merged(terms.dose, beyond))
+    whole *= pixel.plane((rows, columns), (x / fine, y / fine))
+    dose = fft.irfft2(whole, s=(rows, columns)) * fine**2
     first = (image.corner_um[0] + x / 2, image.corner_um[1] + y / 2)
     return DoseMap(dose, first, (x / fine, y / fine), settings.Ec_mJ_per_cm2)
 
 
-def fineness(settings: Settings) -> int:
-    """Points of the fine grid for each pixel.
-
-    Raises
-    ------
-    DataError
-        Where the blur is so much smaller than a pixel that the grid would be too fine.
-    """
-    width = math.sqrt(-2.0 * math.log(FAINTEST))
-    pixel_um = max(settings.pixels_um)
-    needed = math.ceil(width * pixel_um / (math.pi * settings.sigma_um))
-    if needed > MOST_FINE:
-        least = width * pixel_um / (math.pi * MOST_FINE)
-        limit = f"must be at least {least:.2g} µm for pixels of {pixel_um:g} µm"
-        raise DataError("process.sigma_um", value=settings.sigma_um, limit=limit, remedy="no projector is sharper")
-    return max(needed, LEAST_FINE)
-
-
 def _check_size(pixels: int, layers: int, settings: Settings) -> None:
-    points = pixels * fineness(settings) ** 2
+    points = pixels * settings.pixel_light.fine**2
     if points > MOST_POINTS:
         limit = f"the part and {_FAR:g} widths of the halo would be {points:.2g} points, at most {MOST_POINTS:.1g}"
         remedy = "take larger pixels, a narrower halo or a smaller part"
@@ -170,11 +150,6 @@ def _check_size(pixels: int, layers: int, settings: Settings) -> None:
     if layers > MOST_LAYERS:
         limit = f"the part would have {layers:,} layers, at most {MOST_LAYERS:,}"
         raise DataError("process.layer_um", value=settings.layer_um, limit=limit, remedy="slice thicker")
-
-
-def _frequencies(count: int, fine: int, pitch: float) -> FloatArray:
-    """Angular frequencies per µm of a fine grid along one side."""
-    return np.asarray(math.tau * fft.fftfreq(count * fine, pitch / fine))
 
 
 def _merged(dose: FloatArray, sigma: FloatArray) -> tuple[FloatArray, FloatArray]:

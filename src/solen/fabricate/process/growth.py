@@ -18,6 +18,7 @@ from scipy.special import ndtr
 
 from solen.arrays import FloatArray
 from solen.errors import DataError
+from solen.fabricate.process.response import MeasuredPixel
 from solen.fabricate.process.settings import Settings
 from solen.fabricate.process.terms import terms_at
 
@@ -35,8 +36,7 @@ def layers_inside(settings: Settings) -> int:
 
 def inside(settings: Settings) -> Light:
     """Light far inside, on the window side of a layer; scattered light is grouped by width."""
-    dose, sigma = _terms(settings)
-    return dose, np.hypot(sigma, settings.pixel_blur_um)
+    return _of_edges(*_terms(settings), settings)
 
 
 @lru_cache(maxsize=64)
@@ -45,7 +45,7 @@ def _terms(settings: Settings) -> Light:
     terms = terms_at(even, layers_inside(settings), settings.layer_um * (1.0 - 1e-9))
     half = len(terms.dose) // 2
     narrow, halo, width = terms.dose[:half].sum(), terms.dose[half:], terms.sigma_um[half:]
-    groups = [(narrow, settings.sigma_um)]
+    groups = [(narrow, settings.blur_um)]
     for part in np.array_split(np.arange(half), min(_HALOS, half)) if halo.sum() > 0.0 else []:
         weight = halo[part].sum()
         groups.append((weight, math.sqrt(float(halo[part] @ width[part] ** 2) / weight)))
@@ -75,17 +75,42 @@ def straight_edge_um(settings: Settings, layers: int, height_um: float) -> float
         Where nothing sets at that height.
     """
     terms = terms_at(settings, layers, height_um)
-    blur = np.hypot(terms.sigma_um, settings.pixel_blur_um)
-    return _edge_um(terms.dose, blur, settings, f"at a height of {height_um:g} µm")
+    return _edge_um(*_of_edges(terms.dose, terms.sigma_um, settings), settings, f"at a height of {height_um:g} µm")
 
 
-def _edge_um(dose: FloatArray, blur: FloatArray, settings: Settings, where: str) -> float:
-    """Distance x from a straight edge's image at which Σ E Φ(-x/σ) = Ec."""
+def uneven_um(settings: Settings) -> tuple[float, float]:
+    """Least and largest growth of straight walls far inside that face along an axis, by an asymmetric response."""
+    pixel = settings.pixel_light
+    if not isinstance(pixel, MeasuredPixel):
+        return (growth_um(settings),) * 2
+    dose, sigma = _terms(settings)
+    grown = []
+    for axis, sign in ((0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0)):
+        weights, places, width = pixel.towards(axis, sign)
+        blur = np.sqrt(np.maximum(sigma**2 - pixel.blur_um**2, 0.0) + width**2 + settings.covered_um**2)
+        light = np.outer(dose, weights).ravel(), np.repeat(blur, len(places)), np.tile(places, len(dose))
+        grown.append(_edge_um(light[0], light[1], settings, "far inside", light[2]) + settings.wash_um)
+    return min(grown), max(grown)
+
+
+def _of_edges(dose: FloatArray, sigma: FloatArray, settings: Settings) -> Light:
+    """Doses and blurs of edges by terms (T,): by the pixel's light, what is wider than that, and covered shares."""
+    weights, widths = settings.pixel_light.mixture
+    beyond = np.maximum(sigma**2 - settings.blur_um**2, 0.0) + settings.covered_um**2
+    return np.outer(dose, weights).ravel(), np.sqrt(beyond[:, None] + widths**2).ravel()
+
+
+def _edge_um(
+    dose: FloatArray, blur: FloatArray, settings: Settings, where: str, beside: FloatArray | float = 0.0
+) -> float:
+    """Distance x from a straight edge's image at which Σ E Φ((b - x)/σ) = Ec, with light that falls ``beside`` by b."""
     if float(dose.sum()) <= settings.Ec_mJ_per_cm2:
         limit = f"{dose.sum():.3g} mJ/cm2 arrive {where}, and the resin sets from {settings.Ec_mJ_per_cm2:g} on"
         raise DataError("process.exposure_s", value=settings.exposure_s, limit=limit, remedy="expose for longer")
-    reach = _WIDE * float(blur.max())
-    excess = brentq(lambda x: float(dose @ ndtr(-x / blur)) - settings.Ec_mJ_per_cm2, -reach, reach, xtol=1e-9)
+    reach = _WIDE * float(blur.max()) + float(np.abs(beside).max())
+    excess = brentq(
+        lambda x: float(dose @ ndtr((beside - x) / blur)) - settings.Ec_mJ_per_cm2, -reach, reach, xtol=1e-9
+    )
     return float(excess) + settings.grey_shift_um
 
 

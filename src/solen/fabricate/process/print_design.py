@@ -19,6 +19,7 @@ from solen.fabricate.mesh import Mesh
 from solen.fabricate.process.compensate import Compensation, Printing, compensated
 from solen.fabricate.process.drawing import as_designed, lens_face, rings_of
 from solen.fabricate.process.flat import walls_um
+from solen.fabricate.process.growth import uneven_um
 from solen.fabricate.process.predict import Orientation, Phase, Prediction, best_phase, points_for, predicted
 from solen.fabricate.process.settings import Process, Settings
 from solen.fabricate.process.solid import printed_solid
@@ -245,7 +246,13 @@ def print_design(
     )
     prediction = replace(
         prediction,
-        warnings=(*made.process.warnings(), *left_out, *_of_layers(prediction), *_of_compensation(prediction)),
+        warnings=(
+            *made.process.warnings(),
+            *left_out,
+            *_of_layers(prediction),
+            *_of_response(prediction),
+            *_of_compensation(prediction),
+        ),
     )
     return _with_response(prediction, sensor, progress) if response else prediction
 
@@ -437,6 +444,19 @@ def _of_layers(prediction: PrintedDesign) -> list[Caution]:
         look_at(
             f"walls stand {first:+.3g} µm beyond their image at the first layer, {middle:+.3g} in the middle and "
             f"{last:+.3g} at the last: light at another height meets another lens"
+        )
+    ]
+
+
+def _of_response(prediction: PrintedDesign) -> list[Caution]:
+    """Walls that an asymmetric response moves unlike, where they are taken by the mean of all directions."""
+    least, most = uneven_um(prediction.settings)
+    if prediction.walls is None or most - least < _TAPER_UM:
+        return []
+    return [
+        look_at(
+            f"the response is not symmetric: walls stand {least:+.3g} to {most:+.3g} µm beyond their image by the side "
+            "they face; the lens follows that, and other walls are drawn and reported by the mean of all sides"
         )
     ]
 

@@ -28,11 +28,23 @@ from pydantic import Field, model_validator
 from solen.arrays import FloatArray
 from solen.errors import DataError, SolenError
 from solen.fabricate.grey import Greys
+from solen.fabricate.process.response import GaussianPixel, MeasuredPixel, PixelResponse, light_of_file, measured_pixel
 from solen.files import read_text
 from solen.material.cure.law import CureLaw
 from solen.material.cure.spectral import ONE_LINE, Lines
 from solen.ranks import Caution, do_not_use, look_at
-from solen.spec.strict import Migrations, NotNegative, Number, Positive, Strict, Text, migrated, parse_toml, refused
+from solen.spec.strict import (
+    Document,
+    Migrations,
+    NotNegative,
+    Number,
+    Positive,
+    Strict,
+    Text,
+    migrated,
+    parse_toml,
+    refused,
+)
 from solen.spec.strict import error_context as told_of_file
 
 SCHEMA = 1
@@ -69,8 +81,14 @@ class Settings(Strict):
         description="Lines of the lamp: share of each and its absorption over the mean at the surface, as solen resin "
         "cure --penetration gives them; without, one wavelength.",
     )
-    sigma_um: Annotated[Number, Field(gt=0, le=1000)] = Field(
-        15.0, description="Standard deviation of the projector's point-spread at the window."
+    sigma_um: Annotated[Number, Field(gt=0, le=1000)] | None = Field(
+        15.0, description="Standard deviation of the projector's point-spread at the window; none beside a response."
+    )
+    response: PixelResponse | None = Field(
+        None, description="Measured light of one pixel at the window, in place of its rectangle and sigma_um."
+    )
+    response_scale: Annotated[Number, Field(ge=0.1, le=10)] = Field(
+        1.0, description="By what the response's lengths are multiplied."
     )
     halo_um: Annotated[Number, Field(gt=0, le=1e4)] = Field(
         60.0, description="Standard deviation of the scattered light at the window."
@@ -100,6 +118,21 @@ class Settings(Strict):
         description="Exponent of a grey pixel's light beyond that: 1 where proportion, or the measured answer, holds.",
     )
 
+    @model_validator(mode="before")
+    @classmethod
+    def _one_blur(cls, data: Any) -> Any:
+        """A response takes the place of the Gaussian blur, which only then may be left out."""
+        return {"sigma_um": None} | data if isinstance(data, dict) and data.get("response") is not None else data
+
+    @model_validator(mode="after")
+    def _states_one_blur(self) -> Self:
+        if (self.sigma_um is None) == (self.response is None):
+            limit = "and response state the same light of a pixel: one of both"
+            raise refused("sigma_um", limit, value=self.sigma_um, remedy="leave one out")
+        if self.response is None and self.response_scale != 1.0:
+            raise refused("response_scale", "is for a response, and none is stated", value=self.response_scale)
+        return self
+
     @model_validator(mode="after")
     def _greys_ascend(self) -> Self:
         for (grey, light), (more, brighter) in pairwise(self.grey):
@@ -119,8 +152,9 @@ class Settings(Strict):
 
     @model_validator(mode="after")
     def _sets(self) -> Self:
-        if self.halo_um < self.sigma_um:
-            limit = f"must be at least sigma_um, {self.sigma_um:g}: scattered light is the wider"
+        if self.halo_um < self.blur_um:
+            blur = "sigma_um" if self.response is None else "the blur of the response"
+            limit = f"must be at least {blur}, {self.blur_um:.4g}: scattered light is the wider"
             raise refused("halo_um", limit, value=self.halo_um)
         self._check_dose("exposure_s", self.exposure_s)
         if self.burn_in_layers:
@@ -188,13 +222,26 @@ class Settings(Strict):
         return self.pixel_um, self.pixel_um if self.pixel_y_um is None else self.pixel_y_um
 
     @property
-    def pixel_blur_um(self) -> float:
-        """Standard deviation of the blur of a straight edge by the pixels, mean over its places and directions.
+    def pixel_light(self) -> GaussianPixel | MeasuredPixel:
+        """Light of one pixel at the window."""
+        if self.response is None:
+            return GaussianPixel(self.sigma_um or 0.0, self.pixels_um)
+        return measured_pixel(self.response, self.response_scale, self.pixels_um)
 
-        The share of a pixel that an edge covers spreads it by a pixel, and so does the pixel's own square: each adds
-        pixel²/12.
-        """
-        return math.hypot(*self.pixels_um) / math.sqrt(12.0)
+    @property
+    def blur_key(self) -> str:
+        """Key of the number that the blur's width is varied by."""
+        return "sigma_um" if self.response is None else "response_scale"
+
+    @property
+    def blur_um(self) -> float:
+        """Standard deviation of the blur of a pixel's rectangle, by a response that of a Gaussian as wide."""
+        return self.pixel_light.blur_um
+
+    @property
+    def covered_um(self) -> float:
+        """Standard deviation that an edge gets by covering shares of pixels, mean over its places and directions."""
+        return math.hypot(*self.pixels_um) / math.sqrt(24.0)
 
     @property
     def grey_shift_um(self) -> float:
@@ -203,13 +250,15 @@ class Settings(Strict):
 
     @property
     def edge_um(self) -> float:
-        """Standard deviation of a straight edge's blur."""
-        return math.hypot(self.sigma_um, self.pixel_blur_um)
+        """Standard deviation of a straight edge's blur: by covered shares, by the pixel's rectangle, and its blur."""
+        return math.hypot(self.blur_um, math.sqrt(2.0) * self.covered_um)
 
 
 KEYS: tuple[str, ...] = tuple(Settings.model_fields)
 UNCERTAIN: tuple[str, ...] = tuple(
-    key for key in KEYS if key not in {"burn_in_layers", "pixel_um", "pixel_y_um", "layer_um", "grey", "grey_drawn"}
+    key
+    for key in KEYS
+    if key not in {"burn_in_layers", "pixel_um", "pixel_y_um", "layer_um", "grey", "grey_drawn", "response"}
 )
 """Numbers that may have an uncertainty; pixel, layer and number of layers are exact, greys have that of their power."""
 
@@ -217,6 +266,8 @@ UNCERTAIN: tuple[str, ...] = tuple(
 GROWTH = "growth_um"
 """Growth of a straight wall: what a calibration finds in place of the critical dose."""
 CRITICAL = "Ec_mJ_per_cm2"
+U_RESPONSE = 0.05
+"""Standard uncertainty of a response's scale where nothing is stated."""
 _WHOLE = 1e-3
 _FAR = 10.0  # penetration depths
 
@@ -268,6 +319,10 @@ class Process(Strict):
             for key in getattr(self, table):
                 if key not in allowed:
                     raise refused(table, f"must be one of {', '.join(allowed)}", value=key)
+        unused = "response_scale" if self.process.response is None else "sigma_um"
+        if unused in self.uncertainty:
+            limit = f"is of no number here: the process states {'no' if unused != 'sigma_um' else 'a'} response"
+            raise refused(f"uncertainty.{unused}", limit, value=self.uncertainty[unused], remedy="leave it out")
         return self
 
     @property
@@ -309,7 +364,9 @@ class Process(Strict):
     @property
     def assumptions(self) -> tuple[str, ...]:
         """Keys whose value is an assumption, as the first word of its source says or because it has none."""
-        return tuple(key for key in KEYS if self.source.get(key, "assumption").lower().startswith("assum"))
+        unused = {"sigma_um"} if self.process.response is not None else {"response", "response_scale"}
+        stated = [key for key in KEYS if key not in unused]
+        return tuple(key for key in stated if self.source.get(key, "assumption").lower().startswith("assum"))
 
     def warnings(self) -> list[Caution]:
         """Limits of what a print modelled with these numbers shows."""
@@ -347,20 +404,43 @@ def default_process() -> Process:
 
 def read_process(path: Path) -> Process:
     """Process of a file; `DataError` where it cannot be read or a value is not possible."""
-    return parsed_process(read_text(path, DataError), str(path))
+    return parsed_process(read_text(path, DataError), str(path), path.parent)
 
 
-def parsed_process(text: str, what: str) -> Process:
-    """Process of a TOML text; what it leaves out is the default's, with the default's uncertainty and source."""
+def parsed_process(text: str, what: str, folder: Path = Path()) -> Process:
+    """Process of a TOML text; what it leaves out is the default's, with the default's uncertainty and source.
+
+    A response's file is one of the folder.
+    """
     data = migrated(parse_toml(text, what, DataError), what, current=SCHEMA, migrations=MIGRATIONS, error=DataError)
+    _read_response(data, what, folder)
     with told_of_file(what):
         process = Process(**data)
         return process if what == "default process" else _completed(process)
 
 
+def _read_response(data: Document, what: str, folder: Path) -> None:
+    """Put the light of a response's file in its place, and the file into the sources."""
+    table = data.get("process", {}).get("response") if isinstance(data.get("process"), dict) else None
+    if not isinstance(table, dict) or "file" not in table:
+        return
+    file = table.pop("file")
+    if not isinstance(file, str) or "light" in table:
+        limit = "must be the name of a file, and the only statement of the light, without light"
+        raise DataError(f"{what}: process.response.file", value=file, limit=limit)
+    table["light"] = light_of_file(folder / file)
+    if isinstance(source := data.setdefault("source", {}), dict):
+        source.setdefault("response", f"measured: {file}")
+
+
 def _completed(process: Process) -> Process:
     """Process with uncertainty and source of the default for the keys that it leaves out."""
     default = default_process()
+    if process.process.response is not None and "response_scale" not in process.uncertainty:
+        source = {"response_scale": f"assumption: the picture's scale and focus known to {100 * U_RESPONSE:g} %"}
+        stated = "response_scale" in process.process.model_fields_set
+        u = process.uncertainty | ({} if stated else {"response_scale": U_RESPONSE})
+        process = process.model_copy(update={"source": source | process.source, "uncertainty": u})
     left_out = [key for key in KEYS if key not in process.process.model_fields_set]
     values = {key: getattr(default.process, key) for key in left_out}
     u = {key: default.uncertainty[key] for key in left_out if key in default.uncertainty}

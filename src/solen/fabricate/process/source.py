@@ -108,6 +108,10 @@ def with_printer(process: Process, name: str | None) -> Process:
         limit = f"the process was calibrated with pixels of {process.process.pixel_um:g} µm"
         remedy = "leave --printer out, or calibrate that printer"
         raise DataError("--printer", value=f"{printer.name}, {printer.pixel_text} µm", limit=limit, remedy=remedy)
+    if process.process.response is not None and not np.allclose(pixels_um, process.process.pixels_um, rtol=1e-6):
+        limit = f"the process states the response of a pixel of {process.process.pixel_um:g} µm"
+        remedy = "leave --printer out, or measure the response of that printer"
+        raise DataError("--printer", value=f"{printer.name}, {printer.pixel_text} µm", limit=limit, remedy=remedy)
     changed = process.with_settings(
         pixel_um=pixels_um[0], pixel_y_um=None if printer.pitch_y_um is None else pixels_um[1]
     )

@@ -3,8 +3,8 @@
 The idea: resin at a height sees its own layer's exposure and those of all layers after it, each attenuated by
 e^(-depth/Dp) on its way from the window (Jacobs, Rapid Prototyping & Manufacturing, 1992), or by what is left of each
 line of a lamp, so a dose is a sum of
-blurred images. A share of the light is scattered: it makes a halo, whose width grows with depth. The blur of each part
-is a Gaussian; a halo of standard deviation h at the window is sqrt(h² + (g d)²) wide at the depth d.
+blurred images. A share of the light is scattered: it makes a halo, whose width grows with depth. The halo is a Gaussian
+about the light of a pixel; one of standard deviation h at the window is sqrt(h² + (g d)²) wide at the depth d.
 
 The interface: `terms_at` gives the `Terms` of a height.
 """
@@ -62,5 +62,5 @@ def terms_at(settings: Settings, layers: int, height_um: float) -> Terms:
     return Terms(
         np.concatenate([number, number]),
         np.concatenate([(1.0 - share) * seen, share * seen]),
-        np.concatenate([np.full(len(number), settings.sigma_um), halo]),
+        np.concatenate([np.full(len(number), settings.blur_um), halo]),
     )

@@ -24,7 +24,7 @@ from scipy.interpolate import LSQUnivariateSpline
 from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.fabricate.grey import FULL
-from solen.fabricate.process.field import DARK, fineness
+from solen.fabricate.process.field import DARK
 from solen.fabricate.process.flat import FEWEST_PIXELS
 from solen.fabricate.process.settings import Settings
 from solen.fabricate.process.target import Target, exits_um
@@ -102,11 +102,11 @@ class SidePrint:
     def _log_excess(self) -> FloatArray:
         """Logarithm of dose over critical dose, (layers, sublayers, fine columns), from each layer's far side."""
         s, (layers, columns) = self.settings, self.rows.shape
-        fine, pitch = fineness(s), _pixel_um(s, self.side)
+        fine, pitch = s.pixel_light.fine, _pixel_um(s, self.side)
         k = math.tau * fft.rfftfreq(columns * fine, pitch / fine)
         spectra = np.tile(fft.fft(self.rows, axis=1), (1, fine))[:, : len(k)]
         exposures = s.exposures(self.first + layers)[self.first :, None]
-        lit = spectra * exposures * np.sinc(k * pitch / math.tau)
+        lit = spectra * exposures * s.pixel_light.row(columns * fine, pitch / fine, int(self.side == "on-edge"))
         excess = np.empty((layers, SUBLAYERS, columns * fine))
         for m in range(SUBLAYERS):
             depth = s.layer_um * (1.0 - m / (SUBLAYERS - 1))
@@ -117,18 +117,17 @@ class SidePrint:
     def _gathered(self, lit: NDArray[np.complex128], k: FloatArray, depth_um: float) -> NDArray[np.complex128]:
         """Spectra of the dose of each layer at a depth from its window side: its own light and that of later ones."""
         s = self.settings
-        spectra = np.zeros_like(lit)
+        spectra, blur_um = np.zeros_like(lit), s.blur_um
         for later in range(min(len(lit), math.ceil(s.deep_Dp_um * _DEPTHS / s.layer_um) + 1)):
             depth = depth_um + later * s.layer_um
-            halo = math.hypot(s.halo_um, s.halo_per_depth * depth)
-            blur = (1.0 - s.halo_fraction) * np.exp(-0.5 * (s.sigma_um * k) ** 2)
-            blur += s.halo_fraction * np.exp(-0.5 * (halo * k) ** 2)
+            beyond_um2 = s.halo_um**2 + (s.halo_per_depth * depth) ** 2 - blur_um**2
+            blur = 1.0 - s.halo_fraction + s.halo_fraction * np.exp(-0.5 * beyond_um2 * k**2)
             spectra[: len(lit) - later] += lit[later:] * (float(s.left(depth)) * blur)
         return spectra
 
     def log_excess(self, places_mm: FloatArray) -> FloatArray:
         """Logarithm of dose over critical dose at places (..., 2) of the body's own plane, before it shrinks."""
-        s, fine = self.settings, fineness(self.settings)
+        s, fine = self.settings, self.settings.pixel_light.fine
         at = _turned(1e3 * np.asarray(places_mm, float), self.side)
         height = (at[..., 1] - self.platform_um) / s.layer_um
         number = np.floor(height)
@@ -184,7 +183,7 @@ def _check_fine(wanted: FloatArray, settings: Settings, pixel_um: float) -> None
 def _check_work(layers: int, columns: float, settings: Settings) -> None:
     """`DataError` where the sums over later layers would take minutes."""
     later = min(layers, settings.deep_Dp_um * _DEPTHS / settings.layer_um)
-    work = layers * later * columns * fineness(settings) * SUBLAYERS
+    work = layers * later * columns * settings.pixel_light.fine * SUBLAYERS
     if work > MOST_WORK:
         limit = (
             f"{layers:,} layers near the lens, each lit through {later:,.0f} later ones, are more than can be followed"

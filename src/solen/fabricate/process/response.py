@@ -1,0 +1,339 @@
+"""Light of one pixel at the window: its rectangle blurred by a Gaussian, or a response that was measured.
+
+The idea: an image's light is the sum of its pixels' lights, each at its place. Of a projector no more than a width may
+be known, and a Gaussian over the pixel's own rectangle has one. Where the light of a single lit pixel was measured,
+that picture takes the place of both: flat tops, tails and asymmetry print as they are. Between its samples runs a cubic
+spline, beyond them it is dark; its sum is the light of one pixel.
+
+The interface: `PixelResponse` is the table of a process file and `light_of_file` what its file holds; `GaussianPixel`
+and `MeasuredPixel` give its spectrum on a grid, in the plane and summed along one axis, and its mean over directions as
+a sum of Gaussians, by which straight walls and round features are printed.
+"""
+
+import math
+import re
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from pathlib import Path
+from typing import Annotated, ClassVar, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+from scipy import fft, ndimage
+
+from solen.arrays import FloatArray
+from solen.errors import DataError, SolenError
+from solen.files import read_text
+from solen.spec.strict import Number, Positive, Strict, refused
+
+Spectrum = NDArray[np.complex128]
+Mixture = tuple[FloatArray, FloatArray]
+"""Weights, some of them below 0, and standard deviations in µm of Gaussians whose sum is a response."""
+
+PICTURES = (".png", ".tif", ".tiff", ".bmp")
+MOST_SAMPLES = 65_536
+FAINTEST = 1e-6
+"""Relative size of the narrowest blur's spectrum at the end of the fine grid's."""
+FAINT = 5e-5
+"""The same of a measured response."""
+LEAST_FINE, MOST_FINE = 3, 16
+RIM = 0.01
+"""Share of the brightest sample that the rim of a table may have, in the mean."""
+NOISE = 0.05
+"""Share of the brightest sample by which others may lie below 0."""
+COARSEST = 4.0
+"""Samples that a pixel must have, side by side."""
+_FULL_SCALES = (255, 1023, 4095, 16383, 65535)
+_WIDTHS = np.geomspace(0.35, 2.5, 8)  # of the Gaussians of a mixture, over the response's own
+_WAVES, _DIRECTIONS, _RIDGE = 120, 16, 1e-4
+_PAD = 12  # dark samples round a table, over which its spline settles
+_FAR = 6.0  # widths of a Gaussian
+_APART = 0.1, 20.0  # a response's width over that of its pixel
+
+
+class PixelResponse(Strict):
+    """Measured light of one pixel over x and y at the window."""
+
+    table: ClassVar[str] = "process.response"
+    error: ClassVar[type[SolenError]] = DataError
+
+    light: tuple[tuple[Number, ...], ...] = Field(
+        description="samples, in any unit: columns along x, rows along y, the least first; or file names a table "
+        "(.csv, .txt) of them or a picture with y up (.png, .tif)."
+    )
+    pitch_um: Annotated[Positive, Field(le=1e3)] = Field(description="distance of neighbouring samples in µm.")
+    centre_um: tuple[Number, Number] | None = Field(
+        None, description="Place of the pixel's centre from the first sample of all, along x and y; else the centroid."
+    )
+
+    @model_validator(mode="after")
+    def _is_one_pixel(self) -> Self:
+        rows, columns = len(self.light), len(self.light[0]) if self.light else 0
+        if min(rows, columns) < 5 or any(len(row) != columns for row in self.light):
+            raise refused("light", "must be at least 5 rows of at least 5 numbers, all as long", value=f"{rows} rows")
+        if rows * columns > MOST_SAMPLES:
+            limit = f"at most {MOST_SAMPLES:,} samples"
+            raise refused("light", limit, value=f"{rows} x {columns}", remedy="cut it to the light, or average samples")
+        light = np.array(self.light)
+        peak = float(light.max())
+        if not peak > 0.0 or light.min() < -NOISE * peak:
+            limit = f"must be light: above 0, and nowhere below -{100 * NOISE:g} % of the brightest sample"
+            raise refused("light", limit, value=float(light.min()), remedy="check the dark picture that was subtracted")
+        rim = float(np.mean(np.concatenate([light[0], light[-1], light[1:-1, 0], light[1:-1, -1]])))
+        if rim > RIM * peak:
+            limit = f"its rim must be dark: within {100 * RIM:g} % of the brightest sample in the mean"
+            remedy = "subtract the background, or take a wider table"
+            raise refused("light", limit, value=f"{100 * rim / peak:.2g} %", remedy=remedy)
+        return self
+
+
+@dataclass(frozen=True)
+class GaussianPixel:
+    """Rectangle of even light of sides ``pixels_um`` along x and y, blurred by a Gaussian of ``blur_um``."""
+
+    blur_um: float
+    pixels_um: tuple[float, float]
+
+    @property
+    def mixture(self) -> Mixture:
+        """Its mean over directions, as one Gaussian."""
+        return np.ones(1), np.array([math.sqrt(self.blur_um**2 + _own_um2(self.pixels_um))])
+
+    @property
+    def reach_um(self) -> float:
+        """How far it reaches beyond its rectangle."""
+        return _FAR * self.blur_um
+
+    @property
+    def fine(self) -> int:
+        """Points of a grid for each pixel that hold it to rounding; `DataError` where it is too sharp."""
+        width, pixel_um = math.sqrt(-2.0 * math.log(FAINTEST)), max(self.pixels_um)
+        needed = math.ceil(width * pixel_um / (math.pi * self.blur_um))
+        if needed > MOST_FINE:
+            least = width * pixel_um / (math.pi * MOST_FINE)
+            limit = f"must be at least {least:.2g} µm for pixels of {pixel_um:g} µm"
+            raise DataError("process.sigma_um", value=self.blur_um, limit=limit, remedy="no projector is sharper")
+        return max(needed, LEAST_FINE)
+
+    def plane(self, shape: tuple[int, int], step_um: tuple[float, float]) -> FloatArray:
+        """Spectrum on a periodic grid of rows and columns, steps along x and y, as of a real transform."""
+        across = self.row(shape[1], step_um[0], 0)
+        along = self.row(shape[0], step_um[1], 1)
+        return np.outer(along[_mirrored(shape[0])], across)
+
+    def row(self, count: int, step_um: float, axis: int) -> FloatArray:
+        """Spectrum of its sum along the other axis, on a periodic row along x (0) or y (1)."""
+        k = math.tau * fft.rfftfreq(count, step_um)
+        blur = np.exp(-0.5 * (self.blur_um * k) ** 2)
+        return np.asarray(blur * np.sinc(k * self.pixels_um[axis] / math.tau))
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredPixel:
+    """A measured response in numbers.
+
+    Attributes
+    ----------
+    response
+        Its table.
+    splines
+        Coefficients (rows, columns) of its cubic B-splines; their sum is 1.
+    first_um
+        Place of the first of these from the pixel's centre, along x and y.
+    pitch_um
+        Distance of neighbours.
+    pixels_um
+        Sides of the pixel.
+    """
+
+    response: PixelResponse
+    splines: FloatArray
+    first_um: tuple[float, float]
+    pitch_um: float
+    pixels_um: tuple[float, float]
+
+    @cached_property
+    def centroid_um(self) -> FloatArray:
+        """Centroid of the light from the pixel's centre, along x and y."""
+        return np.array([float(self._line(axis) @ self._places(axis)) for axis in (0, 1)])
+
+    @cached_property
+    def blur_um(self) -> float:
+        """Standard deviation of a Gaussian that would make the pixel's rectangle as wide, mean of both axes."""
+        return math.sqrt(max(self.width_um**2 - _own_um2(self.pixels_um), 0.0))
+
+    @cached_property
+    def width_um(self) -> float:
+        """Standard deviation of its light along an axis, root mean square of both axes."""
+        centroid = self.centroid_um
+        squares = (float(self._line(axis) @ (self._places(axis) - centroid[axis]) ** 2) for axis in (0, 1))
+        return math.sqrt(0.5 * sum(squares) + self.pitch_um**2 / 3.0)  # a cubic B-spline's own variance
+
+    @property
+    def reach_um(self) -> float:
+        """How far its table reaches."""
+        return max(float(np.abs(self._places(axis)).max()) for axis in (0, 1))
+
+    @property
+    def mixture(self) -> Mixture:
+        """Its mean over directions about its centroid, as Gaussians: least squares of their spectra."""
+        return _weights(self.response), self.width_um * _WIDTHS
+
+    @cached_property
+    def fine(self) -> int:
+        """Points of a grid for each pixel between which a spline follows it: at most as fine as its samples."""
+        pixel_um = max(self.pixels_um)
+        most = min(MOST_FINE, math.ceil(pixel_um / self.pitch_um))
+        k = math.pi / pixel_um * np.linspace(1.0, 2.0, 32)
+        for fine in range(LEAST_FINE, most):
+            if max(float(np.abs(self.along(fine * k, *way)).max()) for way in ((1.0, 0.0), (0.0, 1.0))) < FAINT:
+                return fine
+        return most
+
+    def plane(self, shape: tuple[int, int], step_um: tuple[float, float]) -> Spectrum:
+        """Spectrum on a periodic grid of rows and columns, steps along x and y, as of a real transform."""
+        (rows, i), (columns, j) = (self._on(shape[1 - axis], step_um[axis], axis) for axis in (1, 0))
+        kernel = np.zeros(shape)
+        np.add.at(kernel, (i[:, None], j), rows @ self.splines @ columns.T)
+        return np.asarray(fft.rfft2(kernel))
+
+    def row(self, count: int, step_um: float, axis: int) -> Spectrum:
+        """Spectrum of its sum along the other axis, on a periodic row along x (0) or y (1)."""
+        basis, places = self._on(count, step_um, axis)
+        kernel = np.zeros(count)
+        np.add.at(kernel, places, basis @ self._line(axis))
+        return np.asarray(fft.rfft(kernel))
+
+    def towards(self, axis: int, sign: float) -> tuple[FloatArray, FloatArray, float]:
+        """Weights and places (N,) of its light along a direction of an axis, and the width of each of them."""
+        return self._line(axis), sign * self._places(axis), self.pitch_um / math.sqrt(3.0)
+
+    def _line(self, axis: int) -> FloatArray:
+        return np.asarray(self.splines.sum(axis=axis))
+
+    def _places(self, axis: int) -> FloatArray:
+        count = self.splines.shape[1 - axis]
+        return self.first_um[axis] + self.pitch_um * np.arange(count, dtype=float)
+
+    def _on(self, count: int, step_um: float, axis: int) -> tuple[FloatArray, NDArray[np.intp]]:
+        """Splines (M, N) at the points of a periodic grid that they reach, times its step, and these points (M,)."""
+        places = self._places(axis)
+        low, high = places[0] - 2.0 * self.pitch_um, places[-1] + 2.0 * self.pitch_um
+        points = np.arange(math.ceil(low / step_um), math.floor(high / step_um) + 1)
+        basis = _spline((points[:, None] * step_um - places) / self.pitch_um) * (step_um / self.pitch_um)
+        return basis, np.asarray(points % count, np.intp)
+
+    def along(self, k: FloatArray, across: float, along: float) -> FloatArray:
+        """Spectrum (K,) about the centroid at wave numbers along a direction, its real part: both ways in the mean."""
+        (x, y), (cx, cy) = (self._places(0), self._places(1)), self.centroid_um
+        turn = [np.exp(-1j * np.outer(k * way, place)) for way, place in ((across, x - cx), (along, y - cy))]
+        smooth = [np.sinc(k * way * self.pitch_um / math.tau) ** 4 for way in (across, along)]
+        lit = np.einsum("ky,yx,kx->k", turn[1], self.splines, turn[0], optimize=True)
+        return np.asarray(lit.real * smooth[0] * smooth[1])
+
+
+@lru_cache(maxsize=8)
+def measured_pixel(response: PixelResponse, scale: float, pixels_um: tuple[float, float]) -> MeasuredPixel:
+    """A response in numbers, its lengths times ``scale``.
+
+    Raises
+    ------
+    DataError
+        Where its samples are too coarse for the pixels, or its light is not about as wide as one.
+    """
+    if COARSEST * response.pitch_um > min(pixels_um):
+        limit = f"a pixel of {min(pixels_um):g} µm needs {COARSEST:g} samples at least"
+        raise DataError("process.response.pitch_um", value=response.pitch_um, limit=limit, remedy="measure it finer")
+    made = _scaled(response, scale, pixels_um)
+    least, most = (share * max(pixels_um) for share in _APART)
+    if not least <= made.width_um <= most:
+        limit = f"a pixel of {max(pixels_um):g} µm has light of a standard deviation of {least:.3g} to {most:.3g} µm"
+        value = f"{made.width_um:.3g} µm"
+        raise DataError("process.response", value=value, limit=limit, remedy="check pitch_um: it is in µm")
+    return made
+
+
+def _scaled(response: PixelResponse, scale: float, pixels_um: tuple[float, float]) -> MeasuredPixel:
+    splines, centre, pitch = *_splines(response), scale * response.pitch_um
+    return MeasuredPixel(response, splines, (-centre[0] * pitch, -centre[1] * pitch), pitch, pixels_um)
+
+
+@lru_cache(maxsize=8)
+def _splines(response: PixelResponse) -> tuple[FloatArray, tuple[float, float]]:
+    """Coefficients of a response's splines, and the pixel's centre from the first of them, along x and y in samples."""
+    light = np.pad(np.array(response.light), _PAD)
+    splines = ndimage.spline_filter(light, order=3, mode="mirror")
+    splines = splines / splines.sum()
+    if response.centre_um is not None:
+        x, y = (_PAD + place / response.pitch_um for place in response.centre_um)
+    else:
+        rows, columns = (np.arange(count) for count in light.shape)
+        x, y = float(splines.sum(axis=0) @ columns), float(splines.sum(axis=1) @ rows)
+    return splines, (x, y)
+
+
+@lru_cache(maxsize=8)
+def _weights(response: PixelResponse) -> FloatArray:
+    """Weights of the Gaussians whose sum is nearest to a response's mean over directions."""
+    one = _scaled(response, 1.0, (1.0, 1.0))
+    k, widths = np.linspace(0.0, 6.0 / one.width_um, _WAVES), one.width_um * _WIDTHS
+    angles = math.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
+    mean = np.mean([one.along(k, math.cos(angle), math.sin(angle)) for angle in angles], axis=0)
+    whole, ridge = 1e3 * np.ones((1, len(widths))), _RIDGE * math.sqrt(_WAVES) * np.eye(len(widths))
+    left = np.vstack([np.exp(-0.5 * np.outer(k, widths) ** 2), whole, ridge])
+    weights = np.linalg.lstsq(left, np.concatenate([mean, [1e3], np.zeros(len(widths))]))[0]
+    return np.asarray(weights / weights.sum())
+
+
+def light_of_file(path: Path) -> list[list[float]]:
+    """Samples of a table of numbers, or of a picture of one channel with y up, the least y first.
+
+    Raises
+    ------
+    DataError
+        Where the file cannot be read, is in colour or overexposed, or holds no rectangle of numbers.
+    """
+    return _of_picture(path) if path.suffix.lower() in PICTURES else _of_table(path)
+
+
+def _of_table(path: Path) -> list[list[float]]:
+    lines = [line.strip() for line in read_text(path, DataError).splitlines()]
+    try:
+        rows = [[float(cell) for cell in re.split(r"[,;\s]+", line)] for line in lines if line and line[0] != "#"]
+    except ValueError as bad:
+        raise DataError(str(path), limit=f"must be rows of numbers: {bad}", remedy="mark other lines by #") from None
+    return rows
+
+
+def _of_picture(path: Path) -> list[list[float]]:
+    from PIL import Image, UnidentifiedImageError
+
+    try:
+        with Image.open(path) as picture:
+            light = np.array(picture)
+    except (OSError, UnidentifiedImageError, Image.DecompressionBombError) as bad:
+        raise DataError(str(path), limit=f"cannot be read as a picture: {bad}", remedy="check the file") from None
+    if light.ndim != 2:
+        raise DataError(str(path), limit="must be a picture of one channel, not of colours", remedy="save it in grey")
+    if int(light.max()) in _FULL_SCALES and np.count_nonzero(light == light.max()) > 1:
+        limit = f"is overexposed: {np.count_nonzero(light == light.max()):,} samples are {light.max():g}"
+        raise DataError(str(path), limit=limit, remedy="expose it shorter; its values must be in proportion to light")
+    rows: list[list[float]] = light[::-1].astype(float).tolist()
+    return rows
+
+
+def _spline(t: FloatArray) -> FloatArray:
+    """Cubic B-spline of the distance in steps."""
+    t = np.abs(t)
+    return np.where(t < 1.0, 2.0 / 3.0 - t**2 + 0.5 * t**3, np.maximum(2.0 - t, 0.0) ** 3 / 6.0)
+
+
+def _own_um2(pixels_um: tuple[float, float]) -> float:
+    """Variance of a pixel's rectangle along an axis, mean of both."""
+    return sum(side**2 for side in pixels_um) / 24.0
+
+
+def _mirrored(count: int) -> NDArray[np.intp]:
+    """Places of all frequencies of a transform of so many points among those of a real one."""
+    return np.abs(np.rint(fft.fftfreq(count) * count)).astype(np.intp)
