@@ -10,10 +10,12 @@ import math
 import re
 import struct
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 MAGIC = bytes.fromhex("07 00 00 00 44 4C 50 00")
 DELIMITER = b"\r\n"
@@ -74,7 +76,7 @@ def need(holds: bool, rule: str) -> None:
 class GooLayer:
     """One layer: its definition and its runs."""
 
-    fields: dict
+    fields: dict[str, Any]
     data: bytes = field(repr=False)
     shape: tuple[int, int]
     """Rows and columns."""
@@ -82,7 +84,7 @@ class GooLayer:
     """The grey that is full light."""
 
     @cached_property
-    def runs(self) -> tuple[np.ndarray, np.ndarray]:
+    def runs(self) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
         """Grey and length of each run."""
         return decoded(self.data, self.shape[0] * self.shape[1], self.top)
 
@@ -93,7 +95,7 @@ class GooLayer:
         return float(np.dot(greys.astype(float), lengths)) / self.top
 
     @property
-    def picture(self) -> np.ndarray:
+    def picture(self) -> NDArray[Any]:
         """Greys, shape (rows, columns)."""
         return np.repeat(*self.runs).reshape(self.shape)
 
@@ -102,7 +104,7 @@ class GooLayer:
 class GooFile:
     """A whole file that keeps every rule."""
 
-    header: dict
+    header: dict[str, Any]
     layers: list[GooLayer]
 
     @property
@@ -112,12 +114,12 @@ class GooFile:
         return head["x_size_mm"] / head["x_resolution"], head["y_size_mm"] / head["y_resolution"]
 
     @property
-    def areas_mm2(self) -> np.ndarray:
+    def areas_mm2(self) -> NDArray[Any]:
         """Covered area of each layer."""
         width, height = self.pixel_mm
         return np.array([layer.lit_pixels for layer in self.layers]) * width * height
 
-    def preview(self, name: str) -> np.ndarray:
+    def preview(self, name: str) -> NDArray[Any]:
         """Red, green and blue of a preview, 0 to 1."""
         words = np.frombuffer(self.header[name], ">u2").reshape(PREVIEWS[name], -1)
         return np.stack([(words >> 11) / 31, (words >> 5 & 63) / 63, (words & 31) / 31], axis=-1)
@@ -138,7 +140,7 @@ def read_goo(path: str | Path) -> GooFile:
     return stack
 
 
-def fields_of(content: bytes, place: int, table: list[tuple[str, str]]) -> tuple[dict, int]:
+def fields_of(content: bytes, place: int, table: list[tuple[str, str]]) -> tuple[dict[str, Any], int]:
     layout = struct.Struct(">" + "".join(code for _, code in table))
     need(len(content) >= place + layout.size, f"the file ends at byte {len(content)}, within a table at {place}")
     found = dict(zip((name for name, _ in table), layout.unpack_from(content, place), strict=True))
@@ -147,7 +149,7 @@ def fields_of(content: bytes, place: int, table: list[tuple[str, str]]) -> tuple
     return found, place + layout.size
 
 
-def check_value(name: str, value: object) -> None:
+def check_value(name: str, value: Any) -> None:
     if name in FLAGS:
         need(value in (0, 1), f"{name} is {value}, neither 0 nor 1")
     if name.endswith("_pwm"):
@@ -169,7 +171,7 @@ def check_text(name: str, value: bytes) -> None:
     need(words.decode("utf-8", "replace").isprintable() and words.isascii(), f"{name} is not plain text: {words!r}")
 
 
-def check_header(head: dict, size: int) -> None:
+def check_header(head: dict[str, Any], size: int) -> None:
     need(head["version"] == b"V3.0", f"version {head['version']!r}")
     need(head["magic"] == MAGIC, f"magic tag {head['magic'].hex()}")
     need(
@@ -183,7 +185,7 @@ def check_header(head: dict, size: int) -> None:
         check_motion(kind or "common ", {name: head[kind + name] for name in OF_EACH_KIND})
 
 
-def check_motion(which: str, motion: dict) -> None:
+def check_motion(which: str, motion: dict[str, Any]) -> None:
     """A motion has a speed, and the platform comes back to where it was."""
     for name in ("lift", "second_lift", "retract", "second_retract"):
         need(motion[f"{name}_mm"] == 0 or motion[f"{name}_mm_per_min"] > 0, f"{which}{name} has no speed")
@@ -191,7 +193,7 @@ def check_motion(which: str, motion: dict) -> None:
     need(math.isclose(up, down, rel_tol=1e-6), f"{which}lifts {up} mm and retracts {down} mm")
 
 
-def layer_at(content: bytes, place: int, head: dict, index: int) -> tuple[GooLayer, int]:
+def layer_at(content: bytes, place: int, head: dict[str, Any], index: int) -> tuple[GooLayer, int]:
     found, place = fields_of(content, place, LAYER)
     check_motion(f"layer {index}: ", found)
     data = content[place : place + found["data_size"]]
@@ -207,9 +209,12 @@ def layer_at(content: bytes, place: int, head: dict, index: int) -> tuple[GooLay
     return GooLayer(found, data[1:-1], (head["y_resolution"], head["x_resolution"]), top), place + 2
 
 
-def decoded(data: bytes, pixels: int, top: int) -> tuple[np.ndarray, np.ndarray]:
+@lru_cache(maxsize=8)
+def decoded(data: bytes, pixels: int, top: int) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
     """Greys and lengths of the runs of a layer; they must state every pixel once."""
-    greys, lengths, place = [], [], 0
+    greys: list[int] = []
+    lengths: list[int] = []
+    place = 0
     while place < len(data):
         try:
             grey, length, place = chunk(data, place, greys[-1] if greys else None)
@@ -229,7 +234,8 @@ def chunk(data: bytes, place: int, before: int | None) -> tuple[int, int, int]:
     kind, way, low = head >> 6, head >> 4 & 3, head & 15
     place += 1
     if kind == 2:
-        need(before is not None, "a difference without a pixel before it")
+        if before is None:
+            raise RuleError("a difference without a pixel before it")
         grey = before - low if way & 2 else before + low
         return (grey, data[place], place + 1) if way & 1 else (grey, 1, place)
     grey = 0xFF if kind == 3 else 0
@@ -255,7 +261,7 @@ def check_order(stack: GooFile) -> None:
         repeats_header(layer.fields, head, index)
 
 
-def repeats_header(layer: dict, head: dict, index: int) -> None:
+def repeats_header(layer: dict[str, Any], head: dict[str, Any], index: int) -> None:
     if head["bottom_layers"] <= index < head["bottom_layers"] + head["transition_layers"]:
         ends = sorted([head["bottom_exposure_s"], head["exposure_s"]])
         need(ends[0] <= layer["exposure_s"] <= ends[1], f"transition layer {index} has {layer['exposure_s']} s")

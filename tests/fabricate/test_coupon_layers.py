@@ -61,11 +61,6 @@ def test_the_single_layer_has_no_burn_in(folder: Path, capfd: pytest.CaptureFixt
     assert [row["exposure_s"] for row in base] == [3.0] * 6 + [2.0] * 14
 
 
-def test_a_stack_follows_its_job(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    _, rows = layered(folder, capfd, "group-a.json")
-    assert [row["exposure_s"] for row in rows[:8]] == [3.0] * 6 + [2.0] * 2
-
-
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [

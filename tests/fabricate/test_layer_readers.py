@@ -2,6 +2,8 @@
 
 import struct
 import zlib
+from pathlib import Path
+from typing import Any
 from zipfile import ZipFile
 
 import pytest
@@ -47,7 +49,7 @@ VALUES = {
 }
 RUNS = bytes([0b11_01_0101, 2, 0b01_00_0010, 0x80, 0b10_10_1111, 0b10_01_0001, 2, 0b00_01_0110, 2])
 """37 white pixels, two of 128, one of 113, two of 114, 38 black ones: the two rows of 40."""
-LAYERS = [
+LAYERS: list[dict[str, Any]] = [
     {
         "position_mm": 0.25,
         "exposure_s": 3,
@@ -60,24 +62,24 @@ LAYERS = [
 ]
 
 
-def packed(table, values):
+def packed(table: list[tuple[str, str]], values: dict[str, Any]) -> bytes:
     blank = {name: b"" if code.endswith("s") else 0 for name, code in table}
     return b"".join(struct.pack(f">{code}", values.get(name, blank[name])) for name, code in table)
 
 
-def layer(values, runs=RUNS):
+def layer(values: dict[str, Any], runs: bytes = RUNS) -> bytes:
     data = b"\x55" + runs + bytes([0xFF & ~sum(runs)])
     return packed(LAYER, {"definition_end": DELIMITER, "data_size": len(data), **values}) + data + DELIMITER
 
 
-def written(folder, header=(), layers=LAYERS, runs=RUNS):
+def written(folder: Path, header: dict[str, Any] | None = None, layers: list[dict[str, Any]] = LAYERS) -> Path:
     path = folder / "made.goo"
-    body = b"".join(layer(values, runs) for values in layers)
-    path.write_bytes(packed(HEADER, VALUES | dict(header)) + body + ENDING)
+    body = b"".join(layer(values) for values in layers)
+    path.write_bytes(packed(HEADER, VALUES | (header or {})) + body + ENDING)
     return path
 
 
-def test_a_file_made_by_hand_is_read(tmp_path):
+def test_a_file_made_by_hand_is_read(tmp_path: Path) -> None:
     stack = read_goo(written(tmp_path))
     greys = stack.layers[0].picture
     assert greys.tolist() == [[255] * 37 + [128] * 2 + [113], [114] * 2 + [0] * 38]
@@ -87,7 +89,7 @@ def test_a_file_made_by_hand_is_read(tmp_path):
 
 
 @pytest.mark.parametrize("name", PLACES)
-def test_fields_stand_where_the_description_puts_them(name):
+def test_fields_stand_where_the_description_puts_them(name: str) -> None:
     at = 0
     for other, code in HEADER:
         if other == name:
@@ -97,7 +99,7 @@ def test_fields_stand_where_the_description_puts_them(name):
 
 
 @pytest.mark.parametrize(("data", "length"), [("c7", 7), ("d701", 23), ("e70102", 0x1027), ("f7010203", 0x102037)])
-def test_lengths_of_one_to_four_bytes(data, length):
+def test_lengths_of_one_to_four_bytes(data: str, length: int) -> None:
     assert chunk(bytes.fromhex(data), 0, None) == (255, length, len(data) // 2)
 
 
@@ -118,7 +120,7 @@ def test_lengths_of_one_to_four_bytes(data, length):
     ],
     ids=str,
 )
-def test_a_broken_header_is_refused(tmp_path, broken):
+def test_a_broken_header_is_refused(tmp_path: Path, broken: dict[str, Any]) -> None:
     with pytest.raises(RuleError):
         read_goo(written(tmp_path, broken)).areas_mm2  # noqa: B018 - reading the runs is what may fail
 
@@ -131,7 +133,7 @@ def test_a_broken_header_is_refused(tmp_path, broken):
     ],
     ids=str,
 )
-def test_a_broken_layer_is_refused(tmp_path, broken):
+def test_a_broken_layer_is_refused(tmp_path: Path, broken: dict[str, Any]) -> None:
     with pytest.raises(RuleError):
         read_goo(written(tmp_path, layers=[LAYERS[0] | broken, LAYERS[1]]))
 
@@ -140,13 +142,13 @@ def test_a_broken_layer_is_refused(tmp_path, broken):
     "runs",
     ["", "df", "df04", "df0400", "df04c2", "8f", "c041", "4200df04", "42ffdf04", "c15fbfdf04", "40df04df04", "cf4180"],
 )
-def test_runs_that_break_a_rule_are_refused(runs):
+def test_runs_that_break_a_rule_are_refused(runs: str) -> None:
     with pytest.raises(RuleError):
         decoded(bytes.fromhex(runs), 80, 255)
 
 
 @pytest.mark.parametrize("place", [195477 + 70, -20, -12, -1])
-def test_one_changed_byte_is_refused(tmp_path, place):
+def test_one_changed_byte_is_refused(tmp_path: Path, place: int) -> None:
     path = written(tmp_path)
     content = bytearray(path.read_bytes())
     content[place] ^= 1
@@ -155,18 +157,18 @@ def test_one_changed_byte_is_refused(tmp_path, place):
         read_goo(path)
 
 
-def part(kind, body):
+def part(kind: bytes, body: bytes) -> bytes:
     return struct.pack(">I", len(body)) + kind + body + zlib.crc32(kind + body).to_bytes(4, "big")
 
 
-def png(rows, depth=8, colour=0):
+def png(rows: list[list[int]], depth: int = 8, colour: int = 0) -> bytes:
     head = struct.pack(">IIBBBBB", len(rows[0]) - 1, len(rows), depth, colour, 0, 0, 0)
     return (
         SIGNATURE + part(b"IHDR", head) + part(b"IDAT", zlib.compress(b"".join(map(bytes, rows)))) + part(b"IEND", b"")
     )
 
 
-def test_the_five_filters_of_a_png():
+def test_the_five_filters_of_a_png() -> None:
     rows = [[0, 9, 8, 250], [1, 9, 255, 242], [2, 0, 0, 0], [3, 5, 0, 121], [4, 0, 0, 0]]
     assert read_png(png(rows)).picture.tolist() == [[9, 8, 250]] * 5
 
@@ -174,8 +176,13 @@ def test_the_five_filters_of_a_png():
 MADE = {"LayerHeight": "0.025", "ResolutionX": "3", "ResolutionY": "1", "DisplayWidth": "0.3", "DisplayHeight": "0.1"}
 
 
-def archive(folder, manifest=(), names=("1.png", "2.png", "manifest.uvtools"), picture=None):
-    path, values = folder / "made.zip", MADE | {"MachineZ": "9"} | dict(manifest)
+def archive(
+    folder: Path,
+    manifest: dict[str, str] | None = None,
+    names: tuple[str, ...] = ("1.png", "2.png", "manifest.uvtools"),
+    picture: bytes = b"",
+) -> Path:
+    path, values = folder / "made.zip", MADE | {"MachineZ": "9"} | (manifest or {})
     xml = "".join(f"<{name}>{value}</{name}>" for name, value in values.items())
     with ZipFile(path, "w") as zipped:
         for name in names:
@@ -185,7 +192,7 @@ def archive(folder, manifest=(), names=("1.png", "2.png", "manifest.uvtools"), p
     return path
 
 
-def test_an_archive_made_by_hand_is_read(tmp_path):
+def test_an_archive_made_by_hand_is_read(tmp_path: Path) -> None:
     assert read_zip(archive(tmp_path)).areas_mm2 == pytest.approx([0.012, 0.012])
 
 
@@ -205,6 +212,6 @@ def test_an_archive_made_by_hand_is_read(tmp_path):
     ],
     ids=lambda broken: str(broken)[:60],
 )
-def test_a_broken_archive_is_refused(tmp_path, broken):
+def test_a_broken_archive_is_refused(tmp_path: Path, broken: dict[str, Any]) -> None:
     with pytest.raises(RuleError):
         read_zip(archive(tmp_path, **broken)).areas_mm2  # noqa: B018 - reading the pictures is what may fail

@@ -1,7 +1,7 @@
 """Files for printers, read back by readers written from the formats' descriptions; areas against the solid."""
 
 from collections.abc import Iterator
-from itertools import pairwise
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ import trimesh
 from numpy.typing import NDArray
 from shapely.geometry import Polygon
 
+from solen.cli import run_command
 from solen.errors import SpecError
 from solen.fabricate.layers import (
     Job,
@@ -26,9 +27,11 @@ from solen.fabricate.layers import (
 from solen.fabricate.layers.goo import encoded
 from solen.fabricate.layers.solid import Exposures
 from solen.parts import Printer, library_printer, printers
+from tests.command_support import answered
+from tests.fabricate.goo_reader import decoded, read_goo
 from tests.fabricate.solid_support import part_of, seated
-from tests.fabricate.stack_readers import Read, read_goo, read_uvtools_zip
 from tests.fabricate.test_layers import closed, printer
+from tests.fabricate.zip_reader import read_zip
 
 LIFT: dict[str, Any] = {
     "bottom_height_mm": 7, "height_mm": 5, "bottom_speed_mm_per_min": 80, "speed_mm_per_min": 100,
@@ -43,101 +46,109 @@ def place(columns: int = 700, rows: int = 300, **more: Any) -> Printer:
     return printer(40.0, columns, rows, pitch_y_um={"typical": 60.0}, lift=LIFT, **more)
 
 
-def cone() -> Solid:
+def cone() -> trimesh.Trimesh:
     """A cone of 16 mm by 8 mm with a square of 2 mm cut out beside its axis: no section is its mirror image."""
     shape = trimesh.creation.cone(8.0, 8.0, sections=90)
     cut = trimesh.creation.box(bounds=[(1.0, 0.5, -1.0), (3.0, 2.5, 2.0)])
-    return mesh_solid(closed(trimesh.boolean.difference([shape, cut], engine="manifold")), orientation("flat"))
+    return trimesh.boolean.difference([shape, cut], engine="manifold")
 
 
-def sections_mm2(job: Job) -> Iterator[float]:
-    """Area of the solid at the middle of each layer, by shapely."""
-    for index in range(job.count):
-        rings = job.solid.section((index + 0.5) * job.layer_mm)[1]
-        yield sum(_signed_mm2(ring) for ring in rings)
+def solid_cone() -> Solid:
+    return mesh_solid(closed(cone()), orientation("flat"))
 
 
-def _signed_mm2(ring: NDArray[np.float64]) -> float:
-    polygon = Polygon(ring)
-    return float(polygon.area if polygon.exterior.is_ccw else -polygon.area)
-
-
-def areas_mm2(read: Read, pixel_mm2: float) -> list[float]:
-    return [float(picture.sum(dtype=np.int64)) / 255.0 * pixel_mm2 for _, picture in read.layers]
+def sections_mm2(mesh: trimesh.Trimesh, heights_mm: NDArray[Any]) -> Iterator[float]:
+    """Area of a mesh at each height, by trimesh and shapely; what lies in another outline is a hole."""
+    for height in heights_mm:
+        outlines = mesh.section(plane_origin=(0.0, 0.0, height), plane_normal=(0.0, 0.0, 1.0)).discrete
+        rings = [Polygon(outline[:, :2]) for outline in outlines]
+        yield sum(
+            ring.area * (-1) ** sum(other.contains(ring) for other in rings if other is not ring) for ring in rings
+        )
 
 
 @pytest.mark.parametrize("whose", ["goo", "zip"])
 def test_areas_read_back_are_those_of_the_solid(tmp_path: Path, whose: str) -> None:
-    job = Job(cone(), place(), Slicing(layer_um=400.0, burn_in_layers=3, phase_px=(0.3, 0.7)))
-    write, read = {"goo": (write_goo, read_goo), "zip": (write_archive, read_uvtools_zip)}[whose]
-    stack = write(tmp_path / "a", job)
-    found = areas_mm2(read(tmp_path / "a"), 0.04 * 0.06)
-    expected = list(sections_mm2(job))
-    assert len(found) == stack.layers == len(expected) == 20
-    assert found[:-1] == pytest.approx(expected[:-1], rel=WITHIN)
-    assert found[-1] == pytest.approx(expected[-1], rel=0.05), "the tip is 0.4 mm wide"
+    job = Job(solid_cone(), place(), Slicing(layer_um=400.0, burn_in_layers=3, phase_px=(0.3, 0.7)))
+    assert {"goo": write_goo, "zip": write_archive}[whose](tmp_path / "a", job).layers == 20
+    found = read_goo(tmp_path / "a") if whose == "goo" else read_zip(tmp_path / "a")
+    expected = list(sections_mm2(cone(), 0.4 * (np.arange(20) + 0.5)))
+    assert found.pixel_mm == pytest.approx((0.04, 0.06))
+    assert found.areas_mm2[:-1] == pytest.approx(expected[:-1], rel=WITHIN)
+    assert found.areas_mm2[-1] == pytest.approx(expected[-1], rel=0.05), "the tip is 0.4 mm wide"
 
 
 def test_a_goo_states_burn_in_by_its_bottom_layers(tmp_path: Path) -> None:
+    """That each layer repeats what the header states for it is the reader's own check."""
     wide = place(mirror={"axis": "x"})
-    job = Job(cone(), wide, Slicing(layer_um=400.0, burn_in_layers=3, burn_in_s=3.5, exposure_s=2.25))
+    job = Job(solid_cone(), wide, Slicing(layer_um=400.0, burn_in_layers=3, burn_in_s=3.5, exposure_s=2.25))
     write_goo(tmp_path / "a.goo", job)
     read = read_goo(tmp_path / "a.goo")
-    header = read.header
-    assert (header["bottom_layers"], header["bottom_exposure_s"], header["exposure_s"]) == (3, 3.5, 2.25)
-    assert header["each_layer"] is False
-    assert header["transition_layers"] == 0
-    assert (header["columns"], header["rows"], header["layers"]) == (700, 300, 20)
-    assert (header["width_mm"], header["depth_mm"], header["height_mm"]) == pytest.approx((28.0, 18.0, 100.0))
-    assert header["layer_mm"] == pytest.approx(0.4)
-    assert (header["mirror_x"], header["mirror_y"]) == (True, False)
-    assert header["full_grey"] == 1
-    assert (header["bottom_light"], header["light"]) == (255, 255)
-    assert (header["bottom_lift_mm"], header["lift_mm"], header["retract_speed"]) == (7.0, 5.0, 150.0)
-    assert (header["bottom_retract_mm"], header["retract_mm"]) == (7.0, 5.0), "down as far as up"
-    assert header["volume_mm3"] == pytest.approx(job.volume_mm3, rel=1e-6)
-    entries = [entry for entry, _ in read.layers]
-    assert [entry["exposure_s"] for entry in entries] == [3.5] * 3 + [2.25] * 17
-    assert [entry["lift_mm"] for entry in entries] == [7.0] * 3 + [5.0] * 17
-    assert [entry["before_cure_s"] for entry in entries] == [3.0] * 3 + [2.5] * 17
-    rises = [after["z_mm"] - before["z_mm"] for before, after in pairwise(entries)]
-    assert rises == pytest.approx([0.4] * 19, abs=1e-5)
-    for (_, picture), layer in zip(read.layers, job.layers(), strict=True):
-        assert (picture == layer.image).all()
+    expected = {
+        "bottom_layers": 3, "bottom_exposure_s": 3.5, "exposure_s": 2.25, "advance_mode": 0, "transition_layers": 0,
+        "x_resolution": 700, "y_resolution": 300, "total_layers": 20, "layer_thickness_mm": 0.4, "z_size_mm": 100.0,
+        "x_size_mm": 28.0, "y_size_mm": 18.0, "x_mirror": 1, "y_mirror": 0, "grey_scale_level": 1,
+        "bottom_light_pwm": 255, "light_pwm": 255, "bottom_lift_mm": 7.0, "lift_mm": 5.0, "retract_mm_per_min": 150.0,
+        "bottom_after_retract_s": 3.0, "after_retract_s": 2.5, "total_volume_mm3": job.volume_mm3,
+    }  # fmt: skip
+    assert {name: read.header[name] for name in expected} == pytest.approx(expected, rel=1e-6)
+    assert [layer.fields["exposure_s"] for layer in read.layers] == [3.5] * 3 + [2.25] * 17
+    for layer, drawn in zip(read.layers, job.layers(), strict=True):
+        assert (layer.picture == drawn.image).all()
+
+
+def test_the_printing_time_holds_lifts_and_rests(tmp_path: Path) -> None:
+    """3 bottom layers of 3.5 s, with 7 mm up at 80 and down at 150 mm/min and 3 s of rest; 17 of 2.25 s with 5 mm."""
+    job = Job(solid_cone(), place(), Slicing(layer_um=400.0, burn_in_layers=3, burn_in_s=3.5, exposure_s=2.25))
+    write_goo(tmp_path / "a.goo", job)
+    seconds = 3 * (3.5 + 7 / 80 * 60 + 7 / 150 * 60 + 3.0) + 17 * (2.25 + 5 / 100 * 60 + 5 / 150 * 60 + 2.5)
+    assert read_goo(tmp_path / "a.goo").header["printing_time_s"] == round(seconds)
+    assert job.seconds == pytest.approx(seconds)
 
 
 def test_the_manifest_is_what_uvtools_looks_for(tmp_path: Path) -> None:
-    write_archive(tmp_path / "a.zip", Job(cone(), place(), Slicing(layer_um=400.0)))
-    read = read_uvtools_zip(tmp_path / "a.zip")
-    about = {key: float(value) for key, value in read.header.items() if not key.endswith("By")}
+    write_archive(tmp_path / "a.zip", Job(solid_cone(), place(), Slicing(layer_um=400.0)))
+    about = {key: value for key, value in read_zip(tmp_path / "a.zip").manifest.items() if not key.endswith("By")}
     sizes = {"ResolutionX": 700, "ResolutionY": 300, "DisplayWidth": 28.0, "DisplayHeight": 18.0, "MachineZ": 100.0}
     assert about == {"LayerHeight": 0.4} | sizes
-    assert {picture.shape for _, picture in read.layers} == {(300, 700)}
-    assert {picture.dtype for _, picture in read.layers} == {np.dtype("uint8")}
 
 
-def test_runs_of_every_length_come_back(tmp_path: Path) -> None:
+def test_runs_of_every_length_come_back() -> None:
     """Random runs about the lengths at which the number of bytes changes, and of each kind."""
     rng = np.random.default_rng(7)
     lengths = np.array([1, 15, 16, 17, 4095, 4096, 4097, 1 << 20, (1 << 20) - 1, (1 << 20) + 1, 3, 250])
     for _ in range(5):
         rng.shuffle(lengths)
         flat = np.repeat(rng.choice([0, 1, 7, 128, 254, 255], len(lengths)), lengths).astype(np.uint8)
-        image = np.append(flat, np.zeros(-flat.size % 1000, np.uint8)).reshape(-1, 1000)
-        header = read_of(image, tmp_path)
-        assert (header == image).all()
+        assert (np.repeat(*decoded(encoded(flat)[1:-1], flat.size, 255)) == flat).all()
 
 
-def read_of(image: NDArray[np.uint8], folder: Path) -> NDArray[np.uint8]:
-    """One picture through a whole file: a layer of a box whose runs are replaced."""
-    rows, columns = image.shape
-    box = mesh_solid(closed(trimesh.creation.box((1.0, 1.0, 1.0))), orientation("flat"))
-    write_goo(folder / "box.goo", Job(box, place(columns, rows), Slicing(layer_um=1000.0)))
-    data = (folder / "box.goo").read_bytes()
-    start, runs = 195477 + 70, encoded(image)
-    head = data[: start - 4] + len(runs).to_bytes(4, "big")
-    (folder / "own.goo").write_bytes(head + runs + b"\r\n" + data[-11:])
-    return read_goo(folder / "own.goo").layers[0][1]
+PILLARS_MM = (1.00, 0.80, 0.60, 0.50, 0.40, 0.30, 0.25, 0.20, 0.18, 0.16, 0.14, 0.12, 0.10, 0.08, 0.06)
+"""Group A, as it is published."""
+
+
+def fewer_pixels(folder: Path) -> str:
+    """A shipped printer of rectangular pixels with a smaller screen, 26.6 by 14.4 mm."""
+    text = (files("solen.parts") / "printers" / "elegoo-saturn-3-ultra.toml").read_text(encoding="utf-8")
+    small = text.replace("columns = 11520", "columns = 1400").replace("rows = 5120", "rows = 600")
+    (folder / "small.toml").write_text(small, encoding="utf-8")
+    return str(folder / "small.toml")
+
+
+def test_a_coupon_comes_back_from_the_file_of_its_job(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """Pillars and marks by their published diameters, on rectangular pixels; exposures as the command states them."""
+    assert run_command(["print", "coupons", "--out", str(tmp_path), "--only", "group-a", "--exposure-s", "2.5"]) == 0
+    capfd.readouterr()
+    to_goo = ("--printer", fewer_pixels(tmp_path), "--format", "goo", "--out", str(tmp_path / "print"))
+    said = answered(capfd, "print", "layers", str(tmp_path / "group-a.json"), *to_goo)
+    read = read_goo(said["files"]["layers"])
+    settings = said["settings"]
+    assert [layer.fields["exposure_s"] for layer in read.layers] == settings["layer_exposures_s"]
+    assert settings["layer_exposures_s"][:8] == [3.0] * 6 + [2.5] * 2
+    assert read.layers[-1].fields["position_mm"] == pytest.approx(said["height_mm"])
+    assert read.header["printing_time_s"] == round(settings["estimated_time_s"])
+    marks_mm = (1.0, 1.0, 1.0)
+    assert read.areas_mm2[40:] == pytest.approx(np.pi / 4.0 * np.square([*PILLARS_MM, *marks_mm]).sum(), rel=WITHIN)
 
 
 def test_the_same_job_gives_the_same_goo(tmp_path: Path) -> None:
@@ -162,22 +173,24 @@ def test_exposures_of_single_pictures_need_a_proof(tmp_path: Path) -> None:
     proven = place(layer_exposures={"source": "cure discs of 1 to 4 s on a film"})
     write_goo(tmp_path / "a.goo", Job(discs(), proven, Slicing(layer_um=100.0)))
     read = read_goo(tmp_path / "a.goo")
-    assert read.header["each_layer"] is True
-    assert [entry["exposure_s"] for entry, _ in read.layers] == [1.0, 4.0]
-    assert len({entry["z_mm"] for entry, _ in read.layers}) == 1, "both at one height"
+    assert read.header["advance_mode"] == 1
+    assert [layer.fields["exposure_s"] for layer in read.layers] == [1.0, 4.0]
+    assert len({layer.fields["position_mm"] for layer in read.layers}) == 1, "both at one height"
 
 
 def test_a_printer_whose_plate_is_not_known_gets_no_goo(tmp_path: Path) -> None:
     with pytest.raises(SpecError, match="generic"):
-        write_goo(tmp_path / "a.goo", Job(cone(), library_printer("generic"), Slicing(layer_um=100.0)))
+        write_goo(tmp_path / "a.goo", Job(solid_cone(), library_printer("generic"), Slicing(layer_um=100.0)))
 
 
 def test_pictures_are_mirrored_as_the_printer_wants_them() -> None:
-    plain, mirrored = (Job(cone(), where, Slicing(layer_um=400.0)) for where in (place(), place(mirror={"axis": "x"})))
+    plain, mirrored = (
+        Job(solid_cone(), where, Slicing(layer_um=400.0)) for where in (place(), place(mirror={"axis": "x"}))
+    )
     (one, other) = (next(job.layers()).image for job in (plain, mirrored))
     assert (one[:, ::-1] == other).all()
     assert not np.array_equal(one, other)
-    stated = Job(cone(), mirrored.printer, Slicing(layer_um=400.0, mirror="none"))
+    stated = Job(solid_cone(), mirrored.printer, Slicing(layer_um=400.0, mirror="none"))
     assert (next(stated.layers()).image == one).all(), "an option goes before the printer's file"
 
 
@@ -203,4 +216,4 @@ def test_every_shipped_printer_with_a_lift_gets_a_goo() -> None:
     known = [name for name in printers() if library_printer(name).lift is not None]
     assert len(known) >= 12
     for name in known:
-        checked_for_goo(Job(cone(), library_printer(name), Slicing(layer_um=50.0)))
+        checked_for_goo(Job(solid_cone(), library_printer(name), Slicing(layer_um=50.0)))

@@ -9,12 +9,15 @@ import re
 import struct
 import xml.etree.ElementTree as ET
 import zlib
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path, PurePosixPath
+from typing import Any
 from zipfile import ZipFile
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tests.fabricate.goo_reader import need
 
@@ -29,7 +32,7 @@ SIGNATURE = b"\x89PNG\r\n\x1a\n"
 class Png:
     """A grey picture of eight bits."""
 
-    picture: np.ndarray
+    picture: NDArray[np.uint8]
     """Greys, shape (rows, columns)."""
     per_m: tuple[int, int] | None
     """Pixels in a metre, across and down, where the file states them."""
@@ -39,7 +42,7 @@ class Png:
 class ZipStack:
     """A whole archive that keeps every rule."""
 
-    manifest: dict
+    manifest: dict[str, Any]
     path: Path
     count: int
 
@@ -64,7 +67,7 @@ class ZipStack:
         return png
 
     @cached_property
-    def areas_mm2(self) -> np.ndarray:
+    def areas_mm2(self) -> NDArray[np.float64]:
         """Covered area of each layer."""
         width, height = self.pixel_mm
         pixels = [self.layer(index).picture.sum(dtype=np.int64) / 255 for index in range(self.count)]
@@ -91,7 +94,7 @@ def read_zip(path: str | Path) -> ZipStack:
     return ZipStack(manifest, Path(path), len(numbers))
 
 
-def manifest_of(content: bytes) -> dict:
+def manifest_of(content: bytes) -> dict[str, Any]:
     root = ET.fromstring(content)  # noqa: S314 - written by the test itself
     need(root.tag == "Manifest", f"the manifest's root is {root.tag}")
     texts = {child.tag: child.text or "" for child in root}
@@ -126,7 +129,7 @@ def read_png(content: bytes) -> Png:
     return Png(unfiltered(lines), per_metre(dict(chunks).get(b"pHYs")))
 
 
-def chunks_of(content: bytes):
+def chunks_of(content: bytes) -> Iterator[tuple[bytes, bytes]]:
     place = len(SIGNATURE)
     while place < len(content):
         need(place + 12 <= len(content), "the PNG ends within a chunk")
@@ -146,7 +149,7 @@ def per_metre(body: bytes | None) -> tuple[int, int] | None:
     return across, down
 
 
-def unfiltered(lines: np.ndarray) -> np.ndarray:
+def unfiltered(lines: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Undo the filter of each row, as the PNG specification states them for one byte in a pixel."""
     picture = np.zeros((lines.shape[0] + 1, lines.shape[1] - 1), np.uint8)
     for row, line in enumerate(lines):
@@ -156,14 +159,14 @@ def unfiltered(lines: np.ndarray) -> np.ndarray:
     return picture[1:]
 
 
-def averaged(bare: np.ndarray, above: np.ndarray) -> list[int]:
+def averaged(bare: NDArray[np.uint8], above: NDArray[np.uint8]) -> list[int]:
     found = [0]
     for value, up in zip(bare.tolist(), above.tolist(), strict=True):
         found.append(value + (found[-1] + up) // 2 & 255)
     return found[1:]
 
 
-def paeth(bare: np.ndarray, above: np.ndarray) -> list[int]:
+def paeth(bare: NDArray[np.uint8], above: NDArray[np.uint8]) -> list[int]:
     found, corner = [0], 0
     for value, up in zip(bare.tolist(), above.tolist(), strict=True):
         left = found[-1]

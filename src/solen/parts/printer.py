@@ -57,6 +57,22 @@ class Lift(Sourced):
     bottom_wait_after_s: NotNegative = Field(0.0, description="rest after an exposure of the bottom layers in s.")
     wait_after_s: NotNegative = Field(0.0, description="the same of the others.")
 
+    def moves(self, *, bottom: bool) -> tuple[float, float, float, float]:
+        """Height in mm and speed in mm/min of a lift, rest before and after an exposure in s."""
+        if bottom:
+            return (
+                self.bottom_height_mm,
+                self.bottom_speed_mm_per_min,
+                self.bottom_wait_before_s,
+                self.bottom_wait_after_s,
+            )
+        return self.height_mm, self.speed_mm_per_min, self.wait_before_s, self.wait_after_s
+
+    def pause_s(self, *, bottom: bool) -> float:
+        """Time from one exposure to the next: rests, and the way up and back at full speed."""
+        height, speed, before, after = self.moves(bottom=bottom)
+        return before + after + 60.0 * height * (1.0 / speed + 1.0 / self.retract_mm_per_min)
+
 
 class Printer(Sheet):
     """What layers need of a printer."""

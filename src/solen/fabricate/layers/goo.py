@@ -34,7 +34,7 @@ MOST_PIXELS = 2**16 - 1
 
 
 def write_goo(target: Path, job: Job, part: Printable | None = None, watch: Watch = lambda _: None) -> Stack:
-    """Write a job's layers; the file names ``part``, ``watch`` is called with each layer.
+    """Write a job's layers; the file names the resin of ``part``, ``watch`` is called with each layer.
 
     Raises
     ------
@@ -100,7 +100,7 @@ def encoded(image: NDArray[np.uint8]) -> bytes:
 
 def _write_layer(file: BinaryIO, layer: Layer, job: Job, lift: Lift, runs: bytes) -> None:
     bottom = layer.index < job.burn_in_layers
-    height, speed, before, after = _moves(lift, bottom=bottom)
+    height, speed, before, after = lift.moves(bottom=bottom)
     pause, pause_mm, light_off = 0, job.printer.build_height_mm.usual, 0.0
     rests = (light_off, after, 0.0, before)
     moves = (height, speed, 0.0, 0.0, height, lift.retract_mm_per_min, 0.0, 0.0)
@@ -108,28 +108,16 @@ def _write_layer(file: BinaryIO, layer: Layer, job: Job, lift: Lift, runs: bytes
     file.write(END + struct.pack(">I", len(runs)) + runs + END)
 
 
-def _moves(lift: Lift, *, bottom: bool) -> tuple[float, float, float, float]:
-    """Height and speed of a lift, rest before and after an exposure."""
-    if bottom:
-        return (
-            lift.bottom_height_mm,
-            lift.bottom_speed_mm_per_min,
-            lift.bottom_wait_before_s,
-            lift.bottom_wait_after_s,
-        )
-    return lift.height_mm, lift.speed_mm_per_min, lift.wait_before_s, lift.wait_after_s
-
-
 def _header(job: Job, lift: Lift, part: Printable | None) -> bytes:
     (rows, columns), printer, slicing = job.printer.shape, job.printer, job.slicing
-    name = "" if part is None else part.label.name
+    resin = "" if part is None else part.material
     (height, speed, before, after), (bottom_height, bottom_speed, bottom_before, bottom_after) = (
-        _moves(lift, bottom=bottom) for bottom in (False, True)
+        lift.moves(bottom=bottom) for bottom in (False, True)
     )
     alone = len(job.solid.exposures_s) > 1
     data = b"V3.0" + MAGIC
     data += _text("solen", 32) + _text(__version__, 24) + bytes(24)
-    data += _text(printer.name, 32) + _text("DLP", 32) + _text(name, 32)
+    data += _text(printer.name, 32) + _text("DLP", 32) + _text(resin, 32)
     data += struct.pack(">3H", 1 if slicing.no_anti_aliasing else 8, 0, 0)
     data += bytes(2 * SMALL**2) + END + bytes(2 * LARGE**2) + END
     data += struct.pack(">I2H2?", job.count, columns, rows, job.mirror == "x", job.mirror == "y")

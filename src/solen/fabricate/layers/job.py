@@ -129,10 +129,19 @@ class Job:
         return self.slicing.copies * self.solid.volume_mm3
 
     @property
+    def pause_s(self) -> float | None:
+        """Mean time from one exposure to the next; None where the printer's file states neither it nor the lift."""
+        if self.printer.pause_s is not None:
+            return self.printer.pause_s.usual
+        if (lift := self.printer.lift) is None:
+            return None
+        bottom = self.burn_in_layers / self.count
+        return bottom * lift.pause_s(bottom=True) + (1.0 - bottom) * lift.pause_s(bottom=False)
+
+    @property
     def seconds(self) -> float | None:
-        """Time of exposures and pauses together; None where the printer's pause is not known."""
-        pause = self.printer.pause_s
-        return None if pause is None else self.exposures_s + self.count * pause.usual
+        """Time of exposures and pauses together; None where the pause is not known."""
+        return None if self.pause_s is None else self.exposures_s + self.count * self.pause_s
 
     @property
     def irradiance_mW_per_cm2(self) -> float:

@@ -151,7 +151,7 @@ def print_settings(
         stack_height_mm=job.height_mm,
         volume_ml=job.volume_mm3 / 1000.0,
         exposures_s=job.exposures_s,
-        pause_s=None if printer.pause_s is None else printer.pause_s.usual,
+        pause_s=job.pause_s,
         estimated_time_s=job.seconds,
         cure=words,
         cure_depth_um=None if law is None else law.depth_um(dose),
@@ -254,7 +254,7 @@ def _checks(s: PrintSettings) -> list[tuple[str, str]]:
         ("Exposures alone", _time(s.exposures_s)),
     ]
     if s.estimated_time_s is not None:
-        checks.append(("Whole print", f"about {_time(s.estimated_time_s)}, with {s.pause_s:g} s between exposures"))
+        checks.append(("Whole print", f"about {_time(s.estimated_time_s)}, with {s.pause_s:.3g} s between exposures"))
     if s.cure_depth_um is not None:
         depths = f"{s.cure_depth_um:.0f} µm; burn-in {s.burn_in_cure_depth_um:.0f} µm"
         checks.append(("Depth that one exposure cures (working curve)", depths))
