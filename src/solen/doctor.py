@@ -60,7 +60,6 @@ class KernelCache:
     size_bytes: int
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Installation(Result):
     """Description of an installation for a bug report.
 

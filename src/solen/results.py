@@ -5,8 +5,8 @@ holds follows from its fields and from the properties marked `reported`, in thei
 dictionary of its own. Conventions of the names are in docs/conventions.md: ``slope_V_per_deg`` is a value with its
 unit, ``u_slope_V_per_deg`` its standard uncertainty, ``interval95_slope_V_per_deg`` its 95 % interval.
 
-The interface: derive from `Result`, decorated with ``@dataclass(frozen=True, eq=False, repr=False)``; `plain` turns
-any value into what JSON can hold, `schema_of` gives the JSON Schema of a result's type.
+The interface: a class derived from `Result` is a frozen dataclass; `plain` turns any value into what JSON can hold,
+`schema_of` gives the JSON Schema of a result's type.
 """
 
 import dataclasses
@@ -71,21 +71,20 @@ def as_key(unit: str) -> str:
     return re.sub(r"\W+", "_", unit)
 
 
+@typing.dataclass_transform(frozen_default=True, eq_default=False, field_specifiers=(dataclasses.field,))
 class Result:
-    """Base of every typed result.
+    """Base of every typed result: what derives from it is a frozen dataclass.
 
-    A subclass is a dataclass with ``frozen=True, eq=False, repr=False``: results hold arrays, so two are equal only
-    where they are the same object.
+    Results hold arrays, so two are equal only where they are the same object; one of plain values may be compared:
+    ``class NewDesign(Result, eq=True)``.
     """
 
     __dataclass_fields__: ClassVar[dict[str, dataclasses.Field[Any]]]
 
-    def __new__(cls, *_: Any, **__: Any) -> typing.Self:
-        """Remove the `__setattr__` that dataclasses write into every frozen class, in favour of the one below."""
-        for kind in cls.__mro__:
-            if kind is not Result and issubclass(kind, Result) and "__setattr__" in vars(kind):
-                del kind.__setattr__, kind.__delattr__
-        return super().__new__(cls)
+    def __init_subclass__(cls, eq: bool = False, kw_only: bool = False, **more: Any) -> None:
+        super().__init_subclass__(**more)
+        dataclasses.dataclass(frozen=True, eq=eq, repr=False, kw_only=kw_only)(cls)
+        del cls.__setattr__, cls.__delattr__  # those of every frozen dataclass, in favour of the ones below
 
     def __setattr__(self, name: str, value: Any) -> None:
         remedy = f"dataclasses.replace(result, {name}={_short(value)}) is a changed copy"

@@ -108,9 +108,9 @@ def test_the_drawing_is_a_design_that_can_be_exported(made: tuple[Path, PrintedD
 
     folder, _ = made
     drawn = folder / "drawn.toml"
-    assert "As drawn for the printer, not the wanted shape" in drawn.read_text(encoding="utf-8")
+    assert "As drawn for the printer, not the intended shape" in drawn.read_text(encoding="utf-8")
     found = open_design(drawn)
-    assert found.name.endswith("as drawn for the printer, not the wanted shape")
+    assert found.name.endswith("as drawn for the printer, not the intended shape")
     body, wanted = Sensor.of(found).body(), Sensor.of(open_design(folder / "sensor.toml")).body()
     assert sorted(face.name for face in body.all_faces) == sorted(face.name for face in wanted.all_faces)
     # walls some 32 um farther in, all of it 1 % larger

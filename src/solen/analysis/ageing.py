@@ -8,7 +8,6 @@ The interface: `ageing_of` a sensor's ways and readings gives an `Ageing`.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -24,7 +23,6 @@ LEAST_GROUPS = 3
 """Fewer groups make no trend."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class ReceiverAgeing(Result):
     """One receiver, group by group.
 
@@ -51,7 +49,6 @@ class ReceiverAgeing(Result):
     u_level_V_per_cycle: float
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Ageing(Result):
     """A sensor over its cycles.
 

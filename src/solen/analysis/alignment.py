@@ -47,7 +47,6 @@ _MOST = 1 << 20
 _INNER = 0.05  # share of the range at each end where a curve's slope is not known well
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Alignment(Result):
     """Relation of a log's clock to the recorder's.
 

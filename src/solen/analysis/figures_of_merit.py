@@ -10,7 +10,6 @@ The interface: `receiver_response` of a receiver's passes; `swing`, `line_slopes
 """
 
 import math
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -41,7 +40,6 @@ class Estimate(NamedTuple):
 _UNKNOWN = Estimate(math.nan, math.nan)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class ReceiverResponse(Curve):
     """Response of one receiver, and its figures of merit; NaN where there is none.
 

@@ -64,7 +64,6 @@ class Cycle:
     stop: int
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Motion(Result):
     """What an angle did.
 

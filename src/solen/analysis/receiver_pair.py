@@ -9,7 +9,6 @@ The interface: `pair_response` of a sensor's passes; `sign_warnings` of its rece
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,7 +21,6 @@ from solen.results import Result
 _NOTHING_V = 1e-9  # a change below this is rounding
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Crosstalk(Result):
     """What the far receiver does while the sensor turns from 0 to the end that brightens the near one.
 
@@ -47,7 +45,6 @@ class Crosstalk(Result):
     u_light_percent: float = math.nan
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Contrast(Result):
     """(R − L)/(R + L) of the light: its mean over the angles (g,), and at both ends with uncertainties."""
 
@@ -59,7 +56,6 @@ class Contrast(Result):
     u_at_high: float
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class PairResponse(ReceiverResponse):
     """Response of V_left − V_right.
 
@@ -146,7 +142,7 @@ def _crosstalk(
 
 
 def _contrast(angle_deg: FloatArray, left: FloatArray, right: FloatArray, dark_V: float) -> Contrast:
-    """Light is what a voltage is below that without light."""
+    """Contrast (L - R)/(L + R) over angle; the light of a receiver is its drop below the dark voltage."""
     with np.errstate(divide="ignore", invalid="ignore"):
         share = (left - right) / (2.0 * dark_V - left - right)
     return Contrast(angle_deg, share.mean(axis=0), *over_cycles(share[:, 0]), *over_cycles(share[:, -1]))

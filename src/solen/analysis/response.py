@@ -70,7 +70,6 @@ class Passes:
         return Passes(self.angle_deg, self.volts[..., part], self.clipped[..., part], self.middle_s)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Curve(Result):
     """Mean and standard deviation of ways at each angle, NaN where there is none, and how many there were."""
 
@@ -174,8 +173,8 @@ def _ramps_by_cycle(motion: Motion, used: Sequence[int]) -> list[list[IndexArray
 def on_grid(angle_deg: FloatArray, volts: FloatArray, grid: FloatArray) -> FloatArray:
     """Mean over each cell of the straight lines through samples, (g, receivers).
 
-    Samples of one angle are averaged first. A cell at the end of the samples is narrowed so that it stays about its
-    point; a point that lies a little beyond the last sample is reached by the line through those near it.
+    Samples of one angle are averaged first. A cell at the end of the samples is narrowed to stay centred on its point;
+    a point a little beyond the last sample is extrapolated along the line through the samples near it.
     """
     angles, values = _merged(angle_deg, volts)
     if angles.size < 2:

@@ -9,7 +9,7 @@ The interface: `sensor_response` of a sensor's `Signals`; `group_of` several sen
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Self
 
@@ -89,7 +89,6 @@ class AnalysisOptions(SignalOptions):
         return Protocol(self.amplitude_deg, self.speed_deg_per_s, self.hold_s)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Run(Result):
     """One recording.
 
@@ -122,7 +121,6 @@ class Run(Result):
         return self.signals.source
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class SensorResponse(Result):
     """One sensor.
 
@@ -165,7 +163,6 @@ class SensorResponse(Result):
         return self.passes.cycles
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class GroupCurve(Result):
     """Mean and standard deviation over sensors of a receiver's mean curve (g,) and of its swing; NaN for one sensor."""
 
@@ -175,7 +172,6 @@ class GroupCurve(Result):
     sd_swing_V: float
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class SensorGroup(Result):
     """Sensors side by side: their labels, the angles (g,) that all have, and the receivers that all have by name."""
 

@@ -106,7 +106,6 @@ class SignalOptions(Options):
         return tuple((name.strip(), (column if equals else name).strip()) for name, equals, column in parts)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Switching(Result):
     """What was found in a waveform whose emitters switch.
 

@@ -50,7 +50,6 @@ class SwingWithoutLens:
     without_lens_percent: float
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Study(Result):
     """Sensors analysed and compared.
 

@@ -12,7 +12,6 @@ The interface: `timing_of` a sensor's ways gives a `Timing`.
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -32,7 +31,6 @@ _LEAST_CYCLES = 3  # a line over the speed has a scatter from three on
 Source = Literal["recording", "log", "angle"]
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class ReceiverTiming(Result):
     """Timing of one receiver; NaN where it is not known.
 
@@ -51,7 +49,6 @@ class ReceiverTiming(Result):
     hysteresis_percent: float
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Timing(Result):
     """Timing of a sensor's recordings.
 

@@ -48,7 +48,6 @@ class CatalogueEntry:
     there: bool = True
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class RecordingList(Result):
     """Recordings of a folder.
 

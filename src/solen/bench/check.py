@@ -9,7 +9,7 @@ The interface: `check` gives a `RigCheck`; `jog` a `Jogged`.
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
@@ -55,7 +55,6 @@ class CheckOptions(Options):
     """For how long emitters take turns."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class InputCheck(Result):
     """One receiver at rest.
 
@@ -84,7 +83,6 @@ class InputCheck(Result):
     load_factor: float | None
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class RigCheck(Result):
     """A rig at rest.
 
@@ -257,7 +255,6 @@ class JogOptions(Options):
     """In deg/s or mm/s."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Jogged(Result):
     """A stage that was moved by hand of the program.
 

@@ -111,7 +111,8 @@ class AskingMeter(ABC):
         if thread is not None:
             thread.join(STOPS_S)
             if thread.is_alive():
-                raise BenchError(self.name, limit=f"has not ended a reading in {STOPS_S:g} s", remedy="is it there?")
+                limit = f"has not ended a reading in {STOPS_S:g} s"
+                raise BenchError(self.name, limit=limit, remedy="check that it is connected")
 
     def close(self) -> None:
         """Ask no more, and let go of the instruments."""

@@ -13,7 +13,7 @@ The interface: `write_recording` of a journal gives a `RecordedRun`; extra ``net
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +37,6 @@ _NAMED = 5
 """Gaps of a damaged journal that are named one by one."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class RecordedRun(Result):
     """What the recording of a run holds.
 

@@ -61,7 +61,6 @@ class VideoOptions(Options):
     """From the reading of a picture's first row to that of its last (a rolling shutter)."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class VideoMotion(Result):
     """A marker's angle over time.
 

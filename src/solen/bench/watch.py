@@ -46,7 +46,6 @@ class Seen:
     unit: str = "V"
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Watched(Result):
     """How a rig was watched.
 

@@ -37,9 +37,9 @@ class Arc(Curve):
 
     @classmethod
     def through(cls, a: Point, middle: Point, b: Point) -> "Arc":
-        """Arc from ``a`` to ``b`` by way of ``middle``.
+        """Arc from ``a`` to ``b`` through ``middle``.
 
-        `DesignError` where it is all but straight: its centre could not be placed to 1e-9 mm.
+        `DesignError` where it is too nearly straight for its centre to be known to 1e-9 mm.
         """
         check_points("arc", a, middle, b)
         p, q = minus(middle, a), minus(b, a)

@@ -1,4 +1,4 @@
-"""What is sought with all stages together: drawings that print as wanted, tuned print by print.
+"""Searches with all stages together: drawings that print as designed, tuned print by print.
 
 `tune` takes a measured print and the log of those before, and gives a `TunedPrint`: the drawing that follows, and the
 next print as it is predicted.

@@ -42,7 +42,7 @@ SLOW_MM, PIECE_MM = 0.3, 0.1
 
 @dataclass(frozen=True, eq=False)
 class PrintModel:
-    """A wanted design and the process that prints it flat, with the printer's pixels.
+    """A design and the process that prints it flat, with the printer's pixels.
 
     ``wider`` is the process with its blur wider by the standard uncertainty; None where that is exact.
     """
@@ -92,7 +92,7 @@ class PrintModel:
 
     @property
     def target(self) -> Target:
-        """The wanted lens."""
+        """The designed lens."""
         return self.plain.target
 
     @property
@@ -163,7 +163,7 @@ class PrintModel:
         return -0.5 * _width(self.settings) / (_width(self.wider.settings) - _width(self.settings))
 
     def against(self, beyond_um: FloatArray, start: Drawing) -> Compensation:
-        """Drawing whose print is the wanted lens where the design itself prints ``beyond_um`` (N,) beyond it."""
+        """Drawing whose print is the designed lens where the design itself prints ``beyond_um`` (N,) beyond it."""
         return self.plain.against(start, beyond_um - self._printed(self.plain, self.as_designed))
 
     def drawn(self, drawing: Drawing) -> Compensation:
@@ -173,7 +173,7 @@ class PrintModel:
         return Compensation(outlines, drawing.drawn_um, drawing.wall_um, drawing.scale, printed, ())
 
     def sha256_of(self, path: Path) -> str | None:
-        """Hash of the outline that a design file draws; None where it is the wanted design itself."""
+        """Hash of the outline that a design file draws; None where it is the original design itself."""
         design = load(path)
         if label_of(design, "").sha256 == label_of(self.sensor.design, "").sha256:
             return None

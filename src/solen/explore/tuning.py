@@ -103,7 +103,6 @@ class TunedStep:
     predicted: Residual | None
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class TunedPrint(Result):
     """A print of a tuning, the drawing that follows from it, and the next print as it is predicted.
 
@@ -163,7 +162,7 @@ class TunedPrint(Result):
 
     @reported
     def drawn_range_um(self) -> tuple[float, float]:
-        """Least and most that the lens is drawn beyond the wanted one."""
+        """Least and most that the lens is drawn beyond the designed one."""
         return self.made.drawn_range_um
 
 
@@ -183,9 +182,9 @@ def tune(
     Parameters
     ----------
     inspection
-        The print in its picture, measured against the wanted design.
+        The print in its picture, measured against the original design.
     sensor
-        The wanted design.
+        The original design.
     slicing
         How it is printed: the process, the printer's pixels, and the lens's place in its pixel.
     options
@@ -207,7 +206,7 @@ def tune(
         Where what is asked for is not of parts printed flat, or the design has no one lens.
     """
     if not isinstance(sensor.cut, OvalLens):
-        limit = "the wanted lens must be a Cartesian oval"
+        limit = "the designed lens must be a Cartesian oval"
         raise DesignError("lens", value=sensor.design.lens.shape, limit=limit, remedy="name the design as it is wanted")
     model = PrintModel.of(sensor, slicing)
     log = _checked(log, sensor, model, inspection)

@@ -25,7 +25,6 @@ SCHEMA = 1
 AS_DESIGNED = "the design itself"
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Correction(Result):
     """A drawing: number 0 is the design itself, another that of the print after which it was made.
 
@@ -34,7 +33,7 @@ class Correction(Result):
     number, file, sha256
         Its number, the name of its design file, and the hash of its outline.
     lens_um
-        By how much the lens is drawn beyond the wanted one, along its normals, evenly along it.
+        By how much the lens is drawn beyond the designed one, along its normals, evenly along it.
     wall_um, scale
         By how much other walls are drawn outwards, and by what all is enlarged.
     """
@@ -58,7 +57,6 @@ class Correction(Result):
         return Drawing(np.array(self.lens_um), self.wall_um, self.scale)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Picture(Result):
     """What a picture says of a print, as `solen.explore.contour.Rows` holds it."""
 
@@ -88,7 +86,6 @@ class Residual:
     interval95_rms_um: tuple[float, float]
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class LensResponse(Result):
     """Contrast of a sensor with a printed lens over N angles, and its null.
 
@@ -111,7 +108,6 @@ class LensResponse(Result):
     u_slope_per_deg: float
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Responses(Result):
     """Response as designed, of this print, and of the next one as it is predicted."""
 
@@ -122,7 +118,6 @@ class Responses(Result):
     after: LensResponse
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class LoggedPrint(Result):
     """One print of the log.
 
@@ -157,7 +152,6 @@ class LoggedPrint(Result):
         return self.correction.number != self.number
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class TuningLog(Result):
     """Prints of one design on one printer; heights and place in the pixel are those that are drawn."""
 

@@ -107,7 +107,6 @@ class MeshSize:
         return cls(mesh.tolerance_mm, mesh.size_mm, len(mesh.triangles), mesh.volume_mm3, bound)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class ExportedSolid(Result):
     """The numbers of an export.
 

@@ -151,7 +151,7 @@ def _of_triangles(vertices: FloatArray, triangles: IntArray, name: str) -> "Mani
 
 
 def _welded(ring: FloatArray, weld_mm: float) -> FloatArray:
-    """Corners (N, 2) of a closed polyline without those too near to the one kept before."""
+    """Corners (N, 2) of a closed polyline, less those that lie too near to the previous corner."""
     corners = ring[:-1]
     kept = [0]
     for i in range(1, len(corners)):

@@ -63,8 +63,7 @@ class Deviation:
     rest_um: float
 
 
-@dataclass(frozen=True, repr=False)
-class FittedProfile(Result):
+class FittedProfile(Result, eq=True):
     """A measured profile beside the designed oval.
 
     Raises

@@ -9,7 +9,6 @@ else is said, heights y count from the middle of the body.
 
 import math
 from abc import abstractmethod
-from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -53,8 +52,7 @@ class Face(NamedTuple):
     slopes: FloatArray
 
 
-@dataclass(frozen=True, repr=False)
-class LensInSpace(OvalLens):
+class LensInSpace(OvalLens, eq=True):
     """A face whose middle section is the Cartesian oval, and that is another curve at other heights.
 
     Parameters

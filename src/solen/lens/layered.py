@@ -12,7 +12,6 @@ stands out between one layer and the next is a *ledge*, level and a few micromet
 """
 
 import math
-from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
 
@@ -29,8 +28,7 @@ PLACES, STEPS = 257, 4
 MOST_LAYERS = 4000
 
 
-@dataclass(frozen=True, repr=False)
-class LayeredLens(LensInSpace):
+class LayeredLens(LensInSpace, eq=True):
     """One profile for each layer, cut for the rays that meet the layer at its middle height.
 
     Parameters

@@ -9,7 +9,6 @@ meets it. At y = 0 both are D = ρ but for a constant: the middle section is the
 """
 
 import math
-from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
 
@@ -29,8 +28,7 @@ END_MM = 1e-9
 """What rounding may leave of a difference of optical lengths."""
 
 
-@dataclass(frozen=True, repr=False)
-class LineFocusLens(LensInSpace):
+class LineFocusLens(LensInSpace, eq=True):
     """Surface |P − E| + n·D(ρ, y) = const with a line focus at x = 0, z = s'.
 
     Parameters

@@ -39,8 +39,7 @@ class Spot:
     rms_mm: float
 
 
-@dataclass(frozen=True, repr=False)
-class MeasuredLens(Lens):
+class MeasuredLens(Lens, eq=True):
     """A lens whose profile was measured, or predicted by a print model.
 
     ``drawn`` is 0 for the smoothed profile itself, else the number of an outline drawn within its uncertainty; a number

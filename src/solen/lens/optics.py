@@ -8,7 +8,6 @@ without a lens.
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
 
@@ -25,11 +24,15 @@ BEST_RAYS = 512
 """Rays by which the smallest spot is found; twice as many move it by less than 2e-5 of itself."""
 
 
-class Lens(Result, ABC):
-    """The face that light enters by."""
+class LensSizes:
+    """Lengths that every lens has, stated or computed."""
 
     distance_mm: float
     half_width_mm: float
+
+
+class Lens(LensSizes, Result, ABC):
+    """The face that light enters by."""
 
     @property
     @abstractmethod
@@ -64,8 +67,7 @@ class Lens(Result, ABC):
         return math.degrees(math.atan2(self.half_width_mm, self.distance_mm + self.depth_mm))
 
 
-@dataclass(frozen=True, repr=False)
-class FlatFace(Lens):
+class FlatFace(Lens, eq=True):
     """No lens: a flat face at the stem's base."""
 
     shape_name: ClassVar[str] = "none"
@@ -87,8 +89,7 @@ class FlatFace(Lens):
         return 0.0
 
 
-@dataclass(frozen=True, repr=False)
-class OvalLens(Lens):
+class OvalLens(Lens, eq=True):
     """Cartesian oval n1 |P − F1| + n2 |P − F2| = n1 s + n2 s': every ray from F1 that meets it goes to F2.
 
     The curve is from R. Descartes, La Géométrie (1637), book II; see O. N. Stavroudis, The Optics of Rays, Wave Fronts

@@ -39,7 +39,6 @@ _GAUSS_MAD = 1.4826
 """Standard deviation of normal numbers per median of their sizes."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class MeasuredProfile(Result):
     """Profile of a lens as it is, in the sensor's frame: the vertex of the designed lens is the origin.
 

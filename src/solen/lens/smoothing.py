@@ -25,7 +25,6 @@ WEAKEST, STRONGEST, STEPS = -10.0, 10.0, 161
 """Decadic logarithms between which the strength of the penalty is sought, against one that equals the data's weight."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Smooth(Result):
     """A smoothed column over a length.
 

@@ -34,7 +34,6 @@ class IndexAt:
     u_n: float | None
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class ResinFacts(Result):
     """Everything that a resin states.
 
@@ -112,7 +111,6 @@ class ResinFacts(Result):
         return (*self.contents.warnings, *warnings)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class ResinList(Result):
     """The resins of the library."""
 

@@ -113,7 +113,6 @@ class Mixture:
         return math.fsum(part.weighed_g for part in self.components)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Mixtures(Result):
     """What to weigh in, in both readings of the percentages.
 

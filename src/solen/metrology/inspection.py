@@ -161,7 +161,6 @@ class EdgeSummary:
         )
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class LensInspection(Result):
     """A printed lens in a picture, measured against its design.
 

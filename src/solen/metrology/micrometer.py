@@ -55,8 +55,7 @@ class MicrometerOptions(Options):
     """Name of the objective and camera, as in 10x, for the file."""
 
 
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class MeasuredScale(Measured):
+class MeasuredScale(Measured, kw_only=True):
     """Scale of an objective.
 
     Attributes

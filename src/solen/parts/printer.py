@@ -10,7 +10,6 @@ opens one of it; each gives a `Printer`. `printer_of` takes either, as a user ty
 """
 
 import math
-from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Literal
@@ -169,7 +168,6 @@ def printer_of(text: str) -> Printer:
     return load_printer(text) if is_file else library_printer(text)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class PrinterSummary(Result):
     """What layers need of a printer: its pixels, what it builds, and which of these numbers are estimates.
 
@@ -213,7 +211,6 @@ class PrinterSummary(Result):
         )
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class PrinterList(Result):
     """The printers of the library."""
 

@@ -99,8 +99,8 @@ def _limits(circuit: Circuit, dark_V: float) -> Iterator[str]:
         )
     if dark_V > adc.top_V or min(0.0, part.saturation_V) < adc.low_V:
         yield (
-            f"the range of {adc.name}, {adc.low_V:g} to {adc.high_V:g} V, is left: dark readings of {dark_V:.3g} V are "
-            "cut off, and so is ambient light that is subtracted"
+            f"dark readings of {dark_V:.3g} V are outside the range of {adc.name}, {adc.low_V:g} to {adc.high_V:g} V: "
+            "they are clipped, and so is ambient light that is subtracted"
         )
 
 

@@ -12,8 +12,6 @@ helps by √n: successive samples are independent as long as they are further ap
 Not in here: ripple of the supply and noise of the emitter's current. Both act on all receivers alike.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from solen.arrays import FloatArray
@@ -27,7 +25,6 @@ BOLTZMANN_J_PER_K = 1.380649e-23
 ZERO_K = 273.15
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Noise(Result):
     """Standard deviations of one sample (..., R) in V, and of a reading of ``samples`` of them."""
 

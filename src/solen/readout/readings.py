@@ -41,7 +41,6 @@ class VoltageRange:
     worst_resolution_deg: float | None
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Readings(Result):
     """Readings of R receivers at A angles; arrays (A, R) in the order of the circuit's receivers.
 

@@ -121,7 +121,6 @@ class Phototransistor:
         return np.asarray(np.hypot(self.rise_us, load_us) / RISE_OF_TAU)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class LoadLine(Result):
     """Voltages at a phototransistor on a load, in the broadcast shape of the currents.
 

@@ -24,7 +24,6 @@ FROM_WAVENUMBERS = note("computed from the wavenumbers")
 """Note of wavelengths."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Channel(Result):
     """Values of one quantity along one axis.
 
@@ -101,8 +100,7 @@ class Provenance:
     simulated: bool = False
 
 
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class Measured(Result):
+class Measured(Result, kw_only=True):
     """Base of results of files.
 
     Attributes
@@ -122,7 +120,6 @@ class Measured(Result):
         return any(source.simulated for source in self.sources)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Recording(Result):
     """Channels that were recorded together, in the order of the file, and their provenance.
 

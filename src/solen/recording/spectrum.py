@@ -74,8 +74,7 @@ class Trace:
     note: str
 
 
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class Listing(Measured):
+class Listing(Measured, kw_only=True):
     """The spectra in some files.
 
     Attributes

@@ -44,7 +44,6 @@ class Difference:
     u_contrast: float
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Comparison(Result):
     """Responses of one emitter with the designed lens and with the printed one, at the same N angles.
 
@@ -97,7 +96,6 @@ class Comparison(Result):
         return None if before is None or after is None else after - before
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class AsPrinted(Result):
     """A design compared with its print.
 

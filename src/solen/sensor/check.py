@@ -87,7 +87,6 @@ class BodySizes:
     crotch_z_mm: float | None = None
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class LensCheck(Result):
     """The lens of a design.
 
@@ -116,7 +115,6 @@ class LensOptions(Options):
     """How far a straight line between two points of the table may leave the profile."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Check(Result):
     """A design that can be built at every angle of its motion, and what follows from it.
 

@@ -10,7 +10,7 @@ The interface: `effects` of a sensor and its response, which returns an `Effect`
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import get_args
 
@@ -40,7 +40,6 @@ RESOLVED = 2.0
 """How many times its uncertainty a change must be to count."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Effect(Result):
     """Change of the response where one number is higher by its tolerance; half the way from lower to higher.
 

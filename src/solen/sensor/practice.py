@@ -55,7 +55,6 @@ class Extent:
     kind: Literal["own", "comparison", "file"]
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Built(Result):
     """The sensor with an LED in space.
 
@@ -87,7 +86,6 @@ class Built(Result):
     u_slope_per_deg: float | None
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Practice(Result):
     """A design as built; None is what ``skipped`` gives a reason for, by the same name.
 

@@ -43,8 +43,7 @@ class PartUsed:
     estimates: tuple[str, ...]
 
 
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class DesignReadings(Readings):
+class DesignReadings(Readings, kw_only=True):
     """Readings of a design over its motion.
 
     Attributes

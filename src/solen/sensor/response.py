@@ -23,7 +23,6 @@ class Shift:
     u_contrast: float
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Response(Result):
     """Powers at two receivers over N angles, as fractions of the emitted power.
 

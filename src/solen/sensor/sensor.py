@@ -237,7 +237,7 @@ class Sensor:
         values = {key: number(self, key) for key in chosen}
         scene = self.scene(angle_deg)
         if (why := why_not(scene)) and not self.is_sampled:
-            limit = "derivatives need light from points that nothing scatters by chance"
+            limit = "derivatives need point sources and no random scatter"
             raise DesignError("sensitivity", value=why, limit=limit, remedy="compare two designs by solen trace")
         in_space = scene.extrusion is not None
         tolerance = EXTENDED_TOLERANCE if is_extended(scene) else DERIVATIVE_TOLERANCE

@@ -71,7 +71,6 @@ class Summary:
     rays_traced: int
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Case(Result):
     """A sensor's response in power, integrated, and in the plane by counting the design's rays, as the paper does.
 
@@ -114,7 +113,6 @@ class Case(Result):
         )
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class DesignStudy(Result):
     """A design over the angles of its motion, with its lens and without.
 

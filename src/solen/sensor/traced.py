@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from solen.arrays import Progress
 from solen.errors import SpecError
@@ -16,8 +16,7 @@ from solen.trace.described import Branch, branches, face_names
 from solen.trace.options import TraceOptions, check_paths, trace_with
 
 
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class DesignTrace(Trace):
+class DesignTrace(Trace, kw_only=True):
     """Trace of a design at an angle.
 
     Attributes
@@ -46,8 +45,7 @@ class DesignTrace(Trace):
     warnings: tuple[str, ...]
 
 
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class DesignConvergence(Convergence):
+class DesignConvergence(Convergence, kw_only=True):
     """Error against rays of a design at an angle, with what must be known of it."""
 
     name: str
@@ -55,7 +53,6 @@ class DesignConvergence(Convergence):
     warnings: tuple[str, ...]
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Sensitivities(Result):
     """Derivatives of a design's readings at an angle, ranked by what a tolerance of each number does.
 

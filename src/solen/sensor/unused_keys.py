@@ -60,6 +60,6 @@ def _films(wall: Wall) -> dict[str, list[tuple[float, float]]]:
 
 
 def _shuts(sensor: Sensor, wall: Wall, index: float, thickness_nm: float) -> bool:
-    """Whether counting can see a film: light of some wavelength and angle is reflected totally by it."""
+    """Whether a film changes a count: it totally reflects light of some wavelength and angle."""
     wavelengths = [nm for nm, _ in sensor.light.spectrum] or [sensor.light.wavelength_nm]
     return thickness_nm > min(wavelengths) and index < max(sensor.material.index, wall.index or 1.0)

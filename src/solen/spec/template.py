@@ -1,6 +1,5 @@
 """The design files that solen ships: a commented template, and examples that state only the differences."""
 
-from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 
@@ -11,8 +10,7 @@ from solen.spec.strict import nearest
 _EXAMPLES = files("solen.spec") / "examples"
 
 
-@dataclass(frozen=True, repr=False)
-class NewDesign(Result):
+class NewDesign(Result, eq=True):
     """A design file that was written, and the example it was made from."""
 
     design: Path

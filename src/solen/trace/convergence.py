@@ -8,7 +8,7 @@ densest, by the uncertainty that each states.
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -28,7 +28,6 @@ TOLERANCES = tuple(10.0**-k for k in range(1, 10))
 DENSER = 4
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Series(Result):
     """One way to choose rays: numbers of rays (N,), the largest error of any receiver's power, and its stated u.
 
@@ -41,7 +40,6 @@ class Series(Result):
     u_power: FloatArray
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Convergence(Result):
     """Error against rays for each way to choose them, and the trace that the errors are measured from."""
 

@@ -49,7 +49,6 @@ class Slope:
     u_value: float
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Derivative(Result):
     """Derivatives of every receiver's power, as fractions of the emitted power per unit of the parameter.
 

@@ -23,7 +23,6 @@ from solen.trace.result import Crossed, Trace
 from solen.trace.turns import Turns, trace_in_turns
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Branch(Result):
     """Path of one branch of a ray, by the names of the faces met; see `solen.trace.Path`."""
 
@@ -37,7 +36,6 @@ class Branch(Result):
     exit_direction: Point | None
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class ScreenReading(Result):
     """Reading of a receiver, monitor or detector of a scene's file, in that file's units.
 
@@ -58,8 +56,7 @@ class ScreenReading(Result):
     irradiance: FloatArray | None = None
 
 
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class SceneTrace(Trace):
+class SceneTrace(Trace, kw_only=True):
     """Trace of a scene's file.
 
     Attributes
@@ -118,7 +115,6 @@ class SceneFile:
         return "mm" if self.imported is None else "unit of the file"
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class SceneCheck(Result):
     """What a scene's file holds; that there is one means that it can be traced.
 

@@ -99,7 +99,6 @@ UNKNOWN = Ledger(math.nan, math.nan, math.nan, math.nan)
 """Uncertainties of a ledger where nothing tells them."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Detected(Result):
     """Reading of a receiver; powers are fractions of the emitted power.
 
@@ -130,7 +129,6 @@ class Detected(Result):
     power_by_angle: FloatArray = field(default_factory=lambda: np.empty(0))
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Crossed(Result):
     """Reading of a monitor: net power towards its left, crossings, and net power per bin (N,) from start to end."""
 
@@ -140,7 +138,6 @@ class Crossed(Result):
     power_by_bin: FloatArray
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Path(Result):
     """Path of one branch: its corners (N, 2), the interfaces met by number, its power at the start and its fate.
 
@@ -158,7 +155,6 @@ class Path(Result):
     exit_direction: Point | None = None
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Trace(Result):
     """Result of tracing a scene.
 

@@ -4,7 +4,7 @@ The interface: `calibrated_sensors` of a `Study` gives `SensorCalibrations`; `pl
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any
 
@@ -38,7 +38,6 @@ class CalibrationOptions(ConditionOptions):
     """Calibrate sensors without a lens, too."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class SensorCalibrations(Result):
     """Calibrations of a study.
 

@@ -5,7 +5,6 @@ The interface: `StreamDecoder` of a `CalibrationFile`; its `rows` are lines of C
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,7 +62,6 @@ class DecodeOptions(ConditionOptions):
     """Time over which the heading, rising or falling, is judged."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Decoding(Result):
     """Summary of a decoded stream.
 

@@ -170,7 +170,6 @@ class BoardTable:
         return float(off.max()), float((off / spread).max())
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class DecodingTable(Result):
     """A calibration as a table.
 

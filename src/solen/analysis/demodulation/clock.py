@@ -12,7 +12,7 @@ The interface: `find_clock` near a stated rate, `find_switching` at any; `Clock.
 for `slots_of`.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Literal
 
 import numpy as np
@@ -40,7 +40,6 @@ SLOWEST_HZ, TRIED = 15.0, 4
 """Lowest rate that is looked for where none is stated, above any motion's, and how many lines are tried."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Clock(Result):
     """Phases of N samples.
 

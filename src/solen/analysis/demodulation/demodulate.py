@@ -5,7 +5,7 @@ The interface: `demodulated` of a `Recording` gives a `Demodulation`; `readings_
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, Literal
 
 import numpy as np
@@ -27,7 +27,6 @@ REPORTED_HZ = (1.0, 10.0, 50.0, 60.0, 100.0, 120.0)
 SWAPPED, LEAST_TO_COMPARE = 2.0, 20
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class EmitterReadings(Result):
     """Readings of one channel and emitter, in the channel's unit: mean, scatter, uncertainty of one; those clipped."""
 
@@ -37,7 +36,6 @@ class EmitterReadings(Result):
     clipped: int
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class ChannelReadings(Result):
     """Readings of one channel, in its unit.
 
@@ -60,7 +58,6 @@ class ChannelReadings(Result):
     sd_slot: float
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Rejection(Result):
     """Rejection of ambient light of a frequency, by its formula; also with a mean over mains periods."""
 
@@ -70,7 +67,6 @@ class Rejection(Result):
     with_mean_dB: float | None = None
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Demodulation(Result):
     """A recording without its ambient light.
 

@@ -40,7 +40,6 @@ TURNED, SETTLING = 2.0, 0.4
 _Complex = np.ndarray[tuple[int, ...], np.dtype[np.complex128]]
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Flicker(Result):
     """Light of lamps on the mains in C channels.
 

@@ -37,8 +37,7 @@ POOR = 0.95
 """Correlation from which on two parameters are poorly separated."""
 
 
-@dataclass(frozen=True, repr=False)
-class ParameterEstimate(Result):
+class ParameterEstimate(Result, eq=True):
     """One parameter of a diagnosis.
 
     Attributes

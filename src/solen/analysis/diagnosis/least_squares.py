@@ -71,7 +71,6 @@ class Cycles:
         return np.asarray(np.nanmax(mean, axis=0) - np.nanmin(mean, axis=0))
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Misfit(Result):
     """Misfit of the model to the mean curves.
 

@@ -84,7 +84,6 @@ class DiagnosisOptions(Options):
         return {INDEX: INDEX_U} | {key.strip(): float(value) for key, _, value in parts}
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class FittedCurve(Result):
     """Mean curve of a receiver, the model's, and their difference over the angles (n,)."""
 
@@ -94,7 +93,6 @@ class FittedCurve(Result):
     residual_V: FloatArray
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class SensorDiagnosis(Result):
     """Diagnosis of one sensor.
 
@@ -142,7 +140,6 @@ class SensorDiagnosis(Result):
     warnings: tuple[Caution, ...] = field(metadata=HIDDEN)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class SensorDiagnoses(Result):
     """Diagnoses of a study.
 

@@ -46,7 +46,7 @@ def crc_on(crc: int, data: "bytes | bytearray", begin: int, end: int) -> int:
 
 
 class Hardware:
-    """What a board is made of: the methods that each kind of board has its own of.
+    """Hardware of a board: the methods that each kind of board implements.
 
     Attributes
     ----------

@@ -1,7 +1,6 @@
 """The commands about solen itself: what is installed, and completion in the shell."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Literal
 
 from solen.cli.app import app, lines
@@ -13,7 +12,6 @@ Shell = Literal["bash", "zsh", "fish"]
 RELOAD: dict[str, str] = {"bash": "source ~/.bashrc", "zsh": "exec zsh", "fish": "exec fish"}
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Completion(Result):
     """Completion that was installed.
 

@@ -16,7 +16,7 @@ def _(prediction: PrintedDesign) -> Iterator[str]:
     yield f"simulated: {prediction.name}, printed {prediction.orientation} ({prediction.process})"
     yield f"profile: {prediction.profile_at}"
     yield (
-        f"off the wanted lens by {off.rms_um:.3g} µm rms, mean {off.mean_um:+.3g}, largest {off.largest_um:+.3g} at "
+        f"off the designed lens by {off.rms_um:.3g} µm rms, mean {off.mean_um:+.3g}, largest {off.largest_um:+.3g} at "
         f"x = {x:.3g}, z = {z:.3g} mm (more material is above 0)"
     )
     yield f"uncertainty ± {prediction.u_rms_um:.2g} µm{most}"

@@ -85,7 +85,6 @@ class CouponSummary:
         )
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class CouponSet(Result):
     """Coupons with their options and layouts; JSON omits the layouts."""
 

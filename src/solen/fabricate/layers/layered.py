@@ -1,7 +1,7 @@
 """Summary of a print in layers: its numbers, its settings, and warnings before printing."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from solen.fabricate.layers.archive import Stack
 from solen.fabricate.layers.job import PAPER_MW_PER_CM2, Job
@@ -25,7 +25,6 @@ APART_NM = 10.0
 """How far a working curve's wavelength may be from the printer's."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class LayeredPrint(Result):
     """A part cut into layers for a printer.
 

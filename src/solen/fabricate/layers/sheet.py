@@ -31,7 +31,6 @@ class Picture:
     dose_mJ_per_cm2: float
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class PrintSettings(Result):
     """Settings of a print.
 

@@ -3,7 +3,7 @@
 `solen.fabricate.process.settings` holds the process file; `solen.fabricate.process.field` is the dose;
 `solen.fabricate.process.flat` and `solen.fabricate.process.upright` follow a lens's wall in each orientation,
 `solen.fabricate.process.solid` makes the whole part that comes out, `solen.fabricate.process.predict` gives its
-uncertainty, `solen.fabricate.process.compensate` draws so that it prints as wanted,
+uncertainty, `solen.fabricate.process.compensate` draws so that it prints as designed,
 `solen.fabricate.process.print_design` does all of it for a design, and `solen.fabricate.process.calibrate` finds the
 process's numbers from measured coupons.
 """

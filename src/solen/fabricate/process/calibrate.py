@@ -58,7 +58,6 @@ class CalibratedNumber:
         return 1.0 - (self.u / self.u_before) ** 2
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class PrinterCalibration(Result):
     """A calibrated process, and how well it explains the coupons.
 

@@ -1,4 +1,4 @@
-"""Compensation of a lens's drawing, so that the printed lens has the wanted shape.
+"""Compensation of a lens's drawing, so that the printed lens has the intended shape.
 
 The idea: what prints too far out is drawn as much farther in, and printed again in the model until it is right. A
 printer's blur answers a slow change of the drawing by the same change and a fast one hardly at all, so the iteration
@@ -43,13 +43,13 @@ class Compensation:
     outlines
         Outlines to draw, by face.
     drawn_um
-        How far the lens is drawn beyond the wanted one, (N,) along its normals, before the scale.
+        How far the lens is drawn beyond the designed one, (N,) along its normals, before the scale.
     wall_um
         By how much other walls are drawn outwards; below 0 inwards.
     scale
         By what the drawing is enlarged, about the lens's middle.
     printed
-        Deviation of the printed lens from the wanted one.
+        Deviation of the printed lens from the designed one.
     rounds_um
         Root mean square of that, round by round.
     """
@@ -68,13 +68,13 @@ class Compensation:
 
     @reported
     def drawn_range_um(self) -> tuple[float, float]:
-        """Least and most that the lens is drawn beyond the wanted one."""
+        """Least and most that the lens is drawn beyond the designed one."""
         return float(self.drawn_um.min()), float(self.drawn_um.max())
 
 
 @dataclass(frozen=True, eq=False)
 class Drawing:
-    """How a body is drawn: its lens (N,) beyond the wanted one, other walls outwards, and by what all is enlarged."""
+    """How a body is drawn: its lens (N,) beyond the designed one, other walls outwards, and by what all is enlarged."""
 
     drawn_um: FloatArray
     wall_um: float = 0.0
@@ -83,7 +83,7 @@ class Drawing:
 
 @dataclass(frozen=True, eq=False)
 class Printing:
-    """A body whose lens is wanted as its target, and the process that prints it flat.
+    """A body whose lens is to be printed as its target, and the process that prints it flat.
 
     Attributes
     ----------
@@ -106,12 +106,12 @@ class Printing:
         return redrawn(self.body, lens, drawing.wall_um, drawing.scale, self.target.centre)
 
     def deviation_um(self, outlines: Sequence[Sequence[DrawnFace]]) -> FloatArray:
-        """How far the lens that some outlines print stands beyond the wanted one, (N,) along its normals."""
+        """How far the lens that some outlines print stands beyond the designed one, (N,) along its normals."""
         printed = FlatPrint.of(rings_of(outlines), self.target, self.settings, self.thickness_mm, self.phase)
         return printed.profile_um(self.height_um)
 
     def against(self, start: Drawing, besides_um: FloatArray | float = 0.0) -> Compensation:
-        """Drawing whose print is the wanted lens where prints stand ``besides_um`` (N,) beyond the model's.
+        """Drawing whose print is the designed lens where prints stand ``besides_um`` (N,) beyond the model's.
 
         Walls and scale stay as they start.
         """

@@ -1,7 +1,7 @@
 """Files of a compensated drawing: a design with its outline as the body, and the predicted profile.
 
 The design is one for the printer: `solen export` and the slicer take it. Nothing but the outline, the thickness and
-what is needed to read it is in it, and its name states that it is not the wanted shape.
+what is needed to read it is in it, and its name states that it is not the intended shape.
 """
 
 import dataclasses
@@ -17,10 +17,10 @@ from solen.sensor import Sensor
 from solen.spec import Design, dumps
 from solen.spec.objects import CURVES
 
-LABEL = "as drawn for the printer, not the wanted shape"
+LABEL = "as drawn for the printer, not the intended shape"
 COMMENT = """\
-# As drawn for the printer, not the wanted shape: this outline is the one of {name!r} changed so that the
-# process {process!r} prints the wanted one. Do not trace it, and do not compensate it again.
+# As drawn for the printer, not the intended shape: this outline is the one of {name!r} changed so that the
+# process {process!r} prints the intended one. Do not trace it, and do not compensate it again.
 """
 
 
@@ -51,7 +51,7 @@ def _design(sensor: Sensor, outline: str) -> Design:
 
 
 def _outline(sensor: Sensor, made: Compensation) -> dict[str, Any]:
-    """Outline as JSON of `solen.geometry.drawing.outline_json`, with the emitter at its place in the wanted body."""
+    """Outline as JSON of `solen.geometry.drawing.outline_json`, with the emitter where the designed body has it."""
     body = sensor.body().upright()
     faces = [{"name": face.name, "curve": _curve(curve_of(face))} for outline in made.outlines for face in outline]
     emitter = {"point": list(body.emitter.point), "axis_deg": body.emitter.axis_deg}

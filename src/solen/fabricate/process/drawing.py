@@ -1,4 +1,4 @@
-"""Drawing sent to the printer: a body's outlines unchanged, or compensated so that they print as wanted.
+"""Drawing sent to the printer: a body's outlines unchanged, or compensated so that they print as designed.
 
 The idea: an outline is faces with names. Drawn otherwise means: the lens's points are given one by one, every other
 wall is moved along its normal by one length (what a straight wall grows by), and all of it is scaled against shrinkage

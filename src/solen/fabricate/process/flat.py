@@ -58,7 +58,7 @@ class FlatPrint:
         rings
             What is drawn: outer outlines counter-clockwise, holes clockwise.
         target
-            The wanted lens.
+            The designed lens.
         settings
             The process.
         thickness_mm
@@ -94,7 +94,7 @@ class FlatPrint:
         return self.layers * self.settings.layer_um
 
     def offsets_um(self, height_um: float) -> FloatArray:
-        """Deviation of the printed lens from the wanted one at a height, (N,) along its normals."""
+        """Deviation of the printed lens from the designed one at a height, (N,) along its normals."""
         dose = dose_map(self.image, self.settings, height_um)
         centre = np.asarray(self.target.centre)
         grown = 1.0 / (1.0 - 0.01 * self.settings.shrinkage_percent)

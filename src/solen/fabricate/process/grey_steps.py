@@ -9,7 +9,7 @@ nearest that ascend (isotonic regression, each thickness by its uncertainty).
 The interface: `measured_greys` gives `MeasuredGreys`, whose ``process`` holds them.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Annotated
 
 import numpy as np
@@ -48,8 +48,7 @@ class GreyOptions(RowOptions):
     """Standard uncertainty of the gauge's scale, %: what all thicknesses share; it is not in those of the discs."""
 
 
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class MeasuredGreys(Measured):
+class MeasuredGreys(Measured, kw_only=True):
     """Light of grey pixels, as shares of the full one.
 
     Attributes

@@ -34,7 +34,7 @@ class Prediction:
     Attributes
     ----------
     deviation
-        From the wanted face; of a lens that is made of layers, without the steps' ripple.
+        From the designed face; of a lens that is made of layers, without the steps' ripple.
     u_um
         Standard uncertainty of that at each point, (N,).
     ripple_um
@@ -73,9 +73,9 @@ def predicted(
     Parameters
     ----------
     rings
-        What is drawn: closed polylines (N, 2) in mm.
+        Drawn outlines: closed polylines (N, 2) in mm.
     target
-        The wanted face.
+        The face to be printed.
     process
         The process with its uncertainties.
     thickness_mm
@@ -83,11 +83,11 @@ def predicted(
     orientation
         How it lies in the printer.
     height_um
-        Of a flat part: the height whose profile is meant; None for the mean over its thickness.
+        Height of the profile, for a part printed flat; None for the mean over its thickness.
     progress
         Called with the share done, up to 1.
     phase
-        Where the drawing's origin stands in its pixel, of a flat part; None where that is not known, for a corner with
+        Position of the drawing's origin within its pixel, for a part printed flat; None where it is unknown, which adds
         an uncertainty.
 
     Raises

@@ -1,7 +1,7 @@
-"""A design as printed: the printed lens beside the wanted one, its effect on the response, and compensation.
+"""A design as printed: the printed lens beside the designed one, its effect on the response, and compensation.
 
 The idea: one call for what a print of a design does. The lens is predicted with its uncertainty and compared with the
-wanted one; the response of both is traced; on demand the drawing that prints as wanted is found, and the whole part
+designed one; the response of both is traced; on demand the drawing that prints as designed is found, and the whole part
 that comes out is made.
 
 The interface: `print_design` returns a `PrintedDesign`.
@@ -106,7 +106,6 @@ class PrintedPart:
     slabs: int
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class PrintedDesign(Result):
     """A design as a process prints it; simulated.
 
@@ -123,7 +122,7 @@ class PrintedDesign(Result):
     phase
         Where in its pixel the lens was chosen to stand, and what that buys; None where it was not chosen.
     deviation
-        From the wanted lens, along its normal; above 0 there is more material.
+        From the designed lens, along its normal; above 0 there is more material.
     u_rms_um, u_max_um
         Standard uncertainty of the deviation along the lens.
     shape
@@ -135,7 +134,7 @@ class PrintedDesign(Result):
     response
         The response that is lost; None where it was not traced.
     compensation, compensated_response
-        The drawing that prints as wanted, and the response with the lens that it prints.
+        The drawing that prints as designed, and the response with the lens that it prints.
     part
         The whole printed part; None where it was not asked for.
     sources, warnings
@@ -206,7 +205,7 @@ def print_design(
     options
         The process and the orientation.
     response, compensate, part
-        Whether the response is traced with both lenses, the drawing that prints as wanted is found, and the whole
+        Whether the response is traced with both lenses, the drawing that prints as designed is found, and the whole
         part is made.
     progress
         Called with the share done, up to 1.

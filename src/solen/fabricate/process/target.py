@@ -1,7 +1,7 @@
-"""A wanted face to compare a print with: even points along it, normals, and exits of a field along these.
+"""A target face to compare a print with: even points along it, normals, and exits of a field along these.
 
-The idea: a deviation is measured where it is meant, along the wanted face's own normal: above 0 there is more material
-than wanted, below 0 less. What a print model computes at a place (a dose over the critical one) is followed along the
+The idea: a deviation is measured where it is meant, along the designed face's normal: above 0 there is more material
+than designed, below 0 less. What a print model computes at a place (a dose over the critical one) is followed along the
 normals from inside to outside, and the first place where it falls to 0 is the printed wall.
 
 The interface: `Target.of` a face; `exits_um` of a field; `Deviation` of what was found.
@@ -30,7 +30,7 @@ FIRST_REACH_UM, MOST_REACH_UM = 200.0, 1600.0
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """Points of a wanted face.
+    """Points of a target face.
 
     Attributes
     ----------
@@ -75,7 +75,7 @@ def exits_um(field: Field, target: Target, step_um: float) -> FloatArray:
     field
         The field; it may jump.
     target
-        The wanted face.
+        The target face.
     step_um
         How finely it is looked along the normals at first; two changes within a step are not seen.
 
@@ -120,14 +120,14 @@ def _refuse(target: Target, exits: FloatArray) -> None:
     raise DataError(
         "printed lens",
         value=f"no wall near x = {place[0]:.3g}, z = {place[1]:.3g} mm",
-        limit=f"the print ends nowhere within {MOST_REACH_UM:g} µm of the wanted face: too little light, or too much",
+        limit=f"the print ends nowhere within {MOST_REACH_UM:g} µm of the target face: too little light, or too much",
         remedy="check exposure_s, Ec_mJ_per_cm2, sigma_um and halo_um of the process",
     )
 
 
 @dataclass(frozen=True, eq=False)
 class Deviation:
-    """Deviation of a printed face from the wanted one along its normal, ``um`` (N,), positive for excess material."""
+    """Deviation of a printed face from the target along its normal, ``um`` (N,), positive for excess material."""
 
     target: Target = field(metadata=HIDDEN)
     um: FloatArray = field(metadata=HIDDEN)
@@ -149,7 +149,7 @@ class Deviation:
 
     @reported
     def largest_at_mm(self) -> Point:
-        """Position (x, z) of the largest deviation on the wanted face."""
+        """Position (x, z) of the largest deviation on the target face."""
         x, z = self.target.points_mm[self._worst].tolist()
         return x, z
 

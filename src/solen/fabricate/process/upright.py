@@ -60,7 +60,7 @@ class SidePrint:
     platform_um
         Where the platform is, along the direction of printing.
     target
-        The wanted lens.
+        The designed lens.
     """
 
     settings: Settings
@@ -144,7 +144,7 @@ class SidePrint:
         return np.asarray(np.where(outside, -1.0, excess))
 
     def profile_um(self) -> FloatArray:
-        """Deviation of the printed lens from the wanted one, (N,) along its normals, including steps."""
+        """Deviation of the printed lens from the designed one, (N,) along its normals, including steps."""
         s = self.settings
         across, along = s.shrinkage_percent, s.shrinkage_z_percent
         shrunk = np.array([along, across] if self.side == "on-edge" else [across, along])

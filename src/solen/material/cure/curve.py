@@ -69,8 +69,7 @@ class LackOfFit:
     p: float
 
 
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class WorkingCurve(Result):
+class WorkingCurve(Result, kw_only=True):
     """Result of `working_curve`.
 
     Attributes

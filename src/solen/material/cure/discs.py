@@ -156,8 +156,7 @@ class InLampExposure:
     interior_over_jacobs: float
 
 
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class CurveBeside(WorkingCurve, Measured):
+class CurveBeside(WorkingCurve, Measured, kw_only=True):
     """Working curve of another table, beside the first.
 
     Attributes
@@ -169,8 +168,7 @@ class CurveBeside(WorkingCurve, Measured):
     file: str
 
 
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class MeasuredCurve(WorkingCurve, Measured):
+class MeasuredCurve(WorkingCurve, Measured, kw_only=True):
     """Working curve of a table of discs, and what it means for a print.
 
     Attributes

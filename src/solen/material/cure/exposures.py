@@ -129,8 +129,7 @@ class AtWavelength:
     trend_n: Trend | None
 
 
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class ExposureTrends(Measured):
+class ExposureTrends(Measured, kw_only=True):
     """Optics of layers against their exposure.
 
     Attributes

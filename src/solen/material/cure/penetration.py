@@ -120,8 +120,7 @@ class Attenuation:
         return math.log(float(beside)) - depth_um * self._least
 
 
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class Penetration(Measured):
+class Penetration(Measured, kw_only=True):
     """Penetration depth of a liquid resin, h/(A ln 10).
 
     Attributes

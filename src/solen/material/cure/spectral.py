@@ -72,8 +72,7 @@ def depth(lines: Lines, ln_excess: ArrayLike) -> FloatArray:
     return np.asarray(found)
 
 
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class InLamp(Result):
+class InLamp(Result, kw_only=True):
     """The law with the lamp's spectrum, fitted to the discs of a working curve.
 
     Attributes

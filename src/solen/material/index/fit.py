@@ -18,7 +18,7 @@ The interface: `fit` with a name of `FITS` gives a `Fit`.
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import partial
 
 import numpy as np
@@ -37,7 +37,6 @@ _CURVE_NM = 5.0
 _SAME = 1e-3  # how far A, B, C may be from what they were made of: of u(n)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Fit(Result):
     """A formula through an index spectrum.
 

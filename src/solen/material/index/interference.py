@@ -8,7 +8,7 @@ The interface: `fringes_of` readings, `fringed` gives the spectrum and an `Inter
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -37,7 +37,6 @@ _THICK_UM = (8.0, 150.0)  # n times thickness where the thickness is not stated
 _USUAL = 1.5
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Interference(Result):
     """What the fringes of a layer say beside its index.
 

@@ -1,14 +1,14 @@
 """The index of a printed layer, from a recording of its spectra to n and k against wavelength.
 
-The idea: the route follows from what was measured, unless one is asked for; one as published is never chosen by
-itself. The result says in every form what it is and what it is not: what is masked is null with its reason beside it,
-and what was not stated, of the instrument and of the layer, is a warning.
+The idea: the route follows from the spectra that were measured, unless one is requested; the published formulas are
+used only on request. Every form of the result states its limits: a masked value is null with the reason beside it, and
+each property of the instrument or the layer that was not stated is a warning.
 
 The interface: `index_of_layer` of a recording with `IndexOptions` gives a `LayerIndex`.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
@@ -40,8 +40,7 @@ _ABOVE = 0.02  # share of the wavelengths with T > 1 from which on a baseline on
 _MOST_UNUSED = 3  # traces that are named where they are not used
 
 
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class LayerIndex(Measured):
+class LayerIndex(Measured, kw_only=True):
     """Index and extinction of a layer against wavelength; arrays of shape (n,), NaN where masked or not known.
 
     Attributes

@@ -144,8 +144,7 @@ class RefractometerOptions(Options):
         return self
 
 
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class RefractometerIndex(Measured):
+class RefractometerIndex(Measured, kw_only=True):
     """n(λ) from values at a few wavelengths and a prior.
 
     Attributes

@@ -52,8 +52,7 @@ class Outlier:
     t: float
 
 
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class Line(Result):
+class Line(Result, kw_only=True):
     """Level against length.
 
     Attributes
@@ -101,7 +100,7 @@ class Line(Result):
 
     @reported
     def interval95_absorption_per_mm(self) -> tuple[float, float]:
-        """Its 95 % interval."""
+        """95 % interval of the absorption coefficient."""
         low, high = self.interval95_loss_dB_per_cm
         return absorption_per_mm(low), absorption_per_mm(high)
 
@@ -133,8 +132,7 @@ class Line(Result):
         return np.asarray(t_quantile(0.95, df) * np.sqrt(np.maximum(squares, 0.0)))
 
 
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class GuideLoss(Line, Measured):
+class GuideLoss(Line, Measured, kw_only=True):
     """Loss of guides: the line of all of them, with one slope and, for each orientation, a start of its own.
 
     Attributes

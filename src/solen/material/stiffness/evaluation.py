@@ -120,8 +120,7 @@ class Evaluated:
         return self.test.mode.name
 
 
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class MeanModulus(Result):
+class MeanModulus(Result, kw_only=True):
     """Modulus over specimens.
 
     Attributes

@@ -69,8 +69,7 @@ class MechanicalTest:
     name: str = ""
 
 
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class MaterialStiffness(MeanModulus):
+class MaterialStiffness(MeanModulus, kw_only=True):
     """Modulus and model of a material.
 
     Attributes
@@ -98,8 +97,7 @@ class MaterialStiffness(MeanModulus):
     warnings: tuple[Caution, ...]
 
 
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class MeasuredStiffness(MaterialStiffness, Measured):
+class MeasuredStiffness(MaterialStiffness, Measured, kw_only=True):
     """Stiffness of the materials of some tests: the first one's, and beside it all of several.
 
     Attributes

@@ -46,7 +46,6 @@ TOO_SMALL = "too small for this picture"
 CALIBRATES = ("pillar", "hole", "gap", "step")
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class CouponMeasurement(Result):
     """Measurement of a coupon.
 

@@ -1,6 +1,5 @@
 """Sources of a board's firmware, written into a folder."""
 
-from dataclasses import dataclass
 from pathlib import Path
 
 from solen import files
@@ -9,7 +8,6 @@ from solen.errors import OutputError
 from solen.results import Outcome, Result
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Firmware(Result):
     """Sources for a board, and what a rig file states of it.
 

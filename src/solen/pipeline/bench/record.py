@@ -1,6 +1,5 @@
 """Commands of the bench: example files, runs from protocol to recording, recovery of interrupted runs."""
 
-from dataclasses import dataclass
 from pathlib import Path
 
 from solen import files
@@ -14,7 +13,6 @@ from solen.errors import OutputError
 from solen.results import Outcome, Result
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class BenchFolder(Result):
     """A folder with example files."""
 

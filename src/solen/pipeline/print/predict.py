@@ -30,14 +30,14 @@ def predict(
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     progress: ProgressBar = None,
 ) -> Outcome[PrintedDesign]:
-    """Predict the lens that the printer makes of a design: how far from the wanted one, and what response is lost.
+    """Predict the lens that the printer makes of a design: how far from the designed one, and what response is lost.
 
     Parameters
     ----------
     file
         The design file.
     compensate
-        Write a design to this .toml whose outline prints as the wanted lens (flat parts).
+        Write a design to this .toml whose outline prints as the designed lens (flat parts).
     solid
         Write the whole part as it is printed flat to this .stl, .3mf or .glb.
     response

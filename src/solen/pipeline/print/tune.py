@@ -43,7 +43,7 @@ def tune(
     picture
         A micrograph of the printed lens, seen along y: TIFF, OME-TIFF, PNG, JPEG (needs the extra vision).
     design
-        The design file, as the part is wanted.
+        The design file, as the part is meant to be.
     out
         Folder for the corrected drawing, its layers, STL and settings; made if need be.
     log

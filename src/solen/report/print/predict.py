@@ -1,4 +1,4 @@
-"""The figure of a predicted print: deviation from the wanted lens, walls or steps, and response."""
+"""The figure of a predicted print: deviation from the designed lens, walls or steps, and response."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -49,7 +49,7 @@ def _deviation(axes: Axes, prediction: PrintedDesign) -> None:
     if prediction.compensation is not None:
         printed = prediction.compensation.printed
         axes.plot(x, printed.um, color=RIGHT, lw=1.4, label=f"compensated, {printed.rms_um:.2g} µm rms")
-    axes.set(xlabel="x on the wanted lens (mm)", ylabel="beyond the wanted lens (µm)")
+    axes.set(xlabel="x on the designed lens (mm)", ylabel="beyond the designed lens (µm)")
     axes.set_title("deviation along the normal, more material upwards")
     axes.legend()
 

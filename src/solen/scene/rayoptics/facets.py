@@ -73,7 +73,7 @@ class Facets(Curve):
         return np.asarray((self.high - self.low) * steps[np.clip(np.floor(place), 0, len(steps) - 1).astype(int)])
 
     def part(self, u_from: float, u_to: float) -> "Facets":
-        """See `Curve.part`; at its ends normals are blended with what was beyond them."""
+        """See `Curve.part`; normals at its ends are blended with those of the facets beyond."""
         span = self.high - self.low
         return replace(self, low=self.low + u_from * span, high=self.low + u_to * span)
 

@@ -62,7 +62,6 @@ class Counted(Protocol):
         """The same by bins."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Reading(Result):
     """A detector's reading in the file's units: power, and power per length in bins beginning at each position."""
 
