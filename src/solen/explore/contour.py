@@ -111,11 +111,6 @@ class Rows:
         return cls(arc, 1e3 * deviation, u, scale.um_per_px, scale.u_um_per_px)
 
     @property
-    def on_walls(self) -> bool:
-        """Whether a wall was measured: the front alone hardly separates overgrowth from size."""
-        return bool((self.arc_mm < 0.0).any())
-
-    @property
     def bias_um(self) -> float:
         """What uneven light may shift all edges by."""
         return EDGE_BIAS_PX * self.um_per_px
