@@ -35,7 +35,6 @@ def sensor(folder: Path, found: MeasuredProfile | None, text: str = "", index: f
 class PointByPoint(Lens):
     """Lens whose face goes through every point of a noisy profile."""
 
-    cut: Curve
     distance_mm, half_width_mm, depth_mm = 1.0, 2.0, LENS.depth_mm
     front = Spline.through(np.column_stack([X, profile(noise_um(0.5), 0.0005).z_mm]))
 

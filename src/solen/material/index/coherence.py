@@ -14,7 +14,9 @@ The interface: `Blur` says what takes contrast away, `layer` is a layer as a pie
 on its sheet as the instrument reads it. All is analytic in its arguments, so that a complex step gives derivatives.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -47,12 +49,24 @@ class Blur:
     wedge: Any = 0.0
     other: Any = 0.0
 
-    def left(self, harmonic: int, phase: Any, phase_per_nm: Any) -> Any:
-        """Share of a harmonic that is left, where the phase is φ and changes by so much per nm."""
-        half = harmonic * phase_per_nm * self.slit_nm / 2.0
-        bump = np.exp(-((harmonic * phase * self.rough) ** 2) / 2.0)
-        bump = bump * (1.0 - harmonic * self.other)
-        return np.sinc(half / np.pi) ** 2 * bump * np.sinc(np.sqrt(3.0) * harmonic * phase * self.wedge / np.pi)
+    def left(self, phase: Any, phase_per_nm: Any) -> Iterator[Any]:
+        """Shares of the harmonics 1, 2, ... that are left, where the phase is φ and changes by so much per nm."""
+        slits, wedges = _sincs(phase_per_nm * self.slit_nm / 2.0), _sincs(np.sqrt(3.0) * phase * self.wedge)
+        share = step = np.exp(-((phase * self.rough) ** 2) / 2.0)
+        twice = step**2
+        for harmonic, slit, wedge in zip(range(1, HARMONICS + 1), slits, wedges, strict=False):
+            yield share * (1.0 - harmonic * self.other) * slit**2 * wedge
+            step = step * twice
+            share = share * step  # of harmonic m: the first to the power of m²
+
+
+def _sincs(x: Any) -> Iterator[Any]:
+    """The series sin(mx)/(mx) for m = 1, 2, ..., from one sine and one cosine."""
+    x = np.where(x == 0.0, 1e-20, x)
+    twice, before, sine = 2.0 * np.cos(x), 0.0, np.sin(x)
+    for harmonic in count(1):
+        yield sine / (harmonic * x)
+        before, sine = sine, twice * sine - before
 
 
 def layer(n: Any, slope_per_nm: Any, k: Any, thickness_um: Any, wavelength_nm: Any, behind: Any, blur: Blur) -> Powers:
@@ -71,10 +85,12 @@ def layer(n: Any, slope_per_nm: Any, k: Any, thickness_um: Any, wavelength_nm: A
     path = 4.0 * np.pi * NM_PER_UM * thickness_um
     phase = path * n / wavelength_nm
     phase_per_nm = path * (slope_per_nm - n / wavelength_nm) / wavelength_nm
-    series = 1.0 + 0.0 * g
-    for harmonic in range(1, HARMONICS + 1):
-        left = blur.left(harmonic, phase, phase_per_nm)
-        series = series + 2.0 * g**harmonic * left * np.cos(harmonic * phase)
+    series, power, before, cosine = 1.0, 1.0, 1.0, np.cos(phase)
+    twice = 2.0 * cosine
+    for left in blur.left(phase, phase_per_nm):
+        power = power * g
+        series = series + 2.0 * power * left * cosine
+        before, cosine = cosine, twice * cosine - before
     series = series / (1.0 - g**2)
     one, other = front**2, back**2
     return Powers(

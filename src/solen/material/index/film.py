@@ -224,7 +224,7 @@ def _film(model: FilmModel, p: FloatArray, cost: float, rivals: Sequence[tuple[F
         u_optical_um=model.optical_um * float(np.sqrt((optical**2).sum() + apart)),
         spread=float(np.hypot(rough, wedge)),
         slit_nm=slit,
-        visibility=float(Blur(slit, rough, wedge).left(1, phase, per_nm)),
+        visibility=float(next(Blur(slit, rough, wedge).left(phase, per_nm))),
         residual={
             kind: float(np.sqrt(np.mean((reading.value - spectra[kind]) ** 2)))
             for kind, reading in model.measured.readings.items()

@@ -97,6 +97,8 @@ class FilmModel:
         self.size = self.last_k + self.hats.shape[1] * bool(measured.bare)
         self.blocks = {**measured.readings, **{f"bare_{kind}": one for kind, one in measured.bare.items()}}
         self.scatter = {kind: np.full(nm.size, _STATED_U) for kind in self.blocks}
+        common = {kind: np.mean((one.u_common**2).sum(axis=0)) for kind, one in measured.readings.items()}
+        self.u_off = {kind: max(float(np.sqrt(variance)), 1e-6) for kind, variance in common.items()}
 
     def start(self, phase: Phase) -> FloatArray:
         """Where a search begins: the phase that the fringes show, and what leaves their contrast best."""
@@ -206,9 +208,7 @@ class FilmModel:
             rows.append(at["sheet_bend"] / _BEND)
         elif "sheet" in at:
             rows.append(at["sheet"])
-        for kind, reading in self.measured.readings.items():
-            u = float(np.sqrt(np.mean((reading.u_common**2).sum(axis=0))))
-            rows.append(at[f"off_{kind}"] / max(u, 1e-6))
+        rows += [at[f"off_{kind}"] / u for kind, u in self.u_off.items()]
         return np.stack(rows)
 
     def slopes(self, p: FloatArray) -> FloatArray:
