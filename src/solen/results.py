@@ -294,8 +294,8 @@ def _object_schema(kind: type) -> dict[str, Any]:
         if not field.name.startswith("_") and field.metadata.get("reported", True)
     }
     for name in _reported(kind):
-        attribute = getattr(kind, name)
-        getter = attribute.fget if isinstance(attribute, property) else attribute.func
+        attribute = getattr(kind, name)  # a subclass may state a number in place of the property
+        getter = getattr(attribute, "fget", None) or getattr(attribute, "func", None)
         kinds[name] = typing.get_type_hints(getter).get("return", Any) if getter is not None else Any
     words = described(kind)
     properties = {

@@ -115,16 +115,16 @@ def test_a_lens_cut_for_another_index_is_that_lens(tmp_path: Path) -> None:
 class Placed(Lens):
     """The exact oval moved as a whole and cut at the lens's edges: what a measured one shall be the same as."""
 
-    cut: Curve
+    _cut: Curve
     distance_mm, half_width_mm, depth_mm = 1.0, 2.0, LENS.depth_mm
 
     def __init__(self, motion: Rigid, scale: float = 1.0) -> None:
         whole = OvalLens(scale, 20.0 * scale, 2.2 * scale, 1.44).front.moved(motion)
-        object.__setattr__(self, "cut", whole.part(_reached(whole, -2.0), _reached(whole, 2.0)))
+        object.__setattr__(self, "_cut", whole.part(_reached(whole, -2.0), _reached(whole, 2.0)))
 
     @property
     def front(self) -> Curve:
-        return self.cut
+        return self._cut
 
 
 def _reached(curve: Curve, x_mm: float) -> float:
