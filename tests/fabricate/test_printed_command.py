@@ -379,7 +379,32 @@ def test_files_that_hold_no_features_are_refused(tmp_path: Path, text: str) -> N
 
 
 def test_bad_outputs_of_a_calibration_are_refused(tmp_path: Path) -> None:
+    kept = tmp_path / "mine.toml"
+    kept.write_text(KNOWN, encoding="utf-8")
+    with pytest.raises(OutputError, match=r"mine\.toml; exists already.*--force"):
+        calibrate_printer([features_file(tmp_path / "a.json")], out=kept)
+    assert kept.read_text(encoding="utf-8") == KNOWN
     with pytest.raises(OutputError, match=r"a process ends in \.toml"):
         calibrate_printer([features_file(tmp_path / "a.json")], out=tmp_path / "p.json")
     with pytest.raises(DataError, match="no file of features"):
         calibrate_printer([])
+
+
+def test_a_file_that_is_read_is_never_written(sensor: Path, tmp_path: Path) -> None:
+    """Not the design by its own correction, nor a drawing that a design names by its export or its layers."""
+    text = sensor.read_text(encoding="utf-8")
+    with pytest.raises(OutputError, match=r"sensor\.toml; is a source itself"):
+        predict(sensor, options=PrintOptions(process=sure(tmp_path)), response=False, compensate=sensor)
+    assert sensor.read_text(encoding="utf-8") == text
+    from solen.pipeline.design.export import export
+
+    drawing = export(sensor, tmp_path, ("dxf",)).files["dxf"]
+    named = drawing.rename(tmp_path / "body.dxf")
+    design = tmp_path / "body.toml"
+    design.write_text(
+        f'schema = 1\nname = "body"\n[material]\nindex = 1.44\n[body]\nkind = "outline"\nfile = "{named.name}"\n'
+    )
+    before = named.read_bytes()
+    with pytest.raises(OutputError, match=r"body\.dxf; is a source itself"):
+        export(design, tmp_path, ("dxf",))
+    assert named.read_bytes() == before

@@ -1,7 +1,7 @@
 """Files that a command writes: figures, and its result as JSON. Nothing heavy is imported here."""
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -95,9 +95,16 @@ def check_out(out: Path | None) -> None:
 def check_table(out: Path | None, what: str, source: Path | str, *, force: bool) -> None:
     """`OutputError` where the file of readings is not named .csv, or exists: recordings are named so, too."""
     check_ending(out, what, ".csv")
-    if out is not None and out.resolve() == Path(source).resolve():
-        raise OutputError(str(out), limit="is the source itself", remedy="name another file")
+    check_sources([out], [Path(source)])
     check_new(out, force=force)
+
+
+def check_sources(targets: Iterable[Path | None], sources: Iterable[Path | None]) -> None:
+    """`OutputError` where a file to write is one of those that are read."""
+    read = {path.resolve() for path in sources if path is not None}
+    for path in targets:
+        if path is not None and path.resolve() in read:
+            raise OutputError(str(path), limit="is a source itself", remedy="name another file")
 
 
 def check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:

@@ -9,7 +9,7 @@ from solen.fabricate import FORMATS, USUAL, Export, ExportedSolid, cut_for, expo
 from solen.fabricate.layers import Slicing, printable_design
 from solen.pipeline.design.designs import open_design
 from solen.pipeline.names import stem_of
-from solen.pipeline.outputs import drawn
+from solen.pipeline.outputs import check_sources, drawn
 from solen.pipeline.print.layers import layer_files, with_figure
 from solen.report.options import FigureOptions
 from solen.results import Outcome
@@ -73,5 +73,6 @@ def export(
             layers = layer_files(printable, slicing, out, stem, FigureOptions(), progress)
             targets |= layers.targets
             contents |= layers.contents()
+        check_sources(contents, [path, *part.files.values()])
         files.write_all(contents)
     return Outcome(exported_solid(made, chosen, None if layers is None else layers.result), targets)

@@ -15,8 +15,8 @@ from solen.fabricate.process import (
     read_features,
     read_process,
 )
-from solen.pipeline.options import FLAT
-from solen.pipeline.outputs import check_ending, drawn, named
+from solen.pipeline.options import FLAT, Force
+from solen.pipeline.outputs import check_ending, check_new, drawn, named
 from solen.report.options import FigureOptions
 from solen.results import Outcome
 
@@ -27,6 +27,7 @@ def calibrate(
     *,
     process: Path | None = None,
     out: Annotated[Path | None, Parameter(name="--out", help="Write the process to this .toml.")] = None,
+    force: Force = False,
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
 ) -> Outcome[PrinterCalibration]:
     """Fit a printer's blur, edge growth and shrinkage to measured coupons, for solen print predict.
@@ -45,6 +46,7 @@ def calibrate(
     """
     figure.check()
     check_ending(out, "a process", ".toml")
+    check_new(out, force=force)
     if not features:
         raise DataError("coupons", limit="no file of features", remedy="name one or more")
     before = default_process() if process is None else read_process(process)

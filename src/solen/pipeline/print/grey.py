@@ -14,7 +14,7 @@ from solen.fabricate.process import (
     process_text,
     read_process,
 )
-from solen.pipeline.options import FLAT
+from solen.pipeline.options import FLAT, Force
 from solen.pipeline.outputs import check_ending, check_new, named
 from solen.recording import read
 from solen.results import Outcome
@@ -28,7 +28,7 @@ def grey(
     process: Path | None = None,
     sheet: str | None = None,
     out: Annotated[Path | None, Parameter(name="--out", help="Write the process with the greys to this .toml.")] = None,
-    force: bool = False,
+    force: Force = False,
 ) -> Outcome[MeasuredGreys]:
     """Measure which light grey pixels let through, from discs of the coupon grey-steps.
 
@@ -40,8 +40,6 @@ def grey(
         Process that the greys are added to, and whose Dp turns thickness into light; default: the published settings.
     sheet
         Sheet of a workbook.
-    force
-        Replace a file that exists.
 
     Raises
     ------

@@ -35,7 +35,7 @@ from solen.parts import printer_of
 from solen.pipeline.design.designs import open_design
 from solen.pipeline.names import stem_of
 from solen.pipeline.options import FLAT, ProgressBar, Set
-from solen.pipeline.outputs import drawn
+from solen.pipeline.outputs import check_sources, drawn
 from solen.report.options import FigureOptions
 from solen.results import Outcome
 from solen.sensor import Sensor
@@ -115,9 +115,11 @@ def layers(
         raise SpecError("--figure", limit="draws layers, and --sheet-only makes none", remedy="leave one of them out")
     if file.suffix.lower() != ".json":
         slicing = exposed_as_printed(slicing)
+    sources: list[Path | None] = [slicing.process, slicing.cure]
     if file.suffix.lower() == ".toml":
         design = fabricate.cut_for(open_design(file, assignments), slicing.layer_um)
         part = printable_design(design, fabricate.sensor_part(design, Sensor.of(design).body()), file, slicing)
+        sources += design.files.values()
     elif assignments:
         raise SpecError("--set", value=assignments[0], limit="applies to a design only")
     elif file.suffix.lower() == ".json":
@@ -129,6 +131,7 @@ def layers(
     stem = part.label.name if file.suffix.lower() == ".json" else stem_of(file)
     with files.output_folder(out):
         made = layer_files(part, slicing, out, stem, figure, progress)
+        check_sources(made.targets.values(), [file, *sources])
         files.write_all(made.contents())
     return Outcome(made.result, made.targets)
 

@@ -11,7 +11,7 @@ from solen.fabricate.process import PrintedDesign, PrintOptions, compensation_fi
 from solen.lens.profile import profile_text
 from solen.pipeline.design.designs import open_design
 from solen.pipeline.options import FLAT, ProgressBar, Set
-from solen.pipeline.outputs import check_ending, check_outputs, drawn, named
+from solen.pipeline.outputs import check_ending, check_outputs, check_sources, drawn, named
 from solen.report.options import FigureOptions
 from solen.results import Outcome
 from solen.sensor import Sensor
@@ -52,6 +52,8 @@ def predict(
     check_ending(compensate, "a design", ".toml")
     check_ending(solid, "a solid", *(f".{kind}" for kind in MESH_WRITERS))
     sensor = Sensor.of(open_design(file, set_))
+    read = [file, *sensor.design.files.values(), options.process, options.cure]
+    check_sources([compensate, solid, out, figure.figure], read)
     prediction = print_design(
         sensor,
         options,
@@ -66,6 +68,7 @@ def predict(
     if compensate is not None:
         made, profile = prediction.compensation, prediction.compensated_profile
         contents |= compensation_files(compensate, sensor, made, profile, prediction.process)
+        check_sources(contents, read)
     if solid is not None and prediction.part is not None:
         contents[solid] = MESH_WRITERS[solid.suffix.lower()[1:]](prediction.part.mesh, prediction.part.label)
     files.write_all(contents)

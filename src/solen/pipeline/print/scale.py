@@ -9,7 +9,7 @@ from solen import __version__, files
 from solen.metrology.image import read_plane
 from solen.metrology.micrometer import MeasuredScale, MicrometerOptions, measured_scale
 from solen.metrology.scale import scale_text
-from solen.pipeline.options import FLAT
+from solen.pipeline.options import FLAT, Force
 from solen.pipeline.outputs import check_ending, check_new, named
 from solen.results import Outcome
 
@@ -23,7 +23,7 @@ def scale(
         Path | None,
         Parameter(name="--out", help="Write the scale to this .toml, which --scale of other commands takes."),
     ] = None,
-    force: bool = False,
+    force: Force = False,
 ) -> Outcome[MeasuredScale]:
     """Measure the scale of an objective once, in a picture of a stage micrometer.
 
@@ -31,8 +31,6 @@ def scale(
     ----------
     picture
         A picture of even parallel lines: TIFF, PNG, JPEG and others (needs the extra vision).
-    force
-        Replace a file that exists.
 
     Raises
     ------
