@@ -71,7 +71,6 @@ class Profiles:
             raise DataError("edges_mm", limit="must ascend")
 
 
-@dataclass(frozen=True, repr=False)
 class GivenLayers(LayeredLens):
     """Layers of given profiles in place of a layered lens's own."""
 
