@@ -1,7 +1,7 @@
 """A laboratory's own package adds a printer, a format, a body, a finish and an instrument: each one file and one line.
 
-The package of this test is a folder on the path with the metadata that pip would write; solen is run on it as a user
-would, in an interpreter of its own.
+The package of this test is a folder on the path with the metadata that pip would write; solen runs beside it in
+an interpreter of its own.
 """
 
 import json
@@ -9,6 +9,8 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -178,83 +180,85 @@ velocity_deg_per_s = 15.0
 """
 
 
-@pytest.fixture
-def lab(tmp_path: Path) -> Path:
-    """Folder with the distribution `mylab`, as pip would install it."""
-    package, info = tmp_path / "site" / "mylab", tmp_path / "site" / "mylab-1.0.dist-info"
-    info.mkdir(parents=True)
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: mylab\nVersion: 1.0\n", encoding="utf-8")
-    (info / "entry_points.txt").write_text(ENTRY_POINTS, encoding="utf-8")
-    (package / "printers").mkdir(parents=True)
-    for folder in (package, package / "printers"):
-        (folder / "__init__.py").write_text("", encoding="utf-8")
-    for name, text in (("spectrum", SPECTRUM), ("bar", BAR), ("velvet", VELVET), ("stage", STAGE)):
-        (package / f"{name}.py").write_text(text, encoding="utf-8")
-    shipped = (files("solen.parts") / "printers" / "asiga-max-x27.toml").read_text(encoding="utf-8")
-    printer = re.sub(r'(?m)^name = ".*"$', 'name = "Lab DLP"', shipped)
-    (package / "printers" / "lab-dlp.toml").write_text(printer, encoding="utf-8")
-    (tmp_path / "sensor.toml").write_text(template("paper-860"), encoding="utf-8")
-    return tmp_path
-
-
-EACH = """
+SERVED = """
 import contextlib, io, json, sys
 from solen.cli import run_command
-answers = []
-for line in json.load(sys.stdin):
+for line in sys.stdin:
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-        code = run_command(line)
-    answers.append((code, out.getvalue(), err.getvalue()))
-print(json.dumps(answers))
+        code = run_command(json.loads(line))
+    print(json.dumps([code, out.getvalue(), err.getvalue()]), flush=True)
 """
-"""Runs several command lines in one interpreter, which starts once."""
+"""Runs each command line that it is sent."""
 
 
-def run(lab: Path, *arguments: str, given: str = "") -> subprocess.CompletedProcess[str]:
-    path = os.pathsep.join(filter(None, [str(lab / "site"), os.environ.get("PYTHONPATH", "")]))
-    return subprocess.run(
-        [sys.executable, *arguments],
-        input=given,
-        capture_output=True,
-        text=True,
-        encoding="utf-8",
-        check=False,
-        cwd=lab,
-        env=os.environ | {"PYTHONPATH": path},
-    )
+class Lab:
+    """Folder with the distribution `mylab`, as pip would install it, and an interpreter that finds it."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        package, info = folder / "site" / "mylab", folder / "site" / "mylab-1.0.dist-info"
+        info.mkdir(parents=True)
+        (info / "METADATA").write_text("Metadata-Version: 2.1\nName: mylab\nVersion: 1.0\n", encoding="utf-8")
+        (info / "entry_points.txt").write_text(ENTRY_POINTS, encoding="utf-8")
+        (package / "printers").mkdir(parents=True)
+        for inner in (package, package / "printers"):
+            (inner / "__init__.py").write_text("", encoding="utf-8")
+        for name, text in (("spectrum", SPECTRUM), ("bar", BAR), ("velvet", VELVET), ("stage", STAGE)):
+            (package / f"{name}.py").write_text(text, encoding="utf-8")
+        shipped = (files("solen.parts") / "printers" / "asiga-max-x27.toml").read_text(encoding="utf-8")
+        printer = re.sub(r'(?m)^name = ".*"$', 'name = "Lab DLP"', shipped)
+        (package / "printers" / "lab-dlp.toml").write_text(printer, encoding="utf-8")
+        self.write("sensor.toml", template("paper-860"))
+        path = os.pathsep.join(filter(None, [str(folder / "site"), os.environ.get("PYTHONPATH", "")]))
+        self.process = subprocess.Popen(
+            [sys.executable, "-c", SERVED],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            encoding="utf-8",
+            cwd=folder,
+            env=os.environ | {"PYTHONPATH": path},
+        )
+
+    def write(self, name: str, text: str) -> str:
+        (self.folder / name).write_text(text, encoding="utf-8")
+        return name
+
+    def run(self, *arguments: str, code: int) -> tuple[str, str]:
+        """What a command prints, and what it says on the other stream."""
+        assert self.process.stdin is not None
+        assert self.process.stdout is not None
+        print(json.dumps(arguments), file=self.process.stdin, flush=True)
+        found, out, err = json.loads(self.process.stdout.readline())
+        assert found == code, err
+        return out, err
+
+    def printed(self, *arguments: str) -> str:
+        return self.run(*arguments, code=0)[0]
+
+    def refused(self, *arguments: str) -> str:
+        return self.run(*arguments, code=2)[1]
+
+    def answer(self, *arguments: str) -> dict[str, Any]:
+        found: dict[str, Any] = json.loads(self.printed(*arguments, "--json"))
+        return found
 
 
-def ran(lab: Path, *arguments: str, code: int = 0) -> subprocess.CompletedProcess[str]:
-    done = run(lab, "-m", "solen", *arguments)
-    assert done.returncode == code, done.stderr
-    return done
+@contextmanager
+def opened(folder: Path) -> Iterator[Lab]:
+    made = Lab(folder)
+    with made.process:
+        yield made
 
 
-def answers(lab: Path, *lines: tuple[str, ...], code: int) -> list[tuple[str, str]]:
-    """What each command line prints, and what it says on the other stream."""
-    done = run(lab, "-c", EACH, given=json.dumps(lines))
-    assert done.returncode == 0, done.stderr
-    found = json.loads(done.stdout)
-    assert [each for each, _, _ in found] == [code] * len(lines), found
-    return [(out, err) for _, out, err in found]
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Lab]:
+    with opened(tmp_path_factory.mktemp("lab")) as made:
+        yield made
 
 
-def printed(lab: Path, *lines: tuple[str, ...]) -> list[str]:
-    return [out for out, _ in answers(lab, *lines, code=0)]
-
-
-def refused(lab: Path, *lines: tuple[str, ...]) -> list[str]:
-    return [err for _, err in answers(lab, *lines, code=2)]
-
-
-def answer(lab: Path, *arguments: str) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads(ran(lab, *arguments, "--json").stdout)
-    return found
-
-
-def test_the_doctor_lists_what_was_added(lab: Path) -> None:
-    assert answer(lab, "doctor")["plugins"] == {
+def test_the_doctor_lists_what_was_added(lab: Lab) -> None:
+    assert lab.answer("doctor")["plugins"] == {
         "solen.instruments": ["lab-board", "lab-stage"],
         "solen.formats": ["lab-spectrum"],
         "solen.body_kinds": ["lab-bar"],
@@ -263,62 +267,56 @@ def test_the_doctor_lists_what_was_added(lab: Path) -> None:
     }
 
 
-def test_a_printer_is_listed_and_used(lab: Path) -> None:
-    names, one = printed(lab, ("print", "printers"), ("print", "printers", "lab-dlp"))
-    assert "lab-dlp" in names
-    assert "Lab DLP" in one
+def test_a_printer_is_listed_and_used(lab: Lab) -> None:
+    assert "lab-dlp" in lab.printed("print", "printers")
+    assert "Lab DLP" in lab.printed("print", "printers", "lab-dlp")
 
 
-def test_a_file_of_the_format_is_read_by_a_command(lab: Path) -> None:
+def test_a_file_of_the_format_is_read_by_a_command(lab: Lab) -> None:
     rows = "".join(f"{nm}|0.9|0.04\n" for nm in range(800, 900, 10))
-    (lab / "layer.lab").write_text(f"LABSPEC 1\n{rows}", encoding="utf-8")
-    said = ran(lab, "resin", "spectra", "layer.lab").stdout
+    said = lab.printed("resin", "spectra", lab.write("layer.lab", f"LABSPEC 1\n{rows}"))
     assert "800" in said
     assert "890" in said
 
 
-def test_a_body_is_checked_and_its_parameters_are_refused_by_name(lab: Path) -> None:
-    (lab / "bar.toml").write_text(DESIGN, encoding="utf-8")
-    checked, traced = printed(lab, ("check", "bar.toml"), ("trace", "bar.toml", "--json"))
-    assert "bar" in checked
-    assert "right" in traced
+def test_a_body_is_checked_and_its_parameters_are_refused_by_name(lab: Lab) -> None:
+    bar = lab.write("bar.toml", DESIGN)
+    assert "bar" in lab.printed("check", bar)
+    assert "right" in lab.printed("trace", bar, "--json")
     values = ("body.parameters.lenght_mm=3", "lens.focus_mm=25", "body.kind=lab-bra")
-    parameter, lens, kind = refused(lab, *(("check", "bar.toml", "--set", value) for value in values))
+    parameter, lens, kind = (lab.refused("check", bar, "--set", value) for value in values)
     assert "body.parameters.lenght_mm" in parameter
     assert "length_mm" in parameter.partition(";")[2]
     assert "focus_mm" in lens
     assert "lab-bar" in kind
 
 
-def test_a_rig_runs_on_the_instruments(lab: Path) -> None:
-    (lab / "rig.toml").write_text(RIG, encoding="utf-8")
-    (lab / "protocol.toml").write_text(PROTOCOL, encoding="utf-8")
-    found = answer(lab, "bench", "run", "protocol.toml", "--rig", "rig.toml", "--out", "out")
+def test_a_rig_runs_on_the_instruments(lab: Lab) -> None:
+    protocol = lab.write("protocol.toml", PROTOCOL)
+    found = lab.answer("bench", "run", protocol, "--rig", lab.write("rig.toml", RIG), "--out", "out")
     assert (found["outcome"], found["simulated"]) == ("done", False)
     assert found["periods"] > 100
-    (lab / "rig.toml").write_text(RIG.replace('port = "COM9"', ""), encoding="utf-8")
-    line = ran(lab, "bench", "run", "protocol.toml", "--rig", "rig.toml", "--out", "two", code=2).stderr
-    assert "stage.port" in line
-    (lab / "rig.toml").write_text(RIG.replace('"lab-stage"', '"lab-board"'), encoding="utf-8")
-    line = ran(lab, "bench", "run", "protocol.toml", "--rig", "rig.toml", "--out", "two", code=2).stderr
+    rig = lab.write("rig.toml", RIG.replace('port = "COM9"', ""))
+    assert "stage.port" in lab.refused("bench", "run", protocol, "--rig", rig, "--out", "two")
+    rig = lab.write("rig.toml", RIG.replace('"lab-stage"', '"lab-board"'))
+    line = lab.refused("bench", "run", protocol, "--rig", rig, "--out", "two")
     assert "stage.driver" in line
     assert "lab-stage" in line
 
 
-def test_a_broken_package_is_named_when_it_is_used_and_not_before(lab: Path) -> None:
-    (lab / "site" / "mylab" / "bar.py").write_text("import no_such_module\n", encoding="utf-8")
-    assert ran(lab, "check", "sensor.toml").returncode == 0
-    line = ran(lab, "check", "sensor.toml", "--set", "body.kind=lab-bar", code=2).stderr
+def test_a_broken_package_is_named_when_it_is_used_and_not_before(tmp_path: Path) -> None:
+    with opened(tmp_path) as lab:
+        lab.write("site/mylab/bar.py", "import no_such_module\n")
+        lab.printed("check", "sensor.toml")
+        line = lab.refused("check", "sensor.toml", "--set", "body.kind=lab-bar")
     assert "lab-bar" in line
     assert "no_such_module" in line
     assert "mylab" in line
 
 
-def walled(lab: Path, name: str, finish: str, more: str = "") -> str:
+def walled(lab: Lab, name: str, finish: str, more: str = "") -> str:
     """A sensor whose stem has a finish."""
-    text = (lab / "sensor.toml").read_text(encoding="utf-8")
-    (lab / name).write_text(f'{text}\n[[wall]]\nface = "[so]*-*"\nfinish = "{finish}"\n{more}', encoding="utf-8")
-    return name
+    return lab.write(name, f'{template("paper-860")}\n[[wall]]\nface = "[so]*-*"\nfinish = "{finish}"\n{more}')
 
 
 def powers(printed: str) -> dict[str, float]:
@@ -329,7 +327,7 @@ def powers(printed: str) -> dict[str, float]:
 
 
 @pytest.mark.parametrize("dimension", ["2d", "extruded"])
-def test_a_finish_by_a_table_does_what_the_table_says(lab: Path, dimension: str) -> None:
+def test_a_finish_by_a_table_does_what_the_table_says(lab: Lab, dimension: str) -> None:
     """A table of 0.7 at all angles is a mirror of 0.7, in the plane and in space."""
     table = walled(lab, "table.toml", "lab-velvet")
     grey = walled(lab, "grey.toml", "mirror", "reflectance = 0.7")
@@ -337,26 +335,23 @@ def test_a_finish_by_a_table_does_what_the_table_says(lab: Path, dimension: str)
     options = ("--set", f"trace.dimension={dimension}", *emitter)
     names = (table, grey, walled(lab, "film.toml", "lab-film"))
     trace = ("--angle-deg", "-1", "--mode", "power", *options, "--json")
-    one, other, film = map(powers, printed(lab, *(("trace", name, *trace) for name in names)))
+    one, other, film = (powers(lab.printed("trace", name, *trace)) for name in names)
     assert one == pytest.approx(other, abs=1e-12)
     assert one["absorbed"] > 0.003
     assert film["absorbed"] > 0.003
     assert film["right"] != pytest.approx(one["right"], abs=1e-3)
 
 
-def test_a_finish_is_refused_where_it_says_nothing(lab: Path) -> None:
+def test_a_finish_is_refused_where_it_says_nothing(lab: Lab) -> None:
     light = ("--set", "emitter.wavelength_nm=650", "--set", "material.index=1.44")
-    unknown, scattering, other = refused(
-        lab,
-        ("check", walled(lab, "a.toml", "lab-satin")),
-        ("check", walled(lab, "b.toml", "lab-velvet", 'scatter = "lambertian"')),
-        ("trace", walled(lab, "c.toml", "lab-velvet"), *light),
-    )
+    unknown = lab.refused("check", walled(lab, "a.toml", "lab-satin"))
+    scattering = lab.refused("check", walled(lab, "b.toml", "lab-velvet", 'scatter = "lambertian"'))
+    other = lab.refused("trace", walled(lab, "c.toml", "lab-velvet"), *light)
     for name in ("lab-satin", "clear", "lab-velvet"):
         assert name in unknown
     assert "wall[0].scatter" in scattering
     assert "lab-velvet" in scattering
     assert "light of 650 nm" in other
     assert "800 to 900 nm" in other
-    counted = ran(lab, "trace", walled(lab, "d.toml", "lab-velvet"), "--mode", "count").stdout
+    counted = lab.printed("trace", walled(lab, "d.toml", "lab-velvet"), "--mode", "count")
     assert 'wall[0].finish = "lab-velvet" has no effect' in counted
