@@ -27,6 +27,7 @@ from solen.fabricate.process.settings import Settings
 from solen.fabricate.process.terms import terms_at
 from solen.fabricate.raster import coverage
 
+Spectrum = NDArray[np.complex128]
 DARK = 1e-12
 """Share of the dose inside below which its logarithm is not followed."""
 MOST_POINTS = 20_000_000
@@ -127,14 +128,20 @@ class DoseMap:
 
 def dose_map(image: FlatImage, settings: Settings, height_um: float) -> DoseMap:
     """Dose of a part at a height above the platform, on a grid some times finer than the pixels."""
+    terms = terms_at(settings, image.layers, height_um)
+    return fine_dose(image, settings, [(image.spectrum, *_merged(terms.dose, terms.sigma_um))])
+
+
+def fine_dose(image: FlatImage, settings: Settings, terms: Sequence[tuple[Spectrum, FloatArray, FloatArray]]) -> DoseMap:
+    """Dose of spectra of pictures on the pixels of an image, each with its doses in mJ/cm² and blurs in µm (T,)."""
     (x, y), pixel = settings.pixels_um, settings.pixel_light
     fine = pixel.fine
     rows, columns = (fine * count for count in image.shares.shape)
-    terms = terms_at(settings, image.layers, height_um)
     across, along = math.tau * fft.rfftfreq(columns, x / fine), math.tau * fft.fftfreq(rows, y / fine)
-    beyond = np.sqrt(np.maximum(terms.sigma_um**2 - pixel.blur_um**2, 0.0))
-    whole = np.tile(image.spectrum, (fine, fine))[:, : len(across)]
-    whole = whole * _blur(along, across, *_merged(terms.dose, beyond))
+    whole = np.zeros((len(along), len(across)), np.complex128)
+    for spectrum, doses, blurs in terms:
+        beyond = np.sqrt(np.maximum(blurs**2 - pixel.blur_um**2, 0.0))
+        whole += np.tile(spectrum, (fine, fine))[:, : len(across)] * _blur(along, across, doses, beyond)
     whole *= pixel.plane((rows, columns), (x / fine, y / fine))
     dose = fft.irfft2(whole, s=(rows, columns)) * fine**2
     first = (image.corner_um[0] + x / 2, image.corner_um[1] + y / 2)

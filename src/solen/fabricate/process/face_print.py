@@ -1,0 +1,232 @@
+"""The face of a lens that differs by height, as a process prints it flat: layer by layer, each with its own image.
+
+The idea: a `FacePrint` is a wanted lens and the body that is drawn for it, which is the same unless it is compensated.
+Every layer's printed wall is found along the normals of the wanted one in the layer's middle, and becomes a profile z
+over |x|: the image stands on a corner or in the middle of a pixel across the axis, so that left mirrors right.
+
+The interface: `FacePrint.of`, with `printed` and `compensated`, which give a `PrintedFace`.
+"""
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import gaussian_filter
+
+from solen.arrays import FloatArray, Progress
+from solen.errors import DataError
+from solen.fabricate.process.drawing import as_designed, lens_face, rings_of
+from solen.fabricate.process.flat import FEWEST_PIXELS
+from solen.fabricate.process.settings import Settings
+from solen.fabricate.process.stack import Rings, Stack
+from solen.fabricate.process.target import Target
+from solen.geometry import Body, section
+from solen.lens import GivenLayers, LensInSpace, Profiles
+from solen.results import HIDDEN
+
+POINTS = 401
+"""Points along a section of the face, of which the right half is looked at."""
+PLACES = 257
+"""Places of a profile from the axis to the half width."""
+VERTEX = (0.0, 0.0)
+MOST_ROUNDS, SETTLED_UM, LEAST_SHARE = 12, 0.1, 0.2
+"""Rounds of a compensation; the gain of its root mean square at which it has settled; the least share of a step."""
+ACROSS_LAYERS = 1.0
+"""Layers over which a correction is smoothed."""
+
+
+class Layer(NamedTuple):
+    """What is drawn in a layer, and the right half of its wanted wall."""
+
+    rings: Rings
+    target: Target
+
+
+@dataclass(frozen=True, eq=False)
+class PrintedFace:
+    """A printed face, layer by layer, the one on the build plate first.
+
+    Attributes
+    ----------
+    y_mm
+        Heights (L,) of the layers' middles from the middle of the body.
+    um
+        Deviation (L, N) along the wanted walls' normals at N points from the axis to the edge; more material above 0.
+    drawn, printed
+        Profiles as they are drawn and as they come out.
+    rounds_um
+        Of a compensation, root mean square of the deviation round by round, the edge of the aperture left out.
+    """
+
+    y_mm: FloatArray
+    um: FloatArray = field(metadata=HIDDEN)
+    drawn: FloatArray = field(metadata=HIDDEN)
+    printed: FloatArray = field(metadata=HIDDEN)
+    rounds_um: tuple[float, ...] = ()
+
+    @property
+    def rms_um(self) -> float:
+        """Root of the mean square over the whole face."""
+        return float(np.sqrt(np.mean(self.um**2)))
+
+
+@dataclass(frozen=True, eq=False)
+class FacePrint:
+    """A body whose lens differs by height, wanted and drawn, and the process that prints it."""
+
+    body: Body
+    lens: LensInSpace
+    settings: Settings
+    phase: tuple[float, float]
+
+    @classmethod
+    def of(cls, body: Body, settings: Settings, phase: tuple[float, float] = (0.0, 0.0)) -> "FacePrint":
+        """Print of a body as it is drawn.
+
+        Raises
+        ------
+        DataError
+            Where the pixels are too coarse for the lens.
+        """
+        if body.front is None:
+            raise AssertionError("a prism has one outline")
+        lens = body.front.lens
+        if 2.0 * lens.half_width_mm < FEWEST_PIXELS * 1e-3 * settings.pixel_um:
+            limit = f"the lens must be at least {FEWEST_PIXELS} pixels wide"
+            raise DataError("process.pixel_um", value=settings.pixel_um, limit=limit, remedy="take finer pixels")
+        return cls(body, lens, settings, phase)
+
+    @property
+    def layers(self) -> int:
+        """Number of layers."""
+        return max(1, round(1e3 * self.lens.thickness_mm / self.settings.layer_um))
+
+    @property
+    def y_mm(self) -> FloatArray:
+        """Heights (L,) of the layers' middles from the middle of the body, the layer on the plate first."""
+        return self.lens.half_height_mm * (1.0 - (2.0 * np.arange(self.layers) + 1.0) / self.layers)
+
+    @cached_property
+    def places_mm(self) -> FloatArray:
+        """Lateral places (M,) of profiles."""
+        return np.linspace(0.0, self.lens.half_width_mm, PLACES)
+
+    @cached_property
+    def wanted(self) -> FloatArray:
+        """Wanted profiles (L, M)."""
+        return np.array([self.lens.z_at(self.places_mm, np.full(PLACES, y)) for y in self.y_mm.tolist()])
+
+    def printed(self, progress: Progress | None = None) -> PrintedFace:
+        """The face as it is printed uncompensated."""
+        um, z = self._printed(self._layers(self.body), progress)
+        return PrintedFace(self.y_mm, um, self.wanted, z)
+
+    def offsets_um(self, layer: int, settings: Settings) -> FloatArray:
+        """Deviation of one layer (N,), drawn as it is, with other settings of the same pixels and layers."""
+        stack = replace(self._plain, settings=settings)
+        return stack.offsets_um(layer, self._layers(self.body)[layer].target, VERTEX)
+
+    def compensated(self, start: PrintedFace, progress: Progress | None = None) -> PrintedFace:
+        """The face of a drawing that is corrected by what its print deviates by, again and again, until it settles."""
+        best, share, rounds = start, 1.0, [self._inner_rms_um(start.printed)]
+        for number in range(MOST_ROUNDS):
+            drawn = best.drawn - share * self._smooth(best.printed - self.wanted)
+            um, z = self._printed(self._layers(self._drawn(drawn)), None)
+            if progress is not None:
+                progress((number + 1) / MOST_ROUNDS)
+            gained = rounds[-1] - (rms := self._inner_rms_um(z))
+            if gained > 0.0:
+                best = PrintedFace(self.y_mm, um, drawn, z)
+            else:
+                share *= 0.5
+            rounds.append(min(rms, rounds[-1]))
+            if gained < SETTLED_UM and (gained > 0.0 or share < LEAST_SHARE):
+                break
+        return replace(best, rounds_um=tuple(rounds))
+
+    def profiles(self, z: FloatArray, name: str, warning: str) -> Profiles:
+        """Profiles (L, M) of the layers, the one on the plate first, as a lens takes them."""
+        edges = np.linspace(-self.lens.half_height_mm, self.lens.half_height_mm, self.layers + 1)
+        return Profiles(name, self.lens.half_width_mm, edges, z[::-1], simulated=True, warnings=(warning,))
+
+    def lens_of(self, given: Profiles) -> GivenLayers:
+        """Lens of given profiles in place of the wanted one."""
+        own = self.lens
+        cut = (own.distance_mm, own.focus_mm, own.half_width_mm, own.design_index, own.outside_index)
+        layer_mm = own.thickness_mm / len(given.z_mm)
+        return GivenLayers(*cut, thickness_mm=own.thickness_mm, layer_mm=layer_mm, given=given)
+
+    @cached_property
+    def _plain(self) -> Stack:
+        return self._stack(self._layers(self.body))
+
+    def _stack(self, layers: list[Layer]) -> Stack:
+        extent = layers[0].target.points_mm * [[-1.0, 1.0]]
+        return Stack.of(
+            [layer.rings for layer in layers], np.vstack([extent, layers[len(layers) // 2].target.points_mm]),
+            self.settings, self.phase,
+        )
+
+    def _layers(self, body: Body) -> list[Layer]:
+        """Layers as a body draws them; those of the same curve are one object."""
+        if body.front is None:
+            raise AssertionError("a prism has one outline")
+        known: dict[bytes, Layer] = {}
+        layers = []
+        for y, wanted in zip(self.y_mm.tolist(), self.wanted, strict=True):
+            drawn = body.front.lens.z_at(self.places_mm, np.full(PLACES, y))
+            key = np.round(np.concatenate([drawn, wanted]), 9).tobytes()
+            if key not in known:
+                known[key] = Layer(rings_of(as_designed(section(body, y))), self._target(y))
+            layers.append(known[key])
+        return layers
+
+    def _target(self, y_mm: float) -> Target:
+        """The right half of the wanted wall at a height."""
+        whole = Target.of(lens_face(section(self.body, y_mm)).curve, POINTS)
+        right = slice(POINTS // 2, None)
+        return Target(whole.points_mm[right], whole.outward[right], whole.along_mm[right], VERTEX)
+
+    def _printed(self, layers: list[Layer], progress: Progress | None) -> tuple[FloatArray, FloatArray]:
+        """Deviations (L, N) and printed profiles (L, M)."""
+        stack = self._stack(layers)
+        um = []
+        for number, layer in enumerate(layers):
+            um.append(stack.offsets_um(number, layer.target, VERTEX))
+            if progress is not None:
+                progress((number + 1) / len(layers))
+        rows = zip(self.y_mm.tolist(), layers, um, self.wanted, strict=True)
+        return np.array(um), np.array([self._profile(y, layer.target, off, z) for y, layer, off, z in rows])
+
+    def _profile(self, y_mm: float, target: Target, um: FloatArray, wanted: FloatArray) -> FloatArray:
+        """Printed profile (M,): the wanted one and the deviation along z, which goes on beyond the last point."""
+        x, z = target.moved_um(um).T
+        ahead = (x > np.concatenate([[-np.inf], np.maximum.accumulate(x[:-1])]) + 1e-9) & (x <= self.lens.half_width_mm)
+        x, z = x[ahead], z[ahead]
+        off = CubicSpline(x, z - self.lens.z_at(x, np.full_like(x, y_mm)), bc_type=((1, 0.0), "not-a-knot"))
+        return np.asarray(wanted + off(np.clip(self.places_mm, x[0], x[-1])))
+
+    def _drawn(self, z: FloatArray) -> Body:
+        """The body with drawn profiles."""
+        if self.body.front is None:
+            raise AssertionError("a prism has one outline")
+        lens = self.lens_of(self.profiles(z, "drawn", ""))
+        return replace(self.body, front=replace(self.body.front, lens=lens))
+
+    @cached_property
+    def _inner(self) -> int:
+        """Number of places that lie farther than the blur from the edge: a sharper corner cannot be printed."""
+        reach = self.lens.half_width_mm - 2e-3 * self.settings.edge_um
+        return int(np.count_nonzero(self.places_mm < reach))
+
+    def _inner_rms_um(self, z: FloatArray) -> float:
+        return 1e3 * float(np.sqrt(np.mean((z - self.wanted)[:, : self._inner] ** 2)))
+
+    def _smooth(self, off: FloatArray) -> FloatArray:
+        """Deviations (L, M) along z as slow as the blur, at the edge those of the face beside it."""
+        steady = np.where(np.arange(PLACES) < self._inner, off, off[:, self._inner - 1 : self._inner])
+        width = 1e-3 * self.settings.edge_um / float(self.places_mm[1])
+        mirrored = np.concatenate([steady[:, :0:-1], steady], axis=1)
+        return np.asarray(gaussian_filter(mirrored, (ACROSS_LAYERS, width), mode="nearest")[:, PLACES - 1 :])

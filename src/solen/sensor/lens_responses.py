@@ -1,0 +1,68 @@
+"""What several lenses make of one sensor: contrast at a few angles, and light, each with its standard error.
+
+All are sampled in the same way, so that a cylinder and a lens for space are compared alike.
+
+The interface: `lens_responses` of sensors by name.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from solen.arrays import FloatArray, Progress
+from solen.sensor.response import contrast, powers
+from solen.sensor.sensor import Sensor
+
+ANGLES_DEG = (0.5, 1.0, 3.0)
+"""Angles at which lenses are compared."""
+TOLERANCE = 5e-4
+"""Standard error of the power that samples are taken to."""
+
+
+@dataclass(frozen=True, eq=False)
+class LensResponse:
+    """Response of a sensor with one lens.
+
+    Attributes
+    ----------
+    name
+        Of the lens.
+    angle_deg, contrast, u_contrast
+        Angles (N,), contrast of the receivers there, right less left, and its standard error; NaN without light.
+    light, u_light
+        What both receivers get of the emitted power, mean over the angles, and its standard error.
+    """
+
+    name: str
+    angle_deg: FloatArray
+    contrast: FloatArray
+    u_contrast: FloatArray
+    light: float
+    u_light: float
+
+    @classmethod
+    def of(cls, name: str, sensor: Sensor, angles_deg: Sequence[float]) -> "LensResponse":
+        """Response of a sensor; angles above 0 brighten the right receiver."""
+        traced = [sensor.sampled(-angle, TOLERANCE) for angle in angles_deg]
+        read = [powers(trace) for trace, _ in traced]
+        light = np.array([one["right"] + one["left"] for one in read])
+        u = np.array([error for _, error in traced])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            u_contrast = 2.0 * u / light
+        values = [contrast(one["right"], one["left"]) for one in read]
+        u_light = float(np.sqrt(2.0 * np.sum(u**2))) / len(u)
+        return cls(name, np.array(angles_deg), np.array(values, float), u_contrast, float(light.mean()), u_light)
+
+
+def lens_responses(
+    sensors: Mapping[str, Sensor], angles_deg: Sequence[float] = ANGLES_DEG, progress: Progress | None = None
+) -> tuple[LensResponse, ...]:
+    """Responses of sensors by the names of their lenses; `DesignError` where one has not two receivers."""
+    made = []
+    for done, (name, sensor) in enumerate(sensors.items(), start=1):
+        sensor.check_pair()
+        made.append(LensResponse.of(name, sensor, angles_deg))
+        if progress is not None:
+            progress(done / len(sensors))
+    return tuple(made)
