@@ -7,11 +7,12 @@ small part of a pixel, with its uncertainty and what was rejected.
 
 from solen.metrology.edge import Edge, fit_edge, fit_two_edges, normals_of
 from solen.metrology.image import Image, as_image, read_image
-from solen.metrology.inspection import InspectOptions, LensInspection, measure_lens
+from solen.metrology.inspection import FacesInspection, InspectOptions, LensInspection, measure_faces, measure_lens
 from solen.metrology.scale import Scale
 
 __all__ = [
     "Edge",
+    "FacesInspection",
     "Image",
     "InspectOptions",
     "LensInspection",
@@ -19,6 +20,7 @@ __all__ = [
     "as_image",
     "fit_edge",
     "fit_two_edges",
+    "measure_faces",
     "measure_lens",
     "normals_of",
     "read_image",

@@ -16,7 +16,7 @@ import numpy as np
 
 from solen.arrays import FloatArray
 from solen.lens import OvalLens
-from solen.metrology.nominal import NominalFront, nominal_front
+from solen.metrology.nominal import NominalFront, SeenFrom, nominal_front
 from solen.metrology.outline import NamedEdge
 from solen.metrology.print_fit import PrintFit, PrintPriors, fit_print
 from solen.metrology.registration import Registration, register
@@ -68,18 +68,21 @@ class ComparedDesign:
         return self.size.p_form >= LIKELY
 
 
-def designs_to_compare(design: Design, nominal: NominalFront, against: Sequence[Design] = ()) -> list[NominalFront]:
+def designs_to_compare(
+    design: Design, nominal: NominalFront, against: Sequence[Design] = (), seen_from: SeenFrom | None = None
+) -> list[NominalFront]:
     """Nominal fronts to compare an outline with, under unique names; the design's is always included.
 
     Without others, those of the paper's three indices where the design has the paper's lens.
     """
     if against:
-        return _distinct([nominal, *(nominal_front(other) for other in against)])
+        return _distinct([nominal, *(nominal_front(other, seen_from=seen_from) for other in against)])
     lens = Sensor.of(design).cut
     if not isinstance(lens, OvalLens) or (lens.distance_mm, lens.focus_mm, lens.half_width_mm) != PAPER_MM:
         return [nominal]
     papers = [
-        nominal_front(with_values(design, {"lens.design_index": index}), f"n = {index}") for index in PAPER_INDICES
+        nominal_front(with_values(design, {"lens.design_index": index}), f"n = {index}", seen_from)
+        for index in PAPER_INDICES
     ]
     if any(abs(index - lens.design_index) < 1e-9 for index in PAPER_INDICES):
         return papers

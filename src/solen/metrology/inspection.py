@@ -14,13 +14,13 @@ from solen.errors import DataError
 from solen.lens.profile import MeasuredProfile
 from solen.metrology.comparison import ComparedDesign, compare, designs_to_compare, doubts
 from solen.metrology.image import Image
-from solen.metrology.nominal import NominalFront, nominal_front
-from solen.metrology.outline import EdgeChoice, NamedEdge, Outline, SeenFrom, measure_outline
+from solen.metrology.nominal import NominalFront, SeenFrom, nominal_front
+from solen.metrology.outline import EdgeChoice, NamedEdge, Outline, measure_outline
 from solen.metrology.plausibility import of_pixels
 from solen.metrology.print_fit import EDGE_BIAS_PX, U_SCALE, PrintFit, PrintPriors
 from solen.metrology.raster import check_vision
 from solen.metrology.scale import Scale, ScaleOptions
-from solen.ranks import Caution, look_at, note
+from solen.ranks import Caution, look_at, note, of
 from solen.recording import Provenance
 from solen.results import HIDDEN, Result, plain, reported
 from solen.spec import Design
@@ -299,11 +299,11 @@ def measure_lens(
         Where the extra ``vision`` is not installed.
     """
     check_vision("solen print inspect")
-    nominal = nominal_front(design)
+    nominal = nominal_front(design, seen_from=seen_from)
     outline = measure_outline(image, nominal, edge, priors, seen_from)
     chosen = outline.chosen
     fit, bias_um = chosen.registration, EDGE_BIAS_PX * image.um_per_px
-    designs = compare(chosen, designs_to_compare(design, nominal, against), priors)
+    designs = compare(chosen, designs_to_compare(design, nominal, against, seen_from), priors)
     # an edge's bias, of one sign on the left and of the other on the right, turns the part
     turned_deg = np.degrees(2e-3 * bias_um / max(np.ptp(fit.points_mm[:, 0]), 1e-9))
     return LensInspection(
@@ -335,6 +335,62 @@ def measure_lens(
         image=image,
         outline=outline,
         nominal=nominal,
+    )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FacesInspection(Result):
+    """Both faces of a printed lens, each measured in its own picture.
+
+    Attributes
+    ----------
+    first_layer, last_layer
+        The face that lay on the build plate, and the one away from it, each against its own layer of the design.
+    """
+
+    first_layer: LensInspection
+    last_layer: LensInspection
+
+    @reported
+    def rms_um(self) -> dict[str, float]:
+        """Deviation of each, root mean square."""
+        return {"first_layer": self.first_layer.deviation.rms_um, "last_layer": self.last_layer.deviation.rms_um}
+
+    @reported
+    def overgrowth_difference_um(self) -> float:
+        """By how much more the last layer has grown evenly than the first."""
+        return self.last_layer.size.overgrowth_um - self.first_layer.size.overgrowth_um
+
+    @reported
+    def u_overgrowth_difference_um(self) -> float:
+        """Its standard uncertainty, the two pictures taken for independent."""
+        return float(np.hypot(self.last_layer.size.u_overgrowth_um, self.first_layer.size.u_overgrowth_um))
+
+    @reported
+    def simulated(self) -> bool:
+        """Whether a picture was computed."""
+        return self.first_layer.simulated or self.last_layer.simulated
+
+    @property
+    def warnings(self) -> tuple[Caution, ...]:
+        """What cannot be concluded, of each face."""
+        named = (("first layer", self.first_layer), ("last layer", self.last_layer))
+        return tuple(of(name, warning) for name, one in named for warning in one.warnings)
+
+
+def measure_faces(
+    top: Image,
+    bottom: Image,
+    design: Design,
+    *,
+    edge: EdgeChoice = "auto",
+    against: Sequence[Design] = (),
+    priors: PrintPriors = PrintPriors(),
+) -> FacesInspection:
+    """Measure both faces of a printed lens; parameters and errors as of `measure_lens`."""
+    return FacesInspection(
+        measure_lens(bottom, design, edge=edge, against=against, priors=priors, seen_from="bottom"),
+        measure_lens(top, design, edge=edge, against=against, priors=priors, seen_from="top"),
     )
 
 

@@ -5,20 +5,25 @@ left to right, so the material lies on its left: deviations are positive outward
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from solen.arrays import BoolArray, FloatArray, IndexArray
 from solen.curve import Curve
-from solen.errors import DataError
-from solen.geometry import Body
+from solen.errors import DataError, SpecError
+from solen.geometry import Body, section
+from solen.lens import Lens, LensInSpace
 from solen.plane import Rigid
 from solen.sensor import Sensor
 from solen.spec import Design
 
+SeenFrom = Literal["top", "bottom"]
+"""Face of a print: away from the build plate, or the one that lay on it."""
 TOLERANCE_MM = 1e-6
 """Distance of the dense points' chords from the exact curve, at most: a nanometre."""
 SPACING_MM = 2e-3
@@ -79,8 +84,8 @@ class NominalFront:
     right_mm: FloatArray
 
     @classmethod
-    def of(cls, name: str, front: Curve, left: Curve | None = None, right: Curve | None = None) -> "NominalFront":
-        """Outline of curves: the front from left to right, and walls that start at its ends.
+    def of(cls, name: str, front: Curve, left: Sequence[Curve] = (), right: Sequence[Curve] = ()) -> "NominalFront":
+        """Outline of curves: the front from left to right, and walls that start at its ends, piece by piece.
 
         `DataError` for a front that is nearly straight.
         """
@@ -193,13 +198,18 @@ class NominalFront:
         return share, np.sum(away * away, axis=1)
 
 
-def nominal_front(design: Design, name: str = "") -> NominalFront:
+def nominal_front(design: Design, name: str = "", seen_from: SeenFrom | None = None) -> NominalFront:
     """Front that a design asks for, with the walls beside it.
+
+    Of a lens that differs by height, the one of the face that is seen: that of the last layer from the top, of the
+    first from the bottom.
 
     Raises
     ------
     DataError
         Where the design has no lens, a nearly flat one, or a drawn body without exactly one face called lens.
+    SpecError
+        Where the lens differs by height and nobody says which face is seen.
     """
     sensor = Sensor.of(design)
     name = name or design.name
@@ -207,13 +217,24 @@ def nominal_front(design: Design, name: str = "") -> NominalFront:
         return _drawn_front(name, sensor.body().upright())
     if not sensor.has_lens:
         raise DataError(name, limit="has no lens to compare a picture with", remedy="inspect a design with a lens")
-    walls = {face.name: face.curve for face in sensor.body().upright().all_faces}
-    front = sensor.lens.front
-    beside = [
-        None if (wall := walls.get(f"stem-{side}")) is None else _starting_near(wall, end)
-        for side, end in (("left", front.start), ("right", front.end))
-    ]
+    body = section(sensor.body(), _height_mm(sensor.lens, seen_from))
+    walls = {face.name: face.curve for face in body.all_faces}
+    front = walls.get("lens", sensor.lens.front)
+    beside = []
+    for side, end in (("left", front.start), ("right", front.end)):
+        named = (walls.get(f"{part}-{side}") for part in ("side", "stem"))
+        beside.append([_starting_near(wall, end) for wall in named if wall is not None])
     return NominalFront.of(name, front, *beside)
+
+
+def _height_mm(lens: Lens, seen_from: SeenFrom | None) -> float:
+    """Height of the face that is seen, from the middle of the body; 0 of a cylinder."""
+    if not isinstance(lens, LensInSpace):
+        return 0.0
+    if seen_from is None:
+        limit = f"is missing: a {lens.shape} lens differs by height, and the picture shows one face"
+        raise SpecError("--seen-from", limit=limit, remedy="say top or bottom")
+    return lens.half_height_mm if seen_from == "bottom" else -lens.half_height_mm
 
 
 _NO_WALLS = (np.zeros((0, 2)), np.zeros((0, 2)))
@@ -274,9 +295,9 @@ def _dense(curve: Curve) -> FloatArray:
     return np.asarray(points, dtype=np.float64)
 
 
-def _cut(curve: Curve | None, reach: float) -> FloatArray:
+def _cut(curves: Sequence[Curve], reach: float) -> FloatArray:
     """Points of a wall up to a length from its start."""
-    if curve is None:
+    if not curves:
         return np.zeros((0, 2))
-    points = curve.points(np.linspace(0.0, 1.0, 400))
+    points = np.vstack([curve.points(np.linspace(0.0, 1.0, 400)[bool(i) :]) for i, curve in enumerate(curves)])
     return np.asarray(points[arc_lengths(points) <= reach])

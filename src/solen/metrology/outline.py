@@ -20,7 +20,7 @@ from solen.metrology.edge import Edge
 from solen.metrology.edge_tracing import MOST_EDGES, Band, TracedEdge, trace_edges
 from solen.metrology.front_edges import SHARPER, by_focus, edges_along, why_rejected
 from solen.metrology.image import Image
-from solen.metrology.nominal import NominalFront
+from solen.metrology.nominal import NominalFront, SeenFrom
 from solen.metrology.plausibility import (
     check_scale,
     check_seen,
@@ -40,7 +40,6 @@ from solen.metrology.template_match import Match, match_template
 from solen.ranks import Caution, do_not_use, look_at
 
 EdgeChoice = Literal["auto", "outer", "inner", "sharper"]
-SeenFrom = Literal["top", "bottom"]
 REACH = 0.08
 """How far to each side of the design an edge is searched, as a fraction of the lens's width."""
 REACH_PX = 14.0

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from solen.cli.app import lines
-from solen.metrology.inspection import LensInspection
+from solen.metrology.inspection import FacesInspection, LensInspection
 from solen.metrology.print_fit import PrintFit
 from solen.pipeline.print.inspect import inspect as inspect
 
@@ -31,6 +31,15 @@ def _(inspection: LensInspection) -> Iterator[str]:
                 f"  {name}: probability {design.probability:.3g} among these; {design.size.form_um:.3g} µm (rms) "
                 f"beside size and overgrowth, {design.rms_um:.3g} with them"
             )
+
+
+@lines.register
+def _(faces: FacesInspection) -> Iterator[str]:
+    for name, one in (("last layer", faces.last_layer), ("first layer", faces.first_layer)):
+        yield f"{name}:"
+        yield from (f"  {line}" for line in lines(one))
+    more, u = faces.overgrowth_difference_um, faces.u_overgrowth_difference_um
+    yield f"the last layer has grown by {more:+.3g} ± {u:.2g} µm more than the first"
 
 
 def _size(size: PrintFit) -> Iterator[str]:

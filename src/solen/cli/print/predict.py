@@ -3,7 +3,8 @@
 from collections.abc import Iterator
 
 from solen.cli.app import lines
-from solen.fabricate.process import PrintedDesign
+from solen.fabricate.process import PrintedDesign, PrintedLayers
+from solen.fabricate.process.printed_layers import LayerDeviation
 from solen.pipeline.print.predict import predict as predict
 from solen.sensor.print_loss import EmitterLoss, PrintLoss
 
@@ -42,6 +43,34 @@ def _(prediction: PrintedDesign) -> Iterator[str]:
     if (part := prediction.part) is not None:
         more = 100.0 * (part.printed_mm3 / part.designed_mm3 - 1.0)
         yield f"solid: {part.printed_mm3:.2f} mm3, {more:+.2g} % of the designed {part.designed_mm3:.2f} mm3"
+
+
+@lines.register
+def _(prediction: PrintedLayers) -> Iterator[str]:
+    yield f"simulated: {prediction.name}, {prediction.shape}, {prediction.layers} layers ({prediction.process})"
+    yield f"off the designed face by {prediction.rms_um:.3g} µm rms (more material is above 0)"
+    yield from map(_layer, prediction.deviations)
+    if prediction.compensated_rms_um is not None and prediction.drawn_range_um is not None:
+        low, high = prediction.drawn_range_um
+        rounds = len(prediction.rounds_um or ()) - 1
+        yield (
+            f"compensated: {prediction.compensated_rms_um:.2g} µm rms after {rounds} rounds; the face is drawn "
+            f"{low:+.3g} to {high:+.3g} µm off along z"
+        )
+        yield from map(_layer, prediction.compensated_deviations)
+    if prediction.responses:
+        angles = ", ".join(f"{angle:g}" for angle in prediction.responses[0].angle_deg)
+        yield f"contrast at {angles} deg; light of both receivers"
+    for one in prediction.responses:
+        values = "  ".join(f"{value:.3f} ± {u:.1g}" for value, u in zip(one.contrast, one.u_contrast, strict=True))
+        yield f"  {one.name:<24}  {values}  {one.light:.3f} ± {one.u_light:.1g}"
+
+
+def _layer(one: LayerDeviation) -> str:
+    return (
+        f"  layer {one.layer}, {one.height_mm:.4g} mm above the plate: {one.rms_um:.3g} ± {one.u_rms_um:.2g} µm rms, "
+        f"mean {one.mean_um:+.3g}, largest {one.largest_um:+.3g} at |x| = {one.largest_x_mm:.3g} mm"
+    )
 
 
 def _response(response: PrintLoss) -> Iterator[str]:

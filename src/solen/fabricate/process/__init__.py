@@ -20,6 +20,7 @@ from solen.fabricate.process.grey_steps import GreyOptions, MeasuredGreys, measu
 from solen.fabricate.process.growth import straight_edge_um
 from solen.fabricate.process.predict import Orientation, predicted
 from solen.fabricate.process.print_design import PrintedDesign, print_design
+from solen.fabricate.process.printed_layers import PrintedLayers, layer_files, print_layers
 from solen.fabricate.process.settings import (
     Calibration,
     Process,
@@ -50,6 +51,7 @@ __all__ = [
     "Orientation",
     "PrintOptions",
     "PrintedDesign",
+    "PrintedLayers",
     "PrinterCalibration",
     "Printing",
     "Process",
@@ -65,12 +67,14 @@ __all__ = [
     "default_process",
     "dose_map",
     "exits_um",
+    "layer_files",
     "lens_face",
     "measured_greys",
     "outline_text",
     "parsed_process",
     "predicted",
     "print_design",
+    "print_layers",
     "printed_mm",
     "printed_solid",
     "process_of",

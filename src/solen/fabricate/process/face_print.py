@@ -15,11 +15,12 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter
 
-from solen.arrays import FloatArray, Progress
+from solen.arrays import FloatArray, IntArray, Progress
 from solen.errors import DataError
 from solen.fabricate.process.drawing import as_designed, lens_face, rings_of
 from solen.fabricate.process.flat import FEWEST_PIXELS
 from solen.fabricate.process.settings import Settings
+from solen.fabricate.process.solid import slabs
 from solen.fabricate.process.stack import Rings, Stack
 from solen.fabricate.process.target import Target
 from solen.geometry import Body, section
@@ -33,6 +34,8 @@ PLACES = 257
 VERTEX = (0.0, 0.0)
 MOST_ROUNDS, SETTLED_UM, LEAST_SHARE = 12, 0.1, 0.2
 """Rounds of a compensation; the gain of its root mean square at which it has settled; the least share of a step."""
+FAINT = 1e-3
+"""Share of a layer's light below which it is not held to account for a wall."""
 ACROSS_LAYERS = 1.0
 """Layers over which a correction is smoothed."""
 
@@ -132,7 +135,7 @@ class FacePrint:
         """The face of a drawing that is corrected by what its print deviates by, again and again, until it settles."""
         best, share, rounds = start, 1.0, [self._inner_rms_um(start.printed)]
         for number in range(MOST_ROUNDS):
-            drawn = best.drawn - share * self._smooth(best.printed - self.wanted)
+            drawn = (best.drawn - share * self._smooth(self._blamed(best)))[self._alike]
             um, z = self._printed(self._layers(self._drawn(drawn)), None)
             if progress is not None:
                 progress((number + 1) / MOST_ROUNDS)
@@ -165,8 +168,10 @@ class FacePrint:
     def _stack(self, layers: list[Layer]) -> Stack:
         extent = layers[0].target.points_mm * [[-1.0, 1.0]]
         return Stack.of(
-            [layer.rings for layer in layers], np.vstack([extent, layers[len(layers) // 2].target.points_mm]),
-            self.settings, self.phase,
+            [layer.rings for layer in layers],
+            np.vstack([extent, layers[len(layers) // 2].target.points_mm]),
+            self.settings,
+            self.phase,
         )
 
     def _layers(self, body: Body) -> list[Layer]:
@@ -192,11 +197,13 @@ class FacePrint:
     def _printed(self, layers: list[Layer], progress: Progress | None) -> tuple[FloatArray, FloatArray]:
         """Deviations (L, N) and printed profiles (L, M)."""
         stack = self._stack(layers)
-        um = []
-        for number, layer in enumerate(layers):
-            um.append(stack.offsets_um(number, layer.target, VERTEX))
+        known: dict[int, FloatArray] = {}
+        for number in self._alike.tolist():
+            if number not in known:
+                known[number] = stack.offsets_um(number, layers[number].target, VERTEX)
             if progress is not None:
                 progress((number + 1) / len(layers))
+        um = [known[number] for number in self._alike.tolist()]
         rows = zip(self.y_mm.tolist(), layers, um, self.wanted, strict=True)
         return np.array(um), np.array([self._profile(y, layer.target, off, z) for y, layer, off, z in rows])
 
@@ -205,7 +212,7 @@ class FacePrint:
         x, z = target.moved_um(um).T
         ahead = (x > np.concatenate([[-np.inf], np.maximum.accumulate(x[:-1])]) + 1e-9) & (x <= self.lens.half_width_mm)
         x, z = x[ahead], z[ahead]
-        off = CubicSpline(x, z - self.lens.z_at(x, np.full_like(x, y_mm)), bc_type=((1, 0.0), "not-a-knot"))
+        off = CubicSpline(x, z - self.lens.z_at(x, np.full_like(x, y_mm)), bc_type=((1, np.zeros(())), "not-a-knot"))
         return np.asarray(wanted + off(np.clip(self.places_mm, x[0], x[-1])))
 
     def _drawn(self, z: FloatArray) -> Body:
@@ -216,6 +223,14 @@ class FacePrint:
         return replace(self.body, front=replace(self.body.front, lens=lens))
 
     @cached_property
+    def _alike(self) -> IntArray:
+        """Number of the layer (L,) that each prints like: of an upright lens, that in the middle of its slab."""
+        if np.ptp(self.wanted, axis=0).max() > 0.0:
+            return np.arange(self.layers)
+        parts = slabs(self.settings, self.layers)
+        return np.concatenate([np.full(part.last - part.first + 1, part.middle) for part in parts])
+
+    @cached_property
     def _inner(self) -> int:
         """Number of places that lie farther than the blur from the edge: a sharper corner cannot be printed."""
         reach = self.lens.half_width_mm - 2e-3 * self.settings.edge_um
@@ -223,6 +238,27 @@ class FacePrint:
 
     def _inner_rms_um(self, z: FloatArray) -> float:
         return 1e3 * float(np.sqrt(np.mean((z - self.wanted)[:, : self._inner] ** 2)))
+
+    def _blamed(self, face: PrintedFace) -> FloatArray:
+        """Deviations (L, M) along z by the layers whose light makes them, rather than by those that show them.
+
+        A wall moves with the edge of an image as much as that edge's light counts there. Where a layer hangs over, the
+        wall below it is drawn by its light; to move what is drawn there would do nothing.
+        """
+        off = face.printed - self.wanted
+        lean = np.hypot(1.0, np.gradient(self.wanted, self.places_mm, axis=1))
+        exposures, width = self.settings.exposures(self.layers), 1e-3 * self.settings.edge_um
+        moved, weights = np.zeros_like(off), np.full_like(off, FAINT * exposures.max())
+        for above in range(self.layers):
+            left = float(self.settings.left(np.array([(above + 0.5) * self.settings.layer_um]))[0])
+            if left < FAINT:
+                break
+            later, here = slice(above, None), slice(None, self.layers - above)
+            apart = (face.drawn[later] - face.printed[here]) / (lean[here] * width)
+            weight = left * exposures[later, None] * np.exp(-0.5 * apart**2)
+            moved[later] += weight * off[here]
+            weights[later] += weight
+        return np.asarray(moved / weights)
 
     def _smooth(self, off: FloatArray) -> FloatArray:
         """Deviations (L, M) along z as slow as the blur, at the edge those of the face beside it."""

@@ -132,7 +132,9 @@ def dose_map(image: FlatImage, settings: Settings, height_um: float) -> DoseMap:
     return fine_dose(image, settings, [(image.spectrum, *_merged(terms.dose, terms.sigma_um))])
 
 
-def fine_dose(image: FlatImage, settings: Settings, terms: Sequence[tuple[Spectrum, FloatArray, FloatArray]]) -> DoseMap:
+def fine_dose(
+    image: FlatImage, settings: Settings, terms: Sequence[tuple[Spectrum, FloatArray, FloatArray]]
+) -> DoseMap:
     """Dose of spectra of pictures on the pixels of an image, each with its doses in mJ/cm² and blurs in µm (T,)."""
     (x, y), pixel = settings.pixels_um, settings.pixel_light
     fine = pixel.fine

@@ -104,7 +104,7 @@ def predicted(
     scale = np.sqrt(np.diag(covariance))
     halves = []
     for done, (key, u) in enumerate(zip(keys, scale.tolist(), strict=True), start=1):
-        halves.append(_half_difference(process, key, u, printed))
+        halves.append(half_difference(process, key, u, printed))
         if progress is not None:
             progress(done / (len(keys) + 1))
     correlation = covariance / np.outer(scale, scale)
@@ -190,7 +190,7 @@ def _standing(rings: Sequence[FloatArray], target: Target, settings: Settings, s
     return *made.steps(made.profile_um()), 0.0, printed
 
 
-def _half_difference(process: Process, key: str, u: float, printed: Callable[[Settings], FloatArray]) -> FloatArray:
+def half_difference(process: Process, key: str, u: float, printed: Callable[[Settings], FloatArray]) -> FloatArray:
     """Half of the change between a number minus and plus its uncertainty; one-sided where that fails."""
 
     def changed(by: float) -> FloatArray | None:

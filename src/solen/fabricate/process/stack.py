@@ -106,5 +106,7 @@ def _groups(terms: Terms) -> list[tuple[IntArray, float]]:
             half + np.flatnonzero((shares > i / GROUPS) & (shares <= (i + 1) / GROUPS + 1e-12)) for i in range(GROUPS)
         ]
     return [
-        (some, float(np.sqrt(np.average(terms.sigma_um[some] ** 2, weights=terms.dose[some])))) for some in groups if len(some)
+        (some, float(np.sqrt(np.average(terms.sigma_um[some] ** 2, weights=terms.dose[some]))))
+        for some in groups
+        if len(some)
     ]

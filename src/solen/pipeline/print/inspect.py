@@ -6,8 +6,9 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from solen import files
+from solen.errors import SpecError
 from solen.lens.profile import profile_text
-from solen.metrology import InspectOptions, LensInspection, measure_lens, read_image
+from solen.metrology import FacesInspection, InspectOptions, LensInspection, measure_faces, measure_lens, read_image
 from solen.pipeline.design.designs import open_design
 from solen.pipeline.options import FLAT, Set
 from solen.pipeline.outputs import check_outputs, drawn, named
@@ -27,12 +28,15 @@ def inspect(
     *,
     design: Path,
     options: Annotated[InspectOptions, FLAT] = InspectOptions(),
+    bottom: Path | None = None,
     against: Annotated[list[Path] | None, Parameter(negative=())] = None,
     set_: Set = None,
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     out: Profile = None,
-) -> Outcome[LensInspection]:
+) -> Outcome[LensInspection] | Outcome[FacesInspection]:
     """Measure a printed lens in a picture: its outline, its deviations from the design, the nearest of several designs.
+
+    With pictures of both faces, the first and the last layer are measured.
 
     Parameters
     ----------
@@ -40,6 +44,8 @@ def inspect(
         A micrograph of the lens, seen along y: TIFF, OME-TIFF, PNG, JPEG (needs the extra vision).
     design
         The design file of the part.
+    bottom
+        A micrograph of the face that lay on the build plate, at the same scale; PICTURE is then that of the other face.
     against
         A design file to compare with as well; repeatable. Default: the paper's three indices, if it is its lens.
 
@@ -50,8 +56,14 @@ def inspect(
     """
     check_outputs(out, figure)
     part = open_design(design, set_)
+    _check_faces(part, options, bottom, out)
     image = read_image(picture, options=options)
     others = [_named_apart(open_design(path), part, path) for path in against or ()]
+    if bottom is not None:
+        other = read_image(bottom, options=options)
+        faces = measure_faces(image, other, part, edge=options.edge, against=others, priors=options)
+        files.write_all(drawn(faces, figure, "inspect"))
+        return Outcome(faces, named(figure=figure.figure))
     inspection = measure_lens(
         image, part, edge=options.edge, against=others, priors=options, seen_from=options.seen_from
     )
@@ -60,6 +72,16 @@ def inspect(
         contents[out] = profile_text(inspection.profile()).encode()
     files.write_all(contents)
     return Outcome(inspection, named(out=out, figure=figure.figure))
+
+
+def _check_faces(part: Design, options: InspectOptions, bottom: Path | None, out: Path | None) -> None:
+    """`SpecError` where an option is of one face and there are two, or a profile is of one height and is none."""
+    for option, stated in (("--out", out), ("--seen-from", options.seen_from)):
+        if bottom is not None and stated is not None:
+            raise SpecError(option, limit="is for a picture of one face", remedy="leave it out, or --bottom")
+    if out is not None and part.lens.in_space:
+        limit = "holds one profile for all heights, and this lens differs by height"
+        raise SpecError("--out", limit=limit, remedy="leave it out")
 
 
 def _named_apart(other: Design, part: Design, path: Path) -> Design:

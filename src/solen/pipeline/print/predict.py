@@ -7,7 +7,15 @@ from cyclopts import Parameter
 
 from solen import files
 from solen.fabricate import MESH_WRITERS
-from solen.fabricate.process import PrintedDesign, PrintOptions, compensation_files, print_design
+from solen.fabricate.process import (
+    PrintedDesign,
+    PrintedLayers,
+    PrintOptions,
+    compensation_files,
+    layer_files,
+    print_design,
+    print_layers,
+)
 from solen.lens.profile import profile_text
 from solen.pipeline.design.designs import open_design
 from solen.pipeline.options import FLAT, ProgressBar, Set
@@ -29,7 +37,7 @@ def predict(
     out: Annotated[Path | None, Parameter(name="--out", help="Write the printed lens's profile to this .json.")] = None,
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     progress: ProgressBar = None,
-) -> Outcome[PrintedDesign]:
+) -> Outcome[PrintedDesign] | Outcome[PrintedLayers]:
     """Predict the lens that the printer makes of a design: how far from the designed one, and what response is lost.
 
     Parameters
@@ -37,7 +45,8 @@ def predict(
     file
         The design file.
     compensate
-        Write a design to this .toml whose outline prints as the designed lens (flat parts).
+        Write a design to this .toml whose outline prints as the designed lens (flat parts); of a lens that differs by
+        height, one whose layers do.
     solid
         Write the whole part as it is printed flat to this .stl, .3mf or .glb.
     response
@@ -54,6 +63,17 @@ def predict(
     sensor = Sensor.of(open_design(file, set_))
     read = [file, *sensor.design.files.values(), options.process, options.cure]
     check_sources([compensate, solid, out, figure.figure], read)
+    if sensor.is_sampled:
+        layered = print_layers(
+            sensor,
+            options,
+            response=response,
+            compensate=compensate is not None,
+            part=solid is not None,
+            progress=progress,
+        )
+        files.write_all(drawn(layered, figure, "printed") | layer_files(layered, out, compensate))
+        return Outcome(layered, named(figure=figure.figure, out=out, compensated=compensate))
     prediction = print_design(
         sensor,
         options,

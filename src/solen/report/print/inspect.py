@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from solen.arrays import FloatArray
 from solen.metrology.comparison import ComparedDesign
-from solen.metrology.inspection import LensInspection
+from solen.metrology.inspection import FacesInspection, LensInspection
 from solen.report.canvas import INK, LINES, SERIES
 
 MOST_PX = 1400
@@ -41,6 +41,19 @@ def inspect_figure(inspection: LensInspection) -> Figure:
     title = f"{'simulated: ' if inspection.simulated else ''}{inspection.sources[0].file}"
     title += f", {image.um_per_px:.4g} µm per pixel: {fit.rms_um:.3g} µm (rms) from {inspection.nominal.name}"
     above.set_title(title)
+    return figure
+
+
+def faces_figure(faces: FacesInspection) -> Figure:
+    """Deviations along x of the first and of the last layer."""
+    figure = Figure(figsize=(6.4, 2.0 * BELOW))
+    named = (("last layer", faces.last_layer), ("first layer", faces.first_layer))
+    for axes, (name, one) in zip(figure.subplots(2, 1, sharex=True), named, strict=True):
+        most = max(float(np.abs(one.outline.chosen.registration.deviation_um).max()), 1e-3)
+        _deviations(axes, one, TwoSlopeNorm(0.0, -most, most))
+        simulated = "simulated: " if one.simulated else ""
+        off = f"{one.deviation.rms_um:.3g} ± {one.deviation.u_rms_um:.2g} µm (rms)"
+        axes.set_title(f"{simulated}{name}, {one.sources[0].file}: {off}")
     return figure
 
 

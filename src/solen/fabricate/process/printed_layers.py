@@ -1,0 +1,320 @@
+"""A design whose lens differs by height, as a process prints it: its face layer by layer, and what is left of its gain.
+
+The cylinder of the same middle section is printed by the same model, so that a table compares both as designed and as
+printed. What is compensated is drawn layer by layer; the walls beside the lens stay as designed.
+
+The interface: `print_layers` returns `PrintedLayers`; `layer_files` are the files of it.
+"""
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from solen.arrays import FloatArray, Progress
+from solen.errors import SpecError
+from solen.fabricate.faced import cut_for
+from solen.fabricate.process.compensation_files import LABEL
+from solen.fabricate.process.face_print import FacePrint, PrintedFace
+from solen.fabricate.process.predict import half_difference
+from solen.fabricate.process.settings import Process, Settings
+from solen.fabricate.process.source import PrintOptions, curve_left_out, process_of, with_resin
+from solen.lens import LensInSpace, Profiles, layers_text
+from solen.ranks import Caution, do_not_use, look_at, note
+from solen.recording import Provenance
+from solen.results import HIDDEN, Result, reported
+from solen.sensor import Sensor
+from solen.sensor.lens_responses import LensResponse, lens_responses
+from solen.sensor.sensor import OF_SPACE
+from solen.spec import Design, dumps, with_values
+
+MIDDLE_PIXELS = (0.0, 0.5)
+"""Places in a pixel across the axis at which left mirrors right."""
+WELL_KNOWN_UM = 3.0
+CYLINDER, DESIGNED, PRINTED, DRAWN = "cylinder", "designed", "printed", "compensated"
+
+
+@dataclass(frozen=True)
+class LayerDeviation:
+    """Deviation of one layer's wall from the wanted one, along its normal; more material above 0.
+
+    Attributes
+    ----------
+    layer
+        Number, from 1 on the build plate.
+    height_mm
+        Of its middle above the plate.
+    rms_um, mean_um, largest_um, largest_x_mm
+        Over half the wall, which mirrors itself; where the largest is.
+    u_rms_um
+        Standard uncertainty by the process, root mean square along the wall.
+    """
+
+    layer: int
+    height_mm: float
+    rms_um: float
+    mean_um: float
+    largest_um: float
+    largest_x_mm: float
+    u_rms_um: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PrintedLayers(Result):
+    """A design whose lens differs by height, as a process prints it flat; simulated.
+
+    Attributes
+    ----------
+    name, shape, simulated
+        Name of the design and shape of its lens; a prediction is always simulated.
+    process, settings
+        Name and values of the process.
+    layers
+        Number of layers.
+    rms_um
+        Deviation of the whole printed face from the wanted one, root mean square along the normals.
+    deviations
+        Of the first layer, one in the middle, one at three quarters of the height, and the last.
+    compensated_rms_um, compensated_deviations, rounds_um
+        The same of the compensated drawing, and its root mean square along z round by round; None without one.
+    drawn_range_um
+        How far the compensated drawing stands out of the wanted face, along z towards the emitter, at least and most.
+    responses
+        Contrast and light of cylinder and lens, designed and printed; empty where they were not traced.
+    sources, warnings
+        The process's file, and what cannot be concluded.
+    face, compensated, half_width_mm
+        The printed faces.
+    """
+
+    name: str
+    shape: str
+    simulated: bool
+    process: str
+    settings: Settings
+    layers: int
+    rms_um: float
+    deviations: tuple[LayerDeviation, ...]
+    compensated_rms_um: float | None
+    compensated_deviations: tuple[LayerDeviation, ...]
+    rounds_um: tuple[float, ...] | None
+    drawn_range_um: tuple[float, float] | None
+    responses: tuple[LensResponse, ...]
+    sources: tuple[Provenance, ...]
+    warnings: tuple[Caution, ...]
+    sensor: Sensor = field(metadata=HIDDEN)
+    model: FacePrint = field(metadata=HIDDEN)
+    face: PrintedFace = field(metadata=HIDDEN)
+    compensated: PrintedFace | None = field(metadata=HIDDEN)
+
+    @reported
+    def remaining(self) -> dict[str, tuple[float, ...]]:
+        """Of each lens, its contrast over that of the printed cylinder, by angle; empty without responses."""
+        by_name = {one.name: one.contrast for one in self.responses}
+        base = by_name.get(f"{CYLINDER}, {PRINTED}")
+        return {} if base is None else {name: tuple((own / base).tolist()) for name, own in by_name.items()}
+
+    @property
+    def profile(self) -> Profiles:
+        """The printed face, as ``[lens] profile`` of a layered lens takes it."""
+        return self._profiles(self.face)
+
+    def _profiles(self, face: PrintedFace) -> Profiles:
+        return printed_profiles(self.model, face, self.name, self.process)
+
+
+def print_layers(
+    sensor: Sensor,
+    options: PrintOptions = PrintOptions(),
+    *,
+    response: bool = True,
+    compensate: bool = False,
+    part: bool = False,
+    progress: Progress | None = None,
+) -> PrintedLayers:
+    """Predict what a printer makes of a design whose lens differs by height.
+
+    Parameters and errors are those of `solen.fabricate.process.print_design`.
+    """
+    _check(options, part=part)
+    process, sources = process_of(options)
+    left_out = curve_left_out(process, sensor.design)
+    process = with_resin(process, sensor.design)
+    cut = cut_for(sensor.design, process.process.layer_um)
+    sensor = sensor if cut is sensor.design else Sensor.of(cut)
+    model = FacePrint.of(sensor.body(), process.process, options.phase_px or (0.0, 0.0))
+    face = model.printed(_part(progress, 0.0, 0.3))
+    made = model.compensated(face, _part(progress, 0.3, 0.8)) if compensate else None
+    u_um = _u_um(model, process)
+    warnings = (*process.warnings(), *left_out, *_of_face(sensor, model, made, u_um))
+    drawn = None if made is None else 1e3 * (model.wanted - made.drawn)
+    return PrintedLayers(
+        name=sensor.design.name,
+        shape=sensor.lens.shape,
+        simulated=True,
+        process=process.name,
+        settings=process.process,
+        layers=model.layers,
+        rms_um=face.rms_um,
+        deviations=_deviations(model, face, u_um),
+        compensated_rms_um=None if made is None else made.rms_um,
+        compensated_deviations=() if made is None else _deviations(model, made, u_um),
+        rounds_um=None if made is None else made.rounds_um,
+        drawn_range_um=None if drawn is None else (float(drawn.min()), float(drawn.max())),
+        responses=_responses(sensor, model, face, made, process.name, _part(progress, 0.8, 1.0)) if response else (),
+        sources=sources,
+        warnings=warnings,
+        sensor=sensor,
+        model=model,
+        face=face,
+        compensated=made,
+    )
+
+
+def layer_files(made: PrintedLayers, out: Path | None, compensate: Path | None) -> dict[Path, bytes]:
+    """Files of a prediction: the printed layers, and the design that draws the compensated ones."""
+    contents = {} if out is None else {out: layers_text(made.profile).encode()}
+    if compensate is None or made.compensated is None:
+        return contents
+    drawn, printed = (compensate.with_name(f"{compensate.stem}-{end}.json") for end in ("drawn", "printed"))
+    warning = "drawn for a printer, not the wanted shape: do not trace it, and do not compensate it again"
+    profiles = made.model.profiles(made.compensated.drawn, f"{made.name}, {LABEL}", warning)
+    text = f"# {warning}\n" + dumps(_drawn_design(made.sensor, drawn.name))
+    contents |= {compensate: text.encode(), drawn: layers_text(profiles).encode()}
+    return contents | {printed: layers_text(made._profiles(made.compensated)).encode()}
+
+
+def printed_profiles(model: FacePrint, face: PrintedFace, name: str, process: str) -> Profiles:
+    """Profiles of a printed face, marked as simulated."""
+    warning = f"predicted by a print model ({process}), not measured"
+    return model.profiles(face.printed, f"{name}, printed by the model", warning)
+
+
+def _drawn_design(sensor: Sensor, layers: str) -> Design:
+    """Design of drawn layers: its name, material, lens and body, and the seats that are cut from it."""
+    old, lens = sensor.design, sensor.lens
+    if not isinstance(lens, LensInSpace):
+        raise TypeError(type(lens).__name__)
+    cut = {"focus_mm": lens.focus_mm, "half_width_mm": lens.half_width_mm, "design_index": lens.design_index}
+    return Design(
+        name=f"{old.name}, {LABEL}",
+        material={"index": sensor.material.index},
+        emitter={"distance_mm": old.emitter.distance_mm, "pattern": "lambertian"},
+        lens={"shape": "layered", "profile": layers} | cut,
+        body=old.body.model_dump(exclude_defaults=True),
+        trace={"dimension": "extruded"},
+        fabricate=old.fabricate.model_dump(exclude_defaults=True),
+    )
+
+
+def _check(options: PrintOptions, *, part: bool) -> None:
+    """`SpecError` for what is not offered of such a lens."""
+    why = "is not offered for a lens that differs by height"
+    if options.orientation != "flat":
+        limit = "a lens that differs by height is printed flat, its layers parallel to the faces of the body"
+        raise SpecError("--orientation", value=options.orientation, limit=limit, remedy="leave it out")
+    if part:
+        raise SpecError("--solid", limit=why, remedy="export the printed layers: lens.profile of a layered design")
+    if options.choose_phase:
+        raise SpecError("--choose-phase", limit=why, remedy="state --phase-px")
+    if options.at != "middle":
+        raise SpecError("--at", value=options.at, limit=f"{why}: all heights are predicted", remedy="leave it out")
+    if options.phase_px is not None and options.phase_px[0] not in MIDDLE_PIXELS:
+        limit = "must be 0 or 0.5 across the axis for a lens that differs by height: its halves must print alike"
+        raise SpecError("--phase-px", value=options.phase_px, limit=limit)
+
+
+def _part(progress: Progress | None, first: float, last: float) -> Progress | None:
+    return None if progress is None else lambda done: progress(first + (last - first) * done)
+
+
+def _shown(layers: int) -> list[int]:
+    """Numbers of the layers whose deviations are reported, from 0."""
+    return sorted({0, layers // 2, (3 * layers) // 4, layers - 1})
+
+
+def _u_um(model: FacePrint, process: Process) -> dict[int, float]:
+    """Standard uncertainty of the shown layers by that of the process, root mean square along the wall."""
+    keys, covariance = process.covariance()
+    scale = np.sqrt(np.diag(covariance))
+    return {layer: _u_of_layer(model, process, layer, keys, scale, covariance) for layer in _shown(model.layers)}
+
+
+def _u_of_layer(
+    model: FacePrint, process: Process, layer: int, keys: tuple[str, ...], scale: FloatArray, covariance: FloatArray
+) -> float:
+    def printed(settings: Settings) -> FloatArray:
+        return model.offsets_um(layer, settings)
+
+    halves = [half_difference(process, key, u, printed) for key, u in zip(keys, scale.tolist(), strict=True)]
+    if not halves:
+        return 0.0
+    jacobian = np.array(halves) / scale[:, None]
+    return float(np.sqrt(np.mean(np.einsum("in,ij,jn->n", jacobian, covariance, jacobian))))
+
+
+def _deviations(model: FacePrint, face: PrintedFace, u_um: dict[int, float]) -> tuple[LayerDeviation, ...]:
+    rows = []
+    for layer, u in u_um.items():
+        um = face.um[layer]
+        worst, x = int(np.argmax(np.abs(um))), np.linspace(0.0, model.lens.half_width_mm, len(um))
+        height_mm = model.lens.half_height_mm - float(face.y_mm[layer])
+        rms, mean = float(np.sqrt(np.mean(um**2))), float(np.mean(um))
+        rows.append(LayerDeviation(layer + 1, height_mm, rms, mean, float(um[worst]), float(x[worst]), u))
+    return tuple(rows)
+
+
+def _responses(
+    sensor: Sensor,
+    model: FacePrint,
+    face: PrintedFace,
+    made: PrintedFace | None,
+    process: str,
+    progress: Progress | None,
+) -> tuple[LensResponse, ...]:
+    """Responses of cylinder and lens, designed and printed, the compensated ones where they were made."""
+    upright = Sensor.of(with_values(sensor.design, _upright(sensor)))
+    cylinder = FacePrint.of(upright.body(), model.settings, model.phase)
+    printed = cylinder.printed()
+    prints = {CYLINDER: (upright, cylinder, printed), sensor.lens.shape: (sensor, model, face)}
+    drawn = {} if made is None else {CYLINDER: cylinder.compensated(printed), sensor.lens.shape: made}
+    sensors: dict[str, Sensor] = {}
+    for name, (own, one, plain) in prints.items():
+
+        def with_face(face: PrintedFace, own: Sensor = own, one: FacePrint = one) -> Sensor:
+            return replace(own, cut=one.lens_of(printed_profiles(one, face, own.design.name, process)))
+
+        sensors |= {f"{name}, {DESIGNED}": own, f"{name}, {PRINTED}": with_face(plain)}
+        if name in drawn:
+            sensors[f"{name}, {DRAWN}"] = with_face(drawn[name])
+    return lens_responses(sensors, progress=progress)
+
+
+def _upright(sensor: Sensor) -> dict[str, object]:
+    """Values of the same design with one profile over the whole body: the cylinder."""
+    values = OF_SPACE | {"lens.shape": "layered", "lens.profile": None}
+    return values | {"lens.layer_mm": sensor.design.body.thickness_mm}
+
+
+def _of_face(sensor: Sensor, model: FacePrint, made: PrintedFace | None, u_um: dict[int, float]) -> list[Caution]:
+    """What a prediction of such a face leaves out."""
+    worst = max(u_um.values())
+    warnings = [
+        note("each layer's wall is that of its middle height; shrinkage along the height is left out"),
+        note("the walls beside the lens are traced as designed"),
+        look_at(
+            f"the process is uncertain by up to {worst:.2g} µm of a layer's wall; the table of responses is without it"
+        ),
+    ]
+    layer_mm = sensor.design.lens.layer_mm
+    printers_mm = 1e-3 * model.settings.layer_um
+    if layer_mm is not None and not np.isclose(layer_mm, printers_mm):
+        warnings.append(look_at(f"lens.layer_mm = {layer_mm:g}, and the process prints layers of {printers_mm:g} mm"))
+    if made is not None and worst > max(2.0 * made.rms_um, WELL_KNOWN_UM):
+        warnings.append(
+            do_not_use(
+                f"compensated, the face is {made.rms_um:.2g} µm off in the model, whose uncertainty is {worst:.2g} µm: "
+                "calibrate the process with coupons of your printer before you trust the drawing"
+            )
+        )
+    return warnings

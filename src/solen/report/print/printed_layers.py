@@ -1,0 +1,57 @@
+"""The figure of a predicted print of a lens that differs by height: its deviation over the face, and its responses."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from solen.fabricate.process import PrintedLayers
+from solen.fabricate.process.face_print import PrintedFace
+from solen.report.canvas import INK, LOST, series
+
+SHOWN_UM = 99.0
+"""Percentile of the deviations at which the colours end: corners go beyond."""
+
+
+def layers_figure(prediction: PrintedLayers) -> Figure:
+    """Deviation over the face as drawn and as compensated, and the contrast of all lenses."""
+    faces = [("as designed", prediction.face, prediction.rms_um)]
+    if prediction.compensated is not None and prediction.compensated_rms_um is not None:
+        faces.append(("compensated", prediction.compensated, prediction.compensated_rms_um))
+    figure = Figure(figsize=(3.4 * len(faces) + 4.4, 3.9))
+    axes = figure.subplots(1, len(faces) + 1, squeeze=False)[0]
+    for one, (name, face, rms_um) in zip(axes, faces, strict=False):
+        _draw_face(figure, one, prediction, face)
+        one.set_title(f"drawn {name}: {rms_um:.3g} µm rms")
+    _draw_responses(axes[-1], prediction)
+    figure.suptitle(f"simulated: {prediction.name}, {prediction.layers} layers ({prediction.process})")
+    return figure
+
+
+def _draw_face(figure: Figure, axes: Axes, prediction: PrintedLayers, face: PrintedFace) -> None:
+    """Deviation in colours over x and the height above the plate."""
+    model = prediction.model
+    half, height = model.lens.half_width_mm, model.lens.thickness_mm
+    um = np.concatenate([face.um[:, :0:-1], face.um], axis=1)
+    most = max(float(np.percentile(np.abs(um), SHOWN_UM)), 1.0)
+    shown = axes.imshow(
+        um, extent=(-half, half, 0.0, height), origin="lower", aspect="auto", cmap="RdBu_r", vmin=-most, vmax=most
+    )
+    figure.colorbar(shown, ax=axes, label="beyond the designed face (µm)", extend="both")
+    axes.grid(visible=False)
+    axes.set(xlabel="x (mm)", ylabel="height above the plate (mm)")
+
+
+def _draw_responses(axes: Axes, prediction: PrintedLayers) -> None:
+    """Contrast of every lens at the angles that are compared."""
+    if not prediction.responses:
+        axes.set_axis_off()
+        axes.text(0.5, 0.5, "no response traced", ha="center", va="center", color=LOST)
+        return
+    names = list(dict.fromkeys(one.name.split(", ")[0] for one in prediction.responses))
+    styles = {"designed": ":", "printed": "-", "compensated": "--"}
+    for one in prediction.responses:
+        lens, how = one.name.split(", ")
+        colour = INK if lens == names[0] else series(names.index(lens))["color"]
+        axes.plot(one.angle_deg, one.contrast, color=colour, ls=styles[how], lw=1.6, label=one.name)
+    axes.set(xlabel="angle (deg)", ylabel="contrast (R − L)/(R + L)", ylim=(0.0, 1.05))
+    axes.legend()
