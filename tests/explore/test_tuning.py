@@ -126,6 +126,15 @@ def test_what_a_picture_does_not_tell_is_not_corrected(lab: Lab, tuned: list[Tun
     said = " ".join(blind.warnings)
     assert "--seen-from" in said
     assert "cannot be separated" in said
+    # so the drawing is kept, and the next picture is one of it, without a word
+    assert blind.kept
+    again = Lab(lab.folder, lab.printer, taken=50)
+    second = again.tuned(again.picture(DESIGNED), blind.log, seen_from=None, u_um_per_px=None)
+    assert [step.drawing for step in second.history] == [0, 0]
+    assert second.history[1].predicted == blind.predicted
+    low, high = blind.predicted.interval95_rms_um
+    assert low < second.rms_um < high
+    assert second.common.prints == 2
 
 
 def test_a_drawing_that_no_correction_betters_is_kept(tmp_path: Path) -> None:

@@ -104,9 +104,9 @@ def _gain(corrected: Residual, unchanged: Residual, kept: str) -> list[Caution]:
 def _missed(log: TuningLog) -> list[Caution]:
     """Warning where a print is not what was predicted of it."""
     last = log.prints[-1]
-    if last.number == 1 or last.drawing != log.prints[-2].correction.number:
+    was = log.predicted_of(last.number)
+    if was is None:
         return []
-    was = log.prints[-2].predicted
     low, high = was.interval95_rms_um
     if low - 2.0 * last.u_rms_um <= last.rms_um <= high + 2.0 * last.u_rms_um:
         return []

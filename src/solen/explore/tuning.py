@@ -511,12 +511,5 @@ class _Tuning:
 
 def _history(log: TuningLog) -> tuple[TunedStep, ...]:
     return tuple(
-        TunedStep(
-            one.number,
-            one.drawing,
-            one.rms_um,
-            one.u_rms_um,
-            log.prints[one.drawing - 1].predicted if one.drawing else None,
-        )
-        for one in log.prints
+        TunedStep(one.number, one.drawing, one.rms_um, one.u_rms_um, log.predicted_of(one.number)) for one in log.prints
     )

@@ -175,6 +175,11 @@ class TuningLog(Result):
         """Number of the drawing that the next print is to be made with."""
         return self.prints[-1].correction.number if self.prints else 0
 
+    def predicted_of(self, number: int) -> Residual | None:
+        """What was predicted last of a print, by its number: after a print before, of the drawing it is made with."""
+        drawing, before = self.prints[number - 1].drawing, self.prints[: number - 1]
+        return next((one.predicted for one in reversed(before) if one.correction.number == drawing), None)
+
     def correction(self, number: int) -> Correction | None:
         """The correction of a number; None for the design itself."""
         return self.prints[number - 1].correction if number else None
