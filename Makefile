@@ -25,7 +25,7 @@ demo: $(VENV)/.run-ready
 	$(BIN)/solen run $(DEMO) --out $(DEMO_OUT)
 
 test: $(VENV)/.dev-ready
-	$(BIN)/python -m pytest -n auto $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -n auto --dist loadfile $(PYTEST_ARGS)
 
 # Tests side by side in a fresh clone would each compile the tracer's kernels; these few do it beforehand, once.
 KERNELS = tests/agreement/test_colours_and_histograms.py tests/agreement/test_space.py tests/trace/test_many.py
@@ -46,7 +46,7 @@ contracts: $(VENV)/.dev-ready
 	$(BIN)/lint-imports
 
 docs: $(VENV)/.dev-ready
-	$(BIN)/sphinx-build -q -W --keep-going -n docs docs/_build
+	$(BIN)/sphinx-build -q -W --keep-going -n -j auto docs docs/_build
 
 pins: $(VENV)/.dev-ready
 	$(BIN)/python tools/pins.py --wheels

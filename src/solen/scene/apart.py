@@ -122,13 +122,23 @@ def _crossing(a: Curve, b: Curve, tolerance_mm: float) -> Point | None:
 
 def _lines_cross(p: FloatArray, q: FloatArray) -> bool:
     """Whether two polylines cross."""
+    s, t, _ = chords_meet(p, q)
+    return bool(np.any((s > 0.0) & (s < 1.0) & (t > 0.0) & (t < 1.0)))
+
+
+def chords_meet(p: FloatArray, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Where the lines of the chords of two polylines (N + 1, 2), (M + 1, 2) meet, each (N, M).
+
+    Share of the first polyline's chord, share of the second's, and the sine of the angle between them; parallel chords
+    meet at infinity or nowhere (NaN).
+    """
     dp, dq = np.diff(p, axis=0)[:, None, :], np.diff(q, axis=0)[None, :, :]
     between = q[None, :-1, :] - p[:-1, None, :]
     with np.errstate(divide="ignore", invalid="ignore"):
         slant = dp[..., 0] * dq[..., 1] - dp[..., 1] * dq[..., 0]
         s = (between[..., 0] * dq[..., 1] - between[..., 1] * dq[..., 0]) / slant
         t = (between[..., 0] * dp[..., 1] - between[..., 1] * dp[..., 0]) / slant
-    return bool(np.any((s > 0.0) & (s < 1.0) & (t > 0.0) & (t < 1.0)))
+        return s, t, slant / (np.hypot(*np.moveaxis(dp, 2, 0)) * np.hypot(*np.moveaxis(dq, 2, 0)))
 
 
 def _error(first: "Interface", second: "Interface", value: str, limit: str) -> DesignError:

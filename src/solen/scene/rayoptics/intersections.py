@@ -15,6 +15,7 @@ import numpy as np
 from solen.arrays import FloatArray
 from solen.curve import Arc, CubicChain, Curve, Segment
 from solen.plane import Point, along, cross, dot, minus, unit
+from solen.scene.apart import chords_meet
 from solen.scene.rayoptics.facets import Facets
 
 Place = tuple[float, float]
@@ -164,14 +165,8 @@ def _of_polylines(a: Curve, b: Curve) -> list[Place]:
     low, high = np.maximum(p.min(axis=0), q.min(axis=0)), np.minimum(p.max(axis=0), q.max(axis=0))
     if np.any(low > high):
         return []
-    dp, dq = np.diff(p, axis=0)[:, None, :], np.diff(q, axis=0)[None, :, :]
-    between = q[None, :-1, :] - p[:-1, None, :]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        slant = dp[..., 0] * dq[..., 1] - dp[..., 1] * dq[..., 0]
-        s = (between[..., 0] * dq[..., 1] - between[..., 1] * dq[..., 0]) / slant
-        t = (between[..., 0] * dp[..., 1] - between[..., 1] * dp[..., 0]) / slant
-    apart = np.abs(slant) > PARALLEL * np.hypot(*np.moveaxis(dp, 2, 0)) * np.hypot(*np.moveaxis(dq, 2, 0))
-    i, j = np.nonzero(apart & (s >= -0.1) & (s <= 1.1) & (t >= -0.1) & (t <= 1.1))
+    s, t, sine = chords_meet(p, q)
+    i, j = np.nonzero((np.abs(sine) > PARALLEL) & (s >= -0.1) & (s <= 1.1) & (t >= -0.1) & (t <= 1.1))
     pairs = zip(u[i] + s[i, j] * np.diff(u)[i], v[j] + t[i, j] * np.diff(v)[j], strict=True)
     return [(float(x), float(y)) for x, y in pairs]
 
