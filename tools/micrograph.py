@@ -1,4 +1,4 @@
-"""Write the simulated micrograph beside the examples: ``python -m tools.micrograph``.
+"""Write the simulated micrograph beside the examples: ``python -m tools.micrograph`` in the folder of a clone.
 
 A lens of the 860 nm design at 6 µm to a pixel, with a bump of 20 µm at x = 0.8 mm and a hollow of 15 µm at x = −0.6 mm,
 turned by 4°, in uneven light, with dust. The image model is that of the tests: areas, a blur by the Airy disc, noise.

@@ -261,6 +261,7 @@ SAMPLINGS = [
         (["trace", "sensor.toml", "--angle-deg", "nan"], "--angle-deg = nan; must be between -90 and 90"),
         (["trace", "sensor.toml", "--angle-deg", "200"], "--angle-deg = 200.0; must be between -90 and 90"),
         (["trace", "sensor.toml", "--angle-deg", "-90"], "must be between -90 and 90"),
+        (["trace", "sensor.toml", "--angle-deg", "-3mm"], "--angle-deg = -3mm; is not a number"),
         (["trace", "sensor.toml", "--angle-deg", "three"], '--angle-deg: unable to convert "three"'),
         (["trace", "sensor.toml", "--mode", "bogus"], "bogus"),
         (["trace", "sensor.toml", "--mode", ""], "--mode"),

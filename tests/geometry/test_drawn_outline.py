@@ -168,7 +168,7 @@ def test_units_of_the_header_count_and_the_design_overrules_them(tmp_path: Path)
     wrong = built(cad(tmp_path / "wrong.dxf", units=4), body={"units": "in"})
     assert wrong.area_mm2() == pytest.approx(inches.area_mm2(), rel=1e-12)
     line = refused(cad(tmp_path / "silent.dxf", units=0))
-    assert "does not say its unit" in line
+    assert "does not state its unit" in line
     assert line.endswith('say which: body.units = "mm"')
 
 
@@ -399,7 +399,7 @@ def test_curves_of_a_path_that_go_on_smoothly_are_one_face(tmp_path: Path) -> No
 def test_an_svg_without_units_is_asked_for_them(tmp_path: Path) -> None:
     file = tmp_path / "px.svg"
     file.write_text(SVG.format(z=-10 * SAG).replace('"80mm"', '"80"').replace('"250mm"', '"250"'), encoding="utf-8")
-    assert "does not say its unit" in refused(file)
+    assert "does not state its unit" in refused(file)
     assert built(file, body={"units": "um"}).area_mm2() > 0.0
     file.write_text(SVG.format(z=0).replace('"80mm"', '"160mm"'), encoding="utf-8")
     assert "stretches the drawing" in refused(file)

@@ -183,3 +183,10 @@ def test_columns_of_a_matrix_are_named_by_the_caller(tmp_path: Path) -> None:
     assert found.channels[1].values.tolist() == LEFT.tolist()
     with pytest.raises(DataError, match=r"no matrices of 4 columns; it holds data 3 by 400"):
         read(path, columns=("a", "b", "c", "d"))
+
+
+@pytest.mark.parametrize("junk", [b"\xff\xfa\x81 noise", b"a\x01b\n"])
+def test_junk_of_a_format_s_name_is_named_by_it(tmp_path: Path, junk: bytes) -> None:
+    (tmp_path / "run.nc").write_bytes(junk)
+    with pytest.raises(DataError, match=r"run\.nc; is neither a netCDF file nor text"):
+        read(tmp_path / "run.nc")

@@ -123,7 +123,7 @@ class Gcs2Stage(LineStage):
 
     @property
     def search(self) -> str:
-        """How far it may move to find its zero: the controller does not say where the switch is."""
+        """How far it may move to find its zero; the controller does not report the position of the switch."""
         low, high = self.limits
         return f"It drives to its reference switch, by up to {high - low:g} {self.unit} to either side."
 

@@ -146,7 +146,7 @@ class Glances:
 
 @contextmanager
 def sampler_of(rig: Rig, folder: Path, clock: Clock) -> Iterator[EmitterBoard | Daq]:
-    """Board or data acquisition of a rig, its emitters taking turns; dark and closed in the end."""
+    """Board or data acquisition of a rig, its emitters taking turns; dark and closed on exit."""
     if rig.meter is not None:
         limit = "has a meter, which lights no emitter: its wires cannot be checked"
         raise BenchError(f"rig {rig.name}", limit=limit, remedy="look at the meter itself")
@@ -170,7 +170,7 @@ def sampler_of(rig: Rig, folder: Path, clock: Clock) -> Iterator[EmitterBoard | 
 
 @contextmanager
 def stage_of(rig: Rig, clock: Clock) -> Iterator[Stage]:
-    """Stage of a rig; stopped and closed in the end."""
+    """Stage of a rig; stopped and closed on exit."""
     stage: Stage
     if rig.stage.driver == "simulated":
         stage = SimulatedStage(clock, rig.stage.moves_in)

@@ -95,7 +95,7 @@ class HandStage:
         """Do nothing: no port is open."""
 
     def _take(self, text: str) -> None:
-        """The target for Enter alone, or what was typed; asks again for what is no number."""
+        """The target for Enter alone, or what was typed; asks again until it is a number."""
         try:
             position = float(text.replace(",", ".")) if text else self._target
         except ValueError:

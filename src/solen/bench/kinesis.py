@@ -1,6 +1,6 @@
 """Motorised stages of Thorlabs: one axis of a K-Cube, a T-Cube or a stage with its own controller, by the APT protocol.
 
-The idea: messages are binary. Six bytes say what is meant, two parameters or the length of the data that follow, to
+The idea: messages are binary. Six bytes state the message, two parameters or the length of the data that follow, to
 whom and from whom. Some are questions; what the controller says unasked, such as that a move has ended, is passed over,
 and the status is asked instead. Positions are counts of the stage's encoder or microsteps of its motor; velocities are
 counts per second times a factor of the kind of controller, which says what it is. Messages, factors and counts per

@@ -34,7 +34,7 @@ class MarlinStage(GcodeStage):
 
     @property
     def search(self) -> str:
-        """Marlin does not say how far."""
+        """Unknown: Marlin does not report it."""
         return f"It drives to the switch of its {self._axis} axis, as far as that is."
 
     def reference(self) -> None:

@@ -105,7 +105,7 @@ class AskingMeter(ABC):
         return found
 
     def stop(self) -> None:
-        """Ask no more."""
+        """Stop reading."""
         self._ended.set()
         thread, self._thread = self._thread, None
         if thread is not None:
@@ -115,7 +115,7 @@ class AskingMeter(ABC):
                 raise BenchError(self.name, limit=limit, remedy="check that it is connected")
 
     def close(self) -> None:
-        """Ask no more, and let go of the instruments."""
+        """Stop reading, and release the instruments."""
         try:
             self.stop()
         finally:

@@ -274,7 +274,7 @@ def _read_every_s(protocol: Protocol, simulated_time: bool) -> float:
 def _instruments(
     rig: Rig, protocol: Protocol, folder: Path, clock: Clock, noise: np.random.Generator, report: Report | None
 ) -> Iterator[tuple[Stage, Sampler, dict[str, Any]]]:
-    """Stage and sampler of a rig, closed in the end, and what a header states of simulated ones."""
+    """Stage and sampler of a rig, closed on exit, and what a header states of simulated ones."""
     stage: Stage
     sampler: Sampler
     drawn: dict[str, Any] = {}

@@ -6,8 +6,10 @@ on stderr and exit code 2; Ctrl-C with one line and 130.
 
 import io
 import os
+import re
 import sys
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import cyclopts
@@ -39,7 +41,7 @@ def run_command(arguments: Sequence[str]) -> int:
     except SolenError as bad:
         return _refuse(str(bad), BAD_INPUT)
     except cyclopts.CycloptsError as bad:
-        return _refuse(_one_line(bad), BAD_INPUT)
+        return _refuse(_one_line(bad, rest), BAD_INPUT)
     except KeyboardInterrupt as bad:  # a run on the bench says what it keeps
         return _refuse(str(bad) or "interrupted; no file is half-written", getattr(bad, "exit_code", INTERRUPTED))
     except (BrokenPipeError, SystemExit):  # the reader of a pipe had enough; rich leaves so while it prints help
@@ -60,8 +62,12 @@ def _answer(arguments: Sequence[str]) -> Any:
         return command(*bound.args, **bound.kwargs, progress=progress)
 
 
-def _one_line(bad: cyclopts.CycloptsError) -> str:
+def _one_line(bad: cyclopts.CycloptsError, arguments: Sequence[str]) -> str:
     """Error of a command line in one line; a value outside an option's limits is named by its option."""
+    if isinstance(bad, cyclopts.MissingArgumentError):
+        for option, value in pairwise(arguments):
+            if option == bad.keyword and re.match(r"-[\d.]", value):  # read as an option, since it is not a number
+                return f"{option} = {value}; is not a number; write it without a unit"
     if isinstance(bad.__cause__, ValueError) and hasattr(bad.__cause__, "errors"):
         from solen.spec.strict import option_refusal
 

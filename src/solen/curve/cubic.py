@@ -27,7 +27,7 @@ Steps = tuple[Point, Point, Point]
 MOST_TURN_DEG = 60.0
 """A simple piece turns by less."""
 MOST_PIECES = 100
-"""Far more simple pieces than a cubic falls into that is not all but a cusp."""
+"""Far more simple pieces than any cubic falls into that is not nearly a cusp."""
 MOST_STEPS = 200
 """Far more than halving takes to the last digit of a root that is not next to 0."""
 CLEAR_TURN_DEG = 170.0

@@ -30,7 +30,7 @@ from solen.plane import Point
 
 SCHEMA = "AP214IS"
 TIME = "1970-01-01T00:00:00"
-"""The header wants a time; the same design shall give the same file."""
+"""The header needs a time; a fixed one, so that the same design gives the same file."""
 MOST_TEXT = 200
 Named = list[tuple[Any, str]]
 """Faces of the kernel with their names."""

@@ -71,11 +71,11 @@ class Weighed:
     name
         Name of the component.
     wt_percent
-        Share of the whole mixture that is meant.
+        Intended share of the whole mixture.
     phr
         Grams for 100 g of the base, the first component.
     exact_g, weighed_g
-        Mass that is meant, and the same in whole steps of the balance.
+        Intended mass, and the same in whole steps of the balance.
     weighed_wt_percent
         Share of the whole that the weighed masses make.
     worst_wt_percent
@@ -96,7 +96,7 @@ class Weighed:
 
     @reported
     def error_wt_percent(self) -> float:
-        """How far the weighed masses leave the share from what is meant."""
+        """Deviation of the share, as weighed, from the intended one."""
         return self.weighed_wt_percent - self.wt_percent
 
 

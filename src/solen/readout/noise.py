@@ -36,7 +36,7 @@ class Noise(Result):
 
     @property
     def before_V(self) -> FloatArray:
-        """Noise before the converter: all but its quantisation."""
+        """Noise before the converter, without its quantisation."""
         return np.asarray(np.sqrt(self.shot_V**2 + self.thermal_V**2 + self.converter_V**2))
 
     @reported

@@ -126,7 +126,7 @@ def check_wild(grid: Grid, column: int, rows: Sequence[int], values: FloatArray)
 def check_digits(grid: Grid, columns: Sequence[tuple[int, Sequence[int]]]) -> None:
     """`DataError` at a number with more digits than its program prints: merged numbers, or a surplus digit.
 
-    A program prints either so many significant digits or so many after the mark; all but a few numbers show which.
+    A program prints either so many significant digits or so many after the mark; most numbers show which.
     Each column is its place and its rows.
     """
     counted = [[(row, *digits(grid.rows[row][column])) for row in rows] for column, rows in columns]

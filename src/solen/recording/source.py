@@ -24,6 +24,15 @@ _OTHERS = {
     b"\x89PNG": ("a picture", "name the table that it was drawn from"),
     b"\xff\xd8\xff": ("a picture", "name the table that it was drawn from"),
 }
+_NAMED = {
+    ".nc": "a netCDF",
+    ".h5": "an HDF5",
+    ".hdf5": "an HDF5",
+    ".mat": "a MATLAB",
+    ".tdms": "a TDMS",
+    ".xls": "an Excel",
+    ".xlsx": "an Excel",
+}
 _BREAK = re.compile("\r*\n|\r")  # Windows' line break may have been doubled on its way
 _CONTROL = re.compile("[\x00-\x08\x0b\x0e-\x1f\x7f\x80-\x9f\u2028\u2029\ufffe\uffff\ufffd]")
 
@@ -82,8 +91,15 @@ class Source:
         if bad is not None:
             line = len(_BREAK.findall(text, 0, bad.start())) + 1
             limit = f"holds the character U+{ord(bad[0]):04X}, which no text has"
-            raise self.refused(f"line {line}", limit, "export the file again")
+            raise self._not_text(line, limit, "export the file again")
         return lines
+
+    def _not_text(self, line: int, limit: str, remedy: str) -> DataError:
+        """Error of bytes that are neither text nor of the format that the name promises."""
+        kind = _NAMED.get(self.path.suffix.lower())
+        if kind is not None:
+            return self.refused("", f"is neither {kind} file nor text", "export it again, or copy it once more")
+        return self.refused(f"line {line}", limit, remedy)
 
     def text(self) -> str:
         """Text of the file, in the encoding that its bytes show: UTF-8, UTF-16 or Windows-1252."""
@@ -96,7 +112,7 @@ class Source:
         except UnicodeDecodeError as bad:
             line = data.count(b"\n", 0, bad.start) + 1
             limit = "holds a byte that is not a character of UTF-8, UTF-16 or Windows-1252 text"
-            raise self.refused(f"line {line}", limit, "save the file as UTF-8 text, or export it again") from None
+            raise self._not_text(line, limit, "save the file as UTF-8 text, or export it again") from None
 
     def _decoded(self) -> str:
         data = self.data[: len(self.data) - self.padding]

@@ -1,4 +1,4 @@
-"""How fast each way to choose rays comes to the power at the receivers, and how true its stated uncertainty is.
+"""How fast each way to choose rays converges to the power at the receivers, and how reliable its uncertainty is.
 
 One scene is traced by fans and by Sobol' samples of ever more rays, and integrated to ever smaller tolerances. The
 error of each is its distance from a reference value: adaptive integration to `TIGHT`. For a scene that it does not

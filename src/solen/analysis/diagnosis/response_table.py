@@ -1,6 +1,6 @@
 """The traced response of a design for an emitter of any place and width, as one table.
 
-The idea: every point of a chip shines for itself, so the response of a chip is the mean of the responses of its points.
+The idea: the points of a chip emit incoherently, so the response of a chip is the mean of the responses of its points.
 These are traced on a grid, angles of the motion by places of a point emitter, and integrated over the places once: a
 chip is then a difference of two values of that integral, whatever its decentre and width. Places are traced more
 densely where the response bends, and counted from the place where light changes sides, which wanders with the angle;

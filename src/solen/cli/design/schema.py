@@ -25,7 +25,7 @@ def schema(*command: str) -> None:
     Parameters
     ----------
     command
-        The command whose result is meant: bench analyse. Default: the design file.
+        The command whose result to describe: bench analyse. Default: the design file.
     """
     print(json.dumps(result_schema(command) if command else json_schema(), indent=1))
 

@@ -88,7 +88,7 @@ class Printing:
     Attributes
     ----------
     height_um
-        Height of the profile that is meant; None for the mean over the thickness.
+        Height of the profile; None for the mean over the thickness.
     phase
         Where the drawing's origin stands in its pixel.
     """

@@ -295,7 +295,7 @@ class _Print:
 
     @cached_property
     def height_um(self) -> float | None:
-        """Height whose profile is meant; None for the mean."""
+        """Height of the profile; None for the mean."""
         thickness_um = self.layers * self.process.process.layer_um
         at = self.options.at
         if at in ("mean", "middle"):

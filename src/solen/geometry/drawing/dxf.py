@@ -79,7 +79,7 @@ def _scale(path: Path, insunits: int, units: str | None) -> float:
     if units is not None:
         return UNITS_MM[units]
     if insunits not in INSUNITS_MM:
-        limit = "does not say its unit" if insunits == 0 else f"has a unit that is not understood ({insunits})"
+        limit = "does not state its unit" if insunits == 0 else f"has a unit that is not understood ({insunits})"
         raise DataError(f"{path}: $INSUNITS", value=insunits, limit=limit, remedy=NO_UNITS_REMEDY)
     return INSUNITS_MM[insunits]
 

@@ -75,7 +75,7 @@ def _scale(path: Path, root: ET.Element, units: str | None) -> float:
                 raise DataError(f"{path}: viewBox", value=root.get("viewBox"), limit="must have a size above 0")
             scale.append(whole_mm / box[place] if len(box) == 4 else PIXEL_MM)
     if not scale:
-        limit = "does not say its unit: its width and height are not in mm, cm, in or pt"
+        limit = "does not state its unit: its width and height are not in mm, cm, in or pt"
         raise DataError(f"{path}: width", value=root.get("width"), limit=limit, remedy=NO_UNITS_REMEDY)
     if abs(scale[0] - scale[-1]) > 1e-3 * scale[0]:
         limit = "stretches the drawing: width and height over those of the view box differ"

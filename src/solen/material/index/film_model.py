@@ -260,7 +260,7 @@ class FilmModel:
         return p, cost
 
     def ordered(self, p: FloatArray, by: float) -> FloatArray:
-        """Parameters whose fringes are by so many orders other ones, with the same phases as nearly as may be."""
+        """Parameters for fringes whose orders are higher by ``by``, with phases as close to the same as possible."""
         names, basis = self.names, np.stack([np.ones_like(self.u), self.u, self.u**2], axis=1)
         shift = np.linalg.lstsq(basis, by * self.um / 2.0, rcond=None)[0]
         places = [names[name] for name in ("n", "rise", "bend")]

@@ -33,7 +33,7 @@ MERGING = 1e-6
 GREEN = ((GREEN_NM, 1.0),)
 """Spectrum of light without colours at a grating."""
 WEAK, WEAK_IN_COLOUR = 0.01, 1e-6
-"""Brightness up to which a part split off is dropped, and where brightness shall be correct."""
+"""Brightness below which a split-off ray is dropped: by default, and where the scene asks for correct brightness."""
 NO_LIGHT = ("TextLabel", "LineArrow", "Ruler", "Protractor", "Drawing", "CropBox", "Handle")
 """Objects that light does not see."""
 APPEARANCE = frozenset(

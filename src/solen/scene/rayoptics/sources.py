@@ -51,7 +51,7 @@ class Lamps:
         self.numbers = drawn(self.seed or "")
 
     def settled(self, brightest: Callable[[float], float]) -> float:
-        """Density at which no ray is brighter than 1, where brightness shall be correct."""
+        """Density at which no ray is brighter than 1, where the scene asks for correct brightness."""
         density = self.density
         if self.correct:
             steps = 0
