@@ -338,7 +338,6 @@ def measure_lens(
     )
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class FacesInspection(Result):
     """Both faces of a printed lens, each measured in its own picture.
 

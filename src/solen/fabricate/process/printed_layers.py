@@ -59,7 +59,6 @@ class LayerDeviation:
     u_rms_um: float
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class PrintedLayers(Result):
     """A design whose lens differs by height, as a process prints it flat; simulated.
 

@@ -2,8 +2,8 @@
 
 Two blobs that might be two of the largest features, by their sizes and their distance, place the whole coupon, once as
 it is and once mirrored. Each such guess is scored by how many features have a blob where they should, and the best are
-fitted by least squares. The final choice rests on places, and on sizes except for a common offset, as print and light change
-all alike, and the marks. A second guess that puts the features elsewhere and is nearly as good makes it ambiguous.
+fitted by least squares. The final choice rests on places, on the marks, and on sizes except for a common offset, since
+print and light change all alike. A second guess with the features elsewhere that is nearly as good makes it ambiguous.
 
 A coupon of blocks is found in a z map by its slab, a rectangle, and turned the way that suits the blocks' heights.
 """
