@@ -136,7 +136,7 @@ class FacePrint:
         best, share, rounds = start, 1.0, [self._inner_rms_um(start.printed)]
         for number in range(MOST_ROUNDS):
             drawn = (best.drawn - share * self._smooth(self._blamed(best)))[self._alike]
-            um, z = self._printed(self._layers(self._drawn(drawn)), None)
+            um, z = self._printed(self._layers(self.drawn_body(drawn)), None)
             if progress is not None:
                 progress((number + 1) / MOST_ROUNDS)
             gained = rounds[-1] - (rms := self._inner_rms_um(z))
@@ -215,7 +215,7 @@ class FacePrint:
         off = CubicSpline(x, z - self.lens.z_at(x, np.full_like(x, y_mm)), bc_type=((1, np.zeros(())), "not-a-knot"))
         return np.asarray(wanted + off(np.clip(self.places_mm, x[0], x[-1])))
 
-    def _drawn(self, z: FloatArray) -> Body:
+    def drawn_body(self, z: FloatArray) -> Body:
         """The body with drawn profiles."""
         if self.body.front is None:
             raise AssertionError("a prism has one outline")

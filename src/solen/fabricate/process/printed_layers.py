@@ -36,7 +36,7 @@ CYLINDER, DESIGNED, PRINTED, DRAWN = "cylinder", "designed", "printed", "compens
 
 @dataclass(frozen=True)
 class LayerDeviation:
-    """Deviation of one layer's wall from the wanted one, along its normal; more material above 0.
+    """Deviation of one layer's wall from the designed one, along its normal; more material above 0.
 
     Attributes
     ----------
@@ -71,13 +71,13 @@ class PrintedLayers(Result):
     layers
         Number of layers.
     rms_um
-        Deviation of the whole printed face from the wanted one, root mean square along the normals.
+        Deviation of the whole printed face from the designed one, root mean square along the normals.
     deviations
         Of the first layer, one in the middle, one at three quarters of the height, and the last.
     compensated_rms_um, compensated_deviations, rounds_um
         The same of the compensated drawing, and its root mean square along z round by round; None without one.
     drawn_range_um
-        How far the compensated drawing stands out of the wanted face, along z towards the emitter, at least and most.
+        How far the compensated drawing stands out of the designed face, along z towards the emitter, at least and most.
     responses
         Contrast and light of cylinder and lens, designed and printed; empty where they were not traced.
     sources, warnings
@@ -176,7 +176,7 @@ def layer_files(made: PrintedLayers, out: Path | None, compensate: Path | None) 
     if compensate is None or made.compensated is None:
         return contents
     drawn, printed = (compensate.with_name(f"{compensate.stem}-{end}.json") for end in ("drawn", "printed"))
-    warning = "drawn for a printer, not the wanted shape: do not trace it, and do not compensate it again"
+    warning = "drawn for a printer, not the intended shape: do not trace it, and do not compensate it again"
     profiles = made.model.profiles(made.compensated.drawn, f"{made.name}, {LABEL}", warning)
     text = f"# {warning}\n" + dumps(_drawn_design(made.sensor, drawn.name))
     contents |= {compensate: text.encode(), drawn: layers_text(profiles).encode()}
