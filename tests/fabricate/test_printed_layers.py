@@ -79,7 +79,7 @@ def test_light_of_later_layers_fills_overhangs_and_compensation_takes_it_back() 
     model = printing(body__thickness_mm=1.0, lens__layer_mm=0.1, layer_um=100.0)
     plain = model.printed()
     lower, upper = plain.um[2, 100:180].mean(), plain.um[7, 100:180].mean()
-    assert upper > lower + 10.0  # the upper half of the lens hangs over
+    assert upper > lower + 8.0  # the upper half of the lens hangs over
     made = model.compensated(plain)
     inner = np.abs(made.printed - model.wanted)[:, :230]
     assert 1e3 * float(np.sqrt(np.mean(inner**2))) < 1.5 < 0.1 * plain.rms_um
