@@ -68,7 +68,7 @@ def in_unit(value: Any, unit: str, before: str = "V") -> Any:
 
 def as_key(unit: str) -> str:
     """A unit as spelled in a key."""
-    return re.sub(r"\W+", "_", unit)
+    return re.sub(r"\W+", "_", unit).strip("_")
 
 
 @typing.dataclass_transform(frozen_default=True, eq_default=False, field_specifiers=(dataclasses.field,))

@@ -19,6 +19,8 @@ _SPELLINGS |= {
     "sec": "s",
     "sek": "s",
     "std": "h",
+    "ohms": "ohm",
+    **{name: name for name in ("ohm", "kohm", "deg")},  # however their letters are written
     "°": "deg",
     "": "1",
     "-": "1",

@@ -75,7 +75,7 @@ def test_units_are_converted(tmp_path: Path) -> None:
     assert found["runs"][0]["motion"]["cycles"][1]["start_s"] == pytest.approx(3.4, abs=0.02)
 
 
-@pytest.mark.parametrize(("unit", "key"), [("pF", "pF"), ("lux", "lux"), ("counts", "counts"), ("kΩ", "kΩ")])
+@pytest.mark.parametrize(("unit", "key"), [("pF", "pF"), ("a.u.", "a_u"), ("counts", "counts"), ("kΩ", "kΩ")])
 def test_units_are_free(tmp_path: Path, capsys: pytest.CaptureFixture[str], unit: str, key: str) -> None:
     """Nothing is taken for volts that is none: keys, lines, axes and warnings say what the recording says."""
     path = write(tmp_path / "S1.csv", replace(TRUTH, noise_V=0.002), f"time_s,angle_deg,left ({unit}),right ({unit})")
@@ -242,6 +242,9 @@ def test_a_log_on_another_clock(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert found["alignment"]["daq"]["lag_s"] == pytest.approx(7.25, abs=1e-3)
     assert len(found["sensors"]["daq"]["runs"][0]["motion"]["cycles"]) == 6
     assert len(found["sources"]) == 2
+    np.savetxt(log, rows[:, 1], header="pos_deg", comments="")
+    assert run_command(["bench", "analyse", str(volts), "--angle-file", str(log)]) == 2
+    assert "--angle-time, or give --angle-rate-hz" in capsys.readouterr().err
 
 
 def test_an_angle_that_nobody_recorded(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

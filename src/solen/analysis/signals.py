@@ -38,6 +38,8 @@ from solen.units import factor
 _SLOW_S = 1.0  # from this step on, a time without a unit may count samples or ms
 _HIGH_V = 100.0  # above what any receiver here shows
 _TURN_DEG = 360.0
+TIMES, TIMES_OF_LOG = ("--time", "--rate-hz"), ("--angle-time", "--angle-rate-hz")
+"""Options that state the times of a recording, and of a stage's log beside it."""
 _FAR_DEG = 720.0  # an angle beyond two turns is not in degrees
 
 AngleSource = Literal["required", "optional", "elsewhere"]
@@ -321,16 +323,23 @@ def _angle_column(recording: Recording, options: SignalOptions) -> Channel | Non
     return column_of(recording, "angle")
 
 
-def sample_times(recording: Recording, options: SignalOptions, warnings: list[Caution]) -> TimeBase:
-    """Order and times of a recording's samples; assumptions are added to the warnings."""
-    return time_base(_time_s(recording, options, warnings), f"{recording.provenance.file}: time")
+def sample_times(
+    recording: Recording, options: SignalOptions, warnings: list[Caution], named: tuple[str, str] = TIMES
+) -> TimeBase:
+    """Order and times of a recording's samples; assumptions are added to the warnings.
+
+    ``named`` are the options that state its column of times and its rate.
+    """
+    return time_base(_time_s(recording, options, warnings, named), f"{recording.provenance.file}: time")
 
 
-def _time_s(recording: Recording, options: SignalOptions, warnings: list[Caution]) -> FloatArray:
+def _time_s(
+    recording: Recording, options: SignalOptions, warnings: list[Caution], named: tuple[str, str]
+) -> FloatArray:
     channel, file = _time_column(recording, options), _file(recording)
     if channel is None:
         if options.rate_hz is None:
-            remedy = f"name it with --time, or give --rate-hz; {existing(recording)}"
+            remedy = f"name it with {named[0]}, or give {named[1]}; {existing(recording)}"
             raise DataError(file, limit="no column is recognised as the time", remedy=remedy)
         return np.arange(recording.channels[0].values.size) / options.rate_hz
     unit = options.time_unit or channel.unit or NAMED_UNITS.get(plain(channel.name), "")

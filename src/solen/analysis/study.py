@@ -21,6 +21,7 @@ from solen.analysis.motion import Motion
 from solen.analysis.protocol_angle import angle_by_protocol
 from solen.analysis.sensor_response import AnalysisOptions, SensorGroup, SensorResponse, group_of, sensor_response
 from solen.analysis.signals import (
+    TIMES_OF_LOG,
     Signals,
     Switching,
     Waveforms,
@@ -319,7 +320,7 @@ def _aligned(samples: Waveforms, log: Recording, options: AnalysisOptions) -> tu
     """How a log's clock differs from the recorder's, and assumptions about the log."""
     own = options.model_copy(update={"time": options.angle_time, "rate_hz": options.angle_rate_hz})
     warnings: list[Caution] = []
-    base = sample_times(log, own, warnings)
+    base = sample_times(log, own, warnings, TIMES_OF_LOG)
     logged = recorded_angle_deg(log, own, warnings)
     file = log.provenance.file
     if logged is None:

@@ -100,6 +100,7 @@ _UNITS = (
     "°C ° g mg kg dB dBm % %T %R percent pct prozent micron microns µ mol L l ml pF nF fF lux lx counts"
 )
 _TOKENS = frozenset(_UNITS.split())
+_ANY_CASE = {"sek", "sec", "deg", "ohm", "ohms", "kohm"}
 _PREFIXES = {"": "", "milli": "m", "micro": "µ", "nano": "n", "kilo": "k"}
 _IN_WORDS = (
     {
@@ -203,7 +204,7 @@ def stated_unit(text: str) -> bool:
     if text == "nm.":  # as PerkinElmer abbreviates it
         return True
     tokens = re.findall(r"[^\W\d_]+|[°%]\w*", text.translate(_LETTERS))
-    known = bool(tokens) and all(token in _TOKENS or token.lower() in {"sek", "sec"} for token in tokens)
+    known = bool(tokens) and all(token in _TOKENS or token.lower() in _ANY_CASE for token in tokens)
     return text in _PURE or (known and (is_unit(text) or "dB" in text or "°C" in text or text == "counts"))
 
 
@@ -219,7 +220,7 @@ def _split(text: str, optical: bool) -> Heading | None:
     if bracket:
         name, inner = bracket[1], bracket[2] if bracket[2] is not None else bracket[3]
         if inner.strip().lower() in _NO_UNIT:
-            return _made(name, "", optical)
+            return _made(name, "" if optical or _OPTICAL & {*_meanings(name)} else "a.u.", optical)
         if inner.strip() == "" or _is_unit_of(name, inner, bracketed=True):
             return _made(name, _unit_text(inner), optical)
         return _made(name, "", optical) if _meanings(name) else None
