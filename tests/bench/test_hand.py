@@ -23,8 +23,9 @@ from tests.bench.slow_wire_support import closed
 STOPS = [0.0, *np.arange(-0.5, -3.1, -0.5), *np.arange(-2.5, 3.1, 0.5), *np.arange(2.5, -0.1, -0.5)]
 
 
-def stops(cycles: int) -> Protocol:
-    steps = [{"to_deg": round(float(to), 3), "velocity_deg_per_s": 5.0, "hold_s": 0.5} for to in STOPS[1:]]
+def stops(cycles: int, every: int, hold_s: float) -> Protocol:
+    angles = STOPS[every::every]
+    steps = [{"to_deg": round(float(to), 3), "velocity_deg_per_s": 5.0, "hold_s": hold_s} for to in angles]
     return Protocol(name="stops", cycles=cycles, step=steps)
 
 
@@ -60,19 +61,23 @@ class Person(SimulatedClock):
         return "\n"
 
 
-def test_stops_by_hand_give_the_response_and_no_angle_between_them(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("every", "hold_s"), [(1, 0.1), (2, 0.5), (3, 0.1), (6, 0.1)])
+def test_stops_by_hand_give_the_response_and_no_angle_between_them(tmp_path: Path, every: int, hold_s: float) -> None:
     person = Person(seed=1)
     stage = HandStage("deg", person.hear, person.answer)
-    run = closed(tmp_path, stops(3), stage, person, person.axis.positions)
+    run = closed(tmp_path, stops(3, every, hold_s), stage, person, person.axis.positions)
     assert run.outcome == "done"
-    assert person.asked == 3 * 24 + 1
+    assert person.asked == 3 * 24 // every + 1
+    assert not run.warnings
     with h5netcdf.File(run.path, "r") as file:
         read = {name: file.groups["A"].variables[name][...] for name in ("time_s", "angle_deg", "right")}
         assert np.isnan(file.variables["stage_position"][...]).any()
     true = person.axis.positions(read["time_s"])
     assert read["angle_deg"] == pytest.approx(true, abs=1e-9)  # nothing of the ways between
-    assert set(np.round(read["angle_deg"], 6)) == set(np.round(STOPS, 6))
-    found = study([run.path]).to_dict()["sensors"]["A"]["receivers"]["right"]
+    assert set(np.round(read["angle_deg"], 6)) == set(np.round(STOPS[::every], 6))
+    sensor = study([run.path]).to_dict()["sensors"]["A"]
+    assert (sensor["cycles_used"], sensor["timing"]["timing_deg"]) == (2, 0.0)
+    found = sensor["receivers"]["right"]
     slope = np.polyfit(found["angle_deg"], found["mean_V"], 1)[0]
     assert slope == pytest.approx(5_000 * 5.0 / 65_536, rel=1e-3)
     assert found["hysteresis_percent"] < 0.5

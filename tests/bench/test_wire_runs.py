@@ -28,6 +28,7 @@ from solen.bench.simulated.board import SimulatedBoard
 from solen.bench.simulated.sensors import simulated_sensors
 from solen.errors import BenchError
 from tests.bench.board_controller_support import BoardController, SimulatedHardware
+from tests.bench.fork_support import Forks, forks
 from tests.bench.gcs2_controller_support import Gcs2Controller
 from tests.bench.wire_support import Served, Wire
 
@@ -217,25 +218,27 @@ pytestmark = pytest.mark.usefixtures("heeded")
 SIGNALS = [name for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 
 
-def ended(wires: Wires, name: str, delay_s: float) -> tuple[int, str]:
+RUN = ("bench", "run", "protocol.toml", "--rig", "wired.toml", "--out", "out")
+POSIX = pytest.mark.skipif(sys.platform == "win32", reason="a console's Ctrl-C cannot be sent to one process there")
+
+
+def ended(wires: Wires, by: Forks, name: str, delay_s: float) -> tuple[int, str]:
     """A run in a process of its own that gets a signal on its third move: its exit code, and what it said."""
-    words = ["bench", "run", "protocol.toml", "--rig", "wired.toml", "--out", "out"]
-    line = [sys.executable, "-m", "solen", *words]
     first = len(wires.stage.axis.moves)
-    with subprocess.Popen(line, cwd=wires.folder, stderr=subprocess.PIPE, text=True, encoding="utf-8") as child:
-        while not wires.stage.axis.moving(wires.stage.clock.now_s()) or len(wires.stage.axis.moves) < first + 3:
-            assert child.poll() is None
-            time.sleep(0.005)
-        time.sleep(delay_s)
-        for _ in range(2):  # asked twice, it does not leave half-way
-            child.send_signal(getattr(signal, name))
-            time.sleep(0.01)
-        _, said = child.communicate(timeout=30.0)
-    return child.returncode, said
+    run = by.start(wires.folder, *RUN)
+    due = time.monotonic() + 60.0
+    while not wires.stage.axis.moving(wires.stage.clock.now_s()) or len(wires.stage.axis.moves) < first + 3:
+        assert time.monotonic() < due
+        time.sleep(0.005)
+    time.sleep(delay_s)
+    for _ in range(2):  # asked twice, it does not leave half-way
+        run.kill(getattr(signal, name))
+        time.sleep(0.01)
+    return run.wait()
 
 
-def check_ended(wires: Wires, name: str, delay_s: float = 0.0) -> None:
-    code, said = ended(wires, name, delay_s)
+def check_ended(wires: Wires, by: Forks, name: str, delay_s: float = 0.0) -> None:
+    code, said = ended(wires, by, name, delay_s)
     assert code == 128 + getattr(signal, name)
     assert "Traceback" not in said
     assert f"ended by {name}; emitters off, stage stopped" in said
@@ -253,19 +256,87 @@ def check_ended(wires: Wires, name: str, delay_s: float = 0.0) -> None:
     journal.with_suffix(".nc").unlink(missing_ok=True)
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="a console's Ctrl-C cannot be sent to one process there")
+@POSIX
 @pytest.mark.parametrize("name", SIGNALS)
 def test_a_signal_switches_off_and_stops(wires: Wires, name: str) -> None:
-    check_ended(wires, name)
+    with forks() as by:
+        check_ended(wires, by, name)
 
 
+@POSIX
 @pytest.mark.evidence
-@pytest.mark.skipif(sys.platform == "win32", reason="a console's Ctrl-C cannot be sent to one process there")
 @pytest.mark.parametrize("name", SIGNALS)
 def test_signals_at_random_moments_switch_off_and_stop(wires: Wires, name: str) -> None:
-    for delay_s in np.random.default_rng(1).uniform(0.001, 1.2, 20).tolist():
-        check_ended(wires, name, delay_s)
+    with forks() as by:
+        for delay_s in np.random.default_rng(1).uniform(0.001, 1.2, 20).tolist():
+            check_ended(wires, by, name, delay_s)
     print(f"\n  20 {name} at random moments: emitters off and stage at rest at the controllers' side each time")
+
+
+@dataclass
+class Left:
+    """What a killed run left: how long emitters stayed lit, moves sent after the kill, how much is lost of its samples."""
+
+    dark_s: float
+    moves: int
+    lost_s: float
+
+
+def killed(wires: Wires, by: Forks, delay_s: float) -> Left | None:
+    """A run that is killed so long after its emitters were lit; None where it had ended by then."""
+    clock, hardware = wires.stage.clock, wires.board.hardware
+    switched = len(hardware.switched)
+    run = by.start(wires.folder, *RUN)
+    due = time.monotonic() + 60.0
+    while len(hardware.switched) == switched:
+        assert time.monotonic() < due
+        time.sleep(0.002)
+    time.sleep(delay_s)
+    run.kill(signal.SIGKILL)
+    killed_s, moves = clock.now_s(), sent(wires)
+    if run.wait()[0] != -signal.SIGKILL:
+        return None
+    time.sleep(1.2)
+    wires.board.answer(b"")  # nobody hears it, and its own time has passed
+    assert not wires.board.lit
+    assert wires.stands()
+    assert wires.stage.axis.at(clock.now_s()) == pytest.approx(wires.stage.axis.moves[-1].target)
+    lit_s, dark_s = ([hardware.began_s + 1e-6 * at for at, one in hardware.switched[switched:] if (one < 0) is off]
+                     for off in (False, True))  # fmt: skip
+    came = read_journal(wires.folder / "out" / "protocol.journal").streams["came"]
+    lasted_s = 0.005 * (int(came["number"][-1]) + 1) if len(came) else 0.0
+    return Left(dark_s[-1] - killed_s, sent(wires) - moves, killed_s - lit_s[0] - lasted_s)
+
+
+def sent(wires: Wires) -> int:
+    """Moves that the stage was given."""
+    return sum(move.target != move.start for move in wires.stage.axis.moves)
+
+
+@POSIX
+@pytest.mark.evidence
+def test_kills_at_random_moments_leave_a_dark_board_and_a_stage_at_rest(wires: Wires) -> None:
+    path = wires.folder / "wired.toml"
+    text = path.read_text(encoding="utf-8").replace("home = true", "home = true\ntravel = [-4.0, 4.0]")
+    path.write_text(text, encoding="utf-8")
+    found: list[Left] = []
+    with forks() as by:
+        for delay_s in np.random.default_rng(2).uniform(0.0, 3.0, 50).tolist():
+            left = killed(wires, by, delay_s)
+            if left is not None:
+                found.append(left)
+                assert recover(wires.folder / "out" / "protocol.journal").outcome == "killed"
+            (wires.folder / "out" / "protocol.nc").unlink(missing_ok=True)
+    dark, lost, moves = (max(getattr(one, name) for one in found) for name in ("dark_s", "lost_s", "moves"))
+    told = (
+        f"emitters off within {dark:.2f} s by the board's watchdog, {moves} moves sent after it"
+    )
+    print(f"\n  {len(found)} SIGKILLs in the run: {told}; at most {1e3 * lost:.0f} ms of samples lost")
+    assert len(found) >= 45
+    assert all(-4.0 <= move.target <= 4.0 for move in wires.stage.axis.moves)
+    assert dark <= 1.0
+    assert lost <= 0.5
+    assert moves <= 1
 
 
 def test_a_stage_that_does_not_know_its_zero_is_not_driven_to_find_it_unasked(wires: Wires) -> None:

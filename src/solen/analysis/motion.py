@@ -83,6 +83,8 @@ class Motion(Result):
         Median speed over the ramps.
     warnings
         What is left out, and why.
+    stopped
+        Whether its samples are of stops alone, as of a stage that was turned by hand.
     """
 
     ramps: tuple[Ramp, ...] = field(metadata=HIDDEN)
@@ -95,6 +97,7 @@ class Motion(Result):
     step_deg: float
     speed_deg_per_s: float
     warnings: tuple[Caution, ...] = field(metadata=HIDDEN)
+    stopped: bool = False
 
 
 def find_motion(time_s: FloatArray, angle_deg: FloatArray) -> Motion:
@@ -112,15 +115,17 @@ def find_motion(time_s: FloatArray, angle_deg: FloatArray) -> Motion:
     DataError
         Where the angle does not move, jumps from level to level, or makes no whole cycle.
     """
-    clean = median_filter(angle_deg, 5, mode="nearest")
+    stops = _at_stops(time_s, angle_deg)
+    way = (time_s, median_filter(angle_deg, 5, mode="nearest")) if stops is None else stops
+    clean = way[1]
     low, high = float(clean.min()), float(clean.max())
     noise, step = _noise(angle_deg), _finest(angle_deg)
-    if step > _COARSEST * (high - low):
+    if stops is None and step > _COARSEST * (high - low):
         _refuse_jumps(0.0)
     if high - low <= max(20.0 * noise, 1e-9):
         limit = f"moves by {high - low:.3g}° only, with noise of {noise:.2g}°: no cycle can be found"
         raise DataError("angle", limit=limit, remedy="name the column of the angle with --angle")
-    edges = _Edges(_at_stops(time_s, angle_deg), clean, noise, step, high - low)
+    edges = _Edges(*way, noise, step if stops is None else 0.0, high - low)
     calm, left = _calmed(angle_deg, noise, high - low, edges.half_samples)
     tolerance = max(3.0 * left, 0.51 * step, 0.002 * (high - low))
     ramps = _ramps(calm, edges.runs(), edges.half_samples, tolerance)
@@ -140,17 +145,27 @@ def find_motion(time_s: FloatArray, angle_deg: FloatArray) -> Motion:
         step_deg=step,
         speed_deg_per_s=_speed(time_s, ramps),
         warnings=warnings,
+        stopped=stops is not None,
     )
 
 
-def _at_stops(time_s: FloatArray, angle_deg: FloatArray) -> FloatArray:
-    """Time without the ways between stops, where the angle changes in gaps alone: a stage that was turned by hand."""
-    steps = np.diff(time_s)
+def _at_stops(time_s: FloatArray, angle_deg: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+    """Time and angle of a stage that was turned by hand, whose angle changes in gaps alone; None for others.
+
+    The time is without the gaps, and the angle a line from turn to turn by the middles of the stops between.
+    """
+    steps, changes = np.diff(time_s), np.diff(angle_deg) != 0.0
     usual = float(np.median(steps))
     gaps = steps > LONGEST_GAP * usual
-    if np.diff(angle_deg)[~gaps].any():
-        return time_s
-    return np.asarray(time_s[0] + np.concatenate([[0.0], np.cumsum(np.where(gaps, usual, steps))]))
+    if changes[~gaps].any() or not changes.any():
+        return None
+    time = np.asarray(time_s[0] + np.concatenate([[0.0], np.cumsum(np.where(gaps, usual, steps))]))
+    edges = np.flatnonzero(changes) + 1
+    first, last = np.append(0, edges), np.append(edges, time.size) - 1
+    turns = np.concatenate([[True], np.diff(np.sign(np.diff(angle_deg[first]))) != 0.0, [True]])
+    ends = np.stack([time[first], time[last]])
+    knots = np.where(turns, ends, ends.mean(axis=0))
+    return time, np.interp(time, knots.T.ravel(), np.repeat(angle_deg[first], 2))
 
 
 def _calmed(angle_deg: FloatArray, noise: float, reach: float, most: int) -> tuple[FloatArray, float]:

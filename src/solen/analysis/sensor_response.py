@@ -263,7 +263,7 @@ def _timing(runs: Sequence[Run], every: Passes, receivers: dict[str, ReceiverRes
 def _timing_warnings(timing: Timing, receivers: dict[str, ReceiverResponse]) -> list[Caution]:
     """Whether a hysteresis may be timing."""
     speed, adds = max(timing.speeds_deg_per_s), timing.timing_deg
-    if timing.separated:
+    if timing.separated or timing.timing_deg == 0.0:
         return []
     if not any(one.hysteresis_V > 3.0 * one.u_hysteresis_V for one in receivers.values()):
         return []

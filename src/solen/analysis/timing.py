@@ -182,7 +182,9 @@ def of_main_speed(speeds: FloatArray) -> BoolArray:
 
 
 def cycle_speeds(time_s: FloatArray, angle_deg: FloatArray, motion: Motion, used: Sequence[int]) -> FloatArray:
-    """Median speed of the ramps of each used cycle, (cycles,)."""
+    """Median speed of the ramps of each used cycle, (cycles,); 0 where all samples are of stops."""
+    if motion.stopped:
+        return np.zeros(len(used))
     speeds = np.array([_speed(time_s, angle_deg, ramp) for ramp in motion.ramps])
     starts = np.array([ramp.start for ramp in motion.ramps])
     found = []

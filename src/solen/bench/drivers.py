@@ -46,12 +46,15 @@ class Driver:
         Key of that table which the driver cannot do without: ``port``, ``device``, ``address``, or none.
     takes
         Of `KINDS`, the keys that mean something to it; None for all.
+    stops
+        Whether the position of its stage is known at rest alone.
     """
 
     role: Literal["stage", "board", "daq", "meter"]
     open: "Callable[[Rig, Clock], Stage | Sampler]"
     needs: str = ""
     takes: tuple[str, ...] | None = None
+    stops: bool = False
 
 
 @contextmanager
@@ -197,9 +200,9 @@ DRIVERS: registry.Registry[Driver] = registry.Registry(
     {
         "gcs2": Driver("stage", _gcs2, needs="port", takes=(*_LINE, "model", "address")),
         "grbl": Driver("stage", _grbl, needs="port", takes=_LINE),
-        "hand": Driver("stage", _hand, takes=()),
+        "hand": Driver("stage", _hand, takes=(), stops=True),
         "kinesis": Driver("stage", _kinesis, needs="port", takes=("port", "steps_per_unit")),
-        "marlin": Driver("stage", _marlin, needs="port", takes=_LINE),
+        "marlin": Driver("stage", _marlin, needs="port", takes=_LINE, stops=True),
         "board": Driver("stage", _motor, takes=("port", "baud", "steps_per_unit")),
         "zaber": Driver("stage", _zaber, needs="port", takes=(*_LINE, "address", "steps_per_unit")),
         "serial": Driver("board", _serial, needs="port"),

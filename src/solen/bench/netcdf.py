@@ -334,6 +334,8 @@ def _timing(file: Any, journaled: JournalContent) -> list[Caution]:
     for name, value in timing.attributes.items():
         file.attrs[name] = value
     protocol = Protocol(**header["protocol"])
+    if np.isnan(stage["position"]).any():  # its readings are of stops: no time shifts them
+        return []
     remark = timing.remark(protocol.fastest, reach_of(stage["position"]), protocol.unit)
     return [] if remark is None else [remark]
 

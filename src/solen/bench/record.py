@@ -21,7 +21,7 @@ from pydantic import Field
 from solen import __version__, files
 from solen.bench.catalogue import Catalogue, header_of
 from solen.bench.clock import Clock, SimulatedClock, WallClock
-from solen.bench.drivers import open_instruments
+from solen.bench.drivers import DRIVERS, open_instruments
 from solen.bench.homing import Confirm, make_known
 from solen.bench.interrupts import Ended, ended_by_signals, uninterrupted
 from solen.bench.journal import SUFFIX, Journal, read_journal, reserve_of
@@ -44,6 +44,8 @@ ROOM_OF_JOURNAL, ROOM_BYTES = 1.5, 1 << 18
 """A recording needs at most the size of its journal times the first, and the second in bytes."""
 PAUSE_S = 1.0
 """Shortest time between the end of a part of a run and the part that resumes it."""
+STOP_LOOKS = 5
+"""Looks at a stage that rests, at the least, where only stops count."""
 
 
 Report = Callable[[str], None]
@@ -207,8 +209,19 @@ def _check_compatible(protocol: Protocol, rig: Rig, protocol_file: Path, rig_fil
             if not low <= step.target <= high:
                 limit = f"is beyond the travel of {rig_file}, {low:g} to {high:g} {unit}"
                 raise BenchError(f"{protocol_file}: step[{number}]", value=step.target, limit=limit)
+    if rig.stage.driver in DRIVERS and DRIVERS[rig.stage.driver].stops:
+        _check_stops(protocol, protocol_file)
     if rig.simulated and {rig.stage.driver, rig.sampler.driver} != {"simulated"}:
         raise BenchError(str(rig_file), limit="has one real and one simulated instrument", remedy="make both one kind")
+
+
+def _check_stops(protocol: Protocol, protocol_file: Path) -> None:
+    """Refuse stops that are too short where they are all that counts."""
+    least_s = STOP_LOOKS / protocol.position_rate_hz
+    for number, step in enumerate(protocol.step):
+        if step.hold_s < least_s:
+            limit = f"is too short: the stage is known at stops alone, of {least_s:g} s or more"
+            raise BenchError(f"{protocol_file}: step[{number}].hold_s", value=step.hold_s, limit=limit)
 
 
 def _resumed(path: Path, tables: dict[Path, Protocol | Rig]) -> tuple[Journal, JournalContent]:

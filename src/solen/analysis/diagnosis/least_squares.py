@@ -36,6 +36,8 @@ WAVES = 12
 """Half waves over the range of angles, from none on, that a misfit is looked for in."""
 SIGNIFICANT = 0.05
 """Chance of a misfit that is none, from which on it counts as one."""
+CURVES_SHARE = 2e-5
+"""What mean curves are off by in every cycle alike, as a share of the swing: angles between entries of a log, cells."""
 _ROUNDS = 60
 
 
@@ -269,7 +271,7 @@ def _fitted(model: Model, cycles: Cycles, places: IndexArray, sd: FloatArray, va
     scattered = moved.T @ moved / (count * (count - 1)) if count > 1 else _white(left, table, inverse)
     through = hat @ waves
     missed = share**2 * through @ through.T
-    floor = (model.response.u_share**2 / (0.5 * WAVES)) * through @ through.T
+    floor = ((model.response.u_share**2 + CURVES_SHARE**2) / (0.5 * WAVES)) * through @ through.T
     parts = [
         (np.diag(scattered), float(count - 1) if count > 1 else max(len(left) - len(places), 1.0)),
         (np.diag(missed), freedom),

@@ -57,6 +57,8 @@ def _timing(timing: Timing) -> str:
         return f"  timing: by two speeds, the voltages come {lag} after the angle"
     if not math.isfinite(timing.bound_s):
         return "  timing: not known"
+    if timing.timing_deg == 0.0:
+        return "  timing: adds nothing, as all readings are of stops"
     return (
         f"  timing: ±{1e3 * timing.bound_s:.2g} ms, up to {timing.timing_deg:.2g}° between both ways; at one speed "
         "nothing tells more of it from a hysteresis"
