@@ -275,7 +275,7 @@ def test_signals_at_random_moments_switch_off_and_stop(wires: Wires, name: str) 
 
 @dataclass
 class Left:
-    """What a killed run left: how long emitters stayed lit, moves sent after the kill, how much is lost of its samples."""
+    """What a killed run left: how long emitters stayed lit, moves sent after the kill, samples lost."""
 
     dark_s: float
     moves: int
@@ -328,9 +328,7 @@ def test_kills_at_random_moments_leave_a_dark_board_and_a_stage_at_rest(wires: W
                 assert recover(wires.folder / "out" / "protocol.journal").outcome == "killed"
             (wires.folder / "out" / "protocol.nc").unlink(missing_ok=True)
     dark, lost, moves = (max(getattr(one, name) for one in found) for name in ("dark_s", "lost_s", "moves"))
-    told = (
-        f"emitters off within {dark:.2f} s by the board's watchdog, {moves} moves sent after it"
-    )
+    told = f"emitters off within {dark:.2f} s by the board's watchdog, {moves} moves sent after it"
     print(f"\n  {len(found)} SIGKILLs in the run: {told}; at most {1e3 * lost:.0f} ms of samples lost")
     assert len(found) >= 45
     assert all(-4.0 <= move.target <= 4.0 for move in wires.stage.axis.moves)

@@ -1,6 +1,7 @@
 """`solen bench diagnose` on files; the traced response is replaced by one in closed form."""
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from solen.arrays import FloatArray
 from solen.cli import run_command
 from solen.errors import DataError, SpecError
 from solen.spec import loads
-from tests.analysis.diagnosis_support import Lit, response
+from tests.analysis.diagnosis_support import Lit, integral, response
 from tests.analysis.made_support import made
 from tests.command_support import answered
 
@@ -167,6 +168,26 @@ def test_a_damaged_header_is_no_header(tmp_path: Path, design: Path) -> None:
     with pytest.raises(DataError, match="carries no design"):
         ask(path)
     assert ask(path, design=design).sensors["lens-1"].drawn is None
+
+
+@dataclass(frozen=True)
+class Denser(Lit):
+    """A recording of the design in closed form, of another index."""
+
+    index: float = 0.0
+
+    def response_V(self, angle_deg: FloatArray) -> FloatArray:
+        ends = [integral(angle_deg, np.full(angle_deg.shape, 0.02 + half), self.index) for half in (0.1, -0.1)]
+        left_right = ((ends[0] - ends[1]) / 0.2)[::-1].T
+        return np.asarray(np.array([4.8, 5.0]) - np.array([7.0, 8.0]) * left_right)
+
+
+@pytest.mark.parametrize(("index", "told"), [(0.003, False), (-0.009, True)])
+def test_a_number_beyond_its_tables_is_told(tmp_path: Path, design: Path, index: float, told: bool) -> None:
+    found = ask(table(tmp_path / "S1.csv", Denser(noise_V=1e-3, index=index)), design=design)
+    value = found.sensors["S1"].parameters["material.index"].value
+    assert value == pytest.approx(index, rel=0.2)
+    assert any("material.index comes out" in line and "0.0045" in line for line in found.warnings) == told
 
 
 class Bent(Lit):

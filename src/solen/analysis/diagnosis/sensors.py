@@ -343,6 +343,13 @@ def _cautions(diagnosis: Diagnosis, design: Design) -> Iterator[Caution]:
             "the model is light in the plane, which an emitter in space does not keep to: state "
             'trace.dimension = "extruded", with its emitter.pattern and the chip\'s height_mm'
         )
+    for key, change in diagnosis.fitted.model.response.changes.items():
+        off = diagnosis.fitted.value(key)
+        if abs(off) > change.step:
+            yield look_at(
+                f"{key} comes out {off:+.2g} from the design's: the response is traced to ±{change.step:.2g}, and a "
+                "straight line beyond, on which all numbers rest; diagnose again with a design that has this value"
+            )
     if len(diagnosis.cycles.volts) == 1:
         yield look_at("one cycle: its intervals take its noise for white, and drift and hysteresis are not in them")
     for side, share in diagnosis.left_out.items():
