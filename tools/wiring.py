@@ -123,7 +123,7 @@ def motor(axes: Axes) -> None:
 
 def wiring() -> Figure:
     """All three, side by side."""
-    figure = Figure(figsize=(10.0, 4.6), layout="constrained")
+    figure = Figure(figsize=(10.0, 3.8), layout="constrained")
     for axes, draw in zip(figure.subplots(1, 3), (emitter, receiver, motor), strict=True):
         draw(axes)
         axes.set(xlim=(-1.5, 7.2), ylim=(0.7, 9.0), aspect="equal")

@@ -49,8 +49,9 @@ def asked(
 def test_everything_that_is_asked_for_is_told_and_written(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    figure, out = tmp_path / "f.png", tmp_path / "lens.json"
-    found = asked(folder, capsys, "--u-um-per-px", "0.01", "--figure", str(figure), "--out", str(out))
+    figure, out = tmp_path / "f.svg", tmp_path / "lens.json"
+    look = ("--figure", str(figure), "--panels", "A", "--letters", "E")
+    found = asked(folder, capsys, "--u-um-per-px", "0.01", *look, "--out", str(out))
     assert found["scale"]["um_per_px"] == UM_PER_PX
     assert found["scale"]["origin"] == "OME-XML PhysicalSizeX"
     assert found["nearest"] == "n = 1.44"
@@ -65,7 +66,9 @@ def test_everything_that_is_asked_for_is_told_and_written(
     assert found["edge"]["points_used"] == len(found["outline_mm"]) == len(found["u_outline_deviation_um"])
     assert [edge["name"] for edge in found["edges"]] == ["single"]
     assert found["sources"][0]["file"] == "lens.ome.tif"
-    assert figure.read_bytes().startswith(b"\x89PNG")
+    drawn = figure.read_text(encoding="utf-8")
+    for words in ("deviation, + outwards (µm)", "n = 1.44", "rival: n = 1.49", ">E<"):
+        assert words in drawn, "the picture alone keeps its colour bar and names the indices"
     profile = read_profile(out)
     assert profile.edge == "mean"
     points = np.asarray(found["outline_mm"])

@@ -66,6 +66,7 @@ def test_chosen_panels_are_lettered_and_have_the_stated_ends() -> None:
         ({"panels": "D"}, "ABC"),
         ({"limits": ("E.x=0:1",)}, "ABC"),
         ({"limits": ("z=0:1",)}, "z=0:1"),
+        ({"letters": "3"}, "as A, a or"),
         ({"limits": ("x=0:inf",)}, "x=0:inf"),
         ({"limits": ("x=-inf:1",)}, "x=-inf:1"),
         ({"font": "No Such Font"}, "No Such Font"),
@@ -115,6 +116,20 @@ def test_panels_that_share_axes_keep_the_numbers_of_the_outer_ones_apart() -> No
     assert faults(figure) == []
 
 
+def test_a_legend_stays_clear_of_large_markers() -> None:
+    """A disc whose middle lies beside the legend, and whose edge would lie under it."""
+
+    def large() -> Figure:
+        figure = Figure(figsize=(4.0, 4.0))
+        axes = figure.subplots()
+        axes.plot([0.76], [0.86], "o", ms=60.0, label="disc")
+        axes.set(xlim=(0.0, 1.0), ylim=(0.0, 1.0))
+        axes.legend(loc="upper right")
+        return figure
+
+    assert faults(drawn(large)) == []
+
+
 def test_panels_beyond_z_have_two_letters() -> None:
     def many() -> Figure:
         figure = Figure(figsize=(12.0, 12.0))
@@ -124,8 +139,8 @@ def test_panels_beyond_z_have_two_letters() -> None:
     figure = drawn(many, FigureOptions(letters="A", limits=("y=0:2",)))
     assert [axes.texts[-1].get_text() for axes in figure.axes[24:]] == ["Y", "Z", "AA", "AB"]
     assert {axes.get_ylim() for axes in figure.axes} == {(0.0, 2.0)}
-    chosen = drawn(many, FigureOptions(panels="b,AA", letters="A", limits=("B.x=0:5",)))
-    assert len(chosen.axes) == 2
+    chosen = drawn(many, FigureOptions(panels="b,AA", letters="(e)", limits=("B.x=0:5",)))
+    assert [axes.texts[-1].get_text() for axes in chosen.axes] == ["(e)", "(f)"], "one file of several of a figure"
     assert len(drawn(many, FigureOptions(panels="AB")).axes) == 1
     with pytest.raises(SpecError, match="'AC'; the figure has the panels A to AB"):
         drawn(many, FigureOptions(panels="A,AC"))

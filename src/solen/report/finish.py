@@ -196,10 +196,12 @@ def _hide_titles(figure: Figure) -> None:
 
 def _letter(panels: list[list[Axes]], first: str) -> None:
     """Letters at the upper left corners, outside the axes."""
-    for number, panel in enumerate(panels):
-        letter = first.replace("A", _letter_of(number)).replace("a", _letter_of(number).lower())
+    start = first.strip("()")
+    for number, panel in enumerate(panels, string.ascii_lowercase.index(start.lower())):
+        letter = _letter_of(number)
         panel[0].annotate(
-            letter, (0.0, 1.0), xytext=(-4.0, 3.0), xycoords="axes fraction", textcoords="offset points", ha="right",
+            first.replace(start, letter if start.isupper() else letter.lower()), (0.0, 1.0), xytext=(-4.0, 6.0),
+            xycoords="axes fraction", textcoords="offset points", ha="right",
             weight="bold", annotation_clip=False,
         )  # fmt: skip
 
@@ -382,8 +384,13 @@ def _meets(artist: Any, axes: Axes, box: Bbox) -> bool:
 
 def _line_meets(line: Line2D, box: Bbox) -> bool:
     points = line.get_transform().transform(np.asarray(line.get_xydata(), dtype=float))
+    if line.get_marker() not in {"None", "", None}:
+        figure = line.get_figure(root=True)
+        assert figure is not None  # noqa: S101  it has been drawn
+        if _inside(points, box.padded(0.5 * line.get_markersize() * figure.dpi / 72.0)):
+            return True
     if line.get_linestyle() in {"None", ""}:
-        return bool(_inside(points, box))
+        return False
     path = line.get_transform().transform_path(line.get_path()).cleaned(remove_nans=True)
     return np.size(path.vertices) > 2 and bool(path.intersects_bbox(box, filled=False))
 

@@ -2,18 +2,19 @@
 
 import math
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from annotated_types import Ge, Le
 from pydantic import Field
 
 from solen.errors import OutputError, SpecError
-from solen.spec.strict import Finite, Options
+from solen.spec.strict import Finite, Options, or_refuse
 
 PIXELS = (".png", ".tiff", ".tif")
 KINDS = (".svg", ".pdf", ".eps", *PIXELS)
 LEAST_PT = 6.0
 """Smallest lettering that is drawn, as journals ask for."""
+LETTERS_LIMIT = "is one letter, as A, a or (a)"
 Limits = tuple[str | None, str, float, float]
 """Panel or None for all, x or y, and the ends of the axis."""
 
@@ -33,10 +34,10 @@ class FigureOptions(Options):
     """Size of the lettering; default: 9, and 8 with --width-mm. Nothing is smaller than 6."""
     no_titles: bool = False
     """Leave titles out of the picture, but for a note that data are simulated; the file's description keeps them."""
-    letters: Literal["A", "a", "(a)"] | None = None
-    """Letter the panels, beginning so."""
+    letters: Annotated[str | None, Field(pattern=r"^([A-Za-z]|\([A-Za-z]\))$"), or_refuse(LETTERS_LIMIT)] = None
+    """Letter the panels, beginning so: A, a, (a), or E for panels of a figure made of several files."""
     panels: str = ""
-    """Draw some panels alone, by their letters, as in AC; after Z comes AA, and then with commas: A,AA."""
+    """Draw some panels alone, as in AC, the first being A; after Z comes AA, and then with commas: A,AA."""
     limits: tuple[str, ...] = ()
     """Ends of an axis: x=400:900 of all panels, B.y=0:1 of one; repeatable."""
     dpi: int = Field(300, ge=72, le=1200)

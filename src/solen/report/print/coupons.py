@@ -33,6 +33,8 @@ def plans_figure(coupon_set: CouponSet) -> Figure:
 def _sequence(coupon: Coupon) -> Figure:
     """A coupon of several runs as a sheet of pictures, from the side: after each run, before the next, and taken off.
 
+    The last one is the slab as which the layer is then evaluated.
+
     Thicknesses are not to scale; they stand beside.
     """
     base, layer = (next(one for one in coupon.features if one.stage == stage.name) for stage in coupon.stages)
@@ -45,10 +47,35 @@ def _sequence(coupon: Coupon) -> Figure:
     steps = (("base printed", stack[:1], True), ("film cured onto it", stack[:2], True), ("layer cured", stack, True),
              ("taken off, for R and T", stack[1:], False))  # fmt: skip
     figure = Figure(figsize=(7.0, 4.2))
-    for axes, (title, parts, on_platform) in zip(figure.subplots(2, 2).flat, steps, strict=True):
+    grid = figure.add_gridspec(2, 3)
+    for number, (title, parts, on_platform) in enumerate(steps):
+        axes = figure.add_subplot(grid[divmod(number, 3)])
         _side_view(axes, parts, on_platform=on_platform)
         axes.set_title(title)
+    _slab(figure.add_subplot(grid[1, 1]))
     return figure
+
+
+def _slab(axes: Axes) -> None:
+    """Rays through a slab of thickness h: what all passes together reflect (R) and let through (T)."""
+    low, high, step, ends = 1.3, 2.3, 0.4, (0.6, 3.0)
+    axes.add_patch(Rectangle((-1.2, low), 2.9, high - low, facecolor=RIGHT, alpha=0.25, lw=0))
+    starts = [-0.5 + 2.0 * step * number for number in range(3)]
+    arrow = {"arrowstyle": "->", "color": LEFT, "shrinkA": 0, "shrinkB": 0}
+    axes.annotate("", (starts[0], high), (starts[0] - 0.4, ends[1]), arrowprops=arrow)
+    for number, x in enumerate(starts):
+        axes.annotate("", (x + 0.4, ends[1]), (x, high), arrowprops=arrow | {"alpha": 0.9**number})
+        if number < len(starts) - 1:
+            axes.plot([x, x + step, x + 2.0 * step], [high, low, high], color=LEFT, lw=1.0, alpha=0.8**number)
+            axes.annotate("", (x + step + 0.4, ends[0]), (x + step, low), arrowprops=arrow | {"alpha": 0.9**number})
+    axes.annotate(
+        "", (1.85, low), (1.85, high), arrowprops={"arrowstyle": "<->", "color": INK, "shrinkA": 0, "shrinkB": 0}
+    )
+    for x, y, text in ((1.95, 1.8, "h"), (1.6, 2.75, "R"), (1.4, 0.8, "T"), (-1.1, 1.8, "n, k"), (-0.85, 2.4, "$R_F$")):
+        axes.text(x, y, text, va="center", ha="center" if text == "$R_F$" else "left")
+    axes.set(xlim=(-1.4, 2.9), ylim=(0.5, 3.2))
+    axes.set_axis_off()
+    axes.set_title("a slab of thickness h")
 
 
 def _side_view(axes: Axes, parts: Sequence[tuple[str, str, str, float]], *, on_platform: bool) -> None:

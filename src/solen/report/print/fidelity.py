@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
+from matplotlib.patheffects import withStroke
 from matplotlib.ticker import NullFormatter
 
 from solen.arrays import FloatArray
@@ -118,8 +119,9 @@ def _overlay(axes: Axes, measurement: CouponMeasurement) -> None:
 
 def _note(axes: Axes, x: float, y: float, text: str) -> None:
     axes.annotate(
-        text, (x, y), xytext=(0, 3), textcoords="offset points", ha="center", fontsize="small", color="#ffd24d"
-    )
+        text, (x, y), xytext=(0, 3), textcoords="offset points", ha="center", fontsize="small", color="#ffd24d",
+        path_effects=[withStroke(linewidth=1.6, foreground=INK)],
+    )  # fmt: skip
 
 
 def _steps(axes: Axes, coupon: Coupon, features: Sequence[MeasuredSize]) -> None:

@@ -36,7 +36,9 @@ def inspect_figure(inspection: LensInspection) -> Figure:
     above, below = figure.subplots(2, 1, height_ratios=[tall, BELOW])
     _picture(above, inspection)
     edge = _coloured(above, inspection, norm)
-    figure.colorbar(edge, ax=above, label="deviation, + outwards (µm)", shrink=0.95)
+    bar = above.inset_axes((1.02, 0.0, 0.03, 1.0))  # as high as the picture, and of its panel
+    figure.colorbar(edge, cax=bar, label="deviation, + outwards (µm)")
+    bar.grid(visible=False)
     _deviations(below, inspection, norm)
     title = f"{'simulated: ' if inspection.simulated else ''}{inspection.sources[0].file}"
     title += f", {image.um_per_px:.4g} µm per pixel: {fit.rms_um:.3g} µm (rms) from {inspection.nominal.name}"
@@ -70,7 +72,7 @@ def _picture(axes: Axes, inspection: LensInspection) -> None:
     )
     for other in outline.edges[1:]:
         axes.plot(*other.edge.measured[0].T, ".", ms=1.2, color=SERIES[5], label=f"{other.name} edge")
-    axes.plot(*front.T, "--", lw=1.1, color=SERIES[2], label=f"design: {inspection.nominal.name}")
+    axes.plot(*front.T, "--", lw=1.1, zorder=3, color=SERIES[2], label=f"design: {_own_name(inspection)}")
     for number, rival in enumerate(_rivals(inspection)):
         placed = rival.registration.pose.to_px(rival.front_mm)
         axes.plot(*placed.T, lw=0.9, color=RIVALS[number % 3], ls=LINES[2 + number % 3], label=f"rival: {rival.name}")
@@ -89,6 +91,13 @@ def _rivals(inspection: LensInspection) -> list[ComparedDesign]:
     """The compared designs, without the lens's own."""
     own = inspection.outline.chosen.registration.rms_um
     return [one for one in inspection.designs.values() if abs(one.registration.rms_um - own) >= 1e-6 * own]
+
+
+def _own_name(inspection: LensInspection) -> str:
+    """The design's name, and the name under which it was compared: that of its index, where the others differ in it."""
+    rivals = {one.name for one in _rivals(inspection)}
+    own = [name for name in inspection.designs if name not in rivals]
+    return ", ".join(dict.fromkeys((inspection.nominal.name, *own)))
 
 
 def _window(front: FloatArray, shape: tuple[int, int]) -> tuple[int, int, int, int]:

@@ -49,7 +49,7 @@ def _side_by_side(axes: Axes, curve: MeasuredCurve) -> None:
         e = np.geomspace(min(doses.min(), one.Ec_mJ_per_cm2) / _MARGIN, doses.max() * _MARGIN, 161)
         depth, half = one.depth_um(e), one.half_width_um(e)
         axes.fill_between(e, depth - half, depth + half, color=look["color"], alpha=_BAND, lw=0)
-        axes.plot(e, depth, **look, lw=1.4, label=f"{Path(one.sources[0].file).stem}: Dp {one.Dp_um:.3g} µm")
+        axes.plot(e, depth, **look, lw=1.4, label=_named(one))
         at = np.unique(doses)
         groups = [thick[doses == dose] for dose in at]
         sd = [group.std(ddof=1) if len(group) > 1 else 0.0 for group in groups]
@@ -57,6 +57,11 @@ def _side_by_side(axes: Axes, curve: MeasuredCurve) -> None:
         axes.errorbar(at, means, sd, ms=4, capsize=2, lw=0.9, **dots)
     axes.set(xscale="log", xlabel="dose (mJ/cm²)", ylabel="thickness (µm)", ylim=(0.0, None))
     _plain_ticks(axes.xaxis)
+
+
+def _named(curve: MeasuredCurve | CurveBeside) -> str:
+    """A table's name with its curve's two numbers."""
+    return f"{Path(curve.sources[0].file).stem}: Dp {curve.Dp_um:.3g} µm, Ec {curve.Ec_mJ_per_cm2:.3g} mJ/cm²"
 
 
 def _title(curve: WorkingCurve) -> str:
