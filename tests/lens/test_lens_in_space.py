@@ -192,3 +192,12 @@ def test_given_layers_that_are_none_are_refused(
     with pytest.raises(DataError) as refusal:
         GivenLayers(**PAPER, layer_mm=0.5, given=read_layers(given(tmp_path, **changes)))
     assert all(word in str(refusal.value) for word in words)
+
+
+def test_lenses_of_other_profiles_are_others(tmp_path: Path) -> None:
+    """Bodies are remembered by their lens: one print must not be traced in place of another."""
+    profiles = read_layers(given(tmp_path))
+    lens = GivenLayers(**PAPER, layer_mm=0.5, given=profiles)
+    assert lens == GivenLayers(**PAPER, layer_mm=0.5, given=profiles)
+    assert lens != GivenLayers(**PAPER, layer_mm=0.5, given=read_layers(given(tmp_path)))
+    assert lens != LayeredLens(**PAPER, layer_mm=0.5)

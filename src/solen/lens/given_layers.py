@@ -71,7 +71,7 @@ class Profiles:
             raise DataError("edges_mm", limit="must ascend")
 
 
-class GivenLayers(LayeredLens):
+class GivenLayers(LayeredLens, eq=True):
     """Layers of given profiles in place of a layered lens's own."""
 
     shape_name: ClassVar[str] = "layered"
