@@ -38,7 +38,7 @@ _NAMES = {
     "save": "solen.spec",
     "working_curve": "solen.api",
 }
-"""What the package offers, and the module that has it; `__init__.pyi` says the same to type checkers."""
+"""Public names and the modules that define them; `__init__.pyi` lists the same for type checkers."""
 
 __all__ = ["__version__", *_NAMES]
 

@@ -78,9 +78,9 @@ class Installation(Result):
     cache
         The compiled tracer on disk.
     plugins
-        What other installed packages add, by entry-point group.
+        Additions of other installed packages, by entry-point group.
     warnings
-        What is not as it should be.
+        Problems.
     """
 
     version: str

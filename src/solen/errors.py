@@ -18,11 +18,11 @@ class SolenError(Exception):
     what
         The thing that is wrong, by the name the user gave it (``lens.half_width_mm``, a file's path).
     value
-        What was found there; left out of the line when ``None``.
+        The value in question; left out of the line when ``None``.
     limit
-        What would have been accepted.
+        The limit that it breaks.
     remedy
-        What to do about it.
+        How to put it right.
     """
 
     def __init__(self, what: str, *, value: object = None, limit: str = "", remedy: str = "") -> None:

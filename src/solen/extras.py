@@ -24,7 +24,7 @@ class Package:
     extra
         The extra of solen that installs it.
     known_as
-        What a message calls it; empty: as pip does.
+        Its name in a message; empty: as pip names it.
     """
 
     distribution: str
@@ -62,7 +62,7 @@ PACKAGES = {
     "xarray": Package("xarray", "netcdf"),
     "xlrd": Package("xlrd", "xls"),
 }
-"""What must be installed for a module, by the name it is imported by."""
+"""Package to install for a module, by the name it is imported by."""
 
 
 def installed(module: str) -> bool:
@@ -85,11 +85,11 @@ def need(
     modules
         By the names they are imported by; they are not loaded.
     what, value
-        What the error is about, as the user named it: an option, a file; and what was asked of it.
+        Subject of the error, as the user named it: an option, a file; and what was asked of it.
     doing
-        What the module is needed for: "writing STEP".
+        Purpose of the module: "writing STEP".
     otherwise
-        What to do instead of installing it: "export a CSV".
+        Alternative to installing it: "export a CSV".
     error
         The kind of error to raise.
 

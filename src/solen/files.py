@@ -27,7 +27,7 @@ SEALED = b"SOLENSEAL1"
 _SEAL = struct.Struct("<10sQI")
 _APART = 1 << 13
 Content = bytes | Callable[[Path], object]
-"""What a file holds: its bytes, or what writes them to a path, as a library does that writes files by itself."""
+"""Content of a file: its bytes, or a function that writes them to a path, for libraries that write files themselves."""
 
 
 def read_text(path: Path, error: type[SolenError]) -> str:

@@ -1,4 +1,4 @@
-"""What one interface between two media does to a ray: Snell, Fresnel, total reflection.
+"""Refraction and reflection at one interface between two media: Snell, Fresnel, total reflection.
 
 Directions are unit vectors; ``normal`` is the unit normal that faces the arriving ray (their scalar product is
 negative). n1 is the index on the arriving side, n2 the one behind.

@@ -29,7 +29,7 @@ class _Warning:
     text: str
 
     def tails(self) -> list[tuple[str, str]]:
-        """What may be names, and the sentence behind them, the fewest names first."""
+        """Possible names, and the sentence behind them, the fewest names first."""
         parts = self.text.split(": ")
         return [(": ".join(parts[:n]), ": ".join(parts[n:])) for n in range(min(_NAMES, len(parts) - 1) + 1)]
 

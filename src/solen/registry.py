@@ -29,14 +29,14 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, eq=False)
 class Registry(Mapping[str, T], Generic[T]):
-    """What solen has by name, and what other packages add under an entry-point group.
+    """Parts of solen by name, and those that other packages add under an entry-point group.
 
     Parameters
     ----------
     group
         Of the entry points.
     own
-        What solen has.
+        Those of solen.
     kind
         Type that an entry of another package must be of, or a class that it must derive from.
 
@@ -68,7 +68,7 @@ class Registry(Mapping[str, T], Generic[T]):
         return name in self.own or name in offered(self.group)
 
     def added(self) -> dict[str, T]:
-        """What other packages add, loaded."""
+        """Additions of other packages, loaded."""
         return {name: self[name] for name in offered(self.group) if name not in self.own}
 
     def _load(self, entry: EntryPoint) -> T:

@@ -42,7 +42,7 @@ def is_unit(text: str) -> bool:
 
 
 def factor(unit: str, wanted: str) -> float | None:
-    """What a number in ``unit`` is multiplied with to be one in ``wanted``; None where that cannot be.
+    """Factor that turns a number in ``unit`` into one in ``wanted``; None where there is none.
 
     Units that have no factor, as dB/cm and °C, can be taken to themselves.
     """

@@ -60,7 +60,7 @@ class Alignment(Result):
     angle_deg
         Angle at the recorder's times, NaN outside the log, (n,).
     warnings
-        What cannot be concluded.
+        Warnings.
     """
 
     lag_s: float

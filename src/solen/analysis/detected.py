@@ -1,4 +1,4 @@
-"""What `study` detects automatically: the log of the stage beside a recording, and the full command.
+"""Choices that `study` makes automatically: the log of the stage beside a recording, and the full command.
 
 The idea: a data acquisition often records no angle, and the stage's program leaves its log in the same folder: a small
 table of times and angles without any voltage. Whether it is of the same test its alignment with the voltages shows.

@@ -63,7 +63,7 @@ def logged_angle(log_s: FloatArray, log_deg: FloatArray, motion: Motion) -> Logg
     log_s, log_deg
         Entries, (k,), whose times never fall.
     motion
-        What was found in them.
+        The results.
     """
     tolerance = max(_NOISES * motion.noise_deg, _STEPS * motion.step_deg, 1e-6 * (motion.high_deg - motion.low_deg))
     nodes, spans = [], []

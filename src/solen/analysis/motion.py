@@ -1,4 +1,4 @@
-"""What the angle did: ramps, holds and cycles, whatever the protocol.
+"""The motion of the angle: ramps, holds and cycles, whatever the protocol.
 
 The idea: a protocol is levels and the ways between them. A way (a ramp) is where the angle changes steadily over a
 tenth of its range; a hold is where it does not. A cycle begins where the angle leaves its rest to the side that it left
@@ -65,7 +65,7 @@ class Cycle:
 
 
 class Motion(Result):
-    """What an angle did.
+    """Motion of an angle.
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ class Motion(Result):
     speed_deg_per_s
         Median speed over the ramps.
     warnings
-        What is left out, and why.
+        Parts left out, with reasons.
     stopped
         Whether its samples are of stops alone, as of a stage that was turned by hand.
     """

@@ -22,7 +22,7 @@ _NOTHING_V = 1e-9  # a change below this is rounding
 
 
 class Crosstalk(Result):
-    """What the far receiver does while the sensor turns from 0 to the end that brightens the near one.
+    """Response of the far receiver while the sensor turns from 0 to the end that brightens the near one.
 
     Attributes
     ----------

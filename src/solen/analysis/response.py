@@ -193,7 +193,7 @@ def on_grid(angle_deg: FloatArray, volts: FloatArray, grid: FloatArray) -> Float
 
 
 def _beyond(angles: FloatArray, values: FloatArray, beyond_deg: FloatArray, step: float) -> FloatArray:
-    """What values change by from the last samples to points beyond them, (g, receivers)."""
+    """Change of values from the last samples to points beyond them, (g, receivers)."""
     change = np.zeros((beyond_deg.size, values.shape[1]))
     for side, near in ((beyond_deg < 0.0, angles <= angles[0] + step), (beyond_deg > 0.0, angles >= angles[-1] - step)):
         if side.any() and near.sum() > 1:

@@ -95,7 +95,7 @@ class Run(Result):
     Attributes
     ----------
     signals
-        What was recorded.
+        The recorded signals.
     motion
         Its ramps, holds and cycles.
     used
@@ -135,13 +135,13 @@ class SensorResponse(Result):
     left_minus_right
         Response of their difference; None where the names do not tell left from right.
     timing
-        What timing contributes to their hysteresis, and their hysteresis apart from it.
+        Contribution of timing to their hysteresis, and their hysteresis apart from it.
     runs
         Its recordings.
     passes
         Ways of all of them on one grid.
     warnings
-        What cannot be concluded.
+        Warnings.
     ageing
         How it changes over its cycles, with ``every``.
     """
@@ -385,7 +385,7 @@ def _drift_warnings(name: str, own: ReceiverResponse, runs: Sequence[Run]) -> li
 
 
 def _cautions(receivers: dict[str, ReceiverResponse], ways: Passes, runs: Sequence[Run]) -> list[Caution]:
-    """What the numbers of a sensor cannot show."""
+    """Warnings about the numbers of a sensor."""
     warnings, unit = _rest_warnings(runs) + _reach_warnings(ways, runs), runs[0].signals.unit
     if ways.cycles < 3:
         count = "one cycle is" if ways.cycles == 1 else "two cycles are"

@@ -109,7 +109,7 @@ class SignalOptions(Options):
 
 
 class Switching(Result):
-    """What was found in a waveform whose emitters switch.
+    """Switching detected in a waveform.
 
     Attributes
     ----------
@@ -158,7 +158,7 @@ class Waveforms:
     window_s
         Time over which each is a mean; 0 for samples.
     switching
-        What was found where emitters switch; None where they do not.
+        Switching of the emitters; None where they do not switch.
     warnings
         Assumptions, and what is left out.
     """

@@ -65,7 +65,7 @@ class Study(Result):
     alignment
         How the clock of the log differs from the recorder's, by recording.
     switching
-        What was found in waveforms whose emitters switch, by recording.
+        Switching detected in waveforms, by recording.
     options
         How the recordings were analysed, with what was detected.
     command
@@ -121,7 +121,7 @@ class Study(Result):
 
     @property
     def remark(self) -> str:
-        """What every figure must state about the processing; empty for nothing."""
+        """Note on the processing for every figure; empty for none."""
         return "" if self.options.smooth_ms is None else f"moving mean over {self.options.smooth_ms:g} ms"
 
     @property
@@ -208,7 +208,7 @@ def study(files: Sequence[Path], options: AnalysisOptions | None = None) -> Stud
 
 @dataclass
 class _Found:
-    """What was read: signals of each sensor; provenances, alignments, switching and warnings of recordings.
+    """Recordings as read: signals of each sensor; provenances, alignments, switching and warnings of recordings.
 
     ``logs`` were found beside recordings, ``bare`` states whether all are without ambient light.
     """
@@ -403,7 +403,7 @@ def _pooling_warnings(options: AnalysisOptions, sensors: Mapping[str, Sequence[S
 
 
 def _group_warnings(groups: Sequence[SensorGroup | None], sensors: int) -> list[Caution]:
-    """What the number of sensors cannot show."""
+    """Warnings about the number of sensors."""
     warnings = []
     for group, what in zip(groups, ("with a lens", "without a lens"), strict=True):
         if group is not None and group.n == 1 and sensors > 1:

@@ -37,7 +37,7 @@ class TimeBase:
     gaps_s
         Start and end of each gap, (g, 2).
     warnings
-        What is not as a steady clock would have it.
+        Irregularities of the clock.
     """
 
     order: IndexArray
@@ -55,7 +55,7 @@ def time_base(time_s: FloatArray, name: str = "time") -> TimeBase:
     time_s
         Stamps in s, NaN where the file has none, (n,).
     name
-        What the stamps are called in an error.
+        Name of the stamps in an error.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What timing contributes to a hysteresis, and what is left of it where a motion has two speeds.
+"""Contribution of timing to a hysteresis, and the remainder where a motion has two speeds.
 
 The idea: a reading that belongs to an angle a little earlier or later makes the ways up and down differ, as a
 hysteresis does. At a speed v a delay τ shows −2 v τ f'(θ) between them, f' the slope of the response; a hysteresis of
@@ -57,7 +57,7 @@ class Timing(Result):
     bound_s
         How far angles and readings may be apart in time, to either side.
     source
-        What states it: the ``recording`` itself, a ``log`` that was laid on it, or how often the ``angle`` changes.
+        Its source: the ``recording`` itself, a ``log`` that was laid on it, or how often the ``angle`` changes.
     speeds_deg_per_s
         Speeds of all cycles that timing is known from, each once.
     timing_deg

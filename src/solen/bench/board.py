@@ -103,7 +103,7 @@ class SerialBoard:
 
     @property
     def losses(self) -> Losses:
-        """What did not come."""
+        """Losses so far."""
         return self._reader.losses
 
     def start(self) -> None:
@@ -165,7 +165,7 @@ class SerialBoard:
         self._sent += 1
 
     def command(self, kind: int, payload: bytes = b"") -> bytes:
-        """What is answered to a command that was obeyed; `BenchError` where it was not."""
+        """Answer to a command; `BenchError` where it was not obeyed."""
         answer = self._answer(kind, payload)
         if answer is None:
             limit = f"no answer to {_NAMES[kind]} within {self._answer_s:g} s"

@@ -32,7 +32,7 @@ _TAKE_IN = """insert or replace into recordings values
 
 @dataclass(frozen=True)
 class CatalogueEntry:
-    """What a recording states of itself; ``sensors`` are their names, ``there`` whether the file still is."""
+    """Description of a recording; ``sensors`` are their names, ``there`` whether the file still exists."""
 
     file: str
     sha256: str
@@ -56,7 +56,7 @@ class RecordingList(Result):
     folder
         The folder.
     recordings
-        What the catalogue holds, by date.
+        Entries of the catalogue, by date.
     journals
         Names of journals of runs that are under way or were not closed.
     strangers

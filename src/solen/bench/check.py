@@ -101,7 +101,7 @@ class RigCheck(Result):
     simulated
         Whether the rig is.
     faults
-        What is wrong, a line each.
+        Problems, a line each.
     """
 
     rig: str
@@ -114,7 +114,7 @@ class RigCheck(Result):
 
     @reported
     def warnings(self) -> tuple[Caution, ...]:
-        """What is wrong."""
+        """The problems."""
         return self.faults
 
     def to_dict(self) -> dict[str, Any]:
@@ -157,7 +157,7 @@ def check(rig_file: Path, options: CheckOptions = CheckOptions()) -> RigCheck:
 
 
 def judged(rig: Rig, glance: Glance) -> RigCheck:
-    """What a glance says of a rig."""
+    """Problems of a rig that a glance shows."""
     signal = glance.signal
     mean, error = signal.mean(axis=0), signal.std(axis=0) / math.sqrt(max(len(signal), 1))
     answers = np.abs(mean) > np.maximum(ANSWERS_SD * error, ANSWERS * (glance.high_V - glance.low_V))
@@ -200,7 +200,7 @@ def _noise(time_s: FloatArray, signal: FloatArray) -> float:
 def _faults(
     rig: Rig, sensor: SensorOf, inputs: dict[str, InputCheck], glance: Glance, mean: FloatArray, answers: FloatArray
 ) -> Iterator[Caution]:
-    """What is wrong with a sensor; the name of the receiver stands before the colon."""
+    """Problems of a sensor; the name of the receiver stands before the colon."""
     short_V, circuit = SHORTED * (glance.high_V - glance.low_V), rig.unit == "V"
     for side, own in inputs.items():
         what = f"{sensor.name} {side} (input {own.input})"
@@ -220,7 +220,7 @@ def _faults(
 
 
 def _settings(own: InputCheck, glance: Glance, emitter: int, rig: Rig) -> Iterator[Caution]:
-    """What a receiver that works could do better."""
+    """Possible improvements of a working receiver."""
     clipped = float(glance.clipped[:, emitter, own.input - 1].mean())
     if clipped > 0.0:
         upper = glance.high_V - own.off_V < own.on_V - glance.low_V

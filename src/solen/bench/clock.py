@@ -35,7 +35,7 @@ class WallClock:
     Parameters
     ----------
     at_s
-        What the clock shows at first.
+        Initial time of the clock.
     source
         Seconds that never go back. `time.perf_counter` is the finest everywhere; `time.monotonic` advances in steps of
         15.6 ms on Windows before Python 3.13.

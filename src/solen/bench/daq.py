@@ -30,7 +30,7 @@ ENDS = np.array([[-(1 << 15)], [(1 << 15) - 1]], np.int16)
 
 @dataclass(frozen=True)
 class Model:
-    """What an instrument can do.
+    """Capabilities of an instrument.
 
     Attributes
     ----------
@@ -167,7 +167,7 @@ MODELS = {
 
 @dataclass(frozen=True)
 class Setup:
-    """What is asked of a data acquisition.
+    """Settings of a data acquisition.
 
     Attributes
     ----------
@@ -191,7 +191,7 @@ class Setup:
     settle_us
         Left out after each switch.
     buffer_s
-        What the computer holds until it is read.
+        Size of the computer's buffer.
 
     Raises
     ------
@@ -282,7 +282,7 @@ class Samples:
     counts
         Shape (N, channels).
     remarks
-        What happened since the last samples.
+        Events since the last samples.
     """
 
     stretch: int

@@ -129,7 +129,7 @@ class Periods:
 
 @dataclass
 class Losses:
-    """What a stream lost: counted, never passed over.
+    """Losses of a stream, all counted.
 
     Attributes
     ----------
@@ -186,9 +186,9 @@ class FrameReader:
     Attributes
     ----------
     layout
-        What periods are expected; others are counted as `Losses.other`.
+        Layout of the expected periods; others are counted as `Losses.other`.
     losses
-        What was lost up to now.
+        Losses so far.
     answers
         Payloads of `ANSWER` frames that nobody has taken yet.
     every_kind

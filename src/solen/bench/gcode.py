@@ -1,4 +1,4 @@
-"""What boards that take G-code have in common: an axis by its letter, and lines that are answered by ``ok``.
+"""Common part of boards that take G-code: an axis by its letter, and lines that are answered by ``ok``.
 
 The interface: `GcodeStage`, the base of drivers.
 """
@@ -62,7 +62,7 @@ class GcodeStage(LineStage):
         """Whether a line ends the answer to a text; `BenchError` where it is the board's reason against it."""
 
     def _awake(self, ask: Callable[[], _Said]) -> _Said:
-        """What it answers, as soon as it does; what came before is of no use."""
+        """Its answer, as soon as it comes; earlier input is discarded."""
         due = self._clock.now_s() + self.wakes_s
         while True:
             self._lines.forget()

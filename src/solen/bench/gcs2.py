@@ -38,7 +38,7 @@ ERRORS = {
     89: "not allowed in this mode of motion",
     1024: "motion error: the axis did not follow, its servo is off",
 }
-"""What the controller means by its error codes; others are shown by number."""
+"""Meaning of the controller's error codes; others are shown by number."""
 STOPPED = 10
 STOP_ALL, MOVING, READY = b"\x18", b"\x05", b"\x07"
 _READY, _BUSY = b"\xb1", b"\xb0"

@@ -1,4 +1,4 @@
-"""What a rig's receivers read now, without a run: each input with each emitter on, and off.
+"""Present readings of a rig's receivers, without a run: each input with each emitter on, and off.
 
 The idea: before a run nobody knows yet whether every wire is where the rig file has it, so that nothing is left out:
 all inputs are read with every emitter. Of a data acquisition the phases are found as after a run.
@@ -100,7 +100,7 @@ class Glances:
         self._periods: Periods | None = None
 
     def read(self) -> Glance | None:
-        """What came since the last call; None where that is nothing, or shows no switching."""
+        """Data since the last call; None where there is none, or it shows no switching."""
         return self._of_samples(self._sampler) if isinstance(self._sampler, Daq) else self._of_periods(self._sampler)
 
     def _of_periods(self, board: EmitterBoard) -> Glance | None:

@@ -28,7 +28,7 @@ ERRORS = {
     16: "it does not know this jog",
     22: "no feed rate",
 }
-"""What the controller means by its error codes; others are shown by number."""
+"""Meaning of the controller's error codes; others are shown by number."""
 _STATUS = re.compile(r"<(\w+)(?::\d)?\|(?:.*\|)?MPos:([-\d.,]+)")
 _SETTING = re.compile(r"\$(\d+)=([-\d.]+)")
 

@@ -32,7 +32,7 @@ class Ended(KeyboardInterrupt):
 
 @dataclass
 class _State:
-    """What was asked, and whether it may be answered now."""
+    """The request, and whether it may be answered now."""
 
     held: int = 0
     ended: bool = False

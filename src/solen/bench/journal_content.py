@@ -1,4 +1,4 @@
-"""What a journal holds: its header, records, rows and events, and what was lost of them."""
+"""Content of a journal: its header, records, rows and events, and their losses."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -33,24 +33,24 @@ class Missing:
 
 @dataclass(frozen=True, eq=False)
 class JournalContent:
-    """What a journal holds.
+    """Content of a journal.
 
     Attributes
     ----------
     header
-        What was written at its beginning: design, protocol, rig, versions, seeds, clock.
+        Entries at its beginning: design, protocol, rig, versions, seeds, clock.
     streams
         Rows of each stream that is not bulky, as one structured array.
     events
         Events in their order, each with ``t_s`` and ``what``.
     end
-        What was written when it was ended; None where the run was killed.
+        Entries at its end; None where the run was killed.
     whole_bytes, lost_bytes
         Where the last whole record ends, and the length of the unfinished one after it.
     damaged_bytes
         Bytes that belong to no whole record and to no unfinished one.
     missing
-        What those held, as far as the numbers of the others say.
+        Content of those, as far as the numbers of the others show.
     version
         Of the file.
     path
@@ -97,7 +97,7 @@ class JournalContent:
 
     @property
     def losses(self) -> dict[str, int]:
-        """What the sampler lost, over all parts that were ended and not killed."""
+        """Losses of the sampler, over all parts that were ended and not killed."""
         total: Counter[str] = Counter()
         for event in self.events:
             total.update(event.get("losses", {}))

@@ -39,7 +39,7 @@ FAULTS = {
     0x8_0000: "commutation error",
     0x100_0000: "its current is at the limit",
 }
-"""What bits of the status mean that end a move."""
+"""Meaning of the bits of the status that end a move."""
 
 SERVO, BRUSHLESS, STEPPER = 65536 * 2048 / 6e6, 65536 * 102.4e-6, 53.68
 """Value of a velocity for one count per second: 65536 times the servo's period; of a stepper as it is stated."""

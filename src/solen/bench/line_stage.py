@@ -1,4 +1,4 @@
-"""What stages at the end of a line have in common: a stop that is waited for, a line that is closed whatever happens.
+"""Common part of stages at the end of a line: a stop that is waited for, a line that is closed whatever happens.
 
 The interface: `LineStage`, the base of drivers.
 """
@@ -25,7 +25,7 @@ class LineStage(ABC):
     answer_s
         How long an answer may take.
     cut
-        What an answer is, where it is no line.
+        Form of an answer that is not a line.
     """
 
     def __init__(self, name: str, link: Link, clock: Clock, answer_s: float = 1.0, cut: Cut = line_of) -> None:

@@ -24,7 +24,7 @@ class Link(Protocol):
         """Send bytes; `BenchError` where the line is gone."""
 
     def read(self, most: int, timeout_s: float) -> bytes:
-        """What has come, up to ``most`` bytes; waits for the first, none after the time is up."""
+        """Bytes received, up to ``most``; waits for the first, none after the time is up."""
 
     def close(self) -> None:
         """Close the line."""
@@ -42,7 +42,7 @@ class SerialLink:
         self._tried(self._port.write, data)
 
     def read(self, most: int, timeout_s: float) -> bytes:
-        """What has come, up to ``most`` bytes; waits for the first, none after the time is up."""
+        """Bytes received, up to ``most``; waits for the first, none after the time is up."""
         return bytes(self._tried(self._read, most, timeout_s))
 
     def close(self) -> None:

@@ -26,7 +26,7 @@ MOST_MISSED = 5
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """What all inputs read at once.
+    """Simultaneous readings of all inputs.
 
     Attributes
     ----------

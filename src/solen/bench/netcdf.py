@@ -38,7 +38,7 @@ _NAMED = 5
 
 
 class RecordedRun(Result):
-    """What the recording of a run holds.
+    """Content of the recording of a run.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class RecordedRun(Result):
     sensors
         Readings of each sensor.
     losses
-        What the sampler lost, over all parts of the run.
+        Losses of the sampler, over all parts of the run.
     lost_bytes
         Of the journal's unfinished last record.
     damaged_bytes, missing_records
@@ -61,7 +61,7 @@ class RecordedRun(Result):
     simulated
         Whether anything in it is simulated.
     remarks
-        What gave no readings, and what happened to the instruments.
+        Periods without readings, and events of the instruments.
     """
 
     path: Path = field(metadata=HIDDEN)
@@ -79,7 +79,7 @@ class RecordedRun(Result):
 
     @reported
     def warnings(self) -> tuple[Caution, ...]:
-        """What was lost, and the remarks."""
+        """Losses, and the remarks."""
         lost = [f"{number} {name}" for name, number in self.losses.items() if number]
         return (
             *([look_at(f"lost {', '.join(lost)}")] if lost else []),
@@ -316,7 +316,7 @@ def _ended(journaled: JournalContent) -> list[Caution]:
 
 
 def _damage(journaled: JournalContent) -> list[Caution]:
-    """What a damaged journal lacks."""
+    """Missing parts of a damaged journal."""
     if not journaled.damaged:
         return []
     places = ", ".join(map(str, journaled.missing[:_NAMED]))

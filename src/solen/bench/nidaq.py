@@ -47,7 +47,7 @@ FAULTS = {
     -88709: ("was unplugged or reset", "check its cable"),
     -88710: ("was unplugged or reset", "check its cable"),
 }
-"""What other error codes mean, and what to do."""
+"""Meaning of other error codes, and remedies."""
 MOST_BITS = 16
 """Wider converters do not fit into the counts that are kept."""
 MOST_OVERRUNS, WITHIN_S = 3, 10.0
@@ -64,7 +64,7 @@ class NiDaq:
     device
         Its name in NI-DAQmx.
     setup
-        What is asked of it.
+        Its settings.
 
     Raises
     ------
@@ -104,7 +104,7 @@ class NiDaq:
 
     @property
     def no_watchdog(self) -> str | None:
-        """What a killed program leaves, and what helps; None where a watchdog outside is fed."""
+        """State left by a killed program, and the remedy; None where an external watchdog is fed."""
         lights = self.setup.switching != "external" or self.setup.enable is not None
         if not lights or self.setup.alive is not None:
             return None

@@ -1,4 +1,4 @@
-"""What a device of National Instruments can do, asked of its driver.
+"""Capabilities of a device of National Instruments, as its driver reports them.
 
 The idea: NI-DAQmx knows of each device its inputs and how they may be wired, ranges, rates, whether inputs share a
 converter, counters that put out pulses, and static lines. A property that a device does not have is an error of the
@@ -31,7 +31,7 @@ def nidaqmx_package() -> Any:
 
 
 def no_driver(bad: Exception) -> BenchError:
-    """What to say where the driver itself is missing, or is not what it should be."""
+    """Error where the driver itself is missing or broken."""
     kind = type(bad).__name__
     if kind == "DaqNotSupportedError":
         return BenchError("NI-DAQmx", limit="does not run on this system", remedy="use Windows, or a Linux it supports")
@@ -41,7 +41,7 @@ def no_driver(bad: Exception) -> BenchError:
 
 
 def model_of(device: Any, ni: Any) -> Model:
-    """What a device of NI-DAQmx says it can do; what it has nothing of is empty."""
+    """Capabilities that a device of NI-DAQmx reports; empty for none."""
 
     def asked(nothing: _Value, ask: Callable[[], _Value]) -> _Value:
         return answer_or(nothing, ask, ni)

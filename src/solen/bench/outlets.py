@@ -25,7 +25,7 @@ _LIMIT = "must be udp://HOST:PORT, serial:PORT@BAUD or lsl:NAME"
 
 
 class Outlet(Protocol):
-    """What rows are written to, as to a text file."""
+    """Outlet that rows are written to, as to a text file."""
 
     def write(self, text: str, /) -> object:
         """Pass rows on; the header comes first, in a call of its own."""

@@ -44,7 +44,7 @@ def clock_of(time_s: FloatArray, volts: FloatArray, setup: Setup, switch_hz: flo
     volts
         Shape (N, channels).
     setup, switch_hz
-        What was asked for, and the frequency of its counters.
+        The settings, and the frequency of its counters.
 
     Returns
     -------

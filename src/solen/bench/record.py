@@ -79,7 +79,7 @@ def record(
     Parameters
     ----------
     protocol_file, rig_file
-        What the stage does, and the instruments and sensors.
+        Motion of the stage, and the instruments and sensors.
     folder
         Where the recording goes; made if need be.
     watch, report

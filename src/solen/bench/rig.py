@@ -115,7 +115,7 @@ class Rig(BenchTable):
 
     @property
     def sampler(self) -> BoardOf | DaqOf | MeterOf:
-        """What samples the receivers."""
+        """Sampler of the receivers."""
         return self.meter or self.daq or self.board
 
     @property
@@ -125,7 +125,7 @@ class Rig(BenchTable):
 
     @property
     def setup(self) -> Setup | None:
-        """What a data acquisition is asked to do; None of a rig with a board."""
+        """Settings of the data acquisition; None for a rig with a board."""
         return None if self.daq is None else self.daq.setup(self.emitters, self.inputs)
 
     @property

@@ -35,7 +35,7 @@ def _check_keys(table: "StageOf | MeterOf", takes: tuple[str, ...]) -> None:
 
 
 class StageOf(BenchTable):
-    """What moves."""
+    """The stage: what moves the sensor."""
 
     table: ClassVar[str] = "stage"
 
@@ -104,7 +104,7 @@ class StageOf(BenchTable):
 
 
 class BoardOf(BenchTable):
-    """What lights the emitters and samples the receivers."""
+    """Instrument that lights the emitters and samples the receivers."""
 
     table: ClassVar[str] = "board"
 
@@ -144,7 +144,7 @@ class BoardOf(BenchTable):
 
     @property
     def step(self) -> float:
-        """What one count is in its unit."""
+        """Size of one count in its unit."""
         return self.range_v / math.ldexp(1.0, self.bits) if self.unit == "V" else self.per_count or 1.0
 
 
@@ -164,7 +164,7 @@ _ASKED = {
 
 
 class DaqOf(BenchTable):
-    """What samples the receivers as they are; something outside switches the emitters, or its counters do."""
+    """Instrument that only samples the receivers; something else switches the emitters, or its counters do."""
 
     table: ClassVar[str] = "daq"
 
@@ -220,7 +220,7 @@ class DaqOf(BenchTable):
         return self.model or ("USB-6218" if self.driver == "simulated" else "")
 
     def setup(self, emitters: int, inputs: int) -> Setup:
-        """What it is asked to do for so many emitters and inputs; `BenchError` where it is known that it cannot."""
+        """Its settings for so many emitters and inputs; `BenchError` where it is known that it cannot."""
         pool = MODELS[self.kind].inputs[self.terminal] if self.kind in MODELS else None
         channels = self.channels or (pool or tuple(f"ai{number}" for number in range(inputs)))[:inputs]
         if len(channels) != inputs:

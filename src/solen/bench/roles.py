@@ -66,7 +66,7 @@ class Homes(Protocol):
 
 
 class EmitterBoard(Protocol):
-    """What lights the emitters in turn and samples the receivers, period after period.
+    """Instrument that lights the emitters in turn and samples the receivers, period after period.
 
     Attributes
     ----------
@@ -82,11 +82,11 @@ class EmitterBoard(Protocol):
 
     @property
     def volts_per_count(self) -> float:
-        """What one count is in V, or in the unit of the rig's receivers."""
+        """Size of one count in V, or in the unit of the rig's receivers."""
 
     @property
     def losses(self) -> Losses:
-        """What did not come."""
+        """Losses so far."""
 
     def start(self) -> None:
         """Begin to light and to sample."""
@@ -111,12 +111,12 @@ class KeepsTime(Protocol):
 
 @runtime_checkable
 class Daq(Protocol):
-    """What samples voltages at a rate, whatever they are.
+    """Instrument that samples voltages at a rate.
 
     Attributes
     ----------
     setup
-        What was asked of it.
+        Its settings.
     rate_hz, switch_hz
         Samples of each channel, and pulses of its counters, per second, as the instrument has them by its own clock.
     convert_s
@@ -135,7 +135,7 @@ class Daq(Protocol):
 
     @property
     def losses(self) -> DaqLosses:
-        """What did not come."""
+        """Losses so far."""
 
     def start(self) -> None:
         """Begin to sample, and to light the emitters, where it does."""
@@ -152,7 +152,7 @@ class Daq(Protocol):
 
 @runtime_checkable
 class Meter(Protocol):
-    """What answers with readings, at its own pace; it lights nothing.
+    """Instrument that gives readings at its own pace; it lights nothing.
 
     Attributes
     ----------
@@ -169,7 +169,7 @@ class Meter(Protocol):
 
     @property
     def losses(self) -> MeterLosses:
-        """What gave no reading."""
+        """Missing readings."""
 
     def start(self) -> None:
         """Begin to measure."""

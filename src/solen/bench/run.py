@@ -43,7 +43,7 @@ EXCHANGE_EVERY_S, EXCHANGES = 1.0, 5
 
 @dataclass(frozen=True)
 class Instruments:
-    """What a protocol is run on.
+    """Instruments and sensors of a run.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class Instruments:
 
 @dataclass(frozen=True, eq=False)
 class Tick:
-    """What a watcher is shown.
+    """State of a run as a watcher sees it.
 
     Attributes
     ----------

@@ -22,7 +22,7 @@ Counts = NDArray[np.uint16]
 
 @dataclass(frozen=True, eq=False)
 class Taken:
-    """What a reading gives.
+    """Data of one reading.
 
     Attributes
     ----------
@@ -34,7 +34,7 @@ class Taken:
         Something to show of the last period, shape (emitters, 2, inputs): on and off, from 0 up; None where nothing
         came.
     remarks
-        What happened to the instrument.
+        Events of the instrument.
     """
 
     rows: Rows
@@ -53,7 +53,7 @@ class BoardSampling:
         self._rows = self.streams()["board"]
 
     def header(self) -> dict[str, Any]:
-        """What a journal's header says of it."""
+        """Its entry in a journal's header."""
         board = self._board
         return {
             "period_s": board.period_s,
@@ -105,7 +105,7 @@ class DaqSampling:
         self._stretch = 0
 
     def header(self) -> dict[str, Any]:
-        """What a journal's header says of it."""
+        """Its entry in a journal's header."""
         daq = self._daq
         limits = getattr(daq, "limits_V", None)  # where a converter's counts end, if they end before 16 bits do
         return {
@@ -167,7 +167,7 @@ class MeterSampling:
         self._rows = self.streams()["meter"]
 
     def header(self) -> dict[str, Any]:
-        """What a journal's header says of it."""
+        """Its entry in a journal's header."""
         meter = self._meter
         stated = {"name": meter.name, "inputs": meter.inputs, "unit": meter.unit, "switched": meter.switched}
         return {"meter": stated}

@@ -30,7 +30,7 @@ EXCHANGE = np.dtype([("part", "<u2"), ("sent_s", "<f8"), ("t_s", "<f8"), ("devic
 MOVED = 1e-3
 """Share of the range by which the stage moves from look to look while it counts as moving."""
 STARTED_S = 2.0
-"""What came first so soon after a sampler began belongs to that beginning."""
+"""A record that comes so soon after a sampler began belongs to that beginning."""
 NOTABLE = 0.005
 """Share of the range that timing may add to a hysteresis before it is warned of."""
 
@@ -107,7 +107,7 @@ def exchanges(journaled: JournalContent, part: int, came_s: FloatArray) -> Float
 
 @dataclass(frozen=True)
 class Timing:
-    """What a recording's clocks and lines leave open; `attributes` go into its file.
+    """Timing uncertainty from a recording's clocks and lines; `attributes` go into its file.
 
     Attributes
     ----------
@@ -162,11 +162,11 @@ class Timing:
 
     @property
     def attributes(self) -> dict[str, float]:
-        """What is known of it, by name, as numbers."""
+        """Its numbers, by name."""
         return {key: value for key, value in asdict(self).items() if value is not None and math.isfinite(value)}
 
     def remark(self, speed: float, reach: float, unit: str) -> Caution | None:
-        """What timing may add to a hysteresis at a speed, where that is a notable share of the range."""
+        """Contribution of timing to a hysteresis at a speed, where that is a notable share of the range."""
         adds = 2.0 * speed * self.timing_bound_s
         if not reach > 0.0 or adds <= NOTABLE * reach:
             return None

@@ -90,7 +90,7 @@ class VideoMotion(Result):
     time_s, angle_deg
         The motion, (N,); counter-clockwise is positive, and 0 is where the marker stands at the beginning.
     warnings
-        What cannot be concluded.
+        Warnings.
     """
 
     path: Path = field(metadata=HIDDEN)
@@ -122,7 +122,7 @@ class VideoMotion(Result):
 
 @dataclass
 class _Seen:
-    """What pictures show: times, the glow's brightness, and of those with the marker its corners."""
+    """Content of pictures: times, the glow's brightness, and the corners of the marker where it is seen."""
 
     time_s: list[float] = field(default_factory=list)
     glow: list[float] = field(default_factory=list)
@@ -317,7 +317,7 @@ def _glow(time_s: FloatArray, level: FloatArray) -> tuple[float, ...]:
 
 
 def _offset(options: VideoOptions, glow_s: tuple[float, ...], interval_s: float, warnings: list[Caution]) -> float:
-    """What puts times of the video on the clock of the recording."""
+    """Shift from times of the video to the clock of the recording."""
     if not glow_s:
         return options.offset_s or 0.0
     if options.recording is None:

@@ -81,7 +81,7 @@ class Scpi:
             self._session.close()
 
     def refusal(self, limit: str, remedy: str) -> BenchError:
-        """What is wrong with it."""
+        """Its problem."""
         return BenchError(self.address, limit=limit, remedy=remedy)
 
     @contextlib.contextmanager
@@ -96,7 +96,7 @@ class Scpi:
 
 
 def _opened(address: str, backend: str) -> tuple[Any, Any]:
-    """What manages sessions, which end with it, and the session."""
+    """Manager of sessions, which end with it, and the session."""
     import pyvisa
 
     manager = pyvisa.ResourceManager(backend)

@@ -26,7 +26,7 @@ WARNINGS = {
     "FB": "it was stopped at its limit",
     "FE": "it found another end than its limit",
 }
-"""What a fault means that the axis warns of; others are shown by their letters."""
+"""Meaning of the axis's faults; others are shown by their letters."""
 _REPLY = re.compile(r"@(\d+) (\d+) (OK|RJ) (IDLE|BUSY) (--|[A-Z]{2})(?: ([^:]*))?(?::[0-9A-F]{2})?$")
 
 

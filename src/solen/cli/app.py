@@ -1,4 +1,4 @@
-"""What the commands share: the application, and how results are printed.
+"""Code that the commands share: the application, and the printing of results.
 
 A command returns an `Outcome`: a typed result and the files that were written. `show_outcome` prints it: as one JSON
 object with ``--json``; else the lines that `lines` makes of the result's type, then its warnings, then the files. A

@@ -67,7 +67,7 @@ class Bspline:
 
 
 Primitive = Segment | Arc | Bspline
-"""What a drawing or a CAD program holds a curve as."""
+"""A curve as a drawing or a CAD program holds it."""
 
 
 def primitives(curve: Curve) -> tuple[Primitive, ...]:

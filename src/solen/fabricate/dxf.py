@@ -21,7 +21,7 @@ from solen.plane import along, heading, right_of
 
 VERSION = "R2010"
 MILLIMETRES = 4
-"""What $INSUNITS calls mm."""
+"""The code of mm in $INSUNITS."""
 FORBIDDEN = re.compile(r'[<>/\\":;?*|=`]')
 """Characters that the name of a layer cannot have."""
 

@@ -113,7 +113,7 @@ class ExportedSolid(Result):
     Attributes
     ----------
     export
-        What was exported; JSON leaves it out.
+        The solid exported; not in JSON.
     name, sha256
         Name and checksum of the design.
     thickness_mm, area_mm2, volume_mm3
@@ -127,7 +127,7 @@ class ExportedSolid(Result):
     layers
         Layers for a printer; None where they are not asked for.
     warnings
-        What the design states and the files do not hold.
+        Properties of the design that the files do not hold.
     """
 
     export: Export = field(metadata=HIDDEN)

@@ -70,7 +70,7 @@ def stacked(body: Body, lens: LayeredLens, thickness_mm: float) -> tuple[Prism, 
 
 @dataclass(frozen=True)
 class Hollow:
-    """What lies before a smooth face, as far as a blank reaches."""
+    """The space before a smooth face, as far as a blank reaches."""
 
     lens: LensInSpace
     body: Body

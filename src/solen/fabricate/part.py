@@ -26,7 +26,7 @@ SLIVER = 1e-4
 
 
 TOUCH_MM2 = 1e-9
-"""What two cuts that only touch may share by rounding."""
+"""Volume that two touching cuts may share by rounding."""
 
 
 @dataclass(frozen=True)

@@ -112,7 +112,7 @@ def _within(cut: Cut, prism: Prism) -> Cut:
 
 
 def _hollow(hollow: Hollow) -> tuple[Any, Named]:
-    """What lies before a smooth face: its surface, drawn towards the emitter."""
+    """The space before a smooth face: its surface, extruded towards the emitter."""
     from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
     from OCP.BRepPrimAPI import BRepPrimAPI_MakePrism
     from OCP.gp import gp_Vec

@@ -8,7 +8,7 @@ from solen.geometry.drawing import Drawing
 from solen.geometry.drawing.model import EMITTER, PIVOT
 
 WORDS = ("receiver", "mirror", "black", EMITTER, PIVOT)
-"""What the first word of a name says, beside ``lens``, which is a wall like any other."""
+"""Meaning of the first word of a name, beside ``lens``, which is a wall like any other."""
 ORDINARY = {"back", "blank", "block", "slack", "pilot"}
 """Words of their own, however near."""
 NEAR = 0.79

@@ -84,7 +84,7 @@ def measured_lens(designed: OvalLens, profile: MeasuredProfile) -> MeasuredLens:
 
 
 def _of_file(path: Path, read: Callable[[Path], T]) -> T:
-    """What a profile's file holds, read once as long as the file stays the same."""
+    """Content of a profile's file, read once as long as the file stays the same."""
     try:
         stamp = hashlib.sha256(path.read_bytes()).hexdigest()
     except (OSError, ValueError):

@@ -48,7 +48,7 @@ class Profiles:
     simulated
         Whether they were computed as a print rather than measured, or stated to be printed.
     warnings
-        What cannot be concluded from them.
+        Warnings about them.
     """
 
     name: str
@@ -120,7 +120,7 @@ class GivenLayers(LayeredLens, eq=True):
 
 @dataclass(frozen=True)
 class _LayersFile:
-    """What a file of layers holds beside its kind and schema."""
+    """Content of a file of layers beside its kind and schema."""
 
     half_width_mm: float
     edges_mm: tuple[float, ...]

@@ -100,7 +100,7 @@ class LensInSpace(OvalLens, eq=True):
 
     @property
     def remedy(self) -> str:
-        """What to change where there is no such face."""
+        """Remedy where there is no such face."""
         return "narrow the lens, thin the body, focus farther away or move the emitter away"
 
     @property

@@ -25,7 +25,7 @@ SCAN, HALVINGS, STEPS = 64, 14, 5
 FARTHEST_MM, CLOSENESS_MM = 1e4, 1e-3
 """How far before the vertex a virtual focus is sought, and how closely."""
 END_MM = 1e-9
-"""What rounding may leave of a difference of optical lengths."""
+"""Difference of optical lengths that may be rounding alone."""
 
 
 class LineFocusLens(LensInSpace, eq=True):
@@ -105,7 +105,7 @@ class LineFocusLens(LensInSpace, eq=True):
 
     @reported
     def y_focus(self) -> str:
-        """What becomes of the light along y: ``collimated``, or from where it seems to come."""
+        """Light along y: ``collimated``, or the point that it seems to come from."""
         if math.isinf(self.y_focus_mm):
             return "collimated"
         return f"as from {self.y_focus_mm:.4g} mm before the vertex"

@@ -43,7 +43,7 @@ class Lens(LensSizes, Result, ABC):
 
     @reported
     def shape(self) -> str:
-        """What it is, as ``lens.shape`` names it."""
+        """Kind of lens, as ``lens.shape`` names it."""
         return self.shape_name
 
     @reported

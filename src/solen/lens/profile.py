@@ -60,7 +60,7 @@ class MeasuredProfile(Result):
     sources
         Provenance of the files that it comes from, as plain data.
     warnings
-        What cannot be concluded from it.
+        Warnings about it.
     """
 
     x_mm: FloatArray
@@ -176,7 +176,7 @@ def _is_json(path: Path) -> bool:
 
 @dataclass(frozen=True)
 class _ProfileFile:
-    """What a profile's JSON holds beside its kind and schema."""
+    """Content of a profile's JSON beside its kind and schema."""
 
     x_mm: tuple[float, ...]
     z_mm: tuple[float, ...]

@@ -109,12 +109,12 @@ class Mixture:
 
     @reported
     def total_g(self) -> float:
-        """What is weighed in."""
+        """Masses to weigh in."""
         return math.fsum(part.weighed_g for part in self.components)
 
 
 class Mixtures(Result):
-    """What to weigh in, in both readings of the percentages.
+    """Masses to weigh in, in both readings of the percentages.
 
     Attributes
     ----------

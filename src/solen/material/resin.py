@@ -43,7 +43,7 @@ RESIN_MIGRATIONS: Migrations = {}  # old version -> tables of that version into 
 LOSS_APART_NM = 20.0
 """How far a wavelength may be from that of a loss before it is warned of."""
 WHOLE, OFF_WHOLE = 100.0, 0.1
-"""What the parts of a formulation add up to, and how far the rounding of their percentages may leave it."""
+"""Sum of the parts of a formulation, and how far the rounding of their percentages may move it."""
 
 Interval = tuple[Number, Number]
 
@@ -60,7 +60,7 @@ class LossOf(Strict):
 
 
 class Loss(Strict):
-    """What a resin takes from the light, at one wavelength."""
+    """Loss of a resin at one wavelength."""
 
     table: ClassVar[str] = "loss"
     error: ClassVar[type[SolenError]] = DataError
@@ -179,7 +179,7 @@ class Resin(Strict):
 
     @property
     def warnings(self) -> tuple[Caution, ...]:
-        """What a user of its index and its loss must know."""
+        """Warnings about its index and its loss."""
         simulated = [source.of for source in self.sources if source.simulated and source.of in {"index", "loss"}]
         warnings = [of(name, look_at("from simulated data, not measured")) for name in dict.fromkeys(simulated)]
         tables = {"index": self.index.warnings, "loss": self.loss.warnings}
@@ -200,7 +200,7 @@ def _refuse_parts(parts: tuple[Part, ...]) -> None:
 
 @dataclass(frozen=True)
 class Optical:
-    """What light meets in a material at one wavelength.
+    """Optical constants of a material at one wavelength.
 
     Attributes
     ----------
@@ -215,7 +215,7 @@ class Optical:
     u_absorption_per_mm
         Standard uncertainty of the absorption, None where unknown.
     warnings
-        What must be known of these numbers, a sentence each.
+        Warnings about these numbers, a sentence each.
     """
 
     index: float

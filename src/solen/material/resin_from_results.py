@@ -49,7 +49,7 @@ def gather(results: Mapping[str, Path], options: BuildOptions) -> Resin:
     results
         Files by the option that names them, one of `READERS`.
     options
-        What the resin is called, and what of the results it takes.
+        Name of the resin, and the results that it takes.
 
     Raises
     ------

@@ -36,7 +36,7 @@ SAME_LOSS = 1e-6
 
 
 class Selection(Options):
-    """What of the results is taken."""
+    """Parts of the results to take."""
 
     orientation: str = ""
     """Take the loss of guides that were built in this orientation."""

@@ -79,7 +79,7 @@ def chosen_rows(recording: Recording, options: RowOptions) -> Recording:
 
 
 def _sides(text: str, option: str, example: str) -> tuple[str, str]:
-    """What stands before and after the equals sign."""
+    """Texts before and after the equals sign."""
     name, equals, value = (part.strip() for part in text.partition("="))
     if not (name and equals and value):
         raise SpecError(option, value=text, limit="is not a name and a value", remedy=f"write as in {example}")
@@ -119,9 +119,9 @@ def below_each_other(recording: Recording, names: Sequence[str], labels: Sequenc
     Parameters
     ----------
     names
-        What the quantity is called; the first becomes the column's name, those with numbers are replicates.
+        Names of the quantity; the first becomes the column's name, those with numbers are replicates.
     labels
-        What replicates are called; the first becomes the text's name.
+        Names of replicates; the first becomes the text's name.
     """
     known = {plain(name) for name in (*names, *labels)}
     columns = [

@@ -111,7 +111,7 @@ def compare(
     fronts
         The nominal fronts, at least one.
     priors
-        What is known of the print's size and form.
+        Priors of the print's size and form.
     """
     traced, u_px = edge.traced, edge.edge.measured[1]
     alone = [fit_print(traced, front, priors) for front in fronts]

@@ -42,7 +42,7 @@ class Image:
     provenance
         The file.
     warnings
-        What must be known of the picture.
+        Warnings about the picture.
     """
 
     grey: FloatArray

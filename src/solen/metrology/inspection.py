@@ -204,7 +204,7 @@ class LensInspection(Result):
     sources
         The picture.
     warnings
-        What cannot be concluded.
+        Warnings.
     image, outline, nominal
         The picture, its outline, and the front as designed.
     """
@@ -287,7 +287,7 @@ def measure_lens(
     against
         Other designs to compare with; by default those of the paper's three indices where it is the paper's lens.
     priors
-        What is known of the print's size and form.
+        Priors of the print's size and form.
     seen_from
         Face that the picture shows.
 
@@ -372,7 +372,7 @@ class FacesInspection(Result):
 
     @property
     def warnings(self) -> tuple[Caution, ...]:
-        """What cannot be concluded, of each face."""
+        """Warnings about each face."""
         named = (("first layer", self.first_layer), ("last layer", self.last_layer))
         return tuple(of(name, warning) for name, one in named for warning in one.warnings)
 

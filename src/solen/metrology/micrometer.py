@@ -73,7 +73,7 @@ class MeasuredScale(Measured, kw_only=True):
     angle_deg
         Direction of their distance from the picture's rows.
     rms_um
-        What is left of the lines' places.
+        Residuals of the lines' positions.
     stretch_percent
         By how much the scale changes from one side of the picture to the other; None where that is not seen.
     columns, rows

@@ -92,7 +92,7 @@ class NamedEdge:
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """What a picture shows of a front.
+    """Front as seen in a picture.
 
     Attributes
     ----------
@@ -105,7 +105,7 @@ class Outline:
     width_mm
         Of the part right behind the front, from wall to wall; None where the picture or the design does not show both.
     warnings
-        What cannot be concluded.
+        Warnings.
     """
 
     edges: tuple[NamedEdge, ...]
@@ -139,7 +139,7 @@ def measure_outline(
         Which edge of two to take: ``outer``, ``inner``, ``sharper``, or ``auto``: the sharper one, and where neither
         is, the outer one.
     priors
-        What is known of the print's size and form.
+        Priors of the print's size and form.
     seen_from
         Face that the picture shows; ``bottom`` lay on the build plate, and is seen mirrored. None: the side that fits.
 
@@ -214,7 +214,7 @@ def _traced(image: Image, pose: Pose, nominal: NominalFront) -> tuple[Pose, Band
 
 @dataclass(frozen=True, eq=False)
 class _Prior:
-    """What an edge is registered with: a first pose, the design, and what is known of prints."""
+    """Inputs of the registration of an edge: a first pose, the design, and priors of prints."""
 
     pose: Pose
     nominal: NominalFront

@@ -36,7 +36,7 @@ from solen.spec.strict import Finite, Options
 U_SCALE = 0.03
 """Relative standard uncertainty of a scale of which none is stated."""
 EDGE_BIAS_PX = 0.05
-"""What uneven light and a camera's grey value curve may shift an edge by: systematic, and not seen in scatter."""
+"""Shift of an edge by uneven light and a camera's grey value curve: systematic, and not seen in scatter."""
 SPREAD_OF_FORM = 2.0
 """Factor by which the usual form error of a print is known."""
 ABSORBED = 8.0
@@ -49,7 +49,7 @@ _NORMAL = ndtri((np.arange(31) + 0.5) / 31)
 
 
 class PrintPriors(Options):
-    """What is known of a print's size and form before it is measured."""
+    """Priors of a print's size and form."""
 
     shrinkage_percent: Annotated[Finite, Field(ge=-20, le=20)] = 0.0
     """Shrinkage that is expected, left over after any compensation, %."""
@@ -144,7 +144,7 @@ def fit_print(
     nominal
         The design.
     priors
-        What is known before.
+        Priors.
     independent
         Number of independent values that is to be taken, as when designs are compared; default: that of the residual.
     """

@@ -39,7 +39,7 @@ TURNED: dict[int, Callable[[FloatArray], FloatArray]] = {
     7: lambda a: np.rot90(a, 2).T,
     8: np.rot90,
 }
-"""What puts a picture upright, by its orientation tag (TIFF 6.0)."""
+"""Rotation that puts a picture upright, by its orientation tag (TIFF 6.0)."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,7 +26,7 @@ NARROWER = 0.3
 
 @dataclass(frozen=True, eq=False)
 class Usual:
-    """What lines of one edge have in common, known beforehand as with normal distributions.
+    """Priors of lines of one edge, as normal distributions.
 
     Attributes
     ----------
@@ -104,7 +104,7 @@ def fit_steps(
     use
         Shape (N, M): which values are fitted; at least 2 + 3 K + 1 of each line.
     usual
-        What is known of blurs and slope before; without it each line stands alone.
+        Priors of blurs and slope; without them each line stands alone.
     """
     weight = use.astype(np.float64)
     values = np.where(use, values, 0.0)

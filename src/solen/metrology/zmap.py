@@ -61,7 +61,7 @@ class ZMap:
     provenance
         The file.
     warnings
-        What must be known of it.
+        Warnings about it.
     z_um, u_z_um
         Height of a level or unit of the file, µm, and its standard uncertainty; None where none is stated.
     """

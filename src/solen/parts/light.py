@@ -47,7 +47,7 @@ class Light:
     source
         Where it comes from, in words.
     warnings
-        What a stated wavelength has against the part.
+        Warning where a stated wavelength contradicts the part.
     """
 
     wavelength_nm: float

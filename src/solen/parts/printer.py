@@ -74,7 +74,7 @@ class Lift(Sourced):
 
 
 class Printer(Sheet):
-    """What layers need of a printer."""
+    """Properties of a printer that layers need."""
 
     pitch_um: Quantity = Field(description="a table with the side of a pixel on the plate in µm, along X.")
     pitch_y_um: Quantity | None = Field(None, description="The same along Y, where pixels are not squares.")
@@ -113,7 +113,7 @@ class Printer(Sheet):
 
     @property
     def size_mm(self) -> tuple[float, float, float]:
-        """What it builds along X, Y and Z."""
+        """Build volume along X, Y and Z."""
         (rows, columns), (x, y) = self.shape, self.pitches_mm
         return columns * x, rows * y, self.build_height_mm.usual
 
@@ -169,7 +169,7 @@ def printer_of(text: str) -> Printer:
 
 
 class PrinterSummary(Result):
-    """What layers need of a printer: its pixels, what it builds, and which of these numbers are estimates.
+    """Properties of a printer that layers need: pixels, build volume, and which of these numbers are estimates.
 
     ``pitch_um`` is a pixel's side along X, ``pitch_y_um`` along Y; the layers' limits are None where none are known.
     """

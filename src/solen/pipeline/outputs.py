@@ -37,7 +37,7 @@ def write(
     result
         Written to ``out`` as JSON.
     kind
-        What the result is, as its file states it for the commands that read it: ``index``, ``cutback``, ``cure``.
+        Kind of the result, which its file states for the commands that read it: ``index``, ``cutback``, ``cure``.
     out
         File of the result, or None.
     further

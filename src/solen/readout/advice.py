@@ -110,7 +110,7 @@ def _emitter_mA(
 
 
 def end_ohm(trimmer: TrimmerPart) -> float:
-    """What is left of a trimmer at its end, at most."""
+    """Largest resistance of a trimmer at its end."""
     end = trimmer.end_ohm
     return 0.0 if end is None else end.most or end.usual
 

@@ -48,7 +48,7 @@ def recorded(
     source, kind
         The file, and what it was read as.
     arrays, metadata
-        What it holds.
+        Its content.
     names
         Of the columns, where a matrix has none of its own.
 

@@ -39,7 +39,7 @@ class Grid:
     lines
         Number of each row in the file, the first being 1.
     separator
-        What stands between two cells of a text; empty in a workbook.
+        Separator of a text's cells; empty in a workbook.
     sheet
         Name of the sheet, in a workbook.
     ends

@@ -38,7 +38,7 @@ class Layout:
     names
         Text of each column's header.
     units
-        What the row of units says of each; empty texts where there is no such row.
+        Units of each by the row of units; empty texts where there is no such row.
     before
         Rows above the header that are not empty.
     body

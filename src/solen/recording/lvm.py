@@ -88,7 +88,7 @@ def read(source: Source) -> Recording:
 
 
 def _shifts(source: Source, packets: Sequence[_Packet]) -> FloatArray:
-    """What is added to each packet's times: nothing where they follow one another, else what their stamps say."""
+    """Time to add to each packet: 0 where packets follow one another, else by their stamps."""
     none = np.zeros(len(packets))
     if _follow(packets, none):
         return none

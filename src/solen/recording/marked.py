@@ -35,9 +35,9 @@ class Program:
     Attributes
     ----------
     mark
-        What only its files hold, or begin with.
+        Bytes that only its files hold, or begin with.
     header
-        What the lines above the numbers state, by the file's own words.
+        Statements of the lines above the numbers, by the file's own words.
     begin, end
         Lines above and below the numbers; without one below, they go to the end of the file.
     ended

@@ -32,7 +32,7 @@ class Channel(Result):
     name
         Unique within its recording: a name that a file has twice gets a number, ``sample (2)``.
     quantity
-        What it is, in the field's words: ``transmittance``, ``force``; empty where the file does not state it.
+        The quantity in the field's terms: ``transmittance``, ``force``; empty where the file does not state it.
     unit
         As the file spells it; ``1`` for a pure number, empty where none is stated.
     values
@@ -40,9 +40,9 @@ class Channel(Result):
     axis
         Name of the channel that it runs along; empty for an axis itself and for columns side by side.
     note
-        What a reader must know: a scan that was interrupted, a detector at its limit.
+        Warnings: a scan that was interrupted, a detector at its limit.
     metadata
-        What the file says about this channel alone, by its own words: bandwidth, time of the scan.
+        Statements of the file about this channel alone, by its own words: bandwidth, time of the scan.
     """
 
     name: str
@@ -82,7 +82,7 @@ class Provenance:
     file, sha256
         Name of the file without its folder, and checksum of its bytes.
     format
-        What it was read as: ``agilent-cary-csv``, ``testxpert``, ``table``.
+        Format that it was read as: ``agilent-cary-csv``, ``testxpert``, ``table``.
     instrument, date
         As the file states them; empty where it does not. A date is ISO 8601 where the file's is unambiguous.
     metadata
@@ -108,7 +108,7 @@ class Measured(Result, kw_only=True):
     sources
         The files.
     warnings
-        What does not follow from the result, in sentences.
+        Warnings, in sentences.
     """
 
     sources: tuple[Provenance, ...] = ()

@@ -43,7 +43,7 @@ def parse(cell: str, mark: str, *, machine: bool = False) -> float:
     Parameters
     ----------
     mark
-        What stands before the decimals, ``.`` or ``,``.
+        Decimal mark, ``.`` or ``,``.
     machine
         Whether an instrument wrote it, in the one form that instruments write.
     """

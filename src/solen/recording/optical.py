@@ -41,7 +41,7 @@ class OpticalSpectra:
     unused
         Names of the spectra that were not chosen.
     warnings
-        What a reader must know, in sentences.
+        Warnings, in sentences.
     """
 
     wavelength_nm: FloatArray

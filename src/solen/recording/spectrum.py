@@ -54,13 +54,13 @@ class Trace:
     file, name
         Name of its file, and of the trace.
     quantity, unit
-        What it is; null where the file does not state it.
+        The quantity; null where the file does not state it.
     points, empty
         Number of points, and of those without a value.
     range_nm, range_values
         Least and greatest wavelength and value; null where there is no number.
     note
-        What a reader must know.
+        Warnings.
     """
 
     file: str
@@ -84,7 +84,7 @@ class Listing(Measured, kw_only=True):
     repeats
         Whether traces whose names differ in their last number alone are repeats of one.
     traces
-        What each spectrum is, in the order of the files.
+        The spectra, in the order of the files.
     """
 
     file: str

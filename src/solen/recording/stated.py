@@ -1,4 +1,4 @@
-"""What a spectrum's file states beside its numbers, held against them, and the recording that both make.
+"""The statements of a spectrum's file compared with its numbers, and the recording that both make.
 
 The idea: many programs state in words what the axis and the values are, how many points there are, where they begin and
 end and how large they get. JCAMP-DX has labels for that (``NPOINTS``, ``FIRSTX``, ``MAXY``), and others that mean the
@@ -79,7 +79,7 @@ def spectrum(
     kind
         Name of the format.
     metadata, stated
-        What the file states by its own words, and by the labels ``XUNITS`` (nm without one), ``instrument`` and those
+        Statements of the file by its own words, and by the labels ``XUNITS`` (nm without one), ``instrument`` and those
         that are `CHECKED` against the first trace.
     x, traces
         Places along the axis, and name, unit and values of each trace; their shape is (n,).

@@ -150,7 +150,7 @@ def heading(text: str, unit: str = "", *, optical: bool = False) -> Heading:
     text
         The header's cell.
     unit
-        What the row of units below it says, if there is one.
+        Its cell in the row of units below, if there is one.
     optical
         Whether the columns run along a wavelength, where T, R and A are what an optician calls so.
     """

@@ -62,7 +62,7 @@ def plot(result: Any, look: "FigureOptions | None" = None) -> "Figure":
     Parameters
     ----------
     result
-        What a stage or a command returned.
+        Result of a stage or a command.
     look
         Its page: width, lettering, panels, limits of axes. Its file is not written.
 

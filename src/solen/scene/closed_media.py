@@ -64,7 +64,7 @@ class _Branch(NamedTuple):
 
     @property
     def end(self) -> str:
-        """What the vertex is to its curve."""
+        """Relation of the vertex to its curve."""
         return "start" if self.forwards else "end"
 
     def angle(self, step_mm: float) -> float:

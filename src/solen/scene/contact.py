@@ -42,7 +42,7 @@ class Pad:
 
     @property
     def behaviour(self) -> Literal["absorbing", "refracting"]:
-        """What its edges are."""
+        """Its edges."""
         return "absorbing" if self.wall.beyond == "black" else "refracting"
 
     def edge(self, curve: Curve, what: str) -> Interface:

@@ -32,7 +32,7 @@ class Finish:
     behaviour
         Whether light goes through, is sent back, or ends there.
     surface
-        What it is beyond smooth, clean and bare.
+        Its treatment: films, roughness, texture, coating.
     wavelength_nm
         Wavelengths from which to which it was measured; None: any.
     """

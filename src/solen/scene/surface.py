@@ -1,4 +1,4 @@
-"""What a surface is beyond smooth, clean and bare: films on it, roughness, the texture of a print, a grey mirror.
+"""Treatments of a surface: films on it, roughness, the texture of a print, a grey mirror.
 
 A `Surface` belongs to an interface; without one an interface is smooth, clean and bare. A *table* states measured
 shares by the angle of incidence, a *grating* sends light into its orders. *Scatter* sends a share of what
@@ -238,7 +238,7 @@ class Texture:
 
 @dataclass(frozen=True)
 class Surface:
-    """What an interface is beyond smooth, clean and bare.
+    """Treatments of an interface: films, roughness, texture, reflectance.
 
     Attributes
     ----------

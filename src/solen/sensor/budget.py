@@ -42,7 +42,7 @@ class Budget:
     truncated
         Was followed no further.
     u
-        What a share may be off by.
+        Uncertainty of a share.
     """
 
     right: float

@@ -99,7 +99,7 @@ class LensCheck(Result):
     foci
         Where it focuses, by the index of the material.
     warnings
-        What must be known of lens and material.
+        Warnings about lens and material.
     """
 
     name: str
@@ -133,7 +133,7 @@ class Check(Result):
     body
         Sizes of the body at rest.
     warnings
-        What must be known before the design is believed, and which of its keys have no effect.
+        Warnings about the design, and keys of it that have no effect.
     """
 
     name: str

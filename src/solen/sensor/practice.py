@@ -96,7 +96,7 @@ class Practice(Result):
     built
         The sensor with its LED in space.
     effects
-        What its numbers do to it when they are off, the largest first.
+        Effects of errors of its numbers on the response, the largest first.
     budget
         Where the light goes at rest.
     skipped

@@ -55,7 +55,7 @@ class DesignReadings(Readings, kw_only=True):
     parts
         Components of the circuit.
     warnings
-        What must be known before the numbers are used.
+        Warnings about the numbers.
     simulated
         Always true: nothing was measured.
     sources

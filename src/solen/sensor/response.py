@@ -37,7 +37,7 @@ class Response(Result):
     u_power
         (N,) uncertainty of both; NaN for a sweep of a fixed number of rays, which is a count and not an estimate.
     traces
-        What was traced at each angle.
+        The scene traced at each angle.
     """
 
     mode: Mode

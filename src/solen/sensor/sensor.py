@@ -113,7 +113,7 @@ class Sensor:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What must be known of its material's numbers, its light and its lens before its response is believed."""
+        """Warnings about its material's numbers, its light and its lens."""
         return (*self.material.warnings, *self.light.warnings, *(self.cut.warnings if self.cut is not None else ()))
 
     @cached_property
@@ -179,7 +179,7 @@ class Sensor:
 
     @cached_property
     def light(self) -> Light:
-        """What its emitter sends out."""
+        """Light of its emitter."""
         return light_of(self.design)
 
     def integrate(self, angle_deg: float = 0.0, mode: Mode = "power", tolerance: float | None = None) -> Trace:
@@ -369,7 +369,7 @@ class Sensor:
     ) -> Reading:
         """Powers at an angle with their uncertainty: integrated, or sampled where that is better.
 
-        What is drawn by chance is sampled.
+        Random numbers are sampled.
         """
         integrates = integrates and not why_not(self.scene(angle_deg))
         whole = self.integrate(angle_deg, tolerance=tolerance) if integrates else None

@@ -119,7 +119,7 @@ class DesignStudy(Result):
     Attributes
     ----------
     design
-        What was studied; a file of results holds it as its TOML does, defaults omitted.
+        The design studied; a file of results holds it as its TOML does, defaults omitted.
     with_lens
         None for a design without a lens.
     no_lens, no_lens_refused

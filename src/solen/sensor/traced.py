@@ -22,7 +22,7 @@ class DesignTrace(Trace, kw_only=True):
     Attributes
     ----------
     sensor
-        What was traced; JSON leaves it out.
+        The scene traced; not in JSON.
     name, angle_deg, lens
         Name of the design, angle of its motion, and shape of its lens.
     in_space
@@ -32,7 +32,7 @@ class DesignTrace(Trace, kw_only=True):
     branches
         Paths of all rays, where they were asked for.
     warnings
-        What must be known before the numbers are used, and which keys have no effect.
+        Warnings, and keys that have no effect.
     """
 
     sensor: Sensor = field(metadata=HIDDEN)
@@ -65,7 +65,7 @@ class Sensitivities(Result):
     skipped
         Why numbers were left out, by their keys.
     warnings
-        What must be known before the numbers are used.
+        Warnings about the numbers.
     simulated
         Always true: nothing was measured.
     """

@@ -56,7 +56,7 @@ class Parameters(Strict):
 
 
 class Material(Strict):
-    """What the body and the lens are printed in: an index, or a resin whose index depends on the wavelength."""
+    """Material of body and lens: an index, or a resin whose index depends on the wavelength."""
 
     model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": ["index"]}, {"required": ["resin"]}]})
     table: ClassVar[str] = "material"

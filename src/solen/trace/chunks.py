@@ -1,4 +1,4 @@
-"""What is to be traced, and the chunks that its rays come in.
+"""The task of a trace, and the chunks that its rays come in.
 
 Chunks have one size whatever the machine. Their rays belong to *groups* that each are an estimate of their own: the
 even and odd rays of a lattice, or sixteen independent samples.
@@ -32,7 +32,7 @@ Digits = Literal["double", "single"]
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """What all chunks of a trace share."""
+    """Data that all chunks of a trace share."""
 
     scene: Scene
     tables: Tables
@@ -69,7 +69,7 @@ class Chunk:
 
 
 def chunks(job: Job, most: int) -> Iterator[Callable[[], Chunk]]:
-    """What makes each chunk of at most so many rays, source by source and group by group."""
+    """Functions that make each chunk of at most so many rays, source by source and group by group."""
     before, in_space = 0, job.scene.extrusion is not None
     for number, source in enumerate(job.scene.sources):
         if job.sampling == "fan":

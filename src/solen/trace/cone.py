@@ -113,7 +113,7 @@ class Parts(NamedTuple):
 
 
 class Integral(NamedTuple):
-    """What an integration found.
+    """Result of an integration.
 
     ``share`` (D + 2,) is the power by receiver, escaped and absorbed; ``missed`` and ``leaked`` are of what escaped in
     space, above and below the bodies and from them; ``error`` what the quadrature may be off by and

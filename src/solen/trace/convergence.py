@@ -61,7 +61,7 @@ def convergence(
     Parameters
     ----------
     scene
-        What is traced; the numbers of rays that its sources name play no part.
+        The scene to trace; the numbers of rays of its sources play no part.
     mode
         As in `solen.trace.trace`. Roulette is compared with the integral in ``"power"``, which it draws from.
     limits

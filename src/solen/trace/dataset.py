@@ -111,7 +111,7 @@ def save_netcdf(path: Path | str, trace: Trace, attributes: Attributes | None = 
 
 
 def writer(trace: Trace, attributes: Attributes | None = None) -> Callable[[Path], object]:
-    """What writes a trace as netCDF to a path, for `solen.files.write_all`."""
+    """Function that writes a trace as netCDF to a path, for `solen.files.write_all`."""
     found = to_dataset(trace, attributes)
     return lambda path: found.to_netcdf(path, engine="h5netcdf")
 

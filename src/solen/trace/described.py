@@ -62,7 +62,7 @@ class SceneTrace(Trace, kw_only=True):
     Attributes
     ----------
     scene
-        What was traced; JSON leaves it out.
+        The scene traced; not in JSON.
     name, format
         Name of the scene, and its format: ``solen`` or ``ray-optics``.
     length_unit, power_unit
@@ -76,11 +76,11 @@ class SceneTrace(Trace, kw_only=True):
     faces
         Names of each receiver's interfaces, in the order of ``power_by_position``.
     not_understood
-        What of a scene of ray-optics was left out.
+        Parts of a scene of ray-optics that were left out.
     branches
         Paths of all rays, where they were asked for.
     warnings
-        What makes the readings other than they look.
+        Warnings about the readings.
     """
 
     scene: Scene = field(metadata=HIDDEN)
@@ -116,7 +116,7 @@ class SceneFile:
 
 
 class SceneCheck(Result):
-    """What a scene's file holds; that there is one means that it can be traced.
+    """Content of a scene's file; one that exists can be traced.
 
     Attributes
     ----------
@@ -131,9 +131,9 @@ class SceneCheck(Result):
     is_random
         Whether something in it is drawn by chance, so that it can be sampled but not integrated.
     not_understood
-        What of a scene of ray-optics was left out.
+        Parts of a scene of ray-optics that were left out.
     warnings
-        What makes the readings other than they look.
+        Warnings about the readings.
     """
 
     name: str
@@ -151,7 +151,7 @@ class SceneCheck(Result):
 
 
 def scene_check(file: SceneFile) -> SceneCheck:
-    """What a scene's file holds."""
+    """Content of a scene's file."""
     scene, imported = file.scene, file.imported
     screens = imported.detectors if imported else scene.monitors
     return SceneCheck(

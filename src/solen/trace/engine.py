@@ -74,7 +74,7 @@ def trace(
     Parameters
     ----------
     scene
-        What is traced.
+        The scene to trace.
     mode
         ``"count"``: refraction or total reflection, no splitting, no absorption in media. ``"power"``: Fresnel with s
         and p apart, both branches, absorption. ``"roulette"``: as power, but of both branches one is followed, drawn by
@@ -186,7 +186,7 @@ def _traced(job: Job, threads: int) -> Iterator[tuple[Chunk, tally.Sums]]:
 def _ahead(
     work: Callable[[Callable[[], Chunk]], R], chunks: Iterator[Callable[[], Chunk]], threads: int
 ) -> Iterator[R]:
-    """What ``work`` makes of one chunk after the other, in order, a few of them ahead of the consumer."""
+    """Results of ``work`` for one chunk after the other, in order, a few of them ahead of the consumer."""
     if threads == 1:
         yield from map(work, chunks)
         return

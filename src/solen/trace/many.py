@@ -125,7 +125,7 @@ class _Batch:
             column[...] = np.nan if name == "place" else 0
 
     def _part(self, name: str, begin: int, stop: int) -> NDArray[Any]:
-        """What belongs to some of the tasks in one of the sums."""
+        """Part of a sum that belongs to some of the tasks."""
         where: dict[str, IntArray] = {
             **dict.fromkeys(RECEIVERS, self.where.receiver),
             **dict.fromkeys(MONITORS, self.where.monitor),

@@ -54,7 +54,7 @@ def trace_with(scene: Scene, options: TraceOptions, usual_mode: Mode = "power", 
     Parameters
     ----------
     scene
-        What is traced.
+        The scene to trace.
     options
         How; ``usual_mode`` is the mode where they name none.
     paths

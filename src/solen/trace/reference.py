@@ -186,7 +186,7 @@ class Tracer:
         return other_side or ray.region not in (None, region)
 
     def _fate(self, ray: Ray, interface: Interface, from_right: bool) -> int:
-        """What becomes of a ray that has arrived at an interface; the back of a receiver only absorbs."""
+        """The ray after it has met an interface; the back of a receiver only absorbs."""
         behaviour = interface.behaviour
         if interface.surface is not None and not interface.surface.acts_at(ray.wavelength_nm):
             behaviour = "refracting"

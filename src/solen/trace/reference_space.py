@@ -262,7 +262,7 @@ class _Tracer:
     def _amplitudes(
         self, behaviour: str, surface: Surface, from_right: bool, n1: float, n2: float, cos: float
     ) -> "Amplitudes":
-        """What both fields are multiplied by on either side."""
+        """Factors of both fields on either side."""
         if surface.table is not None:
             share = shares_of(surface, from_right, cos)
             if behaviour == "mirror" or n1 * n1 * (1.0 - cos * cos) >= n2 * n2:
@@ -322,7 +322,7 @@ class _Tracer:
 
 
 class Amplitudes(NamedTuple):
-    """What the fields across the plane of incidence and in it are multiplied by, back and on, as roots of power."""
+    """Factors of the fields across the plane of incidence and in it, back and on, as roots of power."""
 
     rs: complex
     rp: complex

@@ -1,4 +1,4 @@
-"""What a treated surface makes of a ray, in plain Python: the truth for `solen.trace.kernel.treated`.
+"""The effect of a treated surface on a ray, in plain Python: the reference for `solen.trace.kernel.treated`.
 
 See `solen.scene.surface` for what there is. Draws are those of the engine, number for number, so that both can be
 compared ray by ray; what is done with them is written down a second time, and films are computed by another method.
@@ -49,7 +49,7 @@ class Arrival(NamedTuple):
 
 
 def treated(interface: Interface, surface: Surface, ray: Arrival, draw: Draw, counting: bool) -> tuple[Part, Part]:
-    """What goes on through the surface and what goes back, before anything is cut off; the rest is absorbed."""
+    """Transmitted and reflected parts, before anything is cut off; the rest is absorbed."""
     if surface.grating is not None:
         return _diffracted(surface.grating, ray, draw, counting)
     tilted = ray

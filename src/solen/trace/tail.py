@@ -1,4 +1,4 @@
-"""What exact integration leaves unfinished: sampled.
+"""The remainder of an exact integration, sampled.
 
 Integration follows branches down to a least weight and up to so many hits. Beyond that, light that is trapped or split
 many times is no smooth function of where it starts; but it is little, and so it is sampled: every sample takes the very

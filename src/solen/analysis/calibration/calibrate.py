@@ -44,7 +44,7 @@ class SensorCalibrations(Result):
     Attributes
     ----------
     calibrations
-        What their files hold.
+        Content of their files.
     checks
         Their cross-validations; None where there are too few cycles or prints.
     simulated
@@ -52,9 +52,9 @@ class SensorCalibrations(Result):
     sources
         The recordings.
     warnings
-        What the recordings and the calibrations cannot show.
+        Warnings.
     remark
-        What a figure must state about the processing.
+        Note on the processing for a figure.
     """
 
     calibrations: tuple[CalibrationFile, ...]

@@ -120,7 +120,7 @@ class Decoder:
     Parameters
     ----------
     calibration
-        What is known of the sensor.
+        Calibration of the sensor.
     gain_percent
         Standard deviation of a common factor of the light, as an emitter's that ages or warms.
     dark_V

@@ -88,7 +88,7 @@ class Decoding(Result):
     sources
         The recording.
     warnings
-        What the angles cannot show.
+        Warnings.
     """
 
     readings: int

@@ -106,7 +106,7 @@ class BoardTable:
     Attributes
     ----------
     name, readings, version
-        What the sources say of the sensor, of its readings, and of what wrote them.
+        Description of the sensor, its readings and the program, for the sources.
     """
 
     pieces: FloatArray
@@ -176,7 +176,7 @@ class DecodingTable(Result):
     Attributes
     ----------
     sensor
-        What was calibrated.
+        The calibration.
     pieces
         Straight pieces of the table.
     low_deg, high_deg

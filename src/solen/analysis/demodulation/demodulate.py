@@ -73,7 +73,7 @@ class Demodulation(Result):
     Attributes
     ----------
     switched
-        What was recorded, its slots and readings.
+        The recording, its slots and readings.
     options
         How it was demodulated.
     flicker
@@ -91,7 +91,7 @@ class Demodulation(Result):
     settle_us
         Time after each switch that is left out.
     counts
-        What was missing.
+        Missing data.
     clipped_samples
         How many samples of each channel stand at a limit, by name.
     channels
@@ -103,7 +103,7 @@ class Demodulation(Result):
     sources
         The recording.
     warnings
-        What the readings cannot show.
+        Warnings.
     """
 
     switched: Switched = field(metadata=HIDDEN)
@@ -128,7 +128,7 @@ class Demodulation(Result):
 
     @property
     def samples(self) -> Samples:
-        """What was recorded."""
+        """The recording."""
         return self.switched.samples
 
     @property

@@ -52,7 +52,7 @@ class Flicker(Result):
     amplitude
         Of the strongest of them in each channel, in its unit, (C,).
     values
-        What was subtracted from each sample, (N, C).
+        Value subtracted from each sample, (N, C).
     """
 
     mains_hz: float

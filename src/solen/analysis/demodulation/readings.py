@@ -35,11 +35,11 @@ class Switched:
     Attributes
     ----------
     samples, slots, readings
-        What was recorded, its slots and all readings.
+        The recording, its slots and all readings.
     means
         Means of readings over whole mains periods; None unless these were needed.
     flicker
-        What was taken out of the samples; None where nothing was.
+        Interference taken out of the samples; None where there was none.
     limits
         Lowest and highest value of each channel, both (C,), infinite where none is known.
     clipped

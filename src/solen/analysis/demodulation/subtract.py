@@ -51,7 +51,7 @@ class Demodulated:
     signal, u
         On less ambient, (M, C), negative where light pulls a voltage down, and its standard uncertainty.
     ambient
-        What was subtracted, (M, C): the reading with the emitter off.
+        Value subtracted, (M, C): the reading with the emitter off.
     one_sided
         Whether only one off slot was near, (M,).
     clipped
@@ -61,7 +61,7 @@ class Demodulated:
     period_s
         Usual time between readings of one emitter; NaN with fewer than two.
     counts
-        What was missing.
+        Missing data.
     """
 
     time_s: FloatArray

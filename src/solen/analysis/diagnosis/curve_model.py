@@ -77,7 +77,7 @@ class Parameter:
     start
         Its value by the design.
     scale
-        What is worth telling: where its uncertainty is larger, the recording does not determine it.
+        Limit of interest: where its uncertainty is larger, the recording does not determine it.
     known
         Standard uncertainty with which it is ``start``; inf where nothing is known of it.
     """

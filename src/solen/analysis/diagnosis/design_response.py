@@ -74,7 +74,7 @@ class Response:
     width_mm, offset_mm
         Of the design's chip.
     u_share
-        What the tables may be off by, as a share of a receiver's swing: that of traced ones by default.
+        Error of the tables as a share of a receiver's swing: that of traced ones by default.
     """
 
     base: Table

@@ -43,7 +43,7 @@ class ParameterEstimate(Result, eq=True):
     Attributes
     ----------
     name, unit
-        What it is.
+        Its kind.
     value, u_value
         Its value and standard uncertainty; None where the recording does not determine it.
     low, high

@@ -189,7 +189,7 @@ class _Chip:
         return np.linspace(-self.reach_mm, self.reach_mm, count + 1)
 
     def seen(self, places_mm: FloatArray) -> FloatArray:
-        """What directional receivers see of the shares (p, 2) at places (p,); 1 for flat windows."""
+        """Factors of directional receivers for the shares (p, 2) at positions (p,); 1 for flat windows."""
         if self.acceptance.is_flat:
             return np.ones((places_mm.size, len(SIDES)))
         places, factors = self._factors

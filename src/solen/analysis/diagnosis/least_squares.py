@@ -105,7 +105,7 @@ class Fitted:
     Attributes
     ----------
     model
-        What was fitted.
+        The model fitted.
     values
         Of all parameters, (p,).
     active

@@ -105,9 +105,9 @@ class SensorDiagnosis(Result):
     design
         Name of its design.
     drawn
-        What a simulated bench drew for it, by key; None for others.
+        True values of a simulated sensor, by key; None for others.
     words, advice
-        What the recording shows, a line for each parameter, and what to do about it.
+        Findings, a line for each parameter, and advice.
     parameters
         Every parameter by name.
     not_determined
@@ -117,11 +117,11 @@ class SensorDiagnosis(Result):
     cycles_used
         Cycles that the intervals rest on.
     misfit
-        What the mean curves depart from the model by.
+        Departure of the mean curves from the model.
     receivers
         Curves of each receiver.
     warnings
-        What the numbers cannot show.
+        Warnings.
     """
 
     diagnosis: Diagnosis = field(metadata=HIDDEN)
@@ -154,7 +154,7 @@ class SensorDiagnoses(Result):
     sources
         The recordings.
     warnings
-        What the recordings and the numbers cannot show.
+        Warnings.
     """
 
     sensors: dict[str, SensorDiagnosis]

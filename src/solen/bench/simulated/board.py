@@ -45,7 +45,7 @@ class SimulatedBoard:
     ppm
         How much faster its clock runs than the run's.
     per_count
-        What one count is said to be, of a rig that measures no volts.
+        Size of one count, for a rig that measures no volts.
     """
 
     clock: Clock
@@ -112,7 +112,7 @@ class SimulatedBoard:
         return Periods(number, board_us, np.zeros(n, np.uint8), counts.reshape(shape))
 
     def counts(self, time_s: FloatArray, lit: IntArray) -> NDArray[np.uint16]:
-        """What the converter gives at ascending times (N,), with an emitter lit, from 0, or none, -1: (N, inputs)."""
+        """Counts of the converter at ascending times (N,), with an emitter lit, from 0, or none, -1: (N, inputs)."""
         counts = np.zeros((len(time_s), self.layout.receivers), np.uint16)
         if len(time_s) == 0:
             return counts

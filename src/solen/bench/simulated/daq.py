@@ -48,7 +48,7 @@ class SimulatedDaq:
     room
         Light of the room.
     setup
-        What is asked of it.
+        Its settings.
     rng
         Draws noise and phases.
     ppm, outside_ppm

@@ -49,7 +49,7 @@ class SimulatedSensor:
     wires
         Its wires.
     drawn
-        What was drawn for it: index, decentre and width of the chip, and the gains that its parts make, in V.
+        Values drawn for it: index, decentre and width of the chip, and the gains that its parts make, in V.
     angle_deg, fractions
         Angles (N,) and shares of the emitted power (N, 2) at the right and the left receiver, as traced.
     circuit
@@ -176,7 +176,7 @@ def _trimmed(circuit: Circuit, fractions: FloatArray, room_mw_cm2: float, to_v: 
 
 
 def _drawn(rig: Rig, wires: SensorOf, design: Design, rng: np.random.Generator) -> dict[str, float]:
-    """What differs in this print; every number is drawn, so that one spread does not change another's draws."""
+    """Deviations of this print; every number is drawn, so that one spread does not change another's draws."""
     index, offset, chip = rng.standard_normal(3)
     spread, values = rig.spread, {}
     if spread.index > 0.0:

@@ -28,7 +28,7 @@ def run(
     Parameters
     ----------
     protocol
-        What the stage does.
+        Motion of the stage.
     rig
         The instruments, and which sensors are wired to them.
     out

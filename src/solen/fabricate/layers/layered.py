@@ -31,7 +31,7 @@ class LayeredPrint(Result):
     Attributes
     ----------
     job
-        What is printed; JSON leaves it out.
+        The printed solid; not in JSON.
     name, printer
         Names of the part and of the printer.
     pitch_um, pitch_y_um, columns, rows
@@ -47,7 +47,7 @@ class LayeredPrint(Result):
     islands
         Layers in which something begins in the air, each with the number of such pieces.
     settings
-        What to type into the printer's program.
+        Settings to enter in the printer's program.
     sources, warnings
         The file that was sliced, and what to mind.
     """

@@ -42,7 +42,7 @@ class Printable:
     placed
         Its mesh, its lowest corner at the origin.
     label
-        What its files say of it.
+        Its description in its files.
     source
         The file that it comes from.
     material, cure

@@ -14,7 +14,7 @@ Degrees = tuple[Finite, Finite, Finite]
 Phase = Annotated[float, Field(ge=0, lt=1)]
 Seconds = Annotated[float, Field(gt=0, le=3600)]
 EXPOSED = ("layer_um", "burn_in_layers", "burn_in_s", "exposure_s", "irradiance_mW_per_cm2")
-"""What a process states as well."""
+"""Settings that a process file may state too."""
 
 
 class Slicing(Options):

@@ -31,7 +31,7 @@ from solen.recording import Provenance
 from solen.results import HIDDEN, Result, reported
 
 SOUGHT = ("Ec_mJ_per_cm2", "shrinkage_percent")
-"""What is sought beside the width of the blur: of a response, its scale."""
+"""Parameters fitted beside the width of the blur: of a response, its scale."""
 INSEPARABLE = 0.9
 """Correlation above which two numbers cannot be separated."""
 LEARNED = 0.5
@@ -132,11 +132,11 @@ def calibrated(process: Process, coupons: Sequence[MeasuredCoupon], name: str) -
     Parameters
     ----------
     process
-        What was known before.
+        Prior knowledge.
     coupons
         Features, picture by picture, printed by that process.
     name
-        What the numbers rest on, for the process file.
+        Source of the numbers, for the process file.
 
     Raises
     ------
@@ -243,7 +243,7 @@ def _unknown(fit: PrinterCalibration) -> list[Caution]:
 
 
 def _inseparable(fit: PrinterCalibration) -> list[Caution]:
-    """What changes coupons alike."""
+    """Warnings about numbers that change all coupons alike."""
     warnings = [
         note(
             "washing, critical dose, exposure and scattering move edges alike and cannot be separated here: "

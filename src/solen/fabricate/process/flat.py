@@ -56,7 +56,7 @@ class FlatPrint:
         Parameters
         ----------
         rings
-            What is drawn: outer outlines counter-clockwise, holes clockwise.
+            Drawn outlines: outer ones counter-clockwise, holes clockwise.
         target
             The designed lens.
         settings

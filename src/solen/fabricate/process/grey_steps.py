@@ -76,7 +76,7 @@ class MeasuredGreys(Measured, kw_only=True):
 
     @reported
     def edge_shift_px(self) -> float:
-        """What an edge drawn in proportion moves outwards by, in pixels, mean over its places."""
+        """Outward shift of an edge drawn in proportion, in pixels, mean over its positions."""
         greys = self.process.process.model_copy(update={"grey_drawn": "proportional"}).greys
         return greys.shift
 

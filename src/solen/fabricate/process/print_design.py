@@ -35,7 +35,7 @@ from solen.sensor.print_loss import PrintLoss, print_loss
 
 PROFILE_POINTS = 401
 NUMERICAL_UM = 0.1
-"""What the model's own numbers may be off by from point to point."""
+"""Numerical error of the model from point to point."""
 _MOST = (2.5, 97.5)
 _TAPER_UM = 2.0
 """Taper of the walls that is worth a warning."""
@@ -130,7 +130,7 @@ class PrintedDesign(Result):
     ripple, walls
         Ripple of the layers, and straight walls of a flat part.
     contributions_um
-        What each uncertain number contributes to the uncertainty, root mean square along the lens, the largest first.
+        Contribution of each uncertain number to the uncertainty, root mean square along the lens, the largest first.
     response
         The response that is lost; None where it was not traced.
     compensation, compensated_response
@@ -427,7 +427,7 @@ def _ripple(lens: Prediction, orientation: Orientation) -> Ripple:
 
 
 def _of_layers(prediction: PrintedDesign) -> list[Caution]:
-    """What layers do to the lens that the profile does not hold."""
+    """Effects of layers on the lens that the profile leaves out."""
     walls = prediction.walls
     if walls is None:
         return [

@@ -75,7 +75,7 @@ class Scales:
 
     @property
     def covariance(self) -> FloatArray:
-        """What is known of the errors before."""
+        """Priors of the errors."""
         u = np.array([self.u_before(key) for key in self.of])
         together = np.array([[self._alike(one, other) for other in self.of] for one in self.of])
         return np.asarray(u[:, None] * together * u[None, :]) if len(u) else np.zeros((0, 0))
@@ -86,7 +86,7 @@ class Scales:
         return U_SCALE if stated is None else max(stated, EXACT)
 
     def fitted(self, errors: FloatArray, u: FloatArray) -> tuple[FittedScale, ...]:
-        """What became of the scales."""
+        """The scales as fitted."""
         return tuple(
             FittedScale(
                 self.coupons[key[0]].name,

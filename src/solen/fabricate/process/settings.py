@@ -58,7 +58,7 @@ Percent = Annotated[Number, Field(ge=-20, le=20)]
 
 
 class Settings(Strict):
-    """What happens to an image on its way to the part; lengths in µm, doses in mJ/cm²."""
+    """The steps from an image to the part; lengths in µm, doses in mJ/cm²."""
 
     table: ClassVar[str] = "process"
     error: ClassVar[type[SolenError]] = DataError

@@ -99,13 +99,13 @@ def printed_solid(
     Parameters
     ----------
     rings
-        What is drawn: outer outlines counter-clockwise, holes clockwise.
+        Drawn outlines: outer ones counter-clockwise, holes clockwise.
     settings
         The process.
     thickness_mm
         Of the part; it is made of the nearest whole number of layers.
     centre_mm
-        What all shrinks about: the middle of the lens.
+        Centre of the shrinkage: the middle of the lens.
     name
         Of the part, for refusals.
     phase

@@ -43,7 +43,7 @@ class Feature(_Table):
     name
         Unique within its coupon: ``d-0.30``.
     kind
-        What it is; a ``mark`` orients an image and is not evaluated.
+        Kind of feature; a ``mark`` orients an image and is not evaluated.
     x_mm, y_mm
         Its middle.
     width_mm, depth_mm
@@ -169,7 +169,7 @@ class Coupon(_Table):
     readings
         How the source was read.
     cautions
-        What the user must know before printing it.
+        Warnings before printing it.
 
     Raises
     ------

@@ -232,7 +232,7 @@ def working_curve(
     keep_all
         Keep outliers.
     rows
-        What each disc's place is called; by default they count from 1.
+        Name of each disc's position; by default they count from 1.
 
     Raises
     ------

@@ -113,7 +113,7 @@ class LayerNeed:
 
 @dataclass(frozen=True)
 class LayerExposure:
-    """What the exposure of a layer does.
+    """Effect of the exposure of a layer.
 
     Attributes
     ----------
@@ -122,7 +122,7 @@ class LayerExposure:
     cure_depth_um, interval95_cure_depth_um, cure_depth_layers
         How deep it cures, also in thicknesses of a layer.
     dose_below_mJ_per_cm2, dose_below_over_Ec
-        What is left of it below the layer, also in critical doses.
+        Dose below the layer, also in critical doses.
     print_through_um, print_through_many_layers_um
         How far resin sets beyond one layer, and beyond many, that are exposed above a gap.
     """
@@ -140,7 +140,7 @@ class LayerExposure:
 
 @dataclass(frozen=True)
 class InLampExposure:
-    """What the exposure of a layer does in the lamp's light, beside what Jacobs' law says.
+    """Effect of the exposure of a layer in the lamp's light, beside that by Jacobs' law.
 
     Attributes
     ----------

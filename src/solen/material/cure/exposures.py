@@ -1,4 +1,4 @@
-"""What a layer's optics do with its exposure: transmittance, and index where it is known, at some wavelengths.
+"""A layer's optics against its exposure: transmittance, and index where it is known, at some wavelengths.
 
 The idea: layers cured for 2, 4 and 6 s are three points, and what three points can say is a trend with an interval, not
 a curve. Each sample counts once. A trend of the transmittance is one of the layer: a layer that was cured longer may

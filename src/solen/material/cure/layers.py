@@ -1,4 +1,4 @@
-"""What a working curve means for a print in layers: depth, exposure, print-through, and the dose that a place receives.
+"""A print in layers by a working curve: depth, exposure, print-through, and the dose that a point receives.
 
 The idea: a layer is exposed from the side of the window, and what it does not take goes on into the layers that were
 printed before it. With E of each exposure, layers of thickness h and penetration depth Dp, the place s above the window
@@ -34,7 +34,7 @@ def cure_depth_um(dose: ArrayLike, Dp_um: float, Ec_mJ_per_cm2: float) -> FloatA
 
 
 def dose_below(dose: ArrayLike, depth_um: ArrayLike, Dp_um: float) -> FloatArray:
-    """What is left of a dose at a depth, E e^(-d/Dp)."""
+    """Dose at a depth, E e^(-d/Dp)."""
     return np.asarray(np.asarray(dose, float) * np.exp(-np.asarray(depth_um, float) / Dp_um))
 
 
@@ -67,7 +67,7 @@ class StackDose:
 
     @property
     def q(self) -> float:
-        """What a layer lets through."""
+        """Transmittance of a layer."""
         return math.exp(-self.layer_um / self.Dp_um)
 
     @reported

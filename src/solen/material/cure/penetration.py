@@ -88,7 +88,7 @@ class Attenuation:
     wavelength_nm, weight
         Lines of the lamp, shape (n,), and their shares of its power at the surface.
     per_um
-        What the resin takes off at each, base e, shape (n,).
+        Absorbance of the resin at each, base e, shape (n,).
     """
 
     wavelength_nm: FloatArray

@@ -37,7 +37,7 @@ PAPER = (
     Statement(26.0, 25.0, "prints in layers of 25 µm with 2 s at 13 mW/cm², 26 mJ/cm²"),
     Statement(91.0, 100.0, "prints in layers up to 100 µm with less than 7 s, 91 mJ/cm²"),
 )
-"""What the paper states: depths are at least reached, so each is a bound."""
+"""Depths of the paper: each is at least reached, so it is a bound."""
 
 
 def binding(Dp_um: float, statements: Sequence[Statement] = PAPER) -> Statement:

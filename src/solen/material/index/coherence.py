@@ -1,4 +1,4 @@
-"""What a spectrophotometer reads on a layer whose two faces interfere, wholly or in part: the forward model.
+"""Readings of a spectrophotometer on a layer whose two faces interfere, wholly or in part: the forward model.
 
 The idea: with φ = 4πnh/λ, real Fresnel amplitudes (k ≪ n) and g the product of the two inner ones and of what one pass
 leaves, a plane layer transmits (1 − F₁)(1 − F₂)τ/(1 − 2g cos φ + g²), and the rest of the light is reflected or
@@ -30,7 +30,7 @@ HARMONICS = 4
 
 @dataclass(frozen=True, eq=False)
 class Blur:
-    """What takes the contrast of fringes away.
+    """Causes that reduce the contrast of fringes.
 
     Attributes
     ----------
@@ -101,7 +101,7 @@ def layer(n: Any, slope_per_nm: Any, k: Any, thickness_um: Any, wavelength_nm: A
 
 
 def stacked(piece: Powers, sheet: tuple[Any, Any, Any] | None, wavelength_nm: Any, setup: Setup | None) -> Readings:
-    """What the instrument states of a layer, free or on a sheet of index, extinction and thickness."""
+    """Readings of a layer, free or on a sheet of index, extinction and thickness."""
     if sheet is None or setup is None:
         return Readings(piece.through, piece.front)
     n, k, thickness_um = sheet

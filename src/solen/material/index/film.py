@@ -60,7 +60,7 @@ class Film:
     fitted
         Fitted spectra, by reading.
     course
-        What n was fitted as.
+        Form of n in the fit.
     """
 
     n: FloatArray
@@ -88,7 +88,7 @@ def fit_film(measured: Measured, level: float, phases: Sequence[Phase], kind: Ki
     level
         Index to start from.
     phases
-        What the fringes may be, the best first.
+        Possible interpretations of the fringes, the best first.
     kind
         Form of n; None for Cauchy's, and a free one where that explains much more.
 

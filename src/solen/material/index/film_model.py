@@ -40,7 +40,7 @@ _TURNED = np.arange(0.0, 9.0, 0.7)  # half ranges of it
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """What was read of a layer, and what is known beside it.
+    """Readings of a layer, and prior knowledge of it.
 
     Attributes
     ----------
@@ -154,13 +154,13 @@ class FilmModel:
         return self.optical_um * np.exp(p[self.names["ln_optical"]]) / p[self.names["n"]]
 
     def blur(self, p: Any) -> Blur:
-        """What takes the contrast away; all of it of a layer that is taken by its levels alone."""
+        """Loss of contrast; all of it for a layer that is evaluated by its levels alone."""
         if not self.coherent:
             return Blur(0.0, 10.0)
         return Blur(*(p[self.names[name]] for name in ("slit", "rough", "wedge", "other")))
 
     def spectra(self, p: Any, blur: Blur | None = None) -> dict[str, Any]:
-        """What the instrument would read, by kind."""
+        """Readings of the instrument, by kind, as modelled."""
         setup, nm = self.measured.setup, self.measured.wavelength_nm
         n, slope = self.index(p)
         k = self.k_unit * (self.hats @ p[self.first_k : self.last_k])
@@ -194,7 +194,7 @@ class FilmModel:
         return np.concatenate([*rows, self.prior(p)])
 
     def prior(self, p: Any) -> Any:
-        """What is known before, in standard uncertainties."""
+        """Residuals of the priors, in standard uncertainties."""
         at = {name: p[place] for name, place in self.names.items()}
         bend = 1e-6 if self.course.kind == "sellmeier" else _BEND
         rows = [at["bend"] / bend, *(p[self.added] / _ADDED), at["rough"] / _MOST_SPREAD, at["wedge"] / _MOST_SPREAD]

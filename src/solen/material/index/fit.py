@@ -57,13 +57,13 @@ class Fit(Result):
     neighbours
         Correlation of a residual with the next one.
     widened
-        What the independent uncertainties were multiplied with for scatter and neighbours; 1 where they suffice.
+        Factor of the independent uncertainties for scatter and neighbours; 1 where they suffice.
     aicc
         AICc by number of terms, of those that were tried; the least one wins.
     refused
         By number of terms, why a fit was not taken.
     warnings
-        What the numbers cannot be used for.
+        Warnings about the numbers.
     """
 
     kind: str
@@ -247,7 +247,7 @@ def _check_delivered(kind: str, one: Solved, model: Cauchy | Sellmeier, points: 
 
 
 def _warnings(model: Cauchy | Sellmeier, one: Solved, points: Points) -> list[Caution]:
-    """What the numbers of a fit cannot be used for."""
+    """Warnings about the numbers of a fit."""
     low, high = model.range_nm
     warnings = []
     rise = model.index(high) - model.index(low)

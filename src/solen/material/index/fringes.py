@@ -208,7 +208,7 @@ def _polished(um: FloatArray, u: FloatArray, off: FloatArray, p: FloatArray) -> 
 def fringe_warnings(
     wavelength_nm: FloatArray, n: FloatArray, thickness_um: float, bandwidth_nm: float | None
 ) -> tuple[Caution, ...]:
-    """What fringes mean for a spectrum along ascending wavelengths.
+    """Warnings about fringes of a spectrum along ascending wavelengths.
 
     ``n`` may hold NaN; the median of the rest serves there. A bandwidth of None is one that is not known.
     """

@@ -95,7 +95,7 @@ def lines(wavelength_nm: ArrayLike, power: ArrayLike, source: str = "") -> Illum
 def measured_light(wavelength_nm: ArrayLike, power: ArrayLike, source: str = "") -> Illuminant:
     """Light of a measured power per nm, each wavelength standing for what is nearest to it.
 
-    What is below 1 % of the peak is left out: there a spectrometer shows its noise, on both sides of 0.
+    Values below 1 % of the peak are left out: there a spectrometer shows its noise, on both sides of 0.
     """
     nm, values = np.asarray(wavelength_nm, dtype=float), np.asarray(power, dtype=float)
     order = np.argsort(nm)

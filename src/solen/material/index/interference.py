@@ -38,7 +38,7 @@ _USUAL = 1.5
 
 
 class Interference(Result):
-    """What the fringes of a layer say beside its index.
+    """Results of a layer's fringes beside its index.
 
     Attributes
     ----------
@@ -198,7 +198,7 @@ def _common(parts: FloatArray) -> Combined:
 
 
 def _remarks(measured: Measured, mode: str, dispersion: str, *, by_levels: bool) -> list[Caution]:
-    """What was chosen, and what is missing."""
+    """Remarks on the choice of model, and on missing inputs."""
     found = [
         note("fringes were detected: the index is that of a layer whose faces interfere, with its coherence fitted")
     ]

@@ -42,7 +42,7 @@ MUCH = 1 << 20  # numbers above which a call is shared among cores
 
 @dataclass(frozen=True, eq=False)
 class Inverted:
-    """What R and T of a layer in air say, with nothing masked but what has no value: arrays of one shape.
+    """Index by R and T of a layer in air, with only missing values masked: arrays of one shape.
 
     Attributes
     ----------

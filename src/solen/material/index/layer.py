@@ -52,11 +52,11 @@ class LayerIndex(Measured, kw_only=True):
     measurement
         Whether n follows from what was measured.
     baseline
-        What the 100 % of T was taken on, air or substrate.
+        Reference of the 100 % of T, air or substrate.
     bandwidth_nm
         Spectral bandwidth of the instrument, in nm.
     options
-        What was stated and asked for.
+        The options.
     wavelength_nm
         Wavelengths, ascending, in nm.
     n, u_n
@@ -94,7 +94,7 @@ class LayerIndex(Measured, kw_only=True):
     repeats_nm, repeats_lossless_n
         Longest wavelength at which all repeats of T have a lossless index, in nm, and that of each repeat there.
     interference
-        What the fringes say of the layer; None where none were detected.
+        Results of the fringes; None where none were detected.
     """
 
     file: str
@@ -393,7 +393,7 @@ def _other_baseline(spectra: OpticalSpectra, options: IndexOptions) -> list[Caut
 def _about_instrument(
     spectrum: IndexSpectrum, spectra: OpticalSpectra, options: IndexOptions, bandwidth_nm: float | None
 ) -> list[Caution]:
-    """What was not stated of the instrument and of the layer, and where T or the fringes contradict it."""
+    """Warnings: properties of instrument and layer that were not stated, or that T or the fringes contradict."""
     warnings = []
     if options.baseline is None:
         warnings.append(

@@ -1,4 +1,4 @@
-"""What the literature says an index of a transparent polymer can be, and warnings where a measured one says otherwise.
+"""Indices of transparent polymers in the literature, and warnings where a measured one disagrees.
 
 The idea: an index is checked before it is used. Acrylates and printing resins lie between 1.47 and 1.57, and from 450
 to 860 nm every polymer in the table loses 0.010 to 0.040. A curve that lies elsewhere, or falls several times as fast,
@@ -35,7 +35,7 @@ POLYMERS: tuple[Polymer, ...] = get_args(Polymer)
 """Classes of the table."""
 
 RESINS: tuple[Polymer, ...] = ("acrylate", "photoresin")
-"""What a printed transparent part is most like."""
+"""The class that a printed transparent part most resembles."""
 
 LINE_D, LINE_HELIUM, LINE_F, LINE_C = 589.3, 587.56, 486.13, 656.27
 """Wavelengths in nm that indices and Abbe numbers are stated at: sodium D, helium d, hydrogen F and C."""
@@ -78,9 +78,9 @@ class Material:
     Attributes
     ----------
     name, polymer
-        What it is, and its class, one of `POLYMERS`.
+        Name of the polymer, and its class, one of `POLYMERS`.
     wavelength_nm, n
-        What the source states, ascending.
+        Values of the source, ascending.
     abbe
         Abbe numbers that go with a single wavelength: lowest and highest of what was measured.
     source, doi
@@ -274,7 +274,7 @@ def check_index(
 ) -> list[Caution]:
     """A warning where an index lies outside what the literature has for such polymers; empty where it does not.
 
-    What lies within `MARGIN` and two standard uncertainties of the band is not remarked.
+    A value within `MARGIN` and two standard uncertainties of the band gives no remark.
 
     Parameters
     ----------

@@ -78,11 +78,11 @@ def why_no_n(reflectance: FloatArray, transmittance: FloatArray, u_sum: Combined
     Parameters
     ----------
     reflectance, transmittance
-        What was inverted.
+        The inverted readings.
     u_sum
         Uncertainty of R + T, NaN where none is known: then `ASSUMED_U` of each is taken.
     found
-        What came of it.
+        The result of the inversion.
     """
     tests = {
         Why.MISSING: ~(np.isfinite(reflectance) & np.isfinite(transmittance)),

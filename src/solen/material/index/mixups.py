@@ -1,4 +1,4 @@
-"""What a person mixes up in a table of spectra, by what the numbers would be if it were so.
+"""Likely mix-ups in a table of spectra, detected by the numbers that they would give.
 
 The idea: R and T under each other's names, or fractions under a header in %, give indices that no layer has, or none at
 all; exchanged, or taken as they are, they give one that layers do have. Then that is what happened, and it is said in

@@ -56,7 +56,7 @@ class IndexOptions(RowOptions):
     absorbance: tuple[str, ...] = ()
     """Name of a trace of A; repeatable."""
     absorbance_kind: Literal["log10", "ln", "absorptance"] | None = None
-    """What A is: log10 (−log10 T, what a spectrophotometer exports), ln, or absorptance (the share that stays in the
+    """Meaning of A: log10 (−log10 T, as a spectrophotometer exports), ln, or absorptance (the share that stays in the
     layer, measured in an integrating sphere)."""
     u_T: Fraction = None
     """Standard uncertainty of T that the instrument states, as 0.003 or 0.3%; of a limit ± a take a/√3."""
@@ -65,7 +65,7 @@ class IndexOptions(RowOptions):
     u_A: Fraction = None
     """The same of A."""
     baseline: Baseline | None = None
-    """What the 100 % of T was taken on; default: air."""
+    """Reference of the 100 % of T; default: air."""
     bandwidth_nm: Above0 | None = None
     """Spectral bandwidth of the instrument; default: what its file states."""
     at_nm: tuple[Wavelength, ...] = ()
@@ -83,9 +83,9 @@ class IndexOptions(RowOptions):
     bare_reflectance: tuple[str, ...] = ()
     """Name of a trace of R of the bare sheet in air; repeatable."""
     side: Side | None = None
-    """What the light meets first; default: layer."""
+    """Side that the light meets first; default: layer."""
     r_baseline: Baseline | None = None
-    """What the 100 % of R was taken on: air (a calibrated mirror, the default) or the bare substrate."""
+    """Reference of the 100 % of R: air (a calibrated mirror, the default) or the bare substrate."""
     fit: Literal["cauchy", "sellmeier", "none"] | None = None
     """Formula fitted to n, weighted, with its covariance; default: cauchy."""
     terms: int | None = None

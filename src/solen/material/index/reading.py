@@ -1,4 +1,4 @@
-"""What was measured, with its uncertainty: repeats, stated accuracy, and what is common to a whole spectrum.
+"""Measured values with their uncertainty: repeats, stated accuracy, and errors common to a whole spectrum.
 
 The idea: two kinds of error act differently and are kept apart. What scatters from wavelength to wavelength averages
 out over an LED's spectrum or in a fit; what shifts a whole spectrum, a lamp that drifts or a photometer that reads 0.2
@@ -62,7 +62,7 @@ class Reading:
     repeats
         How many spectra it is the mean of.
     remarks
-        What a reader must know, in sentences.
+        Warnings, in sentences.
     """
 
     value: FloatArray
@@ -170,7 +170,7 @@ def reading(repeats: ArrayLike, u_stated: ArrayLike | None = None, *, name: str 
 
 
 def combined(parts: Sequence[Share], points: int) -> Combined:
-    """What independent parts of an uncertainty make together."""
+    """Sum in squares of independent parts of an uncertainty."""
     values = np.array([part.u for part in parts]).reshape(len(parts), points)
     common = np.array([part.common for part in parts], dtype=bool)
     square = (values**2).sum(axis=0)

@@ -65,7 +65,7 @@ _STEP = 1e-30
 
 @dataclass(frozen=True)
 class Prior:
-    """What is expected of a polymer's dispersion before it is measured.
+    """Prior of a polymer's dispersion.
 
     Attributes
     ----------
@@ -98,7 +98,7 @@ class Prior:
 
 
 class _Values(NamedTuple):
-    """What an instrument measured: wavelengths and indices, shape (values,), and their covariance."""
+    """Measured values: wavelengths and indices, shape (values,), and their covariance."""
 
     wavelength_nm: FloatArray
     n: FloatArray
@@ -171,7 +171,7 @@ class RefractometerIndex(Measured, kw_only=True):
     led
         n in the light of the requested emitter.
     options
-        What was stated and asked for.
+        The options.
     """
 
     measured_nm: FloatArray
@@ -423,7 +423,7 @@ def _derivatives(function: Callable[[NDArray[Any]], Any], p: FloatArray) -> Floa
 
 
 def _warnings(values: _Values, prior: Prior, model: Cauchy, abbe: tuple[float, float], chi2: float) -> list[Caution]:
-    """What the numbers of a result cannot be used for."""
+    """Warnings about the numbers of a result."""
     freedom = values.n.size - 1
     if freedom == 0:
         return [

@@ -1,4 +1,4 @@
-"""What a route to an index warns of: missing uncertainties, assumptions, and k below 0."""
+"""Warnings of a route to an index: missing uncertainties, assumptions, and k below 0."""
 
 from collections.abc import Mapping, Sequence
 
@@ -15,7 +15,7 @@ from solen.ranks import Caution, do_not_use, look_at, note
 
 
 def too_bright(result: FloatArray, k: Combined) -> list[Caution]:
-    """What all k together say where their weighted mean is below 0 by more than its own uncertainty explains."""
+    """Warning where the weighted mean of all k is below 0 by more than its uncertainty explains."""
     with np.errstate(all="ignore"):
         weight = 1.0 / (k.random**2 + (k.parts**2).sum(axis=0))
     seen = np.isfinite(result) & np.isfinite(weight)
@@ -36,7 +36,7 @@ def too_bright(result: FloatArray, k: Combined) -> list[Caution]:
 
 
 def assumed(t: FloatArray) -> Caution:
-    """What assuming k = 0 does to n, by the transmittance in the middle."""
+    """Effect of assuming k = 0 on n, by the transmittance in the middle."""
     assumption = "lossless: k = 0 is assumed, so that n is an upper bound"
     if not t.size:
         return look_at(assumption)
@@ -46,7 +46,7 @@ def assumed(t: FloatArray) -> Caution:
 
 
 def unstated(read: Mapping[str, Reading]) -> list[Caution]:
-    """What is missing for an uncertainty of a layer in air."""
+    """Inputs missing for an uncertainty of a layer in air."""
     names = [name for name, reading in read.items() if not reading.known]
     if names:
         by = {"R": "0.0039 in R", "A": "0.0039 in A", "T": "0.0003 in T" if "R" in read else "0.0042 in T"}

@@ -102,7 +102,7 @@ def absorptance(wavelength_nm: ArrayLike, transmittance: Reading, share: Reading
 
 
 def as_published(wavelength_nm: ArrayLike, transmittance: Reading, thickness: Length) -> IndexSpectrum:
-    """What R = 1 − T − A gives when A is the absorbance −log10 T: numbers to compare with published ones, no index.
+    """R = 1 − T − A with the absorbance −log10 T as A: numbers to compare with published ones, no index.
 
     No uncertainty goes with it: one of T would not be one of n.
     """

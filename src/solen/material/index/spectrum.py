@@ -74,11 +74,11 @@ class IndexSpectrum:
     lossless
         The index that T alone gives when k = 0 is assumed.
     reflectance, transmittance
-        What was inverted, unmasked; the reflectance of the lossless route is 1 − T.
+        The inverted readings, unmasked; the reflectance of the lossless route is 1 − T.
     thickness
         Of the layer; None where the route needs none.
     warnings
-        What cannot be concluded, in sentences with numbers.
+        Warnings, in sentences with numbers.
     """
 
     mode: str

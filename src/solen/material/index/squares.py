@@ -36,7 +36,7 @@ class Points:
 
     @property
     def weights(self) -> FloatArray:
-        """What residuals are multiplied with."""
+        """Factor of the residuals."""
         return np.ones_like(self.n) if self.u is None else 1 / self.u
 
 
@@ -148,7 +148,7 @@ def _neighbours(weighted: FloatArray) -> float:
 
 
 def _excess(chi2: float, freedom: int, stated: bool) -> float:
-    """What the stated variances are multiplied with; the scatter itself where none are stated."""
+    """Factor of the stated variances; the scatter itself where none are stated."""
     from scipy.special import gammaincc
 
     ratio = chi2 / freedom

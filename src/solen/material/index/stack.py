@@ -1,4 +1,4 @@
-"""What a spectrophotometer reads on a printed layer, free-standing or on its substrate: the forward model.
+"""Readings of a spectrophotometer on a printed layer, free-standing or on its substrate: the forward model.
 
 The idea: light between the faces of a layer much thicker than its coherence length adds by power. Two neighbouring
 pieces of a stack then combine by a geometric series, T = Ta Tb / (1 − Ra' Rb), and so does any number of them. For one
@@ -159,7 +159,7 @@ class Setup:
     side
         Which of the two the light meets first. T does not depend on it, R does.
     baseline, baseline_r
-        What the 100 % of T, and that of R, is: the bare substrate, or air (for R: a calibrated mirror).
+        Reference of the 100 % of T, and of R: the bare substrate, or air (for R: a calibrated mirror).
     near
         Of two indices that fit the readings, the one nearer to this is given.
     """
@@ -178,7 +178,7 @@ class Setup:
 
 
 class Readings(NamedTuple):
-    """What the instrument states of a layer on its substrate, T and R, fractions of its 100 %."""
+    """Readings of a layer on its substrate, T and R, fractions of the instrument's 100 %."""
 
     T: Numbers
     R: Numbers

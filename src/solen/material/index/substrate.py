@@ -49,7 +49,7 @@ class _Case:
     setup: Setup
 
     def read(self, n: ArrayLike, k: ArrayLike) -> Readings:
-        """What the instrument states where the layer has n and k."""
+        """Readings of the instrument for a layer of n and k."""
         sheet = (self.sheet_n, self.sheet_k, self.sheet_um)
         return readings((n, k, self.thickness_um), sheet, self.wavelength_nm, self.setup)
 

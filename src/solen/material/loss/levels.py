@@ -85,7 +85,7 @@ def full_level_dB(unit: str, launched: float | None, readings: ArrayLike) -> flo
     unit, readings
         As in `levels_dB`. A pure number, a percentage and dB are shares of what was launched, unless one is above it.
     launched
-        What was launched, in that unit.
+        Launched power, in that unit.
     """
     if launched is None:
         launched = _FULL.get(unit)

@@ -45,7 +45,7 @@ class Piece:
 
     @property
     def name(self) -> str:
-        """What to call it."""
+        """Its name in messages."""
         where = f", {self.orientation}" if self.orientation else ""
         return f"guide {self.guide} ({self.length_mm:g} mm{where})"
 

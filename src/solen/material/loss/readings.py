@@ -71,7 +71,7 @@ class Readings:
     columns
         Names of the columns that were used.
     warnings
-        What was assumed or left out.
+        Assumptions, and readings left out.
     """
 
     length_mm: FloatArray

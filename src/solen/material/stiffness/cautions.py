@@ -1,4 +1,4 @@
-"""What does not follow from a hyperelastic fit, in sentences with numbers.
+"""Warnings about a hyperelastic fit, in sentences with numbers.
 
 The interface: `cautions` of a fit.
 """

@@ -28,7 +28,7 @@ _SINGULAR = 1e14  # condition beyond which an inverse has no correct digit
 
 @dataclass(frozen=True, eq=False)
 class Scatter:
-    """What the residuals of a fit say about its parameters.
+    """Statistics of a fit's parameters from its residuals.
 
     Attributes
     ----------

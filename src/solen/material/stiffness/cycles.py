@@ -80,7 +80,7 @@ class Cycle:
 
 @dataclass(frozen=True)
 class Softening:
-    """What the last cycle lacks, as fractions of the first: of the stress at peak and at half, of the work put in."""
+    """Loss of the last cycle as fractions of the first: of the stress at peak and at half, of the work put in."""
 
     cycles: int
     peak_stress: float

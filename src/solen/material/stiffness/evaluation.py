@@ -48,7 +48,7 @@ class StiffnessOptions(RowOptions):
     """How mechanical tests are evaluated, and models fitted to them."""
 
     mode: TestMode | None = None
-    """What the files are; uniaxial takes both directions by their signs. Default: by the files' words and signs."""
+    """Mode of the tests; uniaxial takes both directions by their signs. Default: by the files' words and signs."""
     strain_range_percent: tuple[Finite, Finite] | None = None
     """From and to where the modulus is fitted, such as 0.05 0.25."""
     secant_percent: tuple[Annotated[Finite, Field(gt=0.0)], ...] = ()
@@ -91,7 +91,7 @@ class Evaluated:
     test
         With strains counted from the toe's zero.
     toe, young, extremes, cycles, softening
-        What was found.
+        The results.
     secants
         Stress over strain at each strain that was asked for.
     fitted
@@ -201,7 +201,7 @@ def _toe(test: StressStrain, wanted: str) -> Toe:
 
 
 def _warnings(test: StressStrain, modulus: Young, options: StiffnessOptions, cycles: Sequence[Cycle]) -> list[Caution]:
-    """What the numbers of a test do not know."""
+    """Warnings about the numbers of a test."""
     warnings = [
         _of_friction(test, options),
         _of_dimensions(test, modulus),

@@ -50,11 +50,11 @@ class MechanicalTest:
     recording
         Of one specimen, or of several that a column names.
     mode
-        What it is; None to take it from the signs and words of the file.
+        Mode of the test; None to take it from the signs and words of the file.
     label
         Of the material; empty to take it from a column.
     dimensions
-        What is stated of its specimens.
+        Stated sizes of its specimens.
     compliance_mm_per_N
         Of machine and fixture.
     name
@@ -85,7 +85,7 @@ class MaterialStiffness(MeanModulus, kw_only=True):
     model, fits
         The fit that was chosen, None without one; and all fits.
     warnings
-        What the numbers do not say, in sentences.
+        Warnings, in sentences.
     """
 
     label: str | None

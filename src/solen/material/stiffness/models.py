@@ -61,7 +61,7 @@ class Polynomial(Model):
     Attributes
     ----------
     kind
-        What it is called.
+        Its name.
     terms
         Powers (i, j) of (I₁ − 3) and (I₂ − 3), one pair per parameter C_ij.
     """
@@ -117,7 +117,7 @@ class Ogden(Model):
 
     @property
     def kind(self) -> str:  # type: ignore[override]
-        """What it is called."""
+        """Its name."""
         return f"ogden-{self.order}"
 
     @property

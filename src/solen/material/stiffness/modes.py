@@ -51,4 +51,4 @@ PLANAR = Mode("planar", (1.0, 0.0, -1.0), 1)
 EQUIBIAXIAL = Mode("equibiaxial", (1.0, 1.0, -2.0), 2)
 MODES: dict[str, Mode] = {mode.name: mode for mode in (UNIAXIAL, PLANAR, EQUIBIAXIAL)}
 TestMode = Literal["tension", "compression", "uniaxial", "planar", "equibiaxial"]
-"""What a user can call a test; tension and compression are uniaxial, ``uniaxial`` takes both signs as in the file."""
+"""Modes of a test; tension and compression are uniaxial, ``uniaxial`` takes both signs as in the file."""

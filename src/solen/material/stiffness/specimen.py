@@ -45,7 +45,7 @@ _FILE_SECTIONS = (("width", "thickness"), ("diameter",), ("area",))
 
 
 class Dimensions(Options):
-    """What is stated of a specimen."""
+    """Stated sizes of a specimen."""
 
     cube_mm: Finite | None = Field(None, gt=0.0)
     """Side of a compressed cube, instead of all of the following."""
@@ -215,7 +215,7 @@ def _section(
 
 
 def _options(stated: Dimensions) -> list[str]:
-    """What the user stated, as on the command line."""
+    """The user's options, as on the command line."""
     given = stated.model_dump(exclude_none=True, exclude={"u_geometry_mm"})
     words = " ".join(f"--{name.replace('_', '-')} {value:g}" for name, value in given.items())
     return [words] if words else []

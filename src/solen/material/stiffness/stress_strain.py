@@ -52,9 +52,9 @@ class StressStrain:
     compliance_removed
         Whether the machine's has been subtracted.
     preload
-        What the file says about a preload at which strain was set to zero; empty where nothing.
+        Preload at which strain was set to zero, as the file states it; empty where it states none.
     notes, warnings
-        What was decided, and what to beware of, in plain sentences.
+        Decisions taken, and warnings, in sentences.
     """
 
     mode: Mode = field(metadata=HIDDEN)
@@ -121,7 +121,7 @@ def as_test(
     mode
         None to take it from the signs.
     name
-        What errors call it.
+        Its name in errors.
     assumed
         Whether the mode was not stated by the user: what cannot be known is then warned of.
 

@@ -47,7 +47,7 @@ class Toe:
     end
         Strain, counted from the shift, at which the toe ends: below it stresses are not the material's.
     note
-        What was done, in a sentence.
+        The correction made, in a sentence.
     """
 
     shift: float

@@ -76,7 +76,7 @@ class Limit:
     nominal_mm
         The smallest resolved; None where not even the largest is.
     measured_mm, u_measured_mm
-        What came out at that nominal size, and its standard uncertainty.
+        Measured size at that nominal size, and its standard uncertainty.
     next_mm
         The next smaller one, which is not resolved or undecided; None where there is none.
     bound

@@ -35,7 +35,7 @@ SHORT = 0.12
 NEAR_MM, NEARER_MM = 0.25, 0.12
 """Distance of a blob from the place of its feature, at most, at first and after the fit."""
 PLACE_MM, DIAMETER_MM = 0.02, 0.04
-"""What counts as one standard deviation of a blob's place and size."""
+"""Assumed standard deviation of a blob's position and size."""
 GROWN_MM, STRETCHED = 0.06, 0.015
 """The same for all sizes together, and for the scale: a shift by one feature would be a print of another size."""
 MISSING, MARK = 4.0, 4.0
@@ -198,7 +198,7 @@ def locate(grey: FloatArray, coupon: Coupon, px_per_mm: float, what: str, *, mos
     grey
         Shape (rows, columns).
     coupon
-        What was printed.
+        The printed coupon.
     px_per_mm
         Scale of the picture.
     what
@@ -243,7 +243,7 @@ def _check_clear(best: _Guess, guesses: list[_Guess], measured_mm: FloatArray, w
 
 
 def _farther(other: _Guess, best: _Guess) -> float:
-    """What the places say beyond the cost, which takes a coupon's places as rougher than this one's may be."""
+    """Evidence of the positions beyond the cost, which assumes rougher positions than this coupon's may be."""
     free = 2 * len(best.pairs) - PARAMETERS
     if free < MANY:
         return 0.0

@@ -70,11 +70,11 @@ class CouponMeasurement(Result):
     sources
         The file.
     warnings
-        What must be known of the numbers.
+        Warnings about the numbers.
     z_um, u_z_um
         Height of a level of a z map, and its standard uncertainty; None where it is a picture, or none is stated.
     layout, picture
-        What was printed, and the picture or z map of it.
+        The printed coupon, and the picture or z map of it.
     measured
         Features, gaps and steps in the order of the layout.
     limits

@@ -53,7 +53,7 @@ class LayerFiles:
     stack: Stack | None = None
 
     def contents(self) -> dict[Path, files.Content]:
-        """What each file holds."""
+        """Content of each file."""
         makers: dict[str, files.Content] = {
             "layers": self._write_pictures,
             "placed": self.part.write_stl,

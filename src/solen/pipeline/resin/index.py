@@ -26,7 +26,7 @@ def index(
     Parameters
     ----------
     file
-        What the spectrophotometer exported, or a table with columns wavelength_nm, T and R (fractions, or % in the
+        Export of the spectrophotometer, or a table with columns wavelength_nm, T and R (fractions, or % in the
         header).
     """
     check_outputs(out, figure)

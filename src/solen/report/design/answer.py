@@ -61,7 +61,7 @@ def measured(value: float | None, u: float | None, *, sign: bool = True) -> str:
 
 
 def expected(study: DesignStudy) -> list[tuple[str, str]]:
-    """What to expect, by heading; compared with the sensor without lens, as in the paper, and as built."""
+    """The expected response, by heading; compared with the sensor without lens, as in the paper, and as built."""
     case, summary = study.case, study.case.summary
     light = measured(100 * summary.received_share, 200 * summary.u_power, sign=False)
     rows = [
@@ -94,7 +94,7 @@ def matters(practice: Practice | None) -> tuple[list[float], list[Matter]]:
 
 
 def advice(study: DesignStudy) -> list[str]:
-    """What to do, the most important first."""
+    """Advice, the most important first."""
     sentences = []
     summary = study.case.summary
     if study.practice is not None:

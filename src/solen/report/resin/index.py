@@ -17,7 +17,7 @@ TITLES = {
     "joint": "with that of its bare sheet, both measured",
     "fringes": "by levels and fringes of its spectra",
 }
-"""What each mode is, as a title states it."""
+"""Titles of the modes."""
 
 _NEAR = 0.2  # how far from n a band is still drawn
 

@@ -29,7 +29,7 @@ from solen.scene.sources import Rays
 
 VERSION = 5
 MERGING = 1e-6
-"""What lies nearer, in length scales of the file, is one place."""
+"""Points nearer than this, in length scales of the file, are one point."""
 GREEN = ((GREEN_NM, 1.0),)
 """Spectrum of light without colours at a grating."""
 WEAK, WEAK_IN_COLOUR = 0.01, 1e-6
@@ -103,9 +103,9 @@ class Imported:
     scene
         The same scene of solen; its rays are those of the file, in the file's order.
     detectors
-        What each detector of the file reads.
+        Readings of each detector of the file.
     not_understood
-        What was left out.
+        Parts that were left out.
     weak, weakest
         Brightness up to which ray-optics drops a part that is split off, and the part that goes on.
     max_hits

@@ -29,7 +29,7 @@ Outline = Callable[[Fields, "World"], Sequence[Curve]]
 
 @dataclass(frozen=True)
 class World:
-    """What objects need from their scene: its length scale, whether colours count, how far it reaches.
+    """Data of the scene that objects need: its length scale, whether colours count, how far it reaches.
 
     With ``facets`` curves of formulas become the polylines that ray-optics makes of them.
     """
@@ -155,7 +155,7 @@ def _check_above(base: Segment, lower: At, upper: At) -> None:
 
 
 def _without_spike(first: float, last: float) -> tuple[float, float]:
-    """What the first and the last chord of an outline from the base's end have in common, as shares of both.
+    """Common part of the first and the last chord of an outline from the base's end, as shares of both.
 
     The outline goes from there to the ``first`` height and comes back from the ``last``: if both are on one side, the
     nearer stretch is walked there and back, and is not a surface.

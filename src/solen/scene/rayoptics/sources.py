@@ -37,7 +37,7 @@ class Placed:
 
 @dataclass
 class Lamps:
-    """What sources need from their scene, and its random numbers."""
+    """Data of the scene that sources need, and its random numbers."""
 
     density: float
     length_scale: float

@@ -133,7 +133,7 @@ class Source(ABC):
         return x, np.zeros(len(x)), z, dx, np.zeros(len(x)), dz
 
     def emission(self) -> Emission | None:
-        """What integration over the source needs; None where it is not made of point sources, as a beam."""
+        """Cone for integration over the source; None where it is not made of point sources, as a beam."""
         return None
 
     def dimensions(self, in_space: bool = False) -> int:

@@ -40,7 +40,7 @@ class RayFile(Source):
 
     @property
     def file(self) -> RaySet:
-        """What the file holds."""
+        """Content of the file."""
         return read_rays(self.path)
 
     @property

@@ -1,4 +1,4 @@
-"""What is connected to the pins of an ESP32, by the numbers of its GPIOs; inputs are those of its first converter."""
+"""Connections of the pins of an ESP32, by the numbers of its GPIOs; inputs are those of its first converter."""
 
 from machine import ADC
 
