@@ -1,6 +1,5 @@
 """The layers of a coupon's job: its own exposure for each disc and for the single layer, and no burn-in in silence."""
 
-import io
 import json
 import zipfile
 from pathlib import Path
@@ -8,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from PIL import Image
 
 from solen.cli import run_command
 from solen.spec import template
 from tests.command_support import answered
+from tests.fabricate.zip_reader import read_zip
 
 SMALL = "--printer=generic"
 
@@ -44,8 +43,9 @@ def test_each_disc_has_its_own_exposure(folder: Path, capfd: pytest.CaptureFixtu
     assert found["settings"]["burn_in_layers"] == 0  # type: ignore[index]
     assert found["settings"]["exposures_s"] == 29.5  # type: ignore[index]
     assert abs(found["volume_error"]) < 1e-4  # type: ignore[arg-type]
-    with zipfile.ZipFile(found["files"]["layers"]) as archive:  # type: ignore[index]
-        pictures = [np.asarray(Image.open(io.BytesIO(archive.read(str(row["file"]))))) for row in rows]
+    stack = read_zip(found["files"]["layers"])  # type: ignore[index]
+    assert [row["file"] for row in rows] == [f"{number}.png" for number in range(1, stack.count + 1)]
+    pictures = [stack.layer(index).picture for index in range(stack.count)]
     columns = [float(np.average(np.arange(one.shape[1]), weights=one.sum(axis=0))) for one in pictures]
     np.testing.assert_allclose(np.diff(columns), 8.0 / 0.05, atol=0.01)  # a disc each, 8 mm apart
     sheet = Path(found["files"]["sheet"]).read_text(encoding="utf-8")  # type: ignore[index]
@@ -125,9 +125,7 @@ def test_a_mark_is_in_the_top_of_the_left_arm(tmp_path: Path, capfd: pytest.Capt
     areas = np.array([[row["area_mm2"] for row in rows] for _, rows in (bare, marked)], dtype=float)
     np.testing.assert_allclose((areas[0] - areas[1])[-8:], np.pi * 0.5**2, rtol=1e-3)
     np.testing.assert_allclose((areas[0] - areas[1])[:-8], 0.0, atol=1e-6)
-    with zipfile.ZipFile(marked[0]["files"]["layers"]) as archive:  # type: ignore[index]
-        last, below = (
-            np.asarray(Image.open(io.BytesIO(archive.read(str(marked[1][at]["file"])))), dtype=float) for at in (-1, -9)
-        )
+    stack = read_zip(marked[0]["files"]["layers"])  # type: ignore[index]
+    last, below = (stack.layer(stack.count + at).picture.astype(float) for at in (-1, -9))
     _, columns = np.nonzero(below - last > 128.0)
     assert columns.max() < 0.5 * last.shape[1]

@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
-from PIL import Image
 
 from solen.cli import run_command
 from solen.fabricate.layers import archive, as_png
 from solen.spec import template
 from tests.command_support import answered, refusal, snapshot
+from tests.fabricate.zip_reader import read_zip
 
 Run = Callable[..., Any]
 QUICK = ("--layer-um", "100", "--printer", "small.toml")
@@ -65,9 +65,8 @@ def refused(folder: Path, capfd: pytest.CaptureFixture[str]) -> Run:
 
 
 def pictures(path: str) -> list[Any]:
-    with zipfile.ZipFile(path) as opened:
-        names = [name for name in opened.namelist() if name.endswith(".png")]
-        return [np.asarray(Image.open(opened.open(name))) for name in sorted(names, key=lambda name: int(name[:-4]))]
+    stack = read_zip(path)
+    return [stack.layer(index).picture for index in range(stack.count)]
 
 
 def test_a_design_becomes_layers_stl_and_settings(told: Run) -> None:

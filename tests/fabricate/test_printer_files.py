@@ -106,6 +106,23 @@ def test_the_printing_time_holds_lifts_and_rests(tmp_path: Path) -> None:
     assert job.seconds == pytest.approx(seconds)
 
 
+def test_the_previews_show_the_part_from_above(tmp_path: Path) -> None:
+    """A right-angled triangle with its corner at the lower left, 16 by 8 mm on pixels that are not squares."""
+    corner = trimesh.creation.extrude_polygon(Polygon([(0.0, 0.0), (16.0, 0.0), (0.0, 8.0)]), 0.8)
+    write_goo(
+        tmp_path / "a.goo", Job(mesh_solid(closed(corner), orientation("flat")), place(), Slicing(layer_um=400.0))
+    )
+    for name, side in (("small_preview", 116), ("big_preview", 290)):
+        lit = read_goo(tmp_path / "a.goo").preview(name) > 0.5
+        assert lit.shape == (side, side, 3)
+        assert lit.mean() == pytest.approx(0.25, abs=0.01)
+        low, high, middle = 3 * side // 4 - 5, side // 4 + 5, side // 2 + 10
+        assert [bool(lit[at].all()) for at in ((low, 5), (high, 5), (low, middle), (high, middle))] == [True] * 3 + [
+            False
+        ]
+        assert not lit[: side // 4 - 1].any()
+
+
 def test_the_manifest_is_what_uvtools_looks_for(tmp_path: Path) -> None:
     write_archive(tmp_path / "a.zip", Job(solid_cone(), place(), Slicing(layer_um=400.0)))
     about = {key: value for key, value in read_zip(tmp_path / "a.zip").manifest.items() if not key.endswith("By")}

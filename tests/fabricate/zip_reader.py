@@ -151,6 +151,8 @@ def per_metre(body: bytes | None) -> tuple[int, int] | None:
 
 def unfiltered(lines: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Undo the filter of each row, as the PNG specification states them for one byte in a pixel."""
+    if not lines[:, 0].any():
+        return lines[:, 1:]
     picture = np.zeros((lines.shape[0] + 1, lines.shape[1] - 1), np.uint8)
     for row, line in enumerate(lines):
         above, bare = picture[row], line[1:]

@@ -27,7 +27,7 @@ from solen.parts.printer import Lift
 MAGIC = bytes([7, 0, 0, 0, 0x44, 0x4C, 0x50, 0])
 END = b"\r\n"
 SMALL, LARGE = 116, 290
-"""Sides of the two preview pictures, which stay black."""
+"""Sides of the two preview pictures."""
 HEADER_BYTES = 195_477
 FULL_LIGHT = 255
 MOST_PIXELS = 2**16 - 1
@@ -119,7 +119,7 @@ def _header(job: Job, lift: Lift, part: Printable | None) -> bytes:
     data += _text("solen", 32) + _text(__version__, 24) + bytes(24)
     data += _text(printer.name, 32) + _text("DLP", 32) + _text(resin, 32)
     data += struct.pack(">3H", 1 if slicing.no_anti_aliasing else 8, 0, 0)
-    data += bytes(2 * SMALL**2) + END + bytes(2 * LARGE**2) + END
+    data += _preview(job, SMALL) + END + _preview(job, LARGE) + END
     data += struct.pack(">I2H2?", job.count, columns, rows, job.mirror == "x", job.mirror == "y")
     data += struct.pack(">3f2f", *printer.size_mm, job.layer_mm, (job.solid.exposures_s or (slicing.exposure_s,))[0])
     rests = (bottom_after, 0.0, bottom_before, after, 0.0, before)
@@ -131,6 +131,19 @@ def _header(job: Job, lift: Lift, part: Printable | None) -> bytes:
     data += struct.pack(">2H?I", FULL_LIGHT, FULL_LIGHT, alone, round(job.seconds or job.exposures_s))
     data += struct.pack(">3f", job.volume_mm3, 0.0, 0.0) + bytes(8)
     return data + struct.pack(">IBH", HEADER_BYTES, 1, 0)
+
+
+def _preview(job: Job, side: int) -> bytes:
+    """One copy in its middle layer, seen from above, its greys as red, green and blue of 5, 6 and 5 bits."""
+    picture, (across_mm, down_mm) = job.copy_of_layer(job.count // 2)[::-1], job.printer.pitches_mm
+    rows, columns = picture.shape
+    places = (np.arange(side) + 0.5 - 0.5 * side) / side * max(rows * down_mm, columns * across_mm)
+    row = np.floor(places / down_mm + 0.5 * rows).astype(int)
+    column = np.floor(places / across_mm + 0.5 * columns).astype(int)
+    inside = ((row >= 0) & (row < rows))[:, None] & (column >= 0) & (column < columns)
+    sampled = picture[np.clip(row, 0, rows - 1)[:, None], np.clip(column, 0, columns - 1)]
+    grey = np.where(inside, sampled, 0).astype(np.uint16)
+    return (grey >> 3 << 11 | grey >> 2 << 5 | grey >> 3).astype(">u2").tobytes()
 
 
 def _text(text: str, length: int) -> bytes:
