@@ -44,11 +44,13 @@ FIRST_FACE = (0.5, 1)
 comes through strips too narrow to be seen."""
 TRAPPED = 0.3
 """Share of the legs that the first cells may take: with more, light is trapped and halving cells does not help."""
-SPARE, FUTILE = 0.95, 0.1
+LONG_WAY = 8.0
+"""Mean number of legs of a ray from which on light is trapped: rules over so many strips agree on a wrong value."""
+SPARE, FUTILE = 0.98, 0.1
 """Shares of the tolerance: where cells are halved no further; where what is lacking was not lost between cells."""
 NEAR, MORE_LEGS = 3.0, 5
 """Within so many tolerances it goes on to so many times the legs: what is left of light is dearer to sample."""
-CAUTION = 3.5
+CAUTION = 2.5
 """Factor on the error learned from halving: it is a root mean square over few cells."""
 CHANGE_SHARE, LEAST_SHARE = 0.5, 0.05
 """Least difference of a half: shares of what halving changed, and of the difference before; rules agree by chance."""
@@ -428,6 +430,8 @@ def divided(
         beginning.append(over(bounds))
         if room.counts[1] > TRAPPED * most_legs:
             return None, 1.0
+    if room.counts[1] > LONG_WAY * room.counts[0]:
+        return None, 1.0
     for cells, of_cells in refined(over, beginning):
         lacking = abs(1.0 - accounted(cells.value))  # all light goes somewhere: this is an error that is known
         u = max(of_cells, lacking)
