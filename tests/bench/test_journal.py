@@ -148,7 +148,8 @@ def test_a_full_disk_leaves_room_to_say_so(tmp_path: Path, monkeypatch: pytest.M
         journal.event(1.0, "fault", reason="no room")
     found = read_journal(tmp_path / "a.journal")
     assert found.outcome == "fault"
-    assert len(found.missing) == 1
+    assert not found.damaged  # what was half-written is gone
+    assert len(found.streams["board"]) == 90
     assert not reserve.exists()
 
 

@@ -140,6 +140,8 @@ class Journal:
             self._write(self._next(HEADER, 0, self._header))
 
     def _write(self, data: bytes) -> None:
+        """Append a record, or none of it."""
+        begin = self._file.seek(0, os.SEEK_END)
         try:
             left = memoryview(data)
             while left:
@@ -147,6 +149,8 @@ class Journal:
         except OSError as bad:
             with suppress(OSError):  # room to say how the run ended
                 self._reserve.unlink(missing_ok=True)
+                self._file.truncate(begin)
+                self._number -= 1
             remedy = "make room; what is written stays"
             raise BenchError(str(self.path), limit=f"cannot be written: {bad.strerror}", remedy=remedy) from None
 
