@@ -13,6 +13,7 @@ from examples.coins import edges as found_coins
 from examples.four_motions import MOTIONS
 from examples.index_of_a_layer import INDEX, THICKNESS_UM, WAVELENGTH_NM, U, routes
 from solen.analysis.demodulation import DemodulationOptions, demodulated
+from solen.lens import LayeredLens, LineFocusLens
 from solen.material.index import forward
 from solen.material.index.layer import index_of_layer
 from solen.material.index.options import IndexOptions
@@ -146,6 +147,35 @@ def ambient_light() -> Figure:
     return demodulation_figure(demodulated(recording, DemodulationOptions(rate_hz=200.0, mains_hz=50.0)))
 
 
+def lens_in_space() -> Figure:
+    """The faces of both lenses for space, the layered one in slabs that can be seen, and their profiles."""
+    paper = {"distance_mm": 1.0, "focus_mm": 20.0, "half_width_mm": 2.0, "design_index": 1.44}
+    smooth, slabs = LineFocusLens(**paper, y_focus_mm=2.0), LayeredLens(**paper, layer_mm=0.5)
+    layered = LayeredLens(**paper)
+    figure = Figure(figsize=(10.4, 3.6))
+    x = np.linspace(-2.0, 2.0, 41)
+    steps = np.repeat(slabs.edges_mm, 2)[1:-1]
+    inside = np.repeat(slabs.middles_mm, 2)
+    shown = (("line-focus", smooth, x, x), ("layered, slabs of 0.5 mm", slabs, steps, inside))
+    for number, (title, lens, heights, looked_at) in enumerate(shown, start=1):
+        axes = figure.add_subplot(1, 3, number, projection="3d")
+        across, up = np.meshgrid(x, heights)
+        z = lens.z_at(across, np.meshgrid(x, looked_at)[1])
+        axes.plot_surface(across, up, -z, color=RIGHT, edgecolor=INK, linewidth=0.15, rstride=1, cstride=1)
+        axes.set(xlabel="x (mm)", ylabel="y (mm)", zticks=[], title=title)
+        axes.set_box_aspect((2.0, 2.0, 0.9))
+        axes.view_init(elev=38.0, azim=-52.0)
+    profiles = figure.add_subplot(1, 3, 3)
+    for number, y in enumerate((0.0, 1.0, 2.0)):
+        height = np.full_like(x, y)
+        profiles.plot(x, layered.z_at(x, height), **series(number), lw=1.6, label=f"layered, y = {y:g} mm")
+        label = "line-focus, the same" if number == 2 else None
+        profiles.plot(x, smooth.z_at(x, height), color=LOST, lw=0.8, label=label)
+    profiles.set(xlabel="x (mm)", ylabel="z (mm)", title="sections", ylim=(-0.1, 3.2))
+    profiles.legend(fontsize="small", loc="upper center")
+    return figure
+
+
 def main() -> None:
     """Draw them all."""
     photograph = io.BytesIO(encoded(drawn(coins), ".png", "coins"))  # a PNG of it would have 700 kB
@@ -157,6 +187,7 @@ def main() -> None:
     (IMAGES / "readout.svg").write_bytes(encoded(drawn(readout_picture), ".svg", "readout"))
     (IMAGES / "ambient-light.svg").write_bytes(encoded(drawn(ambient_light), ".svg", "ambient light"))
     (IMAGES / "board-wiring.svg").write_bytes(encoded(drawn(wiring), ".svg", "board wiring"))
+    (IMAGES / "lens-in-space.png").write_bytes(encoded(drawn(lens_in_space), ".png", "lens in space"))
     (IMAGES / "four-motions.svg").write_bytes(encoded(drawn(four_motions), ".svg", "four motions"))
 
 

@@ -1,6 +1,7 @@
 """Layouts of coupons: what the source states of them, the readings of what it does not, and what is refused."""
 
 import math
+from dataclasses import replace
 from itertools import combinations, pairwise
 
 import numpy as np
@@ -106,7 +107,7 @@ def test_the_film_layer_tells_the_offset_of_the_printer() -> None:
 def test_features_stand_apart_and_on_their_slab(name: str, pitch_um: float | None) -> None:
     coupon = layout(name, CouponOptions(pitch_um=pitch_um))
     for one, other in combinations(coupon.features, 2):
-        assert one.stage != other.stage or one.distance_mm(other) > 0.0
+        assert one.stage != other.stage or not one.meets(other) or one.distance_mm(other) > 0.0
     width, depth, _ = coupon.size_mm
     for one in coupon.features:
         assert abs(one.x_mm) + 0.5 * one.width_mm <= 0.5 * width + 1e-9
@@ -180,3 +181,14 @@ def test_distances_of_round_and_square() -> None:
     block = Feature("c", "pillar", 5.0, 6.0, 2.0, 2.0, 0.0, 1.0, round=False)
     assert disc.distance_mm(other) == pytest.approx(3.0)
     assert disc.distance_mm(block) == pytest.approx(5.0), "corner to corner, 3 and 4 apart"
+
+
+def test_bars_of_ledges_have_a_waist() -> None:
+    """Each layer stands back by the ledge at both sides up to the middle, and out again; both faces are alike."""
+    made = layout("ledges", CouponOptions(ledges_um=(10.0,), ledge_layers=8, layer_um=50.0))
+    upright, *bar = made.features
+    assert (upright.width_mm, upright.height_mm) == pytest.approx((3.0, 0.4))
+    assert [layer.width_mm for layer in bar] == pytest.approx([3.0, 2.98, 2.96, 2.94, 2.94, 2.96, 2.98, 3.0])
+    assert [layer.from_mm for layer in bar] == pytest.approx([0.05 * i for i in range(8)])
+    with pytest.raises(SpecError, match="overlap"):
+        replace(made, features=(*bar, replace(bar[0], name="again")))

@@ -32,7 +32,7 @@ def as_plan(coupon: Coupon, label: Label) -> bytes:
     lines += ["</g>", f'<g font-family="sans-serif" font-size="{TEXT_MM:g}" text-anchor="middle">']
     for number, stage in enumerate(coupon.stages):
         down = number * (depth + STAGE_APART_MM)
-        features = [feature for feature in coupon.features if feature.stage == stage.name]
+        features = [feature for feature in coupon.features if feature.stage == stage.name and not feature.is_stacked]
         lines += [_words(feature, down, index) for index, feature in enumerate(features)]
     return "\n".join([*lines, "</g>", "</svg>\n"]).encode()
 

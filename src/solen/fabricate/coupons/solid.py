@@ -4,6 +4,7 @@ X and Y are those of the layout, Z the height above the plate. A part is made fo
 """
 
 from solen.curve import Arc, Segment
+from solen.fabricate.faced import StackedPart
 from solen.fabricate.part import Part, Prism
 from solen.geometry import Face
 from solen.geometry.coupons import Coupon, Feature
@@ -35,7 +36,7 @@ def _part(coupon: Coupon, stage: str) -> Part:
         prisms.append(Prism("slab", outlines, 0.0, slab.thickness_mm))
     columns = [feature for feature in features if feature.kind != "hole"]
     prisms += [Prism(column.name, (_outline(column),), column.from_mm, column.to_mm) for column in columns]
-    return Part(name, tuple(prisms))
+    return (StackedPart if all(feature.kind == "ledge" for feature in features) else Part)(name, tuple(prisms))
 
 
 def _outline(feature: Feature) -> Outline:

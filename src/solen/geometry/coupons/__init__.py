@@ -9,7 +9,7 @@ from collections.abc import Callable
 from solen.errors import SpecError
 from solen.geometry.coupons.model import Coupon, Feature, Gap, Kind, Reading, Slab, Stage, Step, coupon_of
 from solen.geometry.coupons.options import CouponOptions
-from solen.geometry.coupons.pieces import cubes, cure_discs, film_layer, grey_steps, guides
+from solen.geometry.coupons.pieces import cubes, cure_discs, film_layer, grey_steps, guides, ledges
 from solen.geometry.coupons.raised import group_a, group_b, group_c, z_reference
 from solen.geometry.coupons.recessed import holes
 
@@ -21,6 +21,7 @@ COUPONS: dict[str, Callable[[CouponOptions], Coupon]] = {
     "z-reference": z_reference,
     "cure-discs": cure_discs,
     "grey-steps": grey_steps,
+    "ledges": ledges,
     "film-layer": film_layer,
     "cubes": cubes,
     "guides": guides,

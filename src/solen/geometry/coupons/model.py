@@ -22,7 +22,7 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 from solen.errors import DataError, SpecError
 from solen.spec.strict import option_refusal
 
-Kind = Literal["pillar", "hole", "mark", "disc", "layer", "cube", "guide"]
+Kind = Literal["pillar", "hole", "mark", "disc", "layer", "cube", "guide", "ledge"]
 LARGEST_MM = 1e3
 TOUCH_MM = 1e-6
 """Features nearer than this touch, up to rounding."""
@@ -82,9 +82,18 @@ class Feature(_Table):
         return self.to_mm - self.from_mm
 
     @property
+    def is_stacked(self) -> bool:
+        """Whether it is a layer of a bar that stands on another one."""
+        return self.kind == "ledge" and self.from_mm > 0.0
+
+    @property
     def diameter_mm(self) -> float:
         """Diameter of a round feature; the width of another."""
         return self.width_mm
+
+    def meets(self, other: "Feature") -> bool:
+        """Whether it has heights in common with another; one that stands on another has none."""
+        return self.from_mm < other.to_mm - TOUCH_MM and other.from_mm < self.to_mm - TOUCH_MM
 
     def distance_mm(self, other: "Feature") -> float:
         """Free distance to another as seen from above; negative where they overlap.
@@ -201,7 +210,7 @@ class Coupon(_Table):
                 f"coupon {self.name}", limit="two features have the same size", remedy="name each size once"
             )
         for first, other in combinations(self.features, 2):
-            if first.stage == other.stage and first.distance_mm(other) < TOUCH_MM:
+            if first.stage == other.stage and first.meets(other) and first.distance_mm(other) < TOUCH_MM:
                 value = f"{first.name} and {other.name}"
                 raise SpecError(f"coupon {self.name}", value=value, limit="overlap", remedy="space them farther")
 

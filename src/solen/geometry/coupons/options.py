@@ -51,6 +51,10 @@ class CouponOptions(Options):
     """Greys of the discs of the grey steps, as shares of the full value."""
     grey_exposure_s: Size = 6.0
     """Exposure of the grey steps; long enough for the darkest to set."""
+    ledges_um: Sizes = (5.0, 10.0, 20.0)
+    """By how much each layer of a bar of ledges stands back from the one below, then out again."""
+    ledge_layers: Annotated[int, Field(ge=4, le=400)] = 40
+    """Number of layers of a bar of ledges; an odd one is lowered by one."""
     film_mm: Size = 0.1
     """Thickness of the film under the single layer."""
     film_side_mm: Size = 20.0

@@ -2,10 +2,13 @@
 
 from solen.geometry.coupons.model import Coupon, Feature, Reading, Stage, distinct
 from solen.geometry.coupons.options import CouponOptions
+from solen.geometry.coupons.raised import snapped
 
 DISC_MM = 3.0
 FILM_BASE_MM = 0.5
 CUBE_BEVEL_MM = 0.5
+BAR_MM, BAR_DEEP_MM = 3.0, 4.0
+"""Width of the bars of ledges at their faces, and their depth."""
 APART_MM = 5.0
 """Free distance of pieces that are taken off the plate one by one."""
 
@@ -50,6 +53,33 @@ def grey_steps(options: CouponOptions = CouponOptions()) -> Coupon:
     )
     readings = (Reading("greys", "none", "solen's own: the light of an edge's pixels decides where a wall stands"),)
     return Coupon("grey-steps", "discs of several greys", tuple(discs), readings=readings, cautions=cautions)
+
+
+def ledges(options: CouponOptions = CouponOptions()) -> Coupon:
+    """Bars with a waist: each layer stands back by a ledge up to the middle, and out again above, as a lens of layers.
+
+    The light of later layers sets resin beneath the ledges of the upper half. The first and the last layer are alike,
+    so that pictures of both faces show what exposure does, and one from the side shows the waist.
+    """
+    layer, half = 1e-3 * options.layer_um, options.ledge_layers // 2
+    pitch = BAR_MM + APART_MM
+    bars = (0.0, *options.ledges_um)
+    features = []
+    for number, ledge_um in enumerate(bars):
+        x_mm = snapped((number - 0.5 * (len(bars) - 1)) * pitch, options)
+        for at in range(2 * half) if ledge_um else (0,):
+            width = BAR_MM - 2e-3 * ledge_um * min(at, 2 * half - 1 - at)
+            low, high = (at, at + 1) if ledge_um else (0, 2 * half)
+            place = (x_mm, 0.0, width, BAR_DEEP_MM, low * layer, high * layer)
+            features.append(Feature(f"ledge-{ledge_um:g}um-layer-{at + 1}", "ledge", *place, round=False))
+    cautions = (
+        "take pictures of both faces and one from the side, along the bars: the upper half of the waist shows what the "
+        "light of later layers sets below a ledge, the lower half what it lacks; the first bar is upright",
+        "print it flat, in layers of the thickness that it was made for: --layer-um",
+    )
+    taken = f"{', '.join(f'{ledge:g}' for ledge in options.ledges_um)} µm a layer, over {2 * half} layers"
+    readings = (Reading("ledges", "none", f"solen's own, for lenses of layers: {taken}"),)
+    return Coupon("ledges", "bars with a waist of ledges", tuple(features), readings=readings, cautions=cautions)
 
 
 def film_layer(options: CouponOptions = CouponOptions()) -> Coupon:

@@ -133,8 +133,10 @@ def _labels(coupon: Coupon) -> list[tuple[Feature, str]]:
     shown = [
         feature
         for feature in coupon.features
-        if feature.kind != "mark" and feature.stage in {"", coupon.stages[-1].name}
+        if feature.kind != "mark" and not feature.is_stacked and feature.stage in {"", coupon.stages[-1].name}
     ]
+    if coupon.name == "ledges":
+        return [(feature, feature.name.split("-")[1].replace("um", " µm")) for feature in shown]
     if coupon.steps or coupon.name == "z-reference":
         return [(feature, f"{feature.height_mm:g}") for feature in shown]
     return [(each, f"{each.exposure_s:g} s" if each.exposure_s else f"{each.width_mm:g}") for each in shown]

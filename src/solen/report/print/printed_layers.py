@@ -14,14 +14,14 @@ SHOWN_UM = 99.0
 
 def layers_figure(prediction: PrintedLayers) -> Figure:
     """Deviation over the face as drawn and as compensated, and the contrast of all lenses."""
-    faces = [("as designed", prediction.face, prediction.rms_um)]
+    faces = [("printed", prediction.face, prediction.rms_um)]
     if prediction.compensated is not None and prediction.compensated_rms_um is not None:
         faces.append(("compensated", prediction.compensated, prediction.compensated_rms_um))
     figure = Figure(figsize=(3.4 * len(faces) + 4.4, 3.9))
     axes = figure.subplots(1, len(faces) + 1, squeeze=False)[0]
     for one, (name, face, rms_um) in zip(axes, faces, strict=False):
         _draw_face(figure, one, prediction, face)
-        one.set_title(f"drawn {name}: {rms_um:.3g} µm rms")
+        one.set_title(f"{name}: {rms_um:.3g} µm rms")
     _draw_responses(axes[-1], prediction)
     figure.suptitle(f"simulated: {prediction.name}, {prediction.layers} layers ({prediction.process})")
     return figure
