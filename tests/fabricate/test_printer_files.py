@@ -27,6 +27,7 @@ from solen.fabricate.layers import (
 from solen.fabricate.layers.goo import encoded
 from solen.fabricate.layers.solid import Exposures
 from solen.parts import Printer, library_printer, printers
+from solen.spec import template
 from tests.command_support import answered
 from tests.fabricate.goo_reader import decoded, read_goo
 from tests.fabricate.solid_support import part_of, seated
@@ -166,6 +167,42 @@ def test_a_coupon_comes_back_from_the_file_of_its_job(tmp_path: Path, capfd: pyt
     assert read.header["printing_time_s"] == round(settings["estimated_time_s"])
     marks_mm = (1.0, 1.0, 1.0)
     assert read.areas_mm2[40:] == pytest.approx(np.pi / 4.0 * np.square([*PILLARS_MM, *marks_mm]).sum(), rel=WITHIN)
+
+
+GOO = ("--format", "goo", "--printer")
+WHOLE = {
+    "flat": ("sensor.toml", *GOO, "elegoo-saturn-3-ultra", "--copies", "3"),
+    "lit or dark": ("sensor.toml", *GOO, "elegoo-mars-4-ultra", "--no-anti-aliasing"),
+    "upright": ("sensor.toml", *GOO, "elegoo-mars-4-ultra", "--orientation", "upright", "--layer-um", "100"),
+    "on edge": ("sensor.toml", *GOO, "elegoo-saturn-3-ultra", "--orientation", "on-edge", "--layer-um", "50"),
+    "on edge, zip": ("sensor.toml", "--orientation", "on-edge", "--layer-um", "50", "--mark"),
+    "group-a": ("group-a.json", *GOO, "elegoo-mars-4-ultra"),
+    "group-c, zip": ("group-c.json",),
+    "holes": ("holes.json", *GOO, "elegoo-saturn-3-ultra"),
+    "layer on film": ("film-layer.json", "--run", "layer", *GOO, "elegoo-mars-4-ultra"),
+}
+
+
+@pytest.mark.evidence
+@pytest.mark.parametrize("which", WHOLE)
+def test_whole_parts_come_back_as_their_placed_solids(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], which: str
+) -> None:
+    """Every layer of shipped designs and coupons on shipped printers, against sections of the STL beside it."""
+    monkeypatch.chdir(tmp_path)
+    Path("sensor.toml").write_text(template("paper-860"), encoding="utf-8")
+    assert run_command(["print", "coupons", "--out", ".", "--only", "group-a,group-c,holes,film-layer"]) == 0
+    capfd.readouterr()
+    said = answered(capfd, "print", "layers", *WHOLE[which], "--out", "print")
+    path = Path(said["files"]["layers"])
+    read = read_goo(path) if path.suffix == ".goo" else read_zip(path)
+    heights_mm = 1e-3 * said["layer_um"] * (np.arange(said["layers"]) + 0.5)
+    placed = trimesh.load_mesh(said["files"]["placed"])
+    exact = said["copies"] * np.array(list(sections_mm2(placed, heights_mm)))
+    off = np.abs(read.areas_mm2 / exact - 1.0)
+    with capfd.disabled():
+        print(f"{which}: {said['layers']} layers, areas off by at most {100.0 * off.max():.4f} %")
+    assert off.max() < WITHIN
 
 
 def test_the_same_job_gives_the_same_goo(tmp_path: Path) -> None:
