@@ -389,7 +389,6 @@ def test_a_length_of_no_sensor(refused: Refusal, assignment: str) -> None:
     "arguments",
     [
         ["lens", "sensor.toml", "--set", "lens.half_width_mm=2.95"],
-        ["run", "sensor.toml", "--out", "sensor.toml"],
         ["bogus"],
     ],
     ids=" ".join,

@@ -88,7 +88,9 @@ def test_memory_grows_by_little_for_each_triangle(tmp_path: Path, kind: str) -> 
     path = tmp_path / f"ball.{kind}"
     path.write_bytes({"stl": as_stl, "3mf": as_threemf}[kind](mesh, LABEL))
     count = len(mesh.triangles)
-    printable_mesh(path, Slicing()).solid.section(5.0)  # loads libraries
+    small = tmp_path / f"small.{kind}"
+    small.write_bytes({"stl": as_stl, "3mf": as_threemf}[kind](ball(20, 20), LABEL))
+    printable_mesh(small, Slicing()).solid.section(5.0)  # loads libraries
     tracemalloc.start()
     part = printable_mesh(path, Slicing())
     areas = [area_mm2(list(part.solid.section(z)[1])) for z in (4.0, 10.0)]

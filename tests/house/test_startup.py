@@ -12,23 +12,24 @@ HEAVY = ["OCP", "ezdxf", "h5py", "manifold3d", "matplotlib", "numba", "pandas", 
 PROBE = f"""
 import sys
 from solen.cli import run_command
-code = run_command(sys.argv[1:])
-print("heavy:", *(name for name in {HEAVY} if name in sys.modules), file=sys.stderr)
-sys.exit(code)
+for group in sys.argv[1:]:
+    assert run_command([*filter(None, [group]), "--help"]) == 0
+    print(group, "loads:", *(name for name in {HEAVY} if name in sys.modules), file=sys.stderr)
 """
 
 
-@pytest.mark.parametrize("group", ["", *GROUPS])
-def test_help_loads_nothing_heavy(group: str) -> None:
-    command = [sys.executable, "-c", PROBE, *filter(None, [group]), "--help"]
+def test_help_loads_nothing_heavy() -> None:
+    groups = ["", *GROUPS]
+    command = [sys.executable, "-c", PROBE, *groups]
     done = subprocess.run(command, capture_output=True, text=True, encoding="utf-8", check=False)
     assert done.returncode == 0, done.stderr
-    for name, _, _ in COMMANDS[group]:
-        assert f" {name} " in done.stdout
-    assert done.stderr.splitlines()[-1] == "heavy:", done.stderr
+    for group in groups:
+        for name, _, _ in COMMANDS[group]:
+            assert f" {name} " in done.stdout
+    assert done.stderr.splitlines() == [f"{group} loads:" for group in groups]
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["resin", "--help"], ["resin", "cure", "--help"], ["schema"]])
+@pytest.mark.parametrize("arguments", [["resin", "cure", "--help"], ["schema"]])
 def test_a_reader_that_takes_the_first_lines_only_ends_it_well(arguments: list[str]) -> None:
     """As `solen --help | head -3`: nothing on stderr, exit code 0."""
     with subprocess.Popen(

@@ -1,7 +1,5 @@
 """Micrographs as they come: each is measured within what is stated, or refused in one line that says why."""
 
-import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +10,7 @@ import pytest
 from solen.errors import SolenError
 from solen.metrology import InspectOptions
 from solen.pipeline.print.inspect import inspect
+from tests.command_support import refusal
 from tests.metrology.damaged_support import png_claiming
 from tests.metrology.inspect_support import Shot, design_file, inspected, lens
 from tests.metrology.render.camera import Camera, coloured, jpeg, png
@@ -114,17 +113,11 @@ def test_a_photograph_needs_its_scale_and_is_measured_with_a_caution(form: str, 
     assert any(words in warning for warning in found["warnings"])
 
 
-def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "solen", "print", "inspect", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, encoding="utf-8", check=False)
-
-
-def test_the_command_refuses_in_one_line_with_exit_code_2_and_writes_nothing(tmp_path: Path) -> None:
+def test_the_command_refuses_in_one_line_with_exit_code_2_and_writes_nothing(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     design = str(design_file(tmp_path))
     picture, out = tmp_path / "large.png", tmp_path / "lens.json"
     picture.write_bytes(png_claiming(30_000, 30_000))
-    done = run(str(picture), "--design", design, "--um-per-px", "2", "--out", str(out), "--json")
-    assert (done.returncode, done.stdout) == (2, "")
-    assert len(done.stderr.splitlines()) == 1
-    assert "megapixels" in done.stderr
-    assert not out.exists()
+    arguments = (str(picture), "--design", design, "--um-per-px", "2", "--out", str(out), "--json")
+    assert "megapixels" in refusal(capfd, tmp_path, "print", "inspect", *arguments)

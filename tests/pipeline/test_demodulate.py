@@ -1,8 +1,5 @@
 """`solen bench demodulate`: tables with states or waveforms in, readings with uncertainties out."""
 
-import json
-import subprocess
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -12,11 +9,13 @@ import pytest
 
 from solen.analysis.demodulation import Demodulation, DemodulationOptions
 from solen.arrays import FloatArray
+from solen.cli import run_command
 from solen.errors import DataError, OutputError, SpecError
 from solen.pipeline.bench.demodulate import demodulate as outcome_of
 from solen.recording import read
 from solen.report.options import FigureOptions
 from tests.analysis.switching_support import PERIOD_S, stream, waveform
+from tests.command_support import answered
 
 
 def demodulate(
@@ -223,13 +222,11 @@ def test_readings_are_written_as_csv_and_over_nothing_that_is_there(tmp_path: Pa
             demodulate(path, out=tmp_path / name)
 
 
-def test_the_command(tmp_path: Path) -> None:
+def test_the_command(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     path = with_states(tmp_path / "a.csv")
-    command = [sys.executable, "-m", "solen", "bench", "demodulate", str(path), "--out", str(tmp_path / "r.csv")]
-    done = subprocess.run(command, capture_output=True, text=True, encoding="utf-8", check=False)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert "60 readings" in done.stdout
-    bare = subprocess.run(
-        [*command, "--json", "--force"], capture_output=True, text=True, encoding="utf-8", check=False
-    )
-    assert json.loads(bare.stdout)["sources"][0]["file"] == "a.csv"
+    command = ["bench", "demodulate", str(path), "--out", str(tmp_path / "r.csv")]
+    assert run_command(command) == 0
+    printed = capfd.readouterr()
+    assert printed.err == ""
+    assert "60 readings" in printed.out
+    assert answered(capfd, *command, "--force")["sources"][0]["file"] == "a.csv"

@@ -2,18 +2,18 @@
 
 import json
 import math
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from solen.cli import run_command
 from solen.errors import DataError, DesignError, OutputError, SpecError
 from solen.pipeline.design.readout import readout
 from solen.report.options import FigureOptions
 from solen.spec import template
+from tests.command_support import answered
 
 FAST = ("motion.step_deg=1.5", "emitter.width_mm=0.2")
 
@@ -157,10 +157,10 @@ def test_files_are_written_or_none(design: Path, tmp_path: Path) -> None:
     assert data["voltage_V"] == found.to_dict()["voltage_V"]
 
 
-def test_the_command(design: Path) -> None:
-    command = [sys.executable, "-m", "solen", "readout", str(design), "--set", "motion.step_deg=3"]
-    done = subprocess.run(command, capture_output=True, text=True, encoding="utf-8", check=False)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert "brightest parts" in done.stdout
-    bare = subprocess.run([*command, "--json"], capture_output=True, text=True, encoding="utf-8", check=False)
-    assert json.loads(bare.stdout)["range"]["highest_V"] <= 5.0
+def test_the_command(design: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    command = ["readout", str(design), "--set", "motion.step_deg=3"]
+    assert run_command(command) == 0
+    printed = capfd.readouterr()
+    assert printed.err == ""
+    assert "brightest parts" in printed.out
+    assert answered(capfd, *command)["range"]["highest_V"] <= 5.0
