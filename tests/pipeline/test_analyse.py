@@ -345,7 +345,7 @@ def test_the_shipped_recording_is_what_its_script_writes() -> None:
     made = recording()
     numbers = [np.loadtxt(lines.splitlines(), delimiter=",", skiprows=4) for lines in (text, made)]
     assert text.split("\n")[:4] == made.split("\n")[:4]
-    assert numbers[1] == pytest.approx(numbers[0], abs=1e-3)  # other processors round otherwise
+    assert numbers[1] == pytest.approx(numbers[0], abs=1.5e-3)  # a step of the converter, as others round
 
 
 def test_what_a_recording_cannot_say_is_said(tmp_path: Path) -> None:
