@@ -99,7 +99,7 @@ def line_of(data: bytes) -> tuple[bytes, bytes] | None:
 
 
 class Lines:
-    """Lines from a link, without their ends; what came after a line waits for the next. `cut` knows other messages."""
+    """Lines from a link, without their ends; further bytes are kept for the next call. `cut` splits other messages."""
 
     def __init__(self, link: Link, clock: Clock, *, timeout_s: float = 1.0, cut: Cut = line_of) -> None:
         self._link = link

@@ -62,7 +62,7 @@ class Multimeters(AskingMeter):
         super().__init__(name, clock, inputs=len(addresses), unit=unit, switched=False)
 
     def measure(self) -> Reading:
-        """One reading of each."""
+        """One reading of each meter."""
         sent_s = self._clock.now_s()
         for one in self._all:
             one.say(self._question)

@@ -27,7 +27,7 @@ class Stage(Protocol):
         """Unit of its positions."""
 
     def reference(self) -> None:
-        """Find the zero, unless it is known; returns when it is found. One that moves for that is a `Homes`."""
+        """Find the zero, unless it is known; returns when it is found. A stage that moves to find it is a `Homes`."""
 
     def begin_move(self, target: float, velocity: float) -> None:
         """Begin to move; `wait` or `on_target` tell when it is there."""

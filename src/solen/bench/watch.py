@@ -86,7 +86,7 @@ def watch(rig_file: Path, options: WatchOptions, show: Callable[[Seen], object])
 
 
 def _left_s(options: WatchOptions, since_s: float) -> float:
-    """Time that is left; what is shorter than any look is none."""
+    """Remaining time; 0 where it is too short for another reading."""
     left_s = math.inf if options.seconds is None else options.seconds - since_s
     return left_s if left_s >= 0.1 * SHORTEST_S else 0.0
 

@@ -164,7 +164,7 @@ class Dispersion(Strict, ABC):
 
 
 class Unknown(Dispersion):
-    """No index at all: of a resin of which other things are known."""
+    """No index: for a resin of which only other properties are known."""
 
     kind: Literal["unknown"] = "unknown"
 

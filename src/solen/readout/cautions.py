@@ -90,7 +90,7 @@ def _limits(circuit: Circuit, dark_V: float) -> Iterator[str]:
     if drive.current_mA > drive.most_current_mA:
         yield f"{drive.current_mA:g} mA are above the {drive.most_current_mA:g} mA that {drive.name} may carry steadily"
     if circuit.supply_V > part.most_supply_V:
-        yield f"a supply of {circuit.supply_V:g} V is above the {part.most_supply_V:g} V that {part.name} may see"
+        yield f"a supply of {circuit.supply_V:g} V is above the {part.most_supply_V:g} V that {part.name} tolerates"
     most_mA = 1e3 * circuit.supply_V / min(circuit.load_ohm)
     if most_mA > part.most_current_mA:
         yield (

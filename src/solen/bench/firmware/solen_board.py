@@ -138,7 +138,7 @@ class Axis:
         self._begin_us, self._start, self._sign, self._way, self.moving = now_us, self.position, sign, way, True
 
     def _gone(self, since: float) -> float:
-        """Steps from the start after a time."""
+        """Steps travelled since the start of the move, at a time after it."""
         left = self._all_s - since
         if left <= 0.0:
             return self._way

@@ -132,7 +132,7 @@ class FacePrint:
         return stack.offsets_um(layer, self._layers(self.body)[layer].target, VERTEX)
 
     def compensated(self, start: PrintedFace, progress: Progress | None = None) -> PrintedFace:
-        """The face of a drawing that is corrected by what its print deviates by, again and again, until it settles."""
+        """Face of the drawing, corrected by the deviation of its print until that no longer changes."""
         best, share, rounds = start, 1.0, [self._inner_rms_um(start.printed)]
         for number in range(MOST_ROUNDS):
             drawn = (best.drawn - share * self._smooth(self._blamed(best)))[self._alike]

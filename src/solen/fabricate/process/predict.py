@@ -1,9 +1,9 @@
 """The lens that a process prints, with the uncertainty due to that of the process.
 
-The idea: one answer for every orientation. The printed face is found twice for every uncertain number of the process,
-with that number larger and smaller by its standard uncertainty; half the difference is what the number contributes,
-point by point along the lens. Where in its pixel the lens comes to stand is not known beforehand: that is one more
-contribution. Numbers that a calibration found together go in with their covariance.
+The idea: one method for every orientation. The printed face is computed twice for each uncertain number of the process,
+with that number larger and smaller by its standard uncertainty; half the difference is the number's contribution,
+point by point along the lens. The position of the lens within a pixel is unknown beforehand: that is one more
+contribution. Numbers from one calibration enter with their covariance.
 
 The interface: `predicted` gives a `Prediction`.
 """

@@ -272,7 +272,7 @@ class FilmModel:
         return moved
 
     def freed(self, p: FloatArray) -> "tuple[FilmModel, FloatArray]":
-        """The same with a free index, and where its search begins."""
+        """The same model with a free index, and its start parameters."""
         model = FilmModel(self.measured, self.level, self.optical_um, "free", coherent=self.coherent)
         moved = np.insert(p, self.added.start, np.zeros(model.course.curves))
         return model, moved

@@ -265,7 +265,7 @@ def _bare(recording: Recording, spectra: OpticalSpectra, options: IndexOptions) 
     thickness_um = options.substrate_thickness_um or 0.0
     n = invert(bare["R"].value, bare["T"].value, thickness_um, nm).n
     if not np.isfinite(n).any():
-        raise DataError("the bare sheet", limit="has no index by its T and R", remedy="check its traces")
+        raise DataError("the bare sheet", limit="has T and R that no index gives", remedy="check its traces")
     start = Substrate(np.full(nm.shape, float(np.nanmedian(n))), 0.0, thickness_um)
     return bare, Setup(start, options.side or "layer", options.baseline or "air", options.r_baseline or "air")
 

@@ -21,7 +21,7 @@ class Ambient(Source):
     """Light of uniform radiance through a circle, inwards; in space through a wall of ``height_mm`` on that circle.
 
     Uniform radiance gives every line through the circle the same power, whatever its direction and its distance from
-    the middle: each point of the circle is a Lambertian emitter. The circle must enclose all that the light is for; how
+    the middle: each point of the circle is a Lambertian emitter. The circle must enclose all bodies and receivers; how
     large it is then changes nothing but the power, which is that of all light through it. In space it is the light that
     comes through a wall of ``height_mm`` on the circle, and less of it arrives the wider the circle is.
     """
