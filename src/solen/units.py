@@ -44,7 +44,7 @@ def is_unit(text: str) -> bool:
 def factor(unit: str, wanted: str) -> float | None:
     """Factor that turns a number in ``unit`` into one in ``wanted``; None where there is none.
 
-    Units that have no factor, as dB/cm and °C, can be taken to themselves.
+    Units without a factor, such as dB/cm and °C, convert only to themselves.
     """
     if unit and unit == wanted:
         return 1.0

@@ -272,8 +272,8 @@ def _timing_warnings(timing: Timing, receivers: dict[str, ReceiverResponse]) -> 
     if len(timing.speeds_deg_per_s) > 1:
         known, remedy = f"with so few cycles at {speeds}°/s", "record more cycles at each speed"
     bound = (
-        f"{known} nothing tells a hysteresis from a lag; clocks and looks at the stage leave "
-        f"±{1e3 * timing.bound_s:.2g} ms, up to {adds:.2g}° between both ways: {remedy}"
+        f"{known} a hysteresis cannot be separated from a lag; clocks and readings of the stage are known to "
+        f"±{1e3 * timing.bound_s:.2g} ms, up to {adds:.2g}° between both directions: {remedy}"
     )
     return [look_at(bound)]
 
@@ -335,7 +335,7 @@ def _clip_warnings(signals: Signals, marked: BoolArray) -> list[Caution]:
             at = "at a limit of the recorder" if signals.ambient_subtracted else f"clipped at {where}"
             marks = (
                 f"{int(flags.sum())} {what} {at} ({100.0 * flags.mean():.2g} %); angles at which a cycle is "
-                "clipped have no mean, and the numbers are those of the rest"
+                "clipped have no mean, and the figures of merit rest on the others"
             )
             warnings.append(of(name, look_at(marks)))
     return warnings

@@ -44,7 +44,7 @@ from solen.spec.strict import Finite
 
 SAMPLES, SEED = 2000, 1
 EVERY = 3
-"""Every so many of the lens's points are reckoned with."""
+"""Step between the lens's points that enter the fit."""
 MOST_BLUR = 3.0
 """By how many of its standard uncertainties the printer's blur may be wider."""
 UNLIKE = 20.0
@@ -284,7 +284,7 @@ class _Tuning:
 
     @cached_property
     def arc_mm(self) -> FloatArray:
-        """Lengths along the front of the points that are reckoned with."""
+        """Lengths along the front of the points that enter the fit."""
         return self.inspection.nominal.nearest(self.model.target.points_mm[::EVERY]).arc_mm
 
     @cached_property

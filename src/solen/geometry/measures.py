@@ -25,7 +25,7 @@ def perimeter_mm(outlines: Sequence[Sequence[Face]]) -> float:
 
 
 def _enclosed(outline: Sequence[Face]) -> float:
-    """Area of one outline, reckoned from its own first point: far from the origin no digits are lost."""
+    """Area of one outline, computed from its own first point: far from the origin no digits are lost."""
     origin = np.asarray(outline[0].curve.start)
     return sum(_swept(face.curve, origin) for face in outline)
 

@@ -193,7 +193,7 @@ def of_whole(components: Sequence[Component]) -> tuple[Component, ...]:
 
 
 def on_base(components: Sequence[Component]) -> tuple[Component, ...]:
-    """The same percentages of all but the first read as grams for 100 g of the first, as shares of the whole."""
+    """Shares of the whole, where the percentages mean grams for 100 g of the first component."""
     base, *others = components
     total = WHOLE + math.fsum(part.percent for part in others)
     parts = (replace(base, percent=WHOLE), *others)

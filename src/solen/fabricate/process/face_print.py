@@ -77,7 +77,7 @@ class PrintedFace:
 
 @dataclass(frozen=True, eq=False)
 class FacePrint:
-    """A body whose lens differs by height, wanted and drawn, and the process that prints it."""
+    """A body whose lens varies with the height, as designed and as drawn, and the process that prints it."""
 
     body: Body
     lens: LensInSpace

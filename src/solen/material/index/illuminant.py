@@ -183,7 +183,7 @@ def _inside(light: Illuminant, low_nm: float, high_nm: float, what: str) -> tupl
 
 
 def _shares(nm: FloatArray, place: IndexArray, at: FloatArray, weight: FloatArray) -> tuple[FloatArray, float]:
-    """Share of each known wavelength in what is linear between them, and of light beside which a value is masked."""
+    """Weights of the known wavelengths in a linear interpolation, and the share of light next to a masked value."""
     share = np.zeros(nm.size)
     right = np.clip(np.searchsorted(nm, at, side="left"), 1 if nm.size > 1 else 0, nm.size - 1)
     left = np.maximum(right - 1, 0)
