@@ -68,7 +68,7 @@ class _Branch(NamedTuple):
         return "start" if self.forwards else "end"
 
     def angle(self, step_mm: float) -> float:
-        """Direction in which the curve leaves: of the chord to the point ``step_mm`` further along; of the tangent for 0."""
+        """Direction in which the curve leaves: of the chord to the point ``step_mm`` on; for 0 of the tangent."""
         curve = self.interface.curve
         # a closed curve may have a corner where it begins, and two normals there
         at = curve.point_at(1e-6 if self.forwards else 1.0 - 1e-6) if self.closed else self.at
