@@ -5,6 +5,11 @@ A point or a direction is a pair (x, z), x to the right and z upwards; angles ar
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from solen.arrays import FloatArray
 
 Point = tuple[float, float]
 """(x, z) in mm, or a direction."""
@@ -77,3 +82,29 @@ class Rigid:
     def vector(self, v: Point) -> Point:
         """Where a direction goes."""
         return (self.cos * v[0] - self.sin * v[1], self.sin * v[0] + self.cos * v[1])
+
+
+def off_a_line(x: FloatArray, y: FloatArray) -> float:
+    """How far points (N,), x rising, lie along y from the straight line for which that is least, at most.
+
+    Half the least height of a band of straight lines about them: one of its sides lies on the convex hull.
+    """
+    upper, lower = _chain(x, y, 1.0), _chain(x, y, -1.0)
+    heights = [
+        float(np.ptp(y - (y[b] - y[a]) / (x[b] - x[a]) * x)) for chain in (upper, lower) for a, b in pairwise(chain)
+    ]
+    return 0.5 * min(heights)
+
+
+def _chain(x: FloatArray, y: FloatArray, side: float) -> list[int]:
+    """Upper (1) or lower (−1) side of the convex hull, from left to right."""
+    numbers: list[int] = []
+    for place in range(x.size):
+        while len(numbers) > 1:
+            a, b = numbers[-2], numbers[-1]
+            turn = (x[b] - x[a]) * (y[place] - y[a]) - (y[b] - y[a]) * (x[place] - x[a])
+            if side * turn < 0.0:
+                break
+            numbers.pop()
+        numbers.append(place)
+    return numbers

@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from solen.errors import DesignError
@@ -14,6 +15,8 @@ from solen.sensor import Sensor
 from solen.sensor.budget import budget
 from solen.spec import Design, with_values
 from solen.trace import Trace, derivative, integrate, trace
+from solen.trace.kernel import entry
+from solen.trace.reference_front import FrontInSpace
 from solen.trace.reference_space import Reading, trace_space_reference
 
 CHIP = {
@@ -235,3 +238,33 @@ def test_comparisons_leave_out_keys_of_the_lens() -> None:
     assert not made.without_lens.has_lens
     oval = made.set({"lens.shape": "cartesian-oval", "lens.y_focus_mm": None, "trace.dimension": "2d"})
     assert oval.scene().front is None
+
+
+@pytest.mark.parametrize(
+    ("lens", "size"),
+    [
+        (LineFocusLens(**PAPER), 2.2),
+        (LineFocusLens(**PAPER, y_focus_mm=2.0), 2.2),
+        (LayeredLens(**PAPER, layer_mm=0.1), 2.2),
+        (LayeredLens(**PAPER, layer_mm=0.37), 0.5),
+    ],
+    ids=["collimated", "diverging", "layers", "slabs"],
+)
+def test_every_ray_meets_the_face_where_a_plain_search_does(lens: LensInSpace, size: float) -> None:
+    """From all around, also from behind the aperture's edge: the first place, or none."""
+    draw, plain = np.random.default_rng(4), FrontInSpace(Front("lens", lens, Rigid()))
+    met = 0
+    for _ in range(400):
+        at = (*draw.uniform(-1.0, 1.0, 2) * (size, 0.8 * size), draw.uniform(-1.0, 0.2))
+        d = draw.normal((0.0, 0.0, 1.0))
+        d /= np.linalg.norm(d)
+        if abs(at[0]) > 2.0 or abs(at[1]) > 2.0 or at[2] > lens.z_at(np.array(at[0]), np.array(at[1])) - 1e-3:
+            continue
+        place, way = entry.Vector(*map(float, at)), entry.Vector(*map(float, d))
+        step = entry.to_face(lens.face, entry.layer_of(lens.face, place.y), place, way)
+        hit = next(plain.on_face(tuple(place), tuple(way)), None)
+        assert step.met == (hit is not None)
+        if hit is not None:
+            assert step.way == pytest.approx(hit.way, abs=1e-9)
+            met += 1
+    assert met > 100

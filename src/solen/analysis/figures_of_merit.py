@@ -10,13 +10,13 @@ The interface: `receiver_response` of a receiver's passes; `swing`, `line_slopes
 """
 
 import math
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from solen.analysis.response import Curve, Passes, mean_curve
 from solen.arrays import BoolArray, FloatArray
+from solen.plane import off_a_line
 
 NEAR_ZERO_DEG = 0.5
 """Angles about 0 over which the sensitivity near zero is taken."""
@@ -257,30 +257,7 @@ def _linearity(angle_deg: FloatArray, mean: FloatArray) -> tuple[float, float]:
         return math.nan, math.nan
     slope = _slope(x, y, np.ones(x.size, dtype=bool))
     residual = y - y.mean() - slope * (x - x.mean())
-    return _least_deviation(x, y), float(np.abs(residual).max())
-
-
-def _least_deviation(x: FloatArray, y: FloatArray) -> float:
-    """Half the least height of a band of straight lines about points: one of its sides lies on the convex hull."""
-    upper, lower = _chain(x, y, 1.0), _chain(x, y, -1.0)
-    heights = [
-        float(np.ptp(y - (y[b] - y[a]) / (x[b] - x[a]) * x)) for chain in (upper, lower) for a, b in pairwise(chain)
-    ]
-    return 0.5 * min(heights)
-
-
-def _chain(x: FloatArray, y: FloatArray, side: float) -> list[int]:
-    """Upper (1) or lower (−1) side of the convex hull, from left to right."""
-    numbers: list[int] = []
-    for place in range(x.size):
-        while len(numbers) > 1:
-            a, b = numbers[-2], numbers[-1]
-            turn = (x[b] - x[a]) * (y[place] - y[a]) - (y[b] - y[a]) * (x[place] - x[a])
-            if side * turn < 0.0:
-                break
-            numbers.pop()
-        numbers.append(place)
-    return numbers
+    return off_a_line(x, y), float(np.abs(residual).max())
 
 
 def hysteresis_of(angle_deg: FloatArray, difference: FloatArray) -> tuple[Estimate, float, float, Estimate]:

@@ -10,13 +10,13 @@ else is said, heights y count from the middle of the body.
 import math
 from abc import abstractmethod
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
 from solen.arrays import FloatArray
 from solen.curve import Spline, check_range, fitted
 from solen.errors import DesignError
+from solen.lens.face import Face
 from solen.lens.optics import OvalLens
 from solen.results import reported
 
@@ -26,30 +26,6 @@ SECTION_MM = 1e-6
 """How far the curve of a section may be from the face."""
 NEAREST = 0.9
 """Share of the emitter's distance by which the face may approach it."""
-
-
-class Face(NamedTuple):
-    """A face in numbers, in the lens's own frame, as the tracer takes it.
-
-    It is a surface |P − E| + n·D = const where ``profiles`` is empty, else layers between ``edges`` (L + 1,) with
-    z (L, M) and dz/dx (L, M) at M places evenly from the axis to the half width.
-    """
-
-    distance: float
-    focus: float
-    design_index: float
-    ring: float
-    """radius about the focal line on which light seems to start from, mm; infinite for light collimated in y"""
-    half_width: float
-    half_height: float
-    base: float
-    """Depth z behind which the body is a prism"""
-    first: float
-    """Least z of the face"""
-    deepest: float
-    edges: FloatArray
-    profiles: FloatArray
-    slopes: FloatArray
 
 
 class LensInSpace(OvalLens, eq=True):

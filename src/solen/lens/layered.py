@@ -20,7 +20,8 @@ import numpy as np
 from solen.arrays import FloatArray, IntArray
 from solen.curve import check_range
 from solen.errors import DesignError
-from solen.lens.in_space import Face, LensInSpace
+from solen.lens.face import Face
+from solen.lens.in_space import LensInSpace
 from solen.results import reported
 
 PLACES, STEPS = 257, 4
@@ -134,7 +135,16 @@ class LayeredLens(LensInSpace, eq=True):
         """See :attr:`solen.lens.in_space.LensInSpace.face`."""
         numbers = (self.distance_mm, self.focus_mm, self.design_index, math.inf)
         sizes = (self.half_width_mm, self.half_height_mm, self.depth_mm, self.nearest_mm, self.deepest_mm)
-        return Face(*numbers, *sizes, self.edges_mm, *self.profiles)
+        return Face(*numbers, *sizes, self.edges_mm, *self.profiles, *self._bounds)
+
+    @property
+    def _bounds(self) -> tuple[float, float, float, float]:
+        """Bounds of a face, by the control points of its cubics: none of them goes beyond those."""
+        (z, slope), width = self.profiles, self.half_width_mm / (self.profiles[0].shape[1] - 1)
+        depths = np.stack([z[:, :-1], z[:, :-1] + width / 3.0 * slope[:, :-1], z[:, 1:] - width / 3.0 * slope[:, 1:], z[:, 1:]])
+        slopes = 3.0 / width * np.diff(depths, axis=0)
+        fall, bend = (max(-float(one.min()), 0.0) for one in (slopes, 2.0 / width * np.diff(slopes, axis=0)))
+        return bend, float(slopes.max()), fall, float(np.max(np.abs(np.diff(depths, axis=1)), initial=0.0))
 
 
 def _profiles(lens: LayeredLens, heights: FloatArray) -> tuple[FloatArray, FloatArray]:

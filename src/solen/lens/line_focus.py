@@ -17,13 +17,16 @@ import numpy as np
 from solen.arrays import FloatArray
 from solen.curve import check_range
 from solen.errors import DesignError
-from solen.lens.in_space import Face, LensInSpace
+from solen.lens.face import Face
+from solen.lens.in_space import LensInSpace
 from solen.results import reported
 
 SCAN, HALVINGS, STEPS = 64, 14, 5
 """Places along z at which the face is sought, halvings of a stretch, and steps of Newton's method after them."""
 FARTHEST_MM, CLOSENESS_MM = 1e4, 1e-3
 """How far before the vertex a virtual focus is sought, and how closely."""
+LEAST_MM = 0.02
+"""Least distance from the virtual focus at which the face is looked for with care."""
 END_MM = 1e-9
 """Difference of optical lengths that may be rounding alone."""
 
@@ -73,8 +76,11 @@ class LineFocusLens(LensInSpace, eq=True):
         """See :meth:`solen.lens.in_space.LensInSpace.z_at`: the first z of the right optical length, to 1e-13 mm."""
         x, y = np.broadcast_arrays(np.abs(x_mm), np.abs(y_mm))
         planes = np.linspace(-self.distance_mm, self.focus_mm, SCAN + 1)
-        behind = self.residual_mm(x[..., None], y[..., None], planes) < 0.0
-        first = np.argmax(behind, axis=-1)
+        first = np.zeros(x.shape, dtype=int)
+        for number, plane in enumerate(planes):
+            first = np.where((first == 0) & (self.residual_mm(x, y, plane) < 0.0), number, first)
+            if first.all():
+                break
         low, high = planes[np.maximum(first - 1, 0)], planes[first]
         for _ in range(HALVINGS):
             middle = 0.5 * (low + high)
@@ -84,7 +90,7 @@ class LineFocusLens(LensInSpace, eq=True):
         for _ in range(STEPS):
             z = np.clip(z - self.residual_mm(x, y, z) / self._gradient(x, y, z)[1], low, high)
         reached = np.abs(self.residual_mm(x, y, z)) < END_MM  # or else the length jumps there, at the virtual focus
-        return np.where(behind.any(axis=-1) & reached & (self._faces(x, y, z) < 0.0), z, np.nan)
+        return np.where((first > 0) & reached & (self._faces(x, y, z) < 0.0), z, np.nan)
 
     def slope_at(self, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
         """See :meth:`solen.lens.in_space.LensInSpace.slope_at`: by the gradient of the optical length."""
@@ -93,7 +99,7 @@ class LineFocusLens(LensInSpace, eq=True):
         along_x, along_z = self._gradient(x, y, z)
         return np.asarray(-along_x / along_z)
 
-    def residual_mm(self, x: FloatArray, y: FloatArray, z: FloatArray) -> FloatArray:
+    def residual_mm(self, x: FloatArray, y: FloatArray, z: FloatArray | float) -> FloatArray:
         """Optical length from the emitter less that over the vertex: above 0 before the surface."""
         from_line = np.hypot(x, self.focus_mm - z)
         along = from_line - self.focus_mm
@@ -122,7 +128,13 @@ class LineFocusLens(LensInSpace, eq=True):
         ring = self.focus_mm + self.y_focus_mm
         numbers = (self.distance_mm, self.focus_mm, self.design_index, ring, self.half_width_mm, half)
         ends = (self.depth_mm, self.nearest_mm, self.deepest_mm)
-        return Face(*numbers, *ends, np.array([-half, half]), nothing, nothing)
+        return Face(*numbers, *ends, np.array([-half, half]), nothing, nothing, self._bend, 0.0, 0.0, 0.0)
+
+    @property
+    def _bend(self) -> float:
+        """Second derivative of n·√((ρ − ρ₀)² + y²) along a line, at most: n over the least distance from the circle."""
+        farthest = math.hypot(self.half_width_mm, self.focus_mm - self.nearest_mm)
+        return self.design_index / max(self.focus_mm + self.y_focus_mm - farthest, LEAST_MM)
 
     @cached_property
     def _steepest(self) -> float:

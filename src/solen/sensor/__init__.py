@@ -12,6 +12,7 @@ from solen.sensor.as_printed import AsPrinted, Comparison, as_printed
 from solen.sensor.budget import Budget, budget
 from solen.sensor.check import BodySizes, Check, Focus, LensCheck, LensOptions, check, lens_check
 from solen.sensor.effects import Effect
+from solen.sensor.lens_choice import LensChoice, LensFigures
 from solen.sensor.numbers import OPTICAL_KEYS, inert, tolerance_of
 from solen.sensor.practice import Built, Extent, Practice, practice
 from solen.sensor.readings import readings, received
@@ -37,6 +38,8 @@ __all__ = [
     "Extent",
     "Focus",
     "LensCheck",
+    "LensChoice",
+    "LensFigures",
     "LensOptions",
     "Practice",
     "Response",

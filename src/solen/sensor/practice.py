@@ -19,6 +19,7 @@ from solen.errors import SolenError
 from solen.results import Result, reported
 from solen.sensor.budget import Budget, budget
 from solen.sensor.effects import TOLERANCE, Effect, effects
+from solen.sensor.lens_choice import LensChoice, lens_choice
 from solen.sensor.response import Response
 from solen.sensor.sensor import OF_SPACE, Sensor
 from solen.spec import with_values
@@ -99,6 +100,8 @@ class Practice(Result):
         Effects of errors of its numbers on the response, the largest first.
     budget
         Where the light goes at rest.
+    lenses
+        The design with other lenses.
     skipped
         Reasons.
     """
@@ -107,6 +110,7 @@ class Practice(Result):
     built: Built | None
     effects: tuple[Effect, ...]
     budget: Budget | None
+    lenses: LensChoice | None
     skipped: dict[str, str]
 
     def effect(self, key: str) -> Effect | None:
@@ -168,7 +172,10 @@ def practice(
             null = (built.null_deg, Slope(built.slope_per_deg, built.u_slope_per_deg))
         found, left_out = effects(real, built.response, null)
         skipped |= left_out
-    return Practice(paper, built, found, part("budget", lambda: budget(sensor), 1.0), skipped)
+    shares = part("budget", lambda: budget(sensor), 0.9)
+    null_deg = None if built is None else built.null_deg
+    lenses = part("lenses", lambda: lens_choice(sensor, own, null_deg), 1.0)
+    return Practice(paper, built, found, shares, lenses, skipped)
 
 
 def extent_of(sensor: Sensor) -> Extent:

@@ -72,7 +72,7 @@ class Entered(Source):
             s_share=source.s_share,
             spectrum=source.spectrum,
             source=source,
-            faced=entry.Faced(*face, outside, slab.index_above, slab.index_below, loss, counts),
+            faced=entry.Faced(face, outside, slab.index_above, slab.index_below, loss, counts),
             motion=front.motion,
             indices=tuple(body.index_at(nm) for nm, _ in source.spectrum) or (body.index_at(None),),
         )
@@ -89,7 +89,7 @@ class Entered(Source):
 
     @property
     def _ledges(self) -> bool:
-        return len(self.faced.edges) > 2
+        return len(self.faced.face.edges) > 2
 
     def dimensions(self, in_space: bool = False) -> int:
         """As the source, and one number more where there are ledges."""

@@ -39,7 +39,7 @@ class FrontInSpace:
     def hit(self, at: Vector, d: Vector) -> FrontHit | None:
         """The nearest hit of a ray on the face, on its ledges or on the sides of the lens before the stem's base."""
         at, d = self.own(at, shift=True), self.own(d, shift=False)
-        hits = [*self._face(at, d), *self._sides(at, d)]
+        hits = [*self.on_face(at, d), *self._sides(at, d)]
         if not hits:
             return None
         first = min(hits, key=lambda hit: hit.way)
@@ -81,7 +81,8 @@ class FrontInSpace:
             low, high = max(low, ends[0]), min(high, ends[1])
         return low, high
 
-    def _face(self, at: Vector, d: Vector) -> Iterator[FrontHit]:
+    def on_face(self, at: Vector, d: Vector) -> Iterator[FrontHit]:
+        """Hits on the face or its ledges of a ray in the lens's own frame: the nearest one, if there is any."""
         low, high = self._stretch(at, d)
         if not low < high:
             return

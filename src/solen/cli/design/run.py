@@ -15,7 +15,7 @@ NAME = 16
 
 @lines.register
 def _(study: DesignStudy) -> Iterator[str]:
-    from solen.report.design.answer import advice, emitter_words, expected, matters
+    from solen.report.design.answer import advice, emitter_words, expected, lens_table, lens_words, matters
 
     material, space = study.material, study.design.trace.dimension == "extruded"
     u = "" if material.u_index is None else f" ± {material.u_index:.2g}"
@@ -28,6 +28,8 @@ def _(study: DesignStudy) -> Iterator[str]:
     if study.as_printed is not None:
         yield from _as_printed(study.as_printed)
     yield from _matters(*matters(study.practice))
+    yield from _columns(lens_table(study.practice))
+    yield from (f"  {text}" for text in lens_words(study.practice))
     for place, text in enumerate(advice(study)):
         yield f"{'what to do' if place == 0 else '':10}  {text}"
 
@@ -37,8 +39,12 @@ def _matters(angles: list[float], rows: Sequence["Matter"]) -> Iterator[str]:
     if not rows:
         return
     heads = ("what matters", "off by", *(f"contrast at {angle:+.3g}°" for angle in angles), "null", "light")
-    table = [heads, *((row.name, row.by, *row.contrast, row.null, row.light) for row in rows)]
-    widths = [max(len(row[i]) for row in table) for i in range(len(heads))]
+    yield from _columns([heads, *((row.name, row.by, *row.contrast, row.null, row.light) for row in rows)])
+
+
+def _columns(table: Sequence[tuple[str, ...]]) -> Iterator[str]:
+    """A table under its headings."""
+    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
     for n, row in enumerate(table):
         cells = [f"{text:{width}}" for text, width in zip(row, widths, strict=True)]
         yield ("  " if n else "") + "  ".join(cells).rstrip()

@@ -9,8 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from solen.sensor import SATURATED, DesignStudy, Effect, Practice, Response, Summary
+from solen.sensor import SATURATED, DesignStudy, Effect, LensChoice, LensFigures, Practice, Response, Summary
 from solen.sensor.effects import JOIN
+from solen.sensor.lens_choice import CYLINDER, LAYERED
 
 NAMES = {
     "emitter.offset_mm": "decentre of the emitter",
@@ -32,6 +33,7 @@ ADVICE = {
     JOIN: "Find out how the turned lens meets the stem, or make the joins black (a [[wall]] on them): {by} changes the "
     "contrast by {change}.",
 }
+LENSES = {"cartesian-oval": "cylinder", "layered": "layered", "line-focus": "line focus"}
 WORTH = 0.005
 """Change of the contrast, or ten times that share of the light, from which on there is something to do."""
 MOST_ADVICE, MOST_DIGITS = 4, 4
@@ -110,6 +112,31 @@ def advice(study: DesignStudy) -> list[str]:
     return list(dict.fromkeys(sentences))[:MOST_ADVICE]
 
 
+def lens_table(practice: Practice | None) -> list[tuple[str, ...]]:
+    """The design with one lens after the other: headings and rows; empty without a comparison."""
+    choice = None if practice is None else practice.lenses
+    if choice is None or len(choice.lenses) < 2:
+        return []
+    first = choice.lenses[0]
+    by_size = sorted(range(len(first.angle_deg)), key=lambda i: abs(first.angle_deg[i] - first.off_deg))
+    places = sorted({0, by_size[0], len(first.angle_deg) - 1})
+    angles = [f"contrast at {first.angle_deg[i]:+.3g}°" for i in places]
+    off = f"at {first.off_deg:+.3g}°, {choice.y_off_mm:g} mm off in y"
+    heads = ("lens", *angles, off, "slope per degree", "light", "off a line")
+    return [heads, *(_lens_row(lens, places, choice.own) for lens in choice.lenses)]
+
+
+def lens_words(practice: Practice | None) -> list[str]:
+    """When another lens pays, and when it does not; empty without a comparison."""
+    choice = None if practice is None else practice.lenses
+    if choice is None or choice.layers_pay is None:
+        return []
+    cylinder, layered = choice.of(CYLINDER), choice.of(LAYERED)
+    if cylinder is None or layered is None:
+        return []
+    return [_pays(choice, layered, cylinder), _straight(layered, cylinder)]
+
+
 def emitter_words(study: DesignStudy) -> str:
     """The emitter of the sensor as built."""
     built = None if study.practice is None else study.practice.built
@@ -153,6 +180,41 @@ def _range(summary: Summary) -> str:
     if summary.saturation_deg is None:
         return f"all of {summary.from_deg:+g}° to {summary.to_deg:+g}°: the contrast stays below {SATURATED:g} in size"
     return f"{summary.saturation_deg:.2f}° to each side of the null; beyond, the contrast exceeds {SATURATED:g} in size"
+
+
+def _lens_row(lens: LensFigures, places: list[int], own: str) -> tuple[str, ...]:
+    contrasts = [measured(float(lens.contrast[i]), float(lens.u_contrast[i])) for i in places]
+    return (
+        f"{LENSES[lens.shape]}{' (this design)' if lens.shape == own else ''}",
+        *contrasts,
+        measured(lens.off_contrast, lens.u_off_contrast),
+        measured(lens.slope_per_deg, lens.u_slope_per_deg),
+        f"{measured(100 * lens.received, 100 * lens.u_received, sign=False)} %",
+        f"{measured(100 * lens.nonlinearity, 100 * lens.u_nonlinearity, sign=False)} %",
+    )
+
+
+def _pays(choice: LensChoice, layered: LensFigures, cylinder: LensFigures) -> str:
+    """Whether the layered lens pays, and what it asks for."""
+    values = f"contrast {abs(layered.off_contrast):.2f} in place of {abs(cylinder.off_contrast):.2f}"
+    there = f"{values} at {layered.off_deg:+.3g}° with the emitter {choice.y_off_mm:g} mm off in y"
+    if not choice.layers_pay:
+        return f"The layered lens does not pay here: {there}."
+    asked = (
+        f"Know the chip, and centre it within about {choice.y_off_mm:g} mm in y. Nobody has printed such a lens yet."
+    )
+    return f"The layered lens pays for small angles: {there}. {asked}"
+
+
+def _straight(layered: LensFigures, cylinder: LensFigures) -> str:
+    """Which response is the straighter one."""
+    straight, other = sorted((cylinder, layered), key=lambda lens: lens.nonlinearity)
+    by = f"{100 * straight.nonlinearity:.0f} % off a straight line against {100 * other.nonlinearity:.0f} %"
+    if other.nonlinearity - straight.nonlinearity <= other.u_nonlinearity + straight.u_nonlinearity:
+        return f"Neither response is the straighter one: {by}."
+    return f"For a straighter response take the {LENSES[straight.shape]} lens: {by}.".replace(
+        "cylinder lens", "cylinder"
+    )
 
 
 def _matter(effect: Effect, angles: list[float]) -> Matter:

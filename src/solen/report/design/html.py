@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 import solen
 from solen.lens import OvalLens
 from solen.report import canvas
-from solen.report.design.answer import advice, emitter_words, expected, matters
+from solen.report.design.answer import advice, emitter_words, expected, lens_table, lens_words, matters
 from solen.report.design.as_printed import printed_sentences
 from solen.report.design.figures import (
     SHOWN_RAYS,
@@ -81,6 +81,8 @@ def html(study: DesignStudy, drawn: dict[str, str]) -> str:
         study=study,
         expected=expected(study),
         matters=matters(study.practice),
+        lenses=lens_table(study.practice),
+        lens_words=lens_words(study.practice),
         advice=advice(study),
         emitter=emitter_words(study),
         findings=findings(study),

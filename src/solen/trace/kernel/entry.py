@@ -14,8 +14,8 @@ import math
 from typing import NamedTuple
 
 from solen.arrays import FloatArray, IntArray
+from solen.lens.face import Face
 from solen.trace.kernel.compiled import called, compiled
-from solen.trace.kernel.rows import Floats
 from solen.trace.kernel.space import (
     Coherency,
     Vector,
@@ -30,13 +30,13 @@ from solen.trace.kernel.space import (
 )
 from solen.trace.kernel.treated import Amplitudes
 
-SCAN, STEPS = 8, 60
-"""Places at which a smooth face is sought along a ray, and most steps of closing in on it."""
+MOST_STEPS = 500
+"""Most steps of closing in on the face."""
 CLOSE_MM, INSIDE_MM, BESIDE_MM = 1e-13, 1e-7, 0.05
 """How closely the face is found; how far in rays of the body begin; how far beside the lens those that pass it do."""
-BEFORE_MM, BEYOND_MM = 1e-9, 1e-6
-"""Where a ray is looked at first, before the vertices of layers, and last, behind the deepest place."""
-ROUNDING, LEAST, EXACT_MM = 1e-12, 1e-300, 1e-15
+BEYOND_MM = 1e-3
+"""How far before its nearest and behind its deepest place a face is looked for: they are known as well as that."""
+ROUNDING, LEAST = 1e-12, 1e-300
 MOST_BOUNCES = 1000
 
 PASSED, ENTERED, OVER = range(3)
@@ -45,20 +45,9 @@ LEAKED, REFLECTED, TURNED_BACK, ABSORBED, LOST = range(5)
 
 
 class Faced(NamedTuple):
-    """The face in numbers, as `solen.lens.in_space.Face`, and the media."""
+    """A face and the media before, behind and beside it."""
 
-    distance: float
-    focus: float
-    design_index: float
-    ring: float
-    half_width: float
-    half_height: float
-    base: float
-    first: float
-    deepest: float
-    edges: Floats
-    profiles: Floats
-    slopes: Floats
+    face: Face
     outside: float
     above: float
     below: float
@@ -104,21 +93,31 @@ class Step(NamedTuple):
 
 
 @compiled
-def before(f: Faced, layer: int, x: float, y: float, z: float) -> float:
-    """Something above 0 before the face, below 0 in the body: the optical length, or the distance from a profile."""
-    if len(f.profiles) > 0:
-        return profile_at(f, layer, x) - z
+def optical_length(f: Face, x: float, y: float, z: float) -> tuple[float, Vector]:
+    """Optical length by a place to the wave front behind a smooth face, less that over the vertex, and its gradient."""
     from_line = math.sqrt(x * x + (f.focus - z) * (f.focus - z))
-    length = from_line - f.focus
+    length, by_line, by_y = from_line - f.focus, 1.0, 0.0
     if f.ring < math.inf:
         away = f.ring - from_line
-        length = (f.ring - f.focus) - math.sqrt(away * away + y * y)
+        size = math.sqrt(away * away + y * y)
+        length, by_line, by_y = (f.ring - f.focus) - size, away / size, -y / size
     rise = z + f.distance
-    return math.sqrt(x * x + y * y + rise * rise) - f.distance + f.design_index * length
+    r = math.sqrt(x * x + y * y + rise * rise)
+    scale = f.design_index * by_line / from_line
+    gradient = Vector(x / r + scale * x, y / r + f.design_index * by_y, rise / r - scale * (f.focus - z))
+    return r - f.distance + f.design_index * length, gradient
 
 
 @compiled
-def place_on(f: Faced, x: float) -> tuple[float, int, float]:
+def before(f: Face, layer: int, x: float, y: float, z: float) -> float:
+    """Something above 0 before the face, below 0 in the body: the optical length, or the distance from a profile."""
+    if len(f.profiles) > 0:
+        return profile_at(f, layer, x)[0] - z
+    return optical_length(f, x, y, z)[0]
+
+
+@compiled
+def place_on(f: Face, x: float) -> tuple[float, int, float]:
     """Distance between places of a profile, the place before a lateral position, and how far it is to the next."""
     step = f.half_width / (f.profiles.shape[1] - 1)
     at = min(abs(x), f.half_width) / step
@@ -127,65 +126,33 @@ def place_on(f: Faced, x: float) -> tuple[float, int, float]:
 
 
 @compiled
-def profile_at(f: Faced, layer: int, x: float) -> float:
-    """Depth z of a layer's profile."""
+def profile_at(f: Face, layer: int, x: float) -> tuple[float, float]:
+    """Depth z of a layer's profile, and dz/dx."""
     step, cell, t = place_on(f, x)
-    a, b = f.profiles[layer, cell], f.profiles[layer, cell + 1]
-    p, q = step * f.slopes[layer, cell], step * f.slopes[layer, cell + 1]
-    depth: float = a + t * (p + t * (3.0 * (b - a) - 2.0 * p - q + t * (2.0 * (a - b) + p + q)))
-    return depth
+    a, p, q = f.profiles[layer, cell], f.slopes[layer, cell], f.slopes[layer, cell + 1]
+    rise = (f.profiles[layer, cell + 1] - a) / step
+    second, third = 3.0 * rise - 2.0 * p - q, p + q - 2.0 * rise
+    slope = p + t * (2.0 * second + t * 3.0 * third)
+    return a + step * t * (p + t * (second + t * third)), slope if x >= 0.0 else -slope
 
 
 @compiled
-def facing(f: Faced, layer: int, x: float, y: float, z: float) -> Vector:
+def facing(f: Face, layer: int, x: float, y: float, z: float) -> Vector:
     """Unit normal of the face towards the outside."""
     if len(f.profiles) > 0:
-        step, cell, t = place_on(f, x)
-        rise = (f.profiles[layer, cell + 1] - f.profiles[layer, cell]) / step
-        p, q = f.slopes[layer, cell], f.slopes[layer, cell + 1]
-        slope = p + t * (6.0 * rise - 4.0 * p - 2.0 * q + t * (3.0 * (p + q) - 6.0 * rise))
-        return unit_of(Vector(math.copysign(slope, x), 0.0, -1.0))
-    from_line = math.sqrt(x * x + (f.focus - z) * (f.focus - z))
-    by_line, by_y = 1.0, 0.0
-    if f.ring < math.inf:
-        away = f.ring - from_line
-        size = math.sqrt(away * away + y * y)
-        by_line, by_y = away / size, -y / size
-    rise = z + f.distance
-    r = math.sqrt(x * x + y * y + rise * rise)
-    scale = f.design_index * by_line / from_line
-    return unit_of(Vector(x / r + scale * x, y / r + f.design_index * by_y, rise / r - scale * (f.focus - z)))
+        return unit_of(Vector(profile_at(f, layer, x)[1], 0.0, -1.0))
+    return unit_of(optical_length(f, x, y, z)[1])
 
 
 @compiled
-def closed_in(
-    f: Faced, layer: int, at: Vector, d: Vector, low: float, high: float, g_low: float, g_high: float
-) -> float:
-    """Where a ray meets the face between a place before and one behind it: regula falsi, by Illinois's rule."""
-    side = 0
-    for _ in range(STEPS):
-        if high - low <= CLOSE_MM:
-            break
-        t = low + (high - low) * g_low / (g_low - g_high)
-        g = before(f, layer, at.x + t * d.x, at.y + t * d.y, at.z + t * d.z)
-        if g > 0.0:
-            low, g_low = t, g
-            g_high = 0.5 * g_high if side == 1 else g_high
-            side = 1
-        else:
-            high, g_high = t, g
-            g_low = 0.5 * g_low if side == -1 else g_low
-            side = -1
-        if abs(g) <= EXACT_MM:
-            return t
-    return 0.5 * (low + high)
-
-
-@compiled
-def stretch(f: Faced, at: Vector, d: Vector) -> tuple[float, float]:
-    """Between which ways a ray may meet the face: up to where it leaves the aperture."""
-    start = max((f.first - BEFORE_MM - at.z) / d.z, 0.0) if len(f.profiles) > 0 and d.z > 0.0 else 0.0
-    end = ((f.deepest + BEYOND_MM) - at.z) / d.z if d.z > 0.0 else math.inf
+def stretch(f: Face, at: Vector, d: Vector) -> tuple[float, float]:
+    """Between which ways a ray may meet the face: between its nearest and deepest place, within the aperture."""
+    first, last = f.first - BEYOND_MM, f.deepest + BEYOND_MM
+    start, end = 0.0, math.inf
+    if d.z > 0.0:
+        start, end = max((first - at.z) / d.z, 0.0), (last - at.z) / d.z
+    elif d.z < 0.0:
+        end = (first - at.z) / d.z
     if d.x != 0.0:
         end = min(end, (math.copysign(f.half_width, d.x) - at.x) / d.x)
     if d.y != 0.0:
@@ -194,55 +161,94 @@ def stretch(f: Faced, at: Vector, d: Vector) -> tuple[float, float]:
 
 
 @compiled
-def along(f: Faced, layer: int, at: Vector, d: Vector, way: float) -> float:
-    """`before` at a place along a ray."""
-    return before(f, layer, at.x + way * d.x, at.y + way * d.y, at.z + way * d.z)
-
-
-@called
-def to_smooth(f: Faced, at: Vector, d: Vector, start: float, end: float) -> Step:
-    """A smooth face ahead of a ray."""
-    low, g_low = start, along(f, 0, at, d, start)
-    for i in range(1, SCAN + 1):
-        t = start + (end - start) * i / SCAN
-        g = along(f, 0, at, d, t)
-        if g <= 0.0 < g_low:
-            return Step(closed_in(f, 0, at, d, low, t, g_low, g), True, False, 0)
-        low, g_low = t, g
-    return Step(end, False, False, 0)
-
-
-@called
-def to_layers(f: Faced, layer: int, at: Vector, d: Vector, start: float, end: float) -> Step:
-    """The profile of a layer ahead of a ray, or the ledge of the next one."""
-    if start > 0.0:
-        layer = layer_of(f, at.y + start * d.y)
-    while True:
-        border = f.edges[layer + 1] if d.y > 0.0 else f.edges[layer]
-        to = max(min((border - at.y) / d.y, end) if d.y != 0.0 else end, start)
-        g = along(f, layer, at, d, to)
-        if g <= 0.0:
-            g_start = max(along(f, layer, at, d, start), LEAST)
-            return Step(closed_in(f, layer, at, d, start, to, g_start, g), True, False, layer)
-        following = layer + (1 if d.y > 0.0 else -1)
-        if to >= end or not 0 <= following < len(f.edges) - 1:
-            return Step(end, False, False, layer)
-        if along(f, following, at, d, to) <= 0.0:
-            return Step(to, True, True, layer)
-        start, layer = to, following
+def along(f: Face, layer: int, at: Vector, d: Vector, way: float) -> tuple[float, float]:
+    """Something above 0 before the face at a place along a ray, as `before`, and its change along the ray."""
+    x, y, z = at.x + way * d.x, at.y + way * d.y, at.z + way * d.z
+    if len(f.profiles) > 0:
+        depth, slope = profile_at(f, layer, x)
+        return depth - z, slope * d.x - d.z
+    length, gradient = optical_length(f, x, y, z)
+    return length, scalar(gradient, d)
 
 
 @compiled
-def to_face(f: Faced, layer: int, at: Vector, d: Vector) -> Step:
+def reach(f: Face, layer: int, at: Vector, d: Vector, start: float, end: float) -> float:
+    """How far it is to a smooth face, or to the profile of a layer; infinite where there is none before the end.
+
+    Newton's method with the least second derivative that there may be: no step goes beyond the first place, and the last
+    ones are Newton's.
+    """
+    bend, t = (f.bend * d.x * d.x if len(f.profiles) > 0 else f.bend), start
+    for _ in range(MOST_STEPS):
+        g, change = along(f, layer, at, d, t)
+        g = max(g, 0.0)
+        root = math.sqrt(change * change + 2.0 * bend * g)
+        away = (change + root) / bend if bend > 0.0 else math.inf
+        step = 2.0 * g / (root - change) if change < 0.0 else away
+        t += step
+        if t > end + CLOSE_MM:
+            break
+        if step <= CLOSE_MM:
+            return min(t, end)
+    return math.inf
+
+
+@compiled
+def may_dip(f: Face, d: Vector, g: float, change: float, way: float) -> bool:
+    """Whether a ray may have been behind a profile at some place within a ``way`` before this one."""
+    return g <= 0.0 or change > 0.0 or g - change * way <= 0.5 * f.bend * d.x * d.x * way * way
+
+
+@called
+def to_layers(f: Face, layer: int, at: Vector, d: Vector, start: float, end: float) -> Step:
+    """The profile of a layer ahead of a ray, or the ledge of the next one.
+
+    Layers that the ray is sure to pass, by the most that its distance may fall from one to the next, are left out.
+    """
+    if start > 0.0:
+        layer = layer_of(f, at.y + start * d.y)
+    up, last = (1 if d.y > 0.0 else -1), len(f.edges) - 2
+    fall = f.step + LEAST
+    if d.y != 0.0:
+        rate = d.z + abs(d.x) * (f.fall if at.x * d.x >= 0.0 else f.rise)
+        fall += max(rate, 0.0) * (f.edges[1] - f.edges[0]) / abs(d.y)
+    while True:
+        border = f.edges[layer + 1] if d.y > 0.0 else f.edges[layer]
+        to = max(min((border - at.y) / d.y, end) if d.y != 0.0 else end, start)
+        g, change = along(f, layer, at, d, to)
+        if may_dip(f, d, g, change, to - start):
+            way = reach(f, layer, at, d, start, to)
+            if way < math.inf:
+                return Step(way, True, False, layer)
+        following = layer + up
+        if to >= end or not 0 <= following <= last:
+            return Step(end, False, False, layer)
+        g = along(f, following, at, d, to)[0]
+        if g <= 0.0:
+            return Step(to, True, True, layer)
+        start, layer = to, following
+        passed = int(min(g / fall, float(last - following if d.y > 0.0 else following)))
+        if passed > 0:
+            layer = following + up * passed
+            start = ((f.edges[layer] if d.y > 0.0 else f.edges[layer + 1]) - at.y) / d.y
+            if start >= end:
+                return Step(end, False, False, layer)
+
+
+@compiled
+def to_face(f: Face, layer: int, at: Vector, d: Vector) -> Step:
     """The face ahead of a ray before it; where there is none, the way to where the ray leaves the aperture."""
     start, end = stretch(f, at, d)
     if not end > start or abs(at.x) > f.half_width:
         return Step(max(end, 0.0), False, False, layer)
-    return to_layers(f, layer, at, d, start, end) if len(f.profiles) > 0 else to_smooth(f, at, d, start, end)
+    if len(f.profiles) > 0:
+        return to_layers(f, layer, at, d, start, end)
+    way = reach(f, 0, at, d, start, end)
+    return Step(min(way, end), start < way < math.inf, False, 0)
 
 
 @compiled
-def layer_of(f: Faced, y: float) -> int:
+def layer_of(f: Face, y: float) -> int:
     """Number of the layer at a height."""
     low, high = 0, len(f.edges) - 2
     while low < high:
@@ -275,14 +281,14 @@ def power_of(light: Coherency) -> float:
 
 
 @compiled
-def over_body(f: Faced, y: float, z: float) -> bool:
+def over_body(f: Face, y: float, z: float) -> bool:
     """Whether a place at the edge of the aperture, seen along y, lies in the body: behind its middle or its corner."""
     layer = layer_of(f, y)
     return z > f.base or before(f, layer, f.half_width, math.copysign(f.half_height, y), z) < 0.0
 
 
 @compiled
-def goes_over(f: Faced, at: Vector, d: Vector, way: float) -> bool:
+def goes_over(f: Face, at: Vector, d: Vector, way: float) -> bool:
     """Whether a ray that misses the face leaves the slab above or below the body, rather than beside it."""
     if d.y == 0.0 or not d.z > 0.0 or abs(at.y + way * d.y) < f.half_height * (1.0 - ROUNDING):
         return False
@@ -298,16 +304,16 @@ def beside(f: Faced, walk: Walk) -> Walk:
 
     Behind the base the prism is cut away before a deeper face: there it is put beside the wall.
     """
-    at, d = walk.at, walk.d
+    face, at, d = f.face, walk.at, walk.d
     if not d.z > 0.0 or d.x == 0.0:
         return walk
-    way = (math.copysign(f.half_width, d.x) - at.x) / d.x
-    way += (BESIDE_MM if at.z + way * d.z > f.base else INSIDE_MM) / abs(d.x)
+    way = (math.copysign(face.half_width, d.x) - at.x) / d.x
+    way += (BESIDE_MM if at.z + way * d.z > face.base else INSIDE_MM) / abs(d.x)
     way = max(way, 0.0)
     there = ahead(at, d, way)
-    if abs(there.y) > f.half_height and over_body(f, there.y, there.z):
+    if abs(there.y) > face.half_height and over_body(face, there.y, there.z):
         return Walk(at, d, walk.e, walk.light, walk.optical, OVER)
-    y = min(max(there.y, -f.half_height), f.half_height)
+    y = min(max(there.y, -face.half_height), face.half_height)
     return Walk(Vector(there.x, y, there.z), d, walk.e, walk.light, walk.optical + f.outside * way, PASSED)
 
 
@@ -324,7 +330,7 @@ def write(f: Faced, rays: Passage, i: int, walk: Walk) -> None:
     if walk.fate != ENTERED:
         rays.inside[i] = f.outside
     if walk.fate == OVER:
-        rays.y[i] = 4.0 * f.half_height
+        rays.y[i] = 4.0 * f.face.half_height
 
 
 @called
@@ -335,7 +341,7 @@ def set_aside(f: Faced, rays: Passage, free: IntArray, i: int, layer: int, chanc
     row, inside = free[0], rays.inside[i]
     if power == 0.0:
         return
-    if row == len(rays.x) or not (walk.d.z > 0.0 or to_face(f, layer, walk.at, walk.d).met):
+    if row == len(rays.x) or not (walk.d.z > 0.0 or to_face(f.face, layer, walk.at, walk.d).met):
         rays.lost[TURNED_BACK] += power
         return
     write(f, rays, row, walk)
@@ -349,14 +355,14 @@ def met(f: Faced, rays: Passage, i: int, free: IntArray) -> Walk:
     at, d = Vector(rays.x[i], rays.y[i], rays.z[i]), Vector(rays.dx[i], rays.dy[i], rays.dz[i])
     e, light = upright(d), Coherency(rays.s[i], rays.p[i], rays.cr[i], rays.ci[i])
     inside, chance, optical = rays.inside[i], rays.chance[i], rays.optical[i]
-    layer = layer_of(f, at.y)
+    layer = layer_of(f.face, at.y)
     while True:
-        step = to_face(f, layer, at, d)
+        step = to_face(f.face, layer, at, d)
         if not step.met:
-            return Walk(at, d, e, light, optical, OVER if goes_over(f, at, d, step.way) else PASSED)
+            return Walk(at, d, e, light, optical, OVER if goes_over(f.face, at, d, step.way) else PASSED)
         at, layer = ahead(at, d, step.way), step.layer
         optical += f.outside * step.way
-        normal = Vector(0.0, -math.copysign(1.0, d.y), 0.0) if step.ledge else facing(f, layer, at.x, at.y, at.z)
+        normal = Vector(0.0, -math.copysign(1.0, d.y), 0.0) if step.ledge else facing(f.face, layer, at.x, at.y, at.z)
         if not scalar(d, normal) < 0.0:  # it only grazes
             return Walk(at, d, e, light, optical, PASSED)
         parts = smooth_parts(d, e, normal, light, f.outside, inside)
@@ -380,10 +386,10 @@ def carried(f: Faced, rays: Passage, i: int, walk: Walk) -> Walk:
     """A ray in the body at the plane of the stem's base, by its bounces off top, bottom and sides, or where it was."""
     at, d, e, light, optical = walk.at, walk.d, walk.e, walk.light, walk.optical
     inside = rays.inside[i]
-    way = max((f.base - at.z) / d.z, 0.0) if d.z > 0.0 else 0.0
+    way = max((f.face.base - at.z) / d.z, 0.0) if d.z > 0.0 else 0.0
     for _ in range(MOST_BOUNCES):
-        over = max((math.copysign(f.half_height, d.y) - at.y) / d.y, 0.0) if d.y != 0.0 else math.inf
-        side = max((math.copysign(f.half_width, d.x) - at.x) / d.x, 0.0) if d.x != 0.0 else math.inf
+        over = max((math.copysign(f.face.half_height, d.y) - at.y) / d.y, 0.0) if d.y != 0.0 else math.inf
+        side = max((math.copysign(f.face.half_width, d.x) - at.x) / d.x, 0.0) if d.x != 0.0 else math.inf
         to = min(way, over, side)
         at = ahead(at, d, to)
         optical += inside * to
@@ -410,7 +416,7 @@ def pass_face(f: Faced, rays: Passage, free: IntArray) -> None:
     i = -1
     while i + 1 < free[0]:  # what the face reflects is added behind
         i += 1
-        if abs(rays.y[i]) > f.half_height:
+        if abs(rays.y[i]) > f.face.half_height:
             continue
         walk = met(f, rays, i, free)
         if walk.fate == ENTERED:
