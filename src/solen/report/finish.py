@@ -41,6 +41,7 @@ LOWEST_IN = 1.3
 PAGE_IN = 9.25
 """Height of a page, to which stacked panels are lowered, as far as they can be read then."""
 _AIR_PX = 1.0
+_APART_PX = 2.5  # beside a note, half of the least distance of two
 _MANY = 4
 _CODES = range(1, 11)
 """Places of a legend inside its panel."""
@@ -230,6 +231,7 @@ def _settle(figure: Figure, *, may_grow: bool) -> None:
             break
     _lay_out(figure)  # labels stand where the ticks of the layout before left them
     _keep_inside(figure)
+    _uncrowded(figure)
 
 
 def _lay_out(figure: Figure) -> None:
@@ -306,7 +308,8 @@ def _uncrowded(figure: Figure) -> bool:
     for axes in figure.axes:
         shown: list[Bbox] = []
         for note in axes.texts:
-            box = note.get_window_extent()
+            x0, y0, x1, y1 = note.get_window_extent().extents
+            box = Bbox.from_extents(x0 - _APART_PX, y0, x1 + _APART_PX, y1)
             if note.get_visible() and note.get_text() and box.count_overlaps(shown):
                 note.set_visible(False)
                 hidden = True
@@ -318,12 +321,16 @@ def _uncrowded(figure: Figure) -> bool:
 def _clear(axes: Axes, panel: Sequence[Axes], outside: set[Axes]) -> bool:
     """Move a legend off the data: to a free corner, else below its axes; whether it went below."""
     legend = axes.get_legend()
-    if legend is None or axes in outside or not covers_data(legend, panel):
+    if legend is None or axes in outside or not covers_data(legend, panel, references=True):
         return False
-    for place in _CODES:
-        legend.set_loc(place)
-        if not covers_data(legend, panel):
-            return False
+    for references in (True, False):  # rather off lines of reference, else before them
+        for place in _CODES:
+            legend.set_loc(place)
+            if not covers_data(legend, panel, references=references):
+                if not references:
+                    legend.set_frame_on(True)
+                    legend.get_frame().set(facecolor="white", alpha=1.0, linewidth=0.0)
+                return False
     outside.add(axes)
     _below(axes, legend)
     return True
@@ -360,21 +367,26 @@ def _grow(figure: Figure, moved: Sequence[Axes]) -> None:
     figure.set_figheight(figure.get_figheight() + sum(rows.values()))
 
 
-def covers_data(legend: Legend, panel: Sequence[Axes]) -> bool:
-    """Whether a legend lies on anything that is drawn from data or on a text, or leaves its panel."""
+def covers_data(legend: Legend, panel: Sequence[Axes], *, references: bool = False) -> bool:
+    """Whether a legend lies on anything that is drawn from data or on a text, or leaves its panel.
+
+    With ``references`` also on a line across the panel that no legend names, such as that of 0.
+    """
     box, within = legend.get_window_extent(), panel[0].bbox.padded(_AIR_PX)
     if box.x0 < within.x0 or box.x1 > within.x1 or box.y0 < within.y0 or box.y1 > within.y1:
         return True
-    return any(_meets(artist, axes, box) for axes in panel for artist in axes.get_children() if artist.get_visible())
+    drawn = ((artist, axes) for axes in panel for artist in axes.get_children() if artist.get_visible())
+    return any(_meets(artist, axes, box, references=references) for artist, axes in drawn)
 
 
-def _meets(artist: Any, axes: Axes, box: Bbox) -> bool:
+def _meets(artist: Any, axes: Axes, box: Bbox, *, references: bool) -> bool:
     if isinstance(artist, Text):
         return bool(artist.get_text()) and artist.get_window_extent().overlaps(box)
     if isinstance(artist, AxesImage):
         return artist.get_window_extent().overlaps(box)
     if isinstance(artist, Line2D):
-        return artist.get_transform() == axes.transData and _line_meets(artist, box)
+        named = not str(artist.get_label()).startswith("_")
+        return (references or named or artist.get_transform() == axes.transData) and _line_meets(artist, box)
     if isinstance(artist, Patch):
         of_data = artist is not axes.patch and artist.get_data_transform().contains_branch(axes.transData)
         whole = artist.get_transform().transform_path(artist.get_path())

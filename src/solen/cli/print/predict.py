@@ -85,8 +85,8 @@ def _loss(emitter: str, loss: EmitterLoss) -> str:
         return f"contrast with {emitter}: none, too little light arrives"
     return (
         f"contrast with {emitter}: {loss.slope_designed_per_deg:.3g} per degree about 0 designed, "
-        f"{loss.slope_printed_per_deg:.3g} printed ({loss.slope_lost_percent:.2g} % lost); largest change "
-        f"{loss.largest_change:+.3g} at {loss.largest_change_at_deg:g} deg; light lost {loss.light_lost_percent:.2g} %"
+        f"{loss.slope_printed_per_deg:.3g} printed ({-loss.slope_lost_percent:+.2g} %); largest change "
+        f"{loss.largest_change:+.3g} at {loss.largest_change_at_deg:g} deg; light {-loss.light_lost_percent:+.2g} %"
     )
 
 

@@ -32,8 +32,8 @@ def coupons(
     out
         Folder for the files; made if need be.
     only
-        Some coupons, with commas: group-a, group-b, group-c, holes, z-reference, cure-discs, ledges, film-layer, cubes,
-        guides.
+        Some coupons, with commas: group-a, group-b, group-c, holes, z-reference, cure-discs, grey-steps, ledges,
+        film-layer, cubes, guides.
     listing
         List the coupons and what was read into their source; write nothing.
 

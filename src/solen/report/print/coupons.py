@@ -14,6 +14,8 @@ COLOURS = {"mark": LEFT, "hole": "white"}
 WIDE_IN = 7.0
 INSIDE = 0.3
 """Share of a coupon's depth from which on a feature's number stands in it."""
+LETTER, ABOVE = 0.02, 0.08
+"""Width of a letter, and room for a number above a feature, as shares of the plan's width in the narrowest figure."""
 TITLE_IN, LEAST_IN, MOST_IN = 0.5, 0.5, 2.6
 
 
@@ -108,10 +110,14 @@ def _draw(axes: Axes, coupon: Coupon) -> None:
     for feature in coupon.features:
         if feature.stage in {"", coupon.stages[-1].name}:
             axes.add_patch(_patch(feature))
+    above = False
     for feature, text in _labels(coupon):
-        _label(axes, feature, text, inside=feature.depth_mm > INSIDE * depth and feature.kind != "hole")
+        inside = feature.depth_mm > INSIDE * depth and feature.kind != "hole"
+        inside = inside and feature.width_mm > LETTER * len(text) * width
+        _label(axes, feature, text, inside=inside)
+        above = above or (not inside and coupon.slab is None)
     axes.set_xlim(-0.52 * width, 0.52 * width)
-    axes.set_ylim(-0.5 * depth - 0.02 * width, 0.5 * depth + 0.02 * width)
+    axes.set_ylim(-0.5 * depth - 0.02 * width, 0.5 * depth + (ABOVE if above else 0.02) * width)
     axes.set_aspect("equal")
     axes.grid(visible=False)
     axes.set(xlabel="x (mm)", ylabel="y (mm)")
@@ -139,7 +145,14 @@ def _labels(coupon: Coupon) -> list[tuple[Feature, str]]:
         return [(feature, feature.name.split("-")[1].replace("um", " µm")) for feature in shown]
     if coupon.steps or coupon.name == "z-reference":
         return [(feature, f"{feature.height_mm:g}") for feature in shown]
-    return [(each, f"{each.exposure_s:g} s" if each.exposure_s else f"{each.width_mm:g}") for each in shown]
+    return [(each, _varied(each)) for each in shown]
+
+
+def _varied(feature: Feature) -> str:
+    """The number of a feature: its grey, where it has one, its exposure, or its size."""
+    if feature.grey is not None:
+        return f"{feature.grey:g}"
+    return f"{feature.exposure_s:g} s" if feature.exposure_s else f"{feature.width_mm:g}"
 
 
 def _patch(feature: Feature) -> Circle | Polygon:
