@@ -1,6 +1,6 @@
 """Draw the kinds of figure that the paper and its supplement have, from simulated data, each with one command.
 
-``python tools/journal.py FOLDER`` writes the data and the figures there, and small copies for the page that shows them
+``python -m tools.journal FOLDER`` writes the data and the figures there, and small copies for the page that shows them
 (docs/figures.md): 2A-C, 3E-G, S1A-D, S2A-E, S5A-D.
 """
 
