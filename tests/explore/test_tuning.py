@@ -9,6 +9,7 @@ import pytest
 from solen.arrays import FloatArray
 from solen.errors import DataError, SpecError
 from solen.explore import TunedPrint, TuneOptions, log_text, read_log, tune
+from solen.explore.print_model import PrintModel
 from solen.metrology import measure_lens, read_image
 from solen.pipeline.print.tune import tune as tune_files
 from solen.sensor import Sensor
@@ -192,3 +193,20 @@ def test_predictions_cover_on_many_printers(tmp_path: Path) -> None:
     assert np.mean(covered) > 0.75  # what is outside is nearer to the design than predicted
     assert np.mean(above) < 0.06
     assert np.median(fell) < 0.65
+
+
+def test_a_measured_pixel_is_as_wide_as_prints_show_it(tmp_path: Path) -> None:
+    """What is learnt of the printer's blur is the scale of its response, where the process states one."""
+    lab = Lab(tmp_path, Printer())
+    x = 3.0 * np.arange(-30, 31)
+    light = np.exp(-0.5 * (x[:, None] ** 2 + (x - 6.0) ** 2) / 15.0**2)
+    np.savetxt(tmp_path / "pixel.csv", light, delimiter=",")
+    slicing = lab.slicing
+    stated = '[process.response]\nfile = "pixel.csv"\npitch_um = 3.0\n'
+    (tmp_path / "process.toml").write_text(f'schema = 1\nname = "lab"\n{stated}')
+    model = PrintModel.of(SENSOR, slicing)
+    assert model.settings.sigma_um is None
+    assert model.wider is not None
+    assert model.wider.settings.response_scale == pytest.approx(1.05)
+    assert model.blurred(-2.0).settings.response_scale == pytest.approx(0.9)
+    assert model.least_blur == pytest.approx(-10.0)
