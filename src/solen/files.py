@@ -22,7 +22,7 @@ from solen.errors import OutputError, SolenError
 DEVICES = {"CON", "PRN", "AUX", "NUL", *(f"{name}{digit}" for name in ("COM", "LPT") for digit in "0123456789¹²³")}
 """Names that are no files on Windows, whatever their ending."""
 LONGEST_NAME = 200
-"""Of a name, in bytes: with its ending it must be a valid file name everywhere."""
+"""Length of a name in bytes: with its ending it must be a valid file name everywhere."""
 SEALED = b"SOLENSEAL1"
 _SEAL = struct.Struct("<10sQI")
 _APART = 1 << 13

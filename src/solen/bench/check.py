@@ -36,7 +36,7 @@ SHORTED = 0.005
 BOTTOM = 0.05
 """Share of the level with the emitters off below which a receiver is saturated."""
 GROWS = 1.5
-"""By what a receiver's light grows in a bent sensor at least: 1.5 to 2.1 in the shipped designs."""
+"""Least factor by which a receiver's light grows in a bent sensor: 1.5 to 2.1 in the shipped designs."""
 WANTED, LEAST, MOST = 0.4, 0.12, (1.0 - BOTTOM) / GROWS
 """Share of the level with the emitters off that light should pull down at rest; less than the second is little of the
 range, more than the third saturates in any motion."""
@@ -252,7 +252,7 @@ class JogOptions(Options):
     by: Finite | None = None
     """How far to go from where it stands, in deg or mm."""
     velocity: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1.0
-    """In deg/s or mm/s."""
+    """Velocity in deg/s or mm/s."""
 
 
 class Jogged(Result):

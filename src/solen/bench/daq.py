@@ -25,7 +25,7 @@ OUTSIDE = 'light them by something outside (switching = "external"), with a sync
 LEAST_IN_PHASE = 2
 """Settled samples of a phase of the emitters, at the least."""
 ENDS = np.array([[-(1 << 15)], [(1 << 15) - 1]], np.int16)
-"""Of counts."""
+"""Least and greatest count."""
 
 
 @dataclass(frozen=True)

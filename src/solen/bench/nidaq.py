@@ -94,7 +94,7 @@ class NiDaq:
 
     @property
     def coefficients(self) -> NDArray[np.float64]:
-        """Of its converter as it was calibrated, by channel."""
+        """Calibration of its converter, by channel."""
         return self._coefficients
 
     @property

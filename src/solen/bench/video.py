@@ -84,7 +84,7 @@ class VideoMotion(Result):
     misfit_px
         Root mean square by which a coordinate of a corner misses a square in a plane.
     glow_s
-        Times of the video at which the emitters went on, and off; none where they were not looked for.
+        Times of the video at which the emitters went on, and off; none without --glow.
     u_start_s
         Standard uncertainty of the first: half an interval, evenly spread.
     time_s, angle_deg

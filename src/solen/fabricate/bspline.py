@@ -30,7 +30,7 @@ SMOOTH_RAD = 1e-9
 """Two pieces that meet at a smaller angle go on smoothly: the joint is off by less than this times a handle."""
 FEWEST_SPANS, MOST_SPANS = 8, 4096
 LOOKED_AT = 8
-"""Places in a span at which its distance from the curve is looked at."""
+"""Points in a span at which its distance from the curve is measured."""
 PANELS = 4096
 """Into how many equal steps of its own parameter a curve is divided to find another."""
 

@@ -28,7 +28,7 @@ WELD_MM = 1e-5
 """Points nearer than this become one; far from the origin, `WELD_ULPS` times the spacing of 32-bit numbers there."""
 WELD_ULPS = 8.0
 AT_ONCE = 100_000
-"""Triangles that are looked at together."""
+"""Triangles checked at a time."""
 
 
 @dataclass(frozen=True)

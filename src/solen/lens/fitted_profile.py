@@ -44,7 +44,7 @@ NODES_PER_LENGTH = 3.0
 EASE_MM = 0.1
 """Length over which the slope of a deviation ends beyond the last point."""
 PLACES = 801
-"""Places, evenly along the measured part, at which deviations are looked at."""
+"""Points, evenly along the measured part, at which deviations are computed."""
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from solen.arrays import FloatArray
 from solen.results import HIDDEN, Result, reported
 
 DEGREE, ORDER = 3, 3
-"""Of the spline's pieces, and of the penalised differences; a parabola is free of penalty."""
+"""Degree of the spline's pieces, and order of the penalised differences; a parabola has no penalty."""
 MOST_SPANS, POINTS_PER_SPAN = 200, 3
 WEAKEST, STRONGEST, STEPS = -10.0, 10.0, 161
 """Decadic logarithms between which the strength of the penalty is sought, against one that equals the data's weight."""

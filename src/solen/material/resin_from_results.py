@@ -109,7 +109,7 @@ def lamp_fit(path: Path, curve: WorkingCurve) -> InLamp:
 
 
 def _differences(readers: Mapping[str, Reader], tables: Mapping[str, Any]) -> dict[str, list[Caution]]:
-    """By table of the resin, where results by two ways differ."""
+    """Remarks by table of the resin, where results by two ways differ."""
     notes: dict[str, list[Caution]] = {}
     layer, other, liquid = (readers.get(option) for option in ("index", "refractometer", "penetration"))
     if isinstance(layer, IndexResult) and "loss" in tables:

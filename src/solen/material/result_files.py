@@ -86,7 +86,7 @@ class _Result(Strict):
 
 
 class IndexResult(_Result):
-    """Of `solen resin index` or `solen resin refractometer`."""
+    """Result of `solen resin index` or `solen resin refractometer`."""
 
     kinds: ClassVar[tuple[str, ...]] = ("index", "refractometer")
     of: ClassVar[str] = "index"
@@ -189,7 +189,7 @@ class _Line(_Result):
 
 
 class CutbackResult(_Line):
-    """Of `solen resin cutback`."""
+    """Result of `solen resin cutback`."""
 
     kinds: ClassVar[tuple[str, ...]] = ("cutback",)
 
@@ -217,7 +217,7 @@ class CutbackResult(_Line):
 
 
 class CureResult(_Result, Cure):
-    """Of `solen resin cure`."""
+    """Result of `solen resin cure`."""
 
     model_config = ConfigDict(extra="ignore")
 
@@ -232,7 +232,7 @@ class CureResult(_Result, Cure):
 
 
 class PenetrationResult(_Result):
-    """Of `solen resin penetration`: what a working curve is compared with."""
+    """Result of `solen resin penetration`, with which a working curve is compared."""
 
     kinds: ClassVar[tuple[str, ...]] = ("penetration",)
     of: ClassVar[str] = "penetration"
@@ -278,7 +278,7 @@ class _Modulus(_Result):
 
 
 class StiffnessResult(_Modulus):
-    """Of `solen resin stiffness`, of one material or of several."""
+    """Result of `solen resin stiffness`, for one material or several."""
 
     kinds: ClassVar[tuple[str, ...]] = ("stiffness",)
     groups: tuple[_Modulus, ...] = ()

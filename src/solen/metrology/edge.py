@@ -42,7 +42,7 @@ ODD_BLUR = 2.5
 ODD_SHAPE = 2.2
 """Residuals above so many times their median: something else lies on the edge."""
 ODD_SHARE = 0.02
-"""Of the rise: residuals below it are no sign of anything."""
+"""Share of the rise below which residuals are insignificant."""
 BESIDE = 2
 NEIGHBOURS = 15
 OFF_SIGMAS, OFF_PX = 5.0, 0.5

@@ -21,7 +21,7 @@ from solen.ranks import Caution, look_at
 
 SIDES = ("left", "right")
 WALL_REACH = 0.3
-"""How far aside a wall is looked for, as a fraction of the lens's width."""
+"""Distance to each side in which a wall is searched for, as a fraction of the lens's width."""
 MOST_WIDTH, ODD_WIDTH = 1.3, 0.03
 """Factor of width above which it is not a print of the design, and the relative difference that gives a warning."""
 MOST_RMS = 0.015

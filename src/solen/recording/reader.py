@@ -39,7 +39,7 @@ class Format:
     Attributes
     ----------
     from_bytes
-        Reads the file as it lies on the disk; asked before any table is looked for.
+        Reads the file as it lies on the disk; tried before any table format.
     from_arrays
         The same of a file of arrays, whose columns the user may name.
     from_cells

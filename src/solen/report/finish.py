@@ -34,7 +34,7 @@ from solen.report.options import LEAST_PT, FigureOptions
 
 MM_PER_IN = 25.4
 NARROWEST_IN = 2.1
-"""Of a panel beside others, unless it was drawn narrower; panels that would be narrower are stacked."""
+"""Width of a panel beside others, unless it was drawn narrower; panels that would be narrower are stacked."""
 TALLEST = 0.75
 """Height of a graph in its widths, on a page; pictures keep their shape."""
 LOWEST_IN = 1.3

@@ -26,7 +26,7 @@ SMOOTH = 0.02
 OUTER_POINTS = 65
 """Points that the outer edge of a curved stretch passes; it is a spline."""
 FLAT_MM = 1e-4
-"""Polylines by which pads are looked at for overlaps."""
+"""Polylines by which pads are checked for overlaps."""
 OVERLAP_MM2 = 1e-7
 EXACT_MM = 1e-12
 """Outer edges this near to their distance are at it."""

@@ -34,7 +34,7 @@ from solen.spec import Design, Wall
 AIR = Region("air", 1.0)
 BODY = "body"
 BEHAVIOURS: dict[str, Behaviour] = {"receiver": "receiver", "mirror": "mirror", "black": "absorbing"}
-"""Of faces by the first word of their name; any other refracts."""
+"""Behaviour of faces by the first word of their name; any other refracts."""
 ROOM = 1.1
 """Radius of the circle that ambient light comes through, over that of the circle round the sensor."""
 

@@ -111,28 +111,28 @@ class Band(Source):
 
     @property
     def rays(self) -> int:
-        """Of the source."""
+        """Rays of the whole source."""
         return self.whole.rays
 
     @property
     def shape_dimensions(self) -> int:
-        """Of the source."""
+        """See `Source.shape_dimensions`; as of the whole source."""
         return self.whole.shape_dimensions
 
     def dimensions(self, in_space: bool = False) -> int:
-        """Of the source."""
+        """See `Source.dimensions`; as of the whole source."""
         return self.whole.dimensions(in_space)
 
     def place(self, u: FloatArray) -> Placed:
-        """Of the source."""
+        """Rays of the whole source at numbers."""
         return self.whole.place(u)
 
     def place_in_space(self, u: FloatArray) -> PlacedInSpace:
-        """Of the source."""
+        """The same in space."""
         return self.whole.place_in_space(u)
 
     def lines(self, u: FloatArray) -> IntArray:
-        """Of the source."""
+        """Lines of the spectrum that the rays belong to."""
         return self.whole.lines(u)
 
     def launch_at(self, u: FloatArray, rays: int, in_space: bool = False) -> Launch:

@@ -171,7 +171,7 @@ def _of_number(sensor: Sensor, key: str, base: Response, null: tuple[float, Slop
 
 
 def _still(sensor: Sensor, other: Sensor, base: Response) -> Response | None:
-    """Of two symmetric sensors the contrast at rest is 0, whatever the light: nothing to trace there."""
+    """Response without a trace at rest, where two symmetric sensors have a contrast of 0; None for others."""
     resting = base.angle_deg == 0.0
     if not (resting.any() and sensor.is_symmetric and other.is_symmetric):
         return None

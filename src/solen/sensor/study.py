@@ -19,7 +19,7 @@ from solen.spec import Design
 from solen.trace import Slope
 
 SCHEMA = 1
-"""Of the files of results."""
+"""Version of the files of results."""
 FLAT_TOLERANCE = 5e-4
 """To what the comparison without a lens is integrated in space."""
 
@@ -179,7 +179,7 @@ class DesignStudy(Result):
 
     @reported
     def wavelength_nm(self) -> float:
-        """Of the emitter."""
+        """Wavelength of the emitter."""
         return self.sensor.light.wavelength_nm
 
     @reported

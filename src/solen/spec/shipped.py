@@ -17,7 +17,7 @@ T = TypeVar("T")
 
 
 MOST_NAMES = 16
-"""Of a library that a refusal lists."""
+"""Names of a library that a refusal lists."""
 
 
 @dataclass(frozen=True)

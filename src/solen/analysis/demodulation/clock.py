@@ -37,7 +37,7 @@ CLEAR, CERTAIN = 6.0, 20.0
 SMOOTH = 0.2
 """Share of a period between on and off from which on it looks like flicker rather than a switch."""
 SLOWEST_HZ, TRIED = 15.0, 4
-"""Lowest rate that is looked for where none is stated, above any motion's, and how many lines are tried."""
+"""Lowest rate searched where none is stated, above any motion's, and the number of lines tried."""
 
 
 class Clock(Result):

@@ -78,7 +78,7 @@ def light_by_place(wide: Sensor, angle_deg: float, reach_mm: float, like: Places
     reach_mm
         How far from the axis.
     like
-        That of a sensor that differs little: in space only the difference is then looked for, by fewer strips.
+        That of a similar sensor: in space only the difference is then traced, by fewer strips.
 
     Raises
     ------
@@ -123,7 +123,7 @@ class _Chip:
         return replace(self.source, point=(x, z), width_mm=width_mm)
 
     def in_points(self) -> Places:
-        """By points of the plane."""
+        """Integral over the places, by points of the plane."""
         from scipy.interpolate import PchipInterpolator
 
         points = Points(self.scene, TOLERANCE)
@@ -143,7 +143,7 @@ class _Chip:
         return Places(places, PchipInterpolator(places, shares * self.seen(places)).antiderivative())
 
     def in_strips(self, like: Places | None) -> Places:
-        """By strips in space."""
+        """Integral over the places, by strips in space."""
         from scipy.interpolate import CubicSpline
 
         known: Curve = like.upto if like is not None else lambda at: np.zeros((at.size, len(SIDES)))

@@ -33,7 +33,7 @@ TRIED = 3
 They are those of the best straight lines. What is known beforehand is held at first.
 """
 WAVES = 12
-"""Half waves over the range of angles, from none on, that a misfit is looked for in."""
+"""Half waves over the range of angles, from 0, in which a misfit is searched for."""
 SIGNIFICANT = 0.05
 """Chance of a misfit that is none, from which on it counts as one."""
 CURVES_SHARE = 2e-5

@@ -65,7 +65,7 @@ class SimulatedBoard:
 
     @property
     def volts_per_count(self) -> float:
-        """Of its converter, or as it is said to be."""
+        """Step of its converter, or the stated one."""
         return self.sensors[0].circuit.adc.step_V if self.per_count is None else self.per_count
 
     def start(self) -> None:

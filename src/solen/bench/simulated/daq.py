@@ -77,7 +77,7 @@ class SimulatedDaq:
 
     @property
     def coefficients(self) -> FloatArray:
-        """Of a converter without error: volts by one step for each count."""
+        """Calibration of a converter without error: one step in V for each count."""
         return np.tile([0.0, self._step_V], (len(self.setup.channels), 1))
 
     def start(self) -> None:

@@ -30,7 +30,7 @@ ANGLES = 25
 CLOSE = 2e-4
 """Largest difference, as a share of the brightest, between a value traced midway and its interpolation."""
 TOLERANCE = 2e-4
-"""Of the emitted power, within which a share is integrated over the chip; it is mostly ten times nearer."""
+"""Tolerance of a share integrated over the chip, of the emitted power; it is mostly ten times nearer."""
 HALVINGS = 6
 """Most halvings of a step between two angles, so that a jump ends."""
 BEYOND = 1.02

@@ -72,7 +72,7 @@ class Move:
         return self.start + math.copysign(1.0, self.target - self.start) * gone
 
     def where(self, time_s: float) -> float:
-        """The same at one time, without the cost of arrays: a stage is looked at fifty times a second."""
+        """The same at one time, without the cost of arrays: a stage is read fifty times a second."""
         ramp, total = self.ramp_s, self.end_s - self.begin_s
         since = min(max(time_s - self.begin_s, 0.0), total)
         left = total - since

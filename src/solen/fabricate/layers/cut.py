@@ -20,7 +20,7 @@ from solen.arrays import FloatArray, IntArray
 from solen.fabricate.mesh import Mesh
 
 MOST_SHELLS = 300
-"""Of which pairs are compared; more are taken to overlap."""
+"""Shells that are compared in pairs; more are assumed to overlap."""
 
 
 @dataclass(frozen=True, eq=False)

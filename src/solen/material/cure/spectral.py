@@ -189,7 +189,7 @@ def _residuals(doses: FloatArray, um: FloatArray, lines: Lines) -> Callable[[Flo
 
 
 def _fit(doses: FloatArray, um: FloatArray, sd: FloatArray, lines: Lines, start: tuple[float, float]) -> _Fit:
-    """Of discs whose scatter is in proportion to ``sd``."""
+    """Fit to discs whose scatter is proportional to ``sd``."""
     away = _residuals(doses, um, lines)
 
     def weighted(values: FloatArray) -> FloatArray:

@@ -26,7 +26,7 @@ from solen.material.index.inversion import Inverse
 from solen.material.index.stack import Numbers, Readings, Setup, optical_depth, readings
 
 N_LEAST, N_MOST = 1.0, 3.0
-"""Indices that are looked for."""
+"""Range of indices searched."""
 
 _GRID = np.linspace(N_LEAST, N_MOST, 201)[:, None]
 _CLOSED = 1e-12  # how closely a solution must reproduce the readings

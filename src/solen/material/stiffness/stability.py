@@ -18,7 +18,7 @@ from solen.material.stiffness.models import Model
 from solen.material.stiffness.modes import Mode
 
 SCANNED = (0.1, 10.0)
-"""Stretches between which stability is looked at, and farther where data reach farther."""
+"""Stretches between which stability is checked, and farther where data reach farther."""
 _STEPS = 800
 
 

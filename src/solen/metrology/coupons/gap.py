@@ -20,7 +20,7 @@ from solen.metrology.coupons.disc import FLOOR_PX, Disc
 from solen.metrology.coupons.least_squares import least_squares
 
 STRIP = 0.15
-"""Half the width of the strip that is looked at, in radii."""
+"""Half the width of the strip evaluated, in radii."""
 INTO = 0.7
 """How far the strip reaches into the pillars, in radii."""
 OWN_DEPTH = 2.5

@@ -12,7 +12,7 @@ import numpy as np
 from solen.arrays import BoolArray, FloatArray
 
 Model = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
-"""Of parameters (P,), the values (N,) and their derivatives (N, P)."""
+"""Function of parameters (P,) that gives the values (N,) and their derivatives (N, P)."""
 
 ROUNDS = 60
 SETTLED = 1e-6

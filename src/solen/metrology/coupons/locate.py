@@ -43,7 +43,7 @@ MISSING, MARK = 4.0, 4.0
 CLEAR = 4.0
 """Cost by which the best guess must be better than another."""
 PARAMETERS, MANY, PLACED_MM = 4, 8, 0.003
-"""Of a pose; values of places beyond these from which on their scatter is known; and the least it is taken for."""
+"""Parameters of a pose; further positions from which on their scatter is known; and its least value."""
 MOST_GUESSES, FITTED = 4000, 40
 FEWEST = 3
 AREA, SIDES = 0.15, 0.1

@@ -27,7 +27,7 @@ from solen.trace.described import SceneTrace
 
 COLOURS = {"right": RIGHT, "left": LEFT}
 OTHERS = ("#009E73", "#CC79A7", "#E69F00", "#56B4E9")
-"""Of receivers of other names, one after the other."""
+"""Colours of receivers of other names, in turn."""
 METHODS = {
     "fan": ("fan", INK, "o"),
     "sobol": ("Sobol' samples", "#CC79A7", "s"),

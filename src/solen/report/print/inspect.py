@@ -20,7 +20,7 @@ MAP = "coolwarm"
 RIVALS = (*SERIES[4:6], SERIES[3])
 """Colours of designs that the lens was compared with."""
 LENGTHS_UM = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000)
-"""Of a scale bar."""
+"""Lengths of a scale bar."""
 PICTURE, BELOW = 5.2, 2.4
 """Width of the picture and height of what is below it, in inches."""
 

@@ -15,7 +15,7 @@ SHOWN = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
 """Layers that are drawn, as shares of their number."""
 COLUMNS = 3
 MOST_PIXELS = 900
-"""Of a picture along its longer side; finer ones are shown by every so manyth pixel."""
+"""Pixels along a picture's longer side; finer pictures are thinned to this."""
 EDGE_PIXELS = 28
 """Along a side of the picture of single pixels."""
 MOST_STEPS = 400
