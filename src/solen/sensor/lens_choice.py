@@ -10,7 +10,6 @@ The interface: `lens_choice` of a sensor and its response, which returns a `Lens
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -31,7 +30,6 @@ WORTH, RESOLVED = 1.1, 2.0
 """Gain of the signal from which on another lens pays, and how many uncertainties it must be above that of none."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class LensFigures(Result):
     """A design with one lens.
 
@@ -74,7 +72,6 @@ class LensFigures(Result):
         return float(self.contrast[place]), float(self.u_contrast[place])
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class LensChoice(Result):
     """A design with one lens after the other.
 
