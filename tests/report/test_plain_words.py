@@ -2,12 +2,13 @@
 
 import re
 
+import numpy as np
 import pytest
 
 from solen.lens import OvalLens
-from solen.report.design.answer import advice, expected, matters, measured
+from solen.report.design.answer import advice, expected, lens_table, lens_words, matters, measured
 from solen.report.design.words import findings, warnings
-from solen.sensor import DesignStudy
+from solen.sensor import DesignStudy, LensChoice, LensFigures, Practice
 from tests.report.conftest import DESIGNS, PRACTICAL, Studies
 
 NUMBER = re.compile(r"(?<![\w.])[-+−]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
@@ -267,3 +268,46 @@ def test_one_angle_is_not_told_as_a_range(studied: Studies) -> None:
 
 def test_without_a_comparison_none_is_told(studied: Studies) -> None:
     assert "without the lens" not in said(studied("no comparison"))
+
+
+def choice(layered: float, off: float, *, nonlinearity: float = 0.12) -> Practice:
+    """A cylinder of 0.28 at 1° and 7 % off a line beside a layered lens."""
+
+    def lens(shape: str, there: float, off: float, nonlinearity: float) -> LensFigures:
+        contrast = np.array([0.9, there, 0.5 * there])
+        return LensFigures(
+            shape, np.array([-3.0, -1.0, -0.5]), contrast, np.full(3, 0.004), -there, 0.01, 0.5, 0.48, 0.002,
+            nonlinearity, 0.005, -1.0, off, 0.004, 0.48,
+        )  # fmt: skip
+
+    both = (lens("cartesian-oval", 0.28, 0.28, 0.07), lens("layered", layered, off, nonlinearity))
+    return Practice(None, None, (), None, LensChoice(0.1, "cartesian-oval", both, {}), {})
+
+
+def test_the_table_of_lenses_holds_what_was_found() -> None:
+    head, cylinder, layered = lens_table(choice(0.44, 0.42))
+    assert head[:5] == ("lens", "contrast at -3°", "contrast at -1°", "contrast at -0.5°", "at -1°, 0.1 mm off in y")
+    assert cylinder[0] == "cylinder (this design)"
+    assert layered == (
+        "layered", "+0.900 ± 0.004", "+0.440 ± 0.004", "+0.220 ± 0.004", "+0.420 ± 0.004", "-0.440 ± 0.010",
+        "48.00 ± 0.20 %", "12.0 ± 0.5 %",
+    )  # fmt: skip
+    assert lens_table(None) == []
+    assert lens_words(None) == []
+
+
+@pytest.mark.parametrize(
+    ("practice", "pays", "straight"),
+    [
+        (choice(0.44, 0.42), "pays for small angles: contrast 0.42 in place of 0.28", "take the cylinder: 7 %"),
+        (choice(0.44, 0.29), "does not pay here: contrast 0.29 in place of 0.28", "take the cylinder: 7 %"),
+        (choice(0.44, 0.42, nonlinearity=0.03), "pays", "take the layered lens: 3 %"),
+        (choice(0.44, 0.42, nonlinearity=0.075), "pays", "Neither"),
+    ],
+)
+def test_when_layers_pay_is_told_plainly(practice: Practice, pays: str, straight: str) -> None:
+    one, *asked, other = lens_words(practice)
+    assert pays in one
+    assert straight in other
+    assert len(asked) == ("does not" not in one)
+    assert all("centred within about 0.1 mm in y" in text for text in asked)

@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from solen.errors import DesignError
 from solen.sensor import Effect, Practice, Response, Sensor, study
 from solen.sensor.budget import budget
+from solen.sensor.lens_choice import lens_choice
 from solen.sensor.numbers import number
 from solen.sensor.practice import practice
 from solen.spec import Design, loads, template, with_values
@@ -83,6 +85,51 @@ def test_the_shipped_design_is_what_is_built_and_the_paper_stands_beside_it() ->
     assert one.paper.contrast[0] == pytest.approx(0.9993, abs=1e-4)
     assert np.interp(-0.25, one.paper.angle_deg, one.paper.contrast) == pytest.approx(float(same.contrast[0]), abs=0.03)
     assert len(one.paper.angle_deg) > 15  # its curve is steep
+    lenses_beside_one_another(one, own)
+
+
+def lenses_beside_one_another(one: Practice, own: Response) -> None:
+    """The shipped design with the cylinder, in layers, and with a line focus: figures of docs/lens-in-space.md."""
+    choice = one.lenses
+    assert choice is not None
+    assert (choice.own, choice.y_off_mm, choice.skipped) == ("cartesian-oval", 0.1, {})
+    found = {lens.shape: lens for lens in choice.lenses}
+    known = {
+        "cartesian-oval": (0.277, 0.650, 0.070),
+        "layered": (0.442, 0.910, 0.115),
+        "line-focus": (0.469, 0.931, 0.129),
+    }
+    for shape, (near, far, off) in known.items():
+        lens = found[shape]
+        assert lens.angle_deg.tolist() == [-3.0, -1.5, -1.0, -0.5]
+        assert lens.contrast[2] == pytest.approx(near, abs=2e-3 + 2.0 * lens.u_contrast[2])
+        assert lens.contrast[0] == pytest.approx(far, abs=2e-3 + 2.0 * lens.u_contrast[0])
+        assert lens.u_contrast.max() < 6e-3
+        assert lens.nonlinearity == pytest.approx(off, abs=2e-3 + 2.0 * lens.u_nonlinearity)
+        assert lens.slope_per_deg == pytest.approx(lens.contrast[3] / -0.5)
+        assert (lens.off_deg, lens.within_deg) == (-1.0, 0.5)
+    assert found["cartesian-oval"].contrast[0] == own.contrast[own.at(-3.0)]  # not traced again
+    lost = found["layered"].contrast[2] - found["layered"].off_contrast
+    assert lost == pytest.approx(0.02, abs=0.01)
+    assert found["cartesian-oval"].off_contrast == pytest.approx(0.277, abs=3e-3)
+    assert choice.layers_pay
+    assert choice.gain == pytest.approx(1.6, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("values", "why"),
+    [
+        ({"trace__dimension": "2d"}, "plane"),
+        ({"emitter__width_mm": 0.0}, "point"),
+        ({"lens__shape": "none"}, "no oval"),
+        ({"motion__from_deg": 1.0}, "null"),
+    ],
+)
+def test_where_there_is_nothing_to_choose_no_lenses_are_compared(values: dict[str, Any], why: str) -> None:
+    space = {"trace__dimension": "extruded", "emitter__pattern": "lambertian", "emitter__width_mm": 0.2}
+    sensor = Sensor.of(design(**(space | values)))
+    with pytest.raises(DesignError, match=why):
+        lens_choice(sensor, sensor.count([1.0, 3.0]), None if "null" in why else 0.0)
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,7 @@ from solen.sensor.sensor import OF_SPACE, Sensor
 from solen.spec import with_values
 
 SHAPES = CYLINDER, LAYERED, _ = ("cartesian-oval", "layered", "line-focus")
-SIXTHS, OFF_SIXTH = (1, 2, 3, 4, 6), 2
+SIXTHS, OFF_SIXTH = (1, 2, 3, 6), 2
 """Sixths of the way from the null to an end of the motion: all that are compared, and the one with the emitter off."""
 Y_OFF_MM, LEAST_DEG = 0.1, 1e-6
 WORTH, RESOLVED = 1.1, 2.0

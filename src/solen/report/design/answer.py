@@ -134,7 +134,7 @@ def lens_words(practice: Practice | None) -> list[str]:
     cylinder, layered = choice.of(CYLINDER), choice.of(LAYERED)
     if cylinder is None or layered is None:
         return []
-    return [_pays(choice, layered, cylinder), _straight(layered, cylinder)]
+    return [*_pays(choice, layered, cylinder), _straight(layered, cylinder)]
 
 
 def emitter_words(study: DesignStudy) -> str:
@@ -194,7 +194,7 @@ def _lens_row(lens: LensFigures, places: list[int], own: str) -> tuple[str, ...]
     )
 
 
-def _pays(choice: LensChoice, layered: LensFigures, cylinder: LensFigures) -> str:
+def _pays(choice: LensChoice, layered: LensFigures, cylinder: LensFigures) -> list[str]:
     """Whether the layered lens pays, and what it asks for."""
     values = f"contrast {abs(layered.off_contrast):.2f} in place of {abs(cylinder.off_contrast):.2f}"
     there = f"{values} at {layered.off_deg:+.3g}° with the emitter {choice.y_off_mm:g} mm off in y"

@@ -175,8 +175,7 @@ def along(f: Face, layer: int, at: Vector, d: Vector, way: float) -> tuple[float
 def reach(f: Face, layer: int, at: Vector, d: Vector, start: float, end: float) -> float:
     """How far it is to a smooth face, or to the profile of a layer; infinite where there is none before the end.
 
-    Newton's method with the least second derivative that there may be: no step goes beyond the first place, and the last
-    ones are Newton's.
+    Newton's method with the least second derivative that there may be: no step goes beyond the first place.
     """
     bend, t = (f.bend * d.x * d.x if len(f.profiles) > 0 else f.bend), start
     for _ in range(MOST_STEPS):
