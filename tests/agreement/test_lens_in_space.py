@@ -16,6 +16,7 @@ from solen.sensor.budget import budget
 from solen.spec import Design, with_values
 from solen.trace import Trace, derivative, integrate, trace
 from solen.trace.kernel import entry
+from solen.trace.kernel.space import Vector
 from solen.trace.reference_front import FrontInSpace
 from solen.trace.reference_space import Reading, trace_space_reference
 
@@ -260,9 +261,9 @@ def test_every_ray_meets_the_face_where_a_plain_search_does(lens: LensInSpace, s
         d /= np.linalg.norm(d)
         if abs(at[0]) > 2.0 or abs(at[1]) > 2.0 or at[2] > lens.z_at(np.array(at[0]), np.array(at[1])) - 1e-3:
             continue
-        place, way = entry.Vector(*map(float, at)), entry.Vector(*map(float, d))
+        place, way = Vector(*map(float, at)), Vector(*map(float, d))
         step = entry.to_face(lens.face, entry.layer_of(lens.face, place.y), place, way)
-        hit = next(plain.on_face(tuple(place), tuple(way)), None)
+        hit = next(plain.on_face(place, way), None)
         assert step.met == (hit is not None)
         if hit is not None:
             assert step.way == pytest.approx(hit.way, abs=1e-9)

@@ -199,11 +199,9 @@ def _pays(choice: LensChoice, layered: LensFigures, cylinder: LensFigures) -> li
     values = f"contrast {abs(layered.off_contrast):.2f} in place of {abs(cylinder.off_contrast):.2f}"
     there = f"{values} at {layered.off_deg:+.3g}° with the emitter {choice.y_off_mm:g} mm off in y"
     if not choice.layers_pay:
-        return f"The layered lens does not pay here: {there}."
-    asked = (
-        f"Know the chip, and centre it within about {choice.y_off_mm:g} mm in y. Nobody has printed such a lens yet."
-    )
-    return f"The layered lens pays for small angles: {there}. {asked}"
+        return [f"The layered lens does not pay here: {there}."]
+    asked = f"It asks for a known chip, centred within about {choice.y_off_mm:g} mm in y. Nobody has printed one yet."
+    return [f"The layered lens pays for small angles: {there}.", asked]
 
 
 def _straight(layered: LensFigures, cylinder: LensFigures) -> str:
