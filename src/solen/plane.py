@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-
-from solen.arrays import FloatArray
+from numpy.typing import NDArray
 
 Point = tuple[float, float]
 """(x, z) in mm, or a direction."""
@@ -84,7 +83,7 @@ class Rigid:
         return (self.cos * v[0] - self.sin * v[1], self.sin * v[0] + self.cos * v[1])
 
 
-def off_a_line(x: FloatArray, y: FloatArray) -> float:
+def off_a_line(x: NDArray[np.float64], y: NDArray[np.float64]) -> float:
     """How far points (N,), x rising, lie along y from the straight line for which that is least, at most.
 
     Half the least height of a band of straight lines about them: one of its sides lies on the convex hull.
@@ -96,7 +95,7 @@ def off_a_line(x: FloatArray, y: FloatArray) -> float:
     return 0.5 * min(heights)
 
 
-def _chain(x: FloatArray, y: FloatArray, side: float) -> list[int]:
+def _chain(x: NDArray[np.float64], y: NDArray[np.float64], side: float) -> list[int]:
     """Upper (1) or lower (−1) side of the convex hull, from left to right."""
     numbers: list[int] = []
     for place in range(x.size):

@@ -17,10 +17,13 @@ OPTICAL_KEYS = (
     *("body.arm_angle_deg", "body.thickness_mm", "receivers.gap_mm"),
 )
 """Numbers of a design that its light depends on, at a given angle of the motion."""
+OF_A_LENS_IN_SPACE = ("emitter.y_mm", "lens.y_focus_mm")
+"""Numbers that light through a lens for space depends on as well."""
 
 MATCHED = (
     "something of the same index touches a wall, where there is no derivative: either way light is reflected there"
 )
+LAYERS = "a body has a whole number of layers, and their borders jump with it: compare designs with some values set"
 OF_THE_MATERIAL = ("material.index", "material.absorption_per_mm")
 USUAL = {"material.index": 0.01, "material.absorption_per_mm": 0.005}
 """Tolerances where the resin states no uncertainty: a reflectance good to 0.001 gives the index to 0.008."""
@@ -67,6 +70,14 @@ def inert(sensor: "Sensor", key: str) -> str:
     if sensor.is_drawn and key.startswith(("lens.", "body.", "emitter.distance_mm")) and key != "body.thickness_mm":
         return "the body is drawn"
     cases = {
+        "lens.layer_mm": (True, LAYERS),
+        "lens.y_focus_mm": (
+            not isinstance(design.lens.y_focus_mm, float),
+            "the design states no number of it: set one"
+            if design.lens.shape == "line-focus"
+            else "of line-focus alone",
+        ),
+        "emitter.y_mm": (flat, in_plane),
         "emitter.wavelength_nm": (
             not resin and not sensor.scene().wavelengths_nm,
             "the index is stated, whatever the wavelength",
@@ -94,3 +105,8 @@ def _is_matched(sensor: "Sensor") -> bool:
     """Whether something of the body's own index touches a bare wall; through a film both ways are smooth."""
     bare = [wall for wall in sensor.design.wall if wall.gap_um is None and not wall.coating]
     return any(wall.index == sensor.material.index for wall in bare)
+
+
+def usual_keys(sensor: "Sensor") -> tuple[str, ...]:
+    """Numbers that a sensor's light depends on, inert ones included."""
+    return (*OPTICAL_KEYS, *OF_A_LENS_IN_SPACE) if sensor.is_sampled else OPTICAL_KEYS

@@ -20,7 +20,7 @@ from solen.lens import FlatFace, Lens, LensInSpace, MeasuredLens, lens_of
 from solen.material import Optical, optical
 from solen.parts import Light, light_of
 from solen.scene import Scene, sensor_scene
-from solen.sensor.numbers import OPTICAL_KEYS, inert, number, tolerance_of
+from solen.sensor.numbers import inert, number, tolerance_of, usual_keys
 from solen.sensor.response import Response, Sensitivity, contrast_slope, powers
 from solen.sensor.sweep import MOST_ANGLES, Reading, balanced, between, mirrored, readings_at, sweep
 from solen.spec import Design, load, with_values
@@ -28,9 +28,10 @@ from solen.trace import Derivative, Mode, Slope, Trace, derivative, integrate, t
 from solen.trace.adaptive import POINT_TOLERANCE, is_extended, usual_tolerance, why_not
 from solen.trace.derivative import EXTENDED_TOLERANCE, MOST_LEGS, SPACE_TOLERANCE
 from solen.trace.derivative import TOLERANCE as DERIVATIVE_TOLERANCE
+from solen.trace.nets import by_nets
 
-SAMPLED_TOLERANCE, FIRST_SAMPLED, MOST_SAMPLED = 2e-4, 2**15, 2**19
-"""To what standard error rays in space and scattered light are sampled, and their least and largest number."""
+SAMPLED_TOLERANCE, MOST_SAMPLED = 2e-4, 2**19
+"""To what standard error rays in space and scattered light are sampled, and their largest number."""
 OF_SPACE = {"lens.y_focus_mm": None, "lens.layer_mm": None}
 """Keys that other lenses than those for space do not have."""
 RECENT_SCENES = 64
@@ -185,10 +186,14 @@ class Sensor:
     def integrate(self, angle_deg: float = 0.0, mode: Mode = "power", tolerance: float | None = None) -> Trace:
         """Powers at an angle, integrated over the emitter to a tolerance; see `solen.trace.integrate`.
 
-        By default the tolerance is 1e-6 for a point in one colour, and 1e-4 for any other source.
+        By default the tolerance is 1e-6 for a point in one colour, and 1e-4 for any other source. Light through a lens
+        that is no cylinder is integrated by randomised nets, and its uncertainty is a standard error.
         """
         scene = self.scene(angle_deg)
-        return integrate(scene, mode, usual_tolerance(scene) if tolerance is None else tolerance)
+        tolerance = usual_tolerance(scene) if tolerance is None else tolerance
+        if self.is_sampled:
+            return by_nets(lambda rays: self.scene(angle_deg, rays), tolerance, mode)
+        return integrate(scene, mode, tolerance)
 
     def derivative(self, key: str, angle_deg: float = 0.0, mode: Mode = "power") -> Derivative:
         """Derivative of the powers at an angle with respect to a number of the design, by its dotted key.
@@ -216,7 +221,7 @@ class Sensor:
         Parameters
         ----------
         keys
-            Numbers of the design by their dotted keys; by default those of `OPTICAL_KEYS` that are not inert.
+            Numbers of the design by their dotted keys; by default `usual_keys` that are not inert.
         angle_deg
             Angle of the motion.
         progress
@@ -230,7 +235,9 @@ class Sensor:
             Where the light at this angle cannot be integrated closely enough.
         """
         self.check_pair()
-        chosen = [key for key in OPTICAL_KEYS if not inert(self, key)] if keys is None else list(dict.fromkeys(keys))
+        chosen = (
+            [key for key in usual_keys(self) if not inert(self, key)] if keys is None else list(dict.fromkeys(keys))
+        )
         for key in chosen:
             if why := inert(self, key):
                 raise SpecError(key, limit=why, remedy="leave it out")
@@ -267,12 +274,8 @@ class Sensor:
         For light that is scattered by chance, and where `integrate` does not do. Returns the last trace and the largest
         error; above ``tolerance`` where `MOST_SAMPLED` rays do not reach it.
         """
-        rays = FIRST_SAMPLED
-        while True:
-            sample = self.trace(angle_deg, "power", rays, sampling="sobol")
-            if sample.u_power <= tolerance or rays >= MOST_SAMPLED:
-                return sample, sample.u_power
-            rays *= 4
+        found = by_nets(lambda rays: self.scene(angle_deg, rays), tolerance, most_rays=MOST_SAMPLED)
+        return replace(found, reached=True, why=""), found.u_power
 
     @cached_property
     def is_symmetric(self) -> bool:

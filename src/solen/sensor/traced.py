@@ -7,7 +7,7 @@ from dataclasses import field
 from solen.arrays import Progress
 from solen.errors import SpecError
 from solen.results import HIDDEN, Result
-from solen.sensor.numbers import OPTICAL_KEYS, inert
+from solen.sensor.numbers import inert, usual_keys
 from solen.sensor.response import Sensitivity
 from solen.sensor.sensor import Sensor
 from solen.sensor.unused_keys import keys_without_effect
@@ -121,7 +121,7 @@ def sensitivities(
     """Derivatives of a design's readings at an angle by numbers of it; see `Sensor.sensitivity`."""
     check_angle(angle_deg)
     rows = sensor.sensitivity(keys or None, angle_deg, progress)
-    skipped = {} if keys else {key: why for key in OPTICAL_KEYS if (why := inert(sensor, key))}
+    skipped = {} if keys else {key: why for key in usual_keys(sensor) if (why := inert(sensor, key))}
     return Sensitivities(sensor.design.name, angle_deg, rows, skipped, tuple(sensor.warnings))
 
 

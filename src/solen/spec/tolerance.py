@@ -18,6 +18,7 @@ class Tolerance(Strict):
     emitter_wavelength_nm: Positive = Field(5.0, description="Of emitter.wavelength_nm, in nm.")
     emitter_distance_mm: Positive = Field(0.05, description="Of emitter.distance_mm, in mm, the lens as it is.")
     emitter_offset_mm: Positive = Field(0.01, description="Of emitter.offset_mm, in mm: placed under a microscope.")
+    emitter_y_mm: Positive = Field(0.1, description="Of emitter.y_mm, in mm: placed by eye.")
     emitter_width_mm: Positive = Field(0.02, description="Of emitter.width_mm, in mm.")
     emitter_height_mm: Positive = Field(0.02, description="Of emitter.height_mm, in mm.")
     emitter_cone_deg: Positive = Field(5.0, description="Of emitter.cone_deg, in degrees.")

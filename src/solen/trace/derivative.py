@@ -16,18 +16,19 @@ whose walls are not upright is sampled instead: both ends of a difference with t
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from solen.arrays import FloatArray
 from solen.curve import check_numbers, check_range
-from solen.errors import DesignError
+from solen.errors import DesignError, SolenError
 from solen.results import Result
 from solen.scene import Scene
 from solen.trace.adaptive import LEAST_SHARE, Lights, is_extended
 from solen.trace.cone import Parts
 from solen.trace.engine import trace
+from solen.trace.nets import with_rays
 from solen.trace.result import Limits, Mode, Trace
 from solen.trace.space import LightInSpace
 
@@ -35,8 +36,10 @@ TOLERANCE, EXTENDED_TOLERANCE, SPACE_TOLERANCE = 1e-9, 1e-6, 1e-4
 RELATIVE_STEP, EXTENDED_STEP, POINT_STEP_IN_SPACE = 2e-4, 1e-2, 1e-3
 MOST_HALVINGS = 6
 MOST_LEGS, SPACE_LEGS = 400_000, 4_000_000
-SEEDS, SAMPLES = 8, 2**15
-"""Independent differences of sampled light, and the rays of each end of one."""
+SEEDS, SAMPLES, MOST_DOUBLINGS = 8, 2**15, 4
+"""Independent differences of sampled light, the rays of each end of one, and how often a step is doubled at most."""
+CAUTION = 1.25
+"""Factor on their standard error: it is of few differences, and the step with the smallest one is taken."""
 ROUGH = 1e-2
 """Tolerance that light in space reaches at once, unless it is trapped."""
 
@@ -187,29 +190,43 @@ def _in_space(at: At, value: float, step: float, tolerance: float) -> Derivative
 def _of_samples(
     scene_at: Callable[[float], Scene], value: float, step: float, mode: Mode, limits: Limits | None
 ) -> Derivative:
-    """Derivative by differences of samples: both ends take the same points, and the spread over seeds is the error."""
-    scenes = {sign: _with_samples(scene_at(value + sign * step)) for sign in (-1.0, -0.5, 0.5, 1.0)}
-    names = scenes[1.0].receivers
-    found = np.empty((SEEDS, 2, len(names)))
-    for seed in range(SEEDS):
-        powers = {
-            sign: _powers(trace(scene, mode, limits, sampling="sobol", seed=seed)) for sign, scene in scenes.items()
-        }
-        found[seed] = (powers[1.0] - powers[-1.0]) / (2.0 * step), (powers[0.5] - powers[-0.5]) / step
-    wide, close = found.mean(axis=0)
-    error = found[:, 0].std(axis=0, ddof=1) / math.sqrt(SEEDS)
-    apart = np.abs(close - wide)
-    slopes = {name: Slope(float(wide[i]), float(error[i] + apart[i])) for i, name in enumerate(names)}
-    return Derivative(slopes, step, reached=True)
+    """Derivative by differences of samples: both ends take the same points, and the spread over seeds is the error.
+
+    A longer step has less noise; it is doubled as long as that is more than what the function bends within it.
+    """
+    names = scene_at(value).receivers
+
+    def difference(step: float) -> FloatArray:
+        scenes = [with_rays(scene_at(value + sign * step))(SAMPLES) for sign in (-1.0, 1.0)]
+        low, high = (
+            np.array([_powers(trace(scene, mode, limits, sampling="sobol", seed=seed)) for seed in range(SEEDS)])
+            for scene in scenes
+        )
+        return np.asarray((high - low) / (2.0 * step))
+
+    best, wide, least = np.zeros(len(names)), step, np.full(len(names), math.inf)
+    near = difference(0.5 * step)
+    for doubled in range(MOST_DOUBLINGS + 1):
+        try:
+            far = difference(step * 2.0**doubled)
+        except SolenError:
+            if doubled == 0:
+                raise
+            break
+        each = (4.0 * near - far) / 3.0
+        noise, bent = CAUTION * each.std(axis=0, ddof=1) / math.sqrt(SEEDS), np.abs(np.mean(far - near, axis=0)) / 3.0
+        if np.max(noise + bent) < np.max(least):
+            best, wide, least = each.mean(axis=0), step * 2.0**doubled, noise + bent
+        if np.max(bent) > np.max(noise):
+            break
+        near = far
+    slopes = {name: Slope(float(best[i]), float(least[i])) for i, name in enumerate(names)}
+    return Derivative(slopes, wide, reached=True)
 
 
 def _powers(found: Trace) -> FloatArray:
     """Power of every receiver."""
     return np.array([reading.power for reading in found.detectors.values()])
-
-
-def _with_samples(scene: Scene) -> Scene:
-    return replace(scene, sources=tuple(source.with_rays(SAMPLES) for source in scene.sources))
 
 
 def _slopes(names: tuple[str, ...], wide: FloatArray, close: FloatArray, noise: float) -> dict[str, Slope]:

@@ -10,6 +10,7 @@ from solen.spec.strict import Finite, Options, refused
 from solen.trace.adaptive import LEAST_TOLERANCE, MOST_TOLERANCE, integrate, usual_tolerance
 from solen.trace.chunks import Digits
 from solen.trace.engine import trace
+from solen.trace.nets import by_nets, with_rays
 from solen.trace.result import Mode, Trace
 
 MOST_PATHS = 100_000
@@ -70,7 +71,8 @@ def trace_with(scene: Scene, options: TraceOptions, usual_mode: Mode = "power", 
     mode = options.mode or usual_mode
     if options.sampling == "adaptive":
         _check_adaptive(scene, paths)
-        return integrate(scene, mode, options.tolerance or usual_tolerance(scene))
+        tolerance = options.tolerance or usual_tolerance(scene)
+        return integrate(scene, mode, tolerance) if scene.front is None else by_nets(with_rays(scene), tolerance, mode)
     draws = options.sampling == "sobol" or mode == "roulette" or scene.is_random
     if options.seed is not None and not draws:
         limit = f"mode {mode} with a fan draws no random numbers"
