@@ -200,7 +200,8 @@ def _pays(choice: LensChoice, layered: LensFigures, cylinder: LensFigures) -> li
     there = f"{values} at {layered.off_deg:+.3g}° with the emitter {choice.y_off_mm:g} mm off in y"
     if not choice.layers_pay:
         return [f"The layered lens does not pay here: {there}."]
-    asked = f"It asks for a known chip, centred within about {choice.y_off_mm:g} mm in y. Nobody has printed one yet."
+    asked = f"It asks for a known chip, centred within about {choice.y_off_mm:g} mm in y. Nobody has printed one yet"
+    asked += "; solen print predict says what a printer leaves of it."
     return [f"The layered lens pays for small angles: {there}.", asked]
 
 
