@@ -36,7 +36,7 @@ _OF_LIGHT = """
 power power_by_source detected escaped absorbed truncated missed leaked reflected beside above_below right left emitted
 error single_error design_index outside_index na_object na_image magnification edge_slope ledger_error received_share
 received used_of_supply contrast contrast_from
-contrast_to index material_index step response exponent gain
+contrast_to index material_index step response exponent gain nonlinearity off_contrast off_received
 """
 DIMENSIONLESS = frozenset(" ".join((_OPTICS, _STATISTICS, _SHARES, _CONTRASTS, _IN_THE_FILES_UNIT, _OF_LIGHT)).split())
 """Names of numbers without a unit: indices, shares from 0 to 1, contrasts, probabilities, factors."""
