@@ -132,6 +132,18 @@ def test_the_drawing_is_a_design_that_can_be_made(files: tuple[Path, PrintedLaye
     assert low < high < 0.0  # all of it is drawn back
 
 
+def test_a_smooth_face_is_printed_by_its_sections(tmp_path: Path) -> None:
+    (tmp_path / "process.toml").write_text(process_text(process(**FAST)), encoding="utf-8")
+    sensor = Sensor.of(with_values(small(), {"lens.shape": "line-focus", "lens.y_focus_mm": 3.0}))
+    made = print_layers(sensor, PrintOptions(process=tmp_path / "process.toml"), response=False)
+    assert (made.shape, made.layers, made.compensated_rms_um) == ("line-focus", 10, None)
+    lens = made.model.lens_of(made.profile)
+    x, y = np.linspace(0.0, 0.5, 21), np.full(21, 0.125)
+    lean = np.hypot(1.0, sensor.lens.slope_at(x, y))  # type: ignore[attr-defined]  # a lens for space
+    off_um = 1e3 * (sensor.lens.z_at(x, y) - lens.z_at(x, y)) / lean  # type: ignore[attr-defined]
+    assert float(off_um.mean()) == pytest.approx(float(made.face.um[2, :160].mean()), rel=0.1)
+
+
 @pytest.mark.parametrize(
     ("options", "part", "words"),
     [

@@ -180,13 +180,22 @@ class FacePrint:
             raise AssertionError("a prism has one outline")
         known: dict[bytes, Layer] = {}
         layers = []
-        for y, wanted in zip(self.y_mm.tolist(), self.wanted, strict=True):
+        for y, wanted, target in zip(self.y_mm.tolist(), self.wanted, self._targets, strict=True):
             drawn = body.front.lens.z_at(self.places_mm, np.full(PLACES, y))
             key = np.round(np.concatenate([drawn, wanted]), 9).tobytes()
             if key not in known:
-                known[key] = Layer(rings_of(as_designed(section(body, y))), self._target(y))
+                known[key] = Layer(rings_of(as_designed(section(body, y))), target)
             layers.append(known[key])
         return layers
+
+    @cached_property
+    def _targets(self) -> list[Target]:
+        """Wanted walls (L,); those of the same curve are one object."""
+        known: dict[bytes, Target] = {}
+        for y, wanted in zip(self.y_mm.tolist(), self.wanted, strict=True):
+            key = np.round(wanted, 9).tobytes()
+            known[key] = known.get(key) or self._target(y)
+        return [known[np.round(wanted, 9).tobytes()] for wanted in self.wanted]
 
     def _target(self, y_mm: float) -> Target:
         """The right half of the wanted wall at a height."""
