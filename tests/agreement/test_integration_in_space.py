@@ -345,6 +345,28 @@ def test_derivatives_in_space_are_those_of_close_integrals(key: str) -> None:
         assert slope.u_value < 0.08 * max(abs(slope.value) for slope in found.detectors.values())
 
 
+@pytest.mark.evidence
+def test_derivatives_of_trapped_light_are_taken_over_wide_steps() -> None:
+    """A hundredth of the distance changes the light behind an air gap by less than its samples are off by."""
+    gap = {"receivers.coupling": "air-gap", "receivers.gap_mm": 0.3, "emitter.width_mm": 0.2}
+    design = Sensor.of(with_values(sensor().design, gap))
+    found = design.derivative("emitter.distance_mm", 0.4)
+    value, step = value_at(design.design, "emitter.distance_mm"), 0.2
+    low, high = (
+        Sensor.of(with_values(design.design, {"emitter.distance_mm": value + sign * step})).integrate(
+            0.4, tolerance=1e-4
+        )
+        for sign in (-1, 1)
+    )
+    largest = max(abs(slope.value) for slope in found.detectors.values())
+    for name, slope in found.detectors.items():
+        difference = (high.detectors[name].power - low.detectors[name].power) / (2.0 * step)
+        print(f"\n{name}: {slope.value:.4f} +- {slope.u_value:.4f} per mm, plain difference {difference:.4f}")
+        u = math.hypot(low.u_power, high.u_power) / (2.0 * step)
+        assert slope.value == pytest.approx(difference, abs=2.0 * math.hypot(u, slope.u_value) + 0.02 * largest)
+        assert slope.u_value < 0.25 * largest
+
+
 def test_sums_of_cells_hold_however_small_what_is_left_becomes() -> None:
     value = np.array([0.25, 0.75])
     cells = Cells([Cell((0.0, 1.0), value, (value,), (0.1,), 0.1, 1)])

@@ -40,6 +40,11 @@ SEEDS, SAMPLES, MOST_DOUBLINGS = 8, 2**15, 4
 """Independent differences of sampled light, the rays of each end of one, and how often a step is doubled at most."""
 CAUTION = 1.25
 """Factor on their standard error: it is of few differences, and the step with the smallest one is taken."""
+TRAPPED_TOLERANCE = 3e-4
+"""Of integrals of light that is trapped: they are sampled in part, and dear."""
+WIDENING, MOST_WIDENINGS, CHANGE, PILOT = 2.0, 5, 0.04, 1e-3
+"""Of steps over which trapped light is compared: factor, how many times at most, the change of a power that is wanted,
+and the tolerance of what looks for it."""
 ROUGH = 1e-2
 """Tolerance that light in space reaches at once, unless it is trapped."""
 
@@ -83,8 +88,9 @@ def derivative(
         Where the derivative is taken.
     step
         Largest change of the parameter; by default 2e-4 of ``value`` or, at 0, 2e-4; for sources with a size or several
-        colours 1e-2, and for a point in space 1e-3. For a point source in the plane it is halved, up to six times,
-        where the light's ways change within it.
+        colours 1e-2, and for a point in space 1e-3; where light is trapped in space it is widened until powers change
+        by some hundredths. For a point source in the plane it is halved, up to six times, where the light's ways
+        change within it.
     mode, tolerance, limits
         As in `solen.trace.integrate`, for the integral at ``value``; by default a tolerance of 1e-9, of 1e-6 for
         sources with a size or several colours, and of 1e-4 in space.
@@ -102,6 +108,7 @@ def derivative(
     check_numbers("parameter", value)
     scene = scene_at(value)
     point = not is_extended(scene) and scene.extrusion is None
+    given = step is not None
     if step is None:
         small = POINT_STEP_IN_SPACE if not is_extended(scene) else EXTENDED_STEP
         step = (RELATIVE_STEP if point else small) * (abs(value) or 1.0)
@@ -116,7 +123,7 @@ def derivative(
         return Lights.of(scene_at(value), mode, limits)
 
     if scene.extrusion is not None:
-        return _in_space(at, value, step, tolerance)
+        return _in_space(at, value, step, tolerance, given)
     return _of_a_point(at, value, step, tolerance) if point else _of_integrals(at, value, step, tolerance)
 
 
@@ -169,8 +176,11 @@ def _of_integrals(at: At, value: float, step: float, tolerance: float) -> Deriva
     return Derivative(_slopes(tuple(low.detectors), differences[0], differences[1], u), step, reached=True)
 
 
-def _in_space(at: At, value: float, step: float, tolerance: float) -> Derivative:
-    """Derivative in space: two differences over the same cells; of whole integrals where light is trapped."""
+def _in_space(at: At, value: float, step: float, tolerance: float, given: bool) -> Derivative:
+    """Derivative in space: two differences over the same cells; of whole integrals where light is trapped.
+
+    Those have samples in them, so that they are taken over larger steps, unless the step is ``given``.
+    """
     ends = {sign: at(value + sign * step) for sign in (-1.0, -0.5, 0.5, 1.0)}
     each = list(zip(*(ends[sign].each for sign in ends), strict=True))
     weights = [source.power / ends[1.0].scene.emitted for source in ends[1.0].scene.sources]
@@ -179,12 +189,27 @@ def _in_space(at: At, value: float, step: float, tolerance: float) -> Derivative
     for (low, half_low, half_high, high), weight in zip(each, weights, strict=True):
         lights = [light for light in (low, half_low, half_high, high) if isinstance(light, LightInSpace)]
         if len(lights) < 4 or lights[3].integral(ROUGH, rules, MOST_LEGS).u > ROUGH:
-            return _of_integrals(at, value, step, tolerance)
+            wide_step = step if given else _widened(at, value, step)
+            return _of_integrals(at, value, wide_step, max(tolerance, TRAPPED_TOLERANCE))
         slopes = lights[3].slopes(lights[0], step, rules, SPACE_LEGS)
         wide += weight * slopes.value[: len(names)]
         close += weight * lights[2].slopes_again(lights[1], 0.5 * step, rules, slopes)[: len(names)]
         u += weight * slopes.u
     return Derivative(_slopes(names, wide, close, u), step, reached=True)
+
+
+def _widened(at: At, value: float, step: float) -> float:
+    """A larger step, over which powers change by many times what sampled integrals are off by, as far as can be."""
+    for _ in range(MOST_WIDENINGS):
+        try:
+            low, high = (_powers(at(value + sign * step).trace(PILOT)) for sign in (-1.0, 1.0))
+            at(value + WIDENING * step), at(value - WIDENING * step)
+        except SolenError:
+            return step
+        if np.max(np.abs(high - low)) > CHANGE / WIDENING:
+            return step
+        step *= WIDENING
+    return step
 
 
 def _of_samples(
