@@ -1,11 +1,13 @@
 """Files that are not pictures, lie about their size or were damaged: one line each, without taking memory."""
 
+import io
 import time
 import tracemalloc
 from pathlib import Path
 
 import numpy as np
 import pytest
+import tifffile
 
 from solen.errors import SolenError
 from solen.metrology import Image, read_image
@@ -121,6 +123,22 @@ def test_a_list_of_pages_that_runs_in_a_circle_ends(tmp_path: Path) -> None:
     path.write_bytes(looped_tiff())
     found = tried(path)
     assert "\n" not in found if isinstance(found, str) else found.shape == (48, 64)
+
+
+def test_a_header_of_more_rows_or_columns_than_there_are_data_is_refused(tmp_path: Path) -> None:
+    """Decoders fill what is missing, in black or in grey, and say nothing."""
+    data = bytearray(originals()["deflated.tif"])
+    with tifffile.TiffFile(io.BytesIO(bytes(data))) as opened:
+        place, order = opened.pages.first.tags["ImageLength"].valueoffset, opened.byteorder
+    data[place : place + 2] = (4800).to_bytes(2, "little" if order == "<" else "big")
+    jpeg = bytearray(originals()["whole.jpg"])
+    size = next(jpeg.find(bytes([0xFF, kind])) for kind in (0xC0, 0xC2) if bytes([0xFF, kind]) in jpeg) + 5
+    jpeg[size + 2 : size + 4] = (9536).to_bytes(2, "big")
+    for name, damaged, named in (("rows.tif", data, "1 of 100 parts"), ("wide.jpg", jpeg, "before its last rows")):
+        (tmp_path / name).write_bytes(damaged)
+        found = tried(tmp_path / name)
+        assert isinstance(found, str)
+        assert named in found
 
 
 def fuzzed(folder: Path, name: str, count: int, seed: int) -> tuple[int, list[float]]:

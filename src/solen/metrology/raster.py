@@ -30,6 +30,8 @@ BITS = {"1": 1, "L": 8, "LA": 8, "P": 8, "RGB": 8, "RGBA": 8, "CMYK": 8, "YCbCr"
 PLAIN = {"1": "L", "LA": "RGBA", "P": "RGBA", "CMYK": "RGB", "YCbCr": "RGB"}
 EXIF_UM = {2: 25_400.0, 3: 10_000.0}
 LOSSY = {"JPEG", "MPO", "WEBP"}
+BLOCK, NO_DATA = 8, 128
+"""Rows of a block of a JPEG, and the value of what its data do not reach."""
 TURNED: dict[int, Callable[[FloatArray], FloatArray]] = {
     2: np.fliplr,
     3: lambda a: np.rot90(a, 2),
@@ -166,6 +168,8 @@ def _grey(file: str, opened: Pillow.Image) -> tuple[FloatArray, int | None, tupl
     mode = opened.mode
     plain = opened.convert(PLAIN[mode]) if mode in PLAIN else opened
     values = np.asarray(plain)
+    if opened.format in {"JPEG", "MPO"} and np.all(values[-BLOCK:] == NO_DATA):
+        raise DataError(file, limit="is damaged: its data end before its last rows", remedy="export it again")
     if mode == "F":
         return float_levels(file, values), None, ()
     bits = BITS.get(mode)

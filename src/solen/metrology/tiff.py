@@ -2,6 +2,7 @@
 
 import io
 import logging
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -99,6 +100,9 @@ def _check_planes(file: str, opened: "tifffile.TiffFile", series: Any) -> None:
 
 def _decoded(file: str, data: bytes, page: Any) -> NDArray[Any]:
     """Pixels of the page; by Pillow if tifffile needs another package for the compression."""
+    parts, needed = sum(count > 0 for count in page.databytecounts), math.prod(page.chunked)
+    if not page.is_contiguous and parts < needed:  # tifffile reads those that are missing as black
+        raise DataError(file, value=f"{parts} of {needed} parts", limit="is not whole", remedy="export it again")
     try:
         return np.asarray(page.asarray())
     except ValueError as bad:
