@@ -59,6 +59,13 @@ def sure(folder: Path, **values: float) -> Path:
     return path
 
 
+def print_of(file: Path, **asked: Any) -> PrintedDesign:
+    """What the command finds of a prism."""
+    found = predict(file, **asked).result
+    assert isinstance(found, PrintedDesign)
+    return found
+
+
 def strict(text: str) -> Any:
     return json.loads(text, parse_constant=pytest.fail)
 
@@ -69,7 +76,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, PrintedDesign]
     folder = tmp_path_factory.mktemp("print")
     sensor = folder / "sensor.toml"
     sensor.write_text(template("paper-860"), encoding="utf-8")
-    outcome = predict(
+    outcome = print_of(
         sensor,
         options=PrintOptions(process=sure(folder)),
         response=False,
@@ -77,7 +84,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, PrintedDesign]
         compensate=folder / "drawn.toml",
         figure=FigureOptions(figure=folder / "print.svg"),
     )
-    return folder, outcome.result
+    return folder, outcome
 
 
 def test_a_print_is_told_with_its_profile_and_its_drawing(made: tuple[Path, PrintedDesign]) -> None:
@@ -128,9 +135,7 @@ def test_a_predicted_profile_goes_back_into_the_design(made: tuple[Path, Printed
 
 
 def test_the_response_of_both_lenses_is_traced(sensor: Path, tmp_path: Path) -> None:
-    response = predict(
-        sensor, options=PrintOptions(process=sure(tmp_path)), set_=["motion.step_deg=3.0"]
-    ).result.response
+    response = print_of(sensor, options=PrintOptions(process=sure(tmp_path)), set_=["motion.step_deg=3.0"]).response
     assert response is not None
     assert response.chip is not None
     assert response.own.angle_deg.tolist() == [-3.0, 0.0, 3.0]
@@ -148,7 +153,7 @@ def test_the_response_of_both_lenses_is_traced(sensor: Path, tmp_path: Path) -> 
 @pytest.mark.parametrize("orientation", ["upright", "on-edge"])
 def test_other_orientations_have_steps(sensor: Path, tmp_path: Path, orientation: Orientation) -> None:
     options = PrintOptions(process=sure(tmp_path), orientation=orientation)
-    found = predict(sensor, options=options, response=False, figure=FigureOptions(figure=tmp_path / "a.svg")).result
+    found = print_of(sensor, options=options, response=False, figure=FigureOptions(figure=tmp_path / "a.svg"))
     assert found.walls is None
     assert found.ripple.along == "profile"
     assert 5.0 < found.ripple.peak_to_valley_um < 40.0
@@ -200,7 +205,7 @@ def test_bad_processes_are_refused_in_one_line(line: str) -> None:
 
 def test_layers_thicker_than_the_cure_depth_are_warned_of(sensor: Path, tmp_path: Path) -> None:
     process = sure(tmp_path, layer_um=100.0, exposure_s=0.9, Dp_um=100.0)
-    found = predict(sensor, options=PrintOptions(process=process), response=False).result
+    found = print_of(sensor, options=PrintOptions(process=process), response=False)
     assert found.cure_depth_um < 100.0
     assert any(
         text.startswith("do not use: the layers do not hold: 0.9 s (11.7 mJ/cm2) cure 85 µm") for text in found.warnings

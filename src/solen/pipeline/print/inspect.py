@@ -33,7 +33,7 @@ def inspect(
     set_: Set = None,
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     out: Profile = None,
-) -> Outcome[LensInspection] | Outcome[FacesInspection]:
+) -> Outcome[LensInspection | FacesInspection]:
     """Measure a printed lens in a picture: its outline, its deviations from the design, the nearest of several designs.
 
     With pictures of both faces, the first and the last layer are measured.

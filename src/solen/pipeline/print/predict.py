@@ -37,7 +37,7 @@ def predict(
     out: Annotated[Path | None, Parameter(name="--out", help="Write the printed lens's profile to this .json.")] = None,
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     progress: ProgressBar = None,
-) -> Outcome[PrintedDesign] | Outcome[PrintedLayers]:
+) -> Outcome[PrintedDesign | PrintedLayers]:
     """Predict the lens that the printer makes of a design: how far from the designed one, and what response is lost.
 
     Parameters
