@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 from scipy.special import ndtr
 
 from solen.errors import DataError
-from solen.fabricate.process import PrintOptions, Settings, default_process, printed_solid
+from solen.fabricate.process import PrintedDesign, PrintOptions, Settings, default_process, printed_solid
 from solen.fabricate.process.solid import SLAB_UM, slabs
 from solen.fabricate.process.terms import terms_at
 from solen.pipeline.print.predict import predict
@@ -84,6 +84,7 @@ def test_the_command_s_solid_is_the_sensor(tmp_path: Path) -> None:
     ).result
     mesh = trimesh.load(io.BytesIO(target.read_bytes()), file_type="stl")
     assert mesh.is_watertight
+    assert isinstance(found, PrintedDesign)
     assert found.part is not None
     assert mesh.volume == pytest.approx(found.part.printed_mm3, rel=1e-5)
     assert found.part.printed_mm3 == pytest.approx(found.part.designed_mm3, rel=0.05)

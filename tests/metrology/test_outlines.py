@@ -13,8 +13,8 @@ from solen.curve import CartesianOval
 from solen.errors import DataError, SpecError
 from solen.metrology import as_image, measure_lens
 from solen.metrology.comparison import compare, doubts
-from solen.metrology.nominal import NominalFront, nominal_front
-from solen.metrology.outline import SeenFrom, measure_outline
+from solen.metrology.nominal import NominalFront, SeenFrom, nominal_front
+from solen.metrology.outline import measure_outline
 from solen.metrology.pose import Pose
 from solen.metrology.registration import effective_number, register
 from solen.metrology.template_match import match_template
