@@ -65,6 +65,14 @@ def behind_front(scene: Scene, lens: LensInSpace, angle_deg: float) -> Scene:
     return replace(scene, front=Front("lens", lens, Rigid.about((0.0, lens.depth_mm), angle_deg)))
 
 
+def given(edges_mm: list[float], bend_per_mm: float) -> GivenLayers:
+    """Layers whose profiles are parabolas, from 4 mm of body."""
+    edges = np.array(edges_mm)
+    middles, x = 0.5 * (edges[1:] + edges[:-1]), np.linspace(0.0, 2.0, 81)
+    z = 0.3 + 0.1 * middles[:, None] ** 2 + bend_per_mm * x**2
+    return GivenLayers(**PAPER, layer_mm=0.1, given=Profiles("parabolas", 2.0, edges, z, simulated=True))
+
+
 PAPER = {"distance_mm": 1.0, "focus_mm": 20.0, "half_width_mm": 2.0, "design_index": 1.44}
 
 
@@ -376,8 +384,12 @@ def test_comparisons_leave_out_keys_of_the_lens() -> None:
         (LineFocusLens(**PAPER, y_focus_mm=2.0), 2.2),
         (LayeredLens(**PAPER, layer_mm=0.1), 2.2),
         (LayeredLens(**PAPER, layer_mm=0.37), 0.5),
+        (LayeredLens(**PAPER, layer_mm=0.0999), 2.2),
+        (LayeredLens(**PAPER, layer_mm=0.1333), 2.2),
+        (given([-2.0, -1.9, -0.6, -0.55, 0.4, 2.0], 0.3), 2.2),
+        (given(np.linspace(-2.0, 2.0, 41).tolist(), -0.1), 2.2),
     ],
-    ids=["collimated", "diverging", "layers", "slabs"],
+    ids=["collimated", "diverging", "layers", "slabs", "thin last layer", "thinner last layer", "uneven", "concave"],
 )
 def test_every_ray_meets_the_face_where_a_plain_search_does(lens: LensInSpace, size: float) -> None:
     """From all around, also from behind the aperture's edge: the first place, or none."""

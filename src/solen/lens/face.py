@@ -9,7 +9,7 @@ class Face(NamedTuple):
     """A face in the lens's own frame, in mm.
 
     It is a surface |P − E| + n·D = const where ``profiles`` is empty, else layers between ``edges`` (L + 1,) with
-    z (L, M) and dz/dx (L, M) at M places evenly from the axis to the half width. The last four numbers are bounds, by
+    z (L, M) and dz/dx (L, M) at M places evenly from the axis to the half width. The last five numbers are bounds, by
     which a search for it misses nothing.
     """
 
@@ -35,3 +35,5 @@ class Face(NamedTuple):
     """largest dz/dx of profiles, and how far below 0 the least lies"""
     step: float
     """largest step from one layer to the next"""
+    thickest: float
+    """largest height of a layer"""

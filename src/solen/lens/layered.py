@@ -138,7 +138,7 @@ class LayeredLens(LensInSpace, eq=True):
         return Face(*numbers, *sizes, self.edges_mm, *self.profiles, *self._bounds)
 
     @property
-    def _bounds(self) -> tuple[float, float, float, float]:
+    def _bounds(self) -> tuple[float, float, float, float, float]:
         """Bounds of a face, by the control points of its cubics: none of them goes beyond those."""
         (z, slope), width = self.profiles, self.half_width_mm / (self.profiles[0].shape[1] - 1)
         depths = np.stack(
@@ -146,7 +146,8 @@ class LayeredLens(LensInSpace, eq=True):
         )
         slopes = 3.0 / width * np.diff(depths, axis=0)
         fall, bend = (max(-float(one.min()), 0.0) for one in (slopes, 2.0 / width * np.diff(slopes, axis=0)))
-        return bend, float(slopes.max()), fall, float(np.max(np.abs(np.diff(depths, axis=1)), initial=0.0))
+        step = float(np.max(np.abs(np.diff(depths, axis=1)), initial=0.0))
+        return bend, float(slopes.max()), fall, step, float(np.diff(self.edges_mm).max())
 
 
 def _profiles(lens: LayeredLens, heights: FloatArray) -> tuple[FloatArray, FloatArray]:

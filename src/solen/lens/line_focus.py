@@ -128,7 +128,7 @@ class LineFocusLens(LensInSpace, eq=True):
         ring = self.focus_mm + self.y_focus_mm
         numbers = (self.distance_mm, self.focus_mm, self.design_index, ring, self.half_width_mm, half)
         ends = (self.depth_mm, self.nearest_mm, self.deepest_mm)
-        return Face(*numbers, *ends, np.array([-half, half]), nothing, nothing, self._bend, 0.0, 0.0, 0.0)
+        return Face(*numbers, *ends, np.array([-half, half]), nothing, nothing, self._bend, 0.0, 0.0, 0.0, 0.0)
 
     @property
     def _bend(self) -> float:

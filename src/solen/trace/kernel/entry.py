@@ -209,8 +209,8 @@ def to_layers(f: Face, layer: int, at: Vector, d: Vector, start: float, end: flo
     up, last = (1 if d.y > 0.0 else -1), len(f.edges) - 2
     fall = f.step + LEAST
     if d.y != 0.0:
-        rate = d.z + abs(d.x) * (f.fall if at.x * d.x >= 0.0 else f.rise)
-        fall += max(rate, 0.0) * (f.edges[1] - f.edges[0]) / abs(d.y)
+        rate = d.z + abs(d.x) * (f.fall if at.x * d.x >= 0.0 else max(f.rise, f.fall))  # it may cross the axis
+        fall += max(rate, 0.0) * f.thickest / abs(d.y)
     while True:
         border = f.edges[layer + 1] if d.y > 0.0 else f.edges[layer]
         to = max(min((border - at.y) / d.y, end) if d.y != 0.0 else end, start)
