@@ -307,7 +307,7 @@ def test_every_number_of_the_lens_is_a_key(lens: dict[str, object], own: dict[st
         assert one != other, key
         assert (inert(base, key) == "") == (key != "lens.layer_mm")
     assert inert(base, "emitter.y_mm") == ""
-    assert base.set({"emitter.y_mm": 0.2}).scene().sources[0].y_mm == 0.2  # type: ignore[attr-defined]
+    assert base.set({"emitter.y_mm": 0.2}).scene().sources[0].y_mm == 0.2  # type: ignore[attr-defined]  # a chip
 
 
 def test_a_number_of_layers_has_no_derivative_and_says_so() -> None:

@@ -153,6 +153,24 @@ def test_a_full_disk_leaves_room_to_say_so(tmp_path: Path, monkeypatch: pytest.M
     assert not reserve.exists()
 
 
+def test_a_disk_that_is_gone_ends_in_a_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    gone: list[OSError] = []
+
+    class Gone(FileIO):
+        def seek(self, *at: Any) -> int:
+            if gone:
+                raise gone[0]
+            return super().seek(*at)
+
+    monkeypatch.setattr("solen.bench.journal.FileIO", Gone)
+    with Journal.create(tmp_path / "a.journal", {}, {"board": ROW}) as journal:
+        journal.rows("board", rows(0, 10))
+        gone.append(OSError(errno.EIO, "Input/output error"))
+        with pytest.raises(BenchError, match="Input/output error"):
+            journal.rows("board", rows(10, 10))
+    assert len(read_journal(tmp_path / "a.journal").streams["board"]) == 10
+
+
 CHILD = """
     import sys, time
     import numpy as np

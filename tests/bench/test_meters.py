@@ -176,7 +176,7 @@ def test_records_that_are_not_alike_are_no_readings(more: dict[str, int]) -> Non
 
 @pytest.mark.parametrize("more", [{"step_s": 0.0}, {"step_s": math.nan}, {"low": 5.0}])
 def test_a_preamble_without_steps_of_time_or_volts_ends_in_a_line(more: dict[str, float]) -> None:
-    scope = Scope(maker="KEYSIGHT", clock=WallClock(), waves=receivers(False), **more)  # type: ignore[arg-type]
+    scope = Scope(maker="KEYSIGHT", clock=WallClock(), waves=receivers(False), **more)  # type: ignore[arg-type]  # its numbers
     with served(scope) as names:
         meter = Oscilloscope(scope.clock, names[0], ("1", "2"))
         with pytest.raises(BenchError, match=r":WAV:PRE\?"):

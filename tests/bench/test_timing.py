@@ -12,6 +12,7 @@ from solen.analysis import study
 from solen.arrays import FloatArray
 from solen.bench.clock import WallClock
 from solen.bench.clock_fit import fit_clock
+from solen.bench.gcs2 import Gcs2Stage
 from solen.bench.journal import read_journal
 from solen.bench.protocol import Protocol
 from solen.bench.timing import Looks
@@ -58,6 +59,15 @@ def test_a_sensor_without_hysteresis_has_no_more_of_it_than_timing_is_stated_to_
     warned = [line for line in run.warnings if "to a hysteresis" in line]
     assert bool(warned) == (step_s + trip_s > 0.0)
     assert all("15 deg/s" in line for line in warned)
+
+
+def test_a_single_look_without_a_position_keeps_the_remark(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    true, asked = Gcs2Stage.position, iter(range(10**6))
+    monkeypatch.setattr(Gcs2Stage, "position", lambda self: math.nan if next(asked) == 60 else true(self))
+    run, _, _ = recorded(tmp_path, protocol(), round_trip_s=0.016)
+    with h5netcdf.File(run.path, "r") as file:
+        assert np.isnan(file.variables["stage_position"][...]).sum() == 1
+    assert any("to a hysteresis" in line for line in run.warnings)
 
 
 def test_raw_and_corrected_stamps_are_kept(tmp_path: Path) -> None:

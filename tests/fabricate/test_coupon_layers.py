@@ -43,7 +43,7 @@ def test_each_disc_has_its_own_exposure(folder: Path, capfd: pytest.CaptureFixtu
     assert found["settings"]["burn_in_layers"] == 0  # type: ignore[index]
     assert found["settings"]["exposures_s"] == 29.5  # type: ignore[index]
     assert abs(found["volume_error"]) < 1e-4  # type: ignore[arg-type]
-    stack = read_zip(found["files"]["layers"])  # type: ignore[index]
+    stack = read_zip(found["files"]["layers"])  # type: ignore[index]  # a table of paths
     assert [row["file"] for row in rows] == [f"{number}.png" for number in range(1, stack.count + 1)]
     pictures = [stack.layer(index).picture for index in range(stack.count)]
     columns = [float(np.average(np.arange(one.shape[1]), weights=one.sum(axis=0))) for one in pictures]
@@ -125,7 +125,7 @@ def test_a_mark_is_in_the_top_of_the_left_arm(tmp_path: Path, capfd: pytest.Capt
     areas = np.array([[row["area_mm2"] for row in rows] for _, rows in (bare, marked)], dtype=float)
     np.testing.assert_allclose((areas[0] - areas[1])[-8:], np.pi * 0.5**2, rtol=1e-3)
     np.testing.assert_allclose((areas[0] - areas[1])[:-8], 0.0, atol=1e-6)
-    stack = read_zip(marked[0]["files"]["layers"])  # type: ignore[index]
+    stack = read_zip(marked[0]["files"]["layers"])  # type: ignore[index]  # a table of paths
     last, below = (stack.layer(stack.count + at).picture.astype(float) for at in (-1, -9))
     _, columns = np.nonzero(below - last > 128.0)
     assert columns.max() < 0.5 * last.shape[1]

@@ -23,7 +23,7 @@ from solen.fabricate.process import (
 from solen.fabricate.process.face_print import FacePrint
 from solen.fabricate.process.stack import Stack
 from solen.geometry import section
-from solen.lens import GivenLayers, read_layers
+from solen.lens import GivenLayers, LayeredLens, read_layers
 from solen.pipeline.print.predict import predict
 from solen.sensor import Sensor
 from solen.sensor.lens_responses import lens_responses
@@ -140,8 +140,19 @@ def test_a_smooth_face_is_printed_by_its_sections(tmp_path: Path) -> None:
     lens = made.model.lens_of(made.profile)
     x, y = np.linspace(0.0, 0.5, 21), np.full(21, 0.125)
     lean = np.hypot(1.0, sensor.lens.slope_at(x, y))  # type: ignore[attr-defined]  # a lens for space
-    off_um = 1e3 * (sensor.lens.z_at(x, y) - lens.z_at(x, y)) / lean  # type: ignore[attr-defined]
+    off_um = 1e3 * (sensor.lens.z_at(x, y) - lens.z_at(x, y)) / lean  # type: ignore[attr-defined]  # a lens for space
     assert float(off_um.mean()) == pytest.approx(float(made.face.um[2, :160].mean()), rel=0.1)
+
+
+def test_a_body_of_no_whole_number_of_layers_has_the_lens_s_layers(tmp_path: Path) -> None:
+    (tmp_path / "process.toml").write_text(process_text(process(**FAST | {"layer_um": 150.0})), encoding="utf-8")
+    sensor = Sensor.of(small(lens__layer_mm=0.15))
+    made = print_layers(sensor, PrintOptions(process=tmp_path / "process.toml"), response=False)
+    assert isinstance(sensor.lens, LayeredLens)
+    assert made.layers == sensor.lens.layers == 4
+    assert made.profile.edges_mm == pytest.approx(sensor.lens.edges_mm, abs=1e-12)
+    assert made.model.wanted[::-1] == pytest.approx(sensor.lens.profiles[0], abs=1e-9)
+    assert "0.5 mm is 3 layers of 0.15 mm and one of 0.05 mm" in " ".join(made.warnings)
 
 
 @pytest.mark.parametrize(

@@ -192,3 +192,10 @@ def test_bars_of_ledges_have_a_waist() -> None:
     assert [layer.from_mm for layer in bar] == pytest.approx([0.05 * i for i in range(8)])
     with pytest.raises(SpecError, match="overlap"):
         replace(made, features=(*bar, replace(bar[0], name="again")))
+
+
+def test_a_pillar_over_a_hole_overlaps() -> None:
+    hole = Feature("hole", "hole", 0.0, 0.0, 1.0, 1.0, 0.0, 0.8)
+    pillar = Feature("pillar", "pillar", 0.0, 0.0, 0.5, 0.5, 0.8, 2.0)
+    with pytest.raises(SpecError, match="overlap"):
+        Coupon("both", "", (hole, pillar), Slab(5.0, 5.0, 0.8))

@@ -1,5 +1,7 @@
 """Both faces of a lens that differs by height: rendered pictures of its first and its last layer."""
 
+import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -58,6 +60,9 @@ def test_the_deviation_of_the_first_and_of_the_last_layer(folder: Path) -> None:
     u = found.u_overgrowth_difference_um
     assert found.overgrowth_difference_um == pytest.approx(-13.0, abs=3.0 * u)
     assert u < 3.0
+    apart = replace(found.last_layer, scale=replace(found.last_layer.scale, origin="another"))
+    first, last = (one.size.u_overgrowth_um for one in (found.first_layer, found.last_layer))
+    assert u < replace(found, last_layer=apart).u_overgrowth_difference_um == pytest.approx(math.hypot(first, last))
 
 
 def test_the_face_must_be_named_and_is_not_that_of_the_middle(folder: Path) -> None:

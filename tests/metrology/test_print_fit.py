@@ -95,6 +95,18 @@ def test_scale_and_shrinkage_are_parted_by_what_was_known_before() -> None:
     assert unsure.scale_factor == pytest.approx(1.0 / 0.98, abs=0.006)
 
 
+@pytest.mark.parametrize("walls", [True, False])
+def test_what_a_wrong_scale_does_to_the_overgrowth_is_told(walls: bool) -> None:
+    seen = traced(outline(NOMINAL, np.random.default_rng(2), 1.0, 20.0, 1.0), 0.001, walls=walls)
+    low, fit, high = (
+        fit_print(seen, NOMINAL, PrintPriors(shrinkage_percent=percent, u_shrinkage_percent=0.1), 100.0)
+        for percent in (-0.01, 0.0, 0.01)
+    )
+    by_u = (low.overgrowth_um - high.overgrowth_um) / 0.2  # 0.1 %; a scale moves the size expected as shrinkage does
+    assert by_u == pytest.approx(fit.by_scale_um, rel=0.05)
+    assert 0.1 < abs(fit.by_scale_um) < fit.u_overgrowth_um
+
+
 def test_an_unstated_scale_is_no_certain_one() -> None:
     fit = fit_print(traced(outline(NOMINAL, np.random.default_rng(3), 0.98, 0.0, 0.0), None), NOMINAL)
     assert fit.u_shrinkage_percent > 1.0

@@ -55,7 +55,9 @@ def test_a_header_that_stands_again_where_a_logger_appended(tmp_path: Path, head
         [2.0 + n for n in range(9)],
         [3.0 + n for n in range(9)],
     ]
-    assert any("2 times more" in line for line in found.warnings)
+    assert any("repeated 2 times among" in line for line in found.warnings)
+    found = read(saved(tmp_path, "".join([head, *rows[:3], again, *rows[3:]])))
+    assert any("repeated once among" in line for line in found.warnings)
 
 
 def test_another_header_among_the_rows_is_refused(tmp_path: Path) -> None:

@@ -141,15 +141,17 @@ class Journal:
 
     def _write(self, data: bytes) -> None:
         """Append a record, or none of it."""
-        begin = self._file.seek(0, os.SEEK_END)
+        begin: int | None = None
         try:
+            begin = self._file.seek(0, os.SEEK_END)
             left = memoryview(data)
             while left:
                 left = left[self._file.write(left) :]
         except OSError as bad:
             with suppress(OSError):  # room to say how the run ended
                 self._reserve.unlink(missing_ok=True)
-                self._file.truncate(begin)
+                if begin is not None:
+                    self._file.truncate(begin)
                 self._number -= 1
             remedy = "make room; what is written stays"
             raise BenchError(str(self.path), limit=f"cannot be written: {bad.strerror}", remedy=remedy) from None

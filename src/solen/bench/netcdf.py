@@ -27,7 +27,7 @@ from solen.bench.frames import UNSOUND
 from solen.bench.journal_content import JournalContent, Rows, signal_unit
 from solen.bench.protocol import Protocol
 from solen.bench.readings import AT_ONCE, Columns, Read, columns_of, cut_short, looks_of, sensor_readings, stretches
-from solen.bench.timing import Timing, came_by, exchanges, reach_of
+from solen.bench.timing import Timing, came_by, exchanges, known_at_rest_alone, reach_of
 from solen.bench.waveform import Waveform, create_variable
 from solen.extras import need
 from solen.ranks import Caution, look_at, of
@@ -334,7 +334,7 @@ def _timing(file: Any, journaled: JournalContent) -> list[Caution]:
     for name, value in timing.attributes.items():
         file.attrs[name] = value
     protocol = Protocol(**header["protocol"])
-    if np.isnan(stage["position"]).any():  # its readings are of stops: no time shifts them
+    if known_at_rest_alone(stage):
         return []
     remark = timing.remark(protocol.fastest, reach_of(stage["position"]), protocol.unit)
     return [] if remark is None else [remark]

@@ -140,9 +140,7 @@ class Timing:
     def of(cls, stage: Rows, resolution_s: float, lines: Iterable[ClockLine]) -> "Timing":
         """Timing of a stage's rows, and the lines of the sampler's clock."""
         looks = Looks.of(stage, resolution_s)
-        steps = np.abs(np.diff(looks.position))
-        within = (np.diff(looks.part) == 0.0) & np.isfinite(steps)
-        moving = within & (steps > MOVED * reach_of(looks.position))
+        within, moving = _steps(looks.part, looks.position)
         moving = moving if moving.any() else within
         between = _between(looks, moving)
         intervals, bounds = np.diff(looks.time_s)[moving], looks.bound_s[1:][moving]
@@ -186,6 +184,19 @@ def _between(looks: Looks, moving: BoolArray) -> float:
         return 0.0
     missed = looks.position[1::2][: len(odd)] - even.at(looks.time_s[1::2][: len(odd)])
     return float(0.25 * np.sqrt(np.nanmean(missed[odd] ** 2)) * lasted / way)
+
+
+def _steps(part: FloatArray, position: FloatArray) -> tuple[BoolArray, BoolArray]:
+    """Which steps (n - 1,) from look to look are known, and during which of these the stage moves."""
+    steps = np.abs(np.diff(position))
+    within = (np.diff(part) == 0.0) & np.isfinite(steps)
+    return within, within & (steps > MOVED * reach_of(position))
+
+
+def known_at_rest_alone(stage: Rows) -> bool:
+    """Whether a stage did not know its position while it moved: its readings are of stops, which no time shifts."""
+    unknown = bool(np.isnan(stage["position"]).any())
+    return unknown and not _steps(stage["part"].astype(float), stage["position"])[1].any()
 
 
 def reach_of(position: FloatArray) -> float:

@@ -67,9 +67,7 @@ class LayeredLens(LensInSpace, eq=True):
     @cached_property
     def edges_mm(self) -> FloatArray:
         """Heights y (L + 1,) of the borders between layers, both faces of the body included, ascending."""
-        whole = round(self.thickness_mm / self.layer_mm, 9)
-        borders = self.half_height_mm - self.layer_mm * np.arange(math.ceil(whole))
-        return np.append(-self.half_height_mm, borders[::-1])
+        return layer_edges_mm(self.thickness_mm, self.layer_mm)
 
     @property
     def middles_mm(self) -> FloatArray:
@@ -148,6 +146,13 @@ class LayeredLens(LensInSpace, eq=True):
         fall, bend = (max(-float(one.min()), 0.0) for one in (slopes, 2.0 / width * np.diff(slopes, axis=0)))
         step = float(np.max(np.abs(np.diff(depths, axis=1)), initial=0.0))
         return bend, float(slopes.max()), fall, step, float(np.diff(self.edges_mm).max())
+
+
+def layer_edges_mm(thickness_mm: float, layer_mm: float) -> FloatArray:
+    """Heights y (L + 1,) of the borders between layers of a body, ascending; the last printed may be lower."""
+    whole = round(thickness_mm / layer_mm, 9)
+    borders = 0.5 * thickness_mm - layer_mm * np.arange(math.ceil(whole))
+    return np.append(-0.5 * thickness_mm, borders[::-1])
 
 
 def _profiles(lens: LayeredLens, heights: FloatArray) -> tuple[FloatArray, FloatArray]:

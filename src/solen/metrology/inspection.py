@@ -362,8 +362,10 @@ class FacesInspection(Result):
 
     @reported
     def u_overgrowth_difference_um(self) -> float:
-        """Its standard uncertainty, the two pictures taken for independent."""
-        return float(np.hypot(self.last_layer.size.u_overgrowth_um, self.first_layer.size.u_overgrowth_um))
+        """Its standard uncertainty: of one scale, what it does to both drops out; all else is taken for independent."""
+        last, first = self.last_layer.size, self.first_layer.size
+        shared = last.by_scale_um * first.by_scale_um if self.last_layer.scale == self.first_layer.scale else 0.0
+        return float(np.sqrt(last.u_overgrowth_um**2 + first.u_overgrowth_um**2 - 2.0 * shared))
 
     @reported
     def simulated(self) -> bool:

@@ -113,6 +113,8 @@ class PrintFit:
         so uncertain that the corners may lie anywhere.
     motion
         Turn (rad) and shift along x and z (mm) that lay the outline on the design, beside its size.
+    by_scale_um
+        Error of the overgrowth, signed, by one standard uncertainty of the scale: a part of ``u_overgrowth_um``.
     """
 
     overgrowth_um: float
@@ -130,6 +132,7 @@ class PrintFit:
     log_evidence: float = field(metadata=HIDDEN)
     on_front: BoolArray = field(metadata=HIDDEN, repr=False)
     motion: tuple[float, float, float] = field(metadata=HIDDEN, repr=False)
+    by_scale_um: float = field(metadata=HIDDEN)
 
 
 def fit_print(
@@ -312,6 +315,7 @@ def _print_fit(problem: _Problem, fit: _Placed, posterior: _Posterior, count: fl
         walls=len(problem.walls),
         log_evidence=posterior.log_evidence,
         on_front=fit.pieces[0] | (_u_of_corners(problem.nominal, posterior) > END_MM),
+        by_scale_um=1e3 * float(posterior.covariance[4, 3] * problem.precision[3]) * traced.u_factor,
         motion=(float(fit.values[0]), float(fit.values[1]), float(fit.values[2])),
     )
 

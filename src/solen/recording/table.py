@@ -151,7 +151,8 @@ def recorded(grid: Grid, place: Layout, result: list[Column], kind: str) -> Reco
         if column.values is not None
     ]
     if place.again and channels:
-        where = f"the header stands {place.again} times more among the rows, as where files were appended"
+        times = "once" if place.again == 1 else f"{place.again} times"
+        where = f"the header is repeated {times} among the rows, as where files were appended"
         channels[0] = channels[0].noted(note(where))
     texts = {name: column.words for name, column in zip(names, result, strict=True) if column.words is not None}
     metadata = parameters(grid, place)

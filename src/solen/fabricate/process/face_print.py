@@ -24,7 +24,7 @@ from solen.fabricate.process.solid import slabs
 from solen.fabricate.process.stack import Rings, Stack
 from solen.fabricate.process.target import Target
 from solen.geometry import Body, section
-from solen.lens import GivenLayers, LensInSpace, Profiles
+from solen.lens import GivenLayers, LensInSpace, Profiles, layer_edges_mm
 from solen.results import HIDDEN
 
 POINTS = 401
@@ -104,12 +104,17 @@ class FacePrint:
     @property
     def layers(self) -> int:
         """Number of layers."""
-        return max(1, round(1e3 * self.lens.thickness_mm / self.settings.layer_um))
+        return len(self.y_mm)
 
-    @property
+    @cached_property
+    def edges_mm(self) -> FloatArray:
+        """Heights (L + 1,) of the borders between the process's layers, ascending, as those of a layered lens."""
+        return layer_edges_mm(self.lens.thickness_mm, 1e-3 * self.settings.layer_um)
+
+    @cached_property
     def y_mm(self) -> FloatArray:
         """Heights (L,) of the layers' middles from the middle of the body, the layer on the plate first."""
-        return self.lens.half_height_mm * (1.0 - (2.0 * np.arange(self.layers) + 1.0) / self.layers)
+        return np.asarray(0.5 * (self.edges_mm[:-1] + self.edges_mm[1:]))[::-1]
 
     @cached_property
     def places_mm(self) -> FloatArray:
@@ -151,8 +156,8 @@ class FacePrint:
 
     def profiles(self, z: FloatArray, name: str, warning: str) -> Profiles:
         """Profiles (L, M) of the layers, the one on the plate first, as a lens takes them."""
-        edges = np.linspace(-self.lens.half_height_mm, self.lens.half_height_mm, self.layers + 1)
-        return Profiles(name, self.lens.half_width_mm, edges, z[::-1], simulated=True, warnings=(warning,))
+        cut = (self.lens.half_width_mm, self.edges_mm, z[::-1])
+        return Profiles(name, *cut, simulated=True, warnings=(warning,))
 
     def lens_of(self, given: Profiles) -> GivenLayers:
         """Lens of given profiles in place of the wanted one."""

@@ -309,6 +309,10 @@ def _of_face(sensor: Sensor, model: FacePrint, made: PrintedFace | None, u_um: d
     printers_mm = 1e-3 * model.settings.layer_um
     if layer_mm is not None and not np.isclose(layer_mm, printers_mm):
         warnings.append(look_at(f"lens.layer_mm = {layer_mm:g}, and the process prints layers of {printers_mm:g} mm"))
+    last_mm = float(model.edges_mm[1] - model.edges_mm[0])
+    if not np.isclose(last_mm, printers_mm):
+        count = f"{sensor.design.body.thickness_mm:g} mm is {model.layers - 1} layers of {printers_mm:g} mm"
+        warnings.append(look_at(f"{count} and one of {last_mm:.3g} mm, whose light is that of a whole layer"))
     if made is not None and worst > max(2.0 * made.rms_um, WELL_KNOWN_UM):
         warnings.append(
             do_not_use(

@@ -92,7 +92,9 @@ class Feature(_Table):
         return self.width_mm
 
     def meets(self, other: "Feature") -> bool:
-        """Whether it has heights in common with another; one that stands on another has none."""
+        """Whether both may not share a place; layers of a bar may, where they have no heights in common."""
+        if self.kind != "ledge" or other.kind != "ledge":
+            return True
         return self.from_mm < other.to_mm - TOUCH_MM and other.from_mm < self.to_mm - TOUCH_MM
 
     def distance_mm(self, other: "Feature") -> float:
