@@ -82,6 +82,19 @@ def write_bytes(path: Path, data: bytes) -> Path:
     return write_all({path: data})[0]
 
 
+def joined(*several: Mapping[Path, Content]) -> dict[Path, Content]:
+    """Contents of several groups of files together; `OutputError` where two of them are one file."""
+    contents: dict[Path, Content] = {}
+    known: set[Path] = set()
+    for group in several:
+        for path, content in group.items():
+            if path.resolve() in known:
+                raise OutputError(str(path), limit="is another file of this command", remedy="rename one of the two")
+            known.add(path.resolve())
+            contents[path] = content
+    return contents
+
+
 def write_all(contents: Mapping[Path, Content]) -> list[Path]:
     """Write several files: all under temporary names first, then all renamed, one right after the other.
 

@@ -1,5 +1,6 @@
 """A measured response of one pixel in place of a Gaussian: dose, walls, files, and what is refused."""
 
+import hashlib
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +18,7 @@ from solen.fabricate.process import (
     FlatPrint,
     MeasuredCoupon,
     MeasuredFeature,
+    PrintOptions,
     Process,
     Settings,
     SharedScale,
@@ -24,8 +26,10 @@ from solen.fabricate.process import (
     calibrated,
     default_process,
     dose_map,
+    files_read,
     parsed_process,
     printed_mm,
+    process_of,
     process_text,
     read_process,
     straight_edge_um,
@@ -196,6 +200,10 @@ BAD = {
     "dark": ("0 0 0 0 0\n" * 6, "must be light"),
     "a light below 0": ("0 0 0 0 0\n" * 3 + "0 0 9 -5 0\n" + "0 0 0 0 0\n" * 3, "dark picture"),
     "a background": ("3 3 3 3 3\n" * 3 + "3 3 9 3 3\n" + "3 3 3 3 3\n" * 3, "subtract the background"),
+    "a background at one side": ("3 0 0 0 0\n" * 3 + "3 0 90 0 0\n" + "3 0 0 0 0\n" * 3, "subtract the background"),
+    "two marks": ("0;0;0,5;0.5;0\n" * 6, "has another mark before its decimals"),
+    "two separators": ("0 0 1 0 0\n" * 5 + "0;0;1;0;0\n", "line 6, column 1 = '0;0;1;0;0'; must be rows of numbers"),
+    "a gap": ("0;0;1;0;0\n" * 5 + "0;;1;0;0\n", "line 6, column 2; must be a finite number"),
     "no number": ("0 0 0 0 0\n" * 3 + "0 0 nan 0 0\n" + "0 0 0 0 0\n" * 3, "finite"),
 }
 
@@ -228,6 +236,34 @@ def test_samples_that_cannot_be_those_of_the_pixel_are_refused(tmp_path: Path) -
     Image.fromarray(np.zeros((9, 9, 3), np.uint8)).save(tmp_path / "pixel.png")
     with pytest.raises(DataError, match="one channel"):
         read_process(tmp_path / "ours.toml")
+    grey = Image.fromarray(np.rint(200 * lopsided() / lopsided().max()).astype(np.uint8))
+    grey.convert("P").save(tmp_path / "pixel.png")
+    with pytest.raises(DataError, match="of a palette"):
+        read_process(tmp_path / "ours.toml")
+    (tmp_path / "ours.toml").write_text(FILE.format("pixel.tif"), encoding="utf-8")
+    grey.save(tmp_path / "pixel.tif", save_all=True, append_images=[grey])
+    with pytest.raises(DataError, match=r"2 pages.; must be one picture"):
+        read_process(tmp_path / "ours.toml")
+
+
+@pytest.mark.parametrize(
+    ("separator", "mark"), [(";", ","), ("\t", ","), (" ", ","), (", ", "."), (";", "."), (",", ".")]
+)
+def test_a_table_has_one_separator_and_one_decimal_mark(tmp_path: Path, separator: str, mark: str) -> None:
+    path, wanted = written(tmp_path, lopsided()), np.round(lopsided(), 5)
+    lines = [separator.join(f"{one:.5f}".replace(".", mark) for one in row) for row in wanted.tolist()]
+    (tmp_path / "pixel.csv").write_text("\n".join(["# dark subtracted", *lines, ""]), encoding="utf-8")
+    response = read_process(path).process.response
+    assert response is not None
+    assert np.array_equal(response.light, wanted)
+
+
+def test_the_file_of_a_response_is_a_source_with_its_checksum(tmp_path: Path) -> None:
+    path = written(tmp_path, lopsided())
+    found = process_of(PrintOptions(process=path))[1]
+    assert [one.file for one in found] == ["ours.toml", "pixel.csv"]
+    assert found[1].sha256 == hashlib.sha256((tmp_path / "pixel.csv").read_bytes()).hexdigest()
+    assert files_read(path, None) == [path, tmp_path / "pixel.csv", None]
 
 
 def test_coupons_find_the_scale_of_a_response_in_place_of_a_blur() -> None:

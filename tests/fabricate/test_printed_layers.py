@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from solen.errors import SpecError
+from solen.errors import OutputError, SpecError
 from solen.fabricate import mesh_of, sensor_part
 from solen.fabricate.process import (
     FlatImage,
@@ -102,6 +102,12 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, PrintedLayers
         compensate=folder / "drawn.toml",
     )
     assert isinstance(made.result, PrintedLayers)
+    assert {path.name for path in made.files.values()} == {
+        "printed.json",
+        "drawn.toml",
+        "drawn-drawn.json",
+        "drawn-printed.json",
+    }
     return folder, made.result
 
 
@@ -130,6 +136,37 @@ def test_the_drawing_is_a_design_that_can_be_made(files: tuple[Path, PrintedLaye
     assert profiles.z_mm == pytest.approx(made.compensated.drawn[::-1], abs=1e-8)
     low, high = made.drawn_range_um or (0.0, 0.0)
     assert low < high < 0.0  # all of it is drawn back
+
+
+def test_the_place_in_the_pixel_is_uncertain_unless_it_is_stated(files: tuple[Path, PrintedLayers]) -> None:
+    folder, made = files
+    assert all(0.0 < one.u_rms_um < 9.0 for one in made.deviations)
+    assert any("--phase-px is not stated" in text for text in made.warnings)
+    options = PrintOptions(process=folder / "process.toml", phase_px=(0.5, 0.5))
+    moved = print_layers(Sensor.of(load(folder / "lens.toml")), options, response=False)
+    assert not any("--phase-px" in text for text in moved.warnings)
+    for one, other in zip(made.deviations, moved.deviations, strict=True):
+        off = moved.face.um[one.layer - 1] - made.face.um[one.layer - 1]
+        assert other.u_rms_um == 0.0
+        assert one.u_rms_um == pytest.approx(np.sqrt(np.mean(off**2) / 3.0), rel=0.3)  # of slabs that print alike
+
+
+@pytest.mark.parametrize(
+    ("out", "what"), [("a-printed.json", "is another file of this command"), (None, "is a source itself")]
+)
+def test_no_file_is_written_twice_and_no_source_at_all(
+    files: tuple[Path, PrintedLayers], tmp_path: Path, out: str | None, what: str
+) -> None:
+    """Of a design whose layers were drawn before, by the name that its drawing would have."""
+    profile = "a-drawn.json"
+    (tmp_path / profile).write_bytes((files[0] / "drawn-drawn.json").read_bytes())
+    (tmp_path / "lens.toml").write_text(dumps(small(lens__profile=profile)), encoding="utf-8")
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    target = None if out is None else tmp_path / out
+    options = PrintOptions(process=files[0] / "process.toml")
+    with pytest.raises(OutputError, match=what):
+        predict(tmp_path / "lens.toml", options=options, response=False, out=target, compensate=tmp_path / "a.toml")
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
 def test_a_smooth_face_is_printed_by_its_sections(tmp_path: Path) -> None:

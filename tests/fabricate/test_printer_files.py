@@ -160,6 +160,7 @@ def test_a_coupon_comes_back_from_the_file_of_its_job(tmp_path: Path, capfd: pyt
     to_goo = ("--printer", fewer_pixels(tmp_path), "--format", "goo", "--out", str(tmp_path / "print"))
     said = answered(capfd, "print", "layers", str(tmp_path / "group-a.json"), *to_goo)
     read = read_goo(said["files"]["layers"])
+    assert not read.header["profile_name"].strip(b"\0"), "no resin is named"
     settings = said["settings"]
     assert [layer.fields["exposure_s"] for layer in read.layers] == settings["layer_exposures_s"]
     assert settings["layer_exposures_s"][:8] == [3.0] * 6 + [2.5] * 2

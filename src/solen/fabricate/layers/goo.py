@@ -110,7 +110,7 @@ def _write_layer(file: BinaryIO, layer: Layer, job: Job, lift: Lift, runs: bytes
 
 def _header(job: Job, lift: Lift, part: Printable | None) -> bytes:
     (rows, columns), printer, slicing = job.printer.shape, job.printer, job.slicing
-    resin = "" if part is None else part.material
+    resin = "" if part is None else part.resin
     (height, speed, before, after), (bottom_height, bottom_speed, bottom_before, bottom_after) = (
         lift.moves(bottom=bottom) for bottom in (False, True)
     )

@@ -30,6 +30,9 @@ from solen.spec import Design
 
 MESH_READERS: dict[str, Callable[[Path], Mesh]] = {".stl": read_stl, ".3mf": read_threemf}
 
+UNNAMED = "not named"
+"""How the words for a resin begin where there is none."""
+
 
 @dataclass(frozen=True, eq=False)
 class Printable:
@@ -62,6 +65,11 @@ class Printable:
     warnings: tuple[Caution, ...] = ()
     lies: str | None = None
 
+    @property
+    def resin(self) -> str:
+        """Name of the resin; empty where none is named."""
+        return "" if self.material.startswith(UNNAMED) else self.material
+
     def write_stl(self, path: Path) -> None:
         """Write its mesh as STL."""
         with path.open("wb") as file:
@@ -78,7 +86,7 @@ def printable_design(design: Design, part: Part, path: Path, slicing: Slicing) -
         resin = resin_of(design.material.resin, design.files.get("material.resin"))
         material, cure = resin.name, resin.cure
     else:
-        material, cure = f"not named (n = {design.material.index:g} in the design): give --resin", None
+        material, cure = f"{UNNAMED} (n = {design.material.index:g} in the design): give --resin", None
     source = Provenance(path.name, label.sha256, "design")
     placed = placed_mesh(mesh_of(part, MESH_MM), rotation)
     lies, warnings = lies_flat(part, rotation, slicing.layer_um)
@@ -107,7 +115,7 @@ def printable_mesh(path: Path, slicing: Slicing) -> Printable:
         overlap = f"shells of the mesh overlap: {solid.overlap_mm3:.4g} mm³ that two of them fill count once"
         warnings = (*warnings, look_at(overlap))
     label = Label(path.stem, hashlib.sha256(path.read_bytes()).hexdigest(), slicing.orientation)
-    material, cure = ("not named: give --resin", None) if slicing.resin is None else resin_named(slicing.resin)
+    material, cure = (f"{UNNAMED}: give --resin", None) if slicing.resin is None else resin_named(slicing.resin)
     source = Provenance(path.name, label.sha256, kind[1:])
     return Printable(solid, placed_mesh(mesh, rotation), label, source, material, cure, warnings)
 

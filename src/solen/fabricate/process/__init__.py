@@ -10,7 +10,7 @@ process's numbers from measured coupons.
 
 from solen.fabricate.process.calibrate import PrinterCalibration, calibrated
 from solen.fabricate.process.compensate import Compensation, Drawing, Printing, compensated
-from solen.fabricate.process.compensation_files import compensation_files, outline_text
+from solen.fabricate.process.compensation_files import compensation_files, outline_text, targets_of
 from solen.fabricate.process.coupon_fit import FittedFeature
 from solen.fabricate.process.drawing import as_designed, curve_of, lens_face, redrawn, rings_of
 from solen.fabricate.process.features import MeasuredCoupon, MeasuredFeature, SharedScale, printed_mm, read_features
@@ -31,7 +31,7 @@ from solen.fabricate.process.settings import (
     read_process,
 )
 from solen.fabricate.process.solid import printed_solid
-from solen.fabricate.process.source import PrintOptions, process_of, with_cure, with_resin
+from solen.fabricate.process.source import PrintOptions, files_read, process_of, with_cure, with_resin
 from solen.fabricate.process.target import Deviation, Target, exits_um
 from solen.fabricate.process.terms import terms_at
 from solen.fabricate.process.upright import SidePrint
@@ -67,6 +67,7 @@ __all__ = [
     "default_process",
     "dose_map",
     "exits_um",
+    "files_read",
     "layer_files",
     "lens_face",
     "measured_greys",
@@ -84,6 +85,7 @@ __all__ = [
     "redrawn",
     "rings_of",
     "straight_edge_um",
+    "targets_of",
     "terms_at",
     "walls_um",
     "with_cure",

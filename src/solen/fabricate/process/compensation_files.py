@@ -30,10 +30,17 @@ def compensation_files(
     """Contents of the design file, the outline and the predicted profile beside it; none without a compensation."""
     if made is None or profile is None:
         return {}
-    outline, printed = (target.with_name(f"{target.stem}-{end}.json") for end in ("outline", "printed"))
+    target, outline, printed = targets_of(target, "outline").values()
     text = COMMENT.format(name=sensor.design.name, process=process) + dumps(_design(sensor, outline.name))
     contents = (text.encode(), outline_text(sensor, made).encode(), profile_text(profile).encode())
     return dict(zip((target, outline, printed), contents, strict=True))
+
+
+def targets_of(target: Path, drawn: str) -> dict[str, Path]:
+    """Files of a compensated design by name: itself, what it draws (outline or drawn), and what that prints."""
+    return {"compensated": target} | {
+        f"compensated_{end}": target.with_name(f"{target.stem}-{end}.json") for end in (drawn, "printed")
+    }
 
 
 def outline_text(sensor: Sensor, made: Compensation) -> str:

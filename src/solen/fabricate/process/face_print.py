@@ -7,6 +7,7 @@ over |x|: the image stands on a corner or in the middle of a pixel across the ax
 The interface: `FacePrint.of`, with `printed` and `compensated`, which give a `PrintedFace`.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -135,6 +136,11 @@ class FacePrint:
         """Deviation of one layer (N,), drawn as it is, with other settings of the same pixels and layers."""
         stack = replace(self._plain, settings=settings)
         return stack.offsets_um(layer, self._layers(self.body)[layer].target, VERTEX)
+
+    def moved_um(self, face: PrintedFace, layers: Sequence[int], phase: tuple[float, float]) -> list[FloatArray]:
+        """Change of some layers' deviations (N,) from an uncompensated face where it stands elsewhere in the pixel."""
+        stack, alike = replace(self, phase=phase)._plain, self._alike
+        return [stack.offsets_um(alike[one], self._targets[alike[one]], VERTEX) - face.um[one] for one in layers]
 
     def compensated(self, start: PrintedFace, progress: Progress | None = None) -> PrintedFace:
         """Face of the drawing, corrected by the deviation of its print until that no longer changes."""

@@ -11,10 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
+from solen import files
 from solen.arrays import FloatArray, Progress
 from solen.errors import SpecError
 from solen.fabricate.faced import cut_for
-from solen.fabricate.process.compensation_files import LABEL
+from solen.fabricate.process.compensation_files import LABEL, targets_of
 from solen.fabricate.process.face_print import FacePrint, PrintedFace
 from solen.fabricate.process.predict import half_difference
 from solen.fabricate.process.settings import Process, Settings
@@ -30,6 +31,8 @@ from solen.spec import Design, dumps, with_values
 
 MIDDLE_PIXELS = (0.0, 0.5)
 """Places in a pixel across the axis at which left mirrors right."""
+ELSEWHERE = (0.5, 0.5)
+"""Place in the pixel that is farthest from a corner, where a lens stands if nothing is stated."""
 WELL_KNOWN_UM = 3.0
 CYLINDER, DESIGNED, PRINTED, DRAWN = "cylinder", "designed", "printed", "compensated"
 
@@ -47,7 +50,8 @@ class LayerDeviation:
     rms_um, mean_um, largest_um, largest_x_mm
         Over half the wall, which mirrors itself; where the largest is.
     u_rms_um
-        Standard uncertainty by the process, root mean square along the wall.
+        Standard uncertainty by the process, and by the place in the pixel where that is not stated; root mean square
+        along the wall.
     """
 
     layer: int
@@ -144,8 +148,12 @@ def print_layers(
     model = FacePrint.of(sensor.body(), process.process, options.phase_px or (0.0, 0.0))
     face = model.printed(_part(progress, 0.0, 0.3))
     made = model.compensated(face, _part(progress, 0.3, 0.8)) if compensate else None
-    u_um = _u_um(model, process)
-    warnings = (*process.warnings(), *left_out, *_of_face(sensor, model, made, u_um))
+    by_process = _u_um(model, process)
+    by_place = _u_by_place_um(model, face) if options.phase_px is None else dict.fromkeys(by_process, 0.0)
+    u_um = {layer: float(np.hypot(u, by_place[layer])) for layer, u in by_process.items()}
+    warnings = (*process.warnings(), *left_out, *_of_face(sensor, model, made, by_process))
+    if options.phase_px is None:
+        warnings += (_of_place(by_place),)
     drawn = None if made is None else 1e3 * (model.wanted - made.drawn)
     return PrintedLayers(
         name=sensor.design.name,
@@ -170,17 +178,20 @@ def print_layers(
     )
 
 
-def layer_files(made: PrintedLayers, out: Path | None, compensate: Path | None) -> dict[Path, bytes]:
-    """Files of a prediction: the printed layers, and the design that draws the compensated ones."""
-    contents = {} if out is None else {out: layers_text(made.profile).encode()}
+def layer_files(made: PrintedLayers, out: Path | None, compensate: Path | None) -> dict[Path, files.Content]:
+    """Files of a prediction: the printed layers, and the design that draws the compensated ones.
+
+    `OutputError` where two of them are one file.
+    """
+    contents: dict[Path, files.Content] = {} if out is None else {out: layers_text(made.profile).encode()}
     if compensate is None or made.compensated is None:
         return contents
-    drawn, printed = (compensate.with_name(f"{compensate.stem}-{end}.json") for end in ("drawn", "printed"))
+    drawn, printed = list(targets_of(compensate, "drawn").values())[1:]
     warning = "drawn for a printer, not the intended shape: do not trace it, and do not compensate it again"
     profiles = made.model.profiles(made.compensated.drawn, f"{made.name}, {LABEL}", warning)
     text = f"# {warning}\n" + dumps(_drawn_design(made.sensor, drawn.name))
-    contents |= {compensate: text.encode(), drawn: layers_text(profiles).encode()}
-    return contents | {printed: layers_text(made._profiles(made.compensated)).encode()}
+    own = {compensate: text.encode(), drawn: layers_text(profiles).encode()}
+    return files.joined(contents, own, {printed: layers_text(made._profiles(made.compensated)).encode()})
 
 
 def printed_profiles(model: FacePrint, face: PrintedFace, name: str, process: str) -> Profiles:
@@ -250,6 +261,20 @@ def _u_of_layer(
         return 0.0
     jacobian = np.array(halves) / scale[:, None]
     return float(np.sqrt(np.mean(np.einsum("in,ij,jn->n", jacobian, covariance, jacobian))))
+
+
+def _u_by_place_um(model: FacePrint, face: PrintedFace) -> dict[int, float]:
+    """Standard uncertainty of the shown layers by the place in the pixel, as `predict.predicted` takes it."""
+    shown = _shown(model.layers)
+    moved = zip(shown, model.moved_um(face, shown, ELSEWHERE), strict=True)
+    return {layer: float(np.sqrt(np.mean(um**2) / 3.0)) for layer, um in moved}
+
+
+def _of_place(u_um: dict[int, float]) -> Caution:
+    return look_at(
+        f"--phase-px is not stated and taken as 0,0: elsewhere in the pixel a layer's wall is another, uncertain by "
+        f"{max(u_um.values()):.2g} µm rms; that is in u_rms_um, not in the table of responses"
+    )
 
 
 def _deviations(model: FacePrint, face: PrintedFace, u_um: dict[int, float]) -> tuple[LayerDeviation, ...]:

@@ -11,7 +11,6 @@ a sum of Gaussians, by which straight walls and round features are printed.
 """
 
 import math
-import re
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -24,7 +23,9 @@ from scipy import fft, ndimage
 
 from solen.arrays import FloatArray
 from solen.errors import DataError, SolenError
-from solen.files import read_text
+from solen.recording import grid
+from solen.recording.numbers import parse
+from solen.recording.source import load
 from solen.spec.strict import Number, Positive, Strict, refused
 
 Spectrum = NDArray[np.complex128]
@@ -39,11 +40,12 @@ FAINT = 5e-5
 """The same of a measured response."""
 LEAST_FINE, MOST_FINE = 3, 16
 RIM = 0.01
-"""Share of the brightest sample that the rim of a table may have, in the mean."""
+"""Share of the brightest sample that each side of a table's rim may have, in the mean."""
 NOISE = 0.05
 """Share of the brightest sample by which others may lie below 0."""
 COARSEST = 4.0
 """Samples that a pixel must have, side by side."""
+_GREY = ("L", "F", "I", "I;16", "I;16B", "I;16L", "I;16N")  # kinds of pictures whose numbers are light
 _FULL_SCALES = (255, 1023, 4095, 16383, 65535)
 _WIDTHS = np.geomspace(0.35, 2.5, 8)  # of the Gaussians of a mixture, over the response's own
 _WAVES, _DIRECTIONS, _RIDGE = 120, 16, 1e-4
@@ -80,9 +82,9 @@ class PixelResponse(Strict):
         if not peak > 0.0 or light.min() < -NOISE * peak:
             limit = f"must be light: above 0, and nowhere below -{100 * NOISE:g} % of the brightest sample"
             raise refused("light", limit, value=float(light.min()), remedy="check the dark picture that was subtracted")
-        rim = float(np.mean(np.concatenate([light[0], light[-1], light[1:-1, 0], light[1:-1, -1]])))
+        rim = max(float(np.mean(side)) for side in (light[0], light[-1], light[:, 0], light[:, -1]))
         if rim > RIM * peak:
-            limit = f"its rim must be dark: within {100 * RIM:g} % of the brightest sample in the mean"
+            limit = f"each side of its rim must be dark: within {100 * RIM:g} % of the brightest sample in the mean"
             remedy = "subtract the background, or take a wider table"
             raise refused("light", limit, value=f"{100 * rim / peak:.2g} %", remedy=remedy)
         return self
@@ -292,18 +294,29 @@ def light_of_file(path: Path) -> list[list[float]]:
     Raises
     ------
     DataError
-        Where the file cannot be read, is in colour or overexposed, or holds no rectangle of numbers.
+        Where the file cannot be read, is in colour, overexposed or of several pages, or holds no rectangle of numbers.
     """
     return _of_picture(path) if path.suffix.lower() in PICTURES else _of_table(path)
 
 
 def _of_table(path: Path) -> list[list[float]]:
-    lines = [line.strip() for line in read_text(path, DataError).splitlines()]
-    try:
-        rows = [[float(cell) for cell in re.split(r"[,;\s]+", line)] for line in lines if line and line[0] != "#"]
-    except ValueError as bad:
-        raise DataError(str(path), limit=f"must be rows of numbers: {bad}", remedy="mark other lines by #") from None
-    return rows
+    """Rows of numbers; one separator and one decimal mark are those of the whole file."""
+    cells = grid.of_text(load(path))
+    rows = [row for row in range(len(cells.rows)) if not cells.is_blank(row)]
+    widths = [cells.width(row) for row in rows]
+    mark = cells.mark(rows, {column: cells.cells(column, rows) for column in range(max(widths, default=0))})
+
+    def number(row: int, column: int) -> float:
+        try:
+            value = parse(cells.rows[row][column], mark)
+        except ValueError as bad:
+            limit = f"must be rows of numbers, and this {bad}"
+            raise cells.refused(row, column, limit, "use one separator; mark other lines by #") from None
+        if math.isnan(value):
+            raise cells.refused(row, column, "must be a finite number", "take a rectangle without gaps")
+        return value
+
+    return [[number(row, column) for column in range(width)] for row, width in zip(rows, widths, strict=True)]
 
 
 def _of_picture(path: Path) -> list[list[float]]:
@@ -311,11 +324,14 @@ def _of_picture(path: Path) -> list[list[float]]:
 
     try:
         with Image.open(path) as picture:
-            light = np.array(picture)
+            kind, pages, light = picture.mode, getattr(picture, "n_frames", 1), np.array(picture)
     except (OSError, UnidentifiedImageError, Image.DecompressionBombError) as bad:
         raise DataError(str(path), limit=f"cannot be read as a picture: {bad}", remedy="check the file") from None
-    if light.ndim != 2:
-        raise DataError(str(path), limit="must be a picture of one channel, not of colours", remedy="save it in grey")
+    if kind not in _GREY:  # the numbers of a palette are no light
+        limit = "must be a picture of one channel of grey, not of colours or of a palette"
+        raise DataError(str(path), value=kind, limit=limit, remedy="save it in grey, in 8, 16 or 32 bits")
+    if pages > 1:
+        raise DataError(str(path), value=f"{pages} pages", limit="must be one picture", remedy="save that of the pixel")
     if int(light.max()) in _FULL_SCALES and np.count_nonzero(light == light.max()) > 1:
         limit = f"is overexposed: {np.count_nonzero(light == light.max()):,} samples are {light.max():g}"
         raise DataError(str(path), limit=limit, remedy="expose it shorter; its values must be in proportion to light")

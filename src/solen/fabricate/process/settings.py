@@ -407,6 +407,14 @@ def read_process(path: Path) -> Process:
     return parsed_process(read_text(path, DataError), str(path), path.parent)
 
 
+def response_of_file(path: Path) -> Path | None:
+    """File of the measured light that a process file names; None where it names none."""
+    data: Any = parse_toml(read_text(path, DataError), str(path), DataError)
+    for key in ("process", "response", "file"):
+        data = data.get(key) if isinstance(data, dict) else None
+    return path.parent / data if isinstance(data, str) else None
+
+
 def parsed_process(text: str, what: str, folder: Path = Path()) -> Process:
     """Process of a TOML text; what it leaves out is the default's, with the default's uncertainty and source.
 

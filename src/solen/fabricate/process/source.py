@@ -14,7 +14,7 @@ from pydantic import Field
 
 from solen.errors import DataError
 from solen.fabricate.process.predict import Orientation
-from solen.fabricate.process.settings import Calibration, Process, default_process, read_process
+from solen.fabricate.process.settings import Calibration, Process, default_process, read_process, response_of_file
 from solen.material.cure.law import read_law
 from solen.material.resin import resin_of
 from solen.parts import printer_of
@@ -46,7 +46,7 @@ class PrintOptions(Options):
 
 
 def process_of(options: PrintOptions) -> tuple[Process, tuple[Provenance, ...]]:
-    """Process that was named, with the pixels of a named printer, and the provenance of its file."""
+    """Process that was named, with the pixels of a named printer, and the provenance of its files."""
     process, sources = (default_process(), ()) if options.process is None else _of_file(options.process)
     if options.cure is not None:
         process, sources = with_cure(process, options.cure), (*sources, _source(options.cure, "solen-cure"))
@@ -56,7 +56,14 @@ def process_of(options: PrintOptions) -> tuple[Process, tuple[Provenance, ...]]:
 def _of_file(path: Path) -> tuple[Process, tuple[Provenance, ...]]:
     process = read_process(path)
     simulated = process.calibration is not None and process.calibration.simulated
-    return process, (replace(_source(path, "solen-process"), simulated=simulated),)
+    light = response_of_file(path)
+    measured = () if light is None else (_source(light, "pixel-response"),)
+    return process, (replace(_source(path, "solen-process"), simulated=simulated), *measured)
+
+
+def files_read(process: Path | None, cure: Path | None) -> list[Path | None]:
+    """Files that a process is read from: its own, that of its pixels' light, and a working curve."""
+    return [process, None if process is None else response_of_file(process), cure]
 
 
 def _source(path: Path, kind: str) -> Provenance:

@@ -29,7 +29,7 @@ from solen.fabricate.layers import (
     write_archive,
     write_goo,
 )
-from solen.fabricate.process import PrintOptions, Process, process_of
+from solen.fabricate.process import PrintOptions, Process, files_read, process_of
 from solen.fabricate.seats import SeatOptions
 from solen.parts import printer_of
 from solen.pipeline.design.designs import open_design
@@ -115,7 +115,7 @@ def layers(
         raise SpecError("--figure", limit="draws layers, and --sheet-only makes none", remedy="leave one of them out")
     if file.suffix.lower() != ".json":
         slicing = exposed_as_printed(slicing)
-    sources: list[Path | None] = [slicing.process, slicing.cure]
+    sources = files_read(slicing.process, slicing.cure)
     if file.suffix.lower() == ".toml":
         design = fabricate.cut_for(open_design(file, assignments), slicing.layer_um)
         part = printable_design(design, fabricate.sensor_part(design, Sensor.of(design).body()), file, slicing)

@@ -12,9 +12,11 @@ from solen.fabricate.process import (
     PrintedLayers,
     PrintOptions,
     compensation_files,
+    files_read,
     layer_files,
     print_design,
     print_layers,
+    targets_of,
 )
 from solen.lens.profile import profile_text
 from solen.pipeline.design.designs import open_design
@@ -61,7 +63,7 @@ def predict(
     check_ending(compensate, "a design", ".toml")
     check_ending(solid, "a solid", *(f".{kind}" for kind in MESH_WRITERS))
     sensor = Sensor.of(open_design(file, set_))
-    read = [file, *sensor.design.files.values(), options.process, options.cure]
+    read = [file, *sensor.design.files.values(), *files_read(options.process, options.cure)]
     check_sources([compensate, solid, out, figure.figure], read)
     if sensor.is_sampled:
         layered = print_layers(
@@ -72,8 +74,11 @@ def predict(
             part=solid is not None,
             progress=progress,
         )
-        files.write_all(drawn(layered, figure, "printed") | layer_files(layered, out, compensate))
-        return Outcome(layered, named(figure=figure.figure, out=out, compensated=compensate))
+        contents = files.joined(drawn(layered, figure, "printed"), layer_files(layered, out, compensate))
+        check_sources(contents, read)
+        files.write_all(contents)
+        beside = {} if compensate is None else targets_of(compensate, "drawn")
+        return Outcome(layered, named(figure=figure.figure, out=out, **beside))
     prediction = print_design(
         sensor,
         options,
@@ -84,12 +89,15 @@ def predict(
     )
     contents = drawn(prediction, figure, "printed")
     if out is not None:
-        contents[out] = profile_text(prediction.profile).encode()
+        contents = files.joined(contents, {out: profile_text(prediction.profile).encode()})
     if compensate is not None:
         made, profile = prediction.compensation, prediction.compensated_profile
-        contents |= compensation_files(compensate, sensor, made, profile, prediction.process)
+        own = compensation_files(compensate, sensor, made, profile, prediction.process)
+        contents = files.joined(contents, own)
         check_sources(contents, read)
     if solid is not None and prediction.part is not None:
-        contents[solid] = MESH_WRITERS[solid.suffix.lower()[1:]](prediction.part.mesh, prediction.part.label)
+        mesh = MESH_WRITERS[solid.suffix.lower()[1:]](prediction.part.mesh, prediction.part.label)
+        contents = files.joined(contents, {solid: mesh})
     files.write_all(contents)
-    return Outcome(prediction, named(figure=figure.figure, out=out, compensated=compensate, solid=solid))
+    beside = {} if compensate is None else targets_of(compensate, "outline")
+    return Outcome(prediction, named(figure=figure.figure, out=out, **beside, solid=solid))
