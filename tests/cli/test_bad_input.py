@@ -336,7 +336,7 @@ def test_a_file_that_cannot_be_written(
     code = run_command([name, "sensor.toml", flag, target])
     printed = refused.capsys.readouterr()
     assert (code, printed.out) == (2, "")
-    assert "cannot be written" in printed.err
+    assert "cannot be written" in printed.err or "exists already" in printed.err
     assert len(printed.err.splitlines()) == 1
     assert snapshot(refused.folder) == before
 
@@ -358,6 +358,13 @@ def test_a_missing_extra_is_told_with_its_remedy(
 @pytest.mark.parametrize("table", ["", ".", "/", "l.xyz"])
 def test_a_table_without_its_ending(refused: Refusal, table: str) -> None:
     assert "ends in .csv" in refused("lens", "sensor.toml", "--csv", table)
+
+
+def test_a_table_that_exists_is_kept(refused: Refusal, tmp_path: Path) -> None:
+    recording = tmp_path / "recording.csv"
+    recording.write_text("t,u", encoding="utf-8")
+    assert "--force" in refused("lens", "sensor.toml", "--csv", str(recording))
+    assert recording.read_text(encoding="utf-8") == "t,u"
 
 
 @pytest.mark.parametrize("out", ["sensor.toml", "sensor.toml/out"])

@@ -75,6 +75,17 @@ def test_a_cylinder_prints_as_one_image_does() -> None:
     assert len({round(float(row[0]), 6) for row in found.um}) > 2
 
 
+def test_a_response_that_parts_the_halves_is_refused(tmp_path: Path) -> None:
+    """One half of each layer is printed for both."""
+    light = np.zeros((25, 25))
+    light[8:17, 8:14], light[10:15, 14:20] = 1.0, 0.4
+    table = {"light": light.tolist(), "pitch_um": 5.0, "centre_um": [55.0, 60.0]}
+    made = process(**FAST | {"sigma_um": None, "response": table})
+    (tmp_path / "process.toml").write_text(process_text(made), encoding="utf-8")
+    with pytest.raises(SpecError, match=r"process\.response.*alike"):
+        print_layers(Sensor.of(small(lens__layer_mm=0.05)), PrintOptions(process=tmp_path / "process.toml"))
+
+
 def test_light_of_later_layers_fills_overhangs_and_compensation_takes_it_back() -> None:
     model = printing(body__thickness_mm=1.0, lens__layer_mm=0.1, layer_um=100.0)
     plain = model.printed()

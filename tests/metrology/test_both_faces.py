@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from solen.arrays import FloatArray
-from solen.errors import SpecError
+from solen.errors import DataError, SpecError
 from solen.geometry import section
 from solen.metrology import InspectOptions
 from solen.metrology.inspection import FacesInspection
@@ -76,6 +76,9 @@ def test_the_face_must_be_named_and_is_not_that_of_the_middle(folder: Path) -> N
 
 def test_what_is_of_one_face_is_refused_for_two(folder: Path) -> None:
     bottom = folder / "bottom.png"
+    (folder / "again.png").write_bytes((folder / "top.png").read_bytes())
+    with pytest.raises(DataError, match=r"again\.png.*top\.png"):
+        inspected(folder, bottom=folder / "again.png")
     with pytest.raises(SpecError, match="--out"):
         inspected(folder, bottom=bottom, out=folder / "a.json")
     with pytest.raises(SpecError, match="--seen-from"):

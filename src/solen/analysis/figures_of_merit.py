@@ -245,8 +245,16 @@ def _slope(angle_deg: FloatArray, row: FloatArray, where: BoolArray) -> float:
     held = where & np.isfinite(row)
     if held.sum() < _LEAST_POINTS:
         return math.nan
-    x = angle_deg[held] - angle_deg[held].mean()
-    return float(x @ row[held] / (x @ x))
+    weights = _weights(angle_deg[held])
+    x = angle_deg[held] - weights @ angle_deg[held]
+    return float((weights * x) @ row[held] / ((weights * x) @ x))
+
+
+def _weights(angle_deg: FloatArray) -> FloatArray:
+    """Share of the range that each angle stands for, half a step at its ends: a line is that of all angles between."""
+    weights = np.ones(angle_deg.size)
+    weights[[0, -1]] = 0.5
+    return np.asarray(weights / weights.sum())
 
 
 def _linearity(angle_deg: FloatArray, mean: FloatArray) -> tuple[float, float]:
@@ -256,7 +264,8 @@ def _linearity(angle_deg: FloatArray, mean: FloatArray) -> tuple[float, float]:
     if x.size < _LEAST_POINTS:
         return math.nan, math.nan
     slope = _slope(x, y, np.ones(x.size, dtype=bool))
-    residual = y - y.mean() - slope * (x - x.mean())
+    weights = _weights(x)
+    residual = y - weights @ y - slope * (x - weights @ x)
     return off_a_line(x, y), float(np.abs(residual).max())
 
 

@@ -388,7 +388,16 @@ def measure_faces(
     against: Sequence[Design] = (),
     priors: PrintPriors = PrintPriors(),
 ) -> FacesInspection:
-    """Measure both faces of a printed lens; parameters and errors as of `measure_lens`."""
+    """Measure both faces of a printed lens; parameters and errors as of `measure_lens`.
+
+    Raises
+    ------
+    DataError
+        Where both are one picture.
+    """
+    if top.provenance.sha256 and top.provenance.sha256 == bottom.provenance.sha256:
+        limit = f"is the very picture that {top.provenance.file} is"
+        raise DataError(bottom.provenance.file, limit=limit, remedy="name the picture of the face on the plate")
     return FacesInspection(
         measure_lens(bottom, design, edge=edge, against=against, priors=priors, seen_from="bottom"),
         measure_lens(top, design, edge=edge, against=against, priors=priors, seen_from="top"),

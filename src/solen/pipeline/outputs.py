@@ -83,7 +83,7 @@ def check_ending(path: Path | None, what: str, *endings: str) -> None:
 
 def check_new(path: Path | None, *, force: bool) -> None:
     """`OutputError` if a file exists and is not to be replaced: what it holds was measured once."""
-    if path is not None and path.exists() and not force:
+    if path is not None and Path(path).exists() and not force:  # Path.exists raises for a name that is too long
         raise OutputError(str(path), limit="exists already", remedy="name another file, or add --force")
 
 

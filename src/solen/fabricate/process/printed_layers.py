@@ -17,6 +17,7 @@ from solen.errors import SpecError
 from solen.fabricate.faced import cut_for
 from solen.fabricate.process.compensation_files import LABEL, targets_of
 from solen.fabricate.process.face_print import FacePrint, PrintedFace
+from solen.fabricate.process.growth import uneven_um
 from solen.fabricate.process.predict import half_difference
 from solen.fabricate.process.settings import Process, Settings
 from solen.fabricate.process.source import PrintOptions, curve_left_out, process_of, with_resin
@@ -29,6 +30,8 @@ from solen.sensor.lens_responses import LensResponse, lens_responses
 from solen.sensor.sensor import OF_SPACE
 from solen.spec import Design, dumps, with_values
 
+ALIKE_UM = 1.0
+"""How unlike a pixel's light may move the walls of both sides."""
 MIDDLE_PIXELS = (0.0, 0.5)
 """Places in a pixel across the axis at which left mirrors right."""
 ELSEWHERE = (0.5, 0.5)
@@ -145,6 +148,7 @@ def print_layers(
     process = with_resin(process, sensor.design)
     cut = cut_for(sensor.design, process.process.layer_um)
     sensor = sensor if cut is sensor.design else Sensor.of(cut)
+    _check_halves(process.process)
     model = FacePrint.of(sensor.body(), process.process, options.phase_px or (0.0, 0.0))
     face = model.printed(_part(progress, 0.0, 0.3))
     made = model.compensated(face, _part(progress, 0.3, 0.8)) if compensate else None
@@ -232,6 +236,18 @@ def _check(options: PrintOptions, *, part: bool) -> None:
     if options.phase_px is not None and options.phase_px[0] not in MIDDLE_PIXELS:
         limit = "must be 0 or 0.5 across the axis for a lens that differs by height: its halves must print alike"
         raise SpecError("--phase-px", value=options.phase_px, limit=limit)
+
+
+def _check_halves(settings: Settings) -> None:
+    """`SpecError` where a pixel's light moves opposite walls unlike: one half of each layer is printed for both."""
+    least, most = uneven_um(settings)
+    if most - least > ALIKE_UM:
+        raise SpecError(
+            "process.response",
+            value=f"walls at {least:+.3g} to {most:+.3g} µm by the side they face",
+            limit=f"must move all sides alike, within {ALIKE_UM:g} µm, for a lens that differs by height",
+            remedy="state a symmetric response, or its sigma_um",
+        )
 
 
 def _part(progress: Progress | None, first: float, last: float) -> Progress | None:

@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Annotated
 
 from solen.pipeline.design.designs import open_design
-from solen.pipeline.options import FLAT, Set
-from solen.pipeline.outputs import check_ending, write
+from solen.pipeline.options import FLAT, Force, Set
+from solen.pipeline.outputs import check_table, write
 from solen.report.options import FigureOptions
 from solen.results import Outcome
 from solen.sensor import Check, LensCheck, LensOptions, Sensor, lens_check
@@ -32,6 +32,7 @@ def lens(
     set_: Set = None,
     csv: Path | None = None,
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
+    force: Force = False,
 ) -> Outcome[LensCheck]:
     """Show the lens of a design: shape, acceptance, magnification, focus in the material it is made of.
 
@@ -40,10 +41,10 @@ def lens(
     file
         The design file.
     csv
-        Write the profile as a table of x and z in mm.
+        Write the profile as a table of x and z in mm, of a lens that differs by height of x, y and z.
     """
     figure.check()
-    check_ending(csv, "a profile", ".csv")
+    check_table(csv, "a profile", file, force=force)
     sensor = Sensor.of(open_design(file, set_))
     table = {"profile": (csv, lambda: sensor.lens.table(options.tolerance_mm).encode())}
     return write(lens_check(sensor), "lens", None, table, figure=figure)
