@@ -83,7 +83,13 @@ def check_ending(path: Path | None, what: str, *endings: str) -> None:
 
 def check_new(path: Path | None, *, force: bool) -> None:
     """`OutputError` if a file exists and is not to be replaced: what it holds was measured once."""
-    if path is not None and Path(path).exists() and not force:  # Path.exists raises for a name that is too long
+    if path is None or force:
+        return
+    try:
+        exists = path.exists()
+    except OSError:  # a name that is too long: writing will say so
+        return
+    if exists:
         raise OutputError(str(path), limit="exists already", remedy="name another file, or add --force")
 
 
