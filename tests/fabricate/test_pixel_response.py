@@ -222,6 +222,7 @@ def test_a_bad_table_is_refused_in_one_line(tmp_path: Path, case: str) -> None:
 
 def test_samples_that_cannot_be_those_of_the_pixel_are_refused(tmp_path: Path) -> None:
     for table, named in (
+        ({"centre_um": [600.0, 60.0]}, r"centre_um.*within the table"),
         ({"pitch_um": 8.0}, "needs 4 samples"),
         ({"pitch_um": 0.05}, "check pitch_um"),
         ({"pitch_um": 3.0, "file": "pixel.csv"}, r"response\.file"),

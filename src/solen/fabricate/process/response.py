@@ -87,6 +87,10 @@ class PixelResponse(Strict):
             limit = f"each side of its rim must be dark: within {100 * RIM:g} % of the brightest sample in the mean"
             remedy = "subtract the background, or take a wider table"
             raise refused("light", limit, value=f"{100 * rim / peak:.2g} %", remedy=remedy)
+        sides = (columns - 1) * self.pitch_um, (rows - 1) * self.pitch_um
+        if self.centre_um and not all(0.0 <= at <= side for at, side in zip(self.centre_um, sides, strict=True)):
+            limit = f"must lie within the table, 0 to {sides[0]:g} and 0 to {sides[1]:g} µm"
+            raise refused("centre_um", limit, value=list(self.centre_um), remedy="state it along x and y, in µm")
         return self
 
 
