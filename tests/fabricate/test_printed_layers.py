@@ -1,11 +1,14 @@
 """Lenses that differ by height, printed by the model layer by layer: doses by direct sums, compensation, and files."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+import solen.cli.print.predict  # noqa: F401  registers its lines
+from solen.cli.app import lines
 from solen.errors import OutputError, SpecError
 from solen.fabricate import mesh_of, sensor_part
 from solen.fabricate.process import (
@@ -26,7 +29,7 @@ from solen.geometry import section
 from solen.lens import GivenLayers, LayeredLens, read_layers
 from solen.pipeline.print.predict import predict
 from solen.sensor import Sensor
-from solen.sensor.lens_responses import lens_responses
+from solen.sensor.lens_responses import LensResponse, lens_responses
 from solen.spec import Design, dumps, load, with_values
 from tests.fabricate.direct_dose import dose_at
 from tests.fabricate.print_support import box, process, settings
@@ -227,3 +230,30 @@ def test_responses_of_lenses_are_those_of_the_sensor() -> None:
     assert found.contrast[0] == pytest.approx(0.908, abs=0.006)
     assert 0.0 < found.u_contrast[0] < 3e-3
     assert found.light == pytest.approx(0.636, abs=0.03)
+
+
+def test_errors_of_all_angles_are_counted_as_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """They are sampled with the same seed: a mean over more angles is not known any better."""
+    sensor = Sensor.of(with_values(design(), SPACE))
+    trace = sensor.scene(0.0, 64)
+    monkeypatch.setattr(Sensor, "sampled", lambda *asked: (trace, 1e-3 * abs(asked[1])))
+    monkeypatch.setattr("solen.sensor.lens_responses.powers", lambda _: {"right": 0.3, "left": 0.1})
+    (found,) = lens_responses({"own": sensor}, [0.5, 0.5, 0.5, 0.25])
+    assert found.light == pytest.approx(0.4)
+    assert found.u_light == pytest.approx(2.0 * 0.5e-3)
+    assert found.u_contrast[0] == pytest.approx(2.0 * 0.5e-3 / 0.4)
+
+
+def test_what_remains_has_its_uncertainty(files: tuple[Path, PrintedLayers]) -> None:
+    angle = np.array([0.5, 1.0])
+
+    def lens(name: str, contrast: list[float], u: float) -> LensResponse:
+        return LensResponse(name, angle, np.array(contrast), np.full(2, u), 0.6, 1e-3)
+
+    responses = (lens("cylinder, printed", [0.2, 0.0], 0.002), lens("layered, printed", [0.3, 0.4], 0.005))
+    made = replace(files[1], responses=responses)
+    assert made.remaining["layered, printed"] == pytest.approx((1.5, np.nan), nan_ok=True)
+    assert made.u_remaining["layered, printed"] == pytest.approx((0.04, np.nan), nan_ok=True)
+    assert made.u_remaining["cylinder, printed"] == pytest.approx((0.0, np.nan), nan_ok=True)
+    assert "layered, printed          1.500 ± 0.04" in "\n".join(lines(made))
+    assert replace(files[1], responses=()).u_remaining == {}

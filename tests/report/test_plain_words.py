@@ -270,17 +270,17 @@ def test_without_a_comparison_none_is_told(studied: Studies) -> None:
     assert "without the lens" not in said(studied("no comparison"))
 
 
-def choice(layered: float, off: float, *, nonlinearity: float = 0.12) -> Practice:
+def choice(layered: float, off: float, *, nonlinearity: float = 0.12, light: float = 0.48) -> Practice:
     """A cylinder of 0.28 at 1° and 7 % off a line beside a layered lens."""
 
-    def lens(shape: str, there: float, off: float, nonlinearity: float) -> LensFigures:
+    def lens(shape: str, there: float, off: float, nonlinearity: float, light: float = 0.48) -> LensFigures:
         contrast = np.array([0.9, there, 0.5 * there])
         return LensFigures(
             shape, np.array([-3.0, -1.0, -0.5]), contrast, np.full(3, 0.004), -there, 0.01, 0.5, 0.48, 0.002,
-            nonlinearity, 0.005, -1.0, off, 0.004, 0.48,
+            nonlinearity, 0.005, -1.0, off, 0.004, light,
         )  # fmt: skip
 
-    both = (lens("cartesian-oval", 0.28, 0.28, 0.07), lens("layered", layered, off, nonlinearity))
+    both = (lens("cartesian-oval", 0.28, 0.28, 0.07), lens("layered", layered, off, nonlinearity, light))
     return Practice(None, None, (), None, LensChoice(0.1, "cartesian-oval", both, {}), {})
 
 
@@ -299,8 +299,14 @@ def test_the_table_of_lenses_holds_what_was_found() -> None:
 @pytest.mark.parametrize(
     ("practice", "pays", "straight"),
     [
-        (choice(0.44, 0.42), "pays for small angles: contrast 0.42 in place of 0.28", "take the cylinder: 7 %"),
-        (choice(0.44, 0.29), "does not pay here: contrast 0.29 in place of 0.28", "take the cylinder: 7 %"),
+        (
+            choice(0.44, 0.42),
+            "pays for small angles: signal 1.50 ± 0.04 times the cylinder's",
+            "take the cylinder: 7 %",
+        ),
+        (choice(0.44, 0.42), "(contrast 0.42 in place of 0.28)", "take the cylinder: 7 %"),
+        (choice(0.44, 0.29), "does not pay here: signal 1.036 ± 0.029 times the cylinder's", "take the cylinder: 7 %"),
+        (choice(0.44, 0.44, light=0.3), "does not pay here: signal 0.982", "take the cylinder: 7 %"),
         (choice(0.44, 0.42, nonlinearity=0.03), "pays", "take the layered lens: 3 %"),
         (choice(0.44, 0.42, nonlinearity=0.075), "pays", "Neither"),
     ],

@@ -3,7 +3,7 @@
 The idea: lenses for space keep the focus for skew rays, so a small angle moves more light; they ask for an emitter in
 the middle of the body's height, and their response is bent more. So each lens is traced at a few angles of the design's
 motion, once as it is and at one angle with the emitter off in y. Angles are shares of the way from the null to the ends
-of the motion; of a symmetric sensor on one side.
+of the motion; of a symmetric sensor on one side, of which the other is the mirror image.
 
 The interface: `lens_choice` of a sensor and its response, which returns a `LensChoice`.
 """
@@ -27,7 +27,7 @@ SIXTHS, OFF_SIXTH = (1, 2, 3, 6), 2
 """Sixths of the way from the null to an end of the motion: all that are compared, and the one with the emitter off."""
 Y_OFF_MM, LEAST_DEG = 0.1, 1e-6
 WORTH, RESOLVED = 1.1, 2.0
-"""Gain of the signal from which on another lens pays, and how many uncertainties it must be above that of none."""
+"""Gain of the signal above which another lens pays, and by how many of its uncertainties it must be above that."""
 
 
 class LensFigures(Result):
@@ -40,7 +40,7 @@ class LensFigures(Result):
     angle_deg, contrast, u_contrast
         Angles (K,) and the contrast there, with its uncertainty.
     slope_per_deg, u_slope_per_deg, within_deg
-        Slope of the contrast about the null, over so many degrees to each side.
+        Slope of the contrast about the null, between the nearest angles on both sides, and half the way between them.
     received, u_received
         Power at both receivers, mean over the angles.
     nonlinearity, u_nonlinearity
@@ -71,6 +71,11 @@ class LensFigures(Result):
         place = int(np.argmin(np.abs(self.angle_deg - self.off_deg)))
         return float(self.contrast[place]), float(self.u_contrast[place])
 
+    @property
+    def off_signal(self) -> tuple[float, float]:
+        """Signal (R − L) with the emitter off, in size, and its uncertainty."""
+        return abs(self.off_contrast) * self.off_received, self.u_off_contrast * self.off_received
+
 
 class LensChoice(Result):
     """A design with one lens after the other.
@@ -99,19 +104,31 @@ class LensChoice(Result):
     @reported
     def gain(self) -> float | None:
         """Signal (R − L) of the layered lens over that of the cylinder, both with the emitter off; None without one."""
-        cylinder, layered = self.of(CYLINDER), self.of(LAYERED)
-        if cylinder is None or layered is None or not abs(cylinder.off_contrast * cylinder.off_received) > 0.0:
-            return None
-        return abs(layered.off_contrast * layered.off_received / (cylinder.off_contrast * cylinder.off_received))
+        found = self._gained
+        return None if found is None else found[0]
+
+    @reported
+    def u_gain(self) -> float | None:
+        """Uncertainty of the gain."""
+        found = self._gained
+        return None if found is None else found[1]
 
     @reported
     def layers_pay(self) -> bool | None:
-        """Whether the layered lens gives a tenth more signal at least even so, beyond what the uncertainties leave."""
-        cylinder, layered, gain = self.of(CYLINDER), self.of(LAYERED), self.gain
-        if cylinder is None or layered is None or gain is None:
+        """Whether the layered lens's signal is even so more than a tenth above, beyond twice the gain's uncertainty."""
+        found = self._gained
+        return None if found is None else found[0] - WORTH > RESOLVED * found[1]
+
+    @property
+    def _gained(self) -> tuple[float, float] | None:
+        """Gain and its uncertainty."""
+        cylinder, layered = self.of(CYLINDER), self.of(LAYERED)
+        if cylinder is None or layered is None:
             return None
-        u = gain * sum(one.u_off_contrast / abs(one.off_contrast) for one in (cylinder, layered))
-        return gain > WORTH and gain - 1.0 > RESOLVED * u
+        (base, u_base), (signal, u_signal) = cylinder.off_signal, layered.off_signal
+        if not base > 0.0:
+            return None
+        return signal / base, (u_signal + u_base * signal / base) / base
 
 
 def lens_choice(sensor: Sensor, known: Response, null_deg: float | None) -> LensChoice:
@@ -133,14 +150,18 @@ def lens_choice(sensor: Sensor, known: Response, null_deg: float | None) -> Lens
     """
     if why := _why_not(sensor, null_deg):
         raise DesignError("comparison of lenses", value=sensor.design.name, limit=why)
-    ends = _ends_deg(sensor, known, null_deg or 0.0)
+    mirrored = _is_mirrored(sensor, known)
+    middle = 0.0 if null_deg is None or mirrored else null_deg
+    ends = _ends_deg(known, middle, mirrored=mirrored)
+    if why := _why_not_about(ends, mirrored=mirrored):
+        raise DesignError("comparison of lenses", value=sensor.design.name, limit=why)
     found: list[LensFigures] = []
     skipped: dict[str, str] = {}
     for shape in SHAPES:
         own = shape == sensor.design.lens.shape
         try:
             other = sensor if own else Sensor.of(with_values(sensor.design, OF_SPACE | {"lens.shape": shape}))
-            found.append(_figures(other, null_deg or 0.0, ends, known if own else None))
+            found.append(_figures(other, middle, ends, known if own else None))
         except SolenError as bad:
             skipped[shape] = str(bad)
     return LensChoice(Y_OFF_MM, sensor.design.lens.shape, tuple(found), skipped)
@@ -159,11 +180,25 @@ def _why_not(sensor: Sensor, null_deg: float | None) -> str:
     return next((why for why, applies in cases.items() if applies), "")
 
 
-def _ends_deg(sensor: Sensor, known: Response, null_deg: float) -> list[float]:
-    """Ends of the motion to which lenses are compared: of a symmetric sensor one."""
+def _why_not_about(ends_deg: Sequence[float], *, mirrored: bool) -> str:
+    """Why nothing can be compared about the null by the ends of the motion; empty where it can."""
+    if not ends_deg:
+        return "the motion does not leave the null"
+    if len(ends_deg) == 1 and not mirrored:
+        return "the motion begins or ends at the null, and the design is not symmetric: let it go to both sides"
+    return ""
+
+
+def _is_mirrored(sensor: Sensor, known: Response) -> bool:
+    """Whether the response to one side of 0 is the mirror image of that to the other, and 0 is within the motion."""
+    return sensor.is_symmetric and float(known.angle_deg[0]) <= 0.0 <= float(known.angle_deg[-1])
+
+
+def _ends_deg(known: Response, null_deg: float, *, mirrored: bool) -> list[float]:
+    """Ends of the motion to which lenses are compared, the farther one first: of a symmetric sensor one."""
     first, last = float(known.angle_deg[0]), float(known.angle_deg[-1])
-    ends = [first] if sensor.is_symmetric and first < 0.0 else [first, last]
-    return [end for end in ends if abs(end - null_deg) > LEAST_DEG]
+    ends = [first] if mirrored and first < -LEAST_DEG else [first, last]
+    return sorted((end for end in ends if abs(end - null_deg) > LEAST_DEG), key=lambda end: -abs(end - null_deg))
 
 
 def _figures(sensor: Sensor, null_deg: float, ends_deg: Sequence[float], known: Response | None) -> LensFigures:
@@ -175,13 +210,15 @@ def _figures(sensor: Sensor, null_deg: float, ends_deg: Sequence[float], known: 
     angle, contrast, u = found.angle_deg - null_deg, found.contrast, found.u_contrast
     if not (np.isfinite(contrast).all() and np.isfinite(off.contrast).all()):
         raise DesignError("contrast", value="none", limit="no light arrives at some angle")
-    if len(ends_deg) == 1:  # it is the mirror image of itself, or its motion ends at the null
+    if len(ends_deg) == 1:  # the other side is the mirror image
         angle, contrast = np.append(angle, [0.0, *-angle]), np.append(contrast, [0.0, *-contrast])
         u = np.append(u, [0.0, *u])
     order = np.argsort(angle)
     angle, contrast, u = angle[order], contrast[order], u[order]
-    inner = np.flatnonzero(np.abs(angle) <= np.abs(angle[angle != 0.0]).min() * (1.0 + 1e-9))[[0, -1]]
+    inner = [np.flatnonzero(angle < 0.0)[-1], np.flatnonzero(angle > 0.0)[0]]
     span, half_range = float(np.ptp(angle[inner])), 0.5 * float(np.ptp(contrast))
+    if not half_range > 0.0:
+        raise DesignError("contrast", value=float(contrast[0]), limit="must change over the motion to be compared")
     nonlinearity = off_a_line(angle, contrast) / half_range
     return LensFigures(
         shape=sensor.design.lens.shape,

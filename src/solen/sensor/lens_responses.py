@@ -31,7 +31,8 @@ class LensResponse:
     angle_deg, contrast, u_contrast
         Angles (N,), contrast of the receivers there, right less left, and its standard error; NaN without light.
     light, u_light
-        What both receivers get of the emitted power, mean over the angles, and its standard error.
+        What both receivers get of the emitted power, mean over the angles, and its standard error at most: errors of
+        both receivers and of all angles, which start from the same seed, are taken to add up.
     """
 
     name: str
@@ -51,7 +52,7 @@ class LensResponse:
         with np.errstate(divide="ignore", invalid="ignore"):
             u_contrast = 2.0 * u / light
         values = [contrast(one["right"], one["left"]) for one in read]
-        u_light = float(np.sqrt(2.0 * np.sum(u**2))) / len(u)
+        u_light = 2.0 * float(u.max())
         return cls(name, np.array(angles_deg), np.array(values, float), u_contrast, float(light.mean()), u_light)
 
 

@@ -116,9 +116,26 @@ class PrintedLayers(Result):
     @reported
     def remaining(self) -> dict[str, tuple[float, ...]]:
         """Of each lens, its contrast over that of the printed cylinder, by angle; empty without responses."""
-        by_name = {one.name: one.contrast for one in self.responses}
-        base = by_name.get(f"{CYLINDER}, {PRINTED}")
-        return {} if base is None else {name: tuple((own / base).tolist()) for name, own in by_name.items()}
+        return {name: tuple(share.tolist()) for name, (share, _) in self._remaining.items()}
+
+    @reported
+    def u_remaining(self) -> dict[str, tuple[float, ...]]:
+        """Uncertainty of `remaining`, by that of both contrasts; 0 of the printed cylinder over itself."""
+        return {name: tuple(u.tolist()) for name, (_, u) in self._remaining.items()}
+
+    @property
+    def _remaining(self) -> dict[str, tuple[FloatArray, FloatArray]]:
+        """Of each lens, its contrast over that of the printed cylinder and the uncertainty; NaN where that is 0."""
+        base = next((one for one in self.responses if one.name == f"{CYLINDER}, {PRINTED}"), None)
+        if base is None:
+            return {}
+        below = np.where(base.contrast != 0.0, base.contrast, np.nan)
+        found = {}
+        for one in self.responses:
+            share = one.contrast / below
+            u = (one.u_contrast + np.abs(share) * base.u_contrast) / np.abs(below)
+            found[one.name] = share, np.where(np.isfinite(share), 0.0, np.nan) if one is base else u
+        return found
 
     @property
     def profile(self) -> Profiles:

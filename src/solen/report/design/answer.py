@@ -196,8 +196,10 @@ def _lens_row(lens: LensFigures, places: list[int], own: str) -> tuple[str, ...]
 
 def _pays(choice: LensChoice, layered: LensFigures, cylinder: LensFigures) -> list[str]:
     """Whether the layered lens pays, and what it asks for."""
+    gain = measured(choice.gain, choice.u_gain, sign=False)
     values = f"contrast {abs(layered.off_contrast):.2f} in place of {abs(cylinder.off_contrast):.2f}"
-    there = f"{values} at {layered.off_deg:+.3g}° with the emitter {choice.y_off_mm:g} mm off in y"
+    there = f"signal {gain} times the cylinder's ({values})"
+    there += f" at {layered.off_deg:+.3g}° with the emitter {choice.y_off_mm:g} mm off in y"
     if not choice.layers_pay:
         return [f"The layered lens does not pay here: {there}."]
     asked = f"It asks for a known chip, centred within about {choice.y_off_mm:g} mm in y. Nobody has printed one yet"
