@@ -34,8 +34,8 @@ ambiguous within_68 within_95
 _CONTRASTS, _IN_THE_FILES_UNIT = "largest largest_change effect at_low at_high", "dark"
 _OF_LIGHT = """
 light power power_by_source detected escaped absorbed truncated missed leaked reflected beside above_below right left
-emitted error single_error design_index outside_index na_object na_image magnification edge_slope ledger_error received_share
-received used_of_supply contrast contrast_from
+emitted error single_error design_index outside_index na_object na_image magnification edge_slope ledger_error
+received_share received used_of_supply contrast contrast_from
 contrast_to index material_index step response exponent gain nonlinearity off_contrast off_received
 """
 DIMENSIONLESS = frozenset(" ".join((_OPTICS, _STATISTICS, _SHARES, _CONTRASTS, _IN_THE_FILES_UNIT, _OF_LIGHT)).split())
