@@ -101,12 +101,12 @@ class GivenLayers(LayeredLens, eq=True):
 
     @cached_property
     def edges_mm(self) -> FloatArray:
-        """See :attr:`LayeredLens.edges_mm`."""
+        """Heights of the borders between layers, ascending, (L + 1,)."""
         return self.given.edges_mm
 
     @cached_property
     def profiles(self) -> tuple[FloatArray, FloatArray]:
-        """See :attr:`LayeredLens.profiles`: slopes by cubic splines, level on the axis."""
+        """Depth and slope (L, M) of every layer, the slopes by cubic splines, level on the axis."""
         x = np.linspace(0.0, self.half_width_mm, self.given.z_mm.shape[1])
         spline = CubicSpline(x, self.given.z_mm, axis=1, bc_type=((1, np.zeros(len(self.given.z_mm))), "not-a-knot"))
         return self.given.z_mm, np.asarray(spline(x, 1))
