@@ -419,7 +419,7 @@ def test_a_link_is_written_through(tmp_path: Path, capsys: pytest.CaptureFixture
     (tmp_path / "sensor.toml").write_text(GOOD, encoding="utf-8")
     (tmp_path / "real.csv").write_text("old", encoding="utf-8")
     (tmp_path / "link.csv").symlink_to("real.csv")
-    assert run_command(["lens", str(tmp_path / "sensor.toml"), "--csv", str(tmp_path / "link.csv")]) == 0
+    assert run_command(["lens", str(tmp_path / "sensor.toml"), "--csv", str(tmp_path / "link.csv"), "--force"]) == 0
     assert capsys.readouterr().err == ""
     assert (tmp_path / "link.csv").is_symlink()
     assert (tmp_path / "real.csv").read_text(encoding="utf-8").startswith("x_mm")
@@ -430,6 +430,6 @@ def test_what_is_no_file_is_never_replaced(tmp_path: Path, capsys: pytest.Captur
     (tmp_path / "sensor.toml").write_text(GOOD, encoding="utf-8")
     pipe = tmp_path / "pipe.csv"
     os.mkfifo(pipe)
-    assert run_command(["lens", str(tmp_path / "sensor.toml"), "--csv", str(pipe)]) == 2
+    assert run_command(["lens", str(tmp_path / "sensor.toml"), "--csv", str(pipe), "--force"]) == 2
     assert "cannot be written: not an ordinary file" in capsys.readouterr().err
     assert stat.S_ISFIFO(pipe.stat().st_mode)
