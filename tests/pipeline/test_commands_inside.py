@@ -38,7 +38,7 @@ def oval_z(x: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def profile(design: Path, table: Path, tolerance_mm: float) -> NDArray[np.float64]:
-    found = pipeline.lens(design, options=LensOptions(tolerance_mm=tolerance_mm), csv=table)
+    found = pipeline.lens(design, options=LensOptions(tolerance_mm=tolerance_mm), csv=table, force=True)
     with table.open(encoding="utf-8", newline="") as file:
         header, *rows = csv.reader(file)
     assert header == ["x_mm", "z_mm"]

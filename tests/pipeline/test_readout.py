@@ -87,7 +87,7 @@ def test_what_rests_on_estimates_is_told(found: dict[str, Any]) -> None:
         (("readout.emitter_current_ma=150",), "150 mA are above the 100 mA that VSMY1850 may carry"),
         (("readout.load_ohm=100",), "lets up to 50 mA through, above the 20 mA"),
         (("readout.supply_v=24",), "a supply of 24 V is above the 20 V"),
-        (("readout.adc=ATmega328P",), "the range of ATmega328P, 0 to 5 V, is left"),
+        (("readout.adc=ATmega328P",), "outside the range of ATmega328P, 0 to 5 V"),
         (("readout.load_ohm=200000",), "lower the load or the rate"),
         ((), "rays in the plane"),
         ((), "take a smaller motion.step_deg"),
