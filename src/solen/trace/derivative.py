@@ -93,7 +93,7 @@ def derivative(
         change within it.
     mode, tolerance, limits
         As in `solen.trace.integrate`, for the integral at ``value``; by default a tolerance of 1e-9, of 1e-6 for
-        sources with a size or several colours, and of 1e-4 in space.
+        sources with a size or several colours, and in space of 1e-4, or 3e-4 where light is trapped.
 
     Returns
     -------
@@ -113,6 +113,7 @@ def derivative(
         small = POINT_STEP_IN_SPACE if not is_extended(scene) else EXTENDED_STEP
         step = (RELATIVE_STEP if point else small) * (abs(value) or 1.0)
     check_range("step", step, above=0.0)
+    trapped = TRAPPED_TOLERANCE if tolerance is None else tolerance
     if tolerance is None:
         tolerance = TOLERANCE if point else EXTENDED_TOLERANCE if scene.extrusion is None else SPACE_TOLERANCE
     if scene.front is not None:
@@ -123,7 +124,7 @@ def derivative(
         return Lights.of(scene_at(value), mode, limits)
 
     if scene.extrusion is not None:
-        return _in_space(at, value, step, tolerance, given)
+        return _in_space(at, value, step, trapped, given)
     return _of_a_point(at, value, step, tolerance) if point else _of_integrals(at, value, step, tolerance)
 
 
@@ -170,8 +171,7 @@ def _of_integrals(at: At, value: float, step: float, tolerance: float) -> Deriva
         for end in (low, high):
             if not end.reached:
                 raise DesignError("derivative", value=end.why, limit=f"the integral must reach {tolerance:g}")
-        powers = [np.array([reading.power for reading in end.detectors.values()]) for end in (low, high)]
-        differences.append((powers[1] - powers[0]) / (2.0 * half))
+        differences.append((_powers(high) - _powers(low)) / (2.0 * half))
         u = (low.u_power + high.u_power) / (2.0 * half)
     return Derivative(_slopes(tuple(low.detectors), differences[0], differences[1], u), step, reached=True)
 
@@ -179,7 +179,8 @@ def _of_integrals(at: At, value: float, step: float, tolerance: float) -> Deriva
 def _in_space(at: At, value: float, step: float, tolerance: float, given: bool) -> Derivative:
     """Derivative in space: two differences over the same cells; of whole integrals where light is trapped.
 
-    Those have samples in them, so that they are taken over larger steps, unless the step is ``given``.
+    Those have samples in them, so that they are taken over larger steps, unless the step is ``given``, and reach the
+    ``tolerance``.
     """
     ends = {sign: at(value + sign * step) for sign in (-1.0, -0.5, 0.5, 1.0)}
     each = list(zip(*(ends[sign].each for sign in ends), strict=True))
@@ -190,7 +191,7 @@ def _in_space(at: At, value: float, step: float, tolerance: float, given: bool) 
         lights = [light for light in (low, half_low, half_high, high) if isinstance(light, LightInSpace)]
         if len(lights) < 4 or lights[3].integral(ROUGH, rules, MOST_LEGS).u > ROUGH:
             wide_step = step if given else _widened(at, value, step)
-            return _of_integrals(at, value, wide_step, max(tolerance, TRAPPED_TOLERANCE))
+            return _of_integrals(at, value, wide_step, tolerance)
         slopes = lights[3].slopes(lights[0], step, rules, SPACE_LEGS)
         wide += weight * slopes.value[: len(names)]
         close += weight * lights[2].slopes_again(lights[1], 0.5 * step, rules, slopes)[: len(names)]
