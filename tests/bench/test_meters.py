@@ -165,7 +165,7 @@ def test_a_record_of_before_is_no_reading() -> None:
 @pytest.mark.parametrize("more", [{"short": 1}, {"points": 1}])
 def test_records_that_are_not_alike_are_no_readings(more: dict[str, int]) -> None:
     clock = WallClock()
-    scope = Scope(maker="KEYSIGHT", clock=clock, waves=receivers(True), **more)  # type: ignore[arg-type]
+    scope = Scope(maker="KEYSIGHT", clock=clock, waves=receivers(True), **more)  # type: ignore[arg-type]  # its numbers
     with served(scope) as names:
         meter = Oscilloscope(clock, names[0], ("1", "2"), sync="4")
         with pytest.raises(DataError, match="records of its channels") as told:

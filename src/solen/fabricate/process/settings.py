@@ -41,11 +41,11 @@ from solen.spec.strict import (
     Positive,
     Strict,
     Text,
+    error_context,
     migrated,
     parse_toml,
     refused,
 )
-from solen.spec.strict import error_context as told_of_file
 
 SCHEMA = 1
 MIGRATIONS: Migrations = {}
@@ -422,7 +422,7 @@ def parsed_process(text: str, what: str, folder: Path = Path()) -> Process:
     """
     data = migrated(parse_toml(text, what, DataError), what, current=SCHEMA, migrations=MIGRATIONS, error=DataError)
     _read_response(data, what, folder)
-    with told_of_file(what):
+    with error_context(what):
         process = Process(**data)
         return process if what == "default process" else _completed(process)
 

@@ -65,21 +65,7 @@ def predict(
     sensor = Sensor.of(open_design(file, set_))
     read = [file, *sensor.design.files.values(), *files_read(options.process, options.cure)]
     check_sources([compensate, solid, out, figure.figure], read)
-    if sensor.is_sampled:
-        layered = print_layers(
-            sensor,
-            options,
-            response=response,
-            compensate=compensate is not None,
-            part=solid is not None,
-            progress=progress,
-        )
-        contents = files.joined(drawn(layered, figure, "printed"), layer_files(layered, out, compensate))
-        check_sources(contents, read)
-        files.write_all(contents)
-        beside = {} if compensate is None else targets_of(compensate, "drawn")
-        return Outcome(layered, named(figure=figure.figure, out=out, **beside))
-    prediction = print_design(
+    prediction = (print_layers if sensor.is_sampled else print_design)(
         sensor,
         options,
         response=response,
@@ -87,17 +73,20 @@ def predict(
         part=solid is not None,
         progress=progress,
     )
-    contents = drawn(prediction, figure, "printed")
-    if out is not None:
-        contents = files.joined(contents, {out: profile_text(prediction.profile).encode()})
-    if compensate is not None:
-        made, profile = prediction.compensation, prediction.compensated_profile
-        own = compensation_files(compensate, sensor, made, profile, prediction.process)
-        contents = files.joined(contents, own)
-        check_sources(contents, read)
-    if solid is not None and prediction.part is not None:
-        mesh = MESH_WRITERS[solid.suffix.lower()[1:]](prediction.part.mesh, prediction.part.label)
-        contents = files.joined(contents, {solid: mesh})
+    contents, drawing = drawn(prediction, figure, "printed"), "outline"
+    if isinstance(prediction, PrintedLayers):
+        contents, drawing = files.joined(contents, layer_files(prediction, out, compensate)), "drawn"
+    else:
+        if out is not None:
+            contents = files.joined(contents, {out: profile_text(prediction.profile).encode()})
+        if compensate is not None:
+            made, profile = prediction.compensation, prediction.compensated_profile
+            own = compensation_files(compensate, sensor, made, profile, prediction.process)
+            contents = files.joined(contents, own)
+        if solid is not None and prediction.part is not None:
+            mesh = MESH_WRITERS[solid.suffix.lower()[1:]](prediction.part.mesh, prediction.part.label)
+            contents = files.joined(contents, {solid: mesh})
+    check_sources(contents, read)
     files.write_all(contents)
-    beside = {} if compensate is None else targets_of(compensate, "outline")
+    beside = {} if compensate is None else targets_of(compensate, drawing)
     return Outcome(prediction, named(figure=figure.figure, out=out, **beside, solid=solid))
