@@ -57,6 +57,7 @@ PACKAGES = {
     "pyvisa": Package("pyvisa", "visa"),
     "pyvisa_py": Package("pyvisa-py", "visa"),
     "serial": Package("pyserial", "bench"),
+    "skfem": Package("scikit-fem", "mechanics"),
     "skimage": Package("scikit-image", "vision"),
     "tifffile": Package("tifffile", "vision"),
     "xarray": Package("xarray", "netcdf"),
