@@ -4,12 +4,13 @@ A command is loaded when it runs or shows its own help, so `solen --help` loads 
 function in `solen.pipeline`, a module in the folder of its group that imports it and prints its result, and a row here.
 """
 
-DESIGN, RESIN, PRINT, BENCH = "", "resin", "print", "bench"
+DESIGN, RESIN, PRINT, BENCH, EXPLORE = "", "resin", "print", "bench", "explore"
 
 GROUPS = {
     RESIN: "Characterise a resin: index, loss, cure and stiffness from what instruments export.",
     PRINT: "Print and inspect: layers, coupons, the predicted and the measured lens.",
     BENCH: "Record, analyse and calibrate sensors on a real or a simulated bench.",
+    EXPLORE: "Explore designs: sweeps over their numbers, and tolerances.",
 }
 
 COMMANDS: dict[str, tuple[tuple[str, str, str], ...]] = {
@@ -69,5 +70,9 @@ COMMANDS: dict[str, tuple[tuple[str, str, str], ...]] = {
         ("calibrate", "bench.decode:calibrate", "Calibrate sensors: from voltages to angles."),
         ("decode", "bench.decode:decode", "Decode angles from voltages, from a file or live."),
         ("table", "bench.decode:table", "Write a calibration as code that decodes on a board."),
+    ),
+    EXPLORE: (
+        ("sweep", "explore.sweep:sweep", "Trace a design over values of its numbers: merits and responses."),
+        ("tolerance", "explore.tolerance:tolerance", "Trace prints whose numbers vary: yield and what costs most."),
     ),
 }

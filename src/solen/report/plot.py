@@ -51,6 +51,8 @@ FIGURES = {
     "SensorCalibrations": "bench.calibrate:calibration_figure",
     "SensorDiagnoses": "bench.diagnose:diagnoses_figure",
     "Study": "bench.analyse:study_figure",
+    "Sweep": "explore.sweep:sweep_figure",
+    "Tolerances": "explore.tolerance:tolerance_figure",
     "TunedPrint": "print.tune:tune_figure",
 }
 """Functions of modules beside this one that take one result, by the name of its type."""

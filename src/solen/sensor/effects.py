@@ -9,7 +9,7 @@ The interface: `effects` of a sensor and its response, which returns an `Effect`
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import get_args
@@ -36,6 +36,8 @@ JOIN = "motion.join"
 TOLERANCE, STANDARD_ERROR = 3e-4, 1e-3
 """To what a power is integrated here, and to what standard error it is sampled where that does not do."""
 NEAR_SHARE = 1 / 3
+OF_MATERIAL = {"material.absorption_per_mm", "emitter.wavelength_nm"}
+"""Numbers beside the index that the material at the emitter's wavelength depends on."""
 RESOLVED = 2.0
 """How many times its uncertainty a change must be to count."""
 
@@ -115,12 +117,24 @@ def effects(
 
 
 def off_by(sensor: Sensor, key: str, step: float) -> Sensor:
-    """The sensor as it comes out where a number is off by a step; the lens is cut for what was designed."""
-    if key == "material.index":
-        return replace(sensor, material=_offset(sensor.material, step, sensor.light))
-    other = Sensor.of(with_values(sensor.design, {key: number(sensor, key) + step}))
+    """The sensor as it comes out where a number is off by a step, as `as_built` does."""
+    return as_built(sensor, {key: step})
+
+
+def as_built(sensor: Sensor, steps: Mapping[str, float]) -> Sensor:
+    """The sensor as it comes out where numbers are off by some steps.
+
+    The lens is cut for what was designed, unless the drawing of the lens itself is off.
+    """
+    index = steps.get("material.index", 0.0)
+    values = {key: number(sensor, key) + step for key, step in steps.items() if key != "material.index"}
+    other = Sensor.of(with_values(sensor.design, values)) if values else sensor
+    drawn = {key: value for key, value in values.items() if key.startswith("lens.")}
+    material = other.material if OF_MATERIAL & values.keys() else sensor.material
     return replace(
-        other, material=sensor.material if key != "material.absorption_per_mm" else other.material, cut=sensor.cut
+        other,
+        material=_offset(material, index, sensor.light) if index else material,
+        cut=Sensor.of(with_values(sensor.design, drawn)).cut if drawn else sensor.cut,
     )
 
 

@@ -104,11 +104,15 @@ def readings(sensor: Sensor, progress: Progress | None = None) -> Readings:
     DataError
         Where a part of its circuit is not found, or is of another kind.
     """
+    return readings_from(sensor, sensor.power(progress=progress))
+
+
+def readings_from(sensor: Sensor, response: Response) -> Readings:
+    """Readings of a sensor at the angles of a response; raises as `readings` does."""
     sensor.check_pair()
     design = sensor.design
     areas = face_areas_mm2(design, sensor.body())
     circuit = circuit_of(design, {side: areas[side] for side in SIDES})
-    response = sensor.power(progress=progress)
     return readings_of(
         circuit,
         response.angle_deg,

@@ -112,8 +112,12 @@ def save_netcdf(path: Path | str, trace: Trace, attributes: Attributes | None = 
 
 def writer(trace: Trace, attributes: Attributes | None = None) -> Callable[[Path], object]:
     """Function that writes a trace as netCDF to a path, for `solen.files.write_all`."""
-    found = to_dataset(trace, attributes)
-    return lambda path: found.to_netcdf(path, engine="h5netcdf")
+    return netcdf_writer(to_dataset(trace, attributes))
+
+
+def netcdf_writer(dataset: "xr.Dataset") -> Callable[[Path], object]:
+    """Function that writes a data set as netCDF to a path."""
+    return lambda path: dataset.to_netcdf(path, engine="h5netcdf")
 
 
 def _whole(trace: Trace) -> dict[str, _Variable]:

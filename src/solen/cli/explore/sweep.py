@@ -1,0 +1,37 @@
+"""The command that sweeps numbers of a design."""
+
+import math
+from collections.abc import Iterator
+
+from solen.cli.app import lines
+from solen.explore.merits import MERITS
+from solen.explore.sweep import Sweep
+from solen.pipeline.explore.sweep import sweep as sweep
+from solen.report.design.answer import measured
+
+MOST_ROWS = 40
+
+
+@lines.register
+def _(result: Sweep) -> Iterator[str]:
+    how = " x ".join(map(str, result.shape)) if result.is_grid else f"{result.points} samples"
+    known = result.points - result.traced
+    yield f"simulated: {result.name}, {how}, {result.traced} points traced, {known} known or without a response"
+    heads = [*result.values, *MERITS]
+    widths = [max(12, len(head)) for head in heads]
+    yield "  ".join(f"{head:>{width}}" for head, width in zip(heads, widths, strict=True))
+    for place in range(min(result.points, MOST_ROWS)):
+        cells = [*(_value(values[place]) for values in result.values.values()), *_merits(result, place)]
+        yield "  ".join(f"{cell:>{width}}" for cell, width in zip(cells, widths, strict=True))
+    if result.points > MOST_ROWS:
+        yield f"... {result.points - MOST_ROWS} more rows in the table"
+
+
+def _value(value: object) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def _merits(result: Sweep, place: int) -> Iterator[str]:
+    for name in MERITS:
+        value, u = result.merits[name][place], result.merits[f"u_{name}"][place]
+        yield f"about {value:.1g}" if math.isinf(u) else measured(value, u, sign=False)

@@ -1,0 +1,58 @@
+"""The command that traces prints of a design whose numbers vary."""
+
+from collections.abc import Iterator
+
+from solen.cli.app import lines
+from solen.explore.tolerance import Tolerances, VariedNumber, Yield
+from solen.pipeline.explore.tolerance import tolerance as tolerance
+from solen.report.design.answer import measured
+
+SHOWN, MOST_UNKNOWN = 3, 0.5
+"""Numbers named for each merit, and share of its variance above which what is not modelled hides its causes."""
+
+
+@lines.register
+def _(result: Tolerances) -> Iterator[str]:
+    yield f"simulated: {result.name}, {result.prints} prints, seed {result.seed}, {result.traced} responses traced"
+    for one in result.yields:
+        yield _yield(one)
+    yield "varied, as deviations from the design:"
+    width = max(len(one.key) for one in result.varied)
+    for row in result.varied:
+        yield f"  {row.key:{width}}  {row.value:9.6g}  {_distribution(row)}{_cost(row)}"
+    factor = result.varied[0].factor_together
+    if factor is not None and factor < 1.0:
+        yield f"  95 % yield needs all deviations {factor:.2g} times as large"
+    yield "merits over the prints, and what their variance is due to:"
+    width = max(len(one.merit) for one in result.spreads)
+    for merit in result.spreads:
+        causes = sorted(merit.total.items(), key=lambda item: item[1], reverse=True)[:SHOWN]
+        due = ", ".join(f"{key} {100 * share:.0f} %" for key, share in causes if share > 0.005)
+        if merit.held_out > MOST_UNKNOWN:
+            due = "causes not resolved"
+        base = measured(merit.base, merit.u_base, sign=False)
+        yield f"  {merit.merit:{width}}  {base}; prints {merit.mean:.4g}, SD {merit.sd:.2g}; {due or 'constant'}"
+
+
+def _yield(one: Yield) -> str:
+    what = f"{one.requirement}: " if one.requirement else "yield: "
+    as_printed = measured(100 * one.share, 100 * one.u_share, sign=False)
+    calibrated = measured(100 * one.calibrated_share, 100 * one.u_calibrated_share, sign=False)
+    return f"{what}{as_printed} % as printed, {calibrated} % after null and gain are calibrated"
+
+
+def _distribution(row: VariedNumber) -> str:
+    first, second = row.deviation
+    if row.distribution == "uniform":
+        return f"uniform {first:+.3g} to {second:+.3g}"
+    return f"normal {first:+.3g}, SD {second:.3g}" if first else f"normal, SD {second:.3g}"
+
+
+def _cost(row: VariedNumber) -> str:
+    if row.share_if_exact is None:
+        return ""
+    if row.factor_alone is None:
+        alone = "no tightening of it alone gives 95 %"
+    else:
+        alone = f"95 % needs it {row.factor_alone:.2g} times as large" if row.factor_alone < 1.0 else "95 % as it is"
+    return f"; yield {100 * row.share_if_exact:.0f} % if exact; {alone}"

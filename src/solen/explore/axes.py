@@ -1,0 +1,112 @@
+"""Axes of a sweep: which numbers of a design vary, over which values.
+
+The interface: `axis` of a text, ``lens.focus_mm=15:25:11``; `grid` and `sampled` give the points, each a dictionary of
+values by dotted keys.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Any, Literal
+
+import numpy as np
+
+from solen.errors import SpecError
+from solen.spec import Design, parse_assignment, value_at
+
+MOST_POINTS = 1_000_000
+"""Points of one sweep; their responses still fit in memory."""
+FORMS = "write KEY=FROM:TO:NUMBER, KEY=VALUE,VALUE,... or, with --samples, KEY=FROM:TO"
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One key of the design and its values; of a range without a number of values its ends."""
+
+    key: str
+    values: tuple[Any, ...]
+    kind: Literal["list", "spaced", "range"] = "list"
+
+    def at(self, share: float) -> Any:
+        """Value at a share, 0 to 1, of the way along the axis."""
+        if self.kind == "range":
+            return self.values[0] + share * (self.values[1] - self.values[0])
+        return self.values[min(int(share * len(self.values)), len(self.values) - 1)]
+
+
+def axis(text: str, design: Design) -> Axis:
+    """Axis of a text; `SpecError` where it is malformed, empty, or not about a key of the design."""
+    key, equals, values = (part.strip() for part in text.partition("="))
+    if not (equals and key and values):
+        raise SpecError("--over", value=text, limit="is not a key with its values", remedy=FORMS)
+    if key != "name":
+        value_at(design, key)  # refuses an unknown key
+    if ":" in values:
+        return _spaced(key, values)
+    listed = tuple(parse_assignment(f"{key}={part}")[1] for part in values.split(","))
+    if any(part == "" for part in listed):
+        raise SpecError(f"--over {key}", value=values, limit="has an empty value", remedy=FORMS)
+    if len(set(map(str, listed))) < len(listed):
+        raise SpecError(f"--over {key}", value=values, limit="has a value twice", remedy="leave one out")
+    return Axis(key, listed)
+
+
+def _spaced(key: str, text: str) -> Axis:
+    """Evenly spaced values, ``15:25:11``, or a range, ``15:25``."""
+    what = f"--over {key}"
+    try:
+        low, high, *number = (float(part) for part in text.split(":"))
+    except ValueError:
+        raise SpecError(what, value=text, limit="is not made of numbers", remedy=FORMS) from None
+    if len(number) > 1 or not (math.isfinite(low) and math.isfinite(high)):
+        raise SpecError(what, value=text, limit="is not a range", remedy=FORMS)
+    if low == high:
+        raise SpecError(what, value=text, limit="is an empty range", remedy="name two different ends, or one value")
+    if not number:
+        return Axis(key, (low, high), "range")
+    if number[0] != int(number[0]) or number[0] < 2:
+        raise SpecError(what, value=f"{number[0]:g}", limit="the number of values must be whole, at least 2")
+    _check_number(int(number[0]))
+    return Axis(key, tuple(np.linspace(low, high, int(number[0])).tolist()), "spaced")
+
+
+def check_axes(axes: Sequence[Axis], samples: int | None) -> None:
+    """Check that the axes make a sweep: each key once, ranges only where they are sampled, not too many points."""
+    if not axes:
+        raise SpecError("--over", limit="a sweep needs at least one axis", remedy=FORMS)
+    keys = [one.key for one in axes]
+    twice = next((key for key in keys if keys.count(key) > 1), None)
+    if twice:
+        raise SpecError(f"--over {twice}", limit="is stated twice", remedy="put all its values in one")
+    for one in axes:
+        ends = ":".join(f"{value:g}" for value in (one.values[0], one.values[-1])) if one.kind != "list" else ""
+        if one.kind == "range" and samples is None:
+            limit = "a range without a number of values"
+            raise SpecError(f"--over {one.key}", value=ends, limit=limit, remedy="add :NUMBER, or use --samples N")
+        if one.kind == "spaced" and samples is not None:
+            limit, remedy = "--samples draws its own values from a range", f"write --over {one.key}={ends}"
+            raise SpecError(f"--over {one.key}", value=f"{len(one.values)} values", limit=limit, remedy=remedy)
+    _check_number(math.prod(len(one.values) for one in axes) if samples is None else samples)
+
+
+def _check_number(points: int) -> None:
+    if points > MOST_POINTS:
+        remedy = "take fewer values, or --samples N of ranges"
+        raise SpecError("points", value=f"{points:,}", limit=f"a sweep has at most {MOST_POINTS:,}", remedy=remedy)
+
+
+def grid(axes: Sequence[Axis]) -> Iterator[dict[str, Any]]:
+    """All combinations of the values, the last axis running fastest."""
+    for values in product(*(one.values for one in axes)):
+        yield {one.key: value for one, value in zip(axes, values, strict=True)}
+
+
+def sampled(axes: Sequence[Axis], samples: int, seed: int) -> Iterator[dict[str, Any]]:
+    """Points of a scrambled Sobol' sequence; a list of values is drawn from evenly."""
+    from scipy.stats import qmc
+
+    sequence = qmc.Sobol(len(axes), rng=np.random.default_rng(seed))
+    shares = sequence.random_base2(max(0, math.ceil(math.log2(samples))))[:samples]
+    for row in shares.tolist():
+        yield {one.key: one.at(share) for one, share in zip(axes, row, strict=True)}

@@ -1,0 +1,186 @@
+"""Merits of a response: the numbers by which designs are compared, each with its uncertainty.
+
+Between the angles of a motion the contrast is a cubic spline. What that costs is estimated from the spline through
+every second angle, and is part of the uncertainty. docs/explore.md defines each merit.
+
+The interface: `merits_of` a response, which returns `Merits`; `MERITS` names them.
+"""
+
+import math
+from dataclasses import fields
+
+import numpy as np
+from scipy.interpolate import CubicSpline, PchipInterpolator
+
+from solen.arrays import FloatArray, IntArray
+from solen.plane import off_a_line
+from solen.readout import Readings
+from solen.results import Result
+from solen.sensor.response import Response
+
+LEAST_ANGLES, DENSE = 3, 8
+COARSE_SHARE = 1 / 3
+"""Share of the change from every second angle to all of them that the spline through all may be off by."""
+
+
+class Merits(Result, eq=True):
+    """Merits of one response over the angles of its motion, with their uncertainties; NaN where one does not exist.
+
+    Attributes
+    ----------
+    null_deg, u_null_deg
+        Angle nearest to 0 where the contrast is 0.
+    slope_per_deg, u_slope_per_deg
+        Slope of the contrast at the null.
+    span, u_span
+        Contrast at the last angle less that at the first, in size.
+    linearity_percent, u_linearity_percent
+        Largest deviation of the contrast from the straight line for which it is least, in percent of the span.
+    range_deg, u_range_deg
+        Length of the range about the null over which the contrast only rises or only falls.
+    light, u_light
+        Least share of the emitted power at both receivers together.
+    resolution_deg, u_resolution_deg
+        Standard deviation of an angle from one reading of both receivers, where it is worst; infinite where nothing
+        moves, NaN where the design has no readout.
+    """
+
+    null_deg: float
+    u_null_deg: float
+    slope_per_deg: float
+    u_slope_per_deg: float
+    span: float
+    u_span: float
+    linearity_percent: float
+    u_linearity_percent: float
+    range_deg: float
+    u_range_deg: float
+    light: float
+    u_light: float
+    resolution_deg: float = math.nan
+    u_resolution_deg: float = math.nan
+
+
+NAMES = tuple(field.name for field in fields(Merits))
+MERITS = tuple(name for name in NAMES if not name.startswith("u_"))
+
+
+def merits_of(response: Response, resolution_deg: tuple[float, float] = (math.nan, math.nan)) -> Merits:
+    """Merits of a response.
+
+    Parameters
+    ----------
+    response
+        Of at least three angles, ascending.
+    resolution_deg
+        Worst resolution of its readings, and the uncertainty of that.
+    """
+    angle, contrast, u = response.angle_deg, response.contrast, response.u_contrast
+    both, place = response.right + response.left, int(np.argmin(response.right + response.left))
+    light = float(both[place]), float(2.0 * response.u_power[place])
+    if not np.isfinite(contrast).all():  # in the dark
+        dark = dict.fromkeys(NAMES, math.nan) | {"light": light[0], "u_light": light[1]}
+        return Merits(**dark)
+    null, u_null, slope, u_slope = _null(angle, contrast, u)
+    span, u_span = abs(float(contrast[-1] - contrast[0])), float(u[0] + u[-1])
+    linearity, u_linearity = _linearity(angle, contrast)
+    monotone, u_monotone = _monotone_deg(angle, contrast, u, null)
+    return Merits(
+        null_deg=null,
+        u_null_deg=u_null,
+        slope_per_deg=slope,
+        u_slope_per_deg=u_slope,
+        span=span,
+        u_span=u_span,
+        linearity_percent=100.0 * linearity / span if span > u_span else math.nan,
+        u_linearity_percent=100.0 * (float(u.max()) + u_linearity + linearity * u_span / span) / span
+        if span > u_span
+        else math.nan,
+        range_deg=monotone,
+        u_range_deg=u_monotone,
+        light=light[0],
+        u_light=light[1],
+        resolution_deg=resolution_deg[0],
+        u_resolution_deg=resolution_deg[1],
+    )
+
+
+def _null(angle: FloatArray, contrast: FloatArray, u: FloatArray) -> tuple[float, float, float, float]:
+    """Null nearest to 0 and the slope there, each with its uncertainty; NaN without a null."""
+    null, slope = _root(angle, contrast)
+    if math.isnan(null):
+        return math.nan, math.nan, math.nan, math.nan
+    every_second = _every_second(angle.size)
+    rough_null, rough_slope = _root(angle[every_second], contrast[every_second])
+    near = int(np.argmin(np.abs(angle - null)))
+    step = float(np.diff(angle).max())
+    noise = float(u[max(0, near - 1) : near + 2].max())
+    if math.isnan(rough_null) or angle.size < 2 * LEAST_ANGLES:  # too few angles to compare
+        rough_null, rough_slope = null + step, 2.0 * slope
+    u_null = noise / abs(slope) + COARSE_SHARE * abs(rough_null - null) if slope else math.inf
+    u_slope = 1.5 * noise / step + COARSE_SHARE * abs(rough_slope - slope)
+    return null, u_null, slope, u_slope
+
+
+def _root(angle: FloatArray, contrast: FloatArray) -> tuple[float, float]:
+    """Zero nearest to 0 of the spline through a response, and its slope there; NaN without one."""
+    if angle.size < LEAST_ANGLES:
+        return math.nan, math.nan
+    spline = CubicSpline(angle, contrast)
+    roots = np.asarray(spline.roots(extrapolate=False))
+    roots = roots[np.isfinite(roots)]
+    if not roots.size:
+        return math.nan, math.nan
+    null = float(roots[np.argmin(np.abs(roots))])
+    return null, float(spline(null, 1))
+
+
+def _linearity(angle: FloatArray, contrast: FloatArray) -> tuple[float, float]:
+    """Largest deviation from the straight line for which it is least, and what the step between angles costs."""
+    dense = np.linspace(angle[0], angle[-1], DENSE * (angle.size - 1) + 1)
+    second = _every_second(angle.size)
+    fine, coarse = (
+        off_a_line(dense, PchipInterpolator(angle[part], contrast[part])(dense)) if len(part) > 1 else 0.0
+        for part in (np.arange(angle.size), second)
+    )
+    return fine, COARSE_SHARE * abs(fine - coarse)
+
+
+def _every_second(number: int) -> IntArray:
+    """Every second of some places, the last among them."""
+    return np.unique(np.r_[0:number:2, number - 1])
+
+
+def _monotone_deg(angle: FloatArray, contrast: FloatArray, u: FloatArray, null_deg: float) -> tuple[float, float]:
+    """Length of the range about the null without a turn beyond the uncertainty; a step may be missed where it ends."""
+    if math.isnan(null_deg):
+        return math.nan, math.nan
+    rise = np.diff(contrast)
+    near = min(max(int(np.searchsorted(angle, null_deg)) - 1, 0), rise.size - 1)
+    goes_on = np.sign(rise[near]) * rise > -(u[1:] + u[:-1])
+    first, last = near, near + 1
+    while first > 0 and goes_on[first - 1]:
+        first -= 1
+    while last < rise.size and goes_on[last]:
+        last += 1
+    missed = [float(angle[1] - angle[0])] * (first > 0) + [float(angle[-1] - angle[-2])] * (last < rise.size)
+    return float(angle[last] - angle[first]), sum(missed)
+
+
+def worst_resolution_deg(readings: Readings) -> tuple[float, float]:
+    """Resolution of a reading of all receivers where it is worst, and its uncertainty; infinite where nothing moves.
+
+    Its uncertainty is that of the slopes: by the traced power, and by the step between angles, over which they are
+    means. It is infinite where it exceeds the resolution itself.
+    """
+    angle, slope, sd = readings.angle_deg, readings.slope_V_per_deg, readings.sd_V
+    worst = np.where(np.isnan(readings.resolution_of_all_deg), np.inf, readings.resolution_of_all_deg)
+    place = int(np.argmax(worst))
+    if not np.isfinite(worst[place]):
+        return math.inf, math.nan
+    wide = np.gradient(readings.voltage_V[::2], angle[::2], axis=0)[place // 2]
+    width = angle[min(place + 1, angle.size - 1)] - angle[max(place - 1, 0)]
+    u_slope = math.sqrt(2.0) * readings.u_trace_V[place] / width + COARSE_SHARE * np.abs(wide - slope[place])
+    weight = np.abs(slope[place]) / sd[place] ** 2
+    u = float(worst[place] ** 3 * (weight * u_slope).sum())
+    return float(worst[place]), u if u < worst[place] else math.inf

@@ -1,0 +1,139 @@
+"""Traced points of sweeps, kept in a folder as they come, so that none is ever traced twice.
+
+A point is named by a digest of its design, the files that the design names, the tolerance, and solen's own code and
+data. Points are written in blocks; a block is named by its points and renamed into place, so that a program killed at
+any moment leaves whole blocks only, and the same command goes on from there to the same table.
+
+The interface: `Store` of a folder; `Variant`, which names a point.
+"""
+
+import hashlib
+import io
+import json
+import zipfile
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+import solen
+from solen import files
+from solen.arrays import FloatArray
+from solen.errors import DataError
+from solen.sensor import Sensor
+from solen.sensor.effects import as_built
+from solen.spec import Design, dumps
+
+BLOCKS = "blocks"
+"""Folder of the blocks within that of the sweep."""
+SUFFIXES = (".py", ".toml", ".csv")
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """Response of one design.
+
+    Attributes
+    ----------
+    right, left, u_power
+        Shape (A,), as in `solen.sensor.Response`; empty where the design cannot be built or traced.
+    resolution_deg
+        Worst resolution and its uncertainty.
+    why
+        Why there is no response, or why its tolerance was not reached; empty otherwise.
+    """
+
+    right: FloatArray
+    left: FloatArray
+    u_power: FloatArray
+    resolution_deg: tuple[float, float]
+    why: str = ""
+
+
+class Store:
+    """Points in a folder, which exists."""
+
+    def __init__(self, folder: Path) -> None:
+        """Read what the folder holds; `DataError` where a block is damaged."""
+        self.folder = folder / BLOCKS
+        self.points: dict[str, Point] = {}
+        for path in sorted(self.folder.glob("*.npz")):
+            self.points |= _read(path)
+
+    def add(self, points: Mapping[str, Point]) -> None:
+        """Keep points, as one block on disk."""
+        if not points:
+            return
+        with files.output_folder(self.folder):
+            name = hashlib.sha256("".join(points).encode()).hexdigest()[:32]
+            files.write_bytes(self.folder / f"{name}.npz", _block(points))
+        self.points |= points
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A design to be traced, and how far the built part is off some of its numbers, by their keys."""
+
+    design: Design
+    off: Mapping[str, float] = field(default_factory=dict)
+
+    def name(self, tolerance: float | None) -> str:
+        """Name of its response: equal for equal inputs, different for any other."""
+        design = self.design.set(name="point")
+        named = {key: hashlib.sha256(_bytes(path)).hexdigest() for key, path in sorted(design.files.items())}
+        stated = json.dumps([_engine(), dumps(design), named, sorted(self.off.items()), tolerance])
+        return hashlib.sha256(stated.encode()).hexdigest()
+
+    def sensor(self) -> Sensor:
+        """The sensor as built."""
+        return as_built(Sensor.of(self.design), self.off)
+
+
+def _bytes(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as bad:
+        raise DataError(str(path), limit=f"cannot be read: {bad.strerror or bad}", remedy="check the path") from None
+
+
+@cache
+def _engine() -> str:
+    """Digest of solen's version, code and data."""
+    digest = hashlib.sha256(solen.__version__.encode())
+    root = Path(solen.__file__).parent
+    for path in sorted(path for path in root.rglob("*") if path.suffix in SUFFIXES):
+        digest.update(path.relative_to(root).as_posix().encode())
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def _block(points: Mapping[str, Point]) -> bytes:
+    """Bytes of a block: arrays of points one after the other, and how many angles each has."""
+    values = list(points.values())
+    buffer = io.BytesIO()
+    np.savez_compressed(
+        buffer,
+        name=np.array(list(points)),
+        angles=np.array([point.right.size for point in values]),
+        power=np.concatenate([np.array([point.right, point.left, point.u_power]).T for point in values]),
+        resolution_deg=np.array([point.resolution_deg for point in values]),
+        why=np.array([point.why for point in values]),
+    )
+    return buffer.getvalue()
+
+
+def _read(path: Path) -> dict[str, Point]:
+    try:
+        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as block:
+            ends = np.cumsum(block["angles"])[:-1]
+            powers = np.split(block["power"], ends)
+            rows = zip(block["name"], powers, block["resolution_deg"], block["why"], strict=True)
+            return {
+                str(name): Point(power[:, 0], power[:, 1], power[:, 2], (float(worst[0]), float(worst[1])), str(why))
+                for name, power, worst, why in rows
+            }
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as bad:
+        raise DataError(str(path), limit=f"is not a whole block of a sweep: {bad}", remedy="remove it") from None

@@ -1,0 +1,171 @@
+"""A surrogate of a merit: a polynomial of what varies, fitted to traced samples, with its error on samples held out.
+
+Polynomials are orthonormal under the distributions of their variables (polynomial chaos: Hermite for normal, Legendre
+for uniform ones), so that Sobol' indices are sums of squared coefficients (Sudret, Reliability Engineering & System
+Safety 93, 964, 2008). The degree is the one with the least error on held-out samples.
+
+The interface: `Variation` of one number; `fit` of samples, which returns a `Surrogate`.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations_with_replacement
+from typing import Literal
+
+import numpy as np
+from scipy.special import eval_hermitenorm, eval_legendre, ndtri
+
+from solen.arrays import BoolArray, FloatArray, IntArray
+
+HIGHEST_DEGREE, SAMPLES_A_TERM = 12, 3
+PATIENCE = 3
+"""Degrees without a gain after which none is tried any more."""
+FOLDS = 8
+"""Parts of the samples; each is held out once."""
+
+
+@dataclass(frozen=True)
+class Variation:
+    """Distribution of the deviation of one number from its design value.
+
+    Attributes
+    ----------
+    key
+        The number.
+    kind
+        ``normal`` by mean and standard deviation, or ``uniform`` between two ends.
+    first, second
+        Mean and standard deviation, or the ends, in the unit of the key.
+    """
+
+    key: str
+    kind: Literal["normal", "uniform"]
+    first: float
+    second: float
+
+    def deviation(self, share: FloatArray) -> FloatArray:
+        """Deviation at shares, 0 to 1, of its distribution function."""
+        if self.kind == "normal":
+            return np.asarray(self.first + self.second * ndtri(share))
+        return np.asarray(self.first + (self.second - self.first) * share)
+
+    def standard(self, deviation: FloatArray) -> FloatArray:
+        """Standard variable of deviations: of unit variance about 0, or uniform from -1 to 1."""
+        if self.kind == "normal":
+            return np.asarray((deviation - self.first) / self.second)
+        return np.asarray((2.0 * deviation - self.first - self.second) / (self.second - self.first))
+
+    def polynomial(self, degree: int, variable: FloatArray) -> FloatArray:
+        """Orthonormal polynomial of its standard variable."""
+        if self.kind == "normal":
+            return np.asarray(eval_hermitenorm(degree, variable) / math.sqrt(math.factorial(degree)))
+        return np.asarray(eval_legendre(degree, variable) * math.sqrt(2 * degree + 1))
+
+
+@dataclass(frozen=True, eq=False)
+class Surrogate:
+    """Polynomial of D variables with T terms.
+
+    Attributes
+    ----------
+    variations
+        The variables.
+    degrees
+        (T, D) degree of each term in each variable; the constant first.
+    coefficients
+        (T,).
+    held_out
+        Share of the variance that it leaves unexplained of samples not fitted.
+    folds
+        (FOLDS, T) coefficients without each part of the samples.
+    """
+
+    variations: tuple[Variation, ...]
+    degrees: IntArray
+    coefficients: FloatArray
+    held_out: float
+    folds: FloatArray
+
+    def __call__(self, deviations: FloatArray, fold: int | None = None) -> FloatArray:
+        """Value (N,) at deviations (N, D); with ``fold`` of the polynomial fitted without that part."""
+        coefficients = self.coefficients if fold is None else self.folds[fold]
+        return np.asarray(_terms(self.variations, self.degrees, deviations) @ coefficients)
+
+    @property
+    def degree(self) -> int:
+        """Degree of the polynomial."""
+        return int(self.degrees.sum(axis=1).max())
+
+    @cached_property
+    def first_order(self) -> FloatArray:
+        """First-order Sobol' indices (D,): the share of the variance by each variable alone; NaN without variance."""
+        alone = (self.degrees > 0).sum(axis=1) == 1
+        return self._shares((self.degrees > 0) & alone[:, None])
+
+    @cached_property
+    def total(self) -> FloatArray:
+        """Total Sobol' indices (D,): the share by each variable, together with others included."""
+        return self._shares(self.degrees > 0)
+
+    def _shares(self, counted: BoolArray) -> FloatArray:
+        variance = self.coefficients[1:] @ self.coefficients[1:]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.asarray((self.coefficients**2 @ counted) / variance)
+
+
+def fit(variations: Sequence[Variation], deviations: FloatArray, values: FloatArray) -> Surrogate:
+    """Surrogate of values (N,) at deviations (N, D); samples without a finite value are left out.
+
+    Parts that are held out are those of `parts`.
+    """
+    part = parts(values.size)
+    finite = np.isfinite(values)
+    known, part = deviations[finite], part[finite]
+    best: Surrogate | None = None
+    for degree in range(HIGHEST_DEGREE + 1):
+        degrees = _degrees(len(variations), degree)
+        last = best is not None and degree - best.degree > PATIENCE
+        if last or (degree and SAMPLES_A_TERM * len(degrees) > values[finite].size):
+            break
+        made = _fitted(tuple(variations), degrees, known, values[finite], part)
+        if best is None or made.held_out < best.held_out:
+            best = made
+    assert best is not None  # noqa: S101  degree 0 always fits
+    return best
+
+
+def parts(number: int) -> IntArray:
+    """Part, 0 to `FOLDS` − 1, of each of some samples; shuffled, as every n-th of a Sobol' sequence fills a corner."""
+    return np.asarray(np.random.default_rng(0).permutation(number) % FOLDS)
+
+
+def _fitted(
+    variations: tuple[Variation, ...], degrees: IntArray, deviations: FloatArray, values: FloatArray, part: IntArray
+) -> Surrogate:
+    terms = _terms(variations, degrees, deviations)
+    folds = np.array([np.linalg.lstsq(terms[part != k], values[part != k])[0] for k in range(FOLDS)])
+    missed = values - (terms * folds[part]).sum(axis=1)
+    variance = float(values.var())
+    held_out = float((missed**2).mean()) / variance if variance > 0.0 else 0.0
+    coefficients = np.asarray(np.linalg.lstsq(terms, values)[0], dtype=np.float64)
+    return Surrogate(variations, degrees, coefficients, held_out, folds)
+
+
+def _degrees(variables: int, highest: int) -> IntArray:
+    """Degrees of all terms up to a total degree, (T, variables), the constant first."""
+    chosen = (
+        terms for degree in range(highest + 1) for terms in combinations_with_replacement(range(variables), degree)
+    )
+    return np.array([np.bincount(np.array(terms, dtype=int), minlength=variables) for terms in chosen])
+
+
+def _terms(variations: Sequence[Variation], degrees: IntArray, deviations: FloatArray) -> FloatArray:
+    """Values (N, T) of the terms."""
+    product = np.ones((deviations.shape[0], len(degrees)))
+    for place, variation in enumerate(variations):
+        variable = variation.standard(deviations[:, place])
+        powers = np.array([variation.polynomial(degree, variable) for degree in range(degrees[:, place].max() + 1)])
+        product *= powers[degrees[:, place]].T
+    return product

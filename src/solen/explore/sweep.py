@@ -1,0 +1,308 @@
+"""A sweep: the response and the merits of a design over values of any of its keys.
+
+The interface: `sweep` of a design by `SweepOptions` returns a `Sweep`; `responses` traces any designs and keeps them in
+a `Store`.
+"""
+
+import math
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import field
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from pydantic import Field
+
+import solen
+from solen.arrays import FloatArray, Progress
+from solen.errors import SolenError, SpecError
+from solen.explore.axes import Axis, axis, check_axes, grid, sampled
+from solen.explore.merits import LEAST_ANGLES, NAMES, merits_of, worst_resolution_deg
+from solen.explore.store import Point, Store, Variant
+from solen.extras import need
+from solen.results import HIDDEN, Result, reported
+from solen.sensor import Response
+from solen.sensor.readings import readings_from
+from solen.spec import Design, dumps, with_values
+from solen.spec.strict import Finite, Options
+
+if TYPE_CHECKING:
+    import xarray
+
+BLOCK_S, BLOCK_POINTS = 5.0, 256
+"""Points are written after this time at the latest, and so many at once at most."""
+OF_THE_MOTION = ("motion.from_deg", "motion.to_deg", "motion.step_deg")
+
+
+class SweepOptions(Options):
+    """Axes of a sweep, and how closely it is traced."""
+
+    over: tuple[str, ...] = ()
+    """A key of the design and its values, KEY=FROM:TO:NUMBER or KEY=VALUE,VALUE,...; with --samples, KEY=FROM:TO;
+    repeatable."""
+    samples: int | None = Field(None, ge=2)
+    """Draw so many points of a scrambled Sobol' sequence in place of the grid of all values."""
+    seed: int = Field(0, ge=0)
+    """Seed of the samples."""
+    tolerance: Finite | None = Field(None, ge=1e-6, le=1e-2)
+    """Largest uncertainty of a power, as a share of the emitted power; default: 1e-6 for a point in one colour, 1e-4
+    for any other source."""
+
+
+class Sweep(Result):
+    """Responses of a design over values of its keys, P points of A angles.
+
+    Attributes
+    ----------
+    name
+        Name of the design.
+    values
+        By key the P values; of a grid the last key runs fastest.
+    shape
+        Number of values of each key of a grid; one number, P, for samples.
+    seed
+        Seed of the samples; None for a grid.
+    merits
+        By name of merit (`Merits`) the P values, and their uncertainties by ``u_`` and that name.
+    failures
+        Reasons why points have no response, and how many have each.
+    traced
+        Number of points traced now; the others were known.
+    angle_deg, right, left, u_power
+        Angles (A,) and powers (P, A), as in `solen.sensor.Response`; NaN where a point has no response.
+    design
+        The design before its values are set, as TOML.
+    """
+
+    name: str
+    values: Mapping[str, Sequence[Any]]
+    shape: tuple[int, ...]
+    seed: int | None
+    merits: Mapping[str, FloatArray]
+    failures: Mapping[str, int]
+    traced: int
+    warnings: tuple[str, ...]
+    angle_deg: FloatArray = field(metadata=HIDDEN)
+    right: FloatArray = field(metadata=HIDDEN)
+    left: FloatArray = field(metadata=HIDDEN)
+    u_power: FloatArray = field(metadata=HIDDEN)
+    design: str = field(metadata=HIDDEN)
+    simulated: bool = True
+
+    @reported
+    def points(self) -> int:
+        """Number of points."""
+        return int(np.prod(self.shape))
+
+    @property
+    def is_grid(self) -> bool:
+        """Whether it is a grid of all values, rather than samples."""
+        return self.seed is None
+
+    @property
+    def axes(self) -> dict[str, list[Any]]:
+        """The distinct values of each key of a grid."""
+        return {key: list(dict.fromkeys(values)) for key, values in self.values.items()}
+
+    def to_dataset(self) -> "xarray.Dataset":
+        """The sweep as an xarray dataset: a grid has a dimension for each key, samples have ``sample``.
+
+        Raises
+        ------
+        OutputError
+            Where xarray is not installed.
+        """
+        need("xarray", what="to_dataset", doing="a dataset")
+        import xarray
+
+        names = tuple(self.values) if self.is_grid else ("sample",)
+        values = (
+            {key: (key, own) for key, own in self.axes.items()}
+            if self.is_grid
+            else {key: ("sample", list(own)) for key, own in self.values.items()}
+        )
+        coordinates: dict[str, Any] = {"angle_deg": ("angle_deg", self.angle_deg), **values}
+        variables: dict[str, Any] = {name: (names, merit.reshape(self.shape)) for name, merit in self.merits.items()}
+        with np.errstate(invalid="ignore"):
+            both = self.right + self.left
+            curves = {
+                "right": self.right,
+                "left": self.left,
+                "u_power": self.u_power,
+                "contrast": (self.right - self.left) / both,
+                "u_contrast": 2.0 * self.u_power / both,
+            }
+        for name, curve in curves.items():
+            variables[name] = ((*names, "angle_deg"), curve.reshape(*self.shape, -1))
+        attributes = {
+            "title": f"Sweep of {self.name}",
+            "comment": "Simulated, not measured. Powers are fractions of the emitted power.",
+            "source": f"solen {solen.__version__}",
+            "design": self.design,
+            "simulated": 1,
+        }
+        return xarray.Dataset(variables, coordinates, attributes)
+
+
+def sweep(design: Design, options: SweepOptions, store: Store, progress: Progress | None = None) -> Sweep:
+    """Responses and merits of a design over values of its keys.
+
+    Parameters
+    ----------
+    design
+        What the values are set in.
+    options
+        The axes.
+    store
+        What is known already, and where points are kept as they come.
+    progress
+        Called with the share done, up to 1.
+
+    Raises
+    ------
+    SpecError
+        Where an axis is malformed, or no point is a valid design.
+    """
+    axes = [axis(text, design) for text in options.over]
+    check_axes(axes, options.samples)
+    _check_axes(design, axes)
+    points = list(grid(axes) if options.samples is None else sampled(axes, options.samples, options.seed))
+    known = len(store.points)
+    variants = (partial(_set_in, design, point) for point in points)
+    traced = list(responses(variants, len(points), options.tolerance, store, progress))
+    values = {one.key: [point[one.key] for point in points] for one in axes}
+    shape = tuple(len(one.values) for one in axes) if options.samples is None else (len(points),)
+    seed = None if options.samples is None else options.seed
+    return _swept(design, values, shape, seed, traced, len(store.points) - known)
+
+
+def _set_in(design: Design, point: Mapping[str, Any]) -> Variant:
+    return Variant(with_values(design, point))
+
+
+def _check_axes(design: Design, axes: Sequence[Axis]) -> None:
+    """All points of a sweep have the same angles."""
+    check_angles(design)
+    bad = next((one.key for one in axes if one.key in OF_THE_MOTION), None)
+    if bad is not None:
+        limit = "all points of a sweep have the same angles"
+        raise SpecError(f"--over {bad}", limit=limit, remedy="set it with --set")
+
+
+def check_angles(design: Design) -> None:
+    """`SpecError` where a design has too few angles for merits."""
+    if (number := len(design.motion.angles_deg())) < LEAST_ANGLES:
+        remedy = "take a smaller motion.step_deg"
+        raise SpecError("motion", value=f"{number} angles", limit=f"merits need {LEAST_ANGLES}", remedy=remedy)
+
+
+def responses(
+    variants: Iterable[Callable[[], Variant]],
+    number: int,
+    tolerance: float | None,
+    store: Store,
+    progress: Progress | None = None,
+) -> Iterator[Point]:
+    """Responses of designs, in their order: known ones from the store, others traced and kept there.
+
+    A design that cannot be built or traced is a point without angles that says why.
+    """
+    fresh: dict[str, Point] = {}
+    written = time.monotonic()
+    try:
+        for done, make in enumerate(variants, start=1):
+            try:
+                variant = make()
+            except SolenError as bad:  # the same at any time, and quickly
+                yield _none(bad)
+                continue
+            name = variant.name(tolerance)
+            if name not in store.points and name not in fresh:
+                fresh[name] = _traced(variant, tolerance)
+            yield store.points.get(name) or fresh[name]
+            if len(fresh) >= BLOCK_POINTS or time.monotonic() - written > BLOCK_S:
+                store.add(fresh)
+                fresh, written = {}, time.monotonic()
+            if progress is not None:
+                progress(done / number)
+    finally:
+        store.add(fresh)
+
+
+def _none(why: SolenError) -> Point:
+    nothing = np.empty(0)
+    return Point(nothing, nothing, nothing, (math.nan, math.nan), str(why))
+
+
+def _traced(variant: Variant, tolerance: float | None) -> Point:
+    """Response of a design over its motion, and its resolution."""
+    try:
+        sensor = variant.sensor()
+        response = sensor.power(tolerance=tolerance)
+        resolution_deg = worst_resolution_deg(readings_from(sensor, response))
+    except SolenError as bad:
+        return _none(bad)
+    why = next((trace.why for trace in response.traces if not trace.reached), "")
+    return Point(response.right, response.left, response.u_power, resolution_deg, why)
+
+
+def merits_of_points(angle_deg: FloatArray, points: Sequence[Point]) -> dict[str, FloatArray]:
+    """Merits of P points by name, each (P,); NaN where a point has no response."""
+    table = np.full((len(points), len(NAMES)), np.nan)
+    for row, point in zip(table, points, strict=True):
+        if point.right.size:
+            response = Response("power", angle_deg, point.right, point.left, point.u_power, ())
+            found = merits_of(response, point.resolution_deg)
+            row[:] = [getattr(found, name) for name in NAMES]
+    return dict(zip(NAMES, table.T, strict=True))
+
+
+def failures_of(points: Sequence[Point]) -> dict[str, int]:
+    """Reasons why points have no response, the most frequent first, with their numbers."""
+    return dict(Counter(point.why for point in points if not point.right.size).most_common())
+
+
+def _swept(
+    design: Design,
+    values: Mapping[str, Sequence[Any]],
+    shape: tuple[int, ...],
+    seed: int | None,
+    points: Sequence[Point],
+    traced: int,
+) -> Sweep:
+    failures = failures_of(points)
+    if sum(failures.values()) == len(points):
+        raise SpecError("sweep", limit=f"no point has a response; the first: {next(iter(failures))}")
+    angle_deg = np.array(design.motion.angles_deg())
+    nothing = np.full(angle_deg.size, np.nan)
+    right, left, u_power = (
+        np.array([getattr(point, name) if point.right.size else nothing for point in points])
+        for name in ("right", "left", "u_power")
+    )
+    return Sweep(
+        name=design.name,
+        values=values,
+        shape=shape,
+        seed=seed,
+        merits=merits_of_points(angle_deg, points),
+        failures=failures,
+        traced=traced,
+        warnings=tuple(point_warnings(points, failures)),
+        angle_deg=angle_deg,
+        right=right,
+        left=left,
+        u_power=u_power,
+        design=dumps(design),
+    )
+
+
+def point_warnings(points: Sequence[Point], failures: Mapping[str, int]) -> Iterator[str]:
+    """Warnings about points without a response, and about those that did not reach the tolerance."""
+    if failures:
+        why, many = next(iter(failures.items())), sum(failures.values())
+        yield f"{many} of {len(points)} points have no response; {why[1]} of them: {why[0]}"
+    rough = [point.why for point in points if point.right.size and point.why]
+    if rough:
+        yield f"{len(rough)} of {len(points)} points did not reach the tolerance; their u says what did: {rough[0]}"

@@ -1,0 +1,1 @@
+"""Exploring designs: sweeps over their numbers."""

@@ -1,0 +1,48 @@
+"""A sweep: a design in; a table of merits and responses out."""
+
+from pathlib import Path
+from typing import Annotated
+
+from solen import files
+from solen.explore.store import Store
+from solen.explore.sweep import Sweep, SweepOptions
+from solen.explore.sweep import sweep as sweep_design
+from solen.pipeline.design.designs import open_design
+from solen.pipeline.names import stem_of
+from solen.pipeline.options import FLAT, ProgressBar, Set
+from solen.pipeline.outputs import drawn, named
+from solen.report.options import FigureOptions
+from solen.results import Outcome
+from solen.trace.dataset import check_installed, netcdf_writer
+
+
+def sweep(
+    file: Path,
+    /,
+    *,
+    out: Path,
+    options: Annotated[SweepOptions, FLAT] = SweepOptions(),
+    set_: Set = None,
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
+    progress: ProgressBar = None,
+) -> Outcome[Sweep]:
+    """Trace a design over values of its numbers, and compute the merits of each response.
+
+    Points are kept as they come: after an interruption the same command goes on where it stopped, and a point that is
+    in the folder is never traced again, whichever sweep asked for it.
+
+    Parameters
+    ----------
+    file
+        The design file.
+    out
+        Folder for the table, NAME-sweep.nc, and the points traced so far; made if need be.
+    """
+    figure.check()
+    check_installed()
+    design = open_design(file, set_)
+    with files.output_folder(out):
+        result = sweep_design(design, options, Store(out), progress)
+        table = out / f"{stem_of(file)}-sweep.nc"
+        files.write_all(drawn(result, figure, "sweep") | {table: netcdf_writer(result.to_dataset())})
+    return Outcome(result, named(figure=figure.figure, table=table))

@@ -1,0 +1,48 @@
+"""Tolerances: a design in; yields, their causes and a table of prints out."""
+
+from pathlib import Path
+from typing import Annotated
+
+from solen import files
+from solen.explore.store import Store
+from solen.explore.tolerance import ToleranceOptions, Tolerances, print_design
+from solen.explore.tolerance import tolerance as tolerance_of_design
+from solen.pipeline.design.designs import open_design
+from solen.pipeline.names import stem_of
+from solen.pipeline.options import FLAT, ProgressBar, Set
+from solen.pipeline.outputs import drawn, named
+from solen.report.options import FigureOptions
+from solen.results import Outcome
+from solen.spec import save
+
+
+def tolerance(
+    file: Path,
+    /,
+    *,
+    out: Path,
+    options: Annotated[ToleranceOptions, FLAT] = ToleranceOptions(),
+    set_: Set = None,
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
+    progress: ProgressBar = None,
+) -> Outcome[Tolerances]:
+    """Trace prints of a design whose numbers vary: yield, what costs most, and what each tolerance may be.
+
+    Prints are kept as they come: after an interruption the same command goes on where it stopped.
+
+    Parameters
+    ----------
+    file
+        The design file.
+    out
+        Folder for the table of prints, NAME-prints.csv, and the responses traced so far; made if need be.
+    """
+    figure.check()
+    design = open_design(file, set_)
+    print_ = print_design(design, options)
+    with files.output_folder(out):
+        result = tolerance_of_design(design, options, Store(out), progress)
+        table = out / f"{stem_of(file)}-prints.csv"
+        files.write_all(drawn(result, figure, "tolerance") | {table: result.table().encode()})
+        chosen = None if print_ is None else save(out / f"{stem_of(file)}-print-{options.print_number}.toml", print_)
+    return Outcome(result, named(figure=figure.figure, table=table, print=chosen))

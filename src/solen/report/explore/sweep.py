@@ -1,0 +1,102 @@
+"""The figure of a sweep: merits over one number, as heat maps over two, or of samples against each number."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import ScalarFormatter
+
+from solen.explore.merits import MERITS
+from solen.explore.sweep import Sweep
+from solen.report.canvas import INK, RIGHT, series
+
+MAP = "viridis"
+MOST_CURVES = 7
+COLUMNS = 3
+
+
+def sweep_figure(sweep: Sweep) -> Figure:
+    """Merits against what varies: curves over one key, heat maps over the two first, dots where it is sampled."""
+    draw = _curve if len(sweep.values) == 1 else _map if sweep.is_grid else _dots
+    names = [name for name in MERITS if np.isfinite(sweep.merits[name]).any()]
+    keys = [""] if len(sweep.values) == 1 or sweep.is_grid else list(sweep.values)
+    panels = [(name, key) for name in names for key in keys]
+    columns = COLUMNS if len(keys) == 1 else len(keys)
+    extra = len(sweep.values) == 1
+    rows = -(-(len(panels) + extra) // columns)
+    figure = Figure(figsize=(3.0 * columns, 0.5 + 2.4 * rows))
+    for place, (name, key) in enumerate(panels, start=1):
+        draw(figure, figure.add_subplot(rows, columns, place), sweep, name, key)
+    if extra:
+        _responses(figure.add_subplot(rows, columns, len(panels) + 1), sweep)
+    for axes in figure.axes:
+        for axis in (axes.xaxis, axes.yaxis):
+            if isinstance(formatter := axis.get_major_formatter(), ScalarFormatter):
+                formatter.set_useOffset(False)
+    figure.suptitle(f"simulated: {sweep.name}{_fixed(sweep)}")
+    return figure
+
+
+def _fixed(sweep: Sweep) -> str:
+    """What a map of more than two keys leaves at its first value."""
+    others = list(sweep.axes.items())[2:] if sweep.is_grid else []
+    return "".join(f", {key} = {values[0]}" for key, values in others)
+
+
+def _label(values: list[object]) -> tuple[np.ndarray, list[str] | None]:
+    """Places along an axis, and their labels where the values are not numbers."""
+    if all(isinstance(value, int | float) for value in values):
+        return np.array(values, dtype=float), None
+    return np.arange(len(values), dtype=float), [str(value) for value in values]
+
+
+def _curve(_: Figure, axes: Axes, sweep: Sweep, name: str, __: str) -> None:
+    ((key, values),) = sweep.values.items()
+    places, labels = _label(list(values))
+    merit, u = sweep.merits[name], np.nan_to_num(sweep.merits[f"u_{name}"], posinf=0.0)
+    axes.errorbar(places, merit, yerr=u, color=RIGHT, ecolor=INK, marker="o", ms=3.5, lw=1.2, capsize=2)
+    if labels is not None:
+        axes.set_xticks(places, labels)
+    axes.set_xlabel(key)
+    axes.set_ylabel(name)
+
+
+def _responses(axes: Axes, sweep: Sweep) -> None:
+    """Contrast of some points of a sweep over one key."""
+    ((key, values),) = sweep.values.items()
+    chosen = np.unique(np.linspace(0, sweep.points - 1, MOST_CURVES).round().astype(int))
+    with np.errstate(invalid="ignore"):
+        contrast = (sweep.right - sweep.left) / (sweep.right + sweep.left)
+    for number, place in enumerate(chosen):
+        value = values[place]
+        label = f"{value:.4g}" if isinstance(value, float) else str(value)
+        axes.plot(sweep.angle_deg, contrast[place], label=label, **series(number))
+    axes.set_xlabel("angle in deg")
+    axes.set_ylabel("contrast")
+    axes.legend(title=key)
+
+
+def _map(figure: Figure, axes: Axes, sweep: Sweep, name: str, _: str) -> None:
+    (across, columns), (up, rows), *_others = sweep.axes.items()
+    merit = sweep.merits[name].reshape(sweep.shape)
+    merit = merit.reshape(*merit.shape[:2], -1)[:, :, 0].T
+    (x, x_labels), (y, y_labels) = _label(columns), _label(rows)
+    drawn = axes.pcolormesh(x, y, np.ma.masked_invalid(merit), cmap=MAP, shading="nearest")
+    figure.colorbar(drawn, ax=axes, label=name)
+    if x_labels is not None:
+        axes.set_xticks(x, x_labels)
+    if y_labels is not None:
+        axes.set_yticks(y, y_labels)
+    axes.grid(visible=False)
+    axes.set_xlabel(across)
+    axes.set_ylabel(up)
+
+
+def _dots(_: Figure, axes: Axes, sweep: Sweep, name: str, key: str) -> None:
+    places, labels = _label(list(sweep.values[key]))
+    if labels is not None:
+        distinct = list(dict.fromkeys(labels))
+        places = np.array([distinct.index(label) for label in labels], dtype=float)
+        axes.set_xticks(range(len(distinct)), distinct)
+    axes.plot(places, sweep.merits[name], ".", color=RIGHT, ms=4)
+    axes.set_xlabel(key)
+    axes.set_ylabel(name)

@@ -1,0 +1,89 @@
+"""Merits of responses with known answers: nulls, slopes, deviations from a line, and their uncertainties."""
+
+import math
+
+import numpy as np
+import pytest
+
+from solen.arrays import FloatArray
+from solen.explore.merits import MERITS, merits_of
+from solen.sensor import Response
+
+ANGLES = np.linspace(-3.0, 3.0, 25)
+
+
+def response(contrast: FloatArray, light: float = 0.6, u: float = 1e-6) -> Response:
+    right, left = 0.5 * light * (1.0 + contrast), 0.5 * light * (1.0 - contrast)
+    return Response("power", ANGLES[: contrast.size], right, left, np.full(contrast.size, u), ())
+
+
+def test_a_straight_response_has_the_numbers_of_its_line() -> None:
+    merits = merits_of(response(0.25 * (ANGLES - 0.4)))
+    assert merits.null_deg == pytest.approx(0.4, abs=1e-9)
+    assert merits.slope_per_deg == pytest.approx(0.25, abs=1e-9)
+    assert merits.span == pytest.approx(1.5)
+    assert merits.linearity_percent == pytest.approx(0.0, abs=1e-6)
+    assert merits.range_deg == 6.0
+    assert merits.light == pytest.approx(0.6)
+
+
+@pytest.mark.parametrize("width_deg", [0.7, 1.0, 1.6, 2.5])
+@pytest.mark.parametrize("null_deg", [-0.55, 0.0, 0.11, 0.83])
+def test_the_uncertainty_covers_what_the_step_between_angles_costs(width_deg: float, null_deg: float) -> None:
+    def curve(angle: FloatArray) -> FloatArray:
+        return np.tanh((angle - null_deg) / width_deg)
+
+    merits = merits_of(response(curve(ANGLES)))
+    assert abs(merits.null_deg - null_deg) < 2.0 * merits.u_null_deg
+    assert abs(merits.slope_per_deg - 1.0 / width_deg) < 2.0 * merits.u_slope_per_deg
+    assert merits.u_slope_per_deg < 0.05 / width_deg
+    dense = np.linspace(-3.0, 3.0, 4001)
+    away = _off_by_search(dense, curve(dense))
+    assert abs(merits.linearity_percent - 100.0 * away / float(np.ptp(curve(dense)))) < max(
+        2.0 * merits.u_linearity_percent, 0.02
+    )
+
+
+def _off_by_search(x: FloatArray, y: FloatArray) -> float:
+    """Least largest deviation from a straight line, by linear programming."""
+    from scipy.optimize import linprog
+
+    ones = np.ones_like(x)
+    above = np.column_stack([x, ones, -ones])
+    below = np.column_stack([-x, -ones, -ones])
+    found = linprog([0, 0, 1], np.vstack([above, below]), np.concatenate([y, -y]), bounds=[(None, None)] * 3)
+    return float(found.fun)
+
+
+def test_noise_within_its_uncertainty_moves_merits_within_theirs() -> None:
+    rng = np.random.default_rng(1)
+    u = 3e-4
+    clean = np.tanh((ANGLES - 0.2) / 2.0)
+    off = []
+    for _ in range(200):
+        noisy = response(clean + rng.normal(0.0, 2.0 * u / 0.6 / math.sqrt(3.0), ANGLES.size), u=u)
+        merits = merits_of(noisy)
+        off.append(((merits.null_deg - 0.2) / merits.u_null_deg, (merits.slope_per_deg - 0.5) / merits.u_slope_per_deg))
+    rms = np.sqrt(np.mean(np.square(off), axis=0))
+    assert (rms < 1.0).all()
+    assert (rms > 0.1).all()
+
+
+def test_a_response_that_turns_is_monotone_between_its_turns() -> None:
+    merits = merits_of(response(np.sin(ANGLES / 2.0 * math.pi / 2.0)))  # turns at 2 deg
+    assert merits.range_deg == pytest.approx(4.0, abs=merits.u_range_deg)
+    assert merits.u_range_deg == 0.5
+
+
+def test_the_dark_has_no_merit_but_its_light() -> None:
+    merits = merits_of(response(np.zeros(25), light=0.0))
+    assert merits.light == 0.0
+    assert all(math.isnan(getattr(merits, name)) for name in MERITS if name != "light")
+
+
+def test_without_a_null_there_is_neither_slope_nor_range() -> None:
+    merits = merits_of(response(0.5 + 0.05 * ANGLES))
+    assert math.isnan(merits.null_deg)
+    assert math.isnan(merits.slope_per_deg)
+    assert math.isnan(merits.range_deg)
+    assert merits.span == pytest.approx(0.3)

@@ -1,0 +1,142 @@
+"""Sweeps: the points of their axes, the folder that keeps them through a kill, and the table."""
+
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from solen.errors import DataError, SpecError
+from solen.explore.axes import axis, check_axes, grid, sampled
+from solen.explore.store import Store, Variant
+from solen.explore.sweep import SweepOptions, sweep
+from solen.sensor import Sensor
+from solen.spec import Design, save
+
+DESIGN = Design(name="small", material={"index": 1.44}, motion={"from_deg": -1.0, "to_deg": 1.0, "step_deg": 0.25})
+
+
+def test_a_grid_has_all_combinations_and_the_last_axis_runs_fastest() -> None:
+    axes = [axis("lens.focus_mm=15:25:3", DESIGN), axis("lens.shape=cartesian-oval,none", DESIGN)]
+    points = list(grid(axes))
+    assert [point["lens.focus_mm"] for point in points] == [15.0, 15.0, 20.0, 20.0, 25.0, 25.0]
+    assert [point["lens.shape"] for point in points] == ["cartesian-oval", "none"] * 3
+
+
+def test_samples_fill_ranges_and_lists_evenly() -> None:
+    axes = [axis("lens.focus_mm=15:25", DESIGN), axis("emitter.width_mm=0.1,0.2", DESIGN)]
+    points = list(sampled(axes, 64, seed=3))
+    focus = np.array([point["lens.focus_mm"] for point in points])
+    assert 15.0 <= focus.min() < 15.5 < 24.5 < focus.max() <= 25.0
+    assert sum(point["emitter.width_mm"] == 0.1 for point in points) == 32
+    assert points == list(sampled(axes, 64, seed=3))
+
+
+@pytest.mark.parametrize(
+    ("over", "samples", "named"),
+    [
+        (["lens.focus_mm"], None, "lens.focus_mm"),
+        (["lens.focus_mm=15:15:3"], None, "empty range"),
+        (["lens.focus_mm=15:25:1"], None, "at least 2"),
+        (["lens.focus_mm=15:25:2.5"], None, "whole"),
+        (["lens.focus_mm=15:x:3"], None, "numbers"),
+        (["lens.focus_mm=15:25:1000000000000"], None, "1,000,000,000,000"),
+        (["lens.focus_mm=15:25:2000", "emitter.offset_mm=0:1:2000"], None, "4,000,000"),
+        (["lens.focus_mm=15:25"], None, "--samples"),
+        (["lens.focus_mm=15:25:3"], 8, "15:25"),
+        (["lens.focus_mm=15,15"], None, "twice"),
+        (["lens.focus_mm=15,20", "lens.focus_mm=25,30"], None, "twice"),
+        (["lens.fokus_mm=15,20"], None, "fokus"),
+        ([], None, "axis"),
+    ],
+)
+def test_a_sweep_that_cannot_be_is_refused_by_name(over: list[str], samples: int | None, named: str) -> None:
+    with pytest.raises(SpecError) as refused:
+        check_axes([axis(text, DESIGN) for text in over], samples)
+    assert named in str(refused.value)
+
+
+def test_angles_are_no_axis(tmp_path: Path) -> None:
+    with pytest.raises(SpecError, match=r"motion\.step_deg"):
+        sweep(DESIGN, SweepOptions(over=("motion.step_deg=0.1,0.2",)), Store(tmp_path))
+
+
+def test_a_sweep_is_the_responses_of_its_designs(tmp_path: Path) -> None:
+    pytest.importorskip("xarray")
+    options = SweepOptions(over=("lens.focus_mm=18,22", "emitter.offset_mm=0,0.01,0.02"))
+    found = sweep(DESIGN, options, Store(tmp_path))
+    data = found.to_dataset()
+    assert data["contrast"].dims == ("lens.focus_mm", "emitter.offset_mm", "angle_deg")
+    own = Sensor.of(DESIGN.set({"lens.focus_mm": 22.0, "emitter.offset_mm": 0.01})).power()
+    chosen = data.sel({"lens.focus_mm": 22.0, "emitter.offset_mm": 0.01})
+    assert np.array_equal(chosen["right"], own.right)
+    assert float(chosen["null_deg"]) == pytest.approx(own.null_deg(), abs=0.02)
+    assert data.attrs["simulated"] == 1
+
+
+def test_a_point_is_traced_once_whichever_sweep_asks_for_it(tmp_path: Path) -> None:
+    first = sweep(DESIGN, SweepOptions(over=("lens.focus_mm=18,20,22",)), Store(tmp_path))
+    second = sweep(DESIGN, SweepOptions(over=("lens.focus_mm=20,24",)), Store(tmp_path))
+    assert (first.traced, second.traced) == (3, 1)
+    assert np.array_equal(first.right[1], second.right[0])
+
+
+def test_a_design_that_cannot_be_built_is_a_point_without_a_response(tmp_path: Path) -> None:
+    found = sweep(DESIGN, SweepOptions(over=("lens.half_width_mm=2,2000",)), Store(tmp_path))
+    assert np.isnan(found.merits["light"]).tolist() == [False, True]
+    assert sum(found.failures.values()) == 1
+    assert "1 of 2 points" in found.warnings[0]
+    with pytest.raises(SpecError, match="no point has a response"):
+        sweep(DESIGN, SweepOptions(over=("lens.half_width_mm=1000,2000",)), Store(tmp_path))
+
+
+def test_a_point_is_named_by_all_that_it_depends_on(tmp_path: Path) -> None:
+    base = Variant(DESIGN)
+    assert base.name(None) == Variant(DESIGN.set(name="other")).name(None)
+    others = [
+        Variant(DESIGN.set(focus_mm=21)).name(None),
+        Variant(DESIGN, {"emitter.offset_mm": 0.01}).name(None),
+        base.name(1e-3),
+    ]
+    profile = tmp_path / "a.txt"
+    for content in ("1", "2"):
+        profile.write_text(content, encoding="utf-8")
+        in_folder = DESIGN.set({"emitter.ray_file": "a.txt"}).in_folder(tmp_path)
+        others.append(Variant(in_folder).name(None))
+    assert len({base.name(None), *others}) == 6
+
+
+def test_a_damaged_block_is_refused_by_name(tmp_path: Path) -> None:
+    sweep(DESIGN, SweepOptions(over=("lens.focus_mm=18,20",)), Store(tmp_path))
+    block = next((tmp_path / "blocks").glob("*.npz"))
+    block.write_bytes(block.read_bytes()[:-200])
+    with pytest.raises(DataError, match=block.name):
+        Store(tmp_path)
+
+
+def _command(design: Path, out: Path) -> list[str]:
+    over = ("--over", "lens.focus_mm=15:25:12", "--over", "emitter.offset_mm=0,0.01,0.02")
+    return [sys.executable, "-m", "solen", "explore", "sweep", str(design), *over, "--out", str(out)]
+
+
+@pytest.mark.evidence
+def test_ten_kills_leave_the_same_table(tmp_path: Path) -> None:
+    import xarray
+
+    design = save(tmp_path / "small.toml", DESIGN)
+    subprocess.run(_command(design, tmp_path / "whole"), check=True, capture_output=True)
+    rng = np.random.default_rng(0)
+    killed = 0
+    while killed < 10:
+        running = subprocess.Popen(_command(design, tmp_path / "cut"), stdout=subprocess.DEVNULL)
+        time.sleep(rng.uniform(2.0, 8.0))
+        running.send_signal(signal.SIGKILL)
+        killed += 1
+        running.wait()
+    subprocess.run(_command(design, tmp_path / "cut"), check=True, capture_output=True)
+    tables = [xarray.load_dataset(tmp_path / name / "small-sweep.nc") for name in ("whole", "cut")]
+    assert tables[0].identical(tables[1])
+    assert not list((tmp_path / "cut").rglob("*.tmp"))

@@ -1,0 +1,137 @@
+"""Surrogates and yields against exact answers and brute force."""
+
+import math
+
+import numpy as np
+import pytest
+
+from solen.arrays import FloatArray
+from solen.errors import SpecError
+from solen.explore.merits import NAMES
+from solen.explore.requirement import Requirement
+from solen.explore.store import Store
+from solen.explore.surrogate import Variation, fit
+from solen.explore.tolerance import Prints, ToleranceOptions, drawn, print_design, tolerance, variation
+from solen.sensor import Sensor
+from solen.spec import Design
+
+REQUIREMENTS = [Requirement.parse("abs(null_deg) < 0.9"), Requirement.parse("abs(slope_per_deg / base - 1) < 0.2")]
+VARIATIONS = [
+    Variation("a", "normal", 0.0, 1.0),
+    Variation("b", "uniform", -0.3, 0.3),
+    Variation("c", "normal", 0.1, 0.5),
+]
+BASE = dict.fromkeys(NAMES, 1.0) | {"null_deg": 0.0}
+
+
+def merits_of(x: FloatArray) -> dict[str, FloatArray]:
+    """Merits of prints by a formula."""
+    null = 1.2 * x[:, 0] + 0.4 * x[:, 1] * x[:, 0] + 0.3 * x[:, 2] ** 2
+    slope = 1.0 + 0.2 * np.sin(3.0 * x[:, 2]) + 0.1 * x[:, 1] + 0.05 * x[:, 0] ** 2
+    others = dict.fromkeys(NAMES, np.zeros(len(x)))
+    return others | {"null_deg": null, "slope_per_deg": slope}
+
+
+def test_indices_of_ishigami_are_exact_ones() -> None:
+    """Exact: first order 0.3139, 0.4424, 0; total 0.5576, 0.4424, 0.2437 (Ishigami and Homma 1990)."""
+    variations = [Variation(key, "uniform", -math.pi, math.pi) for key in "abc"]
+    x = drawn(variations, 1024, 0)
+    y = np.sin(x[:, 0]) + 7.0 * np.sin(x[:, 1]) ** 2 + 0.1 * x[:, 2] ** 4 * np.sin(x[:, 0])
+    made = fit(variations, x, y)
+    assert made.first_order == pytest.approx([0.3139, 0.4424, 0.0], abs=0.005)
+    assert made.total == pytest.approx([0.5576, 0.4424, 0.2437], abs=0.005)
+    fresh = drawn(variations, 4096, 5)
+    truth = np.sin(fresh[:, 0]) + 7.0 * np.sin(fresh[:, 1]) ** 2 + 0.1 * fresh[:, 2] ** 4 * np.sin(fresh[:, 0])
+    missed = float(np.var(made(fresh) - truth) / np.var(truth))
+    assert made.held_out / 10.0 < missed < 10.0 * made.held_out
+
+
+def test_a_yield_is_that_of_brute_force_within_its_uncertainty() -> None:
+    many = drawn(VARIATIONS, 2**17, 77)
+    truth = float(np.logical_and.reduce([one.met(merits_of(many), BASE) for one in REQUIREMENTS]).mean())
+    off, ratio = [], []
+    for seed in range(12):
+        x = drawn(VARIATIONS, 256, seed)
+        share, u = Prints(VARIATIONS, x, merits_of(x), BASE).share(REQUIREMENTS)
+        off.append(share - truth)
+        ratio.append((share - truth) / u)
+    assert math.sqrt(np.mean(np.square(off))) < 0.01
+    assert math.sqrt(np.mean(np.square(ratio))) < 1.3
+    assert np.abs(ratio).max() < 3.5
+
+
+def test_a_yield_states_what_its_merits_leave_undecided() -> None:
+    x = drawn(VARIATIONS, 64, 3)
+    sharp = merits_of(x)
+    blurred = sharp | {"u_null_deg": np.full(64, 0.5)}
+    _, u_sharp = Prints(VARIATIONS, x, sharp, BASE).share(REQUIREMENTS)
+    _, u_blurred = Prints(VARIATIONS, x, blurred, BASE).share(REQUIREMENTS)
+    assert u_blurred > u_sharp + 0.02
+
+
+def test_calibration_removes_null_and_gain() -> None:
+    x = drawn(VARIATIONS, 64, 3)
+    share, u = Prints(VARIATIONS, x, merits_of(x), BASE).share(REQUIREMENTS, calibrated=True)
+    assert share == 1.0
+    assert u == pytest.approx(1.0 / 66.0)
+
+
+DESIGN = Design(
+    name="small",
+    material={"index": 1.44},
+    motion={"from_deg": -1.0, "to_deg": 1.0, "step_deg": 0.5},
+    emitter={"width_mm": 0.2, "pattern": "lambertian", "cone_deg": 120.0},
+)
+OPTIONS = ToleranceOptions(
+    vary=("emitter.offset_mm=normal:0:0.02", "material.index=uniform:-0.005:0.005"),
+    require=("abs(null_deg) < 0.3",),
+    prints=32,
+    tolerance=1e-2,
+)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Store:
+    return Store(tmp_path_factory.mktemp("prints"))
+
+
+def test_the_null_is_due_to_the_decentre_and_its_yield_that_of_a_normal_distribution(folder: Store) -> None:
+    found = tolerance(DESIGN, OPTIONS, folder)
+    null = next(one for one in found.spreads if one.merit == "null_deg")
+    assert null.total["emitter.offset_mm"] > 0.95
+    exact = math.erf(0.3 / (math.sqrt(2.0) * null.sd))
+    assert found.yields[-1].share == pytest.approx(exact, abs=3.0 * found.yields[-1].u_share)
+    assert found.varied[0].key == "emitter.offset_mm"
+    assert found.varied[0].share_if_exact == 1.0
+    factor = found.varied[0].factor_alone
+    assert factor is not None
+    assert factor * null.sd == pytest.approx(0.3 / 1.96, rel=0.1)
+    assert found.table().count("\n") == 34
+
+
+def test_the_print_of_a_number_is_a_design_with_its_null(folder: Store) -> None:
+    found = tolerance(DESIGN, OPTIONS, folder)
+    assert found.traced == 0
+    reopened = print_design(DESIGN, OPTIONS.model_copy(update={"print_number": 7}))
+    assert reopened is not None
+    response = Sensor.of(reopened).power(tolerance=1e-3)
+    null = response.null_deg()
+    assert null == pytest.approx(found.merits["null_deg"][6], abs=3.0 * found.merits["u_null_deg"][6] + 0.02)
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("emitter.offset_mm", "distribution"),
+        ("emitter.offset_mm=normal:0", "two numbers"),
+        ("emitter.offset_mm=normal:0:-1", "standard deviation"),
+        ("emitter.offset_mm=uniform:1:-1", "lower end"),
+        ("emitter.offset_mm=cauchy:0:1", "cauchy"),
+        ("emitter.ofset_mm=normal:0:1", "ofset"),
+        ("emitter.height_mm=normal:0:1", "plane"),
+    ],
+)
+def test_a_malformed_variation_is_refused_by_name(text: str, named: str) -> None:
+    with pytest.raises(SpecError) as refused:
+        variation(text, Sensor.of(DESIGN))
+    assert named in str(refused.value)
