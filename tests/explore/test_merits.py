@@ -1,6 +1,7 @@
 """Merits of responses with known answers: nulls, slopes, deviations from a line, and their uncertainties."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -51,7 +52,7 @@ def _off_by_search(x: FloatArray, y: FloatArray) -> float:
     ones = np.ones_like(x)
     above = np.column_stack([x, ones, -ones])
     below = np.column_stack([-x, -ones, -ones])
-    found = linprog([0, 0, 1], np.vstack([above, below]), np.concatenate([y, -y]), bounds=[(None, None)] * 3)
+    found: Any = linprog([0, 0, 1], np.vstack([above, below]), np.concatenate([y, -y]), bounds=[(None, None)] * 3)
     return float(found.fun)
 
 

@@ -105,6 +105,11 @@ ROWS = {
     "bench calibrate": f"S1.csv --design {DESIGN} --figure calibration.svg",
     "bench table": "S1.calibration.json coded",
     "bench decode": "S1.calibration.json S1.csv --out angles.csv",
+    "explore sweep": f"{DESIGN} --out swept --over lens.focus_mm=18,20 --set motion.step_deg=2 --figure swept.svg",
+    "explore tolerance": (
+        f"{DESIGN} --out prints --vary emitter.offset_mm=normal:0:0.02 --prints 32 --set motion.step_deg=2 "
+        "--set trace.dimension=2d --tolerance 1e-2 --require light>0.1 --figure prints.svg"
+    ),
 }
 """Arguments of each command; after # what tells two of one command apart."""
 

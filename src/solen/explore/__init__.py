@@ -1,10 +1,28 @@
-"""Searches with all stages together: drawings that print as designed, tuned print by print.
+"""Searches with all stages together: sweeps, tolerances, and drawings tuned print by print.
 
-`tune` takes a measured print and the log of those before, and gives a `TunedPrint`: the drawing that follows, and the
-next print as it is predicted.
+`sweep` traces a design over values of its numbers, `tolerance` prints whose numbers vary; both return merits
+(`solen.explore.merits`) and keep what they traced in a `Store`. `tune` takes a measured print and the log of those
+before, and gives a `TunedPrint`: the drawing that follows, and the next print as it is predicted.
 """
 
+from solen.explore.store import Store
+from solen.explore.sweep import Sweep, SweepOptions, sweep
+from solen.explore.tolerance import ToleranceOptions, Tolerances, tolerance
 from solen.explore.tuning import TunedPrint, TuneOptions, tune
 from solen.explore.tuning_log import TuningLog, log_text, read_log
 
-__all__ = ["TuneOptions", "TunedPrint", "TuningLog", "log_text", "read_log", "tune"]
+__all__ = [
+    "Store",
+    "Sweep",
+    "SweepOptions",
+    "ToleranceOptions",
+    "Tolerances",
+    "TuneOptions",
+    "TunedPrint",
+    "TuningLog",
+    "log_text",
+    "read_log",
+    "sweep",
+    "tolerance",
+    "tune",
+]

@@ -54,22 +54,21 @@ class Point:
 
 
 class Store:
-    """Points in a folder, which exists."""
+    """Points in memory, and in a folder where one is named."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path | None = None) -> None:
         """Read what the folder holds; `DataError` where a block is damaged."""
-        self.folder = folder / BLOCKS
+        self.folder = None if folder is None else folder / BLOCKS
         self.points: dict[str, Point] = {}
-        for path in sorted(self.folder.glob("*.npz")):
+        for path in [] if self.folder is None else sorted(self.folder.glob("*.npz")):
             self.points |= _read(path)
 
     def add(self, points: Mapping[str, Point]) -> None:
         """Keep points, as one block on disk."""
-        if not points:
-            return
-        with files.output_folder(self.folder):
-            name = hashlib.sha256("".join(points).encode()).hexdigest()[:32]
-            files.write_bytes(self.folder / f"{name}.npz", _block(points))
+        if points and self.folder is not None:
+            with files.output_folder(self.folder):
+                name = hashlib.sha256("".join(points).encode()).hexdigest()[:32]
+                files.write_bytes(self.folder / f"{name}.npz", _block(points))
         self.points |= points
 
 

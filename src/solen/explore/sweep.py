@@ -146,7 +146,7 @@ class Sweep(Result):
         return xarray.Dataset(variables, coordinates, attributes)
 
 
-def sweep(design: Design, options: SweepOptions, store: Store, progress: Progress | None = None) -> Sweep:
+def sweep(design: Design, options: SweepOptions, store: Store | None = None, progress: Progress | None = None) -> Sweep:
     """Responses and merits of a design over values of its keys.
 
     Parameters
@@ -156,7 +156,7 @@ def sweep(design: Design, options: SweepOptions, store: Store, progress: Progres
     options
         The axes.
     store
-        What is known already, and where points are kept as they come.
+        What is known already, and where points are kept as they come; default: in memory alone.
     progress
         Called with the share done, up to 1.
 
@@ -165,6 +165,7 @@ def sweep(design: Design, options: SweepOptions, store: Store, progress: Progres
     SpecError
         Where an axis is malformed, or no point is a valid design.
     """
+    store = Store() if store is None else store
     axes = [axis(text, design) for text in options.over]
     check_axes(axes, options.samples)
     _check_axes(design, axes)

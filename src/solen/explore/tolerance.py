@@ -178,7 +178,9 @@ class Tolerances(Result):
         return "\n".join(["# simulated by solen, not measured", *text, ""])
 
 
-def tolerance(design: Design, options: ToleranceOptions, store: Store, progress: Progress | None = None) -> Tolerances:
+def tolerance(
+    design: Design, options: ToleranceOptions, store: Store | None = None, progress: Progress | None = None
+) -> Tolerances:
     """What prints of a design do whose numbers vary.
 
     Raises
@@ -186,6 +188,7 @@ def tolerance(design: Design, options: ToleranceOptions, store: Store, progress:
     SpecError
         Where a variation or a requirement is malformed, or no print has a response.
     """
+    store = Store() if store is None else store
     requirements = [Requirement.parse(text) for text in options.require]
     sensor = Sensor.of(design)
     check_angles(design)

@@ -28,12 +28,17 @@ def sweep_figure(sweep: Sweep) -> Figure:
         draw(figure, figure.add_subplot(rows, columns, place), sweep, name, key)
     if extra:
         _responses(figure.add_subplot(rows, columns, len(panels) + 1), sweep)
+    plain_numbers(figure)
+    figure.suptitle(f"simulated: {sweep.name}{_fixed(sweep)}")
+    return figure
+
+
+def plain_numbers(figure: Figure) -> None:
+    """Write numbers along axes in full, not as differences from one."""
     for axes in figure.axes:
         for axis in (axes.xaxis, axes.yaxis):
             if isinstance(formatter := axis.get_major_formatter(), ScalarFormatter):
                 formatter.set_useOffset(False)
-    figure.suptitle(f"simulated: {sweep.name}{_fixed(sweep)}")
-    return figure
 
 
 def _fixed(sweep: Sweep) -> str:

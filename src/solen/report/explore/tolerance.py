@@ -5,47 +5,57 @@ import math
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch
 
 from solen.explore.tolerance import MeritSpread, Tolerances
-from solen.report.canvas import INK, LEFT, LOST, RIGHT, SERIES
+from solen.report.canvas import INK, LEFT, LOST, RIGHT, SERIES, SOFT
 from solen.report.design.answer import measured
+from solen.report.explore.sweep import plain_numbers
 
-COLUMNS, LEAST_BINS = 3, 8
+COLUMNS, LEAST_BINS, MOST_UNKNOWN = 3, 8, 0.5
 
 
 def tolerance_figure(result: Tolerances) -> Figure:
     """Yields; yield if each number were exact; causes of each merit's variance; histograms of the merits."""
     spreads = result.spreads
     rows = -(-len(spreads) // COLUMNS)
-    heights = [1.0 + 0.3 * max(len(result.varied), 2 * len(result.yields)), 1.2 + 0.3 * len(spreads), 2.1 * rows]
+    heights = [
+        0.9 + max(0.3 * len(result.varied), 0.76 * len(result.yields)),
+        1.9 + 0.26 * len(result.varied),
+        2.1 * rows,
+    ]
     figure = Figure(figsize=(9.0, 0.8 + sum(heights)))
-    top, middle, bottom = figure.add_gridspec(3, 1, height_ratios=heights)
+    grid = figure.add_gridspec(3, 1, height_ratios=heights)
+    top, middle, bottom = (grid[place] for place in range(3))
     if result.yields:
-        left, right = top.subgridspec(1, 2)
-        _yields(figure.add_subplot(left), result)
-        _costs(figure.add_subplot(right), result)
+        beside = top.subgridspec(1, 2)
+        _yields(figure.add_subplot(beside[0]), result)
+        _costs(figure.add_subplot(beside[1]), result)
     else:
         _deviations(figure.add_subplot(top), result)
-    _causes(figure.add_subplot(middle), result)
+    _causes(figure, figure.add_subplot(middle), result)
     places = bottom.subgridspec(rows, COLUMNS)
     for place, spread in enumerate(spreads):
         _histogram(figure.add_subplot(places[place // COLUMNS, place % COLUMNS]), result, spread)
-    figure.suptitle(f"simulated: {result.name}, {result.prints} prints")
+    plain_numbers(figure)
+    figure.suptitle(
+        f"simulated: {result.name}, {result.prints} prints{', blue: those that meet all' if result.yields else ''}"
+    )
     return figure
 
 
 def _yields(axes: Axes, result: Tolerances) -> None:
-    """Bars of each requirement's yield, as printed and calibrated."""
-    for place, one in enumerate(result.yields):
-        pairs = ((one.share, one.u_share, LEFT), (one.calibrated_share, one.u_calibrated_share, RIGHT))
-        for (share, u, colour), off in zip(pairs, (-0.18, 0.18), strict=True):
-            axes.barh(place + off, 100 * share, height=0.32, color=colour, alpha=0.8, xerr=100 * u)
-    axes.set_yticks(range(len(result.yields)), [one.requirement or "all" for one in result.yields])
+    """Bars of each requirement's yield, as printed, and below it calibrated."""
+    rows = []
+    for one in result.yields:
+        name = one.requirement or "all"
+        rows.append((name, one.share, one.u_share, LEFT))
+        rows.append(("calibrated", one.calibrated_share, one.u_calibrated_share, RIGHT))
+    for place, (_, share, u, colour) in enumerate(rows):
+        axes.barh(place, 100 * share, color=colour, alpha=0.8, xerr=100 * u)
+    axes.set_yticks(range(len(rows)), [name for name, *_ in rows])
     axes.invert_yaxis()
     axes.set_xlim(0, 100)
     axes.set_xlabel("yield in %")
-    axes.legend(handles=[Patch(color=LEFT, label="as printed"), Patch(color=RIGHT, label="null and gain calibrated")])
 
 
 def _costs(axes: Axes, result: Tolerances) -> None:
@@ -66,23 +76,19 @@ def _deviations(axes: Axes, result: Tolerances) -> None:
     axes.text(0.0, 1.0, "\n".join(rows), va="top", transform=axes.transAxes)
 
 
-def _causes(axes: Axes, result: Tolerances) -> None:
-    """Total Sobol' indices of each merit, stacked in shares of their sum."""
+def _causes(figure: Figure, axes: Axes, result: Tolerances) -> None:
+    """Total Sobol' indices of each merit; grey where the surrogate does not hold."""
     keys = [row.key for row in result.varied]
-    names = [spread.merit for spread in result.spreads]
-    left = np.zeros(len(names))
-    total = np.array([[max(spread.total[key], 0.0) for key in keys] for spread in result.spreads])
-    share = 100 * np.nan_to_num(total / total.sum(axis=1, keepdims=True))
-    shown = [place for place in np.argsort(-share.max(axis=0)) if share[:, place].max() > 3.0][: len(SERIES) - 1]
-    for number, place in enumerate(shown):
-        axes.barh(range(len(names)), share[:, place], left=left, color=SERIES[number], alpha=0.85, label=keys[place])
-        left += share[:, place]
-    axes.barh(range(len(names)), 100.0 - left, left=left, color=LOST, alpha=0.5, label="others")
-    axes.set_yticks(range(len(names)), names)
+    shares = np.array(
+        [[spread.total[key] if spread.held_out < MOST_UNKNOWN else np.nan for spread in result.spreads] for key in keys]
+    )
+    axes.set_facecolor(SOFT)
+    drawn = axes.pcolormesh(100 * np.ma.masked_invalid(shares), vmin=0, vmax=100, cmap="Blues", edgecolors="w", lw=0.8)
+    axes.set_xticks(np.arange(len(result.spreads)) + 0.5, [spread.merit for spread in result.spreads], rotation=90)
+    axes.set_yticks(np.arange(len(keys)) + 0.5, keys)
     axes.invert_yaxis()
-    axes.set_xlim(0, 100)
-    axes.set_xlabel("share of the variance in %, by total Sobol' indices")
-    axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5))
+    axes.grid(visible=False)
+    figure.colorbar(drawn, ax=axes, label="share of the\nvariance in %")
 
 
 def _histogram(axes: Axes, result: Tolerances, spread: MeritSpread) -> None:
