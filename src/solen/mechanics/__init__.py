@@ -1,0 +1,34 @@
+"""Soft bodies under load, by finite elements: body, material, what holds it and what loads it -> the deformed body.
+
+The idea: the exact outline is meshed once; every load is a state of one soft body. The room knows neither light nor
+design files.
+
+The interface::
+
+    soft = SoftBody(body, Material.neo_hookean(1.0), [Hold((Stretch("receiver-*"),))], thickness_mm=4.0)
+    states = soft.states([[Turn((Stretch("lens"),), (0.0, 2.0), angle)] for angle in angles])
+
+`SoftBody.states` takes the loads of each state, in the order in which the body passes through them, and gives a
+`Deformed` for each; `SoftBody.state` takes those of one.
+"""
+
+from solen.mechanics.deformed import Contact, Deformed, Picture, Reaction, Wall
+from solen.mechanics.load import Hold, HoldKind, Load, Press, Pull, Stretch, Turn
+from solen.mechanics.material import Material, Plane
+
+__all__ = [
+    "Contact",
+    "Deformed",
+    "Hold",
+    "HoldKind",
+    "Load",
+    "Material",
+    "Picture",
+    "Plane",
+    "Press",
+    "Pull",
+    "Reaction",
+    "Stretch",
+    "Turn",
+    "Wall",
+]

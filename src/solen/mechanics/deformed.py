@@ -1,0 +1,174 @@
+"""A body under load: where its walls went, what holds it, where a finger touches it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from solen.arrays import FloatArray, IndexArray
+from solen.errors import DesignError
+from solen.geometry import Body
+from solen.plane import Point, Rigid
+from solen.results import Result
+
+RIGID_MM = 1e-9
+"""A wall that is this near to having moved as a rigid piece has done so."""
+
+
+@dataclass(frozen=True, eq=False)
+class Wall:
+    """Displacement of one face at the nodes of the elements along it.
+
+    Attributes
+    ----------
+    u
+        Parameters (N,) of the nodes on the face's curve, from 0 to 1, ascending; every second one is the middle of an
+        element's edge, at half of its length.
+    points_mm
+        The same points (N, 2) at rest, exactly on the curve.
+    displacement_mm
+        Their displacements (N, 2), of the elements' own accuracy: no interpolation.
+    """
+
+    u: FloatArray
+    points_mm: FloatArray
+    displacement_mm: FloatArray
+
+    @cached_property
+    def motion(self) -> Rigid:
+        """The rigid motion that is nearest to that of all its nodes."""
+        return nearest_motion(self.points_mm, self.points_mm + self.displacement_mm)
+
+    @cached_property
+    def is_rigid(self) -> bool:
+        """Whether it moved as a rigid piece: its curve is then ``curve.moved(wall.motion)``, exactly."""
+        return bool(np.abs(self.deviation_mm).max() <= RIGID_MM)
+
+    @cached_property
+    def deviation_mm(self) -> FloatArray:
+        """How far its nodes (N, 2) lie from where that rigid motion takes them."""
+        return self.points_mm + self.displacement_mm - moved(self.motion, self.points_mm)
+
+
+class Reaction(Result):
+    """What a hold, a clamp, a finger or a pull exerts on the body.
+
+    Attributes
+    ----------
+    name
+        Its own.
+    force_N
+        Components along x and z, for the whole thickness.
+    moment_Nmm
+        Counter-clockwise, about ``about_mm``.
+    about_mm
+        Pivot of the hold or clamp; centre of the finger; middle of the pulled stretch.
+    """
+
+    name: str
+    force_N: Point
+    moment_Nmm: float
+    about_mm: Point
+
+
+class Contact(Result):
+    """Where a finger touches a face.
+
+    Attributes
+    ----------
+    name
+        Of the press.
+    face
+        Of the body.
+    u_from, u_to
+        Part of the face's curve that it touches, in its parameter.
+    depth_mm
+        How far the finger moved on since it first touched.
+    force_N
+        Along its way.
+    pressure_MPa
+        Largest pressure.
+    """
+
+    name: str
+    face: str
+    u_from: float
+    u_to: float
+    depth_mm: float
+    force_N: float
+    pressure_MPa: float
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """The mesh for figures.
+
+    Attributes
+    ----------
+    points_mm, displacement_mm
+        Corners of the triangles (N, 2) at rest, and their displacements.
+    triangles
+        Numbers of their corners (M, 3).
+    strain
+        Largest principal strain, ln λ, at each corner (N,).
+    """
+
+    points_mm: FloatArray
+    displacement_mm: FloatArray
+    triangles: IndexArray
+    strain: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Deformed:
+    """A body in one state of load.
+
+    Attributes
+    ----------
+    body
+        At rest.
+    walls
+        Displaced nodes of each face by its name.
+    reactions
+        What each hold and load exerts on the body; they add up to nothing.
+    contacts
+        Where fingers touch it.
+    picture
+        Mesh and strain.
+    strain_largest
+        Largest principal strain, ln λ, in magnitude.
+    warnings
+        Sentences.
+    """
+
+    body: Body
+    walls: Mapping[str, Wall]
+    reactions: tuple[Reaction, ...]
+    contacts: tuple[Contact, ...]
+    picture: Picture
+    strain_largest: float
+    warnings: tuple[str, ...] = ()
+
+    def wall(self, face: str) -> Wall:
+        """The displaced nodes of a face; `DesignError` where there is none."""
+        if face not in self.walls:
+            raise DesignError("face", value=face, limit=f"there are {', '.join(self.walls)}")
+        return self.walls[face]
+
+
+def moved(motion: Rigid, points: FloatArray) -> FloatArray:
+    """Points (N, 2) after a rigid motion."""
+    x, z = points.T
+    (a, b), c, s = motion.shift, motion.cos, motion.sin
+    return np.column_stack([c * x - s * z + a, s * x + c * z + b])
+
+
+def nearest_motion(before: FloatArray, after: FloatArray) -> Rigid:
+    """The rigid motion with the least sum of squares between points (N, 2); a shift for a single point."""
+    first, second = before.mean(axis=0), after.mean(axis=0)
+    a, b = (before - first) @ [1.0, 1.0j], (after - second) @ [1.0, 1.0j]
+    turn = complex(np.sum(b * a.conj()))
+    turn = turn / abs(turn) if turn else 1.0
+    shift = complex(*second) - turn * complex(*first)
+    return Rigid(turn.real, turn.imag, (shift.real, shift.imag))
