@@ -1,14 +1,25 @@
-"""How a soft material resists: the hyperelastic models that `solen resin stiffness` fits, in a plane."""
+"""How a soft material resists: the hyperelastic models that `solen resin stiffness` fits, in a plane.
+
+The idea: their energies hold for solids that keep their volume. Plane stress has the third stretch follow, and needs no
+pressure. Plane strain has a third stretch of 1; the energy takes the two others scaled to an area of 1, and a pressure
+holds the area (`solen.mechanics.elements`). At small strain that is Hooke's law of the same shear modulus and Poisson's
+ratio, exactly.
+"""
 
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
+from solen.arrays import FloatArray
 from solen.errors import DesignError
 from solen.material.stiffness.models import model
 
 Plane = Literal["strain", "stress"]
 """``strain``: nothing moves along y, as far inside a thick body. ``stress``: free to move along y, as in a thin one."""
 
+LEAST_COMPLIANCE = 1e-8
+"""Relative to the shear's: what a pressure may change an area that cannot change."""
 LEAST_POISSON = 0.4
 """The models are those of solids that keep their volume: nearly so at least."""
 
@@ -50,3 +61,26 @@ class Material:
     def shear_modulus_MPa(self) -> float:
         """Initial shear modulus."""
         return model(self.kind).shear_modulus_row(self.parameters)[0]
+
+    @property
+    def compliance_per_MPa(self) -> float:
+        """Change of area by the mean pressure in plane strain, (1 − 2ν)/μ; a trace for ν = 0.5, so that it is solvable."""
+        return max(1.0 - 2.0 * self.poisson, LEAST_COMPLIANCE) / self.shear_modulus_MPa
+
+    def principal(self, plane: Plane, first: FloatArray, second: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Kirchhoff stresses (…, 2) at principal strains ln λ (…,), and their derivatives by these (…, 2, 2), in MPa.
+
+        In plane strain without the pressure.
+        """
+        law = model(self.kind)
+        if plane == "stress":
+            stretches = (np.exp(first), np.exp(second))
+            return law.gradient(self.parameters, *stretches), law.hessian(self.parameters, *stretches)
+        half = 0.5 * (first - second)
+        stretches = (np.exp(half), np.exp(-half))
+        slopes = law.gradient(self.parameters, *stretches)
+        curves = law.hessian(self.parameters, *stretches)
+        slope = 0.5 * (slopes[..., 0] - slopes[..., 1])
+        curve = 0.25 * (curves[..., 0, 0] - 2.0 * curves[..., 0, 1] + curves[..., 1, 1])
+        signs = np.array([1.0, -1.0])
+        return slope[..., None] * signs, curve[..., None, None] * np.outer(signs, signs)

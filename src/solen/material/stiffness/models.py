@@ -38,6 +38,10 @@ class Model(ABC):
         """W in MPa (= mJ/mm³) at the principal stretches λ₁ and λ₂; λ₃ follows."""
 
     @abstractmethod
+    def gradient(self, parameters: ArrayLike, first: FloatArray, second: FloatArray) -> FloatArray:
+        """Derivatives of W by ln λ₁ and ln λ₂ (λ₃ = 1/λ₁λ₂), Kirchhoff stresses less the third: (stretches, 2) in MPa."""
+
+    @abstractmethod
     def stress(self, parameters: ArrayLike, mode: Mode, stretch: FloatArray) -> FloatArray:
         """Engineering stress in MPa at each stretch."""
 
@@ -79,6 +83,15 @@ class Polynomial(Model):
         for c, (i, j) in zip(np.asarray(parameters), self.terms, strict=True):
             energy += c * a**i * b**j
         return energy
+
+    def gradient(self, parameters: ArrayLike, first: FloatArray, second: FloatArray) -> FloatArray:  # noqa: D102
+        squares = np.stack([first, second, 1 / (first * second)]) ** 2
+        a, b = _invariants((first, second, 1 / (first * second)))
+        by_a, by_b = _gradient(squares, 1), _gradient(1 / squares, -1)
+        slopes = np.zeros((*a.shape, 2))
+        for c, (i, j) in zip(np.asarray(parameters), self.terms, strict=True):
+            slopes += c * (_power(a, i, 1) * b**j)[..., None] * by_a + c * (a**i * _power(b, j, 1))[..., None] * by_b
+        return slopes
 
     def stress(self, parameters: ArrayLike, mode: Mode, stretch: FloatArray) -> FloatArray:  # noqa: D102
         return np.asarray(self.jacobian(parameters, mode, stretch) @ np.asarray(parameters, dtype=float))
@@ -136,6 +149,13 @@ class Ogden(Model):
         for modulus, power in zip(*self.split(parameters), strict=True):
             energy += modulus / power * (first**power + second**power + third**power - 3)
         return energy
+
+    def gradient(self, parameters: ArrayLike, first: FloatArray, second: FloatArray) -> FloatArray:  # noqa: D102
+        third = 1 / (first * second)
+        slopes = np.zeros((*third.shape, 2))
+        for modulus, power in zip(*self.split(parameters), strict=True):
+            slopes += modulus * np.stack([first**power - third**power, second**power - third**power], axis=-1)
+        return slopes
 
     def stress(self, parameters: ArrayLike, mode: Mode, stretch: FloatArray) -> FloatArray:  # noqa: D102
         moduli, powers = self.split(parameters)

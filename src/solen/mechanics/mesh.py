@@ -1,0 +1,395 @@
+"""Triangles that fill the exact outline of a body.
+
+The idea: points on the exact curves, finer at corners, at the ends of what is held and where it is asked for; a
+triangular lattice inside, graded like them; Delaunay's triangulation of both, and of its triangles those within the
+outline. An edge of the outline that the triangulation lacks is halved until it is there. The elements are quadratic:
+those along the outline have their middle nodes on the curve.
+
+The interface: `mesh_of` a body, with `MeshOptions`.
+"""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from solen.arrays import BoolArray, FloatArray, IndexArray
+from solen.errors import DesignError
+from solen.geometry import Body, Face
+from solen.geometry.body import filled, place_text
+from solen.geometry.measures import area_mm2, perimeter_mm
+
+ACROSS = 6.0
+"""Elements across the mean width of a body, by default."""
+AT_CORNER = 0.25
+"""Size of elements at corners and ends of holds, relative to those elsewhere."""
+GROWTH = 0.35
+"""By how much elements grow per length away from where they are small."""
+SHARP_DEG = 15.0
+"""Faces that meet at less are no corner."""
+PER_RADIUS = 0.4
+"""Size of elements relative to the radius of a curved wall."""
+CLEAR = 0.65
+"""Least distance of an inner point from the outline and from others, in sizes."""
+SMOOTHINGS = 6
+ROUNDS = 8
+SAMPLES = 1025
+MOST_TRIANGLES = 200_000
+
+
+@dataclass(frozen=True)
+class MeshOptions:
+    """How finely a body is meshed.
+
+    Attributes
+    ----------
+    size_mm
+        Size of the elements away from corners; None: a sixth of the body's mean width.
+    finer
+        Places with sizes of their own, each (x, z, size in mm); sizes grow from there.
+    """
+
+    size_mm: float | None = None
+    finer: tuple[tuple[float, float, float], ...] = ()
+
+
+class Edges(NamedTuple):
+    """Nodes along one face: parameters (N,) ascending, and numbers (N,); every second is the middle of an edge."""
+
+    u: FloatArray
+    nodes: IndexArray
+
+
+@dataclass(frozen=True, eq=False)
+class BodyMesh:
+    """Quadratic triangles of a body.
+
+    Attributes
+    ----------
+    mesh
+        The mesh of scikit-fem, corners first among its nodes.
+    points_mm
+        All nodes (N, 2).
+    faces
+        Nodes along each face, by name.
+    """
+
+    mesh: Any
+    points_mm: FloatArray
+    faces: Mapping[str, Edges]
+
+    @property
+    def corners(self) -> int:
+        """Number of nodes that are corners of triangles."""
+        return int(self.mesh.nvertices)
+
+
+@dataclass
+class _Sizes:
+    """Size of elements by place: the least over the sources, each growing with the distance."""
+
+    largest_mm: float
+    points: list[tuple[float, float]] = field(default_factory=list)
+    sizes: list[float] = field(default_factory=list)
+
+    def add(self, point: Iterable[float], size_mm: float) -> None:
+        x, z = point
+        self.points.append((float(x), float(z)))
+        self.sizes.append(min(size_mm, self.largest_mm))
+
+    def at(self, points: FloatArray) -> FloatArray:
+        """Sizes (N,) at points (N, 2)."""
+        found = np.full(len(points), self.largest_mm)
+        for source, size in zip(self.points, self.sizes, strict=True):
+            np.minimum(found, size + GROWTH * np.hypot(*(points - source).T), out=found)
+        return found
+
+
+def mesh_of(body: Body, options: MeshOptions, cuts: Mapping[str, Sequence[float]]) -> BodyMesh:
+    """Mesh of a body at rest.
+
+    Parameters
+    ----------
+    body
+        Checked; with an outline that holds at all heights.
+    options
+        Sizes.
+    cuts
+        Parameters on faces, by name, at which an edge must end: where a hold begins or ends, where a finger touches.
+
+    Raises
+    ------
+    DesignError
+        Where the sizes would take too many triangles, or a corner is too sharp to be filled.
+    """
+    body.upright()
+    sizes = _sizes_of(body, options, cuts)
+    _refuse_many(body, sizes)
+    rings = [[_parameters(face, sizes, cuts.get(face.name, ())) for face in outline] for outline in body.outlines]
+    for _ in range(ROUNDS):
+        outline = _Outline.of(body, rings)
+        points, triangles = _triangulated(outline, sizes)
+        missing = outline.missing(triangles)
+        if not missing.any():
+            return _quadratic(body, rings, outline, points, triangles)
+        rings = outline.halved(rings, missing)
+    at = outline.points[int(np.flatnonzero(missing)[0])]
+    raise DesignError(
+        "mesh", value=f"no triangles at {place_text((at[0], at[1]))}", limit="walls too near each other there"
+    )
+
+
+def _sizes_of(body: Body, options: MeshOptions, cuts: Mapping[str, Sequence[float]]) -> _Sizes:
+    width_mm = 2.0 * area_mm2(body.outlines) / perimeter_mm(body.outlines)
+    size_mm = options.size_mm or width_mm / ACROSS
+    if not size_mm > 0.0:
+        raise DesignError("mesh.size_mm", value=size_mm, limit="must be above 0")
+    sizes = _Sizes(size_mm)
+    for outline in body.outlines:
+        for before, face in pairwise((outline[-1], *outline)):
+            if _corner_deg(before, face) > SHARP_DEG:
+                sizes.add(face.curve.start, AT_CORNER * size_mm)
+            _bound_by_radius(sizes, face)
+            for u in cuts.get(face.name, ()):
+                sizes.add(face.curve.point_at(u), AT_CORNER * size_mm)
+    for x, z, finer_mm in options.finer:
+        sizes.add((x, z), finer_mm)
+    return sizes
+
+
+def _corner_deg(before: Face, after: Face) -> float:
+    (ax, az), (bx, bz) = before.curve.velocity_at(1.0), after.curve.velocity_at(0.0)
+    return abs(math.degrees(math.atan2(ax * bz - az * bx, ax * bx + az * bz)))
+
+
+def _bound_by_radius(sizes: _Sizes, face: Face) -> None:
+    """Finer elements where a wall is curved too much for the size elsewhere."""
+    u = np.linspace(0.0, 1.0, 33)
+    points, heading = face.curve.points(u), np.unwrap(np.arctan2(*face.curve.velocities(u).T))
+    turns, lengths = np.abs(np.diff(heading)), np.hypot(*np.diff(points, axis=0).T)
+    for point, turn, length in zip(points[1:], turns, lengths, strict=True):
+        if PER_RADIUS * length < sizes.largest_mm * turn:
+            sizes.add(point, PER_RADIUS * length / turn)
+
+
+def _refuse_many(body: Body, sizes: _Sizes) -> None:
+    """`DesignError` before a mesh too large to hold."""
+    smallest = min(sizes.sizes, default=sizes.largest_mm)
+    triangles = 2.3 * area_mm2(body.outlines) / sizes.largest_mm**2
+    if triangles > MOST_TRIANGLES or smallest < 1e-4 * sizes.largest_mm:
+        limit = f"would take more than {MOST_TRIANGLES} triangles"
+        raise DesignError("mesh.size_mm", value=min(smallest, sizes.largest_mm), limit=limit, remedy="raise it")
+
+
+def _parameters(face: Face, sizes: _Sizes, cuts: Sequence[float]) -> FloatArray:
+    """Parameters (N,) of the ends of edges along a face: at the cuts, and between them as the sizes say."""
+    ends = np.unique([0.0, *cuts, 1.0])
+    pieces = [_spaced(face, low, high, sizes)[:-1] for low, high in pairwise(ends)]
+    return np.concatenate([*pieces, [1.0]])
+
+
+def _spaced(face: Face, low: float, high: float, sizes: _Sizes) -> FloatArray:
+    u = np.linspace(low, high, SAMPLES)
+    points = face.curve.points(u)
+    steps = np.hypot(*np.diff(points, axis=0).T) / sizes.at(0.5 * (points[1:] + points[:-1]))
+    reached = np.concatenate([[0.0], np.cumsum(steps)])
+    count = max(1, round(float(reached[-1])))
+    return np.asarray(np.interp(np.linspace(0.0, reached[-1], count + 1), reached, u))
+
+
+@dataclass(frozen=True, eq=False)
+class _Outline:
+    """Ends of the edges along all outlines: points (N, 2) in order, and for each the number of the next one."""
+
+    points: FloatArray
+    following: IndexArray
+
+    @classmethod
+    def of(cls, body: Body, rings: list[list[FloatArray]]) -> "_Outline":
+        points, following, first = [], [], 0
+        for outline, ring in zip(body.outlines, rings, strict=True):
+            own = np.vstack([face.curve.points(u[:-1]) for face, u in zip(outline, ring, strict=True)])
+            points.append(own)
+            following.append(first + np.roll(np.arange(len(own)), -1))
+            first += len(own)
+        return cls(np.vstack(points), np.concatenate(following))
+
+    def polygon(self) -> Any:
+        """The area within, as a shapely geometry."""
+        rings, begin = [], 0
+        while begin < len(self.points):
+            end = begin + int(np.argmax(self.following[begin:] == begin)) + 1
+            rings.append(np.vstack([self.points[begin:end], self.points[begin : begin + 1]]))
+            begin = end
+        return filled(rings)
+
+    def missing(self, triangles: IndexArray) -> BoolArray:
+        """Which of its edges (N,) no triangle has."""
+        sides = np.sort(np.vstack([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
+        own = np.sort(np.column_stack([np.arange(len(self.points)), self.following]), axis=1)
+        factor = max(int(triangles.max()), len(self.points)) + 1
+        return np.asarray(~np.isin(own @ [factor, 1], sides @ [factor, 1]))
+
+    @staticmethod
+    def halved(rings: list[list[FloatArray]], missing: BoolArray) -> list[list[FloatArray]]:
+        """Parameters with the marked edges halved."""
+        edges = iter(missing)
+        made: list[list[FloatArray]] = []
+        for ring in rings:
+            made.append([])
+            for u in ring:
+                middles = [0.5 * (a + b) for a, b in pairwise(u) if next(edges)]
+                made[-1].append(np.sort(np.concatenate([u, middles])))
+        return made
+
+
+def _triangulated(outline: _Outline, sizes: _Sizes) -> tuple[FloatArray, IndexArray]:
+    """Points (N, 2), those of the outline first, and triangles (M, 3), counter-clockwise."""
+    import shapely
+
+    area = outline.polygon()
+    shapely.prepare(area)
+    own = outline.points
+    inner = _lattice(outline, area, sizes)
+    for _ in range(SMOOTHINGS):
+        points = np.vstack([own, inner])
+        inner = _smoothed(points, _within(points, area), len(own))
+    points = np.vstack([own, inner])
+    return points, _within(points, area)
+
+
+def _within(points: FloatArray, area: Any) -> IndexArray:
+    """Delaunay triangles (M, 3) whose middles lie in the area; slivers without area are left out."""
+    import shapely
+    from scipy.spatial import Delaunay
+
+    triangles = np.asarray(Delaunay(points).simplices, dtype=np.intp)
+    a, b, c = points[triangles].transpose(1, 0, 2)
+    (abx, abz), (acx, acz) = (b - a).T, (c - a).T
+    doubled = abx * acz - abz * acx
+    longest = np.maximum.reduce([np.sum((p - q) ** 2, axis=1) for p, q in ((a, b), (b, c), (c, a))])
+    middle = (a + b + c) / 3.0
+    kept = (np.abs(doubled) > 1e-9 * longest) & shapely.contains_xy(area, middle)
+    flipped = doubled < 0.0
+    triangles[flipped] = triangles[flipped][:, [0, 2, 1]]
+    return np.asarray(triangles[kept])
+
+
+def _smoothed(points: FloatArray, triangles: IndexArray, fixed: int) -> FloatArray:
+    """Inner points in the middle of their neighbours."""
+    pairs = np.vstack([triangles[:, [i, j]] for i in range(3) for j in range(3) if i != j])
+    n = len(points)
+    count = np.bincount(pairs[:, 0], minlength=n)
+    sums = [np.bincount(pairs[:, 0], weights=points[pairs[:, 1], k], minlength=n) for k in (0, 1)]
+    middles = np.column_stack(sums) / np.maximum(count, 1)[:, None]
+    return np.asarray(np.where(count[:, None] > 0, middles, points)[fixed:])
+
+
+def _lattice(outline: _Outline, area: Any, sizes: _Sizes) -> FloatArray:
+    """Inner points: triangular lattices of halved spacings, each where the sizes are nearest to its own."""
+    import shapely
+    from scipy.spatial import KDTree
+
+    x_low, z_low, x_high, z_high = area.bounds
+    smallest = min([sizes.largest_mm, *sizes.sizes])
+    found = []
+    for level in range(1 + math.ceil(math.log2(sizes.largest_mm / smallest))):
+        spacing = sizes.largest_mm * 0.5**level
+        for x0, z0, x1, z1 in _windows(sizes, level, spacing, (x_low, z_low, x_high, z_high)):
+            points = _hexagonal(x0, z0, x1, z1, spacing)
+            near = np.round(np.log2(sizes.largest_mm / sizes.at(points))) == level
+            found.append(points[near])
+    points = np.unique(np.vstack(found).round(9), axis=0)
+    points = points[shapely.contains_xy(area, points)]
+    size = sizes.at(points)
+    points, size = (a[KDTree(outline.points).query(points)[0] > CLEAR * size] for a in (points, size))
+    return points[_apart(points, size)]
+
+
+def _windows(
+    sizes: _Sizes, level: int, spacing: float, bounds: tuple[float, float, float, float]
+) -> list[tuple[float, float, float, float]]:
+    """Boxes that hold all places of a level: the whole for the coarsest, else one round each source."""
+    if level == 0:
+        return [bounds]
+    boxes = []
+    for (x, z), size in zip(sizes.points, sizes.sizes, strict=True):
+        reach = (spacing * math.sqrt(2.0) - size) / GROWTH
+        if reach > 0.0:
+            low = (max(bounds[0], x - reach), max(bounds[1], z - reach))
+            boxes.append((*low, min(bounds[2], x + reach), min(bounds[3], z + reach)))
+    return boxes
+
+
+def _hexagonal(x_low: float, z_low: float, x_high: float, z_high: float, spacing: float) -> FloatArray:
+    """Points (N, 2) of the lattice of a spacing about the axis x = 0, in a box."""
+    rise = spacing * math.sqrt(0.75)
+    rows = np.arange(math.floor(z_low / rise), math.ceil(z_high / rise) + 1)
+    columns = np.arange(math.floor(x_low / spacing) - 1, math.ceil(x_high / spacing) + 1)
+    x = spacing * (columns[None, :] + 0.5 * (rows[:, None] % 2))
+    z = np.broadcast_to(rise * rows[:, None], x.shape)
+    return np.column_stack([x.ravel(), z.ravel()])
+
+
+def _apart(points: FloatArray, size: FloatArray) -> BoolArray:
+    """Which points (N,) to keep so that none are nearer than they should be: the earlier of two stays."""
+    from scipy.spatial import KDTree
+
+    kept = np.ones(len(points), dtype=bool)
+    if len(points) < 2:
+        return kept
+    pairs = KDTree(points).query_pairs(CLEAR * float(size.max()), output_type="ndarray")
+    distance = np.hypot(*(points[pairs[:, 0]] - points[pairs[:, 1]]).T)
+    for a, b in pairs[distance < CLEAR * np.minimum(size[pairs[:, 0]], size[pairs[:, 1]])]:
+        if kept[a]:
+            kept[b] = False
+    return kept
+
+
+def _quadratic(
+    body: Body, rings: list[list[FloatArray]], outline: _Outline, points: FloatArray, triangles: IndexArray
+) -> BodyMesh:
+    """The mesh with middle nodes, those along the outline on its curves."""
+    from skfem import MeshTri, MeshTri2
+
+    used, inverse = np.unique(triangles, return_inverse=True)
+    number = np.full(len(points), -1)
+    number[used] = np.arange(len(used))
+    mesh = MeshTri2.from_mesh(MeshTri(points[used].T.copy(), inverse.reshape(triangles.shape).T.copy()))
+    places = mesh.doflocs.T.copy()
+    keys = np.sort(mesh.facets, axis=0)
+    by_ends = {(int(a), int(b)): mesh.nvertices + i for i, (a, b) in enumerate(keys.T)}
+    faces: dict[str, Edges] = {}
+    first = 0
+    for faces_of, ring in zip(body.outlines, rings, strict=True):
+        for face, u in zip(faces_of, ring, strict=True):
+            ends = np.append(np.arange(first, first + len(u) - 1), outline.following[first + len(u) - 2])
+            first += len(u) - 1
+            faces[face.name] = _along(face, u, number[ends], by_ends, places)
+    return BodyMesh(replace(mesh, doflocs=places.T.copy()), places, faces)
+
+
+def _along(
+    face: Face, u: FloatArray, ends: IndexArray, by_ends: Mapping[tuple[int, int], int], places: FloatArray
+) -> Edges:
+    """Nodes along a face; their places are set on its curve, middle nodes at half of the length."""
+    middles_u = _middles(face, u)
+    middles = np.array([by_ends[min(a, b), max(a, b)] for a, b in pairwise(ends.tolist())], dtype=np.intp)
+    places[middles] = face.curve.points(middles_u)
+    all_u, nodes = np.empty(2 * len(u) - 1), np.empty(2 * len(u) - 1, dtype=np.intp)
+    all_u[::2], all_u[1::2], nodes[::2], nodes[1::2] = u, middles_u, ends, middles
+    return Edges(all_u, nodes)
+
+
+def _middles(face: Face, u: FloatArray) -> FloatArray:
+    """Parameters of the middles of edges by length: Newton's method on the difference of two chords."""
+    a, b = face.curve.points(u[:-1]), face.curve.points(u[1:])
+    middle = 0.5 * (u[:-1] + u[1:])
+    for _ in range(3):
+        at = face.curve.points(middle)
+        excess = np.hypot(*(at - a).T) - np.hypot(*(b - at).T)
+        middle = middle - 0.5 * excess / np.hypot(*face.curve.velocities(middle).T)
+    return np.asarray(np.clip(middle, u[:-1], u[1:]))
