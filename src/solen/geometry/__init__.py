@@ -6,6 +6,7 @@ from solen.geometry.kinds import BODY_KINDS, BodyKind, body_of, drawn_kind
 from solen.geometry.mirror import are_mirrored
 from solen.geometry.outline import outline_body
 from solen.geometry.sections import fronted, section
+from solen.geometry.walls import called
 from solen.geometry.y import arm_angle_deg, y_body
 
 __all__ = [
@@ -20,6 +21,7 @@ __all__ = [
     "bend_of",
     "bent",
     "body_of",
+    "called",
     "drawn_kind",
     "fronted",
     "material",

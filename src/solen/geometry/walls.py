@@ -70,8 +70,12 @@ def with_walls(
 
 def matches(face: Face, wall: Wall) -> bool:
     """Whether a wall table names a face, with the number of several of one name or without; it must be a wall."""
-    names = (face.name, re.sub(r"\.\d+$", "", face.name))
-    return face.part not in DARK and any(fnmatchcase(name, wall.face) for name in names)
+    return face.part not in DARK and called(face, wall.face)
+
+
+def called(face: Face, pattern: str) -> bool:
+    """Whether a pattern names a face, with the number of several of one name or without."""
+    return any(fnmatchcase(name, pattern) for name in (face.name, re.sub(r"\.\d+$", "", face.name)))
 
 
 def _check_named(faces: tuple[Face, ...], number: int, wall: Wall) -> None:

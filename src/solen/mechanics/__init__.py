@@ -5,7 +5,7 @@ design files.
 
 The interface::
 
-    soft = SoftBody(body, Material.neo_hookean(1.0), [Hold((Stretch("receiver-*"),))], thickness_mm=4.0)
+    soft = SoftBody(body, Material.neo_hookean(1.0), (Hold((Stretch("receiver-*"),)),), thickness_mm=4.0)
     states = soft.states([[Turn((Stretch("lens"),), (0.0, 2.0), angle)] for angle in angles])
 
 `SoftBody.states` takes the loads of each state, in the order in which the body passes through them, and gives a
@@ -15,6 +15,9 @@ The interface::
 from solen.mechanics.deformed import Contact, Deformed, Picture, Reaction, Wall
 from solen.mechanics.load import Hold, HoldKind, Load, Press, Pull, Stretch, Turn
 from solen.mechanics.material import Material, Plane
+from solen.mechanics.mesh import MeshOptions
+from solen.mechanics.soft import SoftBody
+from solen.mechanics.stretches import at_height
 
 __all__ = [
     "Contact",
@@ -23,12 +26,15 @@ __all__ = [
     "HoldKind",
     "Load",
     "Material",
+    "MeshOptions",
     "Picture",
     "Plane",
     "Press",
     "Pull",
     "Reaction",
+    "SoftBody",
     "Stretch",
     "Turn",
     "Wall",
+    "at_height",
 ]

@@ -45,6 +45,17 @@ class Wall:
         """Whether it moved as a rigid piece: its curve is then ``curve.moved(wall.motion)``, exactly."""
         return bool(np.abs(self.deviation_mm).max() <= RIGID_MM)
 
+    def places(self, u: FloatArray, points_mm: FloatArray) -> FloatArray:
+        """Where points (M, 2) of the face, at parameters u (M,), went: by the shape functions of the edges.
+
+        They interpolate what is left of the displacement beside the rigid motion, so that a rigid one is exact.
+        """
+        edge = 2 * np.clip(np.searchsorted(self.u[2::2], u), 0, len(self.u) // 2 - 1)
+        ends = self.u[edge], self.u[edge + 1], self.u[edge + 2]
+        shapes = [np.prod([(u - ends[j]) / (ends[i] - ends[j]) for j in range(3) if j != i], axis=0) for i in range(3)]
+        left = sum(shapes[i][:, None] * self.deviation_mm[edge + i] for i in range(3))
+        return np.asarray(moved(self.motion, points_mm) + left)
+
     @cached_property
     def deviation_mm(self) -> FloatArray:
         """How far its nodes (N, 2) lie from where that rigid motion takes them."""

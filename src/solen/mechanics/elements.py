@@ -39,7 +39,7 @@ class _State(NamedTuple):
 
 
 class _Principal(NamedTuple):
-    """Principal strains (ln λ), stresses, their derivatives, and twice the angle of the first direction by cos and sin."""
+    """Principal strains (ln λ), stresses, derivatives of these; cos and sin of twice the first direction's angle."""
 
     first: FloatArray
     second: FloatArray
@@ -155,7 +155,8 @@ class Elements:
         if self.has_pressure:
             missing = state.area - 1.0 - self.material.compliance_per_MPa * state.pressure
             local = np.hstack([local, (missing * self.weights) @ self._linear])
-        return np.bincount(self._numbers.ravel(), weights=local.ravel(), minlength=self.unknowns)
+        summed = np.bincount(self._numbers.ravel(), weights=local.ravel(), minlength=self.unknowns)
+        return np.asarray(summed, dtype=float)
 
     def tangent(self, unknowns: FloatArray) -> Any:
         """Second derivative of the energy: a symmetric sparse matrix of all unknowns."""
@@ -207,7 +208,7 @@ class Elements:
 
 
 def _moduli(state: _State) -> FloatArray:
-    """Moduli (elements, points, 3, 3) between the strains xx, zz, 2 xz of the deformed body and its Kirchhoff stress."""
+    """Moduli (elements, points, 3, 3) from strains xx, zz, 2 xz of the deformed body to its Kirchhoff stress."""
     found = state.principal
     mean, half = found.stress.sum(axis=-1) / 2, (found.stress[..., 0] - found.stress[..., 1]) / 2
     a, b, d = found.slopes[..., 0, 0], found.slopes[..., 0, 1], found.slopes[..., 1, 1]

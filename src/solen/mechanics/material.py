@@ -64,7 +64,7 @@ class Material:
 
     @property
     def compliance_per_MPa(self) -> float:
-        """Change of area by the mean pressure in plane strain, (1 − 2ν)/μ; a trace for ν = 0.5, so that it is solvable."""
+        """Change of area by the mean pressure in plane strain, (1 − 2ν)/μ; never quite 0, so that it is solvable."""
         return max(1.0 - 2.0 * self.poisson, LEAST_COMPLIANCE) / self.shear_modulus_MPa
 
     def principal(self, plane: Plane, first: FloatArray, second: FloatArray) -> tuple[FloatArray, FloatArray]:

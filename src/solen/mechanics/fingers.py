@@ -1,0 +1,185 @@
+"""Contact of the outline with rigid, frictionless round fingers.
+
+The idea: the nodes that a finger touches lie on its circle, and it can only push. Which ones do is found with the
+displacements: a node belongs to the contact while its force pushes, or as soon as it would lie inside the circle
+(primal-dual active set; Hintermüller, Ito & Kunisch 2003).
+
+The interface: `fingers_of` a mesh; `Touch` holds the contact of all of them in one state, and its derivatives.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from solen.arrays import BoolArray, FloatArray, IndexArray
+from solen.errors import DesignError
+from solen.geometry import Body, material
+from solen.geometry.body import place_text
+from solen.mechanics.load import Press
+from solen.mechanics.material import Material
+from solen.mechanics.mesh import BodyMesh
+from solen.mechanics.stretches import edge_shares, place_of
+from solen.plane import heading
+
+LEAST_SLANT = 0.1
+"""Least cosine between the way of a finger and the wall's inward normal."""
+OUTLINE_MM = 1e-4
+ACROSS_CONTACT = 6
+"""Elements across half of a contact."""
+SHALLOW = 1e-3
+"""Least depth, in radii, for which a contact is resolved."""
+
+
+@dataclass(frozen=True, eq=False)
+class Finger:
+    """A press on a mesh.
+
+    Attributes
+    ----------
+    press
+        Its own.
+    face
+        Name of the face that it touches first.
+    start_mm
+        Its centre (2,) where it just touches.
+    way
+        Unit direction (2,) in which it moves.
+    through_mm
+        Length of the body along its way from where it touches.
+    """
+
+    press: Press
+    face: str
+    start_mm: FloatArray
+    way: FloatArray
+    through_mm: float
+
+    @property
+    def by_force(self) -> bool:
+        """Whether its force is given, and its depth follows."""
+        return self.press.force_N is not None
+
+
+def finger_of(body: Body, press: Press) -> Finger:
+    """The finger of a press.
+
+    Raises
+    ------
+    DesignError
+        Where its numbers make no finger, it does not move into the wall, or moves through the body.
+    """
+    if (press.depth_mm is None) == (press.force_N is None):
+        raise DesignError(press.name, limit="takes one of depth_mm and force_N")
+    for key in ("radius_mm", "depth_mm", "force_N"):
+        value = getattr(press, key)
+        if value is not None and not (math.isfinite(value) and (value > 0.0 or (value == 0.0 and key != "radius_mm"))):
+            raise DesignError(f"{press.name}.{key}", value=value, limit="must be above 0")
+    face, u = place_of(body, press)
+    at = np.array(face.curve.point_at(u))
+    normal = np.array(face.curve.normal_at((float(at[0]), float(at[1]))))
+    way = normal if press.direction_deg is None else np.array(heading(press.direction_deg))
+    if way @ normal < LEAST_SLANT:
+        limit = f"does not lead into {face.name} at {place_text((at[0], at[1]))}"
+        raise DesignError(f"{press.name}.direction_deg", value=press.direction_deg, limit=limit)
+    finger = Finger(press, face.name, at - press.radius_mm * normal, way, _through(body, at, way))
+    if press.depth_mm is not None and press.depth_mm >= finger.through_mm:
+        limit = f"must be below {finger.through_mm:.4g} mm, the body's own depth at {place_text((at[0], at[1]))}"
+        raise DesignError(f"{press.name}.depth_mm", value=press.depth_mm, limit=limit)
+    return finger
+
+
+def _through(body: Body, at: FloatArray, way: FloatArray) -> float:
+    import shapely
+
+    area = material(body, OUTLINE_MM)
+    x_low, z_low, x_high, z_high = area.bounds
+    reach = math.hypot(x_high - x_low, z_high - z_low)
+    line = shapely.LineString([at + 10.0 * OUTLINE_MM * way, at + reach * way])
+    inside = area.intersection(line)
+    first = min(getattr(inside, "geoms", [inside]), key=lambda part: part.distance(shapely.Point(at)))
+    return float(first.length)
+
+
+class Pairs(NamedTuple):
+    """Every finger with every node that it may touch: numbers of both (M,)."""
+
+    finger: IndexArray
+    node: IndexArray
+
+
+@dataclass(frozen=True, eq=False)
+class Touch:
+    """Positions of nodes relative to fingers in one state.
+
+    Attributes
+    ----------
+    pairs
+        Which.
+    normal
+        From the finger's centre to the node (M, 2), unit.
+    distance_mm
+        Between them (M,).
+    gap_mm
+        From the finger's circle (M,), negative inside.
+    """
+
+    pairs: Pairs
+    normal: FloatArray
+    distance_mm: FloatArray
+    gap_mm: FloatArray
+
+    def active(self, force: FloatArray, stiffness: float, forced: BoolArray) -> BoolArray:
+        """Which pairs (M,) touch; the nearest at least of fingers (K,) that are ``forced`` to."""
+        found = force > stiffness * self.gap_mm
+        for k in np.flatnonzero(forced):
+            own = np.flatnonzero(self.pairs.finger == k)
+            if not found[own].any():
+                found[own[np.argmin(self.gap_mm[own])]] = True
+        return found
+
+
+def touch_of(fingers: Sequence[Finger], pairs: Pairs, points: FloatArray, depth: FloatArray) -> Touch:
+    """Contact geometry of displaced nodes (N, 2) with fingers at depths (K,)."""
+    centres = np.array([f.start_mm + d * f.way for f, d in zip(fingers, depth, strict=True)]).reshape(-1, 2)
+    radii = np.array([f.press.radius_mm for f in fingers])
+    apart = points[pairs.node] - centres[pairs.finger]
+    distance = np.hypot(*apart.T)
+    return Touch(pairs, apart / distance[:, None], distance, distance - radii[pairs.finger])
+
+
+def pairs_of(mesh: BodyMesh, count: int, free: BoolArray) -> Pairs:
+    """Every finger with every free node of the outlines."""
+    nodes = np.unique(np.concatenate([edges.nodes for edges in mesh.faces.values()]))
+    nodes = nodes[free[nodes]]
+    return Pairs(np.repeat(np.arange(count), len(nodes)), np.tile(nodes, count))
+
+
+def shares_of(mesh: BodyMesh, points: FloatArray) -> FloatArray:
+    """Length of the outline (N,) that each node stands for; 0 inside."""
+    shares = np.zeros(len(points))
+    for edges in mesh.faces.values():
+        np.add.at(shares, edges.nodes, edge_shares(points, edges.nodes))
+    return shares
+
+
+def contact_sizes(body: Body, finger: Finger, stuff: Material, thickness_mm: float) -> list[tuple[float, float, float]]:
+    """Sizes of elements that resolve a contact: (x, z, size in mm) along the wall, by Hertz's half width."""
+    face, u = place_of(body, finger.press)
+    half_mm = _half_width_mm(finger, stuff, thickness_mm)
+    speed = math.hypot(*face.curve.velocity_at(u))
+    steps = np.linspace(-1.0, 1.0, 2 * ACROSS_CONTACT + 1) * half_mm / speed
+    at = face.curve.points(np.clip(u + steps, 0.0, 1.0))
+    return [(float(x), float(z), half_mm / ACROSS_CONTACT) for x, z in at]
+
+
+def _half_width_mm(finger: Finger, stuff: Material, thickness_mm: float) -> float:
+    """About half the width of the contact: Hertz's under a force, three quarters of the chord at a depth."""
+    press = finger.press
+    if press.force_N:
+        stiffness = 4.0 * stuff.shear_modulus_MPa
+        return math.sqrt(4.0 * press.force_N / thickness_mm * press.radius_mm / (math.pi * stiffness))
+    depth_mm = max(press.depth_mm or 0.0, SHALLOW * press.radius_mm)
+    return 0.75 * math.sqrt(2.0 * press.radius_mm * depth_mm)

@@ -1,0 +1,153 @@
+"""What an equilibrium says: displaced walls, reactions, contacts, strain, warnings."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from solen.arrays import FloatArray, IndexArray
+from solen.geometry import Body, Face
+from solen.mechanics.deformed import Contact, Deformed, Picture, Reaction, Wall
+from solen.mechanics.fingers import Touch, shares_of, touch_of
+from solen.mechanics.newton import Guess, Problem
+from solen.plane import Point
+
+FEW = 5
+"""Nodes in contact below which its width is not resolved."""
+LARGE = 1.0
+"""Principal strain ln λ beyond which no model was fitted to most resins."""
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """An equilibrium of a held body.
+
+    Attributes
+    ----------
+    body, problem, guess
+        The body at rest, how it is held and pressed, and the equilibrium.
+    pulls
+        Forces (N, 2) on all nodes of every pull by its name, N for the whole thickness.
+    thickness_mm
+        Of the body.
+    """
+
+    body: Body
+    problem: Problem
+    guess: Guess
+    pulls: Mapping[str, FloatArray]
+    thickness_mm: float
+
+    def deformed(self) -> Deformed:
+        """All that it says."""
+        mesh = self.problem.elements.mesh
+        moves = self._points - mesh.points_mm
+        walls = {name: Wall(e.u, mesh.points_mm[e.nodes], moves[e.nodes]) for name, e in mesh.faces.items()}
+        triangles = mesh.mesh.t.T.astype(np.intp)
+        n = mesh.corners
+        return Deformed(
+            self.body,
+            walls,
+            (*self._held(), *self._pulled(), *self._pressed()),
+            tuple(self._contacts()),
+            Picture(mesh.points_mm[:n], moves[:n], triangles, self._at_corners),
+            float(np.abs(self._strain).max()),
+            tuple(self._warnings()),
+        )
+
+    @cached_property
+    def _points(self) -> FloatArray:
+        return self.problem.displaced(self.guess.unknowns)
+
+    @cached_property
+    def _touch(self) -> Touch:
+        return touch_of(self.problem.fingers, self.problem.pairs, self._points, self.guess.depth)
+
+    @cached_property
+    def _strain(self) -> FloatArray:
+        return self.problem.elements.largest_strain(self.guess.unknowns)
+
+    @cached_property
+    def _at_corners(self) -> FloatArray:
+        """Strain at the corners of the triangles (N,): the mean over the elements round each."""
+        elements = self.problem.elements
+        corners, n = elements.nodes[:, :3].ravel(), elements.mesh.corners
+        means = np.repeat(self._strain.mean(axis=1), 3)
+        return np.asarray(np.bincount(corners, means, n) / np.bincount(corners, minlength=n))
+
+    @cached_property
+    def _pushes(self) -> FloatArray:
+        """Forces (M, 2) of the fingers on their pairs, N."""
+        return np.asarray(self.thickness_mm * self.guess.force[:, None] * self._touch.normal)
+
+    def _held(self) -> Iterator[Reaction]:
+        """What holds and clamps exert: what the balance of forces lacks at their nodes."""
+        elements = self.problem.elements
+        inner = elements.forces(self.guess.unknowns)[: elements.displacements]
+        exerted = self.thickness_mm * inner.reshape(-1, 2)
+        np.subtract.at(exerted, self.problem.pairs.node, self._pushes)
+        for forces in self.pulls.values():
+            exerted = exerted - forces
+        for group in self.problem.supports.groups:
+            yield self._reaction(group.name, group.nodes, exerted[group.nodes], group.pivot)
+
+    def _pulled(self) -> Iterator[Reaction]:
+        for name, forces in self.pulls.items():
+            nodes = np.flatnonzero(forces.any(axis=1))
+            x, z = self._points[nodes].mean(axis=0) if nodes.size else (0.0, 0.0)
+            yield self._reaction(name, nodes, forces[nodes], (float(x), float(z)))
+
+    def _pressed(self) -> Iterator[Reaction]:
+        for k, finger in enumerate(self.problem.fingers):
+            own = self.problem.pairs.finger == k
+            x, z = finger.start_mm + self.guess.depth[k] * finger.way
+            nodes = self.problem.pairs.node[own]
+            yield self._reaction(finger.press.name, nodes, self._pushes[own], (float(x), float(z)))
+
+    def _reaction(self, name: str, nodes: IndexArray, forces: FloatArray, about: Point) -> Reaction:
+        (x, z), (fx, fz) = (self._points[nodes] - about).T, forces.T
+        moment = float(np.sum(x * fz - z * fx))
+        return Reaction(name=name, force_N=(float(fx.sum()), float(fz.sum())), moment_Nmm=moment, about_mm=about)
+
+    def _contacts(self) -> Iterator[Contact]:
+        shares = shares_of(self.problem.elements.mesh, self._points)
+        for k, finger in enumerate(self.problem.fingers):
+            own = (self.problem.pairs.finger == k) & (self.guess.force > 0.0)
+            nodes = self.problem.pairs.node[own]
+            if not nodes.size:
+                continue
+            pressure = float((self.guess.force[own] / shares[nodes]).max())
+            force = float(self._pushes[own].sum(axis=0) @ finger.way)
+            for face in self.body.all_faces:
+                for low, high in self._touched(face, nodes):
+                    yield Contact(
+                        name=finger.press.name,
+                        face=face.name,
+                        u_from=low,
+                        u_to=high,
+                        depth_mm=float(self.guess.depth[k]),
+                        force_N=force,
+                        pressure_MPa=pressure,
+                    )
+
+    def _touched(self, face: Face, nodes: IndexArray) -> Iterator[tuple[float, float]]:
+        """Stretches of a face in contact, in its parameter: to halfway to the next node that does not touch."""
+        edges = self.problem.elements.mesh.faces[face.name]
+        touching = np.isin(edges.nodes, nodes)
+        if not touching.any():
+            return
+        halves = np.concatenate([[0.0], 0.5 * (edges.u[1:] + edges.u[:-1]), [1.0]])
+        steps = np.diff(touching.astype(int), prepend=0, append=0)
+        for low, high in zip(np.flatnonzero(steps == 1), np.flatnonzero(steps == -1), strict=True):
+            yield float(halves[low]), float(halves[high])
+
+    def _warnings(self) -> Iterator[str]:
+        largest = float(np.abs(self._strain).max())
+        if largest > LARGE:
+            yield f"strains reach {largest:.2f} (ln of the stretch): check that the material's model holds so far"
+        for k, finger in enumerate(self.problem.fingers):
+            count = int(np.sum((self.problem.pairs.finger == k) & (self.guess.force > 0.0)))
+            if 0 < count < FEW:
+                nodes = f"{finger.press.name} touches {count} nodes only"
+                yield f"{nodes}: its contact is not resolved, mesh it finer there"

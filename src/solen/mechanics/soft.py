@@ -1,0 +1,282 @@
+"""A soft body, from state to state of its loads.
+
+The idea: Newton's method on finite strains. Its matrix is factorised at rest and kept as long as that converges: the
+first step with it is the small-strain solution, and those that follow remove its error, so that a clamp's turn is exact
+at every angle (docs/decisions/0090). Where a finger touches, the matrix is made anew at every step. A load that is too
+far from the state before is reached in halves.
+
+The interface: `SoftBody.states` and `SoftBody.state`.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import chain
+from typing import NamedTuple
+
+import numpy as np
+
+from solen.arrays import BoolArray, FloatArray
+from solen.errors import DesignError
+from solen.extras import need
+from solen.geometry import Body
+from solen.mechanics.deformed import Deformed
+from solen.mechanics.elements import Elements
+from solen.mechanics.fingers import Finger, contact_sizes, finger_of, pairs_of
+from solen.mechanics.load import Hold, Load, Press, Pull, Turn
+from solen.mechanics.material import Material, Plane
+from solen.mechanics.mesh import BodyMesh, MeshOptions, mesh_of
+from solen.mechanics.newton import Demand, DivergedError, Factors, Guess, Problem, step
+from solen.mechanics.outcome import Outcome
+from solen.mechanics.stretches import cuts_of, edge_shares, nodes_on
+from solen.mechanics.supports import supports_of
+
+EXACT_MM = 1e-9
+"""Displacements are computed to this."""
+MOST_STEPS = 40
+SLOW = 0.3
+"""A kept matrix with which a step leaves more than this of the error is made anew."""
+MOST_HALVINGS = 7
+REMEMBERED = 4
+"""States from which the next one is extrapolated."""
+
+
+@dataclass(frozen=True)
+class SoftBody:
+    """A body of soft material that is held, ready to be loaded.
+
+    Attributes
+    ----------
+    body
+        At rest.
+    material
+        Of all of it.
+    holds
+        What holds it at rest.
+    thickness_mm
+        Along y; forces are for all of it.
+    plane
+        Plane strain or plane stress.
+    mesh
+        How finely it is meshed.
+    """
+
+    body: Body
+    material: Material
+    holds: tuple[Hold, ...]
+    thickness_mm: float
+    plane: Plane = "strain"
+    mesh: MeshOptions = field(default_factory=MeshOptions)
+
+    def __post_init__(self) -> None:
+        need("skfem", what="motion", value="loaded", doing="a soft body", error=DesignError)
+        if not self.thickness_mm > 0.0:
+            raise DesignError("body.thickness_mm", value=self.thickness_mm, limit="must be above 0")
+        if self.plane == "stress" and self.material.poisson != 0.5:
+            limit = "must be 0.5 in plane stress, where the thickness keeps the volume"
+            raise DesignError("material.poisson", value=self.material.poisson, limit=limit)
+
+    def state(self, loads: Sequence[Load]) -> Deformed:
+        """The body under some loads, brought there from rest; errors as of `states`."""
+        return self.states([loads])[0]
+
+    def states(self, loads: Sequence[Sequence[Load]]) -> list[Deformed]:
+        """The body in every one of several states, in the order in which it passes through them.
+
+        Parameters
+        ----------
+        loads
+            Of each state; they differ by their angles, depths and forces alone.
+
+        Raises
+        ------
+        DesignError
+            Where the body is not held, a stretch is none of its own, a finger would go through it, or a load is beyond
+            what it bears: with the place.
+        """
+        if not loads:
+            return []
+        path = Path.of(self, loads)
+        return [path.outcome(self.body, one).deformed() for one in loads]
+
+
+def _without_amounts(loads: Sequence[Load]) -> tuple[Load, ...]:
+    return tuple(_with(load, iter((0.0, 0.0))) for load in loads)
+
+
+def _with(load: Load, amounts: Iterator[float]) -> Load:
+    if isinstance(load, Turn):
+        return replace(load, angle_deg=next(amounts))
+    if isinstance(load, Pull):
+        return replace(load, force_N=(next(amounts), next(amounts)))
+    if load.force_N is not None:
+        return replace(load, force_N=next(amounts))
+    return replace(load, depth_mm=next(amounts))
+
+
+def _values(loads: Sequence[Load]) -> FloatArray:
+    """Amounts of loads: degrees, mm or N, one for each and two for a pull."""
+    found: list[float] = []
+    for load in loads:
+        if isinstance(load, Turn):
+            found.append(load.angle_deg)
+        elif isinstance(load, Pull):
+            found += load.force_N
+        else:
+            found.append(load.force_N if load.force_N is not None else load.depth_mm or 0.0)
+        if not np.isfinite(found).all():
+            raise DesignError(load.name, value=found[-1], limit="must be finite")
+    return np.array(found)
+
+
+class State(NamedTuple):
+    """Amounts of the loads, and the equilibrium under them."""
+
+    values: FloatArray
+    guess: Guess
+
+
+@dataclass(eq=False)
+class Path:
+    """States that a body has passed through, from rest.
+
+    Attributes
+    ----------
+    problem
+        The held body.
+    kinds
+        Of the load that each amount belongs to.
+    by_force
+        Which fingers have their force given.
+    spread
+        Forces on all components of displacement by each amount of a pull of 1 N, per mm of thickness.
+    thickness_mm
+        Of the body.
+    passed
+        The states, rest first.
+    """
+
+    problem: Problem
+    kinds: tuple[type, ...]
+    by_force: BoolArray
+    spread: FloatArray
+    thickness_mm: float
+    passed: list[State]
+    _kept: Factors | None = None
+
+    @classmethod
+    def of(cls, soft: SoftBody, states: Sequence[Sequence[Load]]) -> "Path":
+        """The body at rest, meshed for what its loads need."""
+        loads = states[0]
+        if any(_without_amounts(one) != _without_amounts(loads) for one in states):
+            raise DesignError("loads", limit="states must differ by their angles, depths and forces alone")
+        every = [[finger_of(soft.body, load) for load in one if isinstance(load, Press)] for one in states]
+        fingers = {finger.press: finger for one in every for finger in one}
+        sized = (contact_sizes(soft.body, one, soft.material, soft.thickness_mm) for one in fingers.values())
+        options = replace(soft.mesh, finer=(*soft.mesh.finer, *chain.from_iterable(sized)))
+        mesh = mesh_of(soft.body, options, cuts_of(soft.body, soft.holds, loads))
+        problem = _problem(soft, mesh, loads, tuple(every[0]))
+        rest = Guess(
+            np.zeros(problem.elements.unknowns),
+            np.zeros(len(problem.supports.hinges)),
+            np.zeros(len(every[0])),
+            np.zeros(len(problem.pairs.node)),
+        )
+        pulls = [_spread(soft.body, mesh, load) for load in loads if isinstance(load, Pull)]
+        spread = np.vstack([*pulls, np.zeros((0, problem.elements.displacements))]) / soft.thickness_mm
+        kinds = [kind for load in loads for kind in ((Pull, Pull) if isinstance(load, Pull) else (type(load),))]
+        by_force = np.array([finger.by_force for finger in every[0]], dtype=bool)
+        first = State(np.zeros(len(kinds)), rest)
+        return cls(problem, tuple(kinds), by_force, spread, soft.thickness_mm, [first])
+
+    def outcome(self, body: Body, loads: Sequence[Load]) -> Outcome:
+        """The equilibrium under some loads, from the last state."""
+        guess = self.reach(_values(loads))
+        own = self.thickness_mm * self.spread.reshape(-1, 2, *self.problem.supports.points_mm.shape)
+        pulls = [load for load in loads if isinstance(load, Pull)]
+        forces = {load.name: np.tensordot(load.force_N, one, 1) for load, one in zip(pulls, own, strict=True)}
+        return Outcome(body, self.problem, guess, forces, self.thickness_mm)
+
+    def reach(self, values: FloatArray) -> Guess:
+        """The equilibrium at given amounts of the loads, from the last one."""
+        state = self._reached(self.passed[-1], values, MOST_HALVINGS)
+        self.passed.append(state)
+        return state.guess
+
+    def _reached(self, start: State, values: FloatArray, halvings: int) -> State:
+        try:
+            return State(values, self._equilibrium(self._extrapolated(start, values), values))
+        except DivergedError as reason:
+            self._kept = None
+            if halvings == 0:
+                shown = ", ".join(f"{value:.4g}" for value in values)
+                limit = f"beyond what the body bears: {reason}"
+                raise DesignError(
+                    "loads", value=shown, limit=limit, remedy="load it less, or hold more of it"
+                ) from None
+        half = self._reached(start, 0.5 * (start.values + values), halvings - 1)
+        return self._reached(half, values, halvings - 1)
+
+    def _extrapolated(self, start: State, values: FloatArray) -> Guess:
+        """A guess by the polynomial through the last states, where the loads lie on one line."""
+        known = self.passed[-REMEMBERED:]
+        way = values - start.values
+        square = float(way @ way)
+        if self.problem.fingers or start is not known[-1] or len(known) == 1 or square == 0.0:
+            return start.guess
+        left = np.array([state.values - values for state in known])
+        amounts = left @ way / square
+        near = np.abs(np.subtract.outer(amounts, amounts)) + np.eye(len(known))
+        if np.abs(left - np.outer(amounts, way)).max() > 1e-9 * np.sqrt(square) or near.min() < 1e-6:
+            return start.guess
+        if np.abs(amounts).max() > 2 * REMEMBERED:
+            return start.guess
+        shares = [np.prod([b / (b - a) for b in amounts if b != a]) for a in amounts]
+        mixed = (sum(share * state.guess[k] for share, state in zip(shares, known, strict=True)) for k in range(2))
+        return start.guess._replace(unknowns=np.asarray(next(mixed)), angles=np.asarray(next(mixed)))
+
+    def _equilibrium(self, guess: Guess, values: FloatArray) -> Guess:
+        """Equilibrium at some amounts of the loads, from a guess."""
+        turns, presses, pulls = (values[[k is kind for k in self.kinds]] for kind in (Turn, Press, Pull))
+        push = np.where(self.by_force, presses, 0.0) / self.thickness_mm
+        guess = guess._replace(depth=np.where(push > 0.0, guess.depth, np.where(self.by_force, 0.0, presses)))
+        demand = Demand(self.problem.supports.given(turns.tolist()), pulls @ self.spread, push)
+        before: BoolArray | None = None
+        errors: list[float] = []
+        for _ in range(MOST_STEPS):
+            guess, before, settled = self._stepped(guess, demand, before, errors)
+            if settled:
+                return guess
+        raise DivergedError(f"no equilibrium after {MOST_STEPS} steps, the last of {errors[-1]:.2g} mm")
+
+    def _stepped(
+        self, guess: Guess, demand: Demand, before: BoolArray | None, errors: list[float]
+    ) -> tuple[Guess, BoolArray, bool]:
+        """One step: the guess after it, which pairs touched, and whether nothing moves any more."""
+        taken = step(self.problem, guess, demand, self._kept)
+        self._kept = taken.kept
+        errors.append(taken.moved_mm)
+        rate = errors[-1] / errors[-2] if len(errors) > 1 and errors[-2] > 0.0 else 1.0
+        if len(errors) > 1 and rate > SLOW:
+            self._kept = None
+        same = before is None or bool((taken.active == before).all())
+        settled = same and (errors[-1] < EXACT_MM or (rate < SLOW and errors[-1] * rate < EXACT_MM))
+        return taken.guess, taken.active, settled
+
+
+def _problem(soft: SoftBody, mesh: BodyMesh, loads: Sequence[Load], fingers: tuple[Finger, ...]) -> Problem:
+    turns = [load for load in loads if isinstance(load, Turn)]
+    supports = supports_of(soft.body, mesh, soft.holds, turns)
+    free = np.ones(len(mesh.points_mm), dtype=bool)
+    free[supports.fixed] = False
+    elements = Elements(mesh, soft.material, soft.plane)
+    return Problem(elements, supports, fingers, pairs_of(mesh, len(fingers), free))
+
+
+def _spread(body: Body, mesh: BodyMesh, pull: Pull) -> FloatArray:
+    """Forces (2, components of displacement) at the nodes for a pull of 1 N along x, and for one along z."""
+    forces = np.zeros((2, len(mesh.points_mm), 2))
+    for _, nodes in nodes_on(body, mesh, pull.stretches, pull.name):
+        shares = edge_shares(mesh.points_mm, nodes)
+        np.add.at(forces[0, :, 0], nodes, shares)
+        np.add.at(forces[1, :, 1], nodes, shares)
+    return np.asarray(forces.reshape(2, -1) / forces[0].sum())

@@ -1,0 +1,144 @@
+"""Where stretches lie on a body: parameters on its faces, and nodes of its mesh."""
+
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from solen.arrays import FloatArray, IndexArray
+from solen.curve import Measure
+from solen.errors import DesignError
+from solen.geometry import Body, Face, called
+from solen.mechanics.load import Hold, Load, Press, Stretch
+from solen.mechanics.mesh import BodyMesh
+
+SHORTEST_MM = 1e-6
+"""A shorter stretch is none."""
+U_TOLERANCE = 1e-9
+
+
+class Part(NamedTuple):
+    """Part of one face's curve between two parameters."""
+
+    face: Face
+    u_from: float
+    u_to: float
+
+
+def parts_of(body: Body, stretch: Stretch, what: str) -> list[Part]:
+    """Parts of faces that a stretch covers.
+
+    Raises
+    ------
+    DesignError
+        Where it names no face of an outline, or lies beyond the end of all that it names.
+    """
+    named = [face for face in body.all_faces if called(face, stretch.face)]
+    if not named:
+        raise _unknown(body, stretch.face, what)
+    parts = [part for face in named if (part := _covered(face, stretch)) is not None]
+    if not parts:
+        longest_mm = max(face.begins_mm + Measure(face.curve).length_mm for face in named)
+        limit = f"covers nothing of {stretch.face}, which is {longest_mm:.4g} mm long"
+        raise DesignError(f"{what}.from_mm", value=stretch.from_mm, limit=limit)
+    return parts
+
+
+def place_of(body: Body, press: Press) -> tuple[Face, float]:
+    """Face and parameter at which a finger first touches; `DesignError` where there is no such place."""
+    named = [face for face in body.all_faces if called(face, press.face)]
+    if not named:
+        raise _unknown(body, press.face, press.name)
+    ends = []
+    for face in named:
+        measure = Measure(face.curve)
+        own_mm = press.at_mm - face.begins_mm
+        ends.append(face.begins_mm + measure.length_mm)
+        if 0.0 <= own_mm <= measure.length_mm:
+            return face, measure.u_at(measure.length_mm - own_mm if face.from_end else own_mm)
+    limit = f"must be from 0 to {max(ends):.4g} mm, the length of {press.face}"
+    raise DesignError(f"{press.name}.at_mm", value=press.at_mm, limit=limit)
+
+
+def at_height(body: Body, face: str, z_mm: float) -> float:
+    """Length along a face, as stretches and presses count it, at which it reaches a height z.
+
+    Raises
+    ------
+    DesignError
+        Where it never does, or more than once.
+    """
+    found = [length for one in body.all_faces if called(one, face) for length in _lengths_at(one, z_mm)]
+    if len(found) != 1:
+        limit = f"{face} has {len(found) or 'no'} points at that height"
+        raise DesignError("z_mm", value=z_mm, limit=limit, remedy="give a length along the face")
+    return found[0]
+
+
+def _lengths_at(face: Face, z_mm: float) -> list[float]:
+    from scipy.optimize import brentq
+
+    def above(u: float) -> float:
+        return face.curve.point_at(u)[1] - z_mm
+
+    u = np.linspace(0.0, 1.0, 65)
+    side = face.curve.points(u)[:, 1] > z_mm
+    roots = [brentq(above, u[i], u[i + 1], xtol=1e-14) for i in np.flatnonzero(side[1:] != side[:-1])]
+    measure, lengths = Measure(face.curve), []
+    for root in roots:
+        own = Measure(face.curve.part(0.0, root)).length_mm if root > 0.0 else 0.0
+        lengths.append(face.begins_mm + (measure.length_mm - own if face.from_end else own))
+    return lengths
+
+
+def cuts_of(body: Body, holds: Sequence[Hold], loads: Sequence[Load]) -> dict[str, list[float]]:
+    """Parameters by face at which elements must end: the ends of all stretches, and where fingers touch."""
+    cuts: dict[str, list[float]] = defaultdict(list)
+    for one in (*holds, *loads):
+        if isinstance(one, Press):
+            face, u = place_of(body, one)
+            cuts[face.name].append(u)
+            continue
+        for stretch in one.stretches:
+            for part in parts_of(body, stretch, one.name):
+                cuts[part.face.name] += [u for u in (part.u_from, part.u_to) if 0.0 < u < 1.0]
+    return dict(cuts)
+
+
+def nodes_on(body: Body, mesh: BodyMesh, stretches: Iterable[Stretch], what: str) -> list[tuple[Face, IndexArray]]:
+    """Nodes on the parts of faces that stretches cover, in order along each; every second is the middle of an edge."""
+    found = []
+    for stretch in stretches:
+        for part in parts_of(body, stretch, what):
+            edges = mesh.faces[part.face.name]
+            low, high = (int(np.argmin(np.abs(edges.u[::2] - u))) for u in (part.u_from, part.u_to))
+            found.append((part.face, edges.nodes[2 * low : 2 * high + 1]))
+    return found
+
+
+def edge_shares(points: FloatArray, nodes: IndexArray) -> FloatArray:
+    """Lengths (N,) that each of the nodes along edges stands for: Simpson's 1, 4, 1 sixths of every edge."""
+    ends = points[nodes[::2]]
+    lengths = np.hypot(*np.diff(ends, axis=0).T)
+    shares = np.zeros(len(nodes))
+    shares[1::2] = 4.0 / 6.0 * lengths
+    shares[:-1:2] += lengths / 6.0
+    shares[2::2] += lengths / 6.0
+    return shares
+
+
+def _covered(face: Face, stretch: Stretch) -> Part | None:
+    measure = Measure(face.curve)
+    low = max(0.0, stretch.from_mm - face.begins_mm)
+    high = measure.length_mm if stretch.to_mm is None else min(measure.length_mm, stretch.to_mm - face.begins_mm)
+    if high - low < SHORTEST_MM:
+        return None
+    ends = (measure.length_mm - high, measure.length_mm - low) if face.from_end else (low, high)
+    u_from, u_to = (0.0 if u < U_TOLERANCE else 1.0 if u > 1.0 - U_TOLERANCE else u for u in map(measure.u_at, ends))
+    return Part(face, u_from, u_to)
+
+
+def _unknown(body: Body, name: str, what: str) -> DesignError:
+    known = ", ".join(face.name for face in body.all_faces)
+    return DesignError(f"{what}.face", value=name, limit=f"names no face; there are {known}")
