@@ -39,12 +39,11 @@ class _State(NamedTuple):
 
 
 class _Principal(NamedTuple):
-    """Principal strains (ln λ), stresses, derivatives of these; cos and sin of twice the first direction's angle."""
+    """Principal strains (ln λ) and stresses; cos and sin of twice the angle of the first direction."""
 
     first: FloatArray
     second: FloatArray
     stress: FloatArray
-    slopes: FloatArray
     cos: FloatArray
     sin: FloatArray
 
@@ -79,6 +78,12 @@ class Elements:
         return np.ascontiguousarray(np.stack([np.moveaxis(one[0].grad, 0, -1) for one in self._basis.basis], axis=2))
 
     @cached_property
+    def _flat_gradients(self) -> FloatArray:
+        """The same, (elements, 6, points · 2)."""
+        swapped = self._gradients.transpose(0, 2, 1, 3)
+        return np.ascontiguousarray(swapped.reshape(*swapped.shape[:2], -1))
+
+    @cached_property
     def _linear(self) -> FloatArray:
         """Shape functions of the pressure (points, 3)."""
         x, z = self._basis.X
@@ -107,8 +112,10 @@ class Elements:
 
     def deformation(self, unknowns: FloatArray) -> FloatArray:
         """Deformation gradients F (elements, points, 2, 2)."""
-        moves = unknowns[: self.displacements].reshape(-1, 2)[self.nodes]
-        return np.asarray(np.eye(2) + np.einsum("eai,eqaj->eqij", moves, self._gradients, optimize=True))
+        moves = unknowns[: self.displacements].reshape(-1, 2)[self.nodes].transpose(0, 2, 1)
+        elements, points = self.weights.shape
+        slopes = (moves @ self._flat_gradients).reshape(elements, 2, points, 2)
+        return np.asarray(np.eye(2) + slopes.transpose(0, 2, 1, 3))
 
     def turned_inside_out(self, unknowns: FloatArray) -> BoolArray:
         """Which elements have no area left somewhere."""
@@ -138,7 +145,7 @@ class Elements:
         second = np.log(area) - first
         safe = np.where(radius > 0.0, radius, 1.0)
         cos, sin = np.where(radius > 0.0, along / safe, 1.0), across / safe
-        return _Principal(first, second, *self.material.principal(self.plane, first, second), cos, sin)
+        return _Principal(first, second, self.material.stresses(self.plane, first, second), cos, sin)
 
     def largest_strain(self, unknowns: FloatArray) -> FloatArray:
         """Principal strain ln λ that is largest in magnitude at every quadrature point (elements, points), signed."""
@@ -173,7 +180,7 @@ class Elements:
         strain = np.zeros((elements, points, 3, 12))
         strain[:, :, 0, 0::2], strain[:, :, 1, 1::2] = dx, dz
         strain[:, :, 2, 0::2], strain[:, :, 2, 1::2] = dz, dx
-        weighted = (_moduli(state) * self.weights[..., None, None]) @ strain
+        weighted = (self._moduli(state) * self.weights[..., None, None]) @ strain
         flat = (elements, points * 3, 12)
         local = strain.reshape(flat).transpose(0, 2, 1) @ weighted.reshape(flat)
         xx, zz, xz = np.moveaxis(state.stress * self.weights[..., None], -1, 0)
@@ -183,6 +190,27 @@ class Elements:
         local[:, 0::2, 0::2] += turned
         local[:, 1::2, 1::2] += turned
         return self._with_pressure(local, state) if self.has_pressure else local
+
+    def _moduli(self, state: _State) -> FloatArray:
+        """Moduli (elements, points, 3, 3) from strains xx, zz, 2 xz of the deformed body to its Kirchhoff stress."""
+        found = state.principal
+        mean, half = found.stress.sum(axis=-1) / 2, (found.stress[..., 0] - found.stress[..., 1]) / 2
+        slopes = self.material.slopes(self.plane, found.first, found.second)
+        a, b, d = slopes[..., 0, 0], slopes[..., 0, 1], slopes[..., 1, 1]
+        swell, mixed, spread = (a + 2 * b + d) / 4, (a - d) / 4, (a - 2 * b + d) / 4
+        volume = state.pressure * state.area
+        difference = found.first - found.second
+        near = np.abs(difference) < ALIKE
+        apart = np.where(near, 1.0, difference)
+        shear = np.where(near, spread, half / np.tanh(apart)) - mean
+        one = np.ones_like(mean)
+        zero = np.zeros_like(mean)
+        whole, along = np.stack([one, one, zero], axis=-1), np.stack([found.cos, -found.cos, found.sin], axis=-1)
+        across = np.stack([-found.sin, found.sin, found.cos], axis=-1)
+        moduli = _dyad(swell - mean + volume, whole, whole) + _dyad(spread - mean, along, along)
+        moduli += _dyad(mixed - half, whole, along) + _dyad(mixed - half, along, whole)
+        moduli += _dyad(shear, across, across)
+        return moduli - volume[..., None, None] * np.diag([2.0, 2.0, 1.0])
 
     def _with_pressure(self, local: FloatArray, state: _State) -> FloatArray:
         """The tangent bordered by the pressures'."""
@@ -205,27 +233,6 @@ class Elements:
         begins = np.flatnonzero(np.diff(key, prepend=-1))
         starts = np.searchsorted(columns[order][begins], np.arange(self.unknowns + 1))
         return order, begins, rows[order][begins], starts
-
-
-def _moduli(state: _State) -> FloatArray:
-    """Moduli (elements, points, 3, 3) from strains xx, zz, 2 xz of the deformed body to its Kirchhoff stress."""
-    found = state.principal
-    mean, half = found.stress.sum(axis=-1) / 2, (found.stress[..., 0] - found.stress[..., 1]) / 2
-    a, b, d = found.slopes[..., 0, 0], found.slopes[..., 0, 1], found.slopes[..., 1, 1]
-    swell, mixed, spread = (a + 2 * b + d) / 4, (a - d) / 4, (a - 2 * b + d) / 4
-    volume = state.pressure * state.area
-    difference = found.first - found.second
-    near = np.abs(difference) < ALIKE
-    apart = np.where(near, 1.0, difference)
-    shear = np.where(near, spread, half / np.tanh(apart)) - mean
-    one = np.ones_like(mean)
-    zero = np.zeros_like(mean)
-    whole, along = np.stack([one, one, zero], axis=-1), np.stack([found.cos, -found.cos, found.sin], axis=-1)
-    across = np.stack([-found.sin, found.sin, found.cos], axis=-1)
-    moduli = _dyad(swell - mean + volume, whole, whole) + _dyad(spread - mean, along, along)
-    moduli += _dyad(mixed - half, whole, along) + _dyad(mixed - half, along, whole)
-    moduli += _dyad(shear, across, across)
-    return moduli - volume[..., None, None] * np.diag([2.0, 2.0, 1.0])
 
 
 def _dyad(factor: FloatArray, left: FloatArray, right: FloatArray) -> FloatArray:

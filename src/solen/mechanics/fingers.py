@@ -62,6 +62,19 @@ class Finger:
         """Whether its force is given, and its depth follows."""
         return self.press.force_N is not None
 
+    def check(self, depth_mm: float, push: float) -> None:
+        """`DesignError` where the finger went through the body, or pushes nothing any more."""
+        x, z = self.start_mm + depth_mm * self.way + self.press.radius_mm * self.way
+        place = place_text((float(x), float(z)))
+        if self.by_force and depth_mm >= self.through_mm:
+            limit = f"pushes the finger {depth_mm:.3g} mm into a body of {self.through_mm:.3g} mm there, to {place}"
+            raise DesignError(f"{self.press.name}.force_N", value=self.press.force_N, limit=limit, remedy="push less")
+        if depth_mm > 0.0 and not push > 0.0:
+            limit = f"the body has moved away from the finger, whose tip is at {place}"
+            raise DesignError(
+                self.press.name, value="contact lost", limit=limit, remedy="move it there, or leave it out"
+            )
+
 
 def finger_of(body: Body, press: Press) -> Finger:
     """The finger of a press.

@@ -20,6 +20,7 @@ Plane = Literal["strain", "stress"]
 
 LEAST_COMPLIANCE = 1e-8
 """Relative to the shear's: what a pressure may change an area that cannot change."""
+SIGNS = np.array([1.0, -1.0])
 LEAST_POISSON = 0.4
 """The models are those of solids that keep their volume: nearly so at least."""
 
@@ -67,20 +68,21 @@ class Material:
         """Change of area by the mean pressure in plane strain, (1 − 2ν)/μ; never quite 0, so that it is solvable."""
         return max(1.0 - 2.0 * self.poisson, LEAST_COMPLIANCE) / self.shear_modulus_MPa
 
-    def principal(self, plane: Plane, first: FloatArray, second: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Kirchhoff stresses (…, 2) at principal strains ln λ (…,), and their derivatives by these (…, 2, 2), in MPa.
-
-        In plane strain without the pressure.
-        """
+    def stresses(self, plane: Plane, first: FloatArray, second: FloatArray) -> FloatArray:
+        """Kirchhoff stresses (…, 2) in MPa at principal strains ln λ (…,); in plane strain without the pressure."""
         law = model(self.kind)
         if plane == "stress":
-            stretches = (np.exp(first), np.exp(second))
-            return law.gradient(self.parameters, *stretches), law.hessian(self.parameters, *stretches)
+            return law.gradient(self.parameters, np.exp(first), np.exp(second))
         half = 0.5 * (first - second)
-        stretches = (np.exp(half), np.exp(-half))
-        slopes = law.gradient(self.parameters, *stretches)
-        curves = law.hessian(self.parameters, *stretches)
-        slope = 0.5 * (slopes[..., 0] - slopes[..., 1])
+        slopes = law.gradient(self.parameters, np.exp(half), np.exp(-half))
+        return np.asarray(0.5 * (slopes[..., :1] - slopes[..., 1:]) * SIGNS)
+
+    def slopes(self, plane: Plane, first: FloatArray, second: FloatArray) -> FloatArray:
+        """Derivatives (…, 2, 2) of `stresses` by the principal strains."""
+        law = model(self.kind)
+        if plane == "stress":
+            return law.hessian(self.parameters, np.exp(first), np.exp(second))
+        half = 0.5 * (first - second)
+        curves = law.hessian(self.parameters, np.exp(half), np.exp(-half))
         curve = 0.25 * (curves[..., 0, 0] - 2.0 * curves[..., 0, 1] + curves[..., 1, 1])
-        signs = np.array([1.0, -1.0])
-        return slope[..., None] * signs, curve[..., None, None] * np.outer(signs, signs)
+        return np.asarray(curve[..., None, None] * np.outer(SIGNS, SIGNS))

@@ -21,6 +21,10 @@ SMALLEST_SHARE = 1 / 16
 """Least share of a step that is tried."""
 
 
+PIVOT = 0.01
+"""Least pivot of the factors, relative to the largest: enough for these matrices, and it keeps more of them empty."""
+
+
 class DivergedError(Exception):
     """A load that Newton's method does not reach from where it began."""
 
@@ -201,7 +205,7 @@ def _factors(problem: Problem, guess: Guess, residual: FloatArray, border: _Bord
                 [turns.T, csc_array(border.sinks.T), -diags_array(border.curves)],
             ]
         )
-    return Factors(matrix, projection, splu(csc_array(inner)))
+    return Factors(matrix, projection, splu(csc_array(inner), diag_pivot_thresh=PIVOT))
 
 
 def _border(problem: Problem, touch: Touch, active: BoolArray, force: FloatArray, forced: BoolArray) -> _Border:

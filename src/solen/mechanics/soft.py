@@ -30,7 +30,7 @@ from solen.mechanics.outcome import Outcome
 from solen.mechanics.stretches import cuts_of, edge_shares, nodes_on
 from solen.mechanics.supports import supports_of
 
-EXACT_MM = 1e-9
+EXACT_MM = 1e-8
 """Displacements are computed to this."""
 MOST_STEPS = 40
 SLOW = 0.3
@@ -200,6 +200,8 @@ class Path:
         """The equilibrium at given amounts of the loads, from the last one."""
         state = self._reached(self.passed[-1], values, MOST_HALVINGS)
         self.passed.append(state)
+        for k, finger in enumerate(self.problem.fingers):
+            finger.check(float(state.guess.depth[k]), float(state.guess.force[self.problem.pairs.finger == k].sum()))
         return state.guess
 
     def _reached(self, start: State, values: FloatArray, halvings: int) -> State:
@@ -256,7 +258,7 @@ class Path:
         self._kept = taken.kept
         errors.append(taken.moved_mm)
         rate = errors[-1] / errors[-2] if len(errors) > 1 and errors[-2] > 0.0 else 1.0
-        if len(errors) > 1 and rate > SLOW:
+        if len(errors) > 1 and rate > SLOW and errors[-1] > EXACT_MM:
             self._kept = None
         same = before is None or bool((taken.active == before).all())
         settled = same and (errors[-1] < EXACT_MM or (rate < SLOW and errors[-1] * rate < EXACT_MM))

@@ -142,7 +142,8 @@ def supports_of(body: Body, mesh: BodyMesh, holds: Sequence[Hold], turns: Sequen
     held: dict[int, Hold | Turn] = {}
     lines: dict[int, Point] = {}
     groups: list[Group] = []
-    rigid = [*turns, *(one for one in holds if one.kind != "sliding")]
+    rigid: list[Hold | Turn] = [*turns]
+    rigid += [one for one in holds if one.kind != "sliding"]
     sliding = [one for one in holds if one.kind == "sliding"]
     for one in rigid:
         groups.append(_apart(_group(body, mesh, one), held, one, mesh.points_mm))
