@@ -113,7 +113,7 @@ def _through(body: Body, at: FloatArray, way: FloatArray) -> float:
     line = shapely.LineString([at + 10.0 * OUTLINE_MM * way, at + reach * way])
     inside = area.intersection(line)
     first = min(getattr(inside, "geoms", [inside]), key=lambda part: part.distance(shapely.Point(at)))
-    return float(first.length)
+    return float(first.length) + 10.0 * OUTLINE_MM
 
 
 class Pairs(NamedTuple):
@@ -159,7 +159,7 @@ def touch_of(fingers: Sequence[Finger], pairs: Pairs, points: FloatArray, depth:
     centres = np.array([f.start_mm + d * f.way for f, d in zip(fingers, depth, strict=True)]).reshape(-1, 2)
     radii = np.array([f.press.radius_mm for f in fingers])
     apart = points[pairs.node] - centres[pairs.finger]
-    distance = np.hypot(*apart.T)
+    distance = np.maximum(np.hypot(*apart.T), 1e-12)
     return Touch(pairs, apart / distance[:, None], distance, distance - radii[pairs.finger])
 
 

@@ -145,8 +145,8 @@ def mesh_of(body: Body, options: MeshOptions, cuts: Mapping[str, Sequence[float]
 def _sizes_of(body: Body, options: MeshOptions, cuts: Mapping[str, Sequence[float]]) -> _Sizes:
     width_mm = 2.0 * area_mm2(body.outlines) / perimeter_mm(body.outlines)
     size_mm = options.size_mm or width_mm / ACROSS
-    if not size_mm > 0.0:
-        raise DesignError("mesh.size_mm", value=size_mm, limit="must be above 0")
+    if not (math.isfinite(size_mm) and size_mm > 0.0):
+        raise DesignError("mesh.size_mm", value=size_mm, limit="must be finite and above 0")
     sizes = _Sizes(size_mm)
     for outline in body.outlines:
         for before, face in pairwise((outline[-1], *outline)):

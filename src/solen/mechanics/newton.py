@@ -17,8 +17,10 @@ from solen.mechanics.elements import Elements
 from solen.mechanics.fingers import Finger, Pairs, Touch, touch_of
 from solen.mechanics.supports import Supports
 
-SMALLEST_SHARE = 1 / 16
+SMALLEST_SHARE = 1 / 64
 """Least share of a step that is tried."""
+LARGEST_PUSH = 0.2
+"""Most of its radius that a finger moves in one step, or nodes would come to lie behind it."""
 
 
 PIVOT = 0.01
@@ -149,11 +151,14 @@ def _shortened(
     """The step, or the largest share by halves that turns no element inside out."""
     count = problem.elements.displacements
     before = guess.unknowns[:count].reshape(-1, 2)
-    share = 1.0
+    radii = np.array([finger.press.radius_mm for finger in problem.fingers])
+    share = float(np.min(LARGEST_PUSH * radii / np.maximum(np.abs(solved.deeper), 1e-300), initial=1.0))
     while True:
         jumped = before + share * jump[:count].reshape(-1, 2)
         moves, angles = problem.supports.moved(jumped, share * solved.moves, guess.angles)
         unknowns = np.concatenate([moves.ravel(), guess.unknowns[count:] + share * solved.pressures])
+        if not np.isfinite(unknowns).all():
+            raise DivergedError("its equations have no single solution")
         bad = problem.elements.turned_inside_out(unknowns)
         if not bad.any():
             break
@@ -205,7 +210,10 @@ def _factors(problem: Problem, guess: Guess, residual: FloatArray, border: _Bord
                 [turns.T, csc_array(border.sinks.T), -diags_array(border.curves)],
             ]
         )
-    return Factors(matrix, projection, splu(csc_array(inner), diag_pivot_thresh=PIVOT))
+    try:
+        return Factors(matrix, projection, splu(csc_array(inner), diag_pivot_thresh=PIVOT))
+    except RuntimeError:  # it says that its matrix is singular
+        raise DivergedError("its equations have no single solution") from None
 
 
 def _border(problem: Problem, touch: Touch, active: BoolArray, force: FloatArray, forced: BoolArray) -> _Border:

@@ -25,17 +25,19 @@ from solen.mechanics.fingers import Finger, contact_sizes, finger_of, pairs_of
 from solen.mechanics.load import Hold, Load, Press, Pull, Turn
 from solen.mechanics.material import Material, Plane
 from solen.mechanics.mesh import BodyMesh, MeshOptions, mesh_of
-from solen.mechanics.newton import Demand, DivergedError, Factors, Guess, Problem, step
+from solen.mechanics.newton import LARGEST_PUSH, Demand, DivergedError, Factors, Guess, Problem, step
 from solen.mechanics.outcome import Outcome
 from solen.mechanics.stretches import cuts_of, edge_shares, nodes_on
 from solen.mechanics.supports import supports_of
 
 EXACT_MM = 1e-8
 """Displacements are computed to this."""
-MOST_STEPS = 40
+MOST_STEPS = 25
 SLOW = 0.3
 """A kept matrix with which a step leaves more than this of the error is made anew."""
-MOST_HALVINGS = 7
+MOST_HALVINGS = 5
+LARGEST_TURN_DEG = 12.0
+"""Most that a clamp turns in one step."""
 REMEMBERED = 4
 """States from which the next one is extrapolated."""
 
@@ -113,6 +115,19 @@ def _with(load: Load, amounts: Iterator[float]) -> Load:
     return replace(load, depth_mm=next(amounts))
 
 
+def _names(loads: Sequence[Load]) -> tuple[str, ...]:
+    """What each of the `_values` is."""
+    found: list[str] = []
+    for load in loads:
+        if isinstance(load, Turn):
+            found.append(f"{load.name}.angle_deg")
+        elif isinstance(load, Pull):
+            found += [f"{load.name}.force_N (x)", f"{load.name}.force_N (z)"]
+        else:
+            found.append(f"{load.name}.{'depth_mm' if load.force_N is None else 'force_N'}")
+    return tuple(found)
+
+
 def _values(loads: Sequence[Load]) -> FloatArray:
     """Amounts of loads: degrees, mm or N, one for each and two for a pull."""
     found: list[float] = []
@@ -143,8 +158,8 @@ class Path:
     ----------
     problem
         The held body.
-    kinds
-        Of the load that each amount belongs to.
+    names, kinds
+        What each amount is, and of which load.
     by_force
         Which fingers have their force given.
     spread
@@ -156,6 +171,7 @@ class Path:
     """
 
     problem: Problem
+    names: tuple[str, ...]
     kinds: tuple[type, ...]
     by_force: BoolArray
     spread: FloatArray
@@ -186,7 +202,7 @@ class Path:
         kinds = [kind for load in loads for kind in ((Pull, Pull) if isinstance(load, Pull) else (type(load),))]
         by_force = np.array([finger.by_force for finger in every[0]], dtype=bool)
         first = State(np.zeros(len(kinds)), rest)
-        return cls(problem, tuple(kinds), by_force, spread, soft.thickness_mm, [first])
+        return cls(problem, _names(loads), tuple(kinds), by_force, spread, soft.thickness_mm, [first])
 
     def outcome(self, body: Body, loads: Sequence[Load]) -> Outcome:
         """The equilibrium under some loads, from the last state."""
@@ -205,18 +221,30 @@ class Path:
         return state.guess
 
     def _reached(self, start: State, values: FloatArray, halvings: int) -> State:
-        try:
-            return State(values, self._equilibrium(self._extrapolated(start, values), values))
-        except DivergedError as reason:
-            self._kept = None
-            if halvings == 0:
-                shown = ", ".join(f"{value:.4g}" for value in values)
-                limit = f"beyond what the body bears: {reason}"
-                raise DesignError(
-                    "loads", value=shown, limit=limit, remedy="load it less, or hold more of it"
-                ) from None
-        half = self._reached(start, 0.5 * (start.values + values), halvings - 1)
-        return self._reached(half, values, halvings - 1)
+        """The state at some amounts from another one, by halves where that is too far."""
+        if not self._too_far(values - start.values):
+            try:
+                return State(values, self._equilibrium(self._extrapolated(start, values), values))
+            except DivergedError as reason:
+                self._kept = None
+                if halvings == 0:
+                    raise self._unbearable(start.values, str(reason)) from None
+                halvings -= 1
+        half = self._reached(start, 0.5 * (start.values + values), halvings)
+        return self._reached(half, values, halvings)
+
+    def _too_far(self, way: FloatArray) -> bool:
+        """Whether fingers or clamps move further than one step should take them."""
+        pushed = np.abs(way[[kind is Press for kind in self.kinds]])
+        radii = np.array([finger.press.radius_mm for finger in self.problem.fingers])
+        turned = np.abs(way[[kind is Turn for kind in self.kinds]])
+        return bool((pushed > LARGEST_PUSH * radii)[~self.by_force].any() or (turned > LARGEST_TURN_DEG).any())
+
+    def _unbearable(self, reached: FloatArray, reason: str) -> DesignError:
+        """Error about loads that the body did not bear, with those that it did."""
+        names = [f"{name} = {value:.4g}" for name, value in zip(self.names, reached, strict=True)]
+        limit = f"the body bears no more than about {', '.join(names)}: {reason}"
+        return DesignError("loads", limit=limit, remedy="load it less")
 
     def _extrapolated(self, start: State, values: FloatArray) -> Guess:
         """A guess by the polynomial through the last states, where the loads lie on one line."""
