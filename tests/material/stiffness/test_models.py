@@ -46,6 +46,20 @@ def test_the_jacobian_is_the_stress_by_the_parameters(kind: str, mode: Mode) -> 
 
 
 @pytest.mark.parametrize("kind", KINDS)
+def test_the_gradient_is_the_energy_by_the_logarithmic_strains(kind: str) -> None:
+    ours, parameters = model(kind), PARAMETERS[kind]
+    first, second = np.array([0.5, 0.8, 1.0, 1.3, 2.4]), np.array([0.9, 1.4, 1.0, 0.7, 1.1])
+
+    def energy(one: float, two: float) -> np.ndarray:
+        return ours.energy(parameters, first * np.exp(one), second * np.exp(two))
+
+    along = [energy(STEP, 0) - energy(-STEP, 0), energy(0, STEP) - energy(0, -STEP)]
+    np.testing.assert_allclose(
+        ours.gradient(parameters, first, second), np.stack(along, axis=-1) / (2 * STEP), rtol=2e-7, atol=1e-8
+    )
+
+
+@pytest.mark.parametrize("kind", KINDS)
 def test_the_hessian_is_the_energy_twice_by_the_logarithmic_strains(kind: str) -> None:
     ours, parameters = model(kind), PARAMETERS[kind]
     first, second, step = np.array([0.5, 0.8, 1.3, 2.4]), np.array([0.9, 1.4, 0.7, 1.1]), 1e-4
