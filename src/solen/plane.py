@@ -73,6 +73,31 @@ class Rigid:
         x, z = pivot
         return cls(c, s, (x - (c * x - s * z), z - (s * x + c * z)))
 
+    @classmethod
+    def nearest(
+        cls, before: NDArray[np.float64], after: NDArray[np.float64], weight: NDArray[np.float64] | None = None
+    ) -> "Rigid":
+        """Motion that takes points (N, 2) nearest to others, by least squares; the exact identity where none moves."""
+        if np.array_equal(before, after):
+            return cls()
+        share = np.full(len(before), 1.0 / len(before)) if weight is None else weight / weight.sum()
+        start, goal = share @ before, share @ after
+        (x, z), (to_x, to_z) = (before - start).T, (after - goal).T
+        c, s = float(share @ (x * to_x + z * to_z)), float(share @ (x * to_z - z * to_x))
+        size = math.hypot(c, s)
+        turn = cls(c / size, s / size) if size > 0.0 else cls()
+        shift = goal - turn.points(start[None])[0]
+        return cls(turn.cos, turn.sin, (float(shift[0]), float(shift[1])))
+
+    @property
+    def angle_deg(self) -> float:
+        """Its angle, counter-clockwise, from -180 to 180."""
+        return math.degrees(math.atan2(self.sin, self.cos))
+
+    def points(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Where points (N, 2) go."""
+        return np.asarray(points @ np.array([[self.cos, self.sin], [-self.sin, self.cos]]) + np.asarray(self.shift))
+
     def point(self, p: Point) -> Point:
         """Where a point goes."""
         x, z = self.vector(p)

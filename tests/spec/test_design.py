@@ -94,7 +94,7 @@ NUMBERS = [
     (table, key)
     for table in ("emitter", "lens", "body", "motion")
     for key in Design.model_fields[table].annotation.model_fields  # type: ignore[union-attr]
-    if key.endswith(("_mm", "_nm", "_deg", "_index", "rays"))
+    if key.endswith(("_mm", "_nm", "_deg", "_index", "rays")) and key != "depths_mm"  # which is a list
 ]
 
 

@@ -2,7 +2,7 @@
 
 import re
 import tomllib
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 
@@ -66,7 +66,11 @@ def test_what_is_shipped_is_an_led_with_its_chip_in_space(name: str) -> None:
     assert light.wavelength_nm == float(name[-3:])
 
 
-@pytest.mark.parametrize("table", [key for key in Design.model_fields if key not in ("name", "wall")])
+LISTS = ("wall", "hold", "press", "pull")
+TABLES = [key for key in Design.model_fields if key not in ("name", *LISTS)]
+
+
+@pytest.mark.parametrize("table", TABLES)
 def test_the_template_shows_every_key_with_its_default(table: str) -> None:
     model = Design.model_fields[table].annotation
     assert isinstance(model, type)
@@ -99,12 +103,22 @@ def test_the_examples_load(name: str, index: float | None, wavelength_nm: float)
     assert design.material.resin == (None if index else "pmma")
 
 
+@pytest.mark.parametrize("table", LISTS)
+def test_the_template_shows_tables_of_which_there_may_be_several(table: str) -> None:
+    shown = template().partition(f"# [[{table}]]")[2].partition("\n\n")[0]
+    kind = get_args(Design.model_fields[table].annotation)[0]
+    assert set(re.findall(r"(?m)^# (\w+) = ", shown)) <= set(kind.model_fields)
+    text = re.sub(r"(?m)^# ", "", f"# [[{table}]]{shown}")
+    kind(**tomllib.loads(text)[table][0])
+
+
 def test_the_examples_are_listed() -> None:
     assert template_names() == (
         "paper-450",
         "paper-500",
         "paper-860",
         "pmma-860",
+        "press-860",
         "solen-450",
         "solen-500",
         "solen-860",

@@ -304,7 +304,7 @@ def test_the_json_schema_lists_every_key_of_every_table() -> None:
     assert set(schema["properties"]) == {"schema", *Design.model_fields}
     assert set(schema["$defs"]) == {
         *("Material", "Emitter", "Ambient", "Lens", "Body", "Receivers", "Motion", "Trace"),
-        *("Wall", "Layer", "Fabricate", "Readout", "Parameters", "Tolerance"),
+        *("Wall", "Layer", "Fabricate", "Readout", "Parameters", "Tolerance", "Hold", "Press", "Pull", "Mechanics"),
     }
     parameters = schema["$defs"].pop("Parameters")
     assert parameters["additionalProperties"] == {"type": "number"}

@@ -7,7 +7,8 @@ needed and no second hit is lost however close it is.
 
 Interface: `Curve` with its leaves `Segment`, `Arc`, `Parabola`, `Conic`, `CartesianOval`, `Bezier` and `Spline`;
 `solen.plane.Rigid` moves them. The last two are chains of cubics, which `simple_pieces` splits into a few `Piece` each.
-`Measure` finds lengths along a curve; `fitted` approximates any other curve by a spline.
+`Measure` finds lengths along a curve; `fitted` approximates any other curve by a spline, `carried` one
+whose points move elsewhere.
 Coordinates are (x, z) in mm.
 """
 
@@ -28,7 +29,7 @@ from solen.curve.base import (
 from solen.curve.chain import CubicChain
 from solen.curve.conic import Conic, Parabola
 from solen.curve.cubic import Piece, cut, simple_pieces
-from solen.curve.hermite import fitted
+from solen.curve.hermite import Function, carried, fitted
 from solen.curve.length import Measure
 from solen.curve.oval import CartesianOval
 from solen.curve.segment import Segment
@@ -45,11 +46,13 @@ __all__ = [
     "Conic",
     "CubicChain",
     "Curve",
+    "Function",
     "Measure",
     "Parabola",
     "Piece",
     "Segment",
     "Spline",
+    "carried",
     "check_axis",
     "check_count",
     "check_numbers",

@@ -1,7 +1,8 @@
 """A spline that approximates a curve given by a function: a bent wall, an ellipse, an offset.
 
 Cubic pieces that agree with it in place and velocity at their ends (Hermite), halved until the middle and the quarters
-of every piece lie within a tolerance. The error of a piece falls with the fourth power of its length.
+of every piece lie within a tolerance. The error of a piece falls with the fourth power of its length. `carried` makes
+such a spline of a curve all of whose points move elsewhere: by a bend, or by a load.
 """
 
 from collections.abc import Callable, Sequence
@@ -9,17 +10,23 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from solen.arrays import FloatArray
-from solen.curve.base import MOST_POINTS
+from solen.curve.base import MOST_POINTS, Curve
+from solen.curve.chain import CubicChain
 from solen.curve.spline import Spline
 from solen.errors import DesignError
 
 Function = Callable[[FloatArray], FloatArray]
+Carry = Callable[[Curve, float, float], tuple[Function, Function, Sequence[float] | FloatArray]]
+"""Of a piece without corners, from one parameter of the whole to another: places and velocities by its own parameter,
+and where pieces end in any case."""
 
 MARGIN = 0.5
 """Share of the tolerance that the places looked at may use up: between them the error is hardly larger."""
 
 
-def fitted(place: Function, velocity: Function, tolerance_mm: float, breaks: Sequence[float] = (0.0, 1.0)) -> Spline:
+def fitted(
+    place: Function, velocity: Function, tolerance_mm: float, breaks: Sequence[float] | FloatArray = (0.0, 1.0)
+) -> Spline:
     """Spline within ``tolerance_mm`` of ``place(u)``.
 
     Parameters
@@ -48,6 +55,16 @@ def fitted(place: Function, velocity: Function, tolerance_mm: float, breaks: Seq
         if len(ends) > MOST_POINTS:
             raise DesignError("tolerance_mm", value=tolerance_mm, limit=f"would take more than {MOST_POINTS} pieces")
         ends = np.sort(np.concatenate([ends, (0.5 * (ends[:-1] + ends[1:]))[rough]]))
+
+
+def carried(curve: Curve, carry: Carry, tolerance_mm: float) -> Spline:
+    """Spline of a curve whose points are carried elsewhere; of a chain every cubic apart, so that corners stay."""
+    pieces: list[Curve] = [curve]
+    if isinstance(curve, CubicChain):
+        pieces = [Spline(control) for control in curve.controls]
+    n = len(pieces)
+    followed = [carry(piece, i / n, (i + 1) / n) for i, piece in enumerate(pieces)]
+    return Spline.chained([fitted(place, velocity, tolerance_mm, breaks) for place, velocity, breaks in followed])
 
 
 def _error_mm(controls: FloatArray, ends: FloatArray, place: Function) -> FloatArray:

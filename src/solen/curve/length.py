@@ -56,6 +56,11 @@ class Measure:
             u = following
         return float(u)
 
+    def lengths_at(self, u: FloatArray) -> FloatArray:
+        """Lengths (N,) from the start to parameters (N,)."""
+        panel = np.clip(np.searchsorted(self._ends, u, side="right") - 1, 0, len(self._ends) - 2)
+        return np.asarray(self._reached[panel] + self._lengths(self._ends[panel], u))
+
     def _lengths(self, low: FloatArray, high: FloatArray) -> FloatArray:
         """Lengths (N,) between parameters (N,)."""
         half = 0.5 * (high - low)

@@ -2,6 +2,7 @@
 
 from solen.geometry.bend import bend_of, bent
 from solen.geometry.body import Body, Face, Front, Pose, material
+from solen.geometry.displaced import Displaced, Moves, Touch, displaced
 from solen.geometry.kinds import BODY_KINDS, BodyKind, body_of, drawn_kind
 from solen.geometry.mirror import are_mirrored
 from solen.geometry.outline import outline_body
@@ -13,15 +14,19 @@ __all__ = [
     "BODY_KINDS",
     "Body",
     "BodyKind",
+    "Displaced",
     "Face",
     "Front",
+    "Moves",
     "Pose",
+    "Touch",
     "are_mirrored",
     "arm_angle_deg",
     "bend_of",
     "bent",
     "body_of",
     "called",
+    "displaced",
     "drawn_kind",
     "fronted",
     "material",

@@ -19,7 +19,7 @@ from typing import Protocol
 import numpy as np
 
 from solen.arrays import FloatArray
-from solen.curve import Arc, CubicChain, Curve, Measure, Parabola, Segment, Spline, fitted
+from solen.curve import Arc, Curve, Function, Measure, Parabola, Segment, Spline, carried
 from solen.errors import DesignError
 from solen.plane import Point, Rigid
 
@@ -129,6 +129,14 @@ class Bend:
         ahead = dz * (1.0 + x * self._turn_per_mm(z))
         return np.column_stack([dx * cos - ahead * sin, dx * sin + ahead * cos])
 
+    def carry(self, curve: Curve, _start: float, _end: float) -> tuple[Function, Function, tuple[float, float]]:
+        """Places and velocities of a bent curve at its parameters; see `solen.curve.carried`."""
+
+        def velocity(u: FloatArray) -> FloatArray:
+            return self.velocities(curve.points(u), curve.velocities(u))
+
+        return lambda u: self.places(curve.points(u)), velocity, (0.0, 1.0)
+
     def check(self, points: FloatArray) -> None:
         """`DesignError` where material at points (N, 2) would be folded over: inside the centre of curvature."""
         least = float(np.min(1.0 + points[:, 0] * self._turn_per_mm(points[:, 1])))
@@ -231,9 +239,7 @@ def _bent(curve: Curve, bend: Bend) -> Curve:
     arc = _arc(curve, bend)
     if arc is not None:
         return arc
-    if isinstance(curve, CubicChain):
-        return Spline.chained([_spline(Spline(control), bend) for control in curve.controls])
-    return _spline(curve, bend)
+    return carried(curve, bend.carry, BEND_TOLERANCE_MM)
 
 
 def _arc(curve: Curve, bend: Bend) -> Arc | None:
@@ -249,15 +255,3 @@ def _arc(curve: Curve, bend: Bend) -> Arc | None:
     start_deg, end_deg = (bend.angle_deg * (bend.to_mm - z) / bend.length_mm for z in (z_start, z_end))
     side_deg = 0.0 if x > to_center_mm else 180.0
     return Arc((to_center_mm, bend.to_mm), abs(x - to_center_mm), start_deg + side_deg, end_deg - start_deg)
-
-
-def _spline(curve: Curve, bend: Bend) -> Spline:
-    """Spline of a bent curve."""
-
-    def place(u: FloatArray) -> FloatArray:
-        return bend.places(curve.points(u))
-
-    def velocity(u: FloatArray) -> FloatArray:
-        return bend.velocities(curve.points(u), curve.velocities(u))
-
-    return fitted(place, velocity, BEND_TOLERANCE_MM)

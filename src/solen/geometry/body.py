@@ -7,7 +7,7 @@ and that they are so oriented, and names the place where it is not.
 
 import math
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -67,6 +67,10 @@ class Pose:
     point: Point
     axis_deg: float
     width_mm: float = 0.0
+
+    def moved(self, motion: Rigid) -> "Pose":
+        """The pose after a rigid motion."""
+        return replace(self, point=motion.point(self.point), axis_deg=self.axis_deg + motion.angle_deg)
 
 
 @dataclass(frozen=True)

@@ -150,7 +150,7 @@ def _turned(design: Design, rest: Body, angle_deg: float) -> Body:
     if pivot == "stem-base":
         pivot = rest.marks["stem-base"]
     elif pivot == "emitter":
-        pivot = _undecentred(design, rest.emitter)
+        pivot = undecentred(design, rest.emitter)
     turn = Rigid.about(pivot, angle_deg)
     words = {PARTS[part] for part in moves if part in PARTS}
     missing = words - {face.part for face in (*rest.all_faces, *rest.apart)}
@@ -170,7 +170,7 @@ def _turned(design: Design, rest: Body, angle_deg: float) -> Body:
     return replace(rest, faces=first, others=tuple(others), apart=moved(rest.apart), emitter=emitter)
 
 
-def _undecentred(design: Design, emitter: Pose) -> Point:
+def undecentred(design: Design, emitter: Pose) -> Point:
     """Position of the emitter without its decentre, which is an error of that position."""
     return along(emitter.point, right_of(heading(emitter.axis_deg)), -design.emitter.offset_mm)
 
@@ -199,10 +199,7 @@ def _bent(design: Design, rest: Body, angle_deg: float) -> Body:
 
     first, *others = (moved(outline) for outline in rest.outlines)
     section = bend.section(rest.emitter.point[1])
-    turned_deg = math.degrees(math.atan2(section.sin, section.cos))
-    emitter = replace(
-        rest.emitter, point=section.point(rest.emitter.point), axis_deg=rest.emitter.axis_deg + turned_deg
-    )
+    emitter = rest.emitter.moved(section)
     pivot = bend.section(rest.marks["stem-base"][1]).point(rest.marks["stem-base"])
     marks = {"stem-base": pivot}
     return replace(rest, faces=first, others=tuple(others), apart=moved(rest.apart), emitter=emitter, marks=marks)

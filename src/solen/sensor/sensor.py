@@ -18,6 +18,7 @@ from solen.errors import DesignError, SolenError, SpecError
 from solen.geometry import BODY_KINDS, Body, are_mirrored, body_of
 from solen.lens import FlatFace, Lens, LensInSpace, MeasuredLens, lens_of
 from solen.material import Optical, optical
+from solen.mechanics.design import LoadedBody
 from solen.parts import Light, light_of
 from solen.scene import Scene, sensor_scene
 from solen.sensor.numbers import inert, number, tolerance_of, usual_keys
@@ -127,9 +128,27 @@ class Sensor:
         """The same sensor with the stem's flat face for a lens."""
         return Sensor.of(with_values(self.design, OF_SPACE | {"lens.shape": "none"}))
 
-    def body(self, angle_deg: float = 0.0) -> Body:
-        """Body with its moving parts turned by ``angle_deg``; `DesignError` where it cannot be."""
-        return body_of(self.design, self.cut, angle_deg)
+    def body(self, angle_deg: float | None = None) -> Body:
+        """Body with its moving parts turned by ``angle_deg``, by default at rest; `DesignError` where it cannot be.
+
+        Of a loaded design the value is that of what is driven, in deg, mm or N: here and wherever an angle is asked.
+        """
+        if angle_deg is None or not self.is_loaded:
+            return body_of(self.design, self.cut, angle_deg or 0.0)
+        return self.loaded.state(angle_deg).body
+
+    @property
+    def is_loaded(self) -> bool:
+        """Whether its body is soft and under load."""
+        return self.design.motion.kind == "loaded"
+
+    @cached_property
+    def loaded(self) -> LoadedBody:
+        """Its soft body; `DesignError` where its motion is not one of a loaded body."""
+        if not self.is_loaded:
+            limit, remedy = "is no load", 'set motion.kind = "loaded", with what holds and loads the body'
+            raise DesignError("motion.kind", value=self.design.motion.kind, limit=limit, remedy=remedy)
+        return LoadedBody.of(self.design, self.cut)
 
     def check_pair(self) -> None:
         """`DesignError` where the receivers are not the two, ``right`` and ``left``, whose contrast is the response."""
@@ -145,6 +164,9 @@ class Sensor:
 
     def check(self) -> None:
         """`DesignError` where the body cannot be built at some angle of the motion."""
+        if self.is_loaded:
+            self.loaded.states(self.design.motion.values())
+            return
         for angle_deg in self.design.motion.angles_deg():
             self.body(angle_deg)
 
@@ -153,7 +175,8 @@ class Sensor:
         with BUILDING:
             scene = self._scenes.get((angle_deg, rays))
             if scene is None:
-                scene = sensor_scene(self.design, self.body(angle_deg), self.material, rays)
+                design = self.loaded.state(angle_deg).design if self.is_loaded else self.design
+                scene = sensor_scene(design, self.body(angle_deg), self.material, rays)
                 while len(self._scenes) >= RECENT_SCENES:
                     self._scenes.pop(next(iter(self._scenes)))
                 self._scenes[angle_deg, rays] = scene
@@ -211,7 +234,8 @@ class Sensor:
             other = Sensor.of(with_values(self.design, {key: value}))
             return (replace(other, cut=self.cut) if self.is_measured else other).scene(angle_deg)  # it is as it is
 
-        return derivative(scene_at, value, mode=mode)
+        step = 0.5 * tolerance_of(self, key)[0] if self.is_loaded else None  # well above the noise of a mesh
+        return derivative(scene_at, value, mode=mode, step=step)
 
     def sensitivity(
         self, keys: Sequence[str] | None = None, angle_deg: float = 0.0, progress: Progress | None = None
@@ -282,7 +306,7 @@ class Sensor:
         """Whether it is, at every angle of its motion, the mirror image of itself at the opposite one."""
         motion = self.design.motion
         last_deg = max(abs(motion.from_deg), abs(motion.to_deg))
-        if self.light.ray_file is not None:
+        if self.light.ray_file is not None or self.is_loaded:  # its elements are not those of its mirror image
             return False
         return all(are_mirrored(self.body(angle), self.body(-angle)) for angle in (0.0, last_deg / 2, last_deg))
 
@@ -386,4 +410,4 @@ class Sensor:
     def _angles(self, angles_deg: Sequence[float] | None) -> Sequence[float]:
         """Angles of a response: those asked for, by default the design's."""
         self.check_pair()
-        return self.design.motion.angles_deg() if angles_deg is None else angles_deg
+        return self.design.motion.values() if angles_deg is None else angles_deg

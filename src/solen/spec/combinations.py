@@ -3,21 +3,29 @@
 from typing import TYPE_CHECKING
 
 from solen.spec.body import Keys, unused_keys
+from solen.spec.load import check_loads
 from solen.spec.strict import refused
 
 if TYPE_CHECKING:  # the design calls this module
     from solen.spec.design import Design
     from solen.spec.strict import Strict
 
-OF_ROTATIONS: Keys = {"motion": ("pivot", "join")}
-OF_BENDS: Keys = {"motion": ("centre_line", "bend_mm")}
+OF_MOTIONS: dict[str, Keys] = {
+    "rotation": {"motion": ("pivot", "join")},
+    "bend": {"motion": ("centre_line", "bend_mm")},
+    "loaded": {"motion": ("drives", "depths_mm", "forces_N", "emitter_on")},
+}
+"""Keys that only one kind of motion uses."""
 
 
 def check_combinations(design: "Design") -> None:
     """Refuse keys that contradict one another."""
     outline, bends = design.body.kind == "outline", design.motion.kind == "bend"
     _refuse_stated(design, unused_keys(design.body.kind), f'body.kind = "{design.body.kind}"')
-    _refuse_stated(design, OF_ROTATIONS if bends else OF_BENDS, f'motion.kind = "{design.motion.kind}"')
+    for kind, keys in OF_MOTIONS.items():
+        if kind != design.motion.kind:
+            _refuse_stated(design, keys, f'motion.kind = "{design.motion.kind}"')
+    check_loads(design)
     if outline and design.body.file is None:
         raise refused("body.file", 'missing: kind = "outline" needs it', remedy='add file = "sensor.dxf"')
     if design.fabricate.pockets and design.receivers.coupling == "air-gap":
@@ -31,9 +39,11 @@ def check_combinations(design: "Design") -> None:
         raise refused(
             "trace.dimension", limit, value=design.trace.dimension, remedy='set it, or shape = "cartesian-oval"'
         )
+    if bends or design.motion.kind == "loaded":
+        _check_carried(design)
     if bends:
         _check_bend(design)
-    elif design.body.kind == "y":
+    elif design.motion.kind == "rotation" and design.body.kind == "y":
         _check_moves(design)
 
 
@@ -46,12 +56,17 @@ def _refuse_stated(design: "Design", keys: Keys, because: str) -> None:
                 raise refused(f"{table}.{name}", f"has no meaning with {because}", value=value, remedy="leave it out")
 
 
-def _check_bend(design: "Design") -> None:
-    """Reject a bend that leaves the lens or the emitter behind, or an outline without the range that bends."""
+def _check_carried(design: "Design") -> None:
+    """Reject a bend or a load that names what moves: all of the body does."""
     motion = design.motion
     if motion.moves != (("emitter",) if design.body.lens_is_drawn else ("lens", "emitter")):
-        limit = 'has no meaning with motion.kind = "bend": lens and emitter are carried along'
+        limit = f'has no meaning with motion.kind = "{motion.kind}": lens and emitter are carried along'
         raise refused("motion.moves", limit, value=list(motion.moves), remedy="leave it out")
+
+
+def _check_bend(design: "Design") -> None:
+    """Reject a bend of an outline without the range that bends."""
+    motion = design.motion
     if not design.body.lens_is_drawn:
         return
     if motion.bend_mm is None:

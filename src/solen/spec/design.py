@@ -21,6 +21,7 @@ from solen.spec.body import Body, Lens, Material, Receivers
 from solen.spec.combinations import check_combinations
 from solen.spec.fabricate import Fabricate
 from solen.spec.light import Ambient, Emitter
+from solen.spec.load import Hold, Mechanics, Press, Pull
 from solen.spec.motion import Motion
 from solen.spec.readout import Readout
 from solen.spec.strict import Strict, Text, nearest
@@ -69,6 +70,10 @@ class Design(Strict):
     wall: tuple[Wall, ...] = Field((), description="What lies outside stretches of the walls, and their finish.")
     receivers: Receivers = Field(default_factory=Receivers, description="The receivers.")
     motion: Motion = Field(default_factory=Motion, description="The motion and the sweep.")
+    hold: tuple[Hold, ...] = Field((), description="What holds a soft body.")
+    press: tuple[Press, ...] = Field((), description="Fingers that press it.")
+    pull: tuple[Pull, ...] = Field((), description="Forces that pull it.")
+    mechanics: Mechanics = Field(default_factory=Mechanics, description="How it gives.")
     trace: Trace = Field(default_factory=Trace, description="How rays are followed.")
     tolerance: Tolerance = Field(default_factory=Tolerance, description="How far off its numbers may be.")
     fabricate: Fabricate = Field(default_factory=Fabricate, description="Seats for the electronics in what is printed.")

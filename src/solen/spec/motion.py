@@ -1,18 +1,32 @@
 """The table of the motion: which parts turn about which pivot, and the angles of a sweep."""
 
 from decimal import Decimal
+from itertools import pairwise
 from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
 from solen.spec.quantities import Place, Point
-from solen.spec.strict import Number, Positive, Strict, or_refuse, refused
+from solen.spec.strict import Number, Positive, Strict, Text, or_refuse, refused
 
 MAX_STEPS = 100_000
 _SAME_ANGLE = Decimal("1e-9")  # of a step: nearer than this, two angles are one
 
+
+def _ascending(values: tuple[float, ...]) -> tuple[float, ...]:
+    if not all(low < high for low, high in pairwise(values)):
+        raise refused("", "must ascend", value=list(values))
+    return values
+
+
 Sweep = Annotated[Number, Field(gt=-90, lt=90)]
 Pivot = Literal["stem-base", "emitter"] | Point
+Values = Annotated[
+    tuple[Number, ...],
+    Field(min_length=1, max_length=10_000),
+    AfterValidator(_ascending),
+    or_refuse("must be a list of numbers, each above the one before"),
+]
 Part = Literal["lens", "emitter", "receivers", "mirrors"]
 Join = Literal["bridge", "seam", "smooth"]
 PARTS: tuple[Part, ...] = ("lens", "emitter", "receivers", "mirrors")
@@ -30,8 +44,10 @@ class Motion(Strict):
 
     table: ClassVar[str] = "motion"
 
-    kind: Literal["rotation", "bend"] = Field(
-        "rotation", description="A rotation of parts about a pivot, or a bend of the stem."
+    kind: Literal["rotation", "bend", "loaded"] = Field(
+        "rotation",
+        description="A rotation of parts about a pivot, a bend of the stem, or a soft body under load, which holds it "
+        "and loads it as [[hold]], [[press]] and [[pull]] say.",
     )
     pivot: Annotated[Pivot, or_refuse('must be "stem-base", "emitter" or [x_mm, z_mm] with two finite numbers')] = (
         Field("stem-base", description="Centre of the rotation: stem-base, emitter, or a point [x_mm, z_mm].")
@@ -61,6 +77,16 @@ class Motion(Strict):
         description="How a turned lens joins the stem: by a bridge or step, by a straight seam, or by sides that bend "
         "smoothly.",
     )
+    drives: Text | None = Field(
+        None, description='Of a loaded body: what is driven, by its name and key: "clamp.angle_deg", "finger.depth_mm".'
+    )
+    depths_mm: Values | None = Field(
+        None, description="Depths in mm, ascending from 0 or more, of a finger that is driven."
+    )
+    forces_N: Values | None = Field(None, description="Forces in N, ascending, of a finger or a pull that is driven.")
+    emitter_on: Text = Field(
+        "lens", description="Of a loaded body: the faces that carry the emitter, or ground where it stands still."
+    )
     from_deg: Sweep = Field(-3.0, description="First angle in degrees.")
     to_deg: Sweep = Field(3.0, description="Last angle in degrees, greater than from_deg.")
     step_deg: Positive = Field(0.25, description=f"Step in degrees; at most {MAX_STEPS:,} steps.")
@@ -75,6 +101,21 @@ class Motion(Strict):
             limit = f"at most {MAX_STEPS:,} steps from {self.from_deg} to {self.to_deg}"
             raise refused("step_deg", limit, value=self.step_deg, remedy="take a larger step")
         return self
+
+    @property
+    def key(self) -> Literal["angle_deg", "depth_mm", "force_N"]:
+        """Number that the motion drives, by its key."""
+        key = (self.drives or "angle_deg").rpartition(".")[2]
+        return "depth_mm" if key == "depth_mm" else "force_N" if key == "force_N" else "angle_deg"
+
+    @property
+    def unit(self) -> str:
+        """Unit of what the motion drives: deg, mm or N."""
+        return self.key.rpartition("_")[2]
+
+    def values(self) -> tuple[float, ...]:
+        """Values of what the motion drives, ascending: angles, or the depths or forces of a loaded body."""
+        return self.depths_mm or self.forces_N or self.angles_deg()
 
     def angles_deg(self) -> tuple[float, ...]:
         """Angles from `from_deg` to `to_deg` by `step_deg`, both ends included where the step meets them.

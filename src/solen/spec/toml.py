@@ -8,8 +8,9 @@ The interface: `load`, `loads`, `dumps`, `save`; `with_values` and `parse_assign
 """
 
 import os
+import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from pathlib import Path
 from typing import Any
@@ -64,9 +65,11 @@ def _document(design: Design, *, stated: bool = False) -> Document:
     ``stated`` keeps what was stated as its default too, where a part that is named later would say something else.
     """
     tables: Document = {"name": design.name}
-    for key in Design.model_fields.keys() - {"name", "wall"}:
-        tables[key] = getattr(design, key).model_dump(exclude_defaults=True)
-    tables["wall"] = [wall.model_dump(exclude_defaults=True) for wall in design.wall]
+    for key in Design.model_fields.keys() - {"name"}:
+        table = getattr(design, key)
+        several = isinstance(table, tuple)
+        tables[key] = [one.model_dump(exclude_defaults=True) for one in (table if several else (table,))]
+        tables[key] = tables[key] if several else tables[key][0]
     if design.material.resin is not None and design.material.states_absorption:
         tables["material"]["absorption_per_mm"] = design.material.absorption_per_mm  # a 0 overrules the resin's
     kept = [key for key in DEFERRED if design.emitter.states(key)] if stated else _kept(design.emitter)
@@ -134,8 +137,8 @@ def with_values(design: Design, values: Mapping[str, Any]) -> Design:
     design
         The design to start from; it stays as it is.
     values
-        By dotted key (``"lens.focus_mm"``) the value, as TOML would hold it; None returns an optional key to its
-        default. Setting ``material.index`` takes a resin away and the other way round.
+        By dotted key (``"lens.focus_mm"``, ``"wall[0].index"``) the value, as TOML would hold it; None returns an
+        optional key to its default. Setting ``material.index`` takes a resin away and the other way round.
 
     Raises
     ------
@@ -152,19 +155,35 @@ def with_values(design: Design, values: Mapping[str, Any]) -> Design:
 
 
 def value_at(design: Design, key: str) -> Any:
-    """Value of a dotted key (``"lens.focus_mm"``), stated or by default; `SpecError` for an unknown key."""
+    """Value of a dotted key (``"hold[1].to_mm"``), stated or by default; `SpecError` for an unknown key."""
     table, _, name = key.partition(".")
-    model = type(getattr(design, table, None)) if table in Design.model_fields and name else None
-    fields = getattr(model, "model_fields", {})
-    if name not in fields:
+    of_several = _ROW.fullmatch(table)
+    owner = getattr(design, of_several[1] if of_several else table, None)
+    if of_several and isinstance(owner, tuple):
+        owner = owner[_row(key, owner)]
+    if name not in getattr(type(owner), "model_fields", {}):
         raise SpecError(key, limit="unknown key", remedy="solen schema lists them")
-    return getattr(getattr(design, table), name)
+    return getattr(owner, name)
+
+
+_ROW = re.compile(r"(\w+)\[(\d+)\]")
+"""One of several tables of a name, counted from 0: ``hold[1]``."""
+
+
+def _row(key: str, rows: Sequence[Any]) -> int:
+    """Number of the row that a key names; `SpecError` where there are fewer."""
+    number = int(re.split(r"[\[\]]", key)[1])
+    if number >= len(rows):
+        raise SpecError(key, limit=f"the design has {len(rows)} of these tables, counted from 0")
+    return number
 
 
 def _set(data: Document, key: str, value: Any) -> None:
     *tables, last = key.split(".")
     for name in tables:
-        data = data.setdefault(name, {})
+        of_several = _ROW.fullmatch(name)
+        rows = data.get(of_several[1], []) if of_several else None
+        data = rows[_row(key, rows)] if isinstance(rows, list) else data.setdefault(name, {})
         if not isinstance(data, dict):
             raise SpecError(key, limit="unknown key", remedy=f"{name} holds a value, not keys")
     data[last] = value

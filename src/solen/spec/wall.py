@@ -9,6 +9,7 @@ from typing import Annotated, ClassVar, Literal, Self
 from pydantic import AfterValidator, Field, model_validator
 
 from solen.registry import FINISHES, offered
+from solen.spec.stretch import Stretch
 from solen.spec.strict import NotNegative, Number, Strict, Text, refused
 
 Share = Annotated[Number, Field(ge=0, le=1)]
@@ -35,16 +36,11 @@ class Layer(Strict):
     extinction: Annotated[Number, Field(ge=0, le=100)] = Field(0.0, description="Extinction coefficient.")
 
 
-class Wall(Strict):
+class Wall(Stretch):
     """A stretch of the body's walls: the medium in contact with it, and its finish."""
 
     table: ClassVar[str] = "wall"
 
-    face: Text = Field(description='a face or a pattern of faces, as "stem-right" or "stem-*".')
-    from_mm: NotNegative = Field(0.0, description="Where the stretch begins, in mm along the face.")
-    to_mm: Annotated[Number, Field(gt=0)] | None = Field(
-        None, description="Where the stretch ends, in mm along the face; default: at its end."
-    )
     outside: Text = Field("air", description="What touches the stretch; air, or a name of its own for a medium.")
     index: Annotated[Number, Field(ge=1, lt=5)] | None = Field(None, description="Refractive index of that medium.")
     absorption_per_mm: NotNegative = Field(0.0, description="Absorption of power per mm in that medium.")
@@ -87,8 +83,6 @@ class Wall(Strict):
 
     @model_validator(mode="after")
     def _the_keys_fit_together(self) -> Self:
-        if self.to_mm is not None and not self.from_mm < self.to_mm:
-            raise refused("from_mm", f"must be less than to_mm = {self.to_mm}", value=self.from_mm)
         self._check_outside()
         self._check_added_finish()
         self._check_finish()

@@ -1,0 +1,257 @@
+"""A body displaced point by point, as a load deforms it: its walls as exact curves, its parts carried along.
+
+The displacement is known at places along every wall. A cubic spline through them, over the wall's length, added to the
+exact wall is a smooth curve, which is kept as a spline within `SPLINE_MM`, as a bent wall is. A wall that moves as a
+rigid body stays the curve that it was: a lens in a clamp stays an exact oval. Walls stay upright: the displacement is
+one in the plane, the same at every height.
+
+Receivers behind a gap go with the arms' ends, the emitter with the faces that it is fixed to: by the rigid motion
+nearest to theirs.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from solen.arrays import FloatArray
+from solen.curve import Curve, Function, Measure, Spline, carried
+from solen.errors import DesignError
+from solen.geometry.body import Body, Face, Front
+from solen.geometry.walls import called
+from solen.plane import Point, Rigid
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
+
+SPLINE_MM = 1e-7
+"""How far a displaced wall may be from the spline that stands for it."""
+RIGID_MM = 2e-12
+"""A face that a rigid motion describes this well stays the curve that it was."""
+FRONT_MM = 1e-4
+"""How far a lens that is no cylinder may be from rigid: its surface in space is kept and moved."""
+GROUND = "ground"
+"""What carries an emitter that stands still."""
+NEAR = 1e-6
+"""Share of a curve by which a place must lie inside it to be a joint of its own."""
+ORDER = 16.0
+"""Share of an interpolation's error that is left with twice as many knots: of cubic splines."""
+
+
+class Moves(Protocol):
+    """Displacement of one face: parameters (N,) on its curve, ascending from 0 to 1, and displacements (N, 2) in mm."""
+
+    @property
+    def u(self) -> FloatArray: ...  # noqa: D102
+
+    @property
+    def displacement_mm(self) -> FloatArray: ...  # noqa: D102
+
+
+@dataclass(frozen=True)
+class Touch:
+    """Part of a face between two parameters of its curve at rest, and the number of the wall table that covers it."""
+
+    face: str
+    u_from: float
+    u_to: float
+    wall: int
+
+
+@dataclass(frozen=True)
+class Displaced:
+    """A body in its displaced state.
+
+    Attributes
+    ----------
+    body
+        The body, checked.
+    carried
+        Rigid motion of the emitter: that nearest to the motion of the faces that carry it.
+    off_mm
+        Estimate of how far a wall may lie from where its points go between the places that it passes.
+    """
+
+    body: Body
+    carried: Rigid
+    off_mm: float
+
+
+def displaced(
+    body: Body, moves: Mapping[str, Moves], emitter_on: str = "lens", touches: Sequence[Touch] = ()
+) -> Displaced:
+    """Body at rest in the state that displacements bring it to.
+
+    Parameters
+    ----------
+    body
+        The body at rest.
+    moves
+        Displacements along each of its faces, by their names; neighbours agree at their corner.
+    emitter_on
+        Faces, by name or pattern, that carry the emitter; ``ground`` where it stands still.
+    touches
+        Stretches of faces that something touches in this state, which become faces of their own.
+
+    Raises
+    ------
+    DesignError
+        Where no face has that name, the displaced outline crosses itself, or a lens that is no cylinder is deformed.
+    """
+    walls = {face.name: Followed(face.curve, moves[face.name]) for face in body.all_faces}
+    front = _front(body, walls)
+    first, *others = [_outline(outline, walls, front, touches) for outline in body.outlines]
+    motion = Rigid() if emitter_on == GROUND else motion_of(body, walls, emitter_on, "motion.emitter_on")
+    marks = {name: motion.point(at) if name == "stem-base" else at for name, at in body.marks.items()}
+    moved = replace(
+        body,
+        faces=first,
+        emitter=body.emitter.moved(motion),
+        marks=marks,
+        others=tuple(others),
+        apart=tuple(_beside(face, body, walls) for face in body.apart),
+        front=front,
+    )
+    return Displaced(moved.check(), motion, max(wall.off_mm for wall in walls.values()))
+
+
+class Followed:
+    """A face's curve with its displacement, as a spline over its length."""
+
+    def __init__(self, curve: Curve, moves: Moves) -> None:
+        self.curve, self.u, self.moves_mm = curve, np.asarray(moves.u), np.asarray(moves.displacement_mm)
+        self.measure = Measure(curve)
+
+    @cached_property
+    def rigid(self) -> Rigid | None:
+        """The motion of a face that moves as a rigid body."""
+        at = self.curve.points(self.u)
+        motion = Rigid.nearest(at, at + self.moves_mm)
+        return motion if np.abs(motion.points(at) - at - self.moves_mm).max() <= RIGID_MM else None
+
+    @cached_property
+    def places(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Places (N, 2) along the curve, where they go, and the length of it (N,) that each stands for."""
+        at = self.curve.points(self.u)
+        return at, at + self.moves_mm, np.gradient(self.measure.lengths_at(self.u))
+
+    @cached_property
+    def off_mm(self) -> float:
+        """How far the displacement may be off between its places, from how far every second one is off the others."""
+        if self.rigid is not None or len(self.u) < 5:
+            return 0.0
+        coarse = self._spline(self.u[::2], self.moves_mm[::2])
+        left_out = coarse(self.measure.lengths_at(self.u[1::2])) - self.moves_mm[1::2]
+        return float(np.hypot(*left_out.T).max()) / ORDER
+
+    def between(self, first: Point, last: Point, cuts: FloatArray) -> list[Curve]:
+        """The displaced curve between two corners, cut at places of the curve at rest."""
+        moves = self.moves_mm.copy()
+        moves[0], moves[-1] = np.subtract(first, self.curve.start), np.subtract(last, self.curve.end)
+        spline = self._spline(self.u, moves)
+        slope = spline.derivative()
+
+        def carry(piece: Curve, start: float, end: float) -> tuple[Function, Function, FloatArray]:
+            def lengths(u: FloatArray) -> FloatArray:
+                return self.measure.lengths_at(start + (end - start) * u)
+
+            def velocity(u: FloatArray) -> FloatArray:
+                there = piece.velocities(u)
+                return np.asarray(there + np.hypot(*there.T)[:, None] * slope(lengths(u)))
+
+            inside = (np.union1d(self.u, cuts) - start) / (end - start)
+            knots = np.concatenate([[0.0], inside[(inside > NEAR) & (inside < 1.0 - NEAR)], [1.0]])
+            return lambda u: piece.points(u) + spline(lengths(u)), velocity, knots
+
+        controls = carried(self.curve, carry, SPLINE_MM).controls
+        starts = np.array([control[0] for control in controls])
+        goals = self.curve.points(cuts) + spline(self.measure.lengths_at(cuts))
+        joints = [int(np.argmin(np.hypot(*(starts - goal).T))) for goal in goals]
+        return [Spline.of(controls[i:k]) for i, k in pairwise([0, *joints, len(controls)])]
+
+    def _spline(self, u: FloatArray, moves_mm: FloatArray) -> "CubicSpline":
+        from scipy.interpolate import CubicSpline
+
+        return CubicSpline(self.measure.lengths_at(u), moves_mm)
+
+
+def motion_of(body: Body, walls: Mapping[str, Followed], pattern: str, key: str) -> Rigid:
+    """Rigid motion nearest to that of the faces of a name; `DesignError`, about a key, where there are none."""
+    places = [walls[face.name].places for face in body.all_faces if called(face, pattern)]
+    if not places:
+        known = ", ".join(face.name for face in body.all_faces)
+        raise DesignError(key, value=pattern, limit=f"names no face; there are {known}")
+    return Rigid.nearest(*(np.concatenate(each) for each in zip(*places, strict=True)))
+
+
+def _front(body: Body, walls: Mapping[str, Followed]) -> Front | None:
+    """Moved lens that is no cylinder, which stays rigid."""
+    if body.front is None:
+        return None
+    at, goal, length = walls[body.front.interface].places
+    motion = Rigid.nearest(at, goal, length)
+    off_mm = float(np.hypot(*(motion.points(at) - goal).T).max())
+    if off_mm > FRONT_MM:
+        raise DesignError(
+            "lens.shape",
+            value=body.front.lens.shape,
+            limit=f"is deformed by {off_mm:.2g} mm, and a surface in space is kept rigid to {FRONT_MM:g} mm",
+            remedy='hold the lens, or set lens.shape = "cartesian-oval", whose walls stay upright',
+        )
+    return replace(body.front, motion=motion)
+
+
+def _beside(face: Face, body: Body, walls: Mapping[str, Followed]) -> Face:
+    """A receiver behind a gap, carried by the arm's end; anything else beside the body stands still."""
+    end = face.name.replace("receiver", "end", 1)
+    if face.part != "receiver" or not any(called(other, end) for other in body.all_faces):
+        return face
+    return replace(face, curve=face.curve.moved(motion_of(body, walls, end, face.name)))
+
+
+def _outline(
+    faces: tuple[Face, ...], walls: Mapping[str, Followed], front: Front | None, touches: Sequence[Touch]
+) -> tuple[Face, ...]:
+    """A closed outline; neighbours share their corners to the last digit."""
+    motions = [
+        front.motion if front is not None and face.name == front.interface else walls[face.name].rigid for face in faces
+    ]
+    corners = [_corner(face, walls[face.name], motions[i] or motions[i - 1]) for i, face in enumerate(faces)]
+    moved: list[Face] = []
+    for i, face in enumerate(faces):
+        ends, motion = (corners[i], corners[(i + 1) % len(faces)]), motions[i]
+        own = sorted((touch for touch in touches if touch.face == face.name), key=lambda touch: touch.u_from)
+        cuts = np.unique([u for touch in own for u in (touch.u_from, touch.u_to) if NEAR < u < 1.0 - NEAR])
+        curves = walls[face.name].between(*ends, cuts) if motion is None else _moved(face.curve, motion, cuts)
+        moved += _pieces(face, curves, [0.0, *cuts, 1.0], own)
+    return tuple(moved)
+
+
+def _pieces(face: Face, curves: list[Curve], ends: list[float], touches: list[Touch]) -> list[Face]:
+    """Pieces of a displaced face, numbered from where its lengths count, each with what touches it."""
+    if len(curves) == 1 and not touches:
+        return [replace(face, curve=curves[0])]
+    pieces, count = [], len(curves)
+    for i, (curve, (low, high)) in enumerate(zip(curves, pairwise(ends), strict=True)):
+        middle = 0.5 * (low + high)
+        wall = next((touch.wall for touch in touches if touch.u_from < middle < touch.u_to), face.wall)
+        pieces.append(
+            replace(face, name=f"{face.name}.{count - i if face.from_end else i + 1}", curve=curve, wall=wall)
+        )
+    return pieces
+
+
+def _corner(face: Face, wall: Followed, motion: Rigid | None) -> Point:
+    """Place that the start of a face goes to: that of a rigid neighbour, or by its own displacement."""
+    if motion is not None:
+        return motion.point(face.curve.start)
+    x, z = np.asarray(face.curve.start) + wall.moves_mm[0]
+    return (float(x), float(z))
+
+
+def _moved(curve: Curve, motion: Rigid, cuts: FloatArray) -> list[Curve]:
+    moved = curve if motion == Rigid() else curve.moved(motion)
+    return [moved.part(*ends) for ends in pairwise([0.0, *cuts, 1.0])] if len(cuts) else [moved]

@@ -1,0 +1,236 @@
+"""The soft body of a design: from its tables to the states that a load brings it through, with walls that light meets.
+
+The idea: the design's holds, fingers and pulls are those of the finite elements, by their names; each state of what the
+motion drives is solved once and kept. The displaced walls become exact curves (`solen.geometry.displaced`). Where a
+finger that is not dry touches, the stretch has a wall table of its own: light goes on into the finger.
+
+The interface: `LoadedBody.of` a design and its lens; `LoadedBody.state` at a value gives a `LoadedState`.
+"""
+
+import threading
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from solen.errors import DesignError
+from solen.geometry import Body, Displaced, Touch, body_of, displaced
+from solen.geometry.outline import undecentred
+from solen.lens import Lens
+from solen.material.resin import resin_of
+from solen.material.stiffness.models import model
+from solen.mechanics.deformed import Deformed
+from solen.mechanics.load import Hold, Load, Press, Pull, Stretch, Turn
+from solen.mechanics.material import Material
+from solen.mechanics.mesh import MeshOptions
+from solen.mechanics.soft import SoftBody
+from solen.plane import Point, heading
+from solen.spec import Design, Wall
+from solen.spec import load as tables
+
+FINGER_MM = 0.5
+"""Depth of a finger for light that goes on into it, at most; it ends in black."""
+OF_RADIUS = 0.25
+"""The same as a share of its radius."""
+
+
+@dataclass(frozen=True)
+class LoadedState:
+    """A design's body in one state of its load.
+
+    Attributes
+    ----------
+    value
+        Of what is driven: an angle in degrees, a depth in mm or a force in N.
+    deformed
+        By the finite elements: reactions, contacts, strain.
+    displaced
+        With walls as exact curves, and the emitter carried along.
+    design
+        The design with the wall tables of what touches the body in this state.
+    """
+
+    value: float
+    deformed: Deformed
+    displaced: Displaced
+    design: Design
+
+    @property
+    def body(self) -> Body:
+        """The displaced body."""
+        return self.displaced.body
+
+    @property
+    def turn_deg(self) -> float:
+        """Angle by which what carries the emitter has turned."""
+        return self.displaced.carried.angle_deg
+
+
+@dataclass(frozen=True)
+class LoadedBody:
+    """The soft body of a loaded design, and its states by value."""
+
+    design: Design
+    rest: Body
+    soft: SoftBody
+    known: dict[float, LoadedState] = field(default_factory=dict, compare=False, repr=False)
+    solving: Any = field(default_factory=threading.RLock, compare=False, repr=False)
+
+    @classmethod
+    def of(cls, design: Design, lens: Lens | None) -> "LoadedBody":
+        """Soft body of a design.
+
+        Raises
+        ------
+        DesignError
+            Where no stiffness is known.
+        MissingExtraError
+            Where the finite elements are not installed.
+        """
+        rest = body_of(design, lens)
+        soft = SoftBody(
+            rest,
+            material_of(design),
+            (*_holds(design, rest), *_backings(design)),
+            design.body.thickness_mm,
+            design.mechanics.plane,
+            MeshOptions(size_mm=design.mechanics.mesh_mm),
+        )
+        return cls(design, rest, soft)
+
+    def state(self, value: float) -> LoadedState:
+        """The state at a value of what is driven; errors as of `SoftBody.states`."""
+        return self.states([value])[0]
+
+    def states(self, values: Sequence[float]) -> list[LoadedState]:
+        """States at values, solved in their order where they are not yet known."""
+        with self.solving:
+            missing = [value for value in dict.fromkeys(values) if value not in self.known]
+            for value, deformed in zip(missing, self.soft.states([self.loads(v) for v in missing]), strict=True):
+                self.known[value] = self._lit(value, deformed)
+            return [self.known[value] for value in values]
+
+    def loads(self, value: float) -> list[Load]:
+        """Loads at a value of what is driven."""
+        design = self.design
+        return [
+            *_clamps(design, self.rest, value),
+            *(_press(design, press, value) for press in design.press),
+            *(_pull(design, pull, value) for pull in design.pull),
+        ]
+
+    def _lit(self, value: float, deformed: Deformed) -> LoadedState:
+        """The state with its walls."""
+        walls: list[Wall] = []
+        touches: list[Touch] = []
+        fingers = {press.name: press for press in self.design.press}
+        for contact in deformed.contacts:
+            finger = fingers[contact.name]
+            if finger.index is not None and contact.u_from < contact.u_to:
+                touches.append(Touch(contact.face, contact.u_from, contact.u_to, len(self.design.wall) + len(walls)))
+                walls.append(_touched(finger, contact.face))
+        design = self.design.model_copy(update={"wall": (*self.design.wall, *walls)}) if walls else self.design
+        moved = displaced(self.rest, deformed.walls, self.design.motion.emitter_on, touches)
+        return LoadedState(value, deformed, moved, design.in_folder(self.design.folder))
+
+
+def material_of(design: Design) -> Material:
+    """Soft material of a design: of its own modulus, else of its resin's model or modulus.
+
+    Raises
+    ------
+    DesignError
+        Where neither states a stiffness.
+    """
+    stated = design.mechanics
+    if stated.modulus_MPa is not None:
+        return _neo_hookean(stated.modulus_MPa, stated.poisson)
+    name = design.material.resin
+    stiffness = None if name is None else resin_of(name, design.resin_file).stiffness
+    if stiffness is None:
+        limit = "missing: a soft body needs its stiffness" + (f", and {name} states none" if name else "")
+        remedy = "add modulus_MPa = 3.0, or take a resin with [stiffness], from solen resin stiffness"
+        raise DesignError("mechanics.modulus_MPa", limit=limit, remedy=remedy)
+    names = model(stiffness.model).names if stiffness.model else ()
+    if names and set(names) <= set(stiffness.parameters):
+        return Material(stiffness.model, tuple(stiffness.parameters[name] for name in names), stated.poisson)
+    return _neo_hookean(stiffness.modulus_MPa, stated.poisson)
+
+
+def _neo_hookean(modulus_MPa: float, poisson: float) -> Material:
+    return Material.neo_hookean(modulus_MPa / (2.0 * (1.0 + poisson)), poisson)
+
+
+def _holds(design: Design, rest: Body) -> Iterable[Hold]:
+    """Supports that do not drive the body."""
+    for name, rows in _supports(design).items():
+        first = rows[0]
+        if not _is_clamp(design, first):
+            pivot = None if first.about is None else _pivot(design, rest, first.about)
+            yield Hold(tuple(map(_stretch, rows)), first.kind, pivot, any(row.solid for row in rows), name)
+
+
+def _backings(design: Design) -> Iterable[Hold]:
+    """Supports behind fingers."""
+    for press in design.press:
+        if press.backing is not None:
+            yield Hold((Stretch(press.backing),), "sliding", name=f"backing of {press.name}")
+
+
+def _clamps(design: Design, rest: Body, value: float) -> Iterable[Turn]:
+    for name, rows in _supports(design).items():
+        first = rows[0]
+        if _is_clamp(design, first) and first.about is not None:
+            angle_deg = value if first.angle_deg is None else first.angle_deg
+            pivot = _pivot(design, rest, first.about)
+            yield Turn(tuple(map(_stretch, rows)), pivot, angle_deg, any(row.solid for row in rows), name)
+
+
+def _press(design: Design, press: tables.Press, value: float) -> Press:
+    driven = _driven(design, press.name, value)
+    depth_mm, force_N = (driven.get(key, getattr(press, key)) for key in ("depth_mm", "force_N"))
+    return Press(press.face, press.at_mm, press.radius_mm, depth_mm, force_N, press.direction_deg, press.name)
+
+
+def _pull(design: Design, pull: tables.Pull, value: float) -> Pull:
+    force_N = _driven(design, pull.name, value).get("force_N", pull.force_N or 0.0)
+    x, z = heading(pull.direction_deg)
+    return Pull((_stretch(pull),), (force_N * x, force_N * z), pull.name)
+
+
+def _driven(design: Design, name: str, value: float) -> dict[str, float]:
+    """The driven number of a finger or a pull by its key; empty for those that are not driven."""
+    _, driven, key = tables.driven(design)
+    return {key: value} if name == driven else {}
+
+
+def _supports(design: Design) -> dict[str, list[tables.Hold]]:
+    """Tables of each support by its name."""
+    found: dict[str, list[tables.Hold]] = {}
+    for hold in design.hold:
+        found.setdefault(hold.name, []).append(hold)
+    return found
+
+
+def _is_clamp(design: Design, hold: tables.Hold) -> bool:
+    return hold.kind == "turning" and (hold.angle_deg is not None or hold.name == tables.driven(design)[1])
+
+
+def _stretch(row: tables.Hold | tables.Pull) -> Stretch:
+    return Stretch(row.face, row.from_mm, row.to_mm)
+
+
+def _pivot(design: Design, rest: Body, about: str | Point) -> Point:
+    if about == "stem-base":
+        return rest.marks["stem-base"]
+    return undecentred(design, rest.emitter) if isinstance(about, str) else about
+
+
+def _touched(finger: tables.Press, face: str) -> Wall:
+    """Wall table of a stretch that a finger touches."""
+    return Wall(
+        face=face,
+        outside=finger.name,
+        index=finger.index,
+        absorption_per_mm=finger.absorption_per_mm,
+        depth_mm=min(FINGER_MM, OF_RADIUS * finger.radius_mm),
+    )

@@ -1,0 +1,306 @@
+"""A soft sensor under load: its response against an angle, a depth or a force, beside that of a rigid one.
+
+The idea: every value that the motion drives is a state of the body (`solen.mechanics.design`), and its light is traced
+as at an angle of any other motion. Beside it stands the rigid answer, the lens turned by as much on a body that stays
+as it is, and the response in the other plane: a part lies between plane strain and plane stress, and how far they are
+apart is the uncertainty of the model.
+
+The interface: `loaded_study` of a design, `deform` for one state.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from solen.arrays import FloatArray, Progress
+from solen.errors import SolenError
+from solen.mechanics.deformed import Contact, Reaction
+from solen.mechanics.design import LoadedState
+from solen.ranks import Caution, look_at
+from solen.results import HIDDEN, Result, reported
+from solen.sensor.response import Response
+from solen.sensor.sensor import Sensor
+from solen.sensor.unused_keys import keys_without_effect
+from solen.spec import Design, Motion
+from solen.spec.load import Mechanics, driven
+
+FEW = 3
+"""Values at which the planes are compared."""
+APART = 0.02
+"""Contrast by which the planes may differ without a warning."""
+LARGE_STRAIN = 0.3
+"""Strain from which on a neo-Hookean body is a guess."""
+
+
+@dataclass(frozen=True)
+class PlaneSpread:
+    """Contrast in both planes at some values, and how far they are apart at most."""
+
+    values: FloatArray
+    strain: FloatArray
+    stress: FloatArray
+
+    @reported
+    def apart(self) -> float:
+        """Largest difference."""
+        return float(np.abs(self.strain - self.stress).max())
+
+
+class Deformation(Result):
+    """A soft body in one state of its load.
+
+    Attributes
+    ----------
+    name, drives
+        Name of the design, and what its motion drives.
+    angle_deg, depth_mm, force_N
+        Value of that; the other two are None.
+    turn_deg, shift_mm
+        Turn of what carries the emitter, counter-clockwise, and where it moves the centre of the stem's base.
+    strain_largest
+        Largest principal strain, ln λ, in magnitude.
+    reactions
+        What each hold and load exerts on the body.
+    contacts
+        Where fingers touch it.
+    off_mm
+        How far a wall of the light may lie from the finite elements between their nodes.
+    warnings
+        Reasons to doubt a value.
+    simulated
+        Always true.
+    """
+
+    state: LoadedState = field(metadata=HIDDEN)
+    sensor: Sensor = field(metadata=HIDDEN)
+    name: str
+    drives: str
+    angle_deg: float | None
+    depth_mm: float | None
+    force_N: float | None
+    turn_deg: float
+    shift_mm: tuple[float, float]
+    strain_largest: float
+    reactions: tuple[Reaction, ...]
+    contacts: tuple[Contact, ...]
+    off_mm: float
+    warnings: tuple[str, ...]
+    simulated: bool = True
+
+
+class LoadedStudy(Result):
+    """Response of a soft sensor against what its motion drives; arrays are (N,) over the values.
+
+    Attributes
+    ----------
+    design
+        The design studied.
+    drives
+        Number of the design that is driven.
+    angle_deg, depth_mm, force_N
+        Values of an angle, a depth and a force; of a finger both of the latter, None where the motion has none.
+    moment_Nmm
+        Of a driven clamp, about its pivot; None otherwise.
+    turn_deg
+        Turn of what carries the emitter.
+    rigid_contrast, rigid_refused
+        Contrast of the rigid sensor whose lens has turned by as much; None where it cannot be, and why.
+    strain_largest, off_mm
+        As of a `Deformation`.
+    planes
+        Contrast in both planes at some values; None where one of them has no solution.
+    reactions
+        Of every value, what each hold and load exerts on the body.
+    warnings
+        Reasons to doubt a value.
+    simulated
+        Always true.
+    """
+
+    sensor: Sensor = field(metadata=HIDDEN)
+    response: Response = field(metadata=HIDDEN)
+    states: tuple[LoadedState, ...] = field(metadata=HIDDEN)
+    design: Design
+    drives: str
+    angle_deg: FloatArray | None
+    depth_mm: FloatArray | None
+    force_N: FloatArray | None
+    moment_Nmm: FloatArray | None
+    turn_deg: FloatArray
+    rigid_contrast: FloatArray | None
+    rigid_refused: str | None
+    strain_largest: FloatArray
+    off_mm: FloatArray
+    planes: PlaneSpread | None
+    reactions: tuple[tuple[Reaction, ...], ...]
+    warnings: tuple[str, ...]
+    simulated: bool = True
+
+    @reported
+    def right(self) -> FloatArray:
+        """Power at the right receiver, as a share of the emitted power."""
+        return self.response.right
+
+    @reported
+    def left(self) -> FloatArray:
+        """Power at the left receiver."""
+        return self.response.left
+
+    @reported
+    def u_power(self) -> FloatArray:
+        """Uncertainty of both powers, of the trace alone."""
+        return self.response.u_power
+
+    @reported
+    def contrast(self) -> FloatArray:
+        """(R − L)/(R + L)."""
+        return self.response.contrast
+
+    @reported
+    def u_contrast(self) -> FloatArray:
+        """Its uncertainty, of the trace alone."""
+        return self.response.u_contrast
+
+    @property
+    def values(self) -> FloatArray:
+        """Values of what is driven, in its own unit."""
+        return self.response.angle_deg
+
+
+def deform(sensor: Sensor, value: float | None = None) -> Deformation:
+    """A soft body at a value of what its motion drives, by default the last of the motion.
+
+    Raises
+    ------
+    DesignError
+        Where the design is no loaded one, or the load is beyond what the body bears.
+    """
+    loaded, motion = sensor.loaded, sensor.design.motion
+    state = loaded.state(motion.values()[-1] if value is None else value)
+    before, after = loaded.rest.marks["stem-base"], state.body.marks["stem-base"]
+    return Deformation(
+        state=state,
+        sensor=sensor,
+        name=sensor.design.name,
+        drives=motion.drives or "",
+        **value_of(sensor.design, state.value),
+        turn_deg=state.turn_deg,
+        shift_mm=(after[0] - before[0], after[1] - before[1]),
+        strain_largest=state.deformed.strain_largest,
+        reactions=state.deformed.reactions,
+        contacts=state.deformed.contacts,
+        off_mm=state.displaced.off_mm,
+        warnings=tuple(_cautions([state])),
+    )
+
+
+def value_of(design: Design, value: float) -> dict[str, float | None]:
+    """A value of what is driven by its key, None for the others."""
+    return {key: value if key == design.motion.key else None for key in ("angle_deg", "depth_mm", "force_N")}
+
+
+def loaded_study(sensor: Sensor, progress: Progress | None = None) -> LoadedStudy:
+    """Response of a soft sensor over its motion, in power; errors as of `deform`."""
+    sensor.check_pair()
+    values = sensor.design.motion.values()
+    states = tuple(sensor.loaded.states(values))
+    response = sensor.power(values, progress)
+    turns = np.array([state.turn_deg for state in states])
+    rigid, refused = _rigid(sensor, turns)
+    planes = _planes(sensor, response)
+    warnings = [*sensor.warnings, *keys_without_effect(sensor), *_cautions(states), *_of_planes(sensor, planes)]
+    return LoadedStudy(
+        sensor=sensor,
+        response=response,
+        states=states,
+        design=sensor.design,
+        drives=sensor.design.motion.drives or "",
+        **_driven_arrays(sensor.design, states),
+        turn_deg=turns,
+        rigid_contrast=rigid,
+        rigid_refused=refused,
+        strain_largest=np.array([state.deformed.strain_largest for state in states]),
+        off_mm=np.array([state.displaced.off_mm for state in states]),
+        planes=planes,
+        reactions=tuple(state.deformed.reactions for state in states),
+        warnings=tuple(dict.fromkeys(warnings)),
+    )
+
+
+def rigid_design(design: Design) -> Design:
+    """The same design with a rigid lens that turns on a rigid body, as far as its light is concerned."""
+    pivots = [hold.about for hold in design.hold if hold.name == driven(design)[1] and hold.about is not None]
+    moves = ("lens",) if design.motion.emitter_on == "ground" else ("lens", "emitter")
+    motion = Motion(pivot=pivots[0] if pivots else "stem-base", moves=moves)
+    plain = {"motion": motion, "hold": (), "press": (), "pull": (), "mechanics": Mechanics()}
+    return design.model_copy(update=plain).in_folder(design.folder)
+
+
+def _rigid(sensor: Sensor, turns_deg: FloatArray) -> tuple[FloatArray | None, str | None]:
+    """Contrast of the rigid sensor at turns of its lens, or why there is none."""
+    if sensor.is_drawn:
+        return None, "the body is drawn: its lens is part of it and does not turn by itself"
+    rigid = replace(sensor, design=rigid_design(sensor.design))
+    try:
+        return rigid.power(turns_deg.tolist()).contrast, None
+    except SolenError as bad:
+        return None, str(bad)
+
+
+def _planes(sensor: Sensor, response: Response) -> PlaneSpread | None:
+    """Contrast in both planes at a few values; plane stress keeps the volume."""
+    design = sensor.design
+    other = "stress" if design.mechanics.plane == "strain" else "strain"
+    places = sorted({round(i) for i in np.linspace(0, len(response.angle_deg) - 1, FEW)})
+    values = response.angle_deg[places]
+    changed = design.mechanics.model_copy(update={"plane": other, "poisson": 0.5})
+    there = replace(sensor, design=design.model_copy(update={"mechanics": changed}).in_folder(design.folder))
+    try:
+        contrast = there.power(values.tolist()).contrast
+    except SolenError:
+        return None
+    own = response.contrast[places]
+    return PlaneSpread(values, *((own, contrast) if other == "stress" else (contrast, own)))
+
+
+def _driven_arrays(design: Design, states: Sequence[LoadedState]) -> dict[str, FloatArray | None]:
+    """Angles, depths, forces and moments of what is driven, where it has them."""
+    table, name, key = driven(design)
+    found: dict[str, FloatArray | None] = dict.fromkeys(("angle_deg", "depth_mm", "force_N", "moment_Nmm"))
+    found[key] = np.array([state.value for state in states])
+    if table == "hold":
+        found["moment_Nmm"] = np.array([_reaction(state, name).moment_Nmm for state in states])
+    if table == "press":
+        touches = [[one for one in state.deformed.contacts if one.name == name] for state in states]
+        for what in {"depth_mm", "force_N"} - {key}:
+            found[what] = np.array([sum(getattr(one, what) for one in row) for row in touches])
+    return found
+
+
+def _reaction(state: LoadedState, name: str) -> Reaction:
+    return next(one for one in state.deformed.reactions if one.name == name)
+
+
+def _cautions(states: Sequence[LoadedState]) -> list[Caution | str]:
+    """Warnings of some states, each once."""
+    found: list[Caution | str] = list(dict.fromkeys(text for state in states for text in state.deformed.warnings))
+    strain = max(abs(state.deformed.strain_largest) for state in states)
+    if strain > LARGE_STRAIN:
+        found.append(look_at(f"strains reach {strain:.2f}: a modulus alone does not say how a rubber gives there"))
+    off_mm = max(state.displaced.off_mm for state in states)
+    if off_mm > 1e-4:
+        limit = "a wall of the light may lie that far from the finite elements between their nodes"
+        found.append(look_at(f"{limit}: {off_mm:.1g} mm; set a smaller mechanics.mesh_mm"))
+    return found
+
+
+def _of_planes(sensor: Sensor, planes: PlaneSpread | None) -> list[Caution]:
+    if planes is None or planes.apart <= APART:
+        return []
+    return [
+        look_at(
+            f"plane strain and plane stress differ by up to {planes.apart:.2f} in the contrast: a part of "
+            f"{sensor.design.body.thickness_mm:g} mm lies between, and three dimensions would be needed to say where"
+        )
+    ]

@@ -1,0 +1,220 @@
+"""What holds a soft body and what loads it: ``[[hold]]``, ``[[press]]``, ``[[pull]]``; how it gives: ``[mechanics]``.
+
+Nothing is held by default: how a part is held decides its response. Supports, fingers and pulls have names; tables of
+one name are one support. A motion of kind ``loaded`` drives one number of them: ``drives = "clamp.angle_deg"``.
+"""
+
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self
+
+from pydantic import Field, model_validator
+
+from solen.spec.quantities import Length, Point
+from solen.spec.stretch import Stretch
+from solen.spec.strict import NotNegative, Number, Positive, Strict, Text, or_refuse, refused
+
+if TYPE_CHECKING:
+    from solen.spec.design import Design
+
+HOLD_CHOICES = (
+    'add [[hold]] with face = "receiver-*" (the ends of the arms), "outer-*" (the arms), "stem-*" or "lens", and '
+    'kind = "fixed", "sliding" or "turning"'
+)
+DRIVEN = {"hold": ("angle_deg",), "press": ("depth_mm", "force_N"), "pull": ("force_N",)}
+"""Numbers that a loaded motion can drive, by table."""
+LISTS = {"angle_deg": None, "depth_mm": "depths_mm", "force_N": "forces_N"}
+"""Keys of the motion that list the values of a driven number; an angle has from_deg, to_deg and step_deg."""
+
+
+class Mechanics(Strict):
+    """How the body gives under load; used with ``motion.kind = "loaded"``."""
+
+    table: ClassVar[str] = "mechanics"
+
+    modulus_MPa: Positive | None = Field(
+        None, description="Young's modulus in MPa; default: the resin's, with its hyperelastic model."
+    )
+    poisson: Annotated[Number, Field(ge=0.4, le=0.5)] = Field(
+        0.5, description="Poisson's ratio at small strain, 0.4 to 0.5."
+    )
+    plane: Literal["strain", "stress"] = Field(
+        "strain",
+        description="Plane strain, as within a thick body, or plane stress, as in a thin one; a part lies between.",
+    )
+    mesh_mm: Annotated[Number, Field(ge=0.02, le=100)] | None = Field(
+        None, description="Size of the elements in mm; default: by the size of the body."
+    )
+
+
+class Hold(Stretch):
+    """A support of a stretch of the outline."""
+
+    table: ClassVar[str] = "hold"
+
+    name: Text = Field("hold", description="Its name; tables of one name are one support.")
+    kind: Literal["fixed", "sliding", "turning"] = Field(
+        "fixed", description="Fixed; sliding along the wall; or turning as a rigid piece about a point."
+    )
+    about: (
+        Annotated[
+            Literal["stem-base", "emitter"] | Point,
+            or_refuse('must be "stem-base", "emitter" or [x_mm, z_mm] with two finite numbers'),
+        ]
+        | None
+    ) = Field(None, description='Of turning: "stem-base", "emitter" or [x_mm, z_mm].')
+    angle_deg: Annotated[Number, Field(gt=-90, lt=90)] | None = Field(
+        None, description="Of turning: angle of a clamp that turns it; default: driven by the motion, or free to turn."
+    )
+    solid: bool = Field(False, description="Whether a clamp holds the material between its stretches as well.")
+
+    @model_validator(mode="after")
+    def _turning_has_a_pivot(self) -> Self:
+        if self.kind == "turning" and self.about is None:
+            raise refused("about", 'missing: kind = "turning" needs it', remedy='add about = "stem-base"')
+        for key in ("about", "angle_deg"):
+            if self.kind != "turning" and getattr(self, key) is not None:
+                limit = f'has no meaning with kind = "{self.kind}"'
+                raise refused(key, limit, value=getattr(self, key), remedy='leave it out, or set kind = "turning"')
+        return self
+
+
+class Press(Strict):
+    """A round, rigid, frictionless finger that is pushed into a wall."""
+
+    table: ClassVar[str] = "press"
+
+    name: Text = Field("press", description="Its name.")
+    face: Text = Field(description='the wall it touches first, as "stem-right".')
+    at_mm: NotNegative = Field(description="where, in mm along the wall.")
+    radius_mm: Length = Field(description="radius of the finger in mm.")
+    depth_mm: NotNegative | None = Field(None, description="How far it moves on after it touches, in mm.")
+    force_N: NotNegative | None = Field(None, description="Or with what force in N, over the whole thickness.")
+    direction_deg: Annotated[Number, Field(ge=-360, le=360)] | None = Field(
+        None, description="Direction of its way, counter-clockwise from +z; default: square to the wall."
+    )
+    backing: Text | None = Field(
+        None, description="Face that slides on a flat support behind the body; default: its back is free."
+    )
+    index: Annotated[Number, Field(ge=1, lt=5)] | None = Field(
+        None, description="Refractive index of the finger's surface where it touches; default: dry, air stays between."
+    )
+    absorption_per_mm: NotNegative = Field(0.0, description="Absorption of power per mm in the finger.")
+
+    @model_validator(mode="after")
+    def _by_depth_or_force(self) -> Self:
+        if self.depth_mm is not None and self.force_N is not None:
+            raise refused("force_N", "has no meaning with depth_mm", value=self.force_N, remedy="leave one of them out")
+        if self.absorption_per_mm and self.index is None:
+            limit = "has no meaning without index: a dry finger takes no light"
+            raise refused("absorption_per_mm", limit, value=self.absorption_per_mm, remedy="add index = 1.4")
+        return self
+
+
+class Pull(Stretch):
+    """A force spread evenly over a stretch; its direction stays as the body moves."""
+
+    table: ClassVar[str] = "pull"
+
+    name: Text = Field("pull", description="Its name.")
+    force_N: Number | None = Field(None, description="Force in N over the whole thickness; default: driven.")
+    direction_deg: Annotated[Number, Field(ge=-360, le=360)] = Field(
+        description="its direction in degrees, counter-clockwise from +z: 90 pulls to the left."
+    )
+
+
+def check_loads(design: "Design") -> None:
+    """Refuse a loaded motion without what it needs, and loads of another motion."""
+    tables = {name: getattr(design, name) for name in DRIVEN}
+    if design.motion.kind != "loaded":
+        stated = [name for name, rows in tables.items() if rows]
+        stated += ["mechanics"] * (design.mechanics != Mechanics())
+        if stated:
+            limit = f'has no meaning with motion.kind = "{design.motion.kind}"'
+            raise refused(stated[0], limit, remedy='leave it out, or set motion.kind = "loaded"')
+        return
+    if not design.hold:
+        limit = "missing: nothing is held by default, and how the body is held decides its response"
+        raise refused("hold", limit, remedy=HOLD_CHOICES)
+    _check_names(design)
+    _check_driven(design)
+
+
+def driven(design: "Design") -> tuple[str, str, str]:
+    """Table, name and key of what a loaded motion drives."""
+    name, _, key = (design.motion.drives or "").rpartition(".")
+    table = next(table for table in DRIVEN if any(row.name == name for row in getattr(design, table)))
+    return table, name, key
+
+
+def _check_names(design: "Design") -> None:
+    """Tables of one name must be one support; fingers and pulls have names of their own."""
+    seen: dict[str, tuple[str, Strict]] = {}
+    for table in DRIVEN:
+        for number, row in enumerate(getattr(design, table)):
+            if "." in row.name:
+                raise refused(f"{table}[{number}].name", "must have no dot", value=row.name)
+            other, first = seen.setdefault(row.name, (table, row))
+            if first is row:
+                continue
+            if table != "hold" or other != "hold":
+                limit = f"is the name of another {other}"
+                raise refused(f"{table}[{number}].name", limit, value=row.name, remedy="use another name")
+            for key in ("kind", "about", "angle_deg"):
+                if getattr(row, key) != getattr(first, key):
+                    limit = f"must be that of the other tables of the name {row.name}: they are one support"
+                    raise refused(f"{table}[{number}].{key}", limit, value=getattr(row, key))
+
+
+def _check_driven(design: "Design") -> None:
+    """What is driven exists, is not stated as well, and has values."""
+    drives = design.motion.drives
+    choices = [
+        f"{row.name}.{key}"
+        for table, keys in DRIVEN.items()
+        for row in getattr(design, table)
+        for key in keys
+        if table != "hold" or row.kind == "turning"
+    ]
+    if drives not in choices:
+        limit = "missing" if drives is None else "drives nothing that the design has"
+        known = (
+            ", ".join(dict.fromkeys(choices)) or 'none: add a [[press]], a [[pull]] or a [[hold]] of kind = "turning"'
+        )
+        raise refused("motion.drives", limit, value=drives, remedy=f"what can be driven: {known}")
+    _check_stated(design)
+    _check_values(design)
+
+
+def _check_stated(design: "Design") -> None:
+    """What is driven is not stated, and all else is."""
+    driving, name, _ = driven(design)
+    for table in ("hold", "press", "pull"):
+        for number, row in enumerate(getattr(design, table)):
+            stated = next((key for key in DRIVEN[table] if getattr(row, key) is not None), None)
+            of_driven = (table, row.name) == (driving, name)
+            if of_driven and stated:
+                limit = f"has no meaning beside motion.drives = {design.motion.drives!r}"
+                raise refused(f"{table}[{number}].{stated}", limit, value=getattr(row, stated), remedy="leave it out")
+            if not (of_driven or stated or table == "hold"):
+                key = DRIVEN[table][0]
+                raise refused(
+                    f"{table}[{number}].{key}", "missing: neither stated nor driven", remedy=f"add {key} = 0.1"
+                )
+
+
+def _check_values(design: "Design") -> None:
+    """The motion has the values of what it drives, and no others."""
+    motion, (_, _, key) = design.motion, driven(design)
+    because = f"drives = {motion.drives!r}"
+    sweep = {name: name in motion.model_fields_set for name in ("from_deg", "to_deg", "step_deg")}
+    lists = {name: getattr(motion, name) is not None for name in LISTS.values() if name}
+    wanted = LISTS[key]
+    for name, stated in (lists | (sweep if wanted else {})).items():
+        if stated and name != wanted:
+            limit = f"has no meaning with {because}"
+            raise refused(f"motion.{name}", limit, value=getattr(motion, name), remedy="leave it out")
+    if wanted and not lists[wanted]:
+        raise refused(f"motion.{wanted}", f"missing: {because} needs it", remedy=f"add {wanted} = [0, 0.1, 0.2]")
+    if key == "depth_mm" and motion.depths_mm and motion.depths_mm[0] < 0.0:
+        raise refused("motion.depths_mm", "must begin at 0 or more", value=list(motion.depths_mm))
+    if driven(design)[0] == "press" and motion.forces_N and motion.forces_N[0] < 0.0:
+        raise refused("motion.forces_N", "of a finger must begin at 0 or more", value=list(motion.forces_N))

@@ -1,0 +1,98 @@
+"""What holds and loads a soft body: several tables, what each needs, and what is refused in one line."""
+
+import pytest
+
+from solen.errors import SpecError
+from solen.spec import Design, dumps, loads, template, value_at, with_values
+
+HEAD = 'schema = 1\nname = "test"\nmaterial = {index = 1.44}\n'
+HOLD = '[[hold]]\nname = "fork"\nface = "outer-*"\n'
+CLAMP = '[[hold]]\nname = "clamp"\nface = "lens"\nkind = "turning"\nabout = "stem-base"\n'
+FINGER = '[[press]]\nname = "finger"\nface = "stem-right"\nat_mm = 8\nradius_mm = 4\n'
+TURNED = '[motion]\nkind = "loaded"\ndrives = "clamp.angle_deg"\n'
+PRESSED = '[motion]\nkind = "loaded"\ndrives = "finger.depth_mm"\ndepths_mm = [0, 0.25, 0.5]\n'
+
+
+def refusal(text: str) -> str:
+    with pytest.raises(SpecError) as caught:
+        loads(HEAD + text)
+    line = str(caught.value)
+    assert "\n" not in line
+    return line
+
+
+def test_a_loaded_design_is_read_and_written_back_equal() -> None:
+    design = loads(HEAD + TURNED + HOLD + CLAMP)
+    assert loads(dumps(design)) == design
+    assert design.motion.values() == design.motion.angles_deg()
+    assert design.motion.unit == "deg"
+    pressed = loads(HEAD + PRESSED + HOLD + FINGER)
+    assert loads(dumps(pressed)) == pressed
+    assert (pressed.motion.values(), pressed.motion.unit) == ((0.0, 0.25, 0.5), "mm")
+
+
+def test_a_key_of_one_of_several_tables_is_read_and_set_by_its_number() -> None:
+    design = loads(HEAD + TURNED + HOLD + CLAMP)
+    moved = with_values(design, {"hold[0].from_mm": 12.2, "mechanics.modulus_MPa": 2.0})
+    assert (moved.hold[0].from_mm, moved.hold[1], moved.mechanics.modulus_MPa) == (12.2, design.hold[1], 2.0)
+    assert value_at(moved, "hold[0].from_mm") == 12.2
+    for key in ("hold[2].from_mm", "hold[0].form_mm", "hold.from_mm"):
+        with pytest.raises(SpecError, match=key.replace("[", r"\[")):
+            value_at(design, key)
+    with pytest.raises(SpecError, match=r"hold\[2\]"):
+        with_values(design, {"hold[2].from_mm": 1.0})
+
+
+@pytest.mark.parametrize(
+    ("text", "what", "says"),
+    [
+        (TURNED, "hold; missing: nothing is held by default", '"receiver-*"'),
+        (HOLD, "hold; has no meaning with motion.kind = ", "loaded"),
+        ("[mechanics]\npoisson = 0.49\n", "mechanics; has no meaning with motion.kind = ", "loaded"),
+        ('[motion]\ndrives = "a.angle_deg"\n', "motion.drives = 'a.angle_deg'; has no meaning", "leave it out"),
+        ("[motion]\nkind = 'loaded'\n" + HOLD, "motion.drives; missing", "add a [[press]]"),
+        (TURNED + HOLD, "motion.drives = 'clamp.angle_deg'; drives nothing", "none"),
+        (TURNED + HOLD + CLAMP + "angle_deg = 1\n", "hold[1].angle_deg = 1.0; has no meaning beside", "leave it out"),
+        (TURNED + "pivot = 'emitter'\n" + HOLD + CLAMP, "motion.pivot = 'emitter'; has no meaning", "leave it out"),
+        (TURNED + "moves = ['lens']\n" + HOLD + CLAMP, "motion.moves = ['lens']; has no meaning", "carried along"),
+        (TURNED + "depths_mm = [1]\n" + HOLD + CLAMP, "motion.depths_mm = (1.0,); has no meaning", "leave it out"),
+        (PRESSED + HOLD + FINGER + "depth_mm = 1\n", "press[0].depth_mm = 1.0; has no meaning beside", "leave it out"),
+        (PRESSED + "from_deg = -1\n" + HOLD + FINGER, "motion.from_deg = -1.0; has no meaning", "leave it out"),
+        (PRESSED.replace("depths", "sdepths") + HOLD + FINGER, "motion.sdepths_mm; unknown key", "depths_mm"),
+        (PRESSED.replace("[0, 0.25", "[0, 0"), "motion.depths_mm = ", "must be a list of numbers, each above"),
+        (PRESSED.replace("[0, 0.25", "[-1, 0"), "hold; missing", "add"),
+        (PRESSED.replace("[0, 0.25", "[-1, 0") + HOLD + FINGER, "motion.depths_mm = ", "must begin at 0 or more"),
+        (TURNED + HOLD + CLAMP + FINGER, "press[0].depth_mm; missing: neither stated nor driven", "add"),
+        (
+            TURNED + HOLD + CLAMP + FINGER + "depth_mm = 1\nforce_N = 1\n",
+            "press[0].force_N = 1.0; has no meaning with depth_mm",
+            "leave",
+        ),
+        (
+            PRESSED + HOLD + FINGER + "absorption_per_mm = 1\n",
+            "press[0].absorption_per_mm = 1.0; has no meaning without index",
+            "index",
+        ),
+        (TURNED + HOLD + CLAMP.replace('about = "stem-base"', ""), "hold[1].about; missing", "stem-base"),
+        (TURNED + HOLD + "about = 'emitter'\n" + CLAMP, "hold[0].about = 'emitter'; has no meaning", "turning"),
+        (
+            TURNED + HOLD + CLAMP + CLAMP.replace('"stem-base"', '"emitter"'),
+            "hold[2].about = 'emitter'; must be",
+            "one",
+        ),
+        (TURNED + HOLD + CLAMP + FINGER.replace("finger", "fork"), "press[0].name = 'fork'; is the name of", "another"),
+        (TURNED + HOLD.replace("fork", "f.1") + CLAMP, "hold[0].name = 'f.1'; must have no dot", ""),
+        (TURNED + HOLD + "from_mm = 2\nto_mm = 1\n" + CLAMP, "hold[0].from_mm = 2.0; must be less than", ""),
+        (TURNED + HOLD + CLAMP + "[mechanics]\npoisson = 0.3\n", "mechanics.poisson = 0.3; must be at least 0.4", ""),
+    ],
+)
+def test_what_does_not_fit_is_refused_with_its_place(text: str, what: str, says: str) -> None:
+    line = refusal(text)
+    assert what in line
+    assert says in line
+
+
+def test_the_shipped_example_is_driven_by_force() -> None:
+    design = loads(template("press-860"))
+    assert isinstance(design, Design)
+    assert (design.motion.unit, design.motion.values()[-1]) == ("N", 1.0)
