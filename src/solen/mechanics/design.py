@@ -25,7 +25,7 @@ from solen.mechanics.mesh import MeshOptions
 from solen.mechanics.soft import SoftBody
 from solen.plane import Point, heading
 from solen.spec import Design, Wall
-from solen.spec import load as tables
+from solen.spec import soft as tables
 
 FINGER_MM = 0.5
 """Depth of a finger for light that goes on into it, at most; it ends in black."""

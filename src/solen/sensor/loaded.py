@@ -10,6 +10,7 @@ The interface: `loaded_study` of a design, `deform` for one state.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import TypedDict
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from solen.sensor.response import Response
 from solen.sensor.sensor import Sensor
 from solen.sensor.unused_keys import keys_without_effect
 from solen.spec import Design, Motion
-from solen.spec.load import Mechanics, driven
+from solen.spec.soft import Mechanics, driven
 
 FEW = 3
 """Values at which the planes are compared."""
@@ -195,9 +196,22 @@ def deform(sensor: Sensor, value: float | None = None) -> Deformation:
     )
 
 
-def value_of(design: Design, value: float) -> dict[str, float | None]:
+class ValueOf(TypedDict):
     """A value of what is driven by its key, None for the others."""
-    return {key: value if key == design.motion.key else None for key in ("angle_deg", "depth_mm", "force_N")}
+
+    angle_deg: float | None
+    depth_mm: float | None
+    force_N: float | None
+
+
+def value_of(design: Design, value: float) -> ValueOf:
+    """A value of what is driven by its key, None for the others; of any other motion it is an angle."""
+    key = design.motion.key
+    return ValueOf(
+        angle_deg=value if key == "angle_deg" else None,
+        depth_mm=value if key == "depth_mm" else None,
+        force_N=value if key == "force_N" else None,
+    )
 
 
 def loaded_study(sensor: Sensor, progress: Progress | None = None) -> LoadedStudy:
@@ -216,7 +230,10 @@ def loaded_study(sensor: Sensor, progress: Progress | None = None) -> LoadedStud
         states=states,
         design=sensor.design,
         drives=sensor.design.motion.drives or "",
-        **_driven_arrays(sensor.design, states),
+        angle_deg=_array(states, "angle_deg"),
+        depth_mm=_array(states, "depth_mm"),
+        force_N=_array(states, "force_N"),
+        moment_Nmm=_array(states, "moment_Nmm"),
         turn_deg=turns,
         rigid_contrast=rigid,
         rigid_refused=refused,
@@ -264,22 +281,21 @@ def _planes(sensor: Sensor, response: Response) -> PlaneSpread | None:
     return PlaneSpread(values, *((own, contrast) if other == "stress" else (contrast, own)))
 
 
-def _driven_arrays(design: Design, states: Sequence[LoadedState]) -> dict[str, FloatArray | None]:
-    """Angles, depths, forces and moments of what is driven, where it has them."""
-    table, name, key = driven(design)
-    found: dict[str, FloatArray | None] = dict.fromkeys(("angle_deg", "depth_mm", "force_N", "moment_Nmm"))
-    found[key] = np.array([state.value for state in states])
-    if table == "hold":
-        found["moment_Nmm"] = np.array([_reaction(state, name).moment_Nmm for state in states])
-    if table == "press":
-        touches = [[one for one in state.deformed.contacts if one.name == name] for state in states]
-        for what in {"depth_mm", "force_N"} - {key}:
-            found[what] = np.array([sum(getattr(one, what) for one in row) for row in touches])
-    return found
+def _array(states: Sequence[LoadedState], what: str) -> FloatArray | None:
+    """Angle, depth, force or moment of what is driven in every state; None where it has none."""
+    found = [_number(state, what) for state in states]
+    return None if None in found else np.array(found, dtype=float)
 
 
-def _reaction(state: LoadedState, name: str) -> Reaction:
-    return next(one for one in state.deformed.reactions if one.name == name)
+def _number(state: LoadedState, what: str) -> float | None:
+    table, name, key = driven(state.design)
+    if what == key:
+        return state.value
+    if table == "hold" and what == "moment_Nmm":
+        return next(one.moment_Nmm for one in state.deformed.reactions if one.name == name)
+    if table == "press" and what in ("depth_mm", "force_N"):
+        return next((float(getattr(one, what)) for one in state.deformed.contacts if one.name == name), 0.0)
+    return None
 
 
 def _cautions(states: Sequence[LoadedState]) -> list[Caution | str]:

@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING
 
 from solen.spec.body import Keys, unused_keys
-from solen.spec.load import check_loads
+from solen.spec.soft import check_loads
 from solen.spec.strict import refused
 
 if TYPE_CHECKING:  # the design calls this module

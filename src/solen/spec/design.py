@@ -21,9 +21,9 @@ from solen.spec.body import Body, Lens, Material, Receivers
 from solen.spec.combinations import check_combinations
 from solen.spec.fabricate import Fabricate
 from solen.spec.light import Ambient, Emitter
-from solen.spec.load import Hold, Mechanics, Press, Pull
 from solen.spec.motion import Motion
 from solen.spec.readout import Readout
+from solen.spec.soft import Hold, Mechanics, Press, Pull
 from solen.spec.strict import Strict, Text, nearest
 from solen.spec.tolerance import Tolerance
 from solen.spec.wall import Wall
