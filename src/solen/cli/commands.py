@@ -19,6 +19,7 @@ COMMANDS: dict[str, tuple[tuple[str, str, str], ...]] = {
         ("check", "design.check:check", "Check that a design can be built at every angle of its motion, or a scene."),
         ("run", "design.run:run", "Simulate a design: response with and without lens, figures, tables, report."),
         ("trace", "design.trace:trace", "Trace a design at one angle, or a scene (.json, also of ray-optics)."),
+        ("deform", "design.deform:deform", "Show a soft body under load: shape, strain, forces, moments."),
         ("lens", "design.check:lens", "Show the lens of a design: shape, acceptance, magnification, focus."),
         ("sensitivity", "design.sensitivity:sensitivity", "Rank the numbers of a design by what they change."),
         ("convergence", "design.sensitivity:convergence", "Show how the error falls with the number of rays."),

@@ -122,7 +122,7 @@ class Picture:
     triangles
         Numbers of their corners (M, 3).
     strain
-        Largest principal strain, ln λ, at each corner (N,).
+        Size of the largest principal strain, ln λ, at each corner (N,).
     """
 
     points_mm: FloatArray

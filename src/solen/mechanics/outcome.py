@@ -70,10 +70,10 @@ class Outcome:
 
     @cached_property
     def _at_corners(self) -> FloatArray:
-        """Strain at the corners of the triangles (N,): the mean over the elements round each."""
+        """Size of the strain at the corners of the triangles (N,): the mean over the elements round each."""
         elements = self.problem.elements
         corners, n = elements.nodes[:, :3].ravel(), elements.mesh.corners
-        means = np.repeat(self._strain.mean(axis=1), 3)
+        means = np.repeat(np.abs(self._strain).mean(axis=1), 3)  # of either sign where the volume is kept
         return np.asarray(np.bincount(corners, means, n) / np.bincount(corners, minlength=n))
 
     @cached_property

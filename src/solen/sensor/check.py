@@ -123,7 +123,9 @@ class Check(Result):
     name
         Name of the design.
     angles
-        Angles of the motion.
+        Angles of the motion, or loads of a soft body.
+    loaded
+        Whether it is a soft body under load.
     wavelength_nm
         Wavelength of the emitter.
     material
@@ -144,6 +146,7 @@ class Check(Result):
     foci: tuple[Focus, ...]
     body: BodySizes
     warnings: tuple[str, ...]
+    loaded: bool = False
 
 
 def check(sensor: Sensor) -> Check:
@@ -151,13 +154,14 @@ def check(sensor: Sensor) -> Check:
     sensor.check()
     return Check(
         name=sensor.design.name,
-        angles=len(sensor.design.motion.angles_deg()),
+        angles=len(sensor.design.motion.values()),
         wavelength_nm=sensor.light.wavelength_nm,
         material=sensor.material,
         lens=sensor.cut,
         foci=foci_of(sensor),
         body=body_sizes(sensor),
         warnings=(*sensor.warnings, *keys_without_effect(sensor)),
+        loaded=sensor.is_loaded,
     )
 
 

@@ -10,7 +10,6 @@ The interface: `loaded_study` of a design, `deform` for one state.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TypedDict
 
 import numpy as np
 
@@ -30,6 +29,8 @@ FEW = 3
 """Values at which the planes are compared."""
 APART = 0.02
 """Contrast by which the planes may differ without a warning."""
+OFF_MM = 1e-3
+"""How far a wall of the light may lie from the finite elements without a warning."""
 LARGE_STRAIN = 0.3
 """Strain from which on a neo-Hookean body is a guess."""
 
@@ -185,7 +186,7 @@ def deform(sensor: Sensor, value: float | None = None) -> Deformation:
         sensor=sensor,
         name=sensor.design.name,
         drives=motion.drives or "",
-        **value_of(sensor.design, state.value),
+        **motion.named(state.value),
         turn_deg=state.turn_deg,
         shift_mm=(after[0] - before[0], after[1] - before[1]),
         strain_largest=state.deformed.strain_largest,
@@ -193,24 +194,6 @@ def deform(sensor: Sensor, value: float | None = None) -> Deformation:
         contacts=state.deformed.contacts,
         off_mm=state.displaced.off_mm,
         warnings=tuple(_cautions([state])),
-    )
-
-
-class ValueOf(TypedDict):
-    """A value of what is driven by its key, None for the others."""
-
-    angle_deg: float | None
-    depth_mm: float | None
-    force_N: float | None
-
-
-def value_of(design: Design, value: float) -> ValueOf:
-    """A value of what is driven by its key, None for the others; of any other motion it is an angle."""
-    key = design.motion.key
-    return ValueOf(
-        angle_deg=value if key == "angle_deg" else None,
-        depth_mm=value if key == "depth_mm" else None,
-        force_N=value if key == "force_N" else None,
     )
 
 
@@ -305,7 +288,7 @@ def _cautions(states: Sequence[LoadedState]) -> list[Caution | str]:
     if strain > LARGE_STRAIN:
         found.append(look_at(f"strains reach {strain:.2f}: a modulus alone does not say how a rubber gives there"))
     off_mm = max(state.displaced.off_mm for state in states)
-    if off_mm > 1e-4:
+    if off_mm > OFF_MM:
         limit = "a wall of the light may lie that far from the finite elements between their nodes"
         found.append(look_at(f"{limit}: {off_mm:.1g} mm; set a smaller mechanics.mesh_mm"))
     return found

@@ -1,5 +1,6 @@
 """Numbers of a design that its light depends on: which they are, their values, and how far off they may be."""
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from solen.errors import SpecError
@@ -27,6 +28,10 @@ LAYERS = "a body has a whole number of layers, and their borders jump with it: c
 OF_THE_MATERIAL = ("material.index", "material.absorption_per_mm")
 USUAL = {"material.index": 0.01, "material.absorption_per_mm": 0.005}
 """Tolerances where the resin states no uncertainty: a reflectance good to 0.001 gives the index to 0.008."""
+PLACED_MM = 0.5
+"""How well a place of a hold or a finger on a soft body is known."""
+MODULUS_SHARE = 0.1
+"""How well the modulus of a soft body is known, as a share of it."""
 OF_THE_LIGHT = ("wavelength_nm", "cone_deg", "width_mm", "height_mm")
 """Numbers of the emitter that a part may state where the design does not."""
 
@@ -57,7 +62,10 @@ def tolerance_of(sensor: "Sensor", key: str) -> tuple[float, bool]:
     }.get(key)
     if stated is None and u:
         return u, True
-    return stated or USUAL.get(key) or 0.01 * abs(number(sensor, key)) or 0.01, False
+    usual = USUAL.get(key) or (PLACED_MM if "[" in key and key.endswith("_mm") else 0.0)
+    if key == "mechanics.modulus_MPa":
+        usual = MODULUS_SHARE * number(sensor, key)
+    return stated or usual or 0.01 * abs(number(sensor, key)) or 0.01, False
 
 
 def inert(sensor: "Sensor", key: str) -> str:
@@ -109,4 +117,15 @@ def _is_matched(sensor: "Sensor") -> bool:
 
 def usual_keys(sensor: "Sensor") -> tuple[str, ...]:
     """Numbers that a sensor's light depends on, inert ones included."""
-    return (*OPTICAL_KEYS, *OF_A_LENS_IN_SPACE) if sensor.is_sampled else OPTICAL_KEYS
+    keys = (*OPTICAL_KEYS, *OF_A_LENS_IN_SPACE) if sensor.is_sampled else OPTICAL_KEYS
+    return (*keys, *_of_loads(sensor)) if sensor.is_loaded else keys
+
+
+def _of_loads(sensor: "Sensor") -> Iterator[str]:
+    """Where a soft body is held and pressed, as far as the design states it, and its modulus."""
+    for table in ("hold", "press", "pull"):
+        for number, row in enumerate(getattr(sensor.design, table)):
+            stated = [key for key in ("from_mm", "to_mm", "at_mm", "radius_mm") if getattr(row, key, None)]
+            yield from (f"{table}[{number}].{key}" for key in stated)
+    if sensor.design.mechanics.modulus_MPa is not None:
+        yield "mechanics.modulus_MPa"

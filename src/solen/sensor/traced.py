@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import field
+from typing import Protocol
 
 from solen.arrays import Progress
 from solen.errors import SpecError
@@ -23,8 +24,12 @@ class DesignTrace(Trace, kw_only=True):
     ----------
     sensor
         The scene traced; not in JSON.
-    name, angle_deg, lens
-        Name of the design, angle of its motion, and shape of its lens.
+    value
+        Of what the motion drives; not in JSON.
+    name, lens
+        Name of the design, and shape of its lens.
+    angle_deg, depth_mm, force_N
+        Angle of the motion, or the depth or force that loads a soft body; the others are None.
     in_space
         Whether rays were traced in space.
     faces
@@ -36,8 +41,11 @@ class DesignTrace(Trace, kw_only=True):
     """
 
     sensor: Sensor = field(metadata=HIDDEN)
+    value: float = field(metadata=HIDDEN)
     name: str
-    angle_deg: float
+    angle_deg: float | None
+    depth_mm: float | None
+    force_N: float | None
     lens: str
     in_space: bool
     faces: dict[str, tuple[str, ...]]
@@ -46,10 +54,12 @@ class DesignTrace(Trace, kw_only=True):
 
 
 class DesignConvergence(Convergence, kw_only=True):
-    """Error against rays of a design at an angle, with what must be known of it."""
+    """Error against rays of a design at an angle, or under a load, with what must be known of it."""
 
     name: str
-    angle_deg: float
+    angle_deg: float | None
+    depth_mm: float | None
+    force_N: float | None
     warnings: tuple[str, ...]
 
 
@@ -58,8 +68,10 @@ class Sensitivities(Result):
 
     Attributes
     ----------
-    name, angle_deg
-        Name of the design, and angle of its motion.
+    name
+        Of the design.
+    angle_deg, depth_mm, force_N
+        Angle of its motion, or the depth or force that loads a soft body; the others are None.
     sensitivities
         One for each number of the design.
     skipped
@@ -71,7 +83,9 @@ class Sensitivities(Result):
     """
 
     name: str
-    angle_deg: float
+    angle_deg: float | None
+    depth_mm: float | None
+    force_N: float | None
     sensitivities: tuple[Sensitivity, ...]
     skipped: dict[str, str]
     warnings: tuple[str, ...]
@@ -88,7 +102,7 @@ def trace_design(
     SpecError
         Where an option has no effect, or the angle is none.
     """
-    check_angle(angle_deg)
+    check_value(sensor, angle_deg)
     scene = sensor.scene(angle_deg)
     if paths:
         check_paths(scene)
@@ -96,8 +110,9 @@ def trace_design(
     return DesignTrace(
         **vars(trace),
         sensor=sensor,
+        value=angle_deg,
         name=sensor.design.name,
-        angle_deg=angle_deg,
+        **sensor.design.motion.named(angle_deg),
         lens=sensor.design.lens.shape,
         in_space=scene.extrusion is not None,
         faces=face_names(scene),
@@ -108,10 +123,13 @@ def trace_design(
 
 def design_convergence(sensor: Sensor, angle_deg: float = 0.0) -> DesignConvergence:
     """Error against rays of a design at an angle, in its own mode, for each way to choose the rays."""
-    check_angle(angle_deg)
+    check_value(sensor, angle_deg)
     found = convergence(sensor.scene(angle_deg), sensor.design.trace.mode)
     return DesignConvergence(
-        **vars(found), name=sensor.design.name, angle_deg=angle_deg, warnings=tuple(sensor.warnings)
+        **vars(found),
+        **sensor.design.motion.named(angle_deg),
+        name=sensor.design.name,
+        warnings=tuple(sensor.warnings),
     )
 
 
@@ -119,13 +137,59 @@ def sensitivities(
     sensor: Sensor, keys: Sequence[str] = (), angle_deg: float = 0.0, progress: Progress | None = None
 ) -> Sensitivities:
     """Derivatives of a design's readings at an angle by numbers of it; see `Sensor.sensitivity`."""
-    check_angle(angle_deg)
+    check_value(sensor, angle_deg)
     rows = sensor.sensitivity(keys or None, angle_deg, progress)
     skipped = {} if keys else {key: why for key in usual_keys(sensor) if (why := inert(sensor, key))}
-    return Sensitivities(sensor.design.name, angle_deg, rows, skipped, tuple(sensor.warnings))
+    return Sensitivities(
+        name=sensor.design.name,
+        **sensor.design.motion.named(angle_deg),
+        sensitivities=rows,
+        skipped=skipped,
+        warnings=tuple(sensor.warnings),
+    )
 
 
-def check_angle(angle_deg: float) -> None:
-    """`SpecError` for an angle that no motion reaches."""
-    if not (math.isfinite(angle_deg) and abs(angle_deg) < 90.0):
-        raise SpecError("--angle-deg", value=angle_deg, limit="must be between -90 and 90")
+def value_asked(sensor: Sensor, angle_deg: float | None, at: float | None) -> float:
+    """Value of what the motion drives: an angle, by default 0, or what ``at`` says of a soft body, by default the last.
+
+    Raises
+    ------
+    SpecError
+        Where the other of the two is stated.
+    """
+    motion = sensor.design.motion
+    if sensor.is_loaded:
+        if angle_deg is not None:
+            limit = f"has no meaning: the motion drives {motion.drives}"
+            raise SpecError("--angle-deg", value=angle_deg, limit=limit, remedy=f"use --at, in {motion.unit}")
+        return motion.values()[-1] if at is None else at
+    if at is not None:
+        limit = f'has no meaning with motion.kind = "{motion.kind}"'
+        raise SpecError("--at", value=at, limit=limit, remedy="use --angle-deg")
+    return angle_deg or 0.0
+
+
+def check_value(sensor: Sensor, value: float) -> None:
+    """`SpecError` for an angle that no motion reaches, or a load that is no number."""
+    if not (math.isfinite(value) and (abs(value) < 90.0 or sensor.design.motion.unit != "deg")):
+        limit = "must be between -90 and 90" if sensor.design.motion.unit == "deg" else "must be a finite number"
+        raise SpecError("--at" if sensor.is_loaded else "--angle-deg", value=value, limit=limit)
+
+
+class Driven(Protocol):
+    """A result at an angle, a depth or a force."""
+
+    @property
+    def angle_deg(self) -> float | None: ...  # noqa: D102
+
+    @property
+    def depth_mm(self) -> float | None: ...  # noqa: D102
+
+    @property
+    def force_N(self) -> float | None: ...  # noqa: D102
+
+
+def where(result: Driven) -> str:
+    """Angle, depth or force of a result, with its unit."""
+    values = {"deg": result.angle_deg, "mm": result.depth_mm, "N": result.force_N}
+    return next((f"{value:g} {unit}" for unit, value in values.items() if value is not None), "")

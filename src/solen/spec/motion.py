@@ -2,7 +2,7 @@
 
 from decimal import Decimal
 from itertools import pairwise
-from typing import Annotated, ClassVar, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self, TypedDict
 
 from pydantic import AfterValidator, Field, model_validator
 
@@ -37,6 +37,14 @@ def _parts(moves: tuple[Part, ...]) -> tuple[Part, ...]:
     if len(set(moves)) != len(moves) or not moves:
         raise refused("", PARTS_LIMIT, value=list(moves))
     return tuple(part for part in PARTS if part in moves)
+
+
+class Driven(TypedDict):
+    """A value of what a motion drives: an angle, or a depth or a force on a soft body."""
+
+    angle_deg: float | None
+    depth_mm: float | None
+    force_N: float | None
 
 
 class Motion(Strict):
@@ -107,6 +115,15 @@ class Motion(Strict):
         """Number that the motion drives, by its key."""
         key = (self.drives or "angle_deg").rpartition(".")[2]
         return "depth_mm" if key == "depth_mm" else "force_N" if key == "force_N" else "angle_deg"
+
+    def named(self, value: float) -> "Driven":
+        """A value of what the motion drives by its key, None for the others."""
+        key = self.key
+        return Driven(
+            angle_deg=value if key == "angle_deg" else None,
+            depth_mm=value if key == "depth_mm" else None,
+            force_N=value if key == "force_N" else None,
+        )
 
     @property
     def unit(self) -> str:

@@ -30,7 +30,7 @@ def check(file: Path, /, *, set_: Set = None) -> Outcome[Check | SceneCheck]:
 
 @lines.register
 def _(result: Check) -> Iterator[str]:
-    yield f"{result.name}: a valid sensor at all {result.angles} angles"
+    yield f"{result.name}: a valid sensor at all {result.angles} {'loads' if result.loaded else 'angles'}"
     material = {name: getattr(result.material, name) for name in ("index", "u_index", "mode")}
     focus = scalars(result.foci[len(result.foci) // 2]) if result.foci else ()
     lens = {"shape": "drawn"} if result.lens is None else dict(scalars(result.lens))

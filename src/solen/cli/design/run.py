@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from solen.cli.app import lines, short
+from solen.cli.design import deform as deform  # the lines of a soft body's response
 from solen.pipeline.design.run import run as run
 from solen.sensor import AsPrinted, DesignStudy
 

@@ -5,14 +5,14 @@ from collections.abc import Iterator
 from solen.cli.app import lines, short
 from solen.pipeline.design.trace import convergence as convergence
 from solen.pipeline.design.trace import sensitivity as sensitivity
-from solen.sensor.traced import DesignConvergence, Sensitivities
+from solen.sensor.traced import DesignConvergence, Sensitivities, where
 
 
 @lines.register
 def _(result: DesignConvergence) -> Iterator[str]:
     reference = result.reference
     by = f"{reference.method} with {reference.rays} rays, u {short(reference.u_power)}"
-    yield f"{result.name} at {result.angle_deg:g} deg, mode {result.mode}: error against {by}"
+    yield f"{result.name} at {where(result)}, mode {result.mode}: error against {by}"
     for series in result.series:
         for rays, error, u in zip(series.rays, series.error, series.u_power, strict=True):
             yield f"  {series.method:8} {rays:8} rays  error {_short(error)}  u {_short(u)}"
@@ -21,7 +21,7 @@ def _(result: DesignConvergence) -> Iterator[str]:
 @lines.register
 def _(sensitivities: Sensitivities) -> Iterator[str]:
     width = max((len(row.key) for row in sensitivities.sensitivities), default=0)
-    at = f"{sensitivities.name} at {sensitivities.angle_deg:g} deg"
+    at = f"{sensitivities.name} at {where(sensitivities)}"
     yield f"{at}: change per unit of each number, and by its tolerance"
     heads = f"{'d right':>12}  {'d left':>12}  {'d contrast':>12}  {'u of that':>9}  {'off by':>9}  {'contrast':>9}"
     yield f"  {'':{width}}  {'value':>9}  {heads}"

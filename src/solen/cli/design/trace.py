@@ -14,7 +14,7 @@ from solen.errors import SpecError
 from solen.pipeline.options import FLAT, Set
 from solen.report.options import FigureOptions
 from solen.results import Outcome
-from solen.sensor.traced import DesignTrace
+from solen.sensor.traced import DesignTrace, where
 from solen.trace import Trace
 from solen.trace.described import SceneTrace
 from solen.trace.options import TraceOptions
@@ -35,6 +35,7 @@ def trace(
     *,
     options: Annotated[DesignOptions, FLAT] = DesignOptions(),
     angle_deg: float | None = None,
+    at: float | None = None,
     no_lens: bool = False,
     set_: Set = None,
     paths: bool = False,
@@ -50,6 +51,8 @@ def trace(
     angle_deg
         Angle in degrees, counter-clockwise: a negative one turns to the right; default: 0. Of a design only.
         Above -90, below 90.
+    at
+        Of a soft body: value of what its motion drives, in its unit; default: the last of the motion.
     no_lens
         Leave the lens out: a flat face at the stem's base.
     paths
@@ -65,11 +68,13 @@ def trace(
             "--rays", value=rays, limit="has no meaning with sampling adaptive", remedy="leave one of them out"
         )
     if file.suffix.lower() == SCENE_SUFFIX:
-        refuse_for_scene({"--angle-deg": angle_deg, "--no-lens": no_lens, "--rays": rays, "--set": set_ and set_[0]})
+        refuse_for_scene(
+            {"--angle-deg": angle_deg, "--at": at, "--no-lens": no_lens, "--rays": rays, "--set": set_ and set_[0]}
+        )
         return pipeline.trace_file(file, options, paths=paths, figure=figure, netcdf=netcdf)
     chosen = [f"emitter.rays={rays}"] * (rays is not None) + ["lens.shape=none"] * no_lens
     return pipeline.trace(
-        file, [*(set_ or ()), *chosen], options, angle_deg=angle_deg or 0.0, paths=paths, figure=figure, netcdf=netcdf
+        file, [*(set_ or ()), *chosen], options, angle_deg=angle_deg, at=at, paths=paths, figure=figure, netcdf=netcdf
     )
 
 
@@ -83,7 +88,7 @@ def refuse_for_scene(of_designs: Mapping[str, object]) -> None:
 
 @lines.register
 def _(result: DesignTrace) -> Iterator[str]:
-    yield f"{result.name} at {result.angle_deg:g} deg, {_how(result)}"
+    yield f"{result.name} at {where(result)}, {_how(result)}"
     for name, reading in sorted(result.detectors.items()):
         yield f"  {name:9} {_power(reading.power, reading.u_power)}  ({reading.rays} rays)"
     yield from _whole(result, result.in_space)

@@ -4,13 +4,17 @@ import json
 from pathlib import Path
 
 from solen import files
+from solen.pipeline.design.deform import run_loaded
 from solen.pipeline.design.designs import open_design
 from solen.pipeline.options import ProgressBar, Set
 from solen.results import Outcome
 from solen.sensor import DesignStudy, study
+from solen.sensor.loaded import LoadedStudy
 
 
-def run(file: Path, /, *, out: Path, set_: Set = None, progress: ProgressBar = None) -> Outcome[DesignStudy]:
+def run(
+    file: Path, /, *, out: Path, set_: Set = None, progress: ProgressBar = None
+) -> Outcome[DesignStudy | LoadedStudy]:
     """Simulate a design over its motion: lens, body, response with and without lens, figures, tables, report.
 
     Parameters
@@ -18,13 +22,16 @@ def run(file: Path, /, *, out: Path, set_: Set = None, progress: ProgressBar = N
     file
         The design file.
     out
-        Folder for report.html, results.json, results.csv and the figures; made if need be.
+        Folder for report.html, results.json, results.csv and the figures; made if need be. Of a soft body under load
+        there is no report, and a figure of its shape.
     """
     from solen.report.design import html
     from solen.report.design.table import csv_table
 
     design = open_design(file, set_)
     with files.output_folder(out):
+        if design.motion.kind == "loaded":
+            return run_loaded(design, out, progress)
         result = study(design, progress, practical=True)
         drawn = html.figures(result)
         texts = {f"{name}.svg": text for name, text in drawn.items()}

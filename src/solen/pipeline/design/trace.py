@@ -19,6 +19,7 @@ from solen.sensor.traced import (
     design_convergence,
     sensitivities,
     trace_design,
+    value_asked,
 )
 from solen.spec import dumps, with_values
 from solen.trace import Mode, Trace
@@ -32,21 +33,23 @@ def trace(
     assignments: Sequence[str] | None = None,
     options: TraceOptions = TraceOptions(),
     *,
-    angle_deg: float = 0.0,
+    angle_deg: float | None = None,
+    at: float | None = None,
     paths: bool = False,
     figure: FigureOptions = FigureOptions(),
     netcdf: Path | None = None,
 ) -> Outcome[DesignTrace]:
-    """Trace a design at one angle."""
+    """Trace a design at one angle, or under one load."""
     _check_outputs(figure, netcdf)
     mode = {} if options.mode is None else {"trace.mode": options.mode}
     sensor = Sensor.of(with_values(open_design(path, assignments), mode))
-    result = trace_design(sensor, angle_deg, options, paths=paths)
+    value = value_asked(sensor, angle_deg, at)
+    result = trace_design(sensor, value, options, paths=paths)
 
-    names = ", ".join(interface.name for interface in sensor.scene(angle_deg).interfaces)
+    names = ", ".join(interface.name for interface in sensor.scene(value).interfaces)
     attributes: Attributes = {
         "name": result.name,
-        "angle_deg": angle_deg,
+        sensor.design.motion.key: value,
         "design": dumps(sensor.design),
         "interfaces": names,
     }
@@ -79,7 +82,8 @@ def convergence(
     file: Path,
     /,
     *,
-    angle_deg: float = 0.0,
+    angle_deg: float | None = None,
+    at: float | None = None,
     mode: Mode = "power",
     set_: Set = None,
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
@@ -91,20 +95,23 @@ def convergence(
     file
         The design file.
     angle_deg
-        Angle in degrees, counter-clockwise: a negative one turns to the right. Above -90, below 90.
+        Angle in degrees, counter-clockwise: a negative one turns to the right; default: 0. Above -90, below 90.
+    at
+        Of a soft body: value of what its motion drives, in its unit; default: the last of the motion.
     mode
         How light meets faces.
     """
     figure.check()
     sensor = Sensor.of(with_values(open_design(file, set_), {"trace.mode": mode}))
-    return write(design_convergence(sensor, angle_deg), "convergence", figure=figure)
+    return write(design_convergence(sensor, value_asked(sensor, angle_deg, at)), "convergence", figure=figure)
 
 
 def sensitivity(
     file: Path,
     /,
     *keys: str,
-    angle_deg: float = 0.0,
+    angle_deg: float | None = None,
+    at: float | None = None,
     set_: Set = None,
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     progress: ProgressBar = None,
@@ -118,10 +125,13 @@ def sensitivity(
     keys
         Numbers of the design, as in body.arm_width_mm; default: all that the light depends on.
     angle_deg
-        Angle in degrees, counter-clockwise: a negative one turns to the right. Above -90, below 90.
+        Angle in degrees, counter-clockwise: a negative one turns to the right; default: 0. Above -90, below 90.
+    at
+        Of a soft body: value of what its motion drives, in its unit; default: the last of the motion.
     """
     figure.check()
-    result = sensitivities(Sensor.of(open_design(file, set_)), keys, angle_deg, progress)
+    sensor = Sensor.of(open_design(file, set_))
+    result = sensitivities(sensor, keys, value_asked(sensor, angle_deg, at), progress)
     return write(result, "sensitivity", figure=figure)
 
 

@@ -147,7 +147,7 @@ def rays_figure(views: Sequence[tuple[str, Body, Scene, Trace]], zoom: float | N
 def trace_figure(trace: DesignTrace) -> Figure:
     """At most `SHOWN_RAYS` rays of a design at the angle and in the mode of a trace."""
     shown = min(trace.sensor.design.emitter.rays, SHOWN_RAYS)
-    return rays_figure([sensor_view(trace.sensor, trace.angle_deg, shown, trace.mode)])
+    return rays_figure([sensor_view(trace.sensor, trace.value, shown, trace.mode)])
 
 
 def sensor_view(
@@ -158,7 +158,8 @@ def sensor_view(
     A picture shows the plane: rays of an extruded sensor are drawn as they would run there.
     """
     lens = "" if sensor.has_lens else "no lens, "
-    title = f"{lens}{angle_deg:+g}°" if angle_deg else f"{lens}0°"
+    unit = sensor.design.motion.unit
+    title = f"{lens}{angle_deg:g} {unit}" if unit != "deg" else f"{lens}{angle_deg:+g}°" if angle_deg else f"{lens}0°"
     scene = replace(sensor.scene(angle_deg, rays), extrusion=None, front=None)
     return title, sensor.body(angle_deg), scene, trace(scene, mode, legs=True)
 

@@ -9,9 +9,9 @@ from matplotlib.figure import Figure
 from solen.errors import OutputError
 from solen.report.canvas import INK, LEFT, RIGHT
 from solen.sensor.response import Sensitivity
-from solen.sensor.traced import Sensitivities
+from solen.sensor.traced import Sensitivities, where
 
-UNITS = {"_mm": "mm", "_deg": "deg", "_per_mm": "1/mm"}
+UNITS = {"_mm": "mm", "_deg": "deg", "_per_mm": "1/mm", "_MPa": "MPa"}
 """Units by the ends of keys; another key has none."""
 
 
@@ -31,7 +31,7 @@ def sensitivities_figure(sensitivities: Sensitivities) -> Figure:
     grid = figure.add_gridspec(len(panels), 1, height_ratios=[len(part) + 1 for part in panels.values()])
     for place, (unit, part) in enumerate(panels.items()):
         _draw(figure.add_subplot(grid[place, 0]), unit, part)
-    figure.suptitle(f"simulated: {sensitivities.name} at {sensitivities.angle_deg:g}°")
+    figure.suptitle(f"simulated: {sensitivities.name} at {where(sensitivities)}")
     return figure
 
 

@@ -1,0 +1,54 @@
+"""The command that shows a soft body under load, and the lines of a response under load."""
+
+import math
+from collections.abc import Iterator
+
+from solen.cli.app import lines, short
+from solen.pipeline.design.deform import deform as deform
+from solen.sensor.loaded import Deformation, LoadedStudy
+from solen.sensor.traced import where
+
+MOST_ROWS = 12
+
+
+@lines.register
+def _(result: Deformation) -> Iterator[str]:
+    x, z = result.shift_mm
+    yield f"{result.name}, {result.drives} at {where(result)}"
+    yield f"  emitter and lens turn by {result.turn_deg:+.4g} deg, move by {x:+.4g}, {z:+.4g} mm (x, z)"
+    yield f"  largest strain {result.strain_largest:.3g}"
+    for reaction in result.reactions:
+        fx, fz = reaction.force_N
+        x, z = reaction.about_mm
+        about = f"{reaction.moment_Nmm:+.4g} N mm about {x:.3g}, {z:.3g}"
+        yield f"  {reaction.name:12} {math.hypot(fx, fz):.4g} N (x {fx:+.4g}, z {fz:+.4g}), {about}"
+    for touch in result.contacts:
+        yield (
+            f"  {touch.name} touches {touch.face}: {touch.depth_mm:.4g} mm deep, {touch.force_N:.4g} N, up to "
+            f"{touch.pressure_MPa:.3g} MPa"
+        )
+
+
+@lines.register
+def _(study: LoadedStudy) -> Iterator[str]:
+    columns = {
+        "deg": study.angle_deg,
+        "mm": study.depth_mm,
+        "N": study.force_N,
+        "N mm": study.moment_Nmm,
+        "turn deg": study.turn_deg,
+        "contrast": study.contrast,
+        "u": study.u_contrast,
+        "rigid": study.rigid_contrast,
+    }
+    shown = {name: values for name, values in columns.items() if values is not None}
+    yield f"{study.design.name}, against {study.drives}"
+    yield "  " + "".join(f"{name:>10}" for name in shown)
+    every = max(1, math.ceil(len(study.values) / MOST_ROWS))
+    for row in range(0, len(study.values), every):
+        cells = (short(values[row]) if name == "u" else f"{values[row]:.4g}" for name, values in shown.items())
+        yield "  " + "".join(f"{cell:>10}" for cell in cells)
+    if study.rigid_refused is not None:
+        yield f"no rigid answer: {study.rigid_refused}"
+    if study.planes is not None:
+        yield f"plane strain and plane stress differ by up to {study.planes.apart:.3f} in the contrast"

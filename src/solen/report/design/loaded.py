@@ -1,0 +1,161 @@
+"""Figures of a soft body under load: its shape with the strain and the light in it, its response and its forces."""
+
+import csv
+import io
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import TriMesh
+from matplotlib.figure import Figure
+from matplotlib.tri import Triangulation
+
+from solen.arrays import FloatArray
+from solen.mechanics.design import LoadedState
+from solen.report.canvas import INK, LOST, SPACE, receiver
+from solen.report.design.figures import SHOWN_RAYS, rays_figure, sensor_view
+from solen.sensor import SATURATED, Sensor
+from solen.sensor.loaded import Deformation, LoadedStudy
+from solen.sensor.traced import where
+
+COLUMNS = (
+    *("angle_deg", "depth_mm", "force_N", "moment_Nmm", "turn_deg"),
+    *("right", "left", "u_power", "contrast", "rigid_contrast"),
+)
+LABELS = {"angle_deg": "angle (deg)", "depth_mm": "depth (mm)", "force_N": "force (N)"}
+FORCE_MM = 6.0
+"""Length of the longest arrow of a force."""
+
+
+def figures(study: LoadedStudy) -> dict[str, Callable[[], Figure]]:
+    """Functions that draw the figures of a study, by name."""
+    ends = sorted({float(study.values[0]), float(study.values[-1])})
+    rays = min(study.design.emitter.rays, SHOWN_RAYS)
+    return {
+        "response": partial(response_figure, study),
+        "shape": lambda: shape_figure(study.sensor, study.states[-1], study.drives),
+        "rays": lambda: rays_figure([sensor_view(study.sensor, value, rays) for value in ends]),
+    }
+
+
+def deformation_figure(result: Deformation) -> Figure:
+    """Shape and strain of a body under load, and the light in it."""
+    return shape_figure(result.sensor, result.state, f"{result.drives} at {where(result)}")
+
+
+def shape_figure(sensor: Sensor, state: LoadedState, title: str) -> Figure:
+    """Strain on the deformed body over its outline at rest, with the forces that hold it; beside it its light."""
+    shown = min(sensor.design.emitter.rays, SHOWN_RAYS)
+    figure = rays_figure([sensor_view(sensor, state.value, shown)] * 2)
+    figure.set_size_inches(7.4, 6.8)
+    axes, light = figure.axes
+    wide = max(map(abs, light.get_xlim())) + 0.5 * FORCE_MM
+    low, high = light.get_ylim()
+    axes.clear()
+    drawn = _draw_strain(axes, state)
+    _draw_forces(axes, state)
+    axes.grid(visible=False)
+    for each, name in ((axes, title), (light, "light")):
+        each.set(
+            title=name, xlabel="x (mm)", ylabel="z (mm)", xlim=(-wide, wide), ylim=(low - 1.0, high + FORCE_MM / 2)
+        )
+        each.set_aspect("equal")
+    figure.colorbar(drawn, ax=[axes, light], label="largest principal strain (%)", location="bottom", shrink=0.5)
+    return figure
+
+
+def response_figure(study: LoadedStudy) -> Figure:
+    """Receivers and contrast against what is driven, with the rigid answer; a force against its depth or angle."""
+    key = study.design.motion.key
+    forces = _forces(study)
+    figure = Figure(figsize=(8.2 if forces is None else 10.8, 3.5))
+    axes = figure.subplots(1, 2 if forces is None else 3)
+    values = study.values
+    for side in ("right", "left"):
+        axes[0].plot(values, getattr(study, side), **receiver(side), lw=2.0, label=side)
+    axes[0].set(xlabel=LABELS[key], ylabel="share of the emitted power")
+    axes[0].set_ylim(0, None)
+    axes[0].legend()
+    axes[1].plot(values, study.contrast, color=INK, lw=2.0, label="soft")
+    if study.rigid_contrast is not None:
+        axes[1].plot(values, study.rigid_contrast, "--", color=LOST, lw=1.4, label="rigid, turned by as much")
+    if study.planes is not None:
+        other = study.planes.stress if study.design.mechanics.plane == "strain" else study.planes.strain
+        name = "stress" if study.design.mechanics.plane == "strain" else "strain"
+        axes[1].plot(study.planes.values, other, "o", color=SPACE, ms=4, label=f"plane {name}")
+    for bound in (-SATURATED, SATURATED):
+        axes[1].axhline(bound, color=LOST, lw=0.8, ls=":")
+    axes[1].set(xlabel=LABELS[key], ylabel="contrast (R − L)/(R + L)", ylim=(-1.05, 1.05))
+    axes[1].legend()
+    if forces is not None:
+        across, along, label_x, label_y = forces
+        axes[2].plot(across, along, color=INK, lw=2.0)
+        axes[2].set(xlabel=label_x, ylabel=label_y)
+    figure.suptitle(f"simulated: {study.design.name}")
+    return figure
+
+
+def csv_table(study: LoadedStudy) -> str:
+    """One row a value: what is driven and what follows."""
+    columns = {
+        name: values
+        for name in (
+            "angle_deg",
+            "depth_mm",
+            "force_N",
+            "moment_Nmm",
+            "turn_deg",
+            "right",
+            "left",
+            "u_power",
+            "contrast",
+        )
+        if (values := getattr(study, name)) is not None
+    }
+    if study.rigid_contrast is not None:
+        columns["rigid_contrast"] = study.rigid_contrast
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    for row in np.column_stack(list(columns.values())).tolist():
+        writer.writerow("" if value != value else repr(value) for value in row)
+    return text.getvalue()
+
+
+def _forces(study: LoadedStudy) -> tuple[FloatArray, FloatArray, str, str] | None:
+    """Moment of a clamp against its angle, or force of a finger against its depth."""
+    if study.angle_deg is not None and study.moment_Nmm is not None:
+        return study.angle_deg, study.moment_Nmm, LABELS["angle_deg"], "moment of the clamp (N mm)"
+    if study.depth_mm is not None and study.force_N is not None:
+        return study.depth_mm, study.force_N, LABELS["depth_mm"], LABELS["force_N"]
+    return None
+
+
+def _draw_strain(axes: Axes, state: LoadedState) -> TriMesh:
+    picture = state.deformed.picture
+    x, z = (picture.points_mm + picture.displacement_mm).T
+    strain = 100.0 * picture.strain
+    high = max(float(np.quantile(strain, 0.995)), 1e-6)
+    mesh = Triangulation(x, z, picture.triangles)
+    drawn = axes.tripcolor(mesh, strain, shading="gouraud", cmap="cividis_r", vmin=0.0, vmax=high, rasterized=True)
+    for face in state.deformed.body.all_faces:
+        axes.plot(*face.curve.flattened(0.01).T, color=LOST, lw=0.7, ls="--")
+    for face in state.body.all_faces:
+        axes.plot(*face.curve.flattened(0.01).T, color=INK, lw=0.8 if face.part != "receiver" else 2.4)
+    return drawn
+
+
+def _draw_forces(axes: Axes, state: LoadedState) -> None:
+    """Arrows of what holds and loads exert on the body, each at the middle of the nodes or at its centre."""
+    sizes = [float(np.hypot(*one.force_N)) for one in state.deformed.reactions]
+    largest = max(sizes, default=0.0)
+    for reaction, size in zip(state.deformed.reactions, sizes, strict=True):
+        if size < 0.02 * largest or size == 0.0:
+            continue
+        at, scale = reaction.about_mm, FORCE_MM / largest
+        tip = (at[0] + scale * reaction.force_N[0], at[1] + scale * reaction.force_N[1])
+        axes.annotate("", tip, at, arrowprops={"arrowstyle": "-|>", "color": INK, "lw": 1.2})
+        axes.annotate(
+            f"{reaction.name}\n{size:.2g} N", at, xytext=(4, 4), textcoords="offset points", fontsize="small", color=INK
+        )
