@@ -102,7 +102,7 @@ def test_new_writes_a_design_that_checks(tmp_path: Path, example: str) -> None:
     assert target.read_text(encoding="utf-8") == template(example)
     checked = pipeline.check(target).result
     assert checked.name == load(target).name
-    assert checked.angles == 25
+    assert checked.angles == len(load(target).motion.values())
     assert checked.foci[1].material_index == checked.material.index
 
 
