@@ -16,11 +16,11 @@ from solen.sensor import Sensor
 from solen.spec import loads, template, value_at, with_values
 from solen.trace import Limits, Trace, derivative, integrate, trace
 from solen.trace.adaptive import Lights, why_not
+from solen.trace.cells import Cell, Cells
 from solen.trace.cone import DOUBLE
-from solen.trace.kernel.paths import add_ray, at_angles, integrate_path, path_room
-from solen.trace.kernel.prism import NO_DRAW, trace_prism
-from solen.trace.kernel.space import Vector
-from solen.trace.space import Cell, Cells, LightInSpace
+from solen.trace.kernel.paths import add_rays, at_angles, heading, integrate_path, path_room, trace_rays
+from solen.trace.kernel.prism import NO_DRAW
+from solen.trace.space import LightInSpace
 
 CHIP = {
     "trace.dimension": "extruded",
@@ -265,12 +265,12 @@ def test_parts_of_one_path_that_end_apart() -> None:
     for rise, angle in ((0.05, 0.2), (0.6, 0.1), (0.8, 0.3)):
         path = at_angles(family, angle, 0.0, rise, family.low, family.high)
         room.counts[:] = 0
-        integrate_path(DOUBLE, light.tables, path, room, light.ends, 64, 1e-4, 1e-5, 1e-3, total)
+        integrate_path(DOUBLE, light.walls, path, room, light.ends, 64, 1e-4, 1e-5, 1e-3, total)
         assert room.counts[0] < 2000, "no jump is halved without end"
         brute = np.zeros(light.columns)
         for u in np.linspace(family.low, family.high, 4001)[:-1] + (family.high - family.low) / 8000:
-            room.counts[3] = 0
-            add_ray(DOUBLE, light.tables, path, room, 0, u)
+            room.counts[3], room.u[0] = 0, u
+            add_rays(DOUBLE, light.walls, path, room, heading(path, u), 0, 1)
             brute += room.value[0] / 4000
         assert total / (family.high - family.low) == pytest.approx(brute, abs=1e-3)
 
@@ -317,10 +317,10 @@ def test_the_tail_takes_up_all_that_is_left(hits: int, height_mm: tuple[float, f
     left, sampled = np.zeros(columns), np.zeros(columns)
     assert launch.dy is not None
     for i in range(400):
-        start = launch.x_mm[i], launch.z_mm[i], Vector(launch.dx[i], launch.dy[i], launch.dz[i])
-        exact, rest = np.zeros(columns), np.zeros(columns)
-        for draw, value in ((NO_DRAW, exact), (i, rest)):
-            trace_prism(DOUBLE, tail.tables, tail.family_of(0), *start, draw, 10_000, 300, value, room.legs, room.stack)
+        room.start[:2] = launch.x_mm[i], launch.z_mm[i], launch.dx[i], launch.dy[i], launch.dz[i]
+        for n, draw in ((0, NO_DRAW), (1, i)):
+            trace_rays(DOUBLE, tail.walls, tail.family_of(0), room, n, n + 1, draw, 10_000)
+        room.counts[3], (exact, rest) = 0, room.value[:2]
         assert rest[-1] == pytest.approx(exact[-1], abs=1e-12)
         assert math.fsum(rest[:-3]) == pytest.approx(rest[-1], abs=1e-9)
         assert math.fsum(exact[:-3]) + exact[-1] == pytest.approx(1.0, abs=1e-9)
@@ -369,12 +369,13 @@ def test_derivatives_of_trapped_light_are_taken_over_wide_steps() -> None:
 
 def test_sums_of_cells_hold_however_small_what_is_left_becomes() -> None:
     value = np.array([0.25, 0.75])
-    cells = Cells([Cell((0.0, 1.0), value, (value,), (0.1,), 0.1, 1)])
+    bounds, apart = (0.0, 1.0, 0.0, 1.0), np.array([value, value])
+    cells = Cells([Cell(bounds, value, apart, (0.1, 0.0), 0.1, 1)])
     for n in range(200):
         cells.worst()
         small = 10.0 ** -min(n / 10.0 + 1.0, 12.0)
         for _ in range(2):
-            cells.add(Cell((0.0, 1.0), small * value, (value,), (small,), small, 1))
+            cells.add(Cell(bounds, small * value, apart, (small, 0.0), small, 1))
     exact = sum(cell.error**2 for cell in cells)
     assert cells.u(1.0) == pytest.approx(math.sqrt(2.0 * exact), rel=1e-3)
     assert cells.value == pytest.approx(sum(cell.value for cell in cells), rel=1e-6)

@@ -24,6 +24,7 @@ from solen.scene import Scene, Source
 from solen.scene.sources import Emission, Emitter
 from solen.trace.cone import COARSE, COARSE_TOLERANCE, RULE, Cone, Integral, weighted_sum
 from solen.trace.kernel import adapt
+from solen.trace.kernel.nearest import walls_of
 from solen.trace.kernel.prism import MORE_COLUMNS, FamilyInSpace
 from solen.trace.kernel.step import Rules
 from solen.trace.kernel.surface import SPLITTING
@@ -230,7 +231,11 @@ class Light:
         )  # fmt: skip
         columns = self.columns - 2 + MORE_COLUMNS
         return Tail(
-            self.tables, self.source, False, columns, lambda line: family._replace(colour=self.colours[line][0])
+            walls_of(self.tables),
+            self.source,
+            False,
+            columns,
+            lambda line: family._replace(colour=self.colours[line][0]),
         )
 
     def point(self, place: float, tolerance: float, most_legs: int) -> Integral:

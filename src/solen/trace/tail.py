@@ -18,8 +18,8 @@ from solen.scene.sources import Source
 from solen.scene.sources.points import sample
 from solen.trace.cone import DOUBLE, Integral
 from solen.trace.kernel import paths
+from solen.trace.kernel.nearest import Walls
 from solen.trace.kernel.prism import FamilyInSpace
-from solen.trace.tables import Tables
 
 SCRAMBLINGS, SEED = 16, 20260
 FIRST_SAMPLES, MOST_SAMPLES = 32, 1 << 20
@@ -31,7 +31,7 @@ WIDENED = 1.07
 class Tail(NamedTuple):
     """Light of a source whose tail can be sampled: ``family_of`` gives its rays in one colour of its spectrum."""
 
-    tables: Tables
+    walls: Walls
     source: Source
     in_space: bool
     columns: int
@@ -71,7 +71,7 @@ class Tail(NamedTuple):
         legs = 0
         for line in np.unique(launch.line).tolist():
             chosen = np.ascontiguousarray(starts[launch.line == line])
-            legs += paths.sample_tails(DOUBLE, self.tables, self.family_of(line), chosen, first, most_hits, room, total)
+            legs += paths.sample_tails(DOUBLE, self.walls, self.family_of(line), chosen, first, most_hits, room, total)
         return legs
 
 

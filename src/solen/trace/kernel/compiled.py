@@ -1,12 +1,13 @@
 """How the kernel is compiled: by numba, without the interpreter's lock, cached on disk.
 
 numba renews a cached function only when the file it stands in changes. The functions here call each other across files,
-so all of them carry one stamp: the newest change of any file that takes part.
+so each carries a stamp of the contents of its file and of all that this takes over: a copy of a tree compiles nothing.
 """
 
+import hashlib
 import re
 from collections.abc import Callable
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, cast
 
@@ -15,7 +16,7 @@ import numba
 P = ParamSpec("P")
 R = TypeVar("R")
 
-HERE = Path(__file__).parent
+HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent.parent
 IMPORTED = re.compile(r"^from solen\.([\w.]+) import", re.MULTILINE)
 
@@ -26,15 +27,34 @@ def _files(module: str) -> list[Path]:
     return list(path.glob("*.py")) if path.is_dir() else [path.with_suffix(".py")]
 
 
-def sources() -> set[Path]:
-    """Files that the kernel stands in, and those whose constants it takes over."""
-    kernel = set(HERE.glob("*.py"))
-    taken = {module for file in kernel for module in IMPORTED.findall(file.read_text("utf-8"))}
-    return kernel.union(*map(_files, taken))
+def _taken(file: Path) -> set[Path]:
+    """Files that a file of the kernel takes functions or constants from."""
+    return {path for module in IMPORTED.findall(file.read_text("utf-8")) for path in _files(module)}
 
 
-SOURCES = sources()
-STAMP = (max(source.stat().st_mtime for source in SOURCES), sum(source.stat().st_size for source in SOURCES))
+def sources(file: Path) -> set[Path]:
+    """Files of the kernel that a file of it stands on, itself among them, and those whose constants they take over."""
+    known, new = set[Path](), {file}
+    while new:
+        known |= new
+        new = {path for one in new if one.parent == HERE for path in _taken(one)} - known
+    return known
+
+
+@cache
+def stamp(file: Path) -> str:
+    """Hash of the contents of all that a file of the kernel stands on."""
+    contents = hashlib.sha256()
+    for path in sorted(sources(file)):
+        contents.update(_digest(path))
+    return contents.hexdigest()
+
+
+@cache
+def _digest(path: Path) -> bytes:
+    return hashlib.sha256(path.read_bytes()).digest()
+
+
 OPTIONS: dict[str, Any] = {
     "nogil": True,
     "error_model": "numpy",
@@ -80,8 +100,17 @@ def cached(decorator: Callable[..., Any], function: Callable[..., Any]) -> Any:
     cache = getattr(dispatcher, "_cache", None)  # there is none where numba is set to compile nothing
     index = getattr(cache, "_cache_file", None)  # numba offers no public way to name more files
     if index is not None:
-        index._source_stamp = STAMP
+        index._source_stamp = stamp(Path(function.__code__.co_filename).resolve())
+        index._load_index = partial(_known, index._load_index)
     return dispatcher
+
+
+def _known(load: Callable[[], dict[Any, str]]) -> dict[Any, str]:
+    """What an index holds: nothing where it names a class of another version of solen that is no more."""
+    try:
+        return load()
+    except (AttributeError, ImportError):
+        return {}
 
 
 def cache_folder() -> Path | None:

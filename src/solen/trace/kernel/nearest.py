@@ -3,6 +3,9 @@
 import math
 from typing import NamedTuple
 
+import numpy as np
+
+from solen.arrays import IntArray
 from solen.trace.kernel.compiled import compiled
 from solen.trace.kernel.hits import (
     arc_hit,
@@ -26,6 +29,7 @@ from solen.trace.kernel.rows import (
     Cubic,
     Floats,
     Precision,
+    Segment,
     arc_row,
     conic_row,
     cubic_row,
@@ -33,6 +37,9 @@ from solen.trace.kernel.rows import (
     segment_row,
 )
 from solen.trace.tables import Tables
+
+SIDE_BY_SIDE = 8
+"""Multiple of which segments are looked at."""
 
 
 class Ray(NamedTuple):
@@ -142,6 +149,60 @@ def nearest(k: Precision, tables: Tables, ray: Ray) -> Hit:
     for c in range(len(tables.kind)):
         t, u = curve_hit(k, tables, c, ray)
         if t < best:
+            best, found, place = t, c, u
+    return Hit(best, found, place)
+
+
+class Walls(NamedTuple):
+    """Tables of a scene with its pieces by kind: segments, to be looked at several at once, and the others."""
+
+    tables: Tables
+    segment: Floats
+    """(5, S) rows of segments as columns; behind them some that no ray meets, to fill a register"""
+    piece: IntArray
+    """(S,) which piece each is"""
+    other: IntArray
+    """pieces of other kinds"""
+    distance: Floats
+    """(S,) room for distances"""
+
+
+def walls_of(tables: Tables) -> Walls:
+    """Pieces of a scene by kind, for one thread."""
+    lines = np.flatnonzero(tables.kind == SEGMENT)
+    width = len(Segment._fields)
+    filled = -(-len(lines) // SIDE_BY_SIDE) * SIDE_BY_SIDE
+    segment, piece = np.zeros((width, filled)), np.full(filled, -2)
+    segment[-1], segment[-2] = -1.0, 1.0  # of a negative length
+    segment[:, : len(lines)], piece[: len(lines)] = tables.shape[lines, :width].T, lines
+    return Walls(tables, segment, piece, np.flatnonzero(tables.kind != SEGMENT), np.empty(filled))
+
+
+@compiled
+def nearest_wall(k: Precision, walls: Walls, ray: Ray) -> Hit:
+    """As `nearest`: the segments at once, the others where their boxes lie ahead and near enough."""
+    tables = walls.tables
+    if len(tables.grid_item) > 0:
+        return nearest_by_grid(k, tables, ray)
+    x, z, dx, dz, last, _ = ray
+    s, distance = walls.segment, walls.distance
+    for i in range(len(distance)):
+        line = Segment(s[0, i], s[1, i], s[2, i], s[3, i], s[4, i])
+        distance[i] = segment_hit(k, line, x, z, dx, dz, walls.piece[i] == last)
+    best, found, place = k.none, -1, k.zero
+    for i in range(len(distance)):
+        nearer = distance[i] < best
+        best, found = distance[i] if nearer else best, walls.piece[i] if nearer else found
+    across, ahead = k.one / dx, k.one / dz
+    for i in range(len(walls.other)):
+        c = walls.other[i]
+        box = tables.box[c]
+        xa, xb, za, zb = (box[0] - x) * across, (box[1] - x) * across, (box[2] - z) * ahead, (box[3] - z) * ahead
+        enters, exits = max(min(xa, xb), min(za, zb)), min(max(xa, xb), max(za, zb))
+        if enters > exits or exits < k.zero or enters > best:  # not for NaN, of a ray along a side of a box
+            continue
+        t, u = curve_hit(k, tables, c, ray)
+        if t < best or (t == best and c < found):
             best, found, place = t, c, u
     return Hit(best, found, place)
 

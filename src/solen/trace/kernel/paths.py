@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from solen.arrays import FloatArray, IntArray
 from solen.trace.kernel.adapt import holds
 from solen.trace.kernel.compiled import called, compiled
+from solen.trace.kernel.nearest import Walls
 from solen.trace.kernel.prism import (
     NO_DRAW,
     STACK_IN_SPACE,
@@ -26,7 +27,6 @@ from solen.trace.kernel.prism import (
 )
 from solen.trace.kernel.rows import Floats, Precision
 from solen.trace.kernel.space import Vector
-from solen.trace.tables import Tables
 
 MOST_LEGS = 300
 """Straight stretches of one ray with its branches, after which what goes on is left to the tail."""
@@ -38,6 +38,8 @@ class PathRoom(NamedTuple):
     """Room for the rays of one path (N,) and for the stretches that wait."""
 
     u: FloatArray
+    start: FloatArray
+    """(N, 5) x, z and the direction x, y, z"""
     tree: NDArray[np.uint64]
     path: NDArray[np.uint64]
     value: FloatArray
@@ -60,6 +62,7 @@ def path_room(columns: int) -> PathRoom:
     n = KEPT_RAYS
     return PathRoom(
         u=np.empty(n),
+        start=np.empty((n, 5)),
         tree=np.empty(n, np.uint64),
         path=np.empty(n, np.uint64),
         value=np.empty((n, columns)),
@@ -72,37 +75,85 @@ def path_room(columns: int) -> PathRoom:
     )
 
 
+class Heading(NamedTuple):
+    """Direction of a ray, and how much it counts."""
+
+    d: Vector
+    weight: float
+
+
 @compiled
-def start(family: FamilyInSpace, u: float) -> tuple[float, float, Vector]:
-    """Place and direction of the ray at a parameter."""
+def heading(family: FamilyInSpace, u: float) -> Heading:
+    """Direction and weight of the ray at a parameter."""
     angle = family.axis + family.angle + u * family.turn
     flat = math.sqrt(1.0 - family.rise * family.rise)
     d = Vector(-flat * math.sin(angle), family.rise, flat * math.cos(angle))
-    return family.x + u * family.along_x, family.z + u * family.along_z, d
+    return Heading(d, intensity_in_space(family, u))
+
+
+@called
+def trace_rays(
+    k: Precision,
+    walls: Walls,
+    family: FamilyInSpace,
+    room: PathRoom,
+    low: int,
+    high: int,
+    draw: int,
+    most_hits: int,
+) -> None:
+    """Trace the rays from number ``low`` to ``high``, whose starts are in the room.
+
+    With a ``draw``, the number of the first ray's sample, their tails alone.
+    """
+    for n in range(low, high):
+        first = room.counts[3]
+        x, z = room.start[n, 0], room.start[n, 1]
+        d = Vector(room.start[n, 2], room.start[n, 3], room.start[n, 4])
+        sample = draw + n - low if draw >= 0 else NO_DRAW
+        many, tree, path, undefined = trace_prism(
+            k,
+            walls,
+            family,
+            x,
+            z,
+            d,
+            sample,
+            most_hits,
+            MOST_LEGS,
+            room.value[n],
+            room.legs[first:],
+            room.stack,
+        )
+        room.counts[0] += 1
+        room.counts[1] += many
+        room.counts[2] += 1 if undefined else 0
+        room.counts[3] += many if draw < 0 else 0
+        room.tree[n], room.path[n], room.first[n], room.many[n] = tree, path, first, many
 
 
 @compiled
-def add_ray(k: Precision, tables: Tables, family: FamilyInSpace, room: PathRoom, n: int, u: float) -> None:
-    """Trace the ray at a parameter and keep it as number n."""
-    first = room.counts[3]
-    x, z, d = start(family, u)
-    many, tree, path, undefined = trace_prism(
-        k, tables, family, x, z, d, NO_DRAW, 0, MOST_LEGS, room.value[n], room.legs[first:], room.stack
-    )
-    room.counts[0] += 1
-    room.counts[1] += many
-    room.counts[2] += 1 if undefined else 0
-    room.counts[3] += many
-    weight = intensity_in_space(family, u)
-    for column in range(room.value.shape[1]):
-        room.value[n, column] *= weight
-    room.u[n], room.tree[n], room.path[n], room.first[n], room.many[n] = u, tree, path, first, many
+def add_rays(
+    k: Precision, walls: Walls, family: FamilyInSpace, room: PathRoom, along: Heading, low: int, high: int
+) -> None:
+    """Trace the rays at the parameters that the room names from ``low`` to ``high``; ``along`` is where paths go."""
+    turns = family.turn != 0.0
+    for n in range(low, high):
+        u = room.u[n]
+        d = heading(family, u).d if turns else along.d
+        room.start[n, 0], room.start[n, 1] = family.x + u * family.along_x, family.z + u * family.along_z
+        room.start[n, 2], room.start[n, 3], room.start[n, 4] = d.x, d.y, d.z
+    trace_rays(k, walls, family, room, low, high, NO_DRAW, 0)
+    for n in range(low, high):
+        weight = heading(family, room.u[n]).weight if turns else along.weight
+        for column in range(room.value.shape[1]):
+            room.value[n, column] *= weight
 
 
 @called
 def sample_tails(
     k: Precision,
-    tables: Tables,
+    walls: Walls,
     family: FamilyInSpace,
     starts: FloatArray,
     first: int,
@@ -114,16 +165,19 @@ def sample_tails(
 
     They are samples from the number ``first`` on. Returns how many straight stretches that took.
     """
-    steps = 0
-    for i in range(len(starts)):
-        d = Vector(starts[i, 2], starts[i, 3], starts[i, 4])
-        many, _, _, _ = trace_prism(
-            k, tables, family, starts[i, 0], starts[i, 1], d, first + i, most_hits, MOST_LEGS, room.value[0],
-            room.legs, room.stack,
-        )  # fmt: skip
-        steps += many
-        for column in range(len(total)):
-            total[column] += room.value[0, column]
+    before, done = room.counts[1], 0
+    room.counts[3] = 0
+    while done < len(starts):
+        many = min(len(starts) - done, len(room.u))
+        for n in range(many):
+            for column in range(5):
+                room.start[n, column] = starts[done + n, column]
+        trace_rays(k, walls, family, room, 0, many, first + done, most_hits)
+        for n in range(many):
+            for column in range(len(total)):
+                total[column] += room.value[n, column]
+        done += many
+    steps: int = room.counts[1] - before
     return steps
 
 
@@ -133,8 +187,8 @@ def passed(
 ) -> int:
     """How many ends lie between the lines of two legs, ahead or behind: a loop without branches, as there are few."""
     many = 0
-    for e in range(len(ends)):
-        px, pz = ends[e, 0], ends[e, 1]
+    for e in range(ends.shape[1]):
+        px, pz = ends[0, e], ends[1, e]
         one, two = ux * (pz - az) - uz * (px - ax), vx * (pz - bz) - vz * (px - bx)
         many += (one > 0.0) != (two > 0.0)
     return many
@@ -149,8 +203,8 @@ def predicted_edge(room: PathRoom, i: int, j: int, ends: FloatArray) -> float:
         ax, az, dx, dz = legs[a, 0], legs[a, 1], legs[b, 0], legs[b, 1]
         ux, uz, vx, vz = legs[a, 2] - ax, legs[a, 3] - az, legs[b, 2] - dx, legs[b, 3] - dz
         best, share, alike = math.inf, -1.0, legs[a, 5] == legs[b, 5]
-        for e in range(len(ends) if passed(ends, ax, az, ux, uz, dx, dz, vx, vz) > 0 else 0):
-            px, pz = ends[e, 0], ends[e, 1]
+        for e in range(ends.shape[1] if passed(ends, ax, az, ux, uz, dx, dz, vx, vz) > 0 else 0):
+            px, pz = ends[0, e], ends[1, e]
             one = ux * (pz - az) - uz * (px - ax)
             two = vx * (pz - dz) - vz * (px - dx)
             ahead = ux * (px - ax) + uz * (pz - az)
@@ -172,7 +226,7 @@ def predicted_edge(room: PathRoom, i: int, j: int, ends: FloatArray) -> float:
 @called
 def integrate_path(  # noqa: C901  one loop over stretches
     k: Precision,
-    tables: Tables,
+    walls: Walls,
     family: FamilyInSpace,
     room: PathRoom,
     ends: FloatArray,
@@ -193,9 +247,11 @@ def integrate_path(  # noqa: C901  one loop over stretches
     room.counts[3] = 0
     for d in range(columns):
         total[d] = 0.0
+    along = heading(family, low)
     for s in range(first + 1):
-        add_ray(k, tables, family, room, n, low + (high - low) * s / first)
-        n += 1
+        room.u[s] = low + (high - low) * s / first
+    add_rays(k, walls, family, room, along, 0, first + 1)
+    n = first + 1
     for s in range(first):
         room.waiting[waiting, 0], room.waiting[waiting, 1] = s, s + 1
         waiting += 1
@@ -214,27 +270,25 @@ def integrate_path(  # noqa: C901  one loop over stretches
                 apart = max(apart, abs(room.value[i, d] - room.value[j, d]))
             error += (0.5 if full else 0.25) * width * apart
             continue
-        middle, halved = 0.5 * (a + b), True
-        if hard or width > soft:
-            edge = a + predicted_edge(room, i, j, ends) * width
-            if edge - narrow > a and edge + narrow < b:
-                if not hard:  # rays on both sides are alike: is the one between them?
-                    middle, halved = edge, False
-                else:
-                    add_ray(k, tables, family, room, n, edge - 0.45 * narrow)
-                    add_ray(k, tables, family, room, n + 1, edge + 0.45 * narrow)
-                    room.waiting[waiting, 0], room.waiting[waiting, 1] = i, n
-                    room.waiting[waiting + 1, 0], room.waiting[waiting + 1, 1] = n, n + 1
-                    room.waiting[waiting + 2, 0], room.waiting[waiting + 2, 1] = n + 1, j
-                    n, waiting = n + 2, waiting + 3
-                    continue
-        add_ray(k, tables, family, room, n, middle)
-        m = n
-        n += 1
+        edge = a + predicted_edge(room, i, j, ends) * width if hard or width > soft else a
+        seen, m = edge - narrow > a and edge + narrow < b, n
+        if seen and hard:
+            room.u[n], room.u[n + 1] = edge - 0.45 * narrow, edge + 0.45 * narrow
+            n += 2
+        else:  # where rays on both sides are alike: is the one at the edge between them?
+            room.u[n] = edge if seen else 0.5 * (a + b)
+            n += 1
+        add_rays(k, walls, family, room, along, m, n)
+        if seen and hard:
+            room.waiting[waiting, 0], room.waiting[waiting, 1] = i, m
+            room.waiting[waiting + 1, 0], room.waiting[waiting + 1, 1] = m, m + 1
+            room.waiting[waiting + 2, 0], room.waiting[waiting + 2, 1] = m + 1, j
+            waiting += 3
+            continue
         if (
             room.tree[m] == room.tree[i]
             and not hard
-            and halved
+            and not seen
             and (width <= soft or (room.path[m] == room.path[i] and room.path[m] == room.path[j]))
         ):
             apart = 0.0
@@ -259,42 +313,3 @@ def at_angles(family: FamilyInSpace, angle: float, turn: float, rise: float, low
         f.x, f.z, f.along_x, f.along_z, f.axis, angle, turn, rise, f.y_low, f.y_high, f.s, f.p, f.colour, f.rules,
         f.far, f.half, f.above, f.below, low, high, f.power, f.theta, f.relative,
     )  # fmt: skip
-
-
-@called
-def over_nodes(
-    k: Precision,
-    tables: Tables,
-    family: FamilyInSpace,
-    room: PathRoom,
-    ends: FloatArray,
-    cone: tuple[float, float],
-    point: bool,
-    q: FloatArray,
-    t: FloatArray,
-    wanted: NDArray[np.bool_],
-    steps: tuple[float, float, float],
-    total: FloatArray,
-    grid: FloatArray,
-) -> None:
-    """Integrals over the places of a chip at angles ``q`` (Q,) and ``t`` (T,), where ``wanted`` (T, Q).
-
-    The angle out of the plane is asin(sine sin t), the one in projection a share q of the largest within the ``cone``
-    (cosine, sine) there. Of a ``point``, whose path is that angle, ``q`` (1,) is nothing. ``steps`` are density, narrow
-    and soft of `integrate_path`, ``grid`` (T, Q, D + 6) becomes the integrals and, last, what they may be off by.
-    """
-    for i in range(len(t)):
-        rise = cone[1] * math.sin(t[i])
-        most = math.acos(min(max(cone[0] / math.sqrt(1.0 - rise * rise), -1.0), 1.0))
-        weight = (1.0 if point else most) * cone[1] * math.cos(t[i])
-        for j in range(len(q)):
-            if not wanted[i, j]:
-                continue
-            if point:
-                here, first = at_angles(family, 0.0, 1.0, rise, -most, most), FIRST_ANGLES
-            else:
-                here, first = at_angles(family, most * q[j], 0.0, rise, family.low, family.high), FIRST
-            error = integrate_path(k, tables, here, room, ends, first, steps[0], steps[1], steps[2], total)
-            for d in range(len(total)):
-                grid[i, j, d] = weight * total[d]
-            grid[i, j, len(total)] = weight * error

@@ -17,16 +17,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from solen.trace.kernel.compiled import called, compiled
+from solen.trace.kernel.compiled import compiled
 from solen.trace.kernel.extruded import wall_parts
-from solen.trace.kernel.nearest import Ray, nearest
+from solen.trace.kernel.nearest import Ray, Walls, nearest_wall
 from solen.trace.kernel.rows import RECEIVER, REFRACTING, SEGMENT, TREATED, Floats, Precision
 from solen.trace.kernel.space import Coherency, Vector, bare, in_plane_of_incidence, passed, scaled, upright
 from solen.trace.kernel.step import Load, Rules, carried_on, escape, meet
 from solen.trace.kernel.surface import COUNT, chance, end_fate, scrambled
 from solen.trace.kernel.treated import acting
 from solen.trace.result import DETECTED, ESCAPED, GOES_ON, TRUNCATED
-from solen.trace.tables import Tables
 
 STACK_IN_SPACE = 256
 WIDTH_IN_SPACE = 20
@@ -110,10 +109,10 @@ def mean_kept(loss: float, nearest_mm: float, farthest_mm: float) -> float:
     return math.exp(-loss * nearest_mm) * (-math.expm1(-spread) / spread if spread > 1e-12 else 1.0)
 
 
-@called
+@compiled
 def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
     k: Precision,
-    tables: Tables,
+    walls: Walls,
     family: FamilyInSpace,
     x: float,
     z: float,
@@ -135,7 +134,7 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
     With a ``draw``, the number of a sample, ``value`` is that of the tail alone, followed for ``most_hits``, and its
     last entry all that was left to the tail; no legs are kept then.
     """
-    receivers = len(value) - MORE_COLUMNS
+    tables, receivers = walls.tables, len(value) - MORE_COLUMNS
     missed, leaked, unfinished = receivers + 2, receivers + 3, receivers + 4
     sampling, tail, draws = draw >= 0, False, 0
     gain = 0.0 if sampling else 1.0
@@ -190,7 +189,7 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
             continue
         ux, uz = d.x / flat, d.z / flat
         ray = Ray(x, z, ux, uz, last, at)
-        hit = nearest(k, tables, ray)
+        hit = nearest_wall(k, walls, ray)
         length, c, place = hit
         if c < 0:
             _, fate = escape(k, tables, rules, region, colour)

@@ -1,0 +1,179 @@
+"""An integral over cells of two angles, the cell of the largest error halved until a tolerance is reached.
+
+The difference of two rules on a cell is many times the error. By how much is learned from what halving cells changes.
+All light must go somewhere: what the sum lacks counts as error too.
+"""
+
+import heapq
+import math
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from solen.arrays import FloatArray, IntArray
+from solen.trace.kernel.cells import LEAST_SHARE, Rule
+from solen.trace.kernel.prism import MORE_COLUMNS
+
+LEARNED, PRIOR_RATIO = 4.0, 0.35
+"""Weight and value of what is assumed of error over difference before any cell was halved."""
+TRAPPED = 0.3
+"""Share of the legs that the first cells may take: with more, light is trapped and halving cells does not help."""
+LONG_WAY = 8.0
+"""Mean number of legs of a ray from which on light is trapped: rules over so many strips agree on a wrong value."""
+SPARE, FUTILE = 0.98, 0.1
+"""Shares of the tolerance: where cells are halved no further; where what is lacking was not lost between cells."""
+NEAR, MORE_LEGS = 3.0, 5
+"""Within so many tolerances it goes on to so many times the legs: what is left of light is dearer to sample."""
+CAUTION = 2.5
+"""Factor on the error learned from halving: it is a root mean square over few cells."""
+CHANGE_SHARE = 0.5
+"""Least difference of a half, as a share of what halving changed."""
+Bounds = tuple[float, float, float, float]
+"""The angle in projection, as a share of the largest one, and the angle t out of the plane: from and to."""
+
+
+# Lobatto's rules with Kronrod's extensions (Gander & Gautschi, BIT 40, 2000): with nodes at the ends of a cell, what
+# begins at its border is seen.
+_FOUR, _SEVEN = (0.0, 1 / 5**0.5, (2 / 3) ** 0.5, 1.0), (16 / 35, 125 / 294, 72 / 245, 11 / 210)
+COARSE = Rule.of(_FOUR, _SEVEN, (0.0, 5 / 6, 0.0, 1 / 6), (4 / 3, 0.0, 0.0, 1 / 3))
+FINE = Rule.of(
+    (0.0, 0.236383199662150, _FOUR[1], 0.641853342345781, _FOUR[2], 0.942882415695480, 1.0),
+    (0.242611071901408, 0.224926465333340, 0.199773405226859, 0.188821573960182, 0.155071987336585,
+     0.0942738402188500, 0.0158271919734802),
+    (_SEVEN[0], 0.0, _SEVEN[1], 0.0, _SEVEN[2], 0.0, _SEVEN[3]),
+    (0.0, 0.0, 5 / 6, 0.0, 0.0, 0.0, 1 / 6),
+)  # fmt: skip
+
+
+POINT = Rule(np.zeros(1), np.full((3, 1), 2.0))
+"""Of a point, which has no angle but that out of the plane and its path."""
+
+
+class Cell(NamedTuple):
+    """A part of the domain with its integral.
+
+    ``apart`` (2, D) are differences of two rules along each coordinate and ``errors`` what each of them may be off by,
+    ``inner`` is the error of the paths.
+    """
+
+    bounds: Bounds
+    value: FloatArray
+    apart: FloatArray
+    errors: tuple[float, float]
+    inner: float
+    paths: int
+
+    @property
+    def error(self) -> float:
+        """Differences of both rules."""
+        return self.errors[0] + self.errors[1]
+
+    def minus(self, other: "Cell", scale: float) -> "Cell":
+        """Difference of two integrals over the same part, times ``scale``."""
+        value, apart = scale * (self.value - other.value), scale * (self.apart - other.apart)
+        inner = scale * math.hypot(self.inner, other.inner)
+        return Cell(self.bounds, value, apart, (_most(apart[0]), _most(apart[1])), inner, self.paths + other.paths)
+
+
+Over = Callable[[Sequence[Bounds]], list[Cell]]
+"""Integrals over cells."""
+
+
+class Cells:
+    """Cells of a domain with their sums, which change with each of them; the one of the largest error is at hand."""
+
+    def __init__(self, cells: Sequence[Cell]) -> None:
+        self._heap = [(-cell.error, n, cell) for n, cell in enumerate(cells)]
+        heapq.heapify(self._heap)
+        self._many = len(cells)
+        self._sum()
+
+    def __iter__(self) -> Iterator[Cell]:
+        return (cell for _, _, cell in self._heap)
+
+    def u(self, ratio: float) -> float:
+        """Error of the sum, where that of a cell is so many times the difference of its rules."""
+        of_rules, of_paths = np.maximum(self._squares, 0.0)
+        return math.sqrt(ratio**2 * of_rules + of_paths)
+
+    def worst(self) -> Cell:
+        """Take out the cell of the largest error."""
+        cell = heapq.heappop(self._heap)[-1]
+        self._count(cell, -1.0)
+        return cell
+
+    def add(self, cell: Cell) -> None:
+        """Put in a cell."""
+        heapq.heappush(self._heap, (-cell.error, self._many, cell))
+        self._many += 1
+        self._count(cell, 1.0)
+        if self._many & (self._many - 1) == 0:  # now and then anew: what is left may be small beside what was taken out
+            self._sum()
+
+    def _sum(self) -> None:
+        """Sums from all cells."""
+        cells = list(self)
+        self._squares = np.array([math.fsum(cell.error**2 for cell in cells), math.fsum(c.inner**2 for c in cells)])
+        self.value: FloatArray = np.sum([cell.value for cell in cells], axis=0)
+
+    def _count(self, cell: Cell, sign: float) -> None:
+        self.value = self.value + sign * cell.value
+        self._squares += sign * np.array([cell.error**2, cell.inner**2])
+
+
+def divided(
+    over: Over, first: Sequence[Bounds], tolerance: float, most_legs: int, counts: IntArray
+) -> tuple[Cells | None, float]:
+    """Cells of the domain for a tolerance, and the error of their sum; none where light is trapped."""
+    beginning: list[Cell] = []
+    for bounds in first:
+        beginning += over([bounds])
+        if counts[1] > TRAPPED * most_legs:
+            return None, 1.0
+    if counts[1] > LONG_WAY * counts[0]:
+        return None, 1.0
+    for cells, of_cells in refined(over, beginning):
+        lacking = abs(1.0 - accounted(cells.value))  # all light goes somewhere: this is an error that is known
+        u = max(of_cells, lacking)
+        most = (MORE_LEGS if u <= NEAR * tolerance else 1) * most_legs
+        if u <= SPARE * tolerance or of_cells <= FUTILE * tolerance or counts[1] >= most:
+            break
+    return cells, u
+
+
+def refined(over: Over, first: Sequence[Cell]) -> Iterator[tuple[Cells, float]]:
+    """Cells and the error of their sum, the cell of the largest error halved each time."""
+    ratios, many, cells = LEARNED * PRIOR_RATIO**2, LEARNED, Cells(first)
+    while True:
+        yield cells, cells.u(CAUTION * math.sqrt(ratios / many))
+        cell = cells.worst()
+        halves = over(halved(cell.bounds, 0 if cell.errors[0] > cell.errors[1] else 1))
+        change = _most(cell.value - halves[0].value - halves[1].value)
+        ratios, many = ratios + (change / cell.error) ** 2, many + 1.0
+        q, t = (LEAST_SHARE * error for error in cell.errors)
+        if cell.errors[0] > cell.errors[1]:
+            q = max(q, CHANGE_SHARE * change)
+        else:
+            t = max(t, CHANGE_SHARE * change)
+        for half in halves:
+            cells.add(half._replace(errors=(max(half.errors[0], q), max(half.errors[1], t))))
+
+
+def halved(bounds: Bounds, along: int) -> list[Bounds]:
+    """Both halves of a cell along its angle in projection, 0, or out of the plane, 1."""
+    q, q_end, t, t_end = bounds
+    if along == 0:
+        middle = 0.5 * (q + q_end)
+        return [(q, middle, t, t_end), (middle, q_end, t, t_end)]
+    middle = 0.5 * (t + t_end)
+    return [(q, q_end, t, middle), (q, q_end, middle, t_end)]
+
+
+def accounted(value: FloatArray) -> float:
+    """All that is known of where light goes: to receivers, escaped, absorbed, and what is unfinished."""
+    return math.fsum(value[: 2 - MORE_COLUMNS]) + float(value[-1])
+
+
+def _most(differences: FloatArray) -> float:
+    return float(np.max(np.abs(differences)))

@@ -1,0 +1,179 @@
+"""Integrals over a cell of two angles: a product of two rules, whose nodes are paths.
+
+Cells side by side, and a cell and its halves, have nodes in common at their borders. What was found at a node is kept,
+so that none is computed twice.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.arrays import FloatArray, IntArray
+from solen.trace.kernel.compiled import called, compiled
+from solen.trace.kernel.nearest import Walls
+from solen.trace.kernel.paths import FIRST, FIRST_ANGLES, PathRoom, at_angles, integrate_path
+from solen.trace.kernel.prism import FamilyInSpace
+from solen.trace.kernel.rows import Precision
+from solen.trace.kernel.surface import scrambled
+
+KEPT_NODES, SLOTS = 1 << 16, 1 << 17
+LEAST_SHARE = 0.05
+"""Least difference of two rules, as a share of what the rougher two differ by: two may agree by chance."""
+
+
+class Rule(NamedTuple):
+    """Nodes in [−1, 1] (N,) and weights (3, N) of three rules on them, from the best to the roughest."""
+
+    nodes: FloatArray
+    weights: FloatArray
+
+    @classmethod
+    def of(cls, *halves: Sequence[float]) -> "Rule":
+        """Rule of an odd number of nodes, from the right halves of its columns, the middle first."""
+        nodes, *weights = (np.array([*half[:0:-1], *half]) for half in halves)
+        nodes[: len(nodes) // 2] *= -1.0
+        return cls(nodes, np.array(weights))
+
+
+class Light(NamedTuple):
+    """What is integrated over the angles of an emitter in one colour."""
+
+    family: FamilyInSpace
+    ends: FloatArray
+    """(2, E) x and z of the ends of curves"""
+    cosine: float
+    """of half the cone"""
+    sine: float
+    """largest out of the plane"""
+    point: bool
+    """whether the path is the angle in projection, as an emitter without a width has no places"""
+    scale: float
+    density: float
+    """this and the next two as `solen.trace.kernel.paths.integrate_path` has them"""
+    narrow: float
+    soft: float
+
+
+class Nodes(NamedTuple):
+    """Nodes with their integrals: q, t (N, 2) and powers with what they may be off by (N, D + 6)."""
+
+    slots: NDArray[np.int32]
+    """row of a node by its hash, −1 for none"""
+    at: FloatArray
+    value: FloatArray
+    many: IntArray
+    """(1,)"""
+    sums: FloatArray
+    """(2, N, D + 5) integrals over q and over t"""
+
+
+def new_nodes(columns: int, most: int) -> Nodes:
+    """Room for nodes, of rules of ``most`` nodes; untouched memory costs nothing."""
+    return Nodes(
+        np.full(SLOTS, -1, np.int32),
+        np.empty((KEPT_NODES, 2)),
+        np.empty((KEPT_NODES, columns + 1)),
+        np.zeros(1, np.int64),
+        np.empty((2, most, columns)),
+    )
+
+
+@compiled
+def node_between(rule: Rule, low: float, high: float, n: int) -> float:
+    """Node of a stretch; the first and the last are its ends, to the last bit."""
+    inner: float = 0.5 * (low + high) + 0.5 * (high - low) * rule.nodes[n]
+    return low if n == 0 else high if n == len(rule.nodes) - 1 else inner
+
+
+@called
+def node(k: Precision, walls: Walls, light: Light, room: PathRoom, nodes: Nodes, q: float, t: float) -> int:
+    """Row of a node, which is integrated where it is not known.
+
+    The angle out of the plane is asin(sine sin t), the one in projection a share q of the largest within the cone
+    there; a point has no q.
+    """
+    hashed = scrambled(np.uint64(np.int64(1e15 * q)) ^ scrambled(np.uint64(np.int64(1e15 * t))))
+    slot = np.int64(hashed & np.uint64(SLOTS - 1))
+    while nodes.slots[slot] >= 0:
+        row = int(nodes.slots[slot])
+        if nodes.at[row, 0] == q and nodes.at[row, 1] == t:
+            return row
+        slot = (slot + 1) & (SLOTS - 1)
+    if nodes.many[0] == KEPT_NODES:  # begin anew
+        nodes.many[0] = 0
+        for other in range(SLOTS):
+            nodes.slots[other] = -1
+    row = int(nodes.many[0])
+    nodes.many[0] += 1
+    nodes.slots[slot], nodes.at[row, 0], nodes.at[row, 1] = row, q, t
+    family, value = light.family, nodes.value[row]
+    rise = light.sine * math.sin(t)
+    most = math.acos(min(max(light.cosine / math.sqrt(1.0 - rise * rise), -1.0), 1.0))
+    weight = (1.0 if light.point else most) * light.sine * math.cos(t)
+    if light.point:
+        here, first = at_angles(family, 0.0, 1.0, rise, -most, most), FIRST_ANGLES
+    else:
+        here, first = at_angles(family, most * q, 0.0, rise, family.low, family.high), FIRST
+    last = len(value) - 1
+    value[last] = integrate_path(
+        k, walls, here, room, light.ends, first, light.density, light.narrow, light.soft, value[:last]
+    )
+    for d in range(len(value)):
+        value[d] *= weight
+    return row
+
+
+@compiled
+def rules_apart(rule: Rule, grid: FloatArray, scale: float, value: FloatArray, apart: FloatArray) -> float:
+    """Integral (D,) of values (N, D) at the nodes, the difference of the best two rules, and the largest one."""
+    most = rough = 0.0
+    for d in range(len(value)):
+        fine, coarse, least = 0.0, 0.0, 0.0
+        for n in range(len(rule.nodes)):
+            fine += rule.weights[0, n] * grid[n, d]
+            coarse += rule.weights[1, n] * grid[n, d]
+            least += rule.weights[2, n] * grid[n, d]
+        value[d], apart[d] = scale * fine, scale * (fine - coarse)
+        most, rough = max(most, abs(apart[d])), max(rough, abs(scale * (coarse - least)))
+    return max(most, LEAST_SHARE * rough)
+
+
+@called
+def over_cells(
+    k: Precision,
+    walls: Walls,
+    light: Light,
+    room: PathRoom,
+    nodes: Nodes,
+    across: Rule,
+    along: Rule,
+    bounds: FloatArray,
+    sums: FloatArray,
+    errors: FloatArray,
+) -> None:
+    """Integrals over cells ``bounds`` (N, 4): q and t from and to, by the rules ``across`` q and ``along`` t.
+
+    ``sums`` (N, 3, D + 5) become the powers and the differences of two rules over q and over t, ``errors`` (N, 3) the
+    largest of each and what the paths may be off by.
+    """
+    nq, nt, columns = len(across.nodes), len(along.nodes), sums.shape[2]
+    over_t, over_q = nodes.sums[0, :nq], nodes.sums[1, :nt]
+    for c in range(len(bounds)):
+        off = 0.0
+        over_t[:], over_q[:] = 0.0, 0.0
+        for i in range(nt):
+            t = node_between(along, bounds[c, 2], bounds[c, 3], i)
+            for j in range(nq):
+                row = node(k, walls, light, room, nodes, node_between(across, bounds[c, 0], bounds[c, 1], j), t)
+                value = nodes.value[row]
+                for d in range(columns):
+                    over_t[j, d] += along.weights[0, i] * value[d]
+                    over_q[i, d] += across.weights[0, j] * value[d]
+                off += value[columns] * value[columns]
+        scale = 0.25 * (bounds[c, 1] - bounds[c, 0]) * (bounds[c, 3] - bounds[c, 2]) * light.scale
+        errors[c, 0] = rules_apart(across, over_t, scale, sums[c, 0], sums[c, 1])
+        errors[c, 1] = rules_apart(along, over_q, scale, sums[c, 0], sums[c, 2])
+        errors[c, 2] = scale * 4.0 / (nq * nt) * math.sqrt(off)

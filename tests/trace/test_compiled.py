@@ -1,0 +1,56 @@
+"""The cache of the compiled kernel: renewed by contents, and never in the way."""
+
+import os
+import pickle
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from typing import Any
+
+import numba
+
+from solen.trace import kernel
+from solen.trace.kernel.compiled import sources, stamp
+
+FOLDER = Path(kernel.__file__).parent
+ONE = """
+from solen.trace.kernel.compiled import called
+@called
+def twice(x: float) -> float:
+    return 2.0 * x
+"""
+
+
+def twice(path: Path) -> Any:
+    """Compiled function of a module in a file."""
+    spec = spec_from_file_location("one", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.twice
+
+
+def test_a_stamp_is_of_contents_and_of_all_that_is_taken_over(tmp_path: Path) -> None:
+    names = {path.name for path in sources(FOLDER / "paths.py")}
+    assert {"paths.py", "prism.py", "hits.py", "tables.py", "result.py"} <= names
+    assert "cuda.py" not in names
+    one, two, other = (tmp_path / f"{name}.py" for name in ("one", "two", "other"))
+    for path, text in ((one, ONE), (two, ONE), (other, ONE.replace("2.0", "3.0"))):
+        path.write_text(text)
+    os.utime(two, (1e9, 1e9))
+    assert stamp(one) == stamp(two) != stamp(other)
+
+
+def test_an_index_of_another_version_is_left_alone(tmp_path: Path) -> None:
+    """It may name classes that are no more: what numba reads then raised."""
+    path = tmp_path / "one.py"
+    path.write_text(ONE)
+    assert twice(path)(2.0) == 4.0
+    again = twice(path)
+    assert again(2.0) == 4.0
+    assert sum(again.stats.cache_hits.values()) == 1
+    (index,) = path.parent.rglob("*.nbi")
+    index.write_bytes(pickle.dumps(numba.__version__) + b"csolen.trace.kernel.nearest\nNoMore\n.")
+    anew = twice(path)
+    assert anew(2.0) == 4.0
+    assert sum(anew.stats.cache_misses.values()) == 1
