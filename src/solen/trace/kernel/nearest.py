@@ -40,6 +40,11 @@ from solen.trace.tables import Tables
 
 SIDE_BY_SIDE = 8
 """Multiple of which segments are looked at."""
+MOST_AT_ONCE = 64
+"""Segments that are looked at without a tree."""
+FEW = 4
+"""Other pieces up to which they are looked at in turn."""
+FAR = 1e300
 
 
 class Ray(NamedTuple):
@@ -154,57 +159,109 @@ def nearest(k: Precision, tables: Tables, ray: Ray) -> Hit:
 
 
 class Walls(NamedTuple):
-    """Tables of a scene with its pieces by kind: segments, to be looked at several at once, and the others."""
+    """Tables of a scene with its pieces by how they are looked at: segments at once, the others by a tree of boxes."""
 
     tables: Tables
     segment: Floats
     """(5, S) rows of segments as columns; behind them some that no ray meets, to fill a register"""
     piece: IntArray
     """(S,) which piece each is"""
-    other: IntArray
-    """pieces of other kinds"""
     distance: Floats
     """(S,) room for distances"""
+    other: IntArray
+    """the other pieces where they are few"""
+    leaf: IntArray
+    """(L,) where they are many, −1 behind them; L is a power of two, or 0"""
+    box: Floats
+    """(2 L, 4) box round all below a node: node 1 is the root, n has the nodes 2 n and 2 n + 1, leaf n is node L + n"""
 
 
 def walls_of(tables: Tables) -> Walls:
-    """Pieces of a scene by kind, for one thread."""
+    """Pieces of a scene as one thread looks at them; beside few other pieces, many segments are in the tree too."""
     lines = np.flatnonzero(tables.kind == SEGMENT)
+    lines = lines if len(lines) <= MOST_AT_ONCE else lines[:0]
     width = len(Segment._fields)
     filled = -(-len(lines) // SIDE_BY_SIDE) * SIDE_BY_SIDE
     segment, piece = np.zeros((width, filled)), np.full(filled, -2)
     segment[-1], segment[-2] = -1.0, 1.0  # of a negative length
     segment[:, : len(lines)], piece[: len(lines)] = tables.shape[lines, :width].T, lines
-    return Walls(tables, segment, piece, np.flatnonzero(tables.kind != SEGMENT), np.empty(filled))
+    others = np.setdiff1d(np.arange(len(tables.kind)), lines)
+    few = len(others) <= FEW
+    leaf, box = _tree(tables, others[: 0 if few else None])
+    return Walls(tables, segment, piece, np.empty(filled), others[: None if few else 0], leaf, box)
+
+
+def _tree(tables: Tables, pieces: IntArray) -> tuple[IntArray, Floats]:
+    """Leaves and boxes of the tree over some pieces, level by level."""
+    leaves = 1 << (len(pieces) - 1).bit_length() if len(pieces) else 0
+    leaf = np.full(leaves, -1)
+    leaf[: len(pieces)] = pieces
+    box = np.full((2 * leaves, 4), (np.inf, -np.inf, np.inf, -np.inf))
+    box[leaves : leaves + len(pieces)] = tables.box[pieces]
+    first = leaves
+    while first > 1:
+        pairs = box[first : 2 * first].reshape(-1, 2, 4)
+        first //= 2
+        box[first : 2 * first, ::2], box[first : 2 * first, 1::2] = pairs[..., ::2].min(1), pairs[..., 1::2].max(1)
+    box[~np.isfinite(box).all(axis=1)] = FAR
+    return leaf, box
+
+
+@compiled
+def passes(box: Floats, x: float, z: float, across: float, ahead: float, best: float) -> bool:
+    """Whether a ray passes a box or is there farther than ``best``; its direction is (1 / across, 1 / ahead)."""
+    xa, xb, za, zb = (box[0] - x) * across, (box[1] - x) * across, (box[2] - z) * ahead, (box[3] - z) * ahead
+    enters, exits = max(min(xa, xb), min(za, zb)), min(max(xa, xb), max(za, zb))
+    return bool(enters > exits or exits < 0.0 or enters > best)  # not by NaN, of a ray along a side
 
 
 @compiled
 def nearest_wall(k: Precision, walls: Walls, ray: Ray) -> Hit:
     """As `nearest`: the segments at once, the others where their boxes lie ahead and near enough."""
-    tables = walls.tables
-    if len(tables.grid_item) > 0:
-        return nearest_by_grid(k, tables, ray)
-    x, z, dx, dz, last, _ = ray
     s, distance = walls.segment, walls.distance
+    x, z, dx, dz, last, _ = ray
     for i in range(len(distance)):
         line = Segment(s[0, i], s[1, i], s[2, i], s[3, i], s[4, i])
         distance[i] = segment_hit(k, line, x, z, dx, dz, walls.piece[i] == last)
-    best, found, place = k.none, -1, k.zero
+    best, found = k.none, -1
     for i in range(len(distance)):
         nearer = distance[i] < best
         best, found = distance[i] if nearer else best, walls.piece[i] if nearer else found
-    across, ahead = k.one / dx, k.one / dz
-    for i in range(len(walls.other)):
-        c = walls.other[i]
-        box = tables.box[c]
-        xa, xb, za, zb = (box[0] - x) * across, (box[1] - x) * across, (box[2] - z) * ahead, (box[3] - z) * ahead
-        enters, exits = max(min(xa, xb), min(za, zb)), min(max(xa, xb), max(za, zb))
-        if enters > exits or exits < k.zero or enters > best:  # not for NaN, of a ray along a side of a box
-            continue
-        t, u = curve_hit(k, tables, c, ray)
+    across, ahead, place, i, many = k.one / dx, k.one / dz, k.zero, 0, len(walls.other)
+    node = 1 if len(walls.leaf) > 0 else 0
+    while True:
+        if i < many:
+            c = walls.other[i]
+            i += 1
+            if passes(walls.tables.box[c], x, z, across, ahead, best):
+                continue
+        elif node > 0:
+            c, node = next_leaf(walls, node, x, z, across, ahead, best)
+            if c < 0:
+                continue
+        else:
+            return Hit(best, found, place)
+        t, u = curve_hit(k, walls.tables, c, ray)
         if t < best or (t == best and c < found):
             best, found, place = t, c, u
-    return Hit(best, found, place)
+
+
+@compiled
+def next_leaf(walls: Walls, node: int, x: float, z: float, across: float, ahead: float, best: float) -> tuple[int, int]:
+    """The first piece of the tree, from a node on, that a ray may meet, or −1; and the node after it, 0 for none."""
+    leaves = len(walls.leaf)
+    while node > 0:
+        missed = passes(walls.box[node], x, z, across, ahead, best)
+        if not missed and node < leaves:
+            node *= 2
+            continue
+        c = walls.leaf[node - leaves] if not missed else -1
+        while node & 1:
+            node >>= 1
+        node += 1 if node > 0 else 0
+        if c >= 0:
+            return c, node
+    return -1, 0
 
 
 @compiled
