@@ -26,6 +26,8 @@ ACROSS = 6.0
 """Elements across the mean width of a body, by default."""
 AT_CORNER = 0.25
 """Size of elements at corners and ends of holds, relative to those elsewhere."""
+IN_NOTCH = 1 / 32
+"""The same in corners that cut into the body, where the strain has no bound."""
 GROWTH = 0.35
 """By how much elements grow per length away from where they are small."""
 SHARP_DEG = 15.0
@@ -150,8 +152,9 @@ def _sizes_of(body: Body, options: MeshOptions, cuts: Mapping[str, Sequence[floa
     sizes = _Sizes(size_mm)
     for outline in body.outlines:
         for before, face in pairwise((outline[-1], *outline)):
-            if _corner_deg(before, face) > SHARP_DEG:
-                sizes.add(face.curve.start, AT_CORNER * size_mm)
+            corner_deg = _corner_deg(before, face)
+            if abs(corner_deg) > SHARP_DEG:
+                sizes.add(face.curve.start, (AT_CORNER if corner_deg > 0.0 else IN_NOTCH) * size_mm)
             _bound_by_radius(sizes, face)
             for u in cuts.get(face.name, ()):
                 sizes.add(face.curve.point_at(u), AT_CORNER * size_mm)
@@ -161,8 +164,9 @@ def _sizes_of(body: Body, options: MeshOptions, cuts: Mapping[str, Sequence[floa
 
 
 def _corner_deg(before: Face, after: Face) -> float:
+    """By how much the outline turns between two faces, counter-clockwise: negative in a notch."""
     (ax, az), (bx, bz) = before.curve.velocity_at(1.0), after.curve.velocity_at(0.0)
-    return abs(math.degrees(math.atan2(ax * bz - az * bx, ax * bx + az * bz)))
+    return math.degrees(math.atan2(ax * bz - az * bx, ax * bx + az * bz))
 
 
 def _bound_by_radius(sizes: _Sizes, face: Face) -> None:
