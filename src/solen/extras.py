@@ -44,6 +44,7 @@ class Package:
 
 PACKAGES = {
     "OCP": Package("cadquery-ocp-novtk", "cad", "Open CASCADE"),
+    "cma": Package("cma", "optimise"),
     "ezdxf": Package("ezdxf", "dxf"),
     "h5netcdf": Package("h5netcdf", "netcdf"),
     "h5py": Package("h5py", "netcdf"),

@@ -110,6 +110,10 @@ ROWS = {
         f"{DESIGN} --out prints --vary emitter.offset_mm=normal:0:0.02 --prints 32 --set motion.step_deg=2 "
         "--set trace.dimension=2d --tolerance 1e-2 --require light>0.1 --figure prints.svg"
     ),
+    "explore optimise": (
+        f"{DESIGN} --out better --maximise light --free lens.focus_mm=15:25 --evaluations 20 --set motion.step_deg=3 "
+        "--set trace.dimension=2d --tolerance 1e-2 --figure better.svg"
+    ),
 }
 """Arguments of each command; after # what tells two of one command apart."""
 

@@ -10,7 +10,7 @@ GROUPS = {
     RESIN: "Characterise a resin: index, loss, cure and stiffness from what instruments export.",
     PRINT: "Print and inspect: layers, coupons, the predicted and the measured lens.",
     BENCH: "Record, analyse and calibrate sensors on a real or a simulated bench.",
-    EXPLORE: "Explore designs: sweeps over their numbers, and tolerances.",
+    EXPLORE: "Explore designs: sweeps over their numbers, tolerances, inverse design.",
 }
 
 COMMANDS: dict[str, tuple[tuple[str, str, str], ...]] = {
@@ -75,5 +75,6 @@ COMMANDS: dict[str, tuple[tuple[str, str, str], ...]] = {
     EXPLORE: (
         ("sweep", "explore.sweep:sweep", "Trace a design over values of its numbers: merits and responses."),
         ("tolerance", "explore.tolerance:tolerance", "Trace prints whose numbers vary: yield and what costs most."),
+        ("optimise", "explore.optimise:optimise", "Search for the numbers of a design that make a merit best."),
     ),
 }

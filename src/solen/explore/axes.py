@@ -35,26 +35,25 @@ class Axis:
         return self.values[min(int(share * len(self.values)), len(self.values) - 1)]
 
 
-def axis(text: str, design: Design) -> Axis:
-    """Axis of a text; `SpecError` where it is malformed, empty, or not about a key of the design."""
+def axis(text: str, design: Design, option: str = "--over") -> Axis:
+    """Axis of an option's text; `SpecError` where it is malformed, empty, or not about a key of the design."""
     key, equals, values = (part.strip() for part in text.partition("="))
     if not (equals and key and values):
-        raise SpecError("--over", value=text, limit="is not a key with its values", remedy=FORMS)
+        raise SpecError(option, value=text, limit="is not a key with its values", remedy=FORMS)
     if key != "name":
         value_at(design, key)  # refuses an unknown key
     if ":" in values:
-        return _spaced(key, values)
+        return _spaced(f"{option} {key}", key, values)
     listed = tuple(parse_assignment(f"{key}={part}")[1] for part in values.split(","))
     if any(part == "" for part in listed):
-        raise SpecError(f"--over {key}", value=values, limit="has an empty value", remedy=FORMS)
+        raise SpecError(f"{option} {key}", value=values, limit="has an empty value", remedy=FORMS)
     if len(set(map(str, listed))) < len(listed):
-        raise SpecError(f"--over {key}", value=values, limit="has a value twice", remedy="leave one out")
+        raise SpecError(f"{option} {key}", value=values, limit="has a value twice", remedy="leave one out")
     return Axis(key, listed)
 
 
-def _spaced(key: str, text: str) -> Axis:
+def _spaced(what: str, key: str, text: str) -> Axis:
     """Evenly spaced values, ``15:25:11``, or a range, ``15:25``."""
-    what = f"--over {key}"
     try:
         low, high, *number = (float(part) for part in text.split(":"))
     except ValueError:

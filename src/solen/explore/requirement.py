@@ -1,17 +1,18 @@
-"""Requirements on merits: expressions such as ``abs(null_deg) < 0.3``, parsed and never run as code.
+"""Expressions of merits, such as ``abs(null_deg) < 0.3``, parsed and never run as code.
 
 Names are the merits. ``base`` is the merit that an expression names, of which there must then be one, for the design
 itself; ``base_null_deg`` names it in full. Allowed are numbers, + - * / ** and brackets, abs, min and max, comparisons,
 ``and``, ``or`` and ``not``.
 
-The interface: `Requirement.parse` a text; ``met`` by arrays of merits.
+The interface: `Requirement.parse` a condition, ``met`` by arrays of merits, and ``violation`` of it; `Goal.parse` a
+value.
 """
 
 import ast
 import operator
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -45,8 +46,8 @@ _FUNCTIONS: Mapping[str, Callable[..., Any]] = {
 
 
 @dataclass(frozen=True)
-class Requirement:
-    """A condition on merits.
+class Expression:
+    """An expression of merits.
 
     Attributes
     ----------
@@ -59,39 +60,80 @@ class Requirement:
     text: str
     merits: tuple[str, ...]
 
+    option: ClassVar[str] = "--require"
+    is_condition: ClassVar[bool] = True
+
     @classmethod
-    def parse(cls, text: str) -> "Requirement":
-        """Requirement of a text; `SpecError` where it is not a condition on merits."""
-        names = dict.fromkeys(_names(_tree(text), text))
+    def parse(cls, text: str) -> Self:
+        """Expression of a text; `SpecError` where it is malformed or names no merit."""
+        names = dict.fromkeys(_names(_tree(cls, text), cls, text))
         merits = tuple(dict.fromkeys(name.removeprefix(f"{_BASE}_") for name in names if name != _BASE))
         if not merits:
-            raise _bad(text, "names no merit", f"the merits are {', '.join(MERITS)}")
+            raise cls.refusal(text, "names no merit", f"the merits are {', '.join(MERITS)}")
         if _BASE in names and len(merits) > 1:
-            raise _bad(text, "base stands for one merit, and several are named", f"write {_BASE}_{merits[0]}")
+            raise cls.refusal(text, "base stands for one merit, and several are named", f"write {_BASE}_{merits[0]}")
         return cls(text, merits)
+
+    @classmethod
+    def refusal(cls, text: str, limit: str, remedy: str = "") -> SpecError:
+        """The error of a malformed expression."""
+        example = "abs(null_deg) < 0.3" if cls.is_condition else "linearity_percent"
+        return SpecError(cls.option, value=text, limit=limit, remedy=remedy or f"write as in {example}")
+
+    def _values(self, merits: Mapping[str, FloatArray], base: Mapping[str, float]) -> dict[str, Any]:
+        named = {f"{_BASE}_{name}": value for name, value in base.items()}
+        return {**merits, **named, _BASE: base[self.merits[0]]}
+
+
+@dataclass(frozen=True)
+class Requirement(Expression):
+    """A condition on merits."""
 
     def met(self, merits: Mapping[str, FloatArray], base: Mapping[str, float]) -> BoolArray:
         """Where merits (P,) meet it, given those of the design itself; a merit that does not exist meets nothing."""
-        values = {**merits, **{f"{_BASE}_{name}": value for name, value in base.items()}, _BASE: base[self.merits[0]]}
-        exists = np.all([np.isfinite(merits[name]) | np.isinf(merits[name]) for name in self.merits], axis=0)
+        exists = np.all([~np.isnan(merits[name]) for name in self.merits], axis=0)
         with np.errstate(all="ignore"):
-            return np.asarray(_value(_tree(self.text), values) & exists, dtype=bool)
+            return np.asarray(_value(_tree(type(self), self.text), self._values(merits, base)) & exists, dtype=bool)
+
+    def violation(self, merits: Mapping[str, FloatArray], base: Mapping[str, float]) -> FloatArray:
+        """How far merits (P,) are from meeting it, as shares of its limits; 0 where they do, 1 where one is missing."""
+        with np.errstate(all="ignore"):
+            missed = _missed(_tree(type(self), self.text), self._values(merits, base))
+        return np.where(self.met(merits, base), 0.0, np.nan_to_num(missed, nan=1.0, posinf=1e3))
 
 
-def _bad(text: str, limit: str, remedy: str = "write as in abs(null_deg) < 0.3") -> SpecError:
-    return SpecError("--require", value=text, limit=limit, remedy=remedy)
+@dataclass(frozen=True)
+class Limit(Requirement):
+    """A condition on the result of a search."""
+
+    option: ClassVar[str] = "--subject-to"
 
 
-def _tree(text: str) -> ast.expr:
-    """Parsed expression, which is a condition."""
+@dataclass(frozen=True)
+class Goal(Expression):
+    """A value to be made as large or as small as it can be."""
+
+    option: ClassVar[str] = "--minimise or --maximise"
+    is_condition: ClassVar[bool] = False
+
+    def value(self, merits: Mapping[str, FloatArray], base: Mapping[str, float]) -> FloatArray:
+        """Its value (P,); NaN where a merit does not exist."""
+        with np.errstate(all="ignore"):
+            return np.asarray(_value(_tree(type(self), self.text), self._values(merits, base)), dtype=float)
+
+
+def _tree(kind: type[Expression], text: str) -> ast.expr:
+    """Parsed expression, which is a condition where its kind is."""
     if len(text) > LONGEST:
-        raise _bad(f"{text[:20]}...", f"is longer than {LONGEST} characters")
+        raise kind.refusal(f"{text[:20]}...", f"is longer than {LONGEST} characters")
     try:
         tree = ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
-        raise _bad(text, "is not an expression") from None
-    if not _is_condition(tree):
-        raise _bad(text, "is not a condition", "compare two sides by <, <=, > or >=")
+        raise kind.refusal(text, "is not an expression") from None
+    if kind.is_condition and not _is_condition(tree):
+        raise kind.refusal(text, "is not a condition", "compare two sides by <, <=, > or >=")
+    if not kind.is_condition and any(isinstance(node, ast.Compare | ast.BoolOp) for node in ast.walk(tree)):
+        raise kind.refusal(text, "is a condition, not a value")
     return tree
 
 
@@ -103,19 +145,19 @@ def _is_condition(node: ast.expr) -> bool:
     return isinstance(node, ast.Compare)
 
 
-def _names(node: ast.AST, text: str, depth: int = 0) -> list[str]:
+def _names(node: ast.AST, kind: type[Expression], text: str, depth: int = 0) -> list[str]:
     """Names of merits in a tree; `SpecError` for anything that an expression may not hold."""
     if depth > DEEPEST:
-        raise _bad(text, "has too many brackets")
+        raise kind.refusal(text, "has too many brackets")
     if isinstance(node, ast.Name):
-        return [_merit(node.id, text)]
+        return [_merit(node.id, kind, text)]
     if isinstance(node, ast.Constant) and isinstance(node.value, int | float) and not isinstance(node.value, bool):
         return []
     if isinstance(node, ast.Call):
         if not (isinstance(node.func, ast.Name) and node.func.id in _FUNCTIONS and node.args and not node.keywords):
-            raise _bad(text, f"functions are {', '.join(_FUNCTIONS)}")
+            raise kind.refusal(text, f"functions are {', '.join(_FUNCTIONS)}")
         if node.func.id == "abs" and len(node.args) > 1:
-            raise _bad(text, "abs takes one value")
+            raise kind.refusal(text, "abs takes one value")
         parts: list[ast.AST] = list(node.args)
     elif isinstance(node, ast.BinOp) and type(node.op) in _ARITHMETIC:
         parts = [node.left, node.right]
@@ -126,16 +168,16 @@ def _names(node: ast.AST, text: str, depth: int = 0) -> list[str]:
     elif isinstance(node, ast.BoolOp):
         parts = list(node.values)
     else:
-        raise _bad(text, f"{ast.unparse(node)} is not allowed in a requirement")
-    return [name for part in parts for name in _names(part, text, depth + 1)]
+        raise kind.refusal(text, f"{ast.unparse(node)} is not allowed in a requirement")
+    return [name for part in parts for name in _names(part, kind, text, depth + 1)]
 
 
-def _merit(name: str, text: str) -> str:
+def _merit(name: str, kind: type[Expression], text: str) -> str:
     """The name, where it is one of a merit."""
     if name != _BASE and name.removeprefix(f"{_BASE}_") not in MERITS:
         near = nearest(name, MERITS)
         remedy = f"did you mean {near}?" if near else f"the merits are {', '.join(MERITS)}"
-        raise _bad(text, f"{name} is not a merit", remedy)
+        raise kind.refusal(text, f"{name} is not a merit", remedy)
     return name
 
 
@@ -161,3 +203,17 @@ def _value(node: ast.expr, values: Mapping[str, Any]) -> Any:
             pairs = zip(node.ops, sides, sides[1:], strict=False)
             return np.logical_and.reduce([np.asarray(_COMPARED[type(op)](a, b)) for op, a, b in pairs])
     raise TypeError(ast.dump(node))
+
+
+def _missed(node: ast.expr, values: Mapping[str, Any]) -> Any:
+    """By how much the sides of a condition are on the wrong sides of one another, relative to their size."""
+    if isinstance(node, ast.BoolOp):
+        parts = np.broadcast_arrays(*(_missed(part, values) for part in node.values))
+        return np.sum(parts, axis=0) if isinstance(node.op, ast.And) else np.min(parts, axis=0)
+    if not isinstance(node, ast.Compare):
+        return np.ones(())  # of a negation it is not known
+    sides = [np.asarray(_value(part, values)) for part in (node.left, *node.comparators)]
+    pairs = zip(node.ops, sides, sides[1:], strict=False)
+    away = [b - a if isinstance(op, ast.Gt | ast.GtE) else a - b for op, a, b in pairs]
+    size = max(float(np.nan_to_num(np.abs(side)).max()) for side in sides) or 1.0
+    return np.sum([np.maximum(one, 0.0) / size for one in away], axis=0)

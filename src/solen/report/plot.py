@@ -40,6 +40,7 @@ FIGURES = {
     "MeasuredStiffness": "resin.stiffness:stiffness_figure",
     "Penetration": "resin.penetration:penetration_figure",
     "Practice": "design.figures:matters_figure",
+    "Optimum": "explore.optimise:optimum_figure",
     "PrintedDesign": "print.predict:printed_figure",
     "PrintedLayers": "print.printed_layers:layers_figure",
     "PrinterCalibration": "print.calibrate:calibration_figure",

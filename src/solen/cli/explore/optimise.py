@@ -1,0 +1,32 @@
+"""The command that searches for a better design."""
+
+from collections.abc import Iterator
+
+from solen.cli.app import lines
+from solen.explore.merits import MERITS
+from solen.explore.optimise import Judged, Optimum
+from solen.pipeline.explore.optimise import optimise as optimise
+from solen.report.design.answer import measured
+
+
+@lines.register
+def _(result: Optimum) -> Iterator[str]:
+    yield f"simulated: {result.name}, {result.goal}: {result.evaluations} designs, {result.traced} responses traced"
+    before, after = (measured(one.goal, one.u_goal, sign=False) for one in (result.before, result.after))
+    yield f"worst of the deviations: {before} before, {after} after (the search saw {result.claimed:.4g})"
+    width = max(len(one.key) for one in result.free)
+    for one in result.free:
+        yield f"  {one.key:{width}}  {one.before:.6g} -> {one.after:.6g}  (free from {one.low:g} to {one.high:g})"
+    for text, met in result.after.meets.items():
+        yield f"  {'holds' if met else 'MISSED'}: {text}"
+    yield f"{'':18}  {'before':>18}  {'after':>18}  {'after, at worst':>18}"
+    for name in MERITS:
+        cells = (_merit(result.before, name), _merit(result.after, name), _merit(result.after, name, worst=True))
+        yield f"{name:18}  {cells[0]:>18}  {cells[1]:>18}  {cells[2]:>18}"
+    by_samples = measured(result.sampled_difference, result.u_sampled_difference, sign=False)
+    yield f"contrast by samples less that by integration: {by_samples} at most"
+
+
+def _merit(judged: Judged, name: str, *, worst: bool = False) -> str:
+    of = judged.worst if worst else judged.merits
+    return measured(of[name], of[f"u_{name}"], sign=False)

@@ -1,0 +1,92 @@
+"""Searches in a box of N numbers scaled to 0 to 1: samples first, then CMA-ES with restarts from the best.
+
+CMA-ES: N. Hansen & A. Ostermeier, Evolutionary Computation 9, 159 (2001), by the package ``cma``. Unlike gradients it
+copes with a minimax and with noise. Everything is drawn by a seed, so that the same search goes the same way again.
+
+The interface: `search` a function of points.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from solen.arrays import FloatArray
+from solen.extras import need
+
+STARTS_A_NUMBER, STARTS_SHARE = 4, 0.25
+"""Samples for each number, and the largest share of all evaluations that they are."""
+FIRST_STEP = 0.2
+"""Standard deviation of the first generation, as a share of the box."""
+
+
+@dataclass
+class Tried:
+    """Points tried so far with their values, the least of which is sought.
+
+    Attributes
+    ----------
+    value
+        Function of a point (N,).
+    most
+        Number of evaluations.
+    points, values
+        What was tried, in turn.
+    """
+
+    value: Callable[[FloatArray], float]
+    most: int
+    points: list[FloatArray] = field(default_factory=list)
+    values: list[float] = field(default_factory=list)
+
+    @property
+    def left(self) -> int:
+        """Evaluations left."""
+        return self.most - len(self.values)
+
+    @property
+    def best(self) -> FloatArray:
+        """Best point so far."""
+        return self.points[int(np.argmin(self.values))]
+
+    def __call__(self, point: Sequence[float]) -> float:
+        """Value of a point, kept."""
+        self.points.append(np.clip(np.asarray(point, dtype=float), 0.0, 1.0))
+        self.values.append(self.value(self.points[-1]))
+        return self.values[-1]
+
+
+def search(tried: Tried, first: FloatArray, seed: int) -> None:
+    """Search from a first point and from samples of the box, until no evaluation is left.
+
+    Raises
+    ------
+    OutputError
+        Where the package ``cma`` is not installed.
+    """
+    need("cma", what="solen explore optimise", doing="the search")
+    import cma
+    from scipy.stats import qmc
+
+    rng = np.random.default_rng(seed)
+    tried(first.tolist())
+    starts = min(STARTS_A_NUMBER * first.size, int(STARTS_SHARE * tried.most))
+    if starts > 0:
+        samples = qmc.Sobol(first.size, rng=rng).random_base2(max(0, starts - 1).bit_length())[:starts]
+        for point in samples.tolist():
+            tried(point)
+    size = 4 + int(3 * np.log(first.size))
+    while tried.left >= size:
+        options = {
+            "bounds": [0.0, 1.0],
+            "popsize": size,
+            "seed": int(rng.integers(1, 2**31)),
+            "verbose": -9,
+            "maxfevals": tried.left,
+            "tolfun": 1e-9,
+        }
+        strategy = cma.CMAEvolutionStrategy(tried.best.tolist(), FIRST_STEP, options)
+        while not strategy.stop() and tried.left >= size:
+            asked = strategy.ask()
+            strategy.tell(asked, [tried(point) for point in asked])
+        size *= 2

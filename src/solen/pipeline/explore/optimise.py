@@ -1,0 +1,48 @@
+"""Inverse design: a design in; a better one, and the search's record, out."""
+
+from pathlib import Path
+from typing import Annotated
+
+from solen import files
+from solen.explore.optimise import OptimiseOptions, Optimum
+from solen.explore.optimise import optimise as optimise_design
+from solen.explore.store import Store
+from solen.pipeline.design.designs import open_design
+from solen.pipeline.names import stem_of
+from solen.pipeline.options import FLAT, ProgressBar, Set
+from solen.pipeline.outputs import drawn, named
+from solen.report.options import FigureOptions
+from solen.results import Outcome
+from solen.spec import save
+
+
+def optimise(
+    file: Path,
+    /,
+    *,
+    out: Path,
+    options: Annotated[OptimiseOptions, FLAT] = OptimiseOptions(),
+    set_: Set = None,
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
+    progress: ProgressBar = None,
+) -> Outcome[Optimum]:
+    """Search for the numbers of a design that make a merit best, within limits and under deviations.
+
+    The best design so far is written whenever there is a better one, and Ctrl-C ends the search with it. The same
+    command goes on where it stopped.
+
+    Parameters
+    ----------
+    file
+        The design file.
+    out
+        Folder for the best design, NAME-best.toml, and the responses traced so far; made if need be.
+    """
+    figure.check()
+    design = open_design(file, set_)
+    with files.output_folder(out):
+        best = out / f"{stem_of(file)}-best.toml"
+        result = optimise_design(design, options, Store(out), progress, lambda found: save(best, found))
+        files.write_all(drawn(result, figure, "optimise"))
+        save(best, result.design)
+    return Outcome(result, named(figure=figure.figure, best=best))
