@@ -197,13 +197,6 @@ def test_a_hinge_turns_freely_and_bears_no_moment() -> None:
     assert_balanced(found)
 
 
-def test_the_displacement_between_nodes_is_that_of_the_elements() -> None:
-    soft = SoftBody(y_body(), RUBBER, (fixed("receiver-*"),), 4.0, mesh=MeshOptions(1.0))
-    wall = soft.state([Turn((Stretch("lens"),), (0.0, 1.7), -3.0)]).wall("stem-right")
-    np.testing.assert_allclose(wall.places(wall.u, wall.points_mm), wall.points_mm + wall.displacement_mm, atol=1e-12)
-    assert not wall.is_rigid
-
-
 def test_a_height_on_a_face_is_a_length_along_it() -> None:
     body = y_body()
     length = at_height(body, "stem-right", 10.0)

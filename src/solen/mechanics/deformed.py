@@ -38,28 +38,17 @@ class Wall:
     @cached_property
     def motion(self) -> Rigid:
         """The rigid motion that is nearest to that of all its nodes."""
-        return nearest_motion(self.points_mm, self.points_mm + self.displacement_mm)
+        return Rigid.nearest(self.points_mm, self.points_mm + self.displacement_mm)
 
     @cached_property
     def is_rigid(self) -> bool:
         """Whether it moved as a rigid piece: its curve is then ``curve.moved(wall.motion)``, exactly."""
         return bool(np.abs(self.deviation_mm).max() <= RIGID_MM)
 
-    def places(self, u: FloatArray, points_mm: FloatArray) -> FloatArray:
-        """Where points (M, 2) of the face, at parameters u (M,), went: by the shape functions of the edges.
-
-        They interpolate what is left of the displacement beside the rigid motion, so that a rigid one is exact.
-        """
-        edge = 2 * np.clip(np.searchsorted(self.u[2::2], u), 0, len(self.u) // 2 - 1)
-        ends = self.u[edge], self.u[edge + 1], self.u[edge + 2]
-        shapes = [np.prod([(u - ends[j]) / (ends[i] - ends[j]) for j in range(3) if j != i], axis=0) for i in range(3)]
-        left = sum(shapes[i][:, None] * self.deviation_mm[edge + i] for i in range(3))
-        return np.asarray(moved(self.motion, points_mm) + left)
-
     @cached_property
     def deviation_mm(self) -> FloatArray:
         """How far its nodes (N, 2) lie from where that rigid motion takes them."""
-        return self.points_mm + self.displacement_mm - moved(self.motion, self.points_mm)
+        return self.points_mm + self.displacement_mm - self.motion.points(self.points_mm)
 
 
 class Reaction(Result):
@@ -166,20 +155,3 @@ class Deformed:
         if face not in self.walls:
             raise DesignError("face", value=face, limit=f"there are {', '.join(self.walls)}")
         return self.walls[face]
-
-
-def moved(motion: Rigid, points: FloatArray) -> FloatArray:
-    """Points (N, 2) after a rigid motion."""
-    x, z = points.T
-    (a, b), c, s = motion.shift, motion.cos, motion.sin
-    return np.column_stack([c * x - s * z + a, s * x + c * z + b])
-
-
-def nearest_motion(before: FloatArray, after: FloatArray) -> Rigid:
-    """The rigid motion with the least sum of squares between points (N, 2); a shift for a single point."""
-    first, second = before.mean(axis=0), after.mean(axis=0)
-    a, b = (before - first) @ [1.0, 1.0j], (after - second) @ [1.0, 1.0j]
-    turn = complex(np.sum(b * a.conj()))
-    turn = turn / abs(turn) if turn else 1.0
-    shift = complex(*second) - turn * complex(*first)
-    return Rigid(turn.real, turn.imag, (shift.real, shift.imag))
