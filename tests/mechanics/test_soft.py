@@ -267,3 +267,18 @@ def test_states_of_other_loads_are_refused_and_none_are_none() -> None:
 
 def test_a_clamp_says_how_what_is_fixed_to_it_moves() -> None:
     assert Turn((), (1.0, 2.0), 30.0).motion == Rigid.about((1.0, 2.0), 30.0)
+
+
+def test_a_finger_on_a_corner_touches_two_faces_and_its_force_counts_once() -> None:
+    press = Press("top", 0.0, 1.0, depth_mm=0.2, direction_deg=145.0)
+    found = SoftBody(block(3.0, 3.0), RUBBER, FLOOR, 2.0, mesh=MeshOptions(0.8)).state([press])
+    assert {contact.face for contact in found.contacts} == {"right", "top"}
+    way = np.array([-math.sin(math.radians(145.0)), math.cos(math.radians(145.0))])
+    (pushed,) = [one.force_N for one in found.reactions if one.name == "press"]
+    assert sum(contact.force_N for contact in found.contacts) == pytest.approx(float(way @ pushed), rel=1e-9)
+
+
+def test_a_finger_that_just_touches_presses_nothing() -> None:
+    found = SoftBody(PLATE, RUBBER, FLOOR, 4.0, mesh=MeshOptions(1.5)).state([replace(FINGER, depth_mm=0.0)])
+    assert found.contacts == ()
+    assert found.strain_largest < 1e-8

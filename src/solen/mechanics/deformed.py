@@ -73,7 +73,7 @@ class Reaction(Result):
 
 
 class Contact(Result):
-    """Where a finger touches a face.
+    """Where a finger touches a face; one that touches several stretches has a contact on each.
 
     Attributes
     ----------
@@ -86,7 +86,7 @@ class Contact(Result):
     depth_mm
         How far the finger moved on since it first touched.
     force_N
-        Along its way.
+        Of this stretch, along the finger's way; a corner counts once.
     pressure_MPa
         Largest pressure.
     """

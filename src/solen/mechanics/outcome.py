@@ -13,6 +13,8 @@ from solen.mechanics.fingers import Touch, shares_of, touch_of
 from solen.mechanics.newton import Guess, Problem
 from solen.plane import Point
 
+FAINT = 1e-6
+"""Share of the largest force below which a node only rests on the finger."""
 FEW = 5
 """Nodes in contact below which its width is not resolved."""
 LARGE = 1.0
@@ -113,26 +115,26 @@ class Outcome:
     def _contacts(self) -> Iterator[Contact]:
         shares = shares_of(self.problem.elements.mesh, self._points)
         for k, finger in enumerate(self.problem.fingers):
-            own = (self.problem.pairs.finger == k) & (self.guess.force > 0.0)
+            own = (self.problem.pairs.finger == k) & (self.guess.force > FAINT * self.guess.force.max(initial=1e-6))
             nodes = self.problem.pairs.node[own]
             if not nodes.size:
                 continue
             pressure = float((self.guess.force[own] / shares[nodes]).max())
-            force = float(self._pushes[own].sum(axis=0) @ finger.way)
+            left = dict(zip(nodes.tolist(), self._pushes[own] @ finger.way, strict=True))
             for face in self.body.all_faces:
-                for low, high in self._touched(face, nodes):
+                for low, high, touched in self._touched(face, nodes):
                     yield Contact(
                         name=finger.press.name,
                         face=face.name,
                         u_from=low,
                         u_to=high,
                         depth_mm=float(self.guess.depth[k]),
-                        force_N=force,
+                        force_N=float(sum(left.pop(node, 0.0) for node in touched.tolist())),
                         pressure_MPa=pressure,
                     )
 
-    def _touched(self, face: Face, nodes: IndexArray) -> Iterator[tuple[float, float]]:
-        """Stretches of a face in contact, in its parameter: to halfway to the next node that does not touch."""
+    def _touched(self, face: Face, nodes: IndexArray) -> Iterator[tuple[float, float, IndexArray]]:
+        """Stretches of a face in contact, with their nodes: each to halfway to the next node that does not touch."""
         edges = self.problem.elements.mesh.faces[face.name]
         touching = np.isin(edges.nodes, nodes)
         if not touching.any():
@@ -140,7 +142,7 @@ class Outcome:
         halves = np.concatenate([[0.0], 0.5 * (edges.u[1:] + edges.u[:-1]), [1.0]])
         steps = np.diff(touching.astype(int), prepend=0, append=0)
         for low, high in zip(np.flatnonzero(steps == 1), np.flatnonzero(steps == -1), strict=True):
-            yield float(halves[low]), float(halves[high])
+            yield float(halves[low]), float(halves[high]), edges.nodes[low:high]
 
     def _warnings(self) -> Iterator[str]:
         largest = float(np.abs(self._strain).max())
