@@ -45,6 +45,8 @@ class Package:
 PACKAGES = {
     "OCP": Package("cadquery-ocp-novtk", "cad", "Open CASCADE"),
     "cma": Package("cma", "optimise"),
+    "dask_jobqueue": Package("dask-jobqueue", "cluster"),
+    "distributed": Package("distributed", "cluster"),
     "ezdxf": Package("ezdxf", "dxf"),
     "h5netcdf": Package("h5netcdf", "netcdf"),
     "h5py": Package("h5py", "netcdf"),

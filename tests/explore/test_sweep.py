@@ -1,5 +1,6 @@
 """Sweeps: the points of their axes, the folder that keeps them through a kill, and the table."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -11,6 +12,7 @@ import pytest
 
 from solen.errors import DataError, SpecError
 from solen.explore.axes import axis, check_axes, grid, sampled
+from solen.explore.machines import Cluster, Slurm
 from solen.explore.store import Store, Variant
 from solen.explore.sweep import SweepOptions, sweep
 from solen.sensor import Sensor
@@ -120,6 +122,80 @@ def test_a_damaged_block_is_refused_by_name(tmp_path: Path) -> None:
 def _command(design: Path, out: Path) -> list[str]:
     over = ("--over", "lens.focus_mm=15:25:12", "--over", "emitter.offset_mm=0,0.01,0.02")
     return [sys.executable, "-m", "solen", "explore", "sweep", str(design), *over, "--out", str(out)]
+
+
+def test_workers_of_a_cluster_give_the_same_table(tmp_path: Path) -> None:
+    distributed = pytest.importorskip("distributed")
+    options = SweepOptions(over=("lens.focus_mm=18,20,22,2000000",))
+    here = sweep(DESIGN, options)
+    cluster = distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None)
+    with cluster, distributed.Client(cluster) as client:
+        there = sweep(DESIGN, options, Store(tmp_path), machine=Cluster(client, chunk_points=2))
+    assert there.traced == here.traced
+    assert all(np.array_equal(there.merits[name], here.merits[name], equal_nan=True) for name in here.merits)
+    assert len(Store(tmp_path).points) == 3
+
+
+def test_a_file_of_a_slurm_cluster_makes_its_job_script(tmp_path: Path) -> None:
+    pytest.importorskip("dask_jobqueue")
+    path = tmp_path / "slurm.toml"
+    path.write_text(
+        'jobs = 4\nqueue = "short"\ncores = 8\nprocesses = 2\nmemory = "8GB"\nwalltime = "00:10:00"\n'
+        'job_script_prologue = ["module load python"]\n',
+        encoding="utf-8",
+    )
+    slurm = Slurm.read(path)
+    with slurm.cluster() as cluster:
+        script = cluster.job_script()
+    assert "#SBATCH -p short" in script
+    assert "#SBATCH --cpus-per-task=8" in script
+    assert "--nworkers 2" in script
+    assert "--nthreads 4" in script
+    assert "module load python" in script
+    assert slurm.jobs == 4
+
+
+@pytest.mark.parametrize(
+    ("content", "named"), [("jobs = 0", "jobs"), ("cores = 2\nqueu = 'a'", "queu"), ("walltime = 3", "walltime")]
+)
+def test_a_malformed_file_of_a_cluster_is_refused_by_name(tmp_path: Path, content: str, named: str) -> None:
+    path = tmp_path / "slurm.toml"
+    path.write_text(content, encoding="utf-8")
+    with pytest.raises(DataError) as refused:
+        Slurm.read(path)
+    assert named in str(refused.value)
+
+
+@pytest.mark.evidence
+def test_a_killed_worker_loses_nothing(tmp_path: Path) -> None:
+    from distributed import Client
+
+    started = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--port", "0", "--no-dashboard"]
+    file = tmp_path / "scheduler.json"
+    scheduler = subprocess.Popen([*started, "--scheduler-file", str(file)], stderr=subprocess.DEVNULL)
+    one = [sys.executable, "-m", "distributed.cli.dask_worker", "--scheduler-file", str(file), "--nthreads", "1"]
+    workers = [subprocess.Popen([*one, "--no-dashboard"], stderr=subprocess.DEVNULL) for _ in range(2)]
+    nannies: list[int] = []
+    try:
+        with Client(scheduler_file=str(file)) as client:
+            client.wait_for_workers(2, timeout=120)
+            nannies = list(client.run(os.getpid).values())
+            options = SweepOptions(over=("lens.focus_mm=15:25:24", "emitter.offset_mm=0,0.01,0.02,0.03"))
+
+            def kill(done: float) -> None:
+                if done > 0.2 and nannies:
+                    os.kill(nannies.pop(), signal.SIGKILL)
+                    nannies.clear()
+
+            there = sweep(DESIGN, options, Store(tmp_path), progress=kill, machine=Cluster(client, chunk_points=4))
+        assert not nannies
+        here = sweep(DESIGN, options)
+        assert there.traced == here.traced == 96
+        assert all(np.array_equal(there.merits[name], here.merits[name], equal_nan=True) for name in here.merits)
+    finally:
+        for process in (*workers, scheduler):
+            process.terminate()
+            process.wait()
 
 
 @pytest.mark.evidence

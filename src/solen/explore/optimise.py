@@ -259,7 +259,7 @@ class _Judge:
     def points(self, design: Design) -> list[Point]:
         """Responses of a design in all cases."""
         variants = [partial(Variant, design, case) for case in self.task.cases]
-        return list(responses(variants, len(variants), self.tolerance, self.store))
+        return responses(variants, self.tolerance, self.store)
 
     def judged(self, merits: Mapping[str, FloatArray]) -> Judged:
         """Judgement by the merits (C,) of all cases."""

@@ -10,6 +10,7 @@ The interface: `Store` of a folder; `Variant`, which names a point.
 import hashlib
 import io
 import json
+import math
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -22,7 +23,7 @@ import numpy as np
 import solen
 from solen import files
 from solen.arrays import FloatArray
-from solen.errors import DataError
+from solen.errors import DataError, SolenError
 from solen.sensor import Sensor
 from solen.sensor.effects import as_built
 from solen.spec import Design, dumps
@@ -51,6 +52,12 @@ class Point:
     u_power: FloatArray
     resolution_deg: tuple[float, float]
     why: str = ""
+
+
+def no_response(why: SolenError) -> Point:
+    """Point of a design that cannot be built or traced."""
+    nothing = np.empty(0)
+    return Point(nothing, nothing, nothing, (math.nan, math.nan), str(why))
 
 
 class Store:

@@ -4,7 +4,6 @@ The interface: `sweep` of a design by `SweepOptions` returns a `Sweep`; `respons
 a `Store`.
 """
 
-import math
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -19,12 +18,12 @@ import solen
 from solen.arrays import FloatArray, Progress
 from solen.errors import SolenError, SpecError
 from solen.explore.axes import Axis, axis, check_axes, grid, sampled
-from solen.explore.merits import LEAST_ANGLES, NAMES, merits_of, worst_resolution_deg
-from solen.explore.store import Point, Store, Variant
+from solen.explore.machines import Here, Machine
+from solen.explore.merits import LEAST_ANGLES, NAMES, merits_of
+from solen.explore.store import Point, Store, Variant, no_response
 from solen.extras import need
 from solen.results import HIDDEN, Result, reported
 from solen.sensor import Response
-from solen.sensor.readings import readings_from
 from solen.spec import Design, dumps, with_values
 from solen.spec.strict import Finite, Options
 
@@ -146,7 +145,13 @@ class Sweep(Result):
         return xarray.Dataset(variables, coordinates, attributes)
 
 
-def sweep(design: Design, options: SweepOptions, store: Store | None = None, progress: Progress | None = None) -> Sweep:
+def sweep(
+    design: Design,
+    options: SweepOptions,
+    store: Store | None = None,
+    progress: Progress | None = None,
+    machine: Machine | None = None,
+) -> Sweep:
     """Responses and merits of a design over values of its keys.
 
     Parameters
@@ -159,6 +164,8 @@ def sweep(design: Design, options: SweepOptions, store: Store | None = None, pro
         What is known already, and where points are kept as they come; default: in memory alone.
     progress
         Called with the share done, up to 1.
+    machine
+        What traces the points; default: this process.
 
     Raises
     ------
@@ -172,7 +179,7 @@ def sweep(design: Design, options: SweepOptions, store: Store | None = None, pro
     points = list(grid(axes) if options.samples is None else sampled(axes, options.samples, options.seed))
     known = len(store.points)
     variants = (partial(_set_in, design, point) for point in points)
-    traced = list(responses(variants, len(points), options.tolerance, store, progress))
+    traced = responses(variants, options.tolerance, store, progress, machine)
     values = {one.key: [point[one.key] for point in points] for one in axes}
     shape = tuple(len(one.values) for one in axes) if options.samples is None else (len(points),)
     seed = None if options.samples is None else options.seed
@@ -201,52 +208,52 @@ def check_angles(design: Design) -> None:
 
 def responses(
     variants: Iterable[Callable[[], Variant]],
-    number: int,
     tolerance: float | None,
     store: Store,
     progress: Progress | None = None,
-) -> Iterator[Point]:
-    """Responses of designs, in their order: known ones from the store, others traced and kept there.
+    machine: Machine | None = None,
+) -> list[Point]:
+    """Responses of designs, in their order: known ones from the store, others traced and kept there as they come.
 
-    A design that cannot be built or traced is a point without angles that says why.
+    A design that cannot be built or traced is a point without angles that says why. They are traced by this process,
+    or by another machine.
     """
+    named: list[str | Point] = []
+    missing: dict[str, Variant] = {}
+    for make in variants:
+        try:
+            variant = make()
+            named.append(name := variant.name(tolerance))
+        except SolenError as bad:  # the same at any time, and quickly
+            named.append(no_response(bad))
+            continue
+        if name not in store.points:
+            missing[name] = variant
+    _trace(missing, tolerance, store, machine or Here(), progress)
+    return [store.points[one] if isinstance(one, str) else one for one in named]
+
+
+def _trace(
+    missing: Mapping[str, Variant],
+    tolerance: float | None,
+    store: Store,
+    machine: Machine,
+    progress: Progress | None,
+) -> None:
+    """Trace variants and keep them, in blocks."""
     fresh: dict[str, Point] = {}
-    written = time.monotonic()
+    written, done = time.monotonic(), 0
     try:
-        for done, make in enumerate(variants, start=1):
-            try:
-                variant = make()
-            except SolenError as bad:  # the same at any time, and quickly
-                yield _none(bad)
-                continue
-            name = variant.name(tolerance)
-            if name not in store.points and name not in fresh:
-                fresh[name] = _traced(variant, tolerance)
-            yield store.points.get(name) or fresh[name]
+        for points in machine.traced(missing, tolerance):
+            fresh |= points
+            done += len(points)
             if len(fresh) >= BLOCK_POINTS or time.monotonic() - written > BLOCK_S:
                 store.add(fresh)
                 fresh, written = {}, time.monotonic()
             if progress is not None:
-                progress(done / number)
+                progress(done / len(missing))
     finally:
         store.add(fresh)
-
-
-def _none(why: SolenError) -> Point:
-    nothing = np.empty(0)
-    return Point(nothing, nothing, nothing, (math.nan, math.nan), str(why))
-
-
-def _traced(variant: Variant, tolerance: float | None) -> Point:
-    """Response of a design over its motion, and its resolution."""
-    try:
-        sensor = variant.sensor()
-        response = sensor.power(tolerance=tolerance)
-        resolution_deg = worst_resolution_deg(readings_from(sensor, response))
-    except SolenError as bad:
-        return _none(bad)
-    why = next((trace.why for trace in response.traces if not trace.reached), "")
-    return Point(response.right, response.left, response.u_power, resolution_deg, why)
 
 
 def merits_of_points(angle_deg: FloatArray, points: Sequence[Point]) -> dict[str, FloatArray]:

@@ -16,6 +16,7 @@ from pydantic import Field
 
 from solen.arrays import BoolArray, FloatArray, Progress
 from solen.errors import SpecError
+from solen.explore.machines import Machine
 from solen.explore.merits import MERITS, NAMES
 from solen.explore.requirement import Requirement
 from solen.explore.store import Store, Variant
@@ -179,9 +180,13 @@ class Tolerances(Result):
 
 
 def tolerance(
-    design: Design, options: ToleranceOptions, store: Store | None = None, progress: Progress | None = None
+    design: Design,
+    options: ToleranceOptions,
+    store: Store | None = None,
+    progress: Progress | None = None,
+    machine: Machine | None = None,
 ) -> Tolerances:
-    """What prints of a design do whose numbers vary.
+    """What prints of a design do whose numbers vary; arguments as those of `solen.explore.sweep`.
 
     Raises
     ------
@@ -197,7 +202,7 @@ def tolerance(
     offs = [{}, *({v.key: d for v, d in zip(variations, row, strict=True)} for row in deviations.tolist())]
     known = len(store.points)
     variants = (partial(Variant, design, off) for off in offs)
-    points = list(responses(variants, len(offs), options.tolerance, store, progress))
+    points = responses(variants, options.tolerance, store, progress, machine)
     failures = failures_of(points[1:])
     if not points[0].right.size:
         raise SpecError("design", limit=f"has no response: {points[0].why}")

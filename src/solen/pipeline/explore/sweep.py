@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Annotated
 
 from solen import files
+from solen.explore.machines import machine_at
 from solen.explore.store import Store
 from solen.explore.sweep import Sweep, SweepOptions
 from solen.explore.sweep import sweep as sweep_design
@@ -22,6 +23,7 @@ def sweep(
     *,
     out: Path,
     options: Annotated[SweepOptions, FLAT] = SweepOptions(),
+    cluster: str | None = None,
     set_: Set = None,
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     progress: ProgressBar = None,
@@ -37,12 +39,15 @@ def sweep(
         The design file.
     out
         Folder for the table, NAME-sweep.nc, and the points traced so far; made if need be.
+    cluster
+        Trace on the workers of a Dask cluster, by the address of its scheduler, tcp://HOST:PORT, or the file of a SLURM
+        cluster (.toml).
     """
     figure.check()
     check_installed()
     design = open_design(file, set_)
     with files.output_folder(out):
-        result = sweep_design(design, options, Store(out), progress)
+        result = sweep_design(design, options, Store(out), progress, machine_at(cluster))
         table = out / f"{stem_of(file)}-sweep.nc"
         files.write_all(drawn(result, figure, "sweep") | {table: netcdf_writer(result.to_dataset())})
     return Outcome(result, named(figure=figure.figure, table=table))

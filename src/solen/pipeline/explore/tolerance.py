@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Annotated
 
 from solen import files
+from solen.explore.machines import machine_at
 from solen.explore.store import Store
 from solen.explore.tolerance import ToleranceOptions, Tolerances, print_design
 from solen.explore.tolerance import tolerance as tolerance_of_design
@@ -22,6 +23,7 @@ def tolerance(
     *,
     out: Path,
     options: Annotated[ToleranceOptions, FLAT] = ToleranceOptions(),
+    cluster: str | None = None,
     set_: Set = None,
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     progress: ProgressBar = None,
@@ -36,12 +38,15 @@ def tolerance(
         The design file.
     out
         Folder for the table of prints, NAME-prints.csv, and the responses traced so far; made if need be.
+    cluster
+        Trace on the workers of a Dask cluster, by the address of its scheduler, tcp://HOST:PORT, or the file of a SLURM
+        cluster (.toml).
     """
     figure.check()
     design = open_design(file, set_)
     print_ = print_design(design, options)
     with files.output_folder(out):
-        result = tolerance_of_design(design, options, Store(out), progress)
+        result = tolerance_of_design(design, options, Store(out), progress, machine_at(cluster))
         table = out / f"{stem_of(file)}-prints.csv"
         files.write_all(drawn(result, figure, "tolerance") | {table: result.table().encode()})
         chosen = None if print_ is None else save(out / f"{stem_of(file)}-print-{options.print_number}.toml", print_)
