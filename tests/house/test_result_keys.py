@@ -9,8 +9,8 @@ import pytest
 from solen.cli.design.schema import commands, result_schema, result_type
 
 _UNITS = """
-V mV uV A mA uA nA W mW uW J mJ ohm kohm kPa MPa N g kg mL K C mm mm2 mm3 cm cm2 um um2 um4 nm px deg mrad s ms us min
-h hz
+V mV uV A mA uA nA W mW uW J mJ ohm kohm kPa MPa N Nmm g kg mL K C mm mm2 mm3 cm cm2 um um2 um4 nm px deg mrad s ms us
+min h hz
 Hz kHz percent ppm dB dBm MB bytes rows layers samples cycle slot
 """
 UNITS = tuple(_UNITS.split())
@@ -25,10 +25,10 @@ covariance_ln sigma
 chance probability ln_likelihood_ratio p_form independent_values ratio snr clearness
 """
 _SHARES = """
-strain peak_strain residual_strain strain_at_break strain_at_strength loss_fraction peak_stress stress_at_half work_in
-shift end low high length area overcure scatter_exponent halo_fraction halo_per_depth ln_Ec dose_below_over_Ec
+strain strain_largest peak_strain residual_strain strain_at_break strain_at_strength loss_fraction peak_stress stress_at_half
+work_in shift end low high length area overcure scatter_exponent halo_fraction halo_per_depth ln_Ec dose_below_over_Ec
 interior_over_single_layer interior_over_jacobs phr volume_error bridged outside share on_share between_share depth
-seen contrast visibility pitch_ratio factor load_factor scale_factor size_factor rms_um_per_percent_of_scale
+seen contrast apart visibility pitch_ratio factor load_factor scale_factor size_factor rms_um_per_percent_of_scale
 ambiguous within_68 within_95
 """
 _CONTRASTS, _IN_THE_FILES_UNIT = "largest largest_change effect at_low at_high", "dark"
@@ -36,7 +36,7 @@ _OF_LIGHT = """
 light power power_by_source detected escaped absorbed truncated missed leaked reflected beside above_below right left
 emitted error single_error design_index outside_index na_object na_image magnification edge_slope ledger_error
 received_share received used_of_supply contrast contrast_from
-contrast_to index material_index step response exponent gain nonlinearity off_contrast off_received
+contrast_to rigid_contrast index material_index step response exponent gain nonlinearity off_contrast off_received
 """
 _SEARCHED = "low high before after goal claimed sampled_difference merits worst"
 _PRINTS = "calibrated_share share_if_exact factor_alone factor_together deviation base first_order total held_out"

@@ -1,7 +1,7 @@
 """A body under load: where its walls went, what holds it, where a finger touches it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -10,7 +10,7 @@ from solen.arrays import FloatArray, IndexArray
 from solen.errors import DesignError
 from solen.geometry import Body
 from solen.plane import Point, Rigid
-from solen.results import Result
+from solen.results import HIDDEN, Result
 
 RIGID_MM = 1e-9
 """A wall that is this near to having moved as a rigid piece has done so."""
@@ -82,7 +82,9 @@ class Contact(Result):
     face
         Of the body.
     u_from, u_to
-        Part of the face's curve that it touches, in its parameter.
+        Part of the face's curve that it touches, in its parameter; not in JSON.
+    from_mm, to_mm
+        The same along the face, as wall tables count.
     depth_mm
         How far the finger moved on since it first touched.
     force_N
@@ -93,8 +95,10 @@ class Contact(Result):
 
     name: str
     face: str
-    u_from: float
-    u_to: float
+    u_from: float = field(metadata=HIDDEN)
+    u_to: float = field(metadata=HIDDEN)
+    from_mm: float
+    to_mm: float
     depth_mm: float
     force_N: float
     pressure_MPa: float

@@ -3,10 +3,12 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypedDict
 
 import numpy as np
 
 from solen.arrays import FloatArray, IndexArray
+from solen.curve import Measure
 from solen.geometry import Body, Face
 from solen.mechanics.deformed import Contact, Deformed, Picture, Reaction, Wall
 from solen.mechanics.fingers import Touch, shares_of, touch_of
@@ -128,6 +130,7 @@ class Outcome:
                         face=face.name,
                         u_from=low,
                         u_to=high,
+                        **_lengths(face, low, high),
                         depth_mm=float(self.guess.depth[k]),
                         force_N=float(sum(left.pop(node, 0.0) for node in touched.tolist())),
                         pressure_MPa=pressure,
@@ -153,3 +156,16 @@ class Outcome:
             if 0 < count < FEW:
                 nodes = f"{finger.press.name} touches {count} nodes only"
                 yield f"{nodes}: its contact is not resolved, mesh it finer there"
+
+
+class _Stretch(TypedDict):
+    from_mm: float
+    to_mm: float
+
+
+def _lengths(face: Face, u_from: float, u_to: float) -> _Stretch:
+    """A part of a face by its lengths, as wall tables count them."""
+    measure = Measure(face.curve)
+    low, high = measure.lengths_at(np.array([u_from, u_to])).tolist()
+    ends = (measure.length_mm - high, measure.length_mm - low) if face.from_end else (low, high)
+    return _Stretch(from_mm=face.begins_mm + ends[0], to_mm=face.begins_mm + ends[1])

@@ -21,6 +21,7 @@ from solen.ranks import Caution, look_at
 from solen.results import HIDDEN, Result, reported
 from solen.sensor.response import Response
 from solen.sensor.sensor import Sensor
+from solen.sensor.traced import check_value
 from solen.sensor.unused_keys import keys_without_effect
 from solen.spec import Design, Motion
 from solen.spec.soft import Mechanics, driven
@@ -175,11 +176,15 @@ def deform(sensor: Sensor, value: float | None = None) -> Deformation:
 
     Raises
     ------
+    SpecError
+        Where the value is none.
     DesignError
         Where the design is no loaded one, or the load is beyond what the body bears.
     """
     loaded, motion = sensor.loaded, sensor.design.motion
-    state = loaded.state(motion.values()[-1] if value is None else value)
+    value = motion.values()[-1] if value is None else value
+    check_value(sensor, value)
+    state = loaded.state(value)
     before, after = loaded.rest.marks["stem-base"], state.body.marks["stem-base"]
     return Deformation(
         state=state,

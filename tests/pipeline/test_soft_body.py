@@ -1,0 +1,85 @@
+"""The commands of a soft body under load: what they print and write, and what they refuse."""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from solen.cli import run_command
+from tests.command_support import answered
+
+DESIGN = """
+schema = 1
+name = "clamped"
+material = {index = 1.44}
+emitter = {width_mm = 0.2, rays = 40}
+mechanics = {modulus_MPa = 3.0, mesh_mm = 1.5}
+[motion]
+kind = "loaded"
+drives = "clamp.angle_deg"
+step_deg = 3.0
+[[hold]]
+name = "mount"
+face = "receiver-*"
+[[hold]]
+name = "clamp"
+face = "lens"
+kind = "turning"
+about = "stem-base"
+"""
+
+
+@pytest.fixture
+def design(tmp_path: Path) -> Path:
+    file = tmp_path / "soft.toml"
+    file.write_text(DESIGN, encoding="utf-8")
+    return file
+
+
+def test_deform_says_what_holds_the_body(capfd: pytest.CaptureFixture[str], design: Path, tmp_path: Path) -> None:
+    figure = tmp_path / "shape.svg"
+    found = answered(capfd, "deform", str(design), "--at", "-3", "--figure", str(figure))
+    assert (found["angle_deg"], found["turn_deg"]) == (-3.0, pytest.approx(-3.0))
+    forces = {one["name"]: one["force_N"] for one in found["reactions"]}
+    assert np.add(forces["mount"], forces["clamp"]) == pytest.approx([0.0, 0.0], abs=1e-9)
+    drawing = figure.read_text(encoding="utf-8")
+    assert "largest principal strain" in drawing
+    assert "clamp.angle_deg" in drawing
+    assert run_command(["deform", str(design), "--at", "-3"]) == 0
+    shown = capfd.readouterr().out
+    assert "N mm about" in shown
+    assert "turn by -3 deg" in shown
+
+
+def test_run_writes_the_response_under_load(capfd: pytest.CaptureFixture[str], design: Path, tmp_path: Path) -> None:
+    found = answered(capfd, "run", str(design), "--out", str(tmp_path / "out"))
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert names == {"results.json", "results.csv", "response.svg", "shape.svg", "rays.svg"}
+    with (tmp_path / "out" / "results.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row["contrast"]) for row in rows] == found["contrast"]
+    assert [float(row["rigid_contrast"]) for row in rows] == pytest.approx([0.895, 0.0, -0.895], abs=2e-3)
+    assert "moment of the clamp (N mm)" in (tmp_path / "out" / "response.svg").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("command", "says"),
+    [
+        (["deform", "{}", "--set", "motion.kind=rotation"], "motion.drives = 'clamp.angle_deg'; has no meaning"),
+        (["deform", "{}", "--at", "95"], "--at = 95.0; must be between"),
+        (["deform", "{}", "--set", "hold[0].face=recievers"], "mount.face = 'recievers'; names no face"),
+        (["deform", "{}", "--set", "hold[4].face=lens"], "hold[4].face; the design has 2"),
+        (["trace", "{}", "--angle-deg", "1"], "--angle-deg = 1.0; has no meaning: the motion drives clamp.angle_deg"),
+        (["run", "{}", "--set", "motion.drives=clamp.depth_mm", "--out", "{}.out"], "motion.drives = 'clamp.depth_mm'"),
+    ],
+)
+def test_what_cannot_be_is_one_line_and_no_file(
+    capfd: pytest.CaptureFixture[str], design: Path, command: list[str], says: str
+) -> None:
+    before = set(design.parent.iterdir())
+    assert run_command([part.replace("{}", str(design)) for part in command]) == 2
+    err = capfd.readouterr().err
+    assert says in err
+    assert len(err.strip().splitlines()) == 1
+    assert set(design.parent.iterdir()) == before
