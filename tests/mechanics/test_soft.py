@@ -1,6 +1,7 @@
 """Soft bodies against closed forms: blocks, strips, contacts, turns; and what is refused."""
 
 import math
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -283,3 +284,9 @@ def test_a_finger_that_just_touches_presses_nothing() -> None:
     found = SoftBody(PLATE, RUBBER, FLOOR, 4.0, mesh=MeshOptions(1.5)).state([replace(FINGER, depth_mm=0.0)])
     assert found.contacts == ()
     assert found.strain_largest < 1e-8
+
+
+def test_without_the_extra_the_command_that_installs_it_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "skfem", None)
+    with pytest.raises(DesignError, match=r'scikit-fem, which is not installed; pip install "\.\[mechanics\]"$'):
+        SoftBody(PLATE, RUBBER, FLOOR, 4.0)

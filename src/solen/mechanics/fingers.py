@@ -189,10 +189,15 @@ def contact_sizes(body: Body, finger: Finger, stuff: Material, thickness_mm: flo
 
 
 def _half_width_mm(finger: Finger, stuff: Material, thickness_mm: float) -> float:
-    """About half the width of the contact: Hertz's under a force, three quarters of the chord at a depth."""
+    """About half the width of the contact: Hertz's under a force, three quarters of the chord at a depth.
+
+    In steps of a factor of 2^½, so that a slightly different finger or modulus meets the same mesh.
+    """
     press = finger.press
     if press.force_N:
         stiffness = 4.0 * stuff.shear_modulus_MPa
-        return math.sqrt(4.0 * press.force_N / thickness_mm * press.radius_mm / (math.pi * stiffness))
-    depth_mm = max(press.depth_mm or 0.0, SHALLOW * press.radius_mm)
-    return 0.75 * math.sqrt(2.0 * press.radius_mm * depth_mm)
+        half_mm = math.sqrt(4.0 * press.force_N / thickness_mm * press.radius_mm / (math.pi * stiffness))
+    else:
+        depth_mm = max(press.depth_mm or 0.0, SHALLOW * press.radius_mm)
+        half_mm = 0.75 * math.sqrt(2.0 * press.radius_mm * depth_mm)
+    return float(2.0 ** (round(2.0 * math.log2(half_mm)) / 2.0))
