@@ -10,8 +10,9 @@ from solen.errors import SpecError
 from solen.explore.merits import NAMES
 from solen.explore.requirement import Requirement
 from solen.explore.store import Store
-from solen.explore.surrogate import Variation, fit
-from solen.explore.tolerance import Prints, ToleranceOptions, drawn, print_design, tolerance, variation
+from solen.explore.surrogate import fit
+from solen.explore.tolerance import Prints, ToleranceOptions, print_design, tolerance
+from solen.explore.variations import Variation, drawn, together, variation
 from solen.sensor import Sensor
 from solen.spec import Design
 
@@ -119,6 +120,15 @@ def test_the_print_of_a_number_is_a_design_with_its_null(folder: Store) -> None:
     assert null == pytest.approx(found.merits["null_deg"][6], abs=3.0 * found.merits["u_null_deg"][6] + 0.02)
 
 
+def test_numbers_move_together_by_their_weights(folder: Store) -> None:
+    assert together("a.x_mm") == {"a.x_mm": 1.0}
+    assert together("a.x_mm + 0.5*b.y_mm-2e-1 * c.z") == {"a.x_mm": 1.0, "b.y_mm": 0.5, "c.z": -0.2}
+    both = {"vary": ("emitter.offset_mm-0.5*emitter.offset_mm=normal:0:0.04", OPTIONS.vary[1])}
+    found = tolerance(DESIGN, OPTIONS.model_copy(update=both), folder)
+    alone = tolerance(DESIGN, OPTIONS, folder)
+    assert found.merits["null_deg"] == pytest.approx(alone.merits["null_deg"], abs=1e-9)
+
+
 @pytest.mark.parametrize(
     ("text", "named"),
     [
@@ -129,6 +139,8 @@ def test_the_print_of_a_number_is_a_design_with_its_null(folder: Store) -> None:
         ("emitter.offset_mm=cauchy:0:1", "cauchy"),
         ("emitter.ofset_mm=normal:0:1", "ofset"),
         ("emitter.height_mm=normal:0:1", "plane"),
+        ("emitter.offset_mm*2=normal:0:1", "emitter.offset_mm*2"),
+        ("emitter.offset_mm+emitter.height_mm=normal:0:1", "emitter.height_mm"),
     ],
 )
 def test_a_malformed_variation_is_refused_by_name(text: str, named: str) -> None:

@@ -4,64 +4,24 @@ Polynomials are orthonormal under the distributions of their variables (polynomi
 for uniform ones), so that Sobol' indices are sums of squared coefficients (Sudret, Reliability Engineering & System
 Safety 93, 964, 2008). The degree is the one with the least error on held-out samples.
 
-The interface: `Variation` of one number; `fit` of samples, which returns a `Surrogate`.
+The interface: `fit` of samples, which returns a `Surrogate`.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations_with_replacement
-from typing import Literal
 
 import numpy as np
-from scipy.special import eval_hermitenorm, eval_legendre, ndtri
 
 from solen.arrays import BoolArray, FloatArray, IntArray
+from solen.explore.variations import Variation
 
 HIGHEST_DEGREE, SAMPLES_A_TERM = 12, 3
 PATIENCE = 3
 """Degrees without a gain after which none is tried any more."""
 FOLDS = 8
 """Parts of the samples; each is held out once."""
-
-
-@dataclass(frozen=True)
-class Variation:
-    """Distribution of the deviation of one number from its design value.
-
-    Attributes
-    ----------
-    key
-        The number.
-    kind
-        ``normal`` by mean and standard deviation, or ``uniform`` between two ends.
-    first, second
-        Mean and standard deviation, or the ends, in the unit of the key.
-    """
-
-    key: str
-    kind: Literal["normal", "uniform"]
-    first: float
-    second: float
-
-    def deviation(self, share: FloatArray) -> FloatArray:
-        """Deviation at shares, 0 to 1, of its distribution function."""
-        if self.kind == "normal":
-            return np.asarray(self.first + self.second * ndtri(share))
-        return np.asarray(self.first + (self.second - self.first) * share)
-
-    def standard(self, deviation: FloatArray) -> FloatArray:
-        """Standard variable of deviations: of unit variance about 0, or uniform from -1 to 1."""
-        if self.kind == "normal":
-            return np.asarray((deviation - self.first) / self.second)
-        return np.asarray((2.0 * deviation - self.first - self.second) / (self.second - self.first))
-
-    def polynomial(self, degree: int, variable: FloatArray) -> FloatArray:
-        """Orthonormal polynomial of its standard variable."""
-        if self.kind == "normal":
-            return np.asarray(eval_hermitenorm(degree, variable) / math.sqrt(math.factorial(degree)))
-        return np.asarray(eval_legendre(degree, variable) * math.sqrt(2 * degree + 1))
 
 
 @dataclass(frozen=True, eq=False)

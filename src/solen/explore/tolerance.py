@@ -20,18 +20,18 @@ from solen.explore.machines import Machine
 from solen.explore.merits import MERITS, NAMES
 from solen.explore.requirement import Requirement
 from solen.explore.store import Store, Variant
-from solen.explore.surrogate import FOLDS, Surrogate, Variation, fit, parts
+from solen.explore.surrogate import FOLDS, Surrogate, fit, parts
 from solen.explore.sweep import check_angles, failures_of, merits_of_points, point_warnings, responses
+from solen.explore.variations import Variation, drawn, offs, together, variations_of
 from solen.results import HIDDEN, Result
 from solen.sensor import Sensor
-from solen.sensor.numbers import OF_THE_MATERIAL, inert, number, tolerance_of, usual_keys
+from solen.sensor.numbers import number
 from solen.spec import Design
 from solen.spec.strict import Finite, Options
 
 MODELLED = 2**14
 """Samples of the surrogates."""
 WANTED_YIELD = 0.95
-FORMS = "write KEY=normal:MEAN:SD or KEY=uniform:LOW:HIGH, as deviations from the design"
 
 
 class ToleranceOptions(Options):
@@ -39,8 +39,9 @@ class ToleranceOptions(Options):
 
     vary: tuple[str, ...] = ()
     """A number of the design and how it deviates from its value there, KEY=normal:MEAN:SD or KEY=uniform:LOW:HIGH;
-    repeatable. Default: every number that the light depends on by the tolerances of the design, which are limits
-    (uniform) but where a resin states a standard uncertainty (normal)."""
+    numbers that move together are a sum, KEY+0.5*KEY=normal:MEAN:SD; repeatable. Default: every number that the light
+    depends on by the tolerances of the design, which are limits (uniform) but where a resin states a standard
+    uncertainty (normal)."""
     require: tuple[str, ...] = ()
     """A condition on merits that a good print meets, as in "abs(null_deg) < 0.3"; repeatable."""
     prints: int = Field(256, ge=32, le=100_000)
@@ -80,7 +81,7 @@ class VariedNumber(Result, eq=True):
     Attributes
     ----------
     key, value
-        The number and its value in the design.
+        The number and its value in the design; of several that move together their sum as stated, and null.
     distribution
         ``normal`` or ``uniform``.
     deviation
@@ -93,7 +94,7 @@ class VariedNumber(Result, eq=True):
     """
 
     key: str
-    value: float
+    value: float | None
     distribution: str
     deviation: tuple[float, float]
     share_if_exact: float | None
@@ -197,11 +198,11 @@ def tolerance(
     requirements = [Requirement.parse(text) for text in options.require]
     sensor = Sensor.of(design)
     check_angles(design)
-    variations = _variations(sensor, options)
+    variations = variations_of(sensor, options.vary)
     deviations = drawn(variations, options.prints, options.seed)
-    offs = [{}, *({v.key: d for v, d in zip(variations, row, strict=True)} for row in deviations.tolist())]
+    every = [{}, *(offs(variations, row) for row in deviations.tolist())]
     known = len(store.points)
-    variants = (partial(Variant, design, off) for off in offs)
+    variants = (partial(Variant, design, off) for off in every)
     points = responses(variants, options.tolerance, store, progress, machine)
     failures = failures_of(points[1:])
     if not points[0].right.size:
@@ -241,63 +242,15 @@ def print_design(design: Design, options: ToleranceOptions) -> Design | None:
     if place > options.prints:
         raise SpecError("--print-number", value=place, limit=f"the prints are 1 to {options.prints}")
     sensor = Sensor.of(design)
-    variations = _variations(sensor, options)
+    variations = variations_of(sensor, options.vary)
     row = drawn(variations, options.prints, options.seed)[place - 1]
-    values = {one.key: number(sensor, one.key) + float(off) for one, off in zip(variations, row, strict=True)}
+    values = {key: number(sensor, key) + off for key, off in offs(variations, row.tolist()).items()}
     if "emitter.distance_mm" in values and sensor.has_lens:
         limit = "emitter.distance_mm varies, and the lens of a design file is cut for the distance that it states"
         raise SpecError("--print-number", value=place, limit=limit, remedy="hold it, by --vary of the others")
     if sensor.has_lens and not sensor.is_measured and {"material.index", "emitter.wavelength_nm"} & values.keys():
         values = {"lens.design_index": sensor.design.lens.design_index or sensor.material.index} | values
     return design.set(values)
-
-
-def _variations(sensor: Sensor, options: ToleranceOptions) -> list[Variation]:
-    variations = [variation(text, sensor) for text in options.vary] or list(usual_variations(sensor))
-    keys = [one.key for one in variations]
-    twice = next((key for key in keys if keys.count(key) > 1), None)
-    if twice:
-        raise SpecError(f"--vary {twice}", limit="is stated twice", remedy="leave one out")
-    return variations
-
-
-def variation(text: str, sensor: Sensor) -> Variation:
-    """Variation of a text; `SpecError` where it is malformed or about a number without effect."""
-    key, _, stated = (part.strip() for part in text.partition("="))
-    kind, *numbers = stated.split(":")
-    what = f"--vary {key}"
-    try:
-        first, second = map(float, numbers)
-    except ValueError:
-        raise SpecError(what, value=stated, limit="is not a distribution with two numbers", remedy=FORMS) from None
-    if kind not in {"normal", "uniform"} or not (math.isfinite(first) and math.isfinite(second)):
-        raise SpecError(what, value=stated, limit="is not a normal or uniform distribution", remedy=FORMS)
-    if kind == "normal" and not second > 0.0:
-        raise SpecError(what, value=second, limit="a standard deviation must be greater than 0", remedy="leave it out")
-    if kind == "uniform" and not first < second:
-        raise SpecError(what, value=stated, limit="is an empty range", remedy="write the lower end first")
-    number(sensor, key)
-    if why := "" if key in OF_THE_MATERIAL else inert(sensor, key):
-        raise SpecError(what, limit=why, remedy="leave it out")
-    return Variation(key, "normal" if kind == "normal" else "uniform", first, second)
-
-
-def usual_variations(sensor: Sensor) -> Iterator[Variation]:
-    """Every number that the light depends on, by its tolerance in the design or its uncertainty in the resin."""
-    for key in usual_keys(sensor):
-        if key not in OF_THE_MATERIAL and inert(sensor, key):
-            continue
-        size, is_standard = tolerance_of(sensor, key)
-        yield Variation(key, "normal", 0.0, size) if is_standard else Variation(key, "uniform", -size, size)
-
-
-def drawn(variations: Sequence[Variation], prints: int, seed: int) -> FloatArray:
-    """Deviations (P, D) of prints, by a scrambled Sobol' sequence."""
-    from scipy.stats import qmc
-
-    sequence = qmc.Sobol(len(variations), rng=np.random.default_rng(seed))
-    shares = sequence.random_base2(math.ceil(math.log2(prints)))[:prints]
-    return np.column_stack([one.deviation(column) for one, column in zip(variations, shares.T, strict=True)])
 
 
 class Prints:
@@ -369,16 +322,16 @@ class Prints:
 
     def varied(self, sensor: Sensor, requirements: Sequence[Requirement]) -> list[VariedNumber]:
         """What varies and what it costs, the costliest first."""
-        together = self._factor(requirements, range(len(self.variations)))
+        of_all = self._factor(requirements, range(len(self.variations)))
         rows = [
             VariedNumber(
                 key=one.key,
-                value=number(sensor, one.key),
+                value=number(sensor, one.key) if one.key in together(one.key) else None,
                 distribution=one.kind,
                 deviation=(one.first, one.second),
                 share_if_exact=self._scaled(requirements, [place], 0.0) if requirements else None,
                 factor_alone=self._factor(requirements, [place]),
-                factor_together=together,
+                factor_together=of_all,
             )
             for place, one in enumerate(self.variations)
         ]

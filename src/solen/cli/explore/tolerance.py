@@ -19,7 +19,8 @@ def _(result: Tolerances) -> Iterator[str]:
     yield "varied, as deviations from the design:"
     width = max(len(one.key) for one in result.varied)
     for row in result.varied:
-        yield f"  {row.key:{width}}  {row.value:9.6g}  {_distribution(row)}{_cost(row)}"
+        value = "together" if row.value is None else f"{row.value:.6g}"
+        yield f"  {row.key:{width}}  {value:>9}  {_distribution(row)}{_cost(row)}"
     factor = result.varied[0].factor_together
     if factor is not None and factor < 1.0:
         yield f"  95 % yield needs all deviations {factor:.2g} times as large"

@@ -1,0 +1,131 @@
+"""Numbers that vary from print to print: distributions of their deviations from the design, and prints drawn from them.
+
+The interface: `variations_of` texts; `drawn` prints; `offs` of one print.
+"""
+
+import math
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy.special import eval_hermitenorm, eval_legendre, ndtri
+
+from solen.arrays import FloatArray
+from solen.errors import SpecError
+from solen.sensor import Sensor
+from solen.sensor.numbers import OF_THE_MATERIAL, inert, number, tolerance_of, usual_keys
+
+FORMS = "write KEY=normal:MEAN:SD or KEY=uniform:LOW:HIGH, as deviations from the design"
+_TERM = re.compile(r"\s*([+-]?)\s*(?:([0-9.]+(?:[eE][+-]?[0-9]+)?)\s*\*\s*)?([a-z_]+\.[A-Za-z_0-9.]+)\s*")
+
+
+@dataclass(frozen=True)
+class Variation:
+    """Distribution of the deviation of one number from its design value, or of several that move together.
+
+    Attributes
+    ----------
+    key
+        The number, or the sum of several with their weights, as stated.
+    kind
+        ``normal`` by mean and standard deviation, or ``uniform`` between two ends.
+    first, second
+        Mean and standard deviation, or the ends, in the unit of the key.
+    """
+
+    key: str
+    kind: Literal["normal", "uniform"]
+    first: float
+    second: float
+
+    def deviation(self, share: FloatArray) -> FloatArray:
+        """Deviation at shares, 0 to 1, of its distribution function."""
+        if self.kind == "normal":
+            return np.asarray(self.first + self.second * ndtri(share))
+        return np.asarray(self.first + (self.second - self.first) * share)
+
+    def standard(self, deviation: FloatArray) -> FloatArray:
+        """Standard variable of deviations: of unit variance about 0, or uniform from -1 to 1."""
+        if self.kind == "normal":
+            return np.asarray((deviation - self.first) / self.second)
+        return np.asarray((2.0 * deviation - self.first - self.second) / (self.second - self.first))
+
+    def polynomial(self, degree: int, variable: FloatArray) -> FloatArray:
+        """Orthonormal polynomial of its standard variable."""
+        if self.kind == "normal":
+            return np.asarray(eval_hermitenorm(degree, variable) / math.sqrt(math.factorial(degree)))
+        return np.asarray(eval_legendre(degree, variable) * math.sqrt(2 * degree + 1))
+
+
+def variations_of(sensor: Sensor, texts: Sequence[str]) -> list[Variation]:
+    """Variations of texts; without any the usual ones. `SpecError` where one is malformed or stated twice."""
+    variations = [variation(text, sensor) for text in texts] or list(usual_variations(sensor))
+    keys = [one.key for one in variations]
+    twice = next((key for key in keys if keys.count(key) > 1), None)
+    if twice:
+        raise SpecError(f"--vary {twice}", limit="is stated twice", remedy="leave one out")
+    return variations
+
+
+def variation(text: str, sensor: Sensor) -> Variation:
+    """Variation of a text; `SpecError` where it is malformed or about a number without effect."""
+    key, _, stated = (part.strip() for part in text.partition("="))
+    kind, *numbers = stated.split(":")
+    what = f"--vary {key}"
+    try:
+        first, second = map(float, numbers)
+    except ValueError:
+        raise SpecError(what, value=stated, limit="is not a distribution with two numbers", remedy=FORMS) from None
+    if kind not in {"normal", "uniform"} or not (math.isfinite(first) and math.isfinite(second)):
+        raise SpecError(what, value=stated, limit="is not a normal or uniform distribution", remedy=FORMS)
+    if kind == "normal" and not second > 0.0:
+        raise SpecError(what, value=second, limit="a standard deviation must be greater than 0", remedy="leave it out")
+    if kind == "uniform" and not first < second:
+        raise SpecError(what, value=stated, limit="is an empty range", remedy="write the lower end first")
+    for each in together(key):
+        number(sensor, each)
+        if why := "" if each in OF_THE_MATERIAL else inert(sensor, each):
+            raise SpecError(f"--vary {each}", limit=why, remedy="leave it out")
+    return Variation(key, "normal" if kind == "normal" else "uniform", first, second)
+
+
+def together(text: str) -> dict[str, float]:
+    """Weights of the numbers that move together, ``body.arm_width_mm+0.5*lens.half_width_mm``; of one number 1."""
+    weights: dict[str, float] = {}
+    place = 0
+    while place < len(text) and (term := _TERM.match(text, place)) and bool(term[1]) == bool(place):
+        weights[term[3]] = weights.get(term[3], 0.0) + float(term[2] or 1.0) * (-1.0 if term[1] == "-" else 1.0)
+        place = term.end()
+    if place < len(text) or not weights:
+        remedy = "write KEY, or KEY+0.5*KEY for numbers that move together"
+        raise SpecError("--vary", value=text, limit="is not a number of the design or a sum of some", remedy=remedy)
+    return weights
+
+
+def offs(variations: Sequence[Variation], row: Sequence[float]) -> dict[str, float]:
+    """Deviation of each number in one print."""
+    moved: dict[str, float] = {}
+    for one, deviation in zip(variations, row, strict=True):
+        for key, weight in together(one.key).items():
+            moved[key] = moved.get(key, 0.0) + weight * deviation
+    return moved
+
+
+def usual_variations(sensor: Sensor) -> Iterator[Variation]:
+    """Every number that the light depends on, by its tolerance in the design or its uncertainty in the resin."""
+    for key in usual_keys(sensor):
+        if key not in OF_THE_MATERIAL and inert(sensor, key):
+            continue
+        size, is_standard = tolerance_of(sensor, key)
+        yield Variation(key, "normal", 0.0, size) if is_standard else Variation(key, "uniform", -size, size)
+
+
+def drawn(variations: Sequence[Variation], prints: int, seed: int) -> FloatArray:
+    """Deviations (P, D) of prints, by a scrambled Sobol' sequence."""
+    from scipy.stats import qmc
+
+    sequence = qmc.Sobol(len(variations), rng=np.random.default_rng(seed))
+    shares = sequence.random_base2(math.ceil(math.log2(prints)))[:prints]
+    return np.column_stack([one.deviation(column) for one, column in zip(variations, shares.T, strict=True)])
