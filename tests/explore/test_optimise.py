@@ -1,5 +1,11 @@
 """Inverse design: searches with known answers, limits, deviations, interruption and resumption."""
 
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,7 +16,7 @@ from solen.errors import SpecError
 from solen.explore.optimise import OptimiseOptions, Optimum, optimise
 from solen.explore.search import Tried, search
 from solen.explore.store import Store
-from solen.spec import Design
+from solen.spec import Design, save
 
 pytest.importorskip("cma")
 
@@ -111,3 +117,29 @@ def test_what_cannot_be_sought_is_refused_by_name(changed: dict[str, Any], named
     with pytest.raises(SpecError) as refused:
         optimise(DESIGN, OptimiseOptions(**CENTRE | changed))
     assert named in str(refused.value)
+
+
+@pytest.mark.evidence
+def test_ten_kills_leave_the_same_result(tmp_path: Path) -> None:
+    design = save(tmp_path / "small.toml", DESIGN)
+
+    def command(out: str) -> list[str]:
+        free = ("--free", "lens.focus_mm=10:40", "--free", "body.arm_width_mm=2.6:3.3")
+        within = ("--subject-to", "light > 0.9*base", "--robust", "emitter.offset_mm=0.03", "--evaluations", "60")
+        solen = [sys.executable, "-m", "solen", "explore", "optimise", str(design), "--minimise", "linearity_percent"]
+        return [*solen, *free, *within, "--out", str(tmp_path / out)]
+
+    whole = json.loads(subprocess.run([*command("whole"), "--json"], check=True, capture_output=True).stdout)
+    rng = np.random.default_rng(0)
+    for _ in range(10):
+        running = subprocess.Popen(command("cut"), stdout=subprocess.DEVNULL)
+        time.sleep(rng.uniform(3.0, 8.0))
+        running.send_signal(signal.SIGKILL)
+        running.wait()
+    cut = json.loads(subprocess.run([*command("cut"), "--json"], check=True, capture_output=True).stdout)
+    assert cut["traced"] < whole["traced"]
+    for answer in (whole, cut):
+        del answer["traced"], answer["files"]
+    assert cut == whole
+    best = [(tmp_path / out / "small-best.toml").read_bytes() for out in ("whole", "cut")]
+    assert best[0] == best[1]
