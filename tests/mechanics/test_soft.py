@@ -223,6 +223,7 @@ FINGER = Press("top", 2.0, 1.0, depth_mm=0.1)
         (FLOOR, replace(FINGER, face="roof"), "press.face.*roof.*bottom, right, top, left"),
         (FLOOR, replace(FINGER, radius_mm=0.0), r"press\.radius_mm.*above 0"),
         (FLOOR, replace(FINGER, force_N=1.0), "depth_mm and force_N"),
+        ((fixed("top", "bottom"),), FINGER, r"press; runs into a place that is held, x = .*, z = 3 mm"),
         (FLOOR, replace(FINGER, direction_deg=0.0), r"press\.direction_deg.*top"),
         (FLOOR, Turn((Stretch("bottom"),), (0.0, 0.0), 1.0, name="clamp"), "hold.*clamp holds the same place"),
         (FLOOR, Turn((Stretch("top", 8.0),), (0.0, 0.0), 1.0, name="clamp"), r"clamp\.from_mm.*8.*4 mm long"),

@@ -27,6 +27,8 @@ from solen.plane import heading
 LEAST_SLANT = 0.1
 """Least cosine between the way of a finger and the wall's inward normal."""
 OUTLINE_MM = 1e-4
+INTO_HELD_MM = 1e-6
+"""How far a finger may reach into what is held: rounding."""
 ACROSS_CONTACT = 6
 """Elements across half of a contact."""
 SHALLOW = 1e-3
@@ -62,10 +64,16 @@ class Finger:
         """Whether its force is given, and its depth follows."""
         return self.press.force_N is not None
 
-    def check(self, depth_mm: float, push: float) -> None:
-        """`DesignError` where the finger went through the body, or pushes nothing any more."""
-        x, z = self.start_mm + depth_mm * self.way + self.press.radius_mm * self.way
+    def check(self, depth_mm: float, push: float, held: FloatArray) -> None:
+        """`DesignError` where it went through the body, runs into held points (N, 2), or pushes nothing any more."""
+        centre = self.start_mm + depth_mm * self.way
+        x, z = centre + self.press.radius_mm * self.way
         place = place_text((float(x), float(z)))
+        inside = np.hypot(*(held - centre).T) < self.press.radius_mm - INTO_HELD_MM
+        if inside.any():
+            hit_x, hit_z = held[inside][0]
+            limit = f"runs into a place that is held, {place_text((float(hit_x), float(hit_z)))}"
+            raise DesignError(self.press.name, limit=limit, remedy="press elsewhere, or hold less")
         if self.by_force and depth_mm >= self.through_mm:
             limit = f"pushes the finger {depth_mm:.3g} mm into a body of {self.through_mm:.3g} mm there, to {place}"
             raise DesignError(f"{self.press.name}.force_N", value=self.press.force_N, limit=limit, remedy="push less")

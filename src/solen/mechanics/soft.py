@@ -216,9 +216,17 @@ class Path:
         """The equilibrium at given amounts of the loads, from the last one."""
         state = self._reached(self.passed[-1], values, MOST_HALVINGS)
         self.passed.append(state)
+        held = self._points_held(state.guess)
         for k, finger in enumerate(self.problem.fingers):
-            finger.check(float(state.guess.depth[k]), float(state.guess.force[self.problem.pairs.finger == k].sum()))
+            push = float(state.guess.force[self.problem.pairs.finger == k].sum())
+            finger.check(float(state.guess.depth[k]), push, held)
         return state.guess
+
+    def _points_held(self, guess: Guess) -> FloatArray:
+        """Where nodes (N, 2) of the outline are whose position is given."""
+        own = np.unique(np.concatenate([e.nodes for e in self.problem.elements.mesh.faces.values()]))
+        held = np.intersect1d(own, self.problem.supports.fixed)
+        return np.asarray(self.problem.displaced(guess.unknowns)[held])
 
     def _reached(self, start: State, values: FloatArray, halvings: int) -> State:
         """The state at some amounts from another one, by halves where that is too far."""
