@@ -29,6 +29,8 @@ CHIP_MM = 0.2
 """Width and height of a small LED chip, where the design states none."""
 MOST_ANGLES = 13
 """Angles at most at which a sensor is traced that differs from the design."""
+PAPER_TOLERANCE = 1e-5
+"""To what the response as in the paper is integrated."""
 MOVED = 0.05
 """Change of the contrast above which the uncertainty of the index raises a warning: a fortieth of its range."""
 UNSTATED = ("part", "spectrum", "fwhm_nm", "pattern_table", "pattern_file", "ray_file")
@@ -197,7 +199,8 @@ def _as_in_paper(sensor: Sensor, own: Response) -> Response:
     paper = _with(sensor, values)
     if paper.light == light and sensor.scene().extrusion is None:
         raise _NoMeaning("the design is a point in the plane")
-    return paper.smooth(paper.power(own.angle_deg.tolist()))
+    found = paper.power(own.angle_deg.tolist(), tolerance=PAPER_TOLERANCE)
+    return paper.smooth(found, PAPER_TOLERANCE)
 
 
 def _as_built(sensor: Sensor) -> Sensor:

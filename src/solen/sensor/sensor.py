@@ -325,13 +325,16 @@ class Sensor:
         close, wide = (value[2] - value[1]) / (2 * half), (value[3] - value[0]) / (4 * half)
         return Slope(float(close), float(abs(wide - close) / 3 + (u[1] + u[2]) / (2 * half)))
 
-    def smooth(self, response: Response) -> Response:
-        """A response with angles added where its contrast bends, so that straight lines between them look smooth."""
+    def smooth(self, response: Response, tolerance: float | None = None) -> Response:
+        """A response with angles added where its contrast bends, so that straight lines between them look smooth.
+
+        The tolerance is that of `power`.
+        """
         while len(response.angle_deg) < MOST_ANGLES:
             added = between(response)
             if not added:
                 break
-            response = response.joined(self.power(added))
+            response = response.joined(self.power(added, tolerance=tolerance))
         return response
 
     def count(self, angles_deg: Sequence[float] | None = None, progress: Progress | None = None) -> Response:

@@ -279,7 +279,7 @@ def _comparison(sensor: Sensor) -> tuple[Sensor | None, str | None]:
 def _case(sensor: Sensor, progress: Progress | None, tolerance: float | None = None) -> Case:
     counted = None if _in_space(sensor.design) else sensor.count(progress=_part(progress, 0, 10))
     power = sensor.power(progress=_part(progress, 1, 10, 8), tolerance=tolerance)
-    curve = sensor.smooth(power)
+    curve = sensor.smooth(power, tolerance)
     null = curve.null_deg()
     slope = None if null is None else sensor.slope_per_deg(null, tolerance)
     if null is not None and slope is not None:
