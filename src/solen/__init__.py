@@ -5,7 +5,7 @@ into the body, y is out of plane; the undeformed lens vertex is the origin. Leng
 degrees, counter-clockwise with z up and x to the right, so a turn by -3 deg brightens the right receiver. Powers are
 fractions of the emitted power.
 
-The names of this package are those that a script needs, loaded when they are used::
+Public names are loaded on first use::
 
     import solen
 

@@ -1,7 +1,7 @@
 """Functions for scripts: files in, typed results out. Only `export` writes files.
 
-Each function does what a command does before it writes. Options are given by keyword: they are the fields of the
-options class that the function's text names, which `help` of that class explains.
+Each function does the work of a command, without writing files. Options are given by keyword: they are the fields of
+the options class named in the function's docstring; see `help` of that class.
 """
 
 from collections.abc import Sequence
@@ -92,7 +92,7 @@ def calibrate_printer(*measurements: FilePath, process: FilePath | None = None) 
 
 
 def export(design: "Design | FilePath", folder: FilePath, *formats: str) -> "Outcome[ExportedSolid]":
-    """Write a design's solid and drawings into a folder: ``"stl"``, ``"step"``, …; without any, STL and 3MF."""
+    """Write a design's solid and drawings into a folder, in formats ``"stl"``, ``"step"``, …; default: STL and 3MF."""
     from solen.pipeline.design.export import export as run
 
     return run(Path(design) if isinstance(design, str) else design, Path(folder), formats)

@@ -1,6 +1,6 @@
 """The installation: solen's version, the system, optional packages and the compiled tracer's cache.
 
-The interface: `examine` gives an `Installation`, whose text a bug report can carry as it is.
+The interface: `examine` returns an `Installation`, whose text can be pasted into a bug report.
 """
 
 import os
@@ -43,12 +43,12 @@ class Optional:
 
 @dataclass(frozen=True)
 class KernelCache:
-    """The compiled tracer on disk, which spares every later run the compilation.
+    """Cache of the compiled tracer on disk; with it, later runs need no compilation.
 
     Attributes
     ----------
     folder
-        Where it lies; None where there is no place to keep it.
+        Its folder; None if no folder is writable.
     files
         Compiled functions in it; 0 until the first trace.
     size_bytes
@@ -70,7 +70,7 @@ class Installation(Result):
     executable
         The Python that runs.
     threads
-        How many a trace uses where nobody says another number.
+        Number of threads that a trace uses by default.
     packages
         Versions of the packages that solen always needs, by name.
     optional
@@ -96,9 +96,9 @@ class Installation(Result):
 
 
 def examine() -> Installation:
-    """Look at this installation."""
+    """Describe this installation."""
     cache = kernel_cache()
-    warnings = () if cache.folder else ("the compiled tracer cannot be kept: each run compiles it anew",)
+    warnings = () if cache.folder else ("the compiled tracer cannot be cached: every run compiles it again",)
     return Installation(
         version=__version__,
         python=f"{platform.python_version()} {platform.python_implementation()}",

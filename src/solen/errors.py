@@ -1,6 +1,6 @@
 """Errors a user can act on: each says in one line what is wrong, the value, the limit and the remedy.
 
-A stage raises the kind that names whose input is at fault; the command line prints the line and exits with 2.
+The class of an error says which input is at fault; the command line prints the message and exits with code 2.
 Anything that is not a :class:`SolenError` is a defect of solen itself.
 """
 
@@ -16,13 +16,13 @@ class SolenError(Exception):
     Parameters
     ----------
     what
-        The thing that is wrong, by the name the user gave it (``lens.half_width_mm``, a file's path).
+        What is wrong, named as the user did (``lens.half_width_mm``, a file's path).
     value
         The value in question; left out of the line when ``None``.
     limit
         The limit that it breaks.
     remedy
-        How to put it right.
+        How to correct it.
     """
 
     def __init__(self, what: str, *, value: object = None, limit: str = "", remedy: str = "") -> None:
@@ -36,7 +36,7 @@ class SolenError(Exception):
 
 
 def _shown(value: object) -> str:
-    """A value as a reader needs it: nine digits of a number, and the beginning of a long text."""
+    """A value in short form: a number to nine digits, a long text cut off."""
     if isinstance(value, float):
         return str(float(f"{value:.9g}"))
     text = _DIGITS.sub(r"\1…", str(value))
@@ -57,12 +57,12 @@ class DesignError(SolenError):
 
 
 class OutputError(SolenError):
-    """The result cannot be written where it was asked for."""
+    """The requested output cannot be written."""
 
 
 class FrozenError(SolenError, AttributeError):
-    """A field of a design, of options or of a result was assigned to; none of them change, a changed copy is made."""
+    """Assignment to a field of a design, of options or of a result, which are immutable."""
 
 
 class BenchError(SolenError):
-    """An instrument does not do what it is asked, or is asked for what it cannot do."""
+    """An instrument failed, or cannot do what was requested."""

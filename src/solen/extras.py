@@ -1,6 +1,6 @@
-"""Packages that only parts of solen need: the extra that installs each, and the error if one is missing.
+"""Optional packages: the extra that installs each, and the error if one is missing.
 
-A plain installation does without them. Whoever needs one asks for it first and then imports it inside the function::
+A plain installation works without them. A function that uses one checks for it, then imports it locally::
 
     need("ezdxf", what="--dxf", doing="writing DXF")
     import ezdxf
@@ -24,7 +24,7 @@ class Package:
     extra
         The extra of solen that installs it.
     known_as
-        Its name in a message; empty: as pip names it.
+        Its name in messages; empty: the distribution's.
     """
 
     distribution: str
@@ -66,11 +66,11 @@ PACKAGES = {
     "xarray": Package("xarray", "netcdf"),
     "xlrd": Package("xlrd", "xls"),
 }
-"""Package to install for a module, by the name it is imported by."""
+"""Package that provides a module, by the module's import name."""
 
 
 def installed(module: str) -> bool:
-    """Whether a module of `PACKAGES` is installed; it is not loaded."""
+    """Whether a module of `PACKAGES` is installed, without importing it."""
     return sys.modules[module] is not None if module in sys.modules else find_spec(module) is not None
 
 
@@ -87,9 +87,9 @@ def need(
     Parameters
     ----------
     modules
-        By the names they are imported by; they are not loaded.
+        Import names; nothing is imported.
     what, value
-        Subject of the error, as the user named it: an option, a file; and what was asked of it.
+        Subject of the error as the user named it (an option, a file), and its value.
     doing
         Purpose of the module: "writing STEP".
     otherwise

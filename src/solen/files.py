@@ -1,4 +1,4 @@
-"""Reading and writing files so that nothing is ever half-written and every failure is one line.
+"""Reading and writing files: no file is ever half-written, and every failure is a one-line error.
 
 A file is written to a temporary name beside its target and renamed; an interrupted program leaves the old file or the
 new one, never a part of it.
@@ -20,9 +20,9 @@ from typing import TextIO
 from solen.errors import OutputError, SolenError
 
 DEVICES = {"CON", "PRN", "AUX", "NUL", *(f"{name}{digit}" for name in ("COM", "LPT") for digit in "0123456789¹²³")}
-"""Names that are no files on Windows, whatever their ending."""
+"""Names reserved by Windows, with any extension."""
 LONGEST_NAME = 200
-"""Length of a name in bytes: with its ending it must be a valid file name everywhere."""
+"""Longest name in bytes, so that name and extension are valid on every system."""
 SEALED = b"SOLENSEAL1"
 _SEAL = struct.Struct("<10sQI")
 _APART = 1 << 13
@@ -31,7 +31,7 @@ Content = bytes | Callable[[Path], object]
 
 
 def read_text(path: Path, error: type[SolenError]) -> str:
-    """Text of a UTF-8 file (a byte-order mark is dropped); ``error`` is raised in one line where that fails."""
+    """Text of a UTF-8 file, without a byte-order mark; raises ``error`` if it cannot be read."""
     try:
         return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
@@ -47,9 +47,9 @@ def read_text(path: Path, error: type[SolenError]) -> str:
 
 @contextlib.contextmanager
 def output_folder(path: Path) -> Iterator[Path]:
-    """Folder that results may go to, made with its parents if need be; `OutputError` where no file can be written.
+    """Create a folder for results, with its parents; `OutputError` if no file can be written there.
 
-    Leaving with an exception removes again what was made here and is still empty.
+    On an exception, folders created here that are still empty are removed.
     """
     made: list[Path] = []
     try:
@@ -70,12 +70,12 @@ def output_folder(path: Path) -> Iterator[Path]:
 
 
 def write_text(path: Path, text: str) -> Path:
-    """Write UTF-8 text under a temporary name and rename it to ``path``; `OutputError` where that fails."""
+    """Write UTF-8 text under a temporary name and rename it to ``path``; `OutputError` if that fails."""
     return write_bytes(path, text.encode("utf-8"))
 
 
 def write_bytes(path: Path, data: bytes) -> Path:
-    """Write bytes under a temporary name and rename it to ``path``; `OutputError` where that fails.
+    """Write bytes under a temporary name and rename it to ``path``; `OutputError` if that fails.
 
     A file that is replaced keeps its permissions; a new one has those of any new file.
     """
@@ -83,7 +83,7 @@ def write_bytes(path: Path, data: bytes) -> Path:
 
 
 def joined(*several: Mapping[Path, Content]) -> dict[Path, Content]:
-    """Contents of several groups of files together; `OutputError` where two of them are one file."""
+    """Contents of several groups of files combined; `OutputError` if two have the same path."""
     contents: dict[Path, Content] = {}
     known: set[Path] = set()
     for group in several:
@@ -96,9 +96,9 @@ def joined(*several: Mapping[Path, Content]) -> dict[Path, Content]:
 
 
 def write_all(contents: Mapping[Path, Content]) -> list[Path]:
-    """Write several files: all under temporary names first, then all renamed, one right after the other.
+    """Write several files, all under temporary names first, then rename all of them.
 
-    `OutputError` where one of them cannot be written; then none is.
+    `OutputError` if one of them cannot be written; then none is.
     """
     ready: dict[Path, tuple[Path, Path]] = {}
     path = Path()
@@ -122,9 +122,9 @@ def write_all(contents: Mapping[Path, Content]) -> list[Path]:
 
 @contextlib.contextmanager
 def streamed(path: Path) -> Iterator[TextIO]:
-    """Text file to be written to as it comes, under a temporary name until all of it is; `OutputError` where it fails.
+    """Text file written piece by piece, under a temporary name until it is complete; `OutputError` if writing fails.
 
-    Leaving with an exception leaves no file.
+    On an exception no file is left.
     """
     temporary = path.with_name(f"{_hidden(path)}{secrets.token_hex(6)}.tmp")
     try:
@@ -138,7 +138,7 @@ def streamed(path: Path) -> Iterator[TextIO]:
 
 
 def seal(path: Path) -> None:
-    """Append a checksum of a file to it, twice and apart, so that a single damage spares one; HDF5 ignores both."""
+    """Append two copies of a file's checksum, apart, so that one damaged spot leaves one intact; HDF5 ignores both."""
     size, crc = path.stat().st_size, _crc(path)
     body = _SEAL.pack(SEALED, size, crc)
     one = body + zlib.crc32(body).to_bytes(4, "little")
@@ -147,7 +147,7 @@ def seal(path: Path) -> None:
 
 
 def check_seal(path: Path, error: type[SolenError]) -> int:
-    """Size of a file without its seal; ``error`` if a sealed file is not the one written."""
+    """Size of a file without its seal; raises ``error`` if the content of a sealed file has changed."""
     try:
         with path.open("rb") as file:
             size = file.seek(0, os.SEEK_END)
@@ -160,12 +160,12 @@ def check_seal(path: Path, error: type[SolenError]) -> int:
             return stated[0]
     except OSError as bad:
         raise error(str(path), limit=f"cannot be read: {bad.strerror}", remedy="check the path") from None
-    limit = "is damaged: its content is not what was written, by the checksum at its end"
+    limit = "is damaged: its content does not match the checksum at its end"
     raise error(str(path), limit=limit, remedy="restore it from a copy, or from its journal")
 
 
 def _stated(end: bytes) -> tuple[int, int] | None:
-    """Size and checksum that a seal at a file's end states; None where no seal is whole."""
+    """Size and checksum stated by the seal at a file's end; None if no seal is intact."""
     place = end.find(SEALED)
     while place >= 0:
         body, crc = end[place : place + _SEAL.size], end[place + _SEAL.size :][:4]
@@ -186,7 +186,7 @@ def _crc(path: Path, size: int | None = None) -> int:
 
 
 def check_name(what: str, name: str, error: type[SolenError], remedy: str = "choose another") -> None:
-    """Raise ``error`` if Windows, macOS or Linux does not allow a file's name."""
+    """Raise ``error`` if Windows, macOS or Linux does not allow a file name."""
     limit = ""
     if any(sign in name for sign in '/\\:*?"<>|') or any(ord(sign) < 32 for sign in name):
         limit = 'must be the name of a file, without its folder and without any of / \\ : * ? " < > |'
@@ -201,13 +201,13 @@ def check_name(what: str, name: str, error: type[SolenError], remedy: str = "cho
 
 
 def csv_cell(text: str) -> str:
-    """A text for a CSV file: what a spreadsheet would take for a formula begins with an apostrophe."""
+    """A text for a CSV file; an apostrophe precedes what a spreadsheet would take for a formula."""
     shown = f"'{text}" if text[:1] in {"=", "+", "-", "@", "\t", "\r"} else text
     return '"' + shown.replace('"', '""') + '"' if any(sign in shown for sign in ',"\n\r') else shown
 
 
 def remove(path: Path) -> None:
-    """Remove a file, or a link to one, if it is there; `OutputError` where that fails."""
+    """Remove a file, or a link to one, if it exists; `OutputError` if that fails."""
     try:
         if path.is_file() or path.is_symlink():
             path.unlink()
@@ -229,7 +229,7 @@ def _hidden(target: Path) -> str:
 
 
 def _target(path: Path) -> Path:
-    """The file itself where ``path`` is a link to it; `ValueError` for what is there and not an ordinary file."""
+    """Target of ``path``, links followed; `ValueError` if something other than an ordinary file is there."""
     target = path.resolve()
     if not target.name or (target.exists() and not target.is_file()):
         raise ValueError("not an ordinary file")
@@ -237,7 +237,7 @@ def _target(path: Path) -> Path:
 
 
 def _write_new(path: Path, data: Content, like: Path) -> None:
-    """Write a file that must not exist yet, with the permissions of ``like`` where that exists."""
+    """Write a new file, with the permissions of ``like`` if that exists; fails if the file exists."""
     with path.open("xb") as file:
         if isinstance(data, bytes):
             file.write(data)
@@ -256,7 +256,7 @@ def _unwritable(path: Path, bad: OSError | ValueError, remedy: str) -> OutputErr
 
 
 def _remove_empty(folders: list[Path]) -> None:
-    """Remove folders that are empty, innermost first."""
+    """Remove empty folders, innermost first."""
     for folder in folders:
         with contextlib.suppress(OSError, ValueError):
             folder.rmdir()

@@ -18,7 +18,7 @@ class Fresnel(NamedTuple):
 
 
 def cos_refracted(cos_incident: float, n1: float, n2: float) -> float | None:
-    """Cosine of the refracted ray to the normal by Snell's law; None under total reflection."""
+    """Cosine of the angle of refraction, by Snell's law; None under total reflection."""
     cos2 = (n2 - n1) * (n2 + n1) + (n1 * cos_incident) ** 2  # times n2²; exact also where the indices match
     return None if cos2 <= 0.0 else math.sqrt(cos2) / n2
 
@@ -34,7 +34,7 @@ def fresnel(cos_incident: float, n1: float, n2: float) -> Fresnel:
 
 
 def reflected(direction: Point, normal: Point) -> Point:
-    """Direction after a mirror reflection, of length 1 however many went before."""
+    """Unit direction after a mirror reflection; renormalised, so that many reflections do not change its length."""
     twice = 2.0 * dot(direction, normal)
     return unit((direction[0] - twice * normal[0], direction[1] - twice * normal[1]))
 

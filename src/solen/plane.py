@@ -30,7 +30,7 @@ def minus(a: Point, b: Point) -> Point:
 
 
 def along(origin: Point, direction: Point, distance: float) -> Point:
-    """Point at a distance from the origin along a unit direction."""
+    """Point at a distance from ``origin`` along a unit direction."""
     return (origin[0] + distance * direction[0], origin[1] + distance * direction[1])
 
 
@@ -109,9 +109,10 @@ class Rigid:
 
 
 def off_a_line(x: NDArray[np.float64], y: NDArray[np.float64]) -> float:
-    """How far points (N,), x rising, lie along y from the straight line for which that is least, at most.
+    """Largest deviation along y of points (N,), x ascending, from their minimax straight line.
 
-    Half the least height of a band of straight lines about them: one of its sides lies on the convex hull.
+    It is half the height, along y, of the narrowest strip that contains them; one side of the strip lies on the
+    convex hull.
     """
     upper, lower = _chain(x, y, 1.0), _chain(x, y, -1.0)
     heights = [

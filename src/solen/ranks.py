@@ -1,12 +1,12 @@
-"""Ranks of warnings, and how many of one kind become one line.
+"""Ranks of warnings, and the merging of similar ones into one line.
 
-The idea: a warning is a sentence, often with a name before it (``cube 1.csv: ...``). What must not be used begins with
-`DO_NOT_USE`, what need not be acted on with `NOTE`; every other sentence is worth a look. The words are in the text,
-so files of results hold them too. One sentence of several things, such as of each specimen, is shown once with their
-count; warnings that differ in numbers alone are one line that lists the numbers, in one order.
+The idea: a warning is a sentence, often preceded by a name (``cube 1.csv: ...``). The most serious begin with
+`DO_NOT_USE`, remarks with `NOTE`; all others ask for a look. The rank is part of the text,
+so result files hold it too. A sentence about several things, such as specimens, is shown once with their
+count; warnings that differ only in numbers become one line that lists the numbers in order.
 
-The interface: `do_not_use`, `look_at` and `note` make a `Caution` of a sentence, `of` puts a name before it; `ranked`
-sorts and groups warnings for a reader. A result that holds ``tuple[Caution, ...]`` takes no sentence without a rank:
+The interface: `do_not_use`, `look_at` and `note` make a `Caution` from a sentence, `of` prefixes a name; `ranked`
+sorts and groups warnings for display. A result that holds ``tuple[Caution, ...]`` accepts no sentence without a rank:
 the type checker refuses it.
 """
 
@@ -17,7 +17,7 @@ from typing import NewType
 
 DO_NOT_USE, LOOK_AT, NOTE = "do not use", "warning", "note"
 RANKS = (DO_NOT_USE, LOOK_AT, NOTE)
-"""The most serious first; the middle one is that of a sentence that states none."""
+"""The most serious first; a sentence without a stated rank has the middle one."""
 _STATED = re.compile(rf"(?:(?<=: )|^)({DO_NOT_USE}|{NOTE}): ")
 _NUMBER = re.compile(r"[-+−]?\d+(?:[.,]\d+)*(?:e[-+]?\d+)?", re.IGNORECASE)
 _NAMES = 3  # parts before a sentence that may be names
@@ -35,31 +35,31 @@ class _Warning:
 
 
 Caution = NewType("Caution", str)
-"""A warning whose rank somebody chose."""
+"""A warning with an explicit rank."""
 
 
 def do_not_use(text: str) -> Caution:
-    """Warning of a number that must not be used."""
+    """Warning that a number must not be used."""
     return Caution(f"{DO_NOT_USE}: {text}")
 
 
 def look_at(text: str) -> Caution:
-    """Warning of a number that is to be looked at before it is used."""
+    """Warning that a number needs checking before use."""
     return Caution(text)
 
 
 def note(text: str) -> Caution:
-    """Remark that asks for nothing."""
+    """Remark that requires no action."""
     return Caution(f"{NOTE}: {text}")
 
 
 def of(name: str, caution: Caution) -> Caution:
-    """A warning with the name of what it is about before it; with no name, as it is."""
+    """A warning prefixed with the name of its subject; unchanged if the name is empty."""
     return Caution(f"{name}: {caution}") if name else caution
 
 
 def rank_of(text: str) -> str:
-    """Rank that a warning states, at its beginning or behind the names that it begins with."""
+    """Rank stated in a warning, at its beginning or after its names."""
     found = _STATED.search(text)
     return found[1] if found else LOOK_AT
 
@@ -70,7 +70,7 @@ def unranked(text: str) -> str:
 
 
 def ranked(warnings: Iterable[str]) -> list[str]:
-    """Lines for a reader, each with its rank: the most serious first, one sentence once."""
+    """Lines to display with their ranks: the most serious first, each sentence once."""
     every = [_Warning(rank_of(text), unranked(text)) for text in dict.fromkeys(warnings)]
     lines: list[str] = []
     for rank in RANKS:
@@ -83,13 +83,13 @@ def ranked(warnings: Iterable[str]) -> list[str]:
 
 
 def _merged(group: Sequence[_Warning]) -> tuple[list[_Warning], str]:
-    """Warnings that say the same as the first, of something else or in other numbers, and their line."""
+    """Warnings that repeat the first for other subjects or with other numbers, and their common line."""
     named = (_of_sentence(group, sentence) for _, sentence in group[0].tails())
     return max((*named, _of_numbers(group)), key=lambda found: len(found[0]))
 
 
 def _of_sentence(group: Sequence[_Warning], sentence: str) -> tuple[list[_Warning], str]:
-    """Warnings of one sentence behind their names."""
+    """Warnings with the same sentence after their names."""
     found = {one: name for one in group for name, tail in one.tails() if tail == sentence}
     if len(found) == 1:
         return list(found), group[0].text
@@ -97,7 +97,7 @@ def _of_sentence(group: Sequence[_Warning], sentence: str) -> tuple[list[_Warnin
 
 
 def _of_numbers(group: Sequence[_Warning]) -> tuple[list[_Warning], str]:
-    """Warnings whose whole text is that of the first but for numbers; all that differ are listed in its place."""
+    """Warnings that differ from the first only in numbers; in the line, all values stand where they differ."""
     words = _NUMBER.split(group[0].text)
     alike = [one for one in group if _NUMBER.split(one.text) == words]
     if len(alike) == 1:

@@ -1,12 +1,12 @@
-"""Registries: dictionaries of things by name, to which other installed packages add their own.
+"""Registries: dictionaries that other installed packages can extend.
 
-The idea: what solen itself knows is a plain dictionary beside the interface it belongs to. A laboratory's own package
-adds to it by one file and one line of its ``pyproject.toml``, an entry point of the dictionary's group::
+The idea: solen's own entries are a plain dictionary beside the interface they implement. A laboratory's package
+adds one with a module and one line of its ``pyproject.toml``, an entry point of the registry's group::
 
     [project.entry-points."solen.instruments"]
     my-board = "mylab.board:MyBoard"
 
-Nothing of another package is imported until its name is asked for.
+Another package is imported only when its name is looked up.
 
 The interface: `Registry`, a read-only mapping; the groups, `INSTRUMENTS`, `FORMATS`, `BODY_KINDS`, `PRINTERS` and
 `FINISHES`.
@@ -29,21 +29,21 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, eq=False)
 class Registry(Mapping[str, T], Generic[T]):
-    """Parts of solen by name, and those that other packages add under an entry-point group.
+    """Entries by name: solen's own, and those that other packages add under an entry-point group.
 
     Parameters
     ----------
     group
         Of the entry points.
     own
-        Those of solen.
+        solen's own entries.
     kind
-        Type that an entry of another package must be of, or a class that it must derive from.
+        Type of an entry of another package, or the class from which it must derive.
 
     Raises
     ------
     SolenError
-        On access, where another package's entry cannot be imported or is not of that kind.
+        On access, if another package's entry cannot be imported or has another type.
     """
 
     group: str
@@ -88,5 +88,5 @@ class Registry(Mapping[str, T], Generic[T]):
 
 @cache
 def offered(group: str) -> Mapping[str, EntryPoint]:
-    """Entry points of a group by name, none of them loaded."""
+    """Entry points of a group by name, not loaded."""
     return {entry.name: entry for entry in sorted(entry_points(group=group), key=lambda entry: entry.name)}

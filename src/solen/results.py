@@ -1,12 +1,12 @@
 """Typed results, which every stage returns, and their conversion to JSON, tables, xarray and notebooks.
 
-The idea: a result is a frozen dataclass that names its units and uncertainties; it stays one until the door. What JSON
-holds follows from its fields and from the properties marked `reported`, in their order, so no command writes a
-dictionary of its own. Conventions of the names are in docs/conventions.md: ``slope_V_per_deg`` is a value with its
+The idea: a result is a frozen dataclass that names its units and uncertainties, and remains one until it is shown. JSON
+holds its fields and the properties marked `reported`, in their order, so no command builds a
+dictionary itself. Names follow docs/conventions.md: ``slope_V_per_deg`` is a value with its
 unit, ``u_slope_V_per_deg`` its standard uncertainty, ``interval95_slope_V_per_deg`` its 95 % interval.
 
-The interface: a class derived from `Result` is a frozen dataclass; `plain` turns any value into what JSON can hold,
-`schema_of` gives the JSON Schema of a result's type.
+The interface: classes derived from `Result` are frozen dataclasses; `plain` converts any value to plain data for JSON,
+`schema_of` returns the JSON Schema of a result type.
 """
 
 import dataclasses
@@ -43,18 +43,18 @@ if typing.TYPE_CHECKING:
 else:
 
     class reported(property):  # noqa: N801  used as a decorator, as `property` is
-        """A property that JSON, tables and reprs hold beside the fields."""
+        """A property that appears beside the fields in JSON, tables and reprs."""
 
     class reported_once(functools.cached_property):  # noqa: N801
-        """A reported property that is computed at its first use and kept."""
+        """A reported property, computed on first use and cached."""
 
 
 AS_STATED = {"options", "sources"}
-"""Entries whose keys are those of other tables."""
+"""Fields whose keys come from other tables."""
 
 
 def in_unit(value: Any, unit: str, before: str = "V") -> Any:
-    """Plain data whose keys name another unit: ``range_pF``, ``sensitivity_lux_per_deg``."""
+    """Convert keys to another unit: ``range_pF``, ``sensitivity_lux_per_deg``."""
     if isinstance(value, list):
         return [in_unit(one, unit, before) for one in value]
     if not isinstance(value, dict) or unit == before:
@@ -73,9 +73,9 @@ def as_key(unit: str) -> str:
 
 @typing.dataclass_transform(frozen_default=True, eq_default=False, field_specifiers=(dataclasses.field,))
 class Result:
-    """Base of every typed result: what derives from it is a frozen dataclass.
+    """Base of every typed result; derived classes become frozen dataclasses.
 
-    Results hold arrays, so two are equal only where they are the same object; one of plain values may be compared:
+    Results hold arrays, so they compare by identity; a class of plain values may compare by value:
     ``class NewDesign(Result, eq=True)``.
     """
 
@@ -94,19 +94,19 @@ class Result:
         raise FrozenError(f"{type(self).__name__}.{name}", limit="does not change once made")
 
     def to_dict(self) -> dict[str, Any]:
-        """The result as plain data that JSON can hold: lists for arrays, None for what is not finite."""
+        """The result as plain data for JSON: lists for arrays, None for values that are not finite."""
         return {name: plain(value) for name, value in entries(self)}
 
     def to_dataset(self) -> "xarray.Dataset":
         """The result's numbers as an xarray dataset; needs the extra ``netcdf``.
 
-        One-dimensional arrays of the length of the first array field lie along that field as a coordinate; other
+        The first array field is the coordinate of one-dimensional arrays of its length; other
         arrays get dimensions of their own. Texts, numbers and flags become attributes.
 
         Raises
         ------
         OutputError
-            Where xarray is not installed.
+            If xarray is not installed.
         """
         need("xarray", what="to_dataset", doing="a dataset")
         import xarray
@@ -144,7 +144,7 @@ R = typing.TypeVar("R", bound=Result, covariant=True)
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Outcome(typing.Generic[R]):
-    """Outcome of a command: its result, and the files written, by content ("figure", "out")."""
+    """Outcome of a command: its result, and the written files by content ("figure", "out")."""
 
     result: R
     files: Mapping[str, Path] = dataclasses.field(default_factory=dict)
@@ -155,7 +155,7 @@ class Outcome(typing.Generic[R]):
 
 
 def entries(value: Any) -> Iterator[tuple[str, Any]]:
-    """Names and values of a dataclass that are reported: its public fields, then its `reported` properties."""
+    """Reported names and values of a dataclass: its public fields, then its `reported` properties."""
     for field in dataclasses.fields(value):
         if not field.name.startswith("_") and field.metadata.get("reported", True):
             yield field.name, getattr(value, field.name)
@@ -164,7 +164,7 @@ def entries(value: Any) -> Iterator[tuple[str, Any]]:
 
 
 def scalars(value: Any, within: str = "") -> Iterator[tuple[str, Any]]:
-    """Numbers, texts and flags of a dataclass by name, those of dataclasses inside it as ``deviation.rms_um``."""
+    """Numbers, texts and flags of a dataclass by name; those of nested dataclasses as ``deviation.rms_um``."""
     for name, entry in entries(value):
         if dataclasses.is_dataclass(entry):
             yield from scalars(entry, f"{within}{name}.")
@@ -174,12 +174,12 @@ def scalars(value: Any, within: str = "") -> Iterator[tuple[str, Any]]:
 
 @functools.singledispatch
 def plain(value: Any) -> Any:
-    """A value as JSON can hold it: lists, dictionaries, texts, finite numbers, booleans and None."""
+    """A value converted for JSON: lists, dictionaries, texts, finite numbers, booleans and None."""
     if dataclasses.is_dataclass(value):
         return {name: plain(one) for name, one in entries(value)}
     if hasattr(value, "model_dump"):
         return plain(value.model_dump())
-    raise TypeError(f"{type(value).__name__} has no plain form: hide the field or report a part of it")
+    raise TypeError(f"{type(value).__name__} cannot be converted to JSON: hide the field or report a part of it")
 
 
 @plain.register
@@ -234,7 +234,7 @@ def _(value: Sequence[Any]) -> list[Any]:
 
 
 def schema_of(kind: Any) -> dict[str, Any]:
-    """JSON Schema of what `plain` makes of a type; that of a dataclass describes each field by its docstring."""
+    """JSON Schema of a type as `plain` converts it; fields of a dataclass are described by its docstring."""
     origin, inside = typing.get_origin(kind), typing.get_args(kind)
     if origin is typing.Annotated:
         return schema_of(inside[0])
@@ -256,7 +256,7 @@ _JSON_TYPES: tuple[tuple[type | tuple[type, ...], Any], ...] = (
 
 
 def _class_schema(kind: type, inside: tuple[Any, ...]) -> dict[str, Any]:
-    """Schema of a class with the types in its brackets."""
+    """Schema of a generic class with its type arguments."""
     for known, name in _JSON_TYPES:
         if issubclass(kind, known):
             return {"type": name}
@@ -328,7 +328,7 @@ def described(kind: type) -> dict[str, str]:
 
 
 def _reported(kind: type) -> list[str]:
-    """Names of the reported properties of a type, those of its bases first."""
+    """Names of a type's reported properties, inherited ones first."""
     found: dict[str, None] = {}
     for base in reversed(kind.__mro__):
         found |= dict.fromkeys(

@@ -1,7 +1,7 @@
-"""Units inside solen are mm, nm, degrees and fractions of the emitted power; they are converted here, at the doors.
+"""Conversion of units on input and output; inside solen they are mm, nm, degrees and fractions of the emitted power.
 
-A file states units in its own spelling, ``N/mm²``, ``mW/cm2`` or ``µm``: `is_unit` knows whether a text is one,
-`factor` takes numbers from one to another. pint knows the units; it is loaded when the first text is asked about.
+Files spell units in many ways (``N/mm²``, ``mW/cm2``, ``µm``): `is_unit` recognises one,
+`factor` converts between two. pint does the work and is loaded on first use.
 """
 
 import re
@@ -26,7 +26,7 @@ _SPELLINGS |= {
     "-": "1",
 }
 _COUNTS = frozenset({"count", "counts"})
-"""Counts of a converter or an encoder: of what size, nobody knows; pint takes them for pure numbers, as it does rad."""
+"""Counts of a converter or an encoder have no known size; pint treats them as pure numbers, like rad."""
 _POWERS = str.maketrans({"²": "2", "³": "3", "⁻": "-", "¹": "1", "·": "*", "μ": "µ", "−": "-"})
 _FORM = re.compile(r"1|[1/%°a-zµΩ*^.\-0-9 ()]+", re.IGNORECASE)
 
@@ -37,12 +37,12 @@ def um_from_nm(wavelength_nm: float) -> float:
 
 
 def is_unit(text: str) -> bool:
-    """Whether a text is a unit, by the spellings of instruments and of people; an empty one is a pure number's."""
+    """Whether a text is a unit, in the spellings of instruments and people; an empty text is a dimensionless unit."""
     return _unit(text) is not None
 
 
 def factor(unit: str, wanted: str) -> float | None:
-    """Factor that turns a number in ``unit`` into one in ``wanted``; None where there is none.
+    """Factor that converts a number from ``unit`` to ``wanted``; None if there is none.
 
     Units without a factor, such as dB/cm and °C, convert only to themselves.
     """

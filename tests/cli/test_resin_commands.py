@@ -332,8 +332,8 @@ def test_a_mixture_is_weighed_in_both_readings(shell: Shell) -> None:
     assert [one["weighed_g"] for one in found["on_base"]["components"]] == [40.0, 10.0]
     assert (found["base"], found["of_whole"]["index_estimate"]) == ("RA-139", None)
     lines = shell.lines(*how)
-    assert lines[0] == "read as shares of the whole mixture: 50 g in all"
-    assert lines[3] == "read as grams for 100 g of the base: 50 g in all"
+    assert lines[0] == "percentages of the whole mixture: 50 g in all"
+    assert lines[3] == "grams per 100 g of the base: 50 g in all"
     known = [*("--density", "RA-139:1.1", "--density", "lauryl acrylate:0.88")]
     known += [*("--index", "RA-139:1.48", "--index", "lauryl acrylate:1.44")]
     lines = shell.lines(*how, *known)

@@ -90,10 +90,10 @@ def test_a_figure_of_a_scene(peer: Path, tmp_path: Path, capsys: pytest.CaptureF
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        (("--angle-deg", "0"), "--angle-deg = 0.0; belongs to a design"),
-        (("--no-lens",), "--no-lens; belongs to a design"),
-        (("--set", "lens.focus_mm=3"), "--set = 'lens.focus_mm=3'; belongs to a design"),
-        (("--rays", "7"), "--rays = 7; belongs to a design"),
+        (("--angle-deg", "0"), "--angle-deg = 0.0; applies to a design"),
+        (("--no-lens",), "--no-lens; applies to a design"),
+        (("--set", "lens.focus_mm=3"), "--set = 'lens.focus_mm=3'; applies to a design"),
+        (("--rays", "7"), "--rays = 7; applies to a design"),
         (("--mode", "guess"), "guess"),
         (("--sampling", "sobol"), "add --mode power"),
         (("--histogram", "7"), "add --mode power"),
@@ -164,7 +164,7 @@ def test_a_scene_can_be_checked(peer: Path, own: Path, tmp_path: Path, capsys: p
     found = json.loads(capsys.readouterr().out)
     assert (found["format"], found["rays"], found["receivers"], found["monitors"]) == ("solen", 2, ["eye"], ["line"])
     assert run_command(["check", str(own), "--set", "lens.focus_mm=3"]) == 2
-    assert "belongs to a design" in capsys.readouterr().err
+    assert "applies to a design" in capsys.readouterr().err
     bad = tmp_path / "bad.json"
     bad.write_text("{", encoding="utf-8")
     assert run_command(["check", str(bad)]) == 2

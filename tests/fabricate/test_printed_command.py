@@ -398,7 +398,7 @@ def test_bad_outputs_of_a_calibration_are_refused(tmp_path: Path) -> None:
 def test_a_file_that_is_read_is_never_written(sensor: Path, tmp_path: Path) -> None:
     """Not the design by its own correction, nor a drawing that a design names by its export or its layers."""
     text = sensor.read_text(encoding="utf-8")
-    with pytest.raises(OutputError, match=r"sensor\.toml; is a source itself"):
+    with pytest.raises(OutputError, match=r"sensor\.toml; is an input file"):
         predict(sensor, options=PrintOptions(process=sure(tmp_path)), response=False, compensate=sensor)
     assert sensor.read_text(encoding="utf-8") == text
     from solen.pipeline.design.export import export
@@ -410,6 +410,6 @@ def test_a_file_that_is_read_is_never_written(sensor: Path, tmp_path: Path) -> N
         f'schema = 1\nname = "body"\n[material]\nindex = 1.44\n[body]\nkind = "outline"\nfile = "{named.name}"\n'
     )
     before = named.read_bytes()
-    with pytest.raises(OutputError, match=r"body\.dxf; is a source itself"):
+    with pytest.raises(OutputError, match=r"body\.dxf; is an input file"):
         export(design, tmp_path, ("dxf",))
     assert named.read_bytes() == before

@@ -335,7 +335,7 @@ def test_streams_that_cannot_be_decoded(
     assert "ends in .csv" in refused(capfd, "bench", "decode", str(calibration), str(milli), "--out", "a.json")
     for more in ((), ("--force",)):
         itself = refused(capfd, "bench", "decode", str(calibration), str(milli), "--out", str(milli), *more)
-        assert "source itself" in itself
+        assert "input file" in itself
     assert "voltage without light" in refused(
         capfd, "bench", "decode", str(calibration), str(milli), "--gain-percent", "5"
     )

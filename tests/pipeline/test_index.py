@@ -141,7 +141,7 @@ def test_as_published_is_an_explicit_mode_with_a_label(tmp_path: Path) -> None:
     kept = json.loads((tmp_path / "n.json").read_text(encoding="utf-8"))
     assert (kept["kind"], kept["mode"], kept["measurement"]) == ("index", "as-published", False)
     drawn = (tmp_path / "n.svg").read_text(encoding="utf-8")
-    assert "no measurement: R made of T alone" in drawn
+    assert "R computed from T, not measured" in drawn
     assert "as published" in drawn
 
 

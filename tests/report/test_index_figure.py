@@ -51,8 +51,8 @@ def test_masked_points_and_the_band_are_visible() -> None:
 def test_what_is_no_measurement_says_so_on_the_picture() -> None:
     text = told(drawn(NM, T, mode="as-published"))
     assert "as published: R = 1 − T − A with A = −log10 T" in text
-    assert "no measurement: R made of T alone" in text
-    assert "no measurement" not in told(drawn(NM, T))
+    assert "R computed from T, not measured" in text
+    assert "not measured" not in told(drawn(NM, T))
 
 
 def test_each_mode_has_a_title_and_simulated_ones_say_so() -> None:

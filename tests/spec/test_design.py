@@ -132,8 +132,8 @@ def test_a_wrong_choice_is_told_with_the_choices(table: str, key: str, value: st
 
 
 def test_material_gives_exactly_one_of_index_and_resin() -> None:
-    assert told(material={}).startswith("material; gives neither index nor resin; add")
-    assert told(material={"index": 1.4, "resin": "pmma"}).startswith("material; gives both index and resin; keep")
+    assert told(material={}).startswith("material; states neither index nor resin; add")
+    assert told(material={"index": 1.4, "resin": "pmma"}).startswith("material; states both index and resin; keep")
 
 
 def test_a_table_alone_tells_its_dotted_key() -> None:
@@ -191,7 +191,7 @@ def test_receivers_move_behind_a_gap_only_and_a_y_has_no_mirrors() -> None:
     gap = {"coupling": "air-gap", "gap_mm": 0.5}
     assert design(motion={"moves": ["receivers"]}, receivers=gap).motion.moves == ("receivers",)
     line = told(motion={"moves": ["receivers"]})
-    assert line.startswith("motion.moves = ['receivers']; receivers on the arms' ends cannot turn")
+    assert line.startswith("motion.moves = ['receivers']; receivers on the arm ends cannot turn")
     assert told(motion={"moves": ["mirrors"]}).startswith("motion.moves = ['mirrors']; a Y has no mirrors")
 
 
@@ -204,7 +204,7 @@ DRAWN = {"kind": "outline", "file": "sensor.dxf"}
     [
         ({"motion": BEND | {"pivot": "emitter"}}, "motion.pivot = 'emitter'; has no meaning with motion.kind = "),
         ({"motion": BEND | {"join": "seam"}}, "motion.join = 'seam'; has no meaning with motion.kind = "),
-        ({"motion": {"moves": ["emitter"], "join": "seam"}}, "motion.join = 'seam'; has no meaning where the lens"),
+        ({"motion": {"moves": ["emitter"], "join": "seam"}}, "motion.join = 'seam'; has no meaning unless the lens"),
         ({"motion": {"join": "seam"}, "body": DRAWN}, "motion.join = 'seam'; has no meaning with body.kind"),
         ({"motion": BEND | {"moves": ["emitter"]}}, "motion.moves = ['emitter']; has no meaning with motion.kind"),
         ({"motion": BEND | {"bend_mm": [0, 5]}}, "motion.bend_mm = (0.0, 5.0); has no meaning with body.kind"),

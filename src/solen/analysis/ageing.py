@@ -95,7 +95,7 @@ def ageing_of(
     Raises
     ------
     DataError
-        Where there are fewer than three groups.
+        If there are fewer than three groups.
     """
     groups = ways.cycles // every
     if groups < LEAST_GROUPS:

@@ -88,7 +88,7 @@ def align(
     Raises
     ------
     DataError
-        Where the log shows no cycles, or the voltages do not follow it.
+        If the log shows no cycles, or the voltages do not follow it.
     """
     motion = find_motion(log_s, log_deg)
     coarse, rivals = _coarse(time_s, principal(volts), log_s, log_deg)

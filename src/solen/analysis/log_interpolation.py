@@ -88,7 +88,7 @@ _Line = tuple[float, float, float]
 
 
 def _ends(motion: Motion, log_s: FloatArray, log_deg: FloatArray) -> Iterator[tuple[_Line | None, _Line | None, int]]:
-    """Lines before and after each end of each ramp, and the entry beside it; None where entries are too few."""
+    """Lines before and after each end of each ramp, and the entry beside it; None if entries are too few."""
     ramps, final = motion.ramps, log_s.size - 1
     lines = [[_through(log_s, log_deg, part) for part in _ways(ramp)] for ramp in ramps]
     for number, ramp in enumerate(ramps):

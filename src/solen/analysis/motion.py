@@ -113,7 +113,7 @@ def find_motion(time_s: FloatArray, angle_deg: FloatArray) -> Motion:
     Raises
     ------
     DataError
-        Where the angle does not move, jumps from level to level, or makes no whole cycle.
+        If the angle does not move, jumps from level to level, or makes no whole cycle.
     """
     stops = _at_stops(time_s, angle_deg)
     way = (time_s, median_filter(angle_deg, 5, mode="nearest")) if stops is None else stops
@@ -264,7 +264,7 @@ def _ramps(angle_deg: FloatArray, runs: list[tuple[int, int, int]], half: int, t
 
 
 def _level(angle_deg: FloatArray, start: int, stop: int, half: int) -> float | None:
-    """Median of a hold between two runs; None where they follow one another at once."""
+    """Median of a hold between two runs; None if they follow one another at once."""
     inner = angle_deg[start + half : stop - half] if stop - start > 2 * half + 2 else angle_deg[start:stop]
     return float(np.median(inner)) if stop - start > half + 2 else None
 

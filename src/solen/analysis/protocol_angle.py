@@ -79,7 +79,7 @@ def angle_by_protocol(
     Raises
     ------
     DataError
-        Where the signals do not repeat, their cycle is shorter than the protocol's, or they do not go with it.
+        If the signals do not repeat, their cycle is shorter than the protocol's, or they do not go with it.
     """
     sides = left_right(receivers)
     signal = principal(volts) if sides is None else volts[:, sides[1]] - volts[:, sides[0]]
@@ -124,7 +124,7 @@ def _less_means(signal: FloatArray, turn: IndexArray) -> FloatArray:
 
 
 def _check_goes_with(signal: FloatArray, angle_deg: FloatArray, protocol: Protocol) -> None:
-    """`DataError` where a signal does not follow the angle of a protocol, beyond its noise."""
+    """`DataError` if a signal does not follow the angle of a protocol, beyond its noise."""
     edges = np.linspace(-1.0, 1.0, _CELLS + 1)[1:-1] * protocol.amplitude_deg
     cell = np.digitize(angle_deg, edges)
     count = np.maximum(np.bincount(cell, minlength=_CELLS), 1)

@@ -129,11 +129,11 @@ class SensorResponse(Result):
     label
         Name of the sensor.
     lens
-        Whether it has a lens; None where that is not known.
+        Whether it has a lens; None if that is not known.
     receivers
         Response of each receiver by its name.
     left_minus_right
-        Response of their difference; None where the names do not tell left from right.
+        Response of their difference; None if the names do not tell left from right.
     timing
         Contribution of timing to their hysteresis, and their hysteresis apart from it.
     runs
@@ -195,7 +195,7 @@ def sensor_response(
     Raises
     ------
     DataError
-        Where a recording holds no whole cycle, none is left, or its recordings have other receivers.
+        If a recording holds no whole cycle, none is left, or its recordings have other receivers.
     """
     first = recordings[0]
     for other in recordings[1:]:
@@ -407,7 +407,7 @@ def _cautions(receivers: dict[str, ReceiverResponse], ways: Passes, runs: Sequen
 
 
 def group_of(sensors: Sequence[SensorResponse]) -> SensorGroup | None:
-    """Mean and spread over sensors; None where their receivers or angles have nothing in common."""
+    """Mean and spread over sensors; None if their receivers or angles have nothing in common."""
     names = [name for name in sensors[0].receivers if all(name in sensor.receivers for sensor in sensors)]
     grids = [{round(float(angle), 9) for angle in sensor.passes.angle_deg} for sensor in sensors]
     common = np.array(sorted(set.intersection(*grids)))

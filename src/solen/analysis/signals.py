@@ -124,7 +124,7 @@ class Switching(Result):
     clipped_samples
         How many of them stand at a limit, by receiver.
     limits_V
-        Lowest and highest voltage of each receiver; None where no limit shows.
+        Lowest and highest voltage of each receiver; None if no limit shows.
     """
 
     on_off_hz: float
@@ -148,9 +148,9 @@ class Waveforms:
     receivers, volts
         Names (m,) and voltages (n, m).
     angle_deg
-        (n,); None where there is none.
+        (n,); None if there is none.
     clipped
-        Samples that the recording marks as clipped, (n, m); None where it marks none.
+        Samples that the recording marks as clipped, (n, m); None if it marks none.
     unit
         Of the values: V, or what the recording states that is no voltage, as pF, lux or counts.
     ambient_subtracted
@@ -158,7 +158,7 @@ class Waveforms:
     window_s
         Time over which each is a mean; 0 for samples.
     switching
-        Switching of the emitters; None where they do not switch.
+        Switching of the emitters; None if they do not switch.
     warnings
         Assumptions, and what is left out.
     """
@@ -199,11 +199,11 @@ class Signals:
     volts
         (n, m), NaN where there is no reading.
     lens
-        Whether it has a lens; None where it is not stated.
+        Whether it has a lens; None if it is not stated.
     source
         The file.
     clipped
-        Samples that the recording marks as clipped, (n, m); None where it marks none.
+        Samples that the recording marks as clipped, (n, m); None if it marks none.
     provenance
         Of the recording.
     unit
@@ -211,7 +211,7 @@ class Signals:
     ambient_subtracted
         Whether ambient light was subtracted; clipped samples are then those marked before.
     timing_bound_s
-        How far angles and readings may be apart in time, and what states it; None where only the angle shows it.
+        How far angles and readings may be apart in time, and what states it; None if only the angle shows it.
     ambient_V
         Mean of the ambient light that was subtracted, by side, where the recording states it.
     """
@@ -256,7 +256,7 @@ def sampled(recording: Recording, options: SignalOptions, angle: AngleSource = "
     Raises
     ------
     DataError, SpecError
-        Where a column is missing, holds no numbers or has a unit of another kind.
+        If a column is missing, holds no numbers or has a unit of another kind.
     """
     warnings: list[Caution] = list(recording.warnings)
     base = sample_times(recording, options, warnings)
@@ -371,7 +371,7 @@ def refuse_without_angle(recording: Recording) -> NoReturn:
 
 
 def recorded_angle_deg(recording: Recording, options: SignalOptions, warnings: list[Caution]) -> FloatArray | None:
-    """Angle at each sample as the file orders them, (n,); None where no column is one."""
+    """Angle at each sample as the file orders them, (n,); None if no column is one."""
     channel, file = _angle_column(recording, options), _file(recording)
     if channel is None:
         return None
@@ -385,7 +385,7 @@ def recorded_angle_deg(recording: Recording, options: SignalOptions, warnings: l
 
 
 def _check_degrees(channel: Channel, file: str, warnings: list[Caution]) -> None:
-    """`DataError` where an angle without a unit cannot be in degrees."""
+    """`DataError` if an angle without a unit cannot be in degrees."""
     farthest = float(np.nanmax(np.abs(channel.values), initial=0.0))
     if farthest > _FAR_DEG:
         limit = f"goes to {farthest:.4g} without a known unit, too far for degrees"

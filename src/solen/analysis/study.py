@@ -59,7 +59,7 @@ class Study(Result):
     sensors
         Every sensor by its label, in the order of the files.
     mean_of_sensors, mean_of_controls
-        Those with a lens and those without, side by side; None where there are none.
+        Those with a lens and those without, side by side; None if there are none.
     lens_beside_none
         Swing without a lens beside that with one, by receiver; None unless there are both.
     alignment
@@ -69,7 +69,7 @@ class Study(Result):
     options
         How the recordings were analysed, with what was detected.
     command
-        The command that states all of it; None where recordings differ in what was detected.
+        The command that states all of it; None if recordings differ in what was detected.
     dark_V
         Voltage without light: as stated, or 0 where ambient light is subtracted.
     ambient_subtracted
@@ -370,7 +370,7 @@ def _timing_bound_s(part: _Part) -> tuple[float, Literal["recording", "log"]] | 
 
 
 def _stated_lens(provenance: Provenance, options: AnalysisOptions, path: Path) -> tuple[bool | None, set[str]]:
-    """Whether a recording is of sensors with a lens (None where it is not stated), and the labels of those without."""
+    """Whether a recording is of sensors with a lens (None if it is not stated), and the labels of those without."""
     in_name = {} if options.pattern is None else labels(path, options.pattern)
     word = in_name.get("lens") or provenance.metadata.get("lens")
     texts = [value for key, value in provenance.metadata.items() if key.strip().casefold() in CONTROL_KEYS]

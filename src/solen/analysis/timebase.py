@@ -60,7 +60,7 @@ def time_base(time_s: FloatArray, name: str = "time") -> TimeBase:
     Raises
     ------
     DataError
-        Where there are too few stamps, or the clock runs backward.
+        If there are too few stamps, or the clock runs backward.
     """
     order = np.flatnonzero(np.isfinite(time_s))
     missing = time_s.size - order.size
@@ -85,7 +85,7 @@ def time_base(time_s: FloatArray, name: str = "time") -> TimeBase:
 
 
 def _disorder(time_s: FloatArray, order: IndexArray, steps: FloatArray, usual: float, name: str) -> Caution:
-    """Warning of a few samples out of order; `DataError` where the clock was set back."""
+    """Warning of a few samples out of order; `DataError` if the clock was set back."""
     back = np.flatnonzero(steps < 0.0)
     worst = back[np.argmin(steps[back])]
     row = int(order[worst + 1]) + 1

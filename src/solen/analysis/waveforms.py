@@ -30,7 +30,7 @@ _FOLLOWS = 0.5  # of the scatter of either phase: what the difference of both mu
 
 
 def waveforms(recording: Recording, options: SignalOptions, *, angle: AngleSource = "optional") -> dict[str, Waveforms]:
-    """Readings of a recording by emitter; the key is empty where emitters do not switch, or only one does.
+    """Readings of a recording by emitter; the key is empty if emitters do not switch, or only one does.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def waveforms(recording: Recording, options: SignalOptions, *, angle: AngleSourc
     Raises
     ------
     DataError, SpecError
-        Where a column is missing, holds no numbers or has a unit of another kind, or a stated rate is not in it.
+        If a column is missing, holds no numbers or has a unit of another kind, or a stated rate is not in it.
     """
     file = recording.provenance.file or "recording"
     whole = sampled(recording, options, angle)

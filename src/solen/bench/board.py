@@ -75,7 +75,7 @@ class SerialBoard:
     Raises
     ------
     BenchError
-        Where the board does not answer, or cannot do what it is asked.
+        If the board does not answer, or cannot do what it is asked.
     """
 
     def __init__(
@@ -165,7 +165,7 @@ class SerialBoard:
         self._sent += 1
 
     def command(self, kind: int, payload: bytes = b"") -> bytes:
-        """Answer to a command; `BenchError` where it was not obeyed."""
+        """Answer to a command; `BenchError` if it was not obeyed."""
         answer = self._answer(kind, payload)
         if answer is None:
             limit = f"no answer to {_NAMES[kind]} within {self._answer_s:g} s"
@@ -252,7 +252,7 @@ class BoardStage:
         return self._where()[1] / self._per_unit
 
     def on_target(self) -> bool:
-        """Whether it has come to rest where it was sent; `BenchError` where it rests elsewhere."""
+        """Whether it has come to rest where it was sent; `BenchError` if it rests elsewhere."""
         _, at, moving = self._where()
         if not moving and at != self._target:
             raise BenchError(self.name, limit=f"rests at step {at}, sent to {self._target}", remedy="was it reset?")
@@ -275,7 +275,7 @@ class BoardStage:
             self.board.close()
 
     def _steps(self, what: str, value: float, scale: float, *, signed: bool = True) -> int:
-        """A number as the board takes it; `BenchError` where 32 bits do not hold it."""
+        """A number as the board takes it; `BenchError` if 32 bits do not hold it."""
         low, high = (-(2**31), 2**31 - 1) if signed else (0, 2**32 - 1)
         if not low <= value * scale <= high:
             limit = f"{what} must be {low / scale:.6g} to {high / scale:.6g} {self.unit}: steps have 32 bits"

@@ -166,7 +166,7 @@ class Catalogue:
 
 
 def header_of(path: Path) -> dict[str, Any]:
-    """Header of a recording, as its journal began with it; `DataError` where a file is not one."""
+    """Header of a recording, as its journal began with it; `DataError` if a file is not one."""
     with _reading(path) as file:
         return dict(json.loads(file.attrs["header"]))
 
@@ -187,7 +187,7 @@ def _reading(path: Path) -> Iterator[Any]:
 
 
 def entry_of(path: Path) -> CatalogueEntry:
-    """Entry of a recording; `DataError` where a file is not one."""
+    """Entry of a recording; `DataError` if a file is not one."""
     with _reading(path) as file:
         header = json.loads(file.attrs["header"])
         times = file.variables["time_s"]

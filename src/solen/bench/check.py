@@ -139,7 +139,7 @@ def check(rig_file: Path, options: CheckOptions = CheckOptions()) -> RigCheck:
     Raises
     ------
     BenchError, SpecError
-        Where the rig file or an instrument is at fault, or nothing comes.
+        If the rig file or an instrument is at fault, or nothing comes.
     """
     rig = load_rig(rig_file)
     clock = clock_for(rig)
@@ -281,7 +281,7 @@ def jog(rig_file: Path, options: JogOptions = JogOptions(), *, confirm: Confirm 
     Raises
     ------
     BenchError, SpecError
-        Where options, rig file or stage are at fault, or the target lies beyond the rig's travel.
+        If options, rig file or stage are at fault, or the target lies beyond the rig's travel.
     """
     if options.to is not None and options.by is not None:
         raise SpecError("--to", value=options.to, limit="stands beside --by", remedy="give one of them")

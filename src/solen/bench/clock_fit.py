@@ -37,7 +37,7 @@ class ClockLine:
     delay_s
         Median delay of what came, beyond the least.
     bound_s
-        How far the line may be off, to either side; None where no exchange says so.
+        How far the line may be off, to either side; None if no exchange says so.
     """
 
     begin_s: float

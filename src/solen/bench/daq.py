@@ -45,7 +45,7 @@ class Model:
         For each way of wiring.
     switches
         Counters that put out pulses, each with the terminal on which they come out and the static line on the same
-        terminal; empty where its driver chooses the terminal, and where there is no such line.
+        terminal; empty if its driver chooses the terminal, and where there is no such line.
     lines
         Static digital outputs.
     simultaneous
@@ -65,7 +65,7 @@ class Model:
     timed_hz: float = 0.0
 
     def check(self, setup: "Setup") -> None:
-        """`BenchError` where it cannot do what is asked of it."""
+        """`BenchError` if it cannot do what is asked of it."""
         self._check_channels(setup)
         self._check_rate(setup)
         if setup.range_v not in self.ranges_v:
@@ -183,7 +183,7 @@ class Setup:
         ``external``, ``counter`` for the instrument's own, or ``lines``: digital outputs, one for each emitter, that
         follow the clock of the samples.
     model, range_v, terminal
-        The instrument (empty where it is asked what it is), its range ± V, and how inputs are wired.
+        The instrument (empty if it is asked what it is), its range ± V, and how inputs are wired.
     enable
         A static digital output that is high while samples are taken.
     alive
@@ -196,7 +196,7 @@ class Setup:
     Raises
     ------
     BenchError
-        Where the instrument cannot do it.
+        If the instrument cannot do it.
     """
 
     channels: tuple[str, ...]

@@ -41,7 +41,7 @@ class Driver:
     role
         The table of the rig file that may name it.
     open
-        Opens the instrument of a rig, with the clock that its waiting follows; raises `BenchError` where it cannot.
+        Opens the instrument of a rig, with the clock that its waiting follows; raises `BenchError` if it cannot.
     needs
         Key of that table which the driver cannot do without: ``port``, ``device``, ``address``, or none.
     takes

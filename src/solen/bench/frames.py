@@ -62,7 +62,7 @@ class Layout:
     Raises
     ------
     BenchError
-        Where there are none, or more than a frame holds.
+        If there are none, or more than a frame holds.
     """
 
     emitters: int

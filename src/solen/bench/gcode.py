@@ -34,7 +34,7 @@ class GcodeStage(LineStage):
     Raises
     ------
     BenchError
-        Where the board does not answer, or not as its firmware would.
+        If the board does not answer, or not as its firmware would.
     """
 
     firmware: ClassVar[str]
@@ -59,7 +59,7 @@ class GcodeStage(LineStage):
 
     @abstractmethod
     def _ends(self, line: str, text: str) -> bool:
-        """Whether a line ends the answer to a text; `BenchError` where it is the board's reason against it."""
+        """Whether a line ends the answer to a text; `BenchError` if it is the board's reason against it."""
 
     def _awake(self, ask: Callable[[], _Said]) -> _Said:
         """Its answer, as soon as it comes; earlier input is discarded."""

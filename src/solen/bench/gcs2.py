@@ -49,7 +49,7 @@ STAGES: dict[str, Unit] = {"M-060.DG": "deg", "M-111.1DG": "mm"}
 
 
 def unit_of(stage: str, unit: Unit | None) -> Unit:
-    """Unit of a stage: as it is stated, or that of one of `STAGES`; `BenchError` where neither says, or both differ."""
+    """Unit of a stage: as it is stated, or that of one of `STAGES`; `BenchError` if neither says, or both differ."""
     known = STAGES.get(stage)
     if unit is None and known is None:
         limit = f"is a stage whose unit is not known; those of {', '.join(STAGES)} are"
@@ -80,7 +80,7 @@ class Gcs2Stage(LineStage):
     Raises
     ------
     BenchError
-        Where the controller does not answer, is not a PI controller, reports an error or has another stage configured.
+        If the controller does not answer, is not a PI controller, reports an error or has another stage configured.
     """
 
     def __init__(
@@ -157,7 +157,7 @@ class Gcs2Stage(LineStage):
         return float(self._value("POS?"))
 
     def on_target(self) -> bool:
-        """Whether it has come to rest where it was sent; `BenchError` where the controller gave up."""
+        """Whether it has come to rest where it was sent; `BenchError` if the controller gave up."""
         if self._value("ONT?") == "1":
             return True
         if self._moving():

@@ -100,7 +100,7 @@ class Glances:
         self._periods: Periods | None = None
 
     def read(self) -> Glance | None:
-        """Data since the last call; None where there is none, or it shows no switching."""
+        """Data since the last call; None if there is none, or it shows no switching."""
         return self._of_samples(self._sampler) if isinstance(self._sampler, Daq) else self._of_periods(self._sampler)
 
     def _of_periods(self, board: EmitterBoard) -> Glance | None:

@@ -95,7 +95,7 @@ class GrblStage(GcodeStage):
         return self._status()[1] - (self._zero or 0.0)
 
     def on_target(self) -> bool:
-        """Whether it has come to rest where it was sent; `BenchError` where it rests elsewhere."""
+        """Whether it has come to rest where it was sent; `BenchError` if it rests elsewhere."""
         state, at = self._status()
         if state not in AT_REST:
             return False
@@ -130,7 +130,7 @@ class GrblStage(GcodeStage):
         raise self._refusal(f"says {line[:40]!r} and no state", "is it GRBL? check the baud rate")
 
     def _ends(self, line: str, text: str) -> bool:
-        """Whether a line ends an answer; `BenchError` where it is the controller's reason against it."""
+        """Whether a line ends an answer; `BenchError` if it is the controller's reason against it."""
         if line.startswith(("error:", "ALARM:")):
             raise self._refusal(f"{text}: {_meaning(line)}", "see the wiki of GRBL")
         return line == "ok"

@@ -39,7 +39,7 @@ class HandStage:
     say
         Shows a line to the operator; default: stderr.
     answer
-        Waits for a line of theirs, and gives it with its end; empty where nobody can answer any more. Default: stdin.
+        Waits for a line of theirs, and gives it with its end; empty if nobody can answer any more. Default: stdin.
     """
 
     patience_s = PATIENCE_S

@@ -30,14 +30,14 @@ def make_known(stage: Stage, home: Home, zero: float, confirm: Confirm | None = 
     zero
         Position at which the sensor is straight.
     confirm
-        Asked where ``home`` is false; None where nobody is there.
+        Asked where ``home`` is false; None if nobody is there.
     resumed
         Whether a run goes on that was interrupted: the stage then stands anywhere.
 
     Raises
     ------
     BenchError
-        Where the stage may not move, or finds no reference.
+        If the stage may not move, or finds no reference.
     """
     if not _moves_to_know(stage):
         stage.reference()

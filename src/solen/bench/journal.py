@@ -52,7 +52,7 @@ class Journal:
 
     @classmethod
     def create(cls, path: Path, header: Mapping[str, Any], dtypes: Mapping[str, np.dtype[np.void]]) -> Self:
-        """A new journal; `BenchError` where there is one already or none can be written.
+        """A new journal; `BenchError` if there is one already or none can be written.
 
         ``dtypes`` are structured, one for each stream.
         """
@@ -168,7 +168,7 @@ def read_journal(path: Path) -> JournalContent:
     Raises
     ------
     DataError
-        Where the file cannot be read, is not a journal, or was damaged before its end.
+        If the file cannot be read, is not a journal, or was damaged before its end.
     """
     try:
         with path.open("rb") as file:

@@ -44,7 +44,7 @@ class JournalContent:
     events
         Events in their order, each with ``t_s`` and ``what``.
     end
-        Entries at its end; None where the run was killed.
+        Entries at its end; None if the run was killed.
     whole_bytes, lost_bytes
         Where the last whole record ends, and the length of the unfinished one after it.
     damaged_bytes
@@ -126,7 +126,7 @@ def described(dtype: np.dtype[np.void]) -> list[list[Any]]:
 
 
 def dtypes_of(header: Mapping[str, Any], path: Path) -> dict[str, np.dtype[np.void]]:
-    """Columns of each stream, in the order of their numbers; `DataError` where a header does not state them."""
+    """Columns of each stream, in the order of their numbers; `DataError` if a header does not state them."""
     try:
         return {
             name: np.dtype([(column, kind, tuple(shape)) for column, kind, shape in columns])

@@ -88,7 +88,7 @@ class KinesisStage(LineStage):
     Raises
     ------
     BenchError
-        Where the controller does not answer, is none of `CONTROLLERS`, refuses a command, or reports a fault.
+        If the controller does not answer, is none of `CONTROLLERS`, refuses a command, or reports a fault.
     """
 
     def __init__(
@@ -151,7 +151,7 @@ class KinesisStage(LineStage):
         return (self._status()[0] - (self._zero or 0.0)) / self._per_unit
 
     def on_target(self) -> bool:
-        """Whether it has come to rest where it was sent; `BenchError` where it rests elsewhere or reports a fault."""
+        """Whether it has come to rest where it was sent; `BenchError` if it rests elsewhere or reports a fault."""
         at, bits = self._status()
         self._check(bits)
         if bits & (MOVING | HOMING):
@@ -171,7 +171,7 @@ class KinesisStage(LineStage):
         self._come_to_rest(lambda: not self._status()[1] & (MOVING | HOMING))
 
     def _set_velocity(self, velocity: float) -> None:
-        """Set a velocity, with the acceleration that it has; `BenchError` where the controller does not take it."""
+        """Set a velocity, with the acceleration that it has; `BenchError` if the controller does not take it."""
         value = self._whole(round(self._scale * velocity * self._per_unit))
         _, lowest, acceleration, now = self._asked(_VELOCITY, ASK_VELOCITY)
         if value == now:

@@ -67,7 +67,7 @@ class LineStage(ABC):
         return True
 
     def _come_to_rest(self, resting: Callable[[], bool]) -> None:
-        """After a stop; `BenchError` where it goes on."""
+        """After a stop; `BenchError` if it goes on."""
         if not self._came_true(resting, STOPS_S, STOP_LOOK_S):
             raise self._refusal("does not stop", "cut its supply")
 

@@ -21,7 +21,7 @@ class Link(Protocol):
     name: str
 
     def write(self, data: bytes) -> None:
-        """Send bytes; `BenchError` where the line is gone."""
+        """Send bytes; `BenchError` if the line is gone."""
 
     def read(self, most: int, timeout_s: float) -> bytes:
         """Bytes received, up to ``most``; waits for the first, none after the time is up."""
@@ -38,7 +38,7 @@ class SerialLink:
         self._port = port
 
     def write(self, data: bytes) -> None:
-        """Send bytes; `BenchError` where the line is gone."""
+        """Send bytes; `BenchError` if the line is gone."""
         self._tried(self._port.write, data)
 
     def read(self, most: int, timeout_s: float) -> bytes:
@@ -70,7 +70,7 @@ class SerialLink:
 
 
 def open_link(name: str, *, baud: int = 115_200) -> SerialLink:
-    """Serial port by its name in pyserial; `BenchError` where pyserial is not installed, or there is no such port."""
+    """Serial port by its name in pyserial; `BenchError` if pyserial is not installed, or there is no such port."""
     need("serial", what=name, error=BenchError)
     import serial
 
@@ -89,7 +89,7 @@ def _ports() -> str:
 
 
 Cut = Callable[[bytes], tuple[bytes, bytes] | None]
-"""The first whole message of what came, and the rest; None where none is whole."""
+"""The first whole message of what came, and the rest; None if none is whole."""
 
 
 def line_of(data: bytes) -> tuple[bytes, bytes] | None:
@@ -111,7 +111,7 @@ class Lines:
         """Whether something was sent whose answer was not taken, so that it may come yet, as if it were another's."""
 
     def next(self) -> str:
-        """One line; `BenchError` where none came in time, or what came is not text."""
+        """One line; `BenchError` if none came in time, or what came is not text."""
         line = self.next_bytes()
         try:
             return line.decode("ascii")
@@ -120,7 +120,7 @@ class Lines:
             raise BenchError(self._link.name, limit=limit, remedy="check the baud rate") from None
 
     def next_bytes(self) -> bytes:
-        """One line as it came; `BenchError` where none came in time."""
+        """One line as it came; `BenchError` if none came in time."""
         due = self._clock.now_s() + self._timeout_s
         while (found := self._cut(self._waiting)) is None:
             left = due - self._clock.now_s()
@@ -133,7 +133,7 @@ class Lines:
         return line
 
     def there(self) -> str | None:
-        """A line that has come already; None where none is whole."""
+        """A line that has come already; None if none is whole."""
         self._waiting += self._link.read(4096, 0.0)
         return None if self._cut(self._waiting) is None else self.next().strip()
 

@@ -21,7 +21,7 @@ def locked(path: Path) -> Iterator[None]:
     Raises
     ------
     BenchError
-        Where another process holds it. A file system without locks gives it to everybody.
+        If another process holds it. A file system without locks gives it to everybody.
     """
     file = path.with_name(f".{path.name}.lock")
     with contextlib.ExitStack() as leftover, contextlib.ExitStack() as connection:  # closed first: Windows asks for it

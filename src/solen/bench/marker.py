@@ -45,7 +45,7 @@ ROUNDS, FITTED = 6, 400
 
 
 class Finder:
-    """Markers of one dictionary in pictures; `DataError` where OpenCV is not installed."""
+    """Markers of one dictionary in pictures; `DataError` if OpenCV is not installed."""
 
     def __init__(self, dictionary: Dictionary) -> None:
         need("cv2", what="video", doing="reading pictures", error=DataError)
@@ -66,7 +66,7 @@ class Finder:
 
 
 def refined(picture: FloatArray, corners: FloatArray) -> FloatArray | None:
-    """Corners (4, 2) by the lines of the marker's sides; None where a side cannot be followed."""
+    """Corners (4, 2) by the lines of the marker's sides; None if a side cannot be followed."""
     for _ in range(2):
         sides = [_line(picture, corners[place], corners[(place + 1) % 4]) for place in range(4)]
         lines = [side for side in sides if side is not None]

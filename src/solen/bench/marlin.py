@@ -67,7 +67,7 @@ class MarlinStage(GcodeStage):
         return float(found[1])
 
     def on_target(self) -> bool:
-        """Whether it has come to rest where it was sent; `BenchError` where its own limits kept it from there."""
+        """Whether it has come to rest where it was sent; `BenchError` if its own limits kept it from there."""
         if not self._settled():
             return False
         if abs((at := self.position()) - self._target) > 0.01:
@@ -96,7 +96,7 @@ class MarlinStage(GcodeStage):
         return not self._owed
 
     def _ends(self, line: str, text: str) -> bool:
-        """Whether a line ends an answer; `BenchError` where it is the board's reason against it."""
+        """Whether a line ends an answer; `BenchError` if it is the board's reason against it."""
         if line.startswith("Error:") or "Unknown command" in line:
             raise self._refusal(f"{text}: {line}", "see the board's display, and reset it")
         return line == "ok" or line.startswith("ok ")

@@ -79,7 +79,7 @@ class AskingMeter(ABC):
 
     @abstractmethod
     def measure(self) -> Reading:
-        """Ask for a reading and wait for it; `DataError` where it cannot be made of what was measured."""
+        """Ask for a reading and wait for it; `DataError` if it cannot be made of what was measured."""
 
     @abstractmethod
     def release(self) -> None:

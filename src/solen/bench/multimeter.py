@@ -39,7 +39,7 @@ class Multimeters(AskingMeter):
     Raises
     ------
     BenchError
-        Where one is not there, or takes a command not.
+        If one is not there, or takes a command not.
     """
 
     def __init__(

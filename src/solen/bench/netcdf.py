@@ -89,7 +89,7 @@ class RecordedRun(Result):
 
 
 def check_installed() -> None:
-    """`OutputError` where what writes netCDF is not installed."""
+    """`OutputError` if what writes netCDF is not installed."""
     need("h5netcdf", "h5py", what="netCDF")
 
 
@@ -99,7 +99,7 @@ def write_recording(journaled: JournalContent, path: Path) -> RecordedRun:
     Raises
     ------
     OutputError
-        Where the file cannot be written, or h5netcdf is not installed.
+        If the file cannot be written, or h5netcdf is not installed.
     """
     check_installed()
     done: list[RecordedRun] = []

@@ -69,7 +69,7 @@ class NiDaq:
     Raises
     ------
     BenchError
-        Where nidaqmx or NI-DAQmx is not installed, or the device is not there, another, in use, at fault, or cannot do
+        If nidaqmx or NI-DAQmx is not installed, or the device is not there, another, in use, at fault, or cannot do
         what is asked of it.
     """
 
@@ -104,7 +104,7 @@ class NiDaq:
 
     @property
     def no_watchdog(self) -> str | None:
-        """State left by a killed program, and the remedy; None where an external watchdog is fed."""
+        """State left by a killed program, and the remedy; None if an external watchdog is fed."""
         lights = self.setup.switching != "external" or self.setup.enable is not None
         if not lights or self.setup.alive is not None:
             return None
@@ -150,7 +150,7 @@ class NiDaq:
         return Samples(self._stretch, first, np.ascontiguousarray(counts.T), remarks)
 
     def stop(self) -> None:
-        """Emitters off, no more samples; `BenchError` where the lines cannot be set."""
+        """Emitters off, no more samples; `BenchError` if the lines cannot be set."""
         failed = self._off()
         if failed is not None:
             raise failed
@@ -161,7 +161,7 @@ class NiDaq:
             self.stop()
 
     def _checked(self, setup: Setup) -> Model:
-        """What the device can do; `BenchError` where it is not what the rig says, or cannot do what is asked."""
+        """What the device can do; `BenchError` if it is not what the rig says, or cannot do what is asked."""
         with self._translated("find"):
             device = self._ni.system.Device(self._device)
             product = device.product_type
@@ -240,7 +240,7 @@ class NiDaq:
         self._next, self._begun_s = 0, self._clock.now_s()
 
     def _again(self, code: int) -> Samples:
-        """Count an overrun and begin another stretch; `BenchError` where they follow one another."""
+        """Count an overrun and begin another stretch; `BenchError` if they follow one another."""
         now = self._clock.now_s()
         lost = max(0, round((now - self._begun_s) * self.rate_hz) - self._next)
         self.losses.samples += lost
@@ -261,7 +261,7 @@ class NiDaq:
         return Samples(self._stretch, 0, np.zeros((0, len(self.setup.channels)), np.int16), (remark,))
 
     def _check_emitters(self) -> None:
-        """`BenchError` where a task that switches emitters has ended: its lines stand still while inputs go on."""
+        """`BenchError` if a task that switches emitters has ended: its lines stand still while inputs go on."""
         with self._translated("switch the emitters"):
             ended = any(task.is_task_done() for task in self._tasks[:-1])
         if ended:

@@ -23,7 +23,7 @@ _Value = TypeVar("_Value")
 
 
 def nidaqmx_package() -> Any:
-    """The package; `BenchError` where it is not installed."""
+    """The package; `BenchError` if it is not installed."""
     need("nidaqmx", what="daq.driver", value="nidaqmx", error=BenchError)
     for part in ("constants", "errors", "stream_readers", "stream_writers", "system"):
         importlib.import_module(f"nidaqmx.{part}")

@@ -99,7 +99,7 @@ class Oscilloscope(AskingMeter):
     Raises
     ------
     BenchError
-        Where it is not there, is of none of `DIALECTS`, or takes a command not.
+        If it is not there, is of none of `DIALECTS`, or takes a command not.
     """
 
     def __init__(

@@ -54,7 +54,7 @@ def clock_of(time_s: FloatArray, volts: FloatArray, setup: Setup, switch_hz: flo
     Raises
     ------
     DataError
-        Where the window shows no switching.
+        If the window shows no switching.
     """
     slots_hz = switch_hz * setup.emitters
     if setup.switching != "external":

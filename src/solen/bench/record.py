@@ -90,9 +90,9 @@ def record(
     Raises
     ------
     BenchError, SpecError, DataError, DesignError, OutputError
-        Where files, instruments or the folder are at fault. What was recorded by then is in the journal.
+        If files, instruments or the folder are at fault. What was recorded by then is in the journal.
     Ended
-        Where Ctrl-C or a signal ended it; emitters are off, the stage stands still, and its line says what is kept.
+        If Ctrl-C or a signal ended it; emitters are off, the stage stands still, and its line says what is kept.
     """
     check_installed()
     protocol, rig = load_protocol(protocol_file), load_rig(rig_file)
@@ -176,7 +176,7 @@ def _kept(path: Path) -> Iterator[None]:
 
 
 def _check_room(path: Path, target: Path) -> None:
-    """`OutputError` where the disk has no room for the recording of a journal."""
+    """`OutputError` if the disk has no room for the recording of a journal."""
     if not path.exists():
         return
     needed = int(ROOM_OF_JOURNAL * path.stat().st_size) + ROOM_BYTES

@@ -97,7 +97,7 @@ def unfinished(file: BinaryIO, version: int, place: int, size: int) -> bool:
 
 
 def _at(file: BinaryIO, version: int, place: int, size: int, number: int) -> tuple[Record, bytes] | None:
-    """The record that begins at a place, and its payload; None where none that is whole does."""
+    """The record that begins at a place, and its payload; None if none that is whole does."""
     form = _HEAD if version == 2 else _HEAD_1
     file.seek(place)
     head = file.read(form.size)

@@ -220,7 +220,7 @@ class DaqOf(BenchTable):
         return self.model or ("USB-6218" if self.driver == "simulated" else "")
 
     def setup(self, emitters: int, inputs: int) -> Setup:
-        """Its settings for so many emitters and inputs; `BenchError` where it is known that it cannot."""
+        """Its settings for so many emitters and inputs; `BenchError` if it is known that it cannot."""
         pool = MODELS[self.kind].inputs[self.terminal] if self.kind in MODELS else None
         channels = self.channels or (pool or tuple(f"ai{number}" for number in range(inputs)))[:inputs]
         if len(channels) != inputs:

@@ -4,7 +4,7 @@ The idea: a protocol is run on roles. A real instrument and a simulated one stan
 of them it is, only the rig file knows.
 
 The interface: `Stage`, `Homes`, `EmitterBoard`, `KeepsTime`, `Daq`, `Meter`; `Sampler` is any of the last.
-Every call raises `BenchError` where the instrument does not do what it is asked.
+Every call raises `BenchError` if the instrument does not do what it is asked.
 """
 
 from typing import Literal, Protocol, runtime_checkable
@@ -106,7 +106,7 @@ class KeepsTime(Protocol):
     """A board that can be asked for its time, so that more is known than what listening shows."""
 
     def time_s(self) -> float | None:
-        """Its own time now, in s, as it stamps periods; NaN where it answers without, None where it does not answer."""
+        """Its own time now, in s, as it stamps periods; NaN where it answers without, None if it does not answer."""
 
 
 @runtime_checkable

@@ -110,10 +110,10 @@ def run(
     Raises
     ------
     BenchError
-        Where an instrument fails; what was recorded up to then is in the journal, which says so. Emitters are off and
+        If an instrument fails; what was recorded up to then is in the journal, which says so. Emitters are off and
         the stage stands still.
     KeyboardInterrupt
-        Where Ctrl-C stopped it; likewise. Of either, notes name what could not be stopped.
+        If Ctrl-C stopped it; likewise. Of either, notes name what could not be stopped.
     """
     if instruments.stage.unit != protocol.unit:
         limit = f"moves in {protocol.unit}, and the stage {instruments.stage.name} in {instruments.stage.unit}"

@@ -31,7 +31,7 @@ class Taken:
     came
         How far it has come, for the stream ``came``.
     last
-        Something to show of the last period, shape (emitters, 2, inputs): on and off, from 0 up; None where nothing
+        Something to show of the last period, shape (emitters, 2, inputs): on and off, from 0 up; None if nothing
         came.
     remarks
         Events of the instrument.
@@ -79,7 +79,7 @@ class BoardSampling:
         return None
 
     def time_s(self) -> float | None:
-        """The board's own time; NaN where it answers without, None where it cannot be asked."""
+        """The board's own time; NaN where it answers without, None if it cannot be asked."""
         return self._board.time_s() if isinstance(self._board, KeepsTime) else None
 
     def read(self) -> Taken:

@@ -116,9 +116,9 @@ class Timing:
     look_interval_s, look_jitter_s
         Median, and standard deviation, of the time from look to look while the stage moves.
     look_round_trip_s
-        Mean time from question to answer while it moves; None where it was not recorded.
+        Mean time from question to answer while it moves; None if it was not recorded.
     sampler_bound_s
-        How far the sampler's clock may be off on the run's; None where unknown.
+        How far the sampler's clock may be off on the run's; None if unknown.
     between_looks_s
         What the curve between looks is off by while the stage moves, as a time at its speed: a quarter of the root
         mean square by which every second look misses a curve through the others.

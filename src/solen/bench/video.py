@@ -138,7 +138,7 @@ def motion_of(path: Path, options: VideoOptions = VideoOptions()) -> VideoMotion
     Raises
     ------
     DataError, SpecError
-        Where the video cannot be read, shows no marker or several, or options do not go together.
+        If the video cannot be read, shows no marker or several, or options do not go together.
     """
     _check(options)
     number, seen = _looked(path, options)
@@ -301,7 +301,7 @@ def _u_zero(angle: FloatArray, u_deg: float, warnings: list[Caution]) -> float:
 
 
 def _glow(time_s: FloatArray, level: FloatArray) -> tuple[float, ...]:
-    """When the emitters are seen to go on, and off if they are; `DataError` where no glow stands out."""
+    """When the emitters are seen to go on, and off if they are; `DataError` if no glow stands out."""
     low, high = np.percentile(level, [2, 98])
     noise = 1.4826 * float(np.median(np.abs(np.diff(level)))) / np.sqrt(2.0)
     lit = level > 0.5 * (low + high)

@@ -27,7 +27,7 @@ class Scpi:
     Raises
     ------
     BenchError
-        Where PyVISA is not installed, or nothing answers at that name.
+        If PyVISA is not installed, or nothing answers at that name.
     """
 
     def __init__(self, address: str, *, backend: str = "@py", answer_s: float = 5.0) -> None:

@@ -58,7 +58,7 @@ class ZaberStage(LineStage):
     Raises
     ------
     BenchError
-        Where the device does not answer, refuses a command, or warns of a fault.
+        If the device does not answer, refuses a command, or warns of a fault.
     """
 
     def __init__(
@@ -117,7 +117,7 @@ class ZaberStage(LineStage):
         return float(self._ask("get pos").data) / self._per_unit
 
     def on_target(self) -> bool:
-        """Whether it has come to rest where it was sent; `BenchError` where it rests elsewhere or warns of a fault."""
+        """Whether it has come to rest where it was sent; `BenchError` if it rests elsewhere or warns of a fault."""
         reply = self._ask("get pos")
         if not reply.idle:
             return False

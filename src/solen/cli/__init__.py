@@ -76,7 +76,7 @@ def _one_line(bad: cyclopts.CycloptsError, arguments: Sequence[str]) -> str:
 
 
 def _drop_output() -> None:
-    """Discard what would be flushed at exit, once stdout accepts no more output."""
+    """Discard buffered output that stdout no longer accepts, so that flushing at exit does not fail."""
     sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: PTH123, SIM115  it lives until the interpreter ends
 
 

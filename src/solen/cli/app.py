@@ -1,6 +1,6 @@
 """Code that the commands share: the application, and the printing of results.
 
-A command returns an `Outcome`: a typed result and the files that were written. `show_outcome` prints it: as one JSON
+A command returns an `Outcome`: a typed result and the written files. `show_outcome` prints it: as one JSON
 object with ``--json``; else the lines that `lines` makes of the result's type, then its warnings, then the files. A
 command module registers the lines of its result::
 
@@ -76,12 +76,12 @@ app = _application()
 
 @functools.singledispatch
 def lines(result: Any) -> Iterable[str]:
-    """Lines that a terminal shows of a result; registered by the module of its command."""
+    """Lines that a terminal shows for a result; registered by the module of its command."""
     raise TypeError(f"no lines for {type(result).__name__}")
 
 
 def show_outcome(outcome: Outcome[Any]) -> None:
-    """Print a result as requested: JSON, lines, or with ``--quiet`` the warnings alone."""
+    """Print a result as requested: as JSON, as lines, or with ``--quiet`` only its warnings."""
     if SHOWN.as_json:
         print(json.dumps(outcome.to_dict(), allow_nan=False))
         return

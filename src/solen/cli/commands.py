@@ -1,4 +1,4 @@
-"""The table of all commands: by group, the name, where its function is, and what it does in one line.
+"""Table of all commands: by group, the name, the location of its function, and one line of help.
 
 A command is loaded when it runs or shows its own help, so `solen --help` loads nothing heavy. To add one, write its
 function in `solen.pipeline`, a module in the folder of its group that imports it and prints its result, and a row here.
@@ -16,12 +16,16 @@ GROUPS = {
 COMMANDS: dict[str, tuple[tuple[str, str, str], ...]] = {
     DESIGN: (
         ("new", "design.new:new", "Write a commented design file, FOLDER/sensor.toml."),
-        ("check", "design.check:check", "Check that a design can be built at every angle of its motion, or a scene."),
+        (
+            "check",
+            "design.check:check",
+            "Check that a design can be built at every angle of its motion, or a scene.",
+        ),
         ("run", "design.run:run", "Simulate a design: response with and without lens, figures, tables, report."),
         ("trace", "design.trace:trace", "Trace a design at one angle, or a scene (.json, also of ray-optics)."),
         ("deform", "design.deform:deform", "Show a soft body under load: shape, strain, forces, moments."),
         ("lens", "design.check:lens", "Show the lens of a design: shape, acceptance, magnification, focus."),
-        ("sensitivity", "design.sensitivity:sensitivity", "Rank the numbers of a design by what they change."),
+        ("sensitivity", "design.sensitivity:sensitivity", "Rank the numbers of a design by their effect."),
         ("convergence", "design.sensitivity:convergence", "Show how the error falls with the number of rays."),
         ("readout", "design.readout:readout", "Show receiver voltages over the motion, noise, and load advice."),
         ("export", "design.export:export", "Write the solid and drawings of a sensor: STL, 3MF, STEP, DXF, SVG."),
@@ -48,8 +52,8 @@ COMMANDS: dict[str, tuple[tuple[str, str, str], ...]] = {
         ("coupons", "print.coupons:coupons", "Write the coupons that test a printer and a resin."),
         ("fidelity", "print.fidelity:fidelity", "Measure a printed coupon in a picture or a height map."),
         ("calibrate", "print.calibrate:calibrate", "Fit a printer's blur, growth and shrinkage to coupons."),
-        ("grey", "print.grey:grey", "Measure which light grey pixels let through, from discs."),
-        ("predict", "print.predict:predict", "Predict the printed lens of a design and what it costs."),
+        ("grey", "print.grey:grey", "Measure the transmission of grey pixels, from cured discs."),
+        ("predict", "print.predict:predict", "Predict the printed lens of a design, and the response lost."),
         ("scale", "print.scale:scale", "Measure an objective's scale in a picture of a stage micrometer."),
         ("inspect", "print.inspect:inspect", "Measure a printed lens in a micrograph against its design."),
         ("tune", "print.tune:tune", "Correct the drawing of a lens from a picture of its print, print by print."),
@@ -58,8 +62,8 @@ COMMANDS: dict[str, tuple[tuple[str, str, str], ...]] = {
     BENCH: (
         ("new", "bench.record:new", "Write example protocols and rigs into a folder."),
         ("firmware", "bench.firmware:firmware", "Write the firmware of an emitter board: Pico, ESP32 or Arduino Uno."),
-        ("check", "bench.look:check", "Look a rig over before a run: wires, emitters, rails, noise, trimmers."),
-        ("watch", "bench.look:watch", "Show live what the receivers of a rig read."),
+        ("check", "bench.look:check", "Check a rig before a run: wires, emitters, rails, noise, trimmers."),
+        ("watch", "bench.look:watch", "Show live readings of a rig's receivers."),
         ("jog", "bench.look:jog", "Move the stage of a rig, within its travel."),
         ("run", "bench.record:run", "Run a protocol on a rig, real or simulated, and record it."),
         ("recover", "bench.record:recover", "Turn the journal of an interrupted run into a recording."),
@@ -70,7 +74,7 @@ COMMANDS: dict[str, tuple[tuple[str, str, str], ...]] = {
         ("diagnose", "bench.diagnose:diagnose", "Estimate decentre, chip width, loss and gains."),
         ("calibrate", "bench.decode:calibrate", "Calibrate sensors: from voltages to angles."),
         ("decode", "bench.decode:decode", "Decode angles from voltages, from a file or live."),
-        ("table", "bench.decode:table", "Write a calibration as code that decodes on a board."),
+        ("table", "bench.decode:table", "Write a calibration as code for a microcontroller."),
     ),
     EXPLORE: (
         ("sweep", "explore.sweep:sweep", "Trace a design over values of its numbers: merits and responses."),

@@ -39,7 +39,7 @@ class Arc(Curve):
     def through(cls, a: Point, middle: Point, b: Point) -> "Arc":
         """Arc from ``a`` to ``b`` through ``middle``.
 
-        `DesignError` where it is too nearly straight for its centre to be known to 1e-9 mm.
+        `DesignError` if it is too nearly straight for its centre to be known to 1e-9 mm.
         """
         check_points("arc", a, middle, b)
         p, q = minus(middle, a), minus(b, a)

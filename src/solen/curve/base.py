@@ -41,7 +41,7 @@ def quadratic_roots(a: float, b: float, c: float, *, leaving: bool) -> tuple[flo
 
 
 def check_numbers(what: str, *values: object) -> None:
-    """`DesignError` where one of the values is not finite, or not a number at all."""
+    """`DesignError` if one of the values is not finite, or not a number at all."""
     for value in values:
         if not (isinstance(value, int | float) and math.isfinite(value)):
             raise DesignError(what, value=repr(value), limit="must be a finite number")
@@ -50,7 +50,7 @@ def check_numbers(what: str, *values: object) -> None:
 def check_range(
     what: str, value: float, least: float = -math.inf, most: float = math.inf, *, above: float = -math.inf
 ) -> None:
-    """`DesignError` where a value is not a finite number from ``least`` to ``most`` and above ``above``."""
+    """`DesignError` if a value is not a finite number from ``least`` to ``most`` and above ``above``."""
     check_numbers(what, value)
     if least <= value <= most and value > above:
         return
@@ -60,7 +60,7 @@ def check_range(
 
 
 def check_count(what: str, value: object, least: int) -> None:
-    """`DesignError` where a value is not a whole number of at least ``least``."""
+    """`DesignError` if a value is not a whole number of at least ``least``."""
     if isinstance(value, bool) or not isinstance(value, int) or value < least:
         raise DesignError(what, value=value, limit=f"must be a whole number of at least {least}")
     if value >= 2**63:
@@ -68,7 +68,7 @@ def check_count(what: str, value: object, least: int) -> None:
 
 
 def check_points(what: str, *points: object) -> None:
-    """`DesignError` where one of the points is not a pair of finite numbers."""
+    """`DesignError` if one of the points is not a pair of finite numbers."""
     for point in points:
         if not (isinstance(point, tuple) and len(point) == 2):
             raise DesignError(what, value=repr(point), limit="must be a pair (x, z)")
@@ -76,7 +76,7 @@ def check_points(what: str, *points: object) -> None:
 
 
 def check_axis(what: str, axis: Point) -> None:
-    """`DesignError` where a direction is not a unit vector."""
+    """`DesignError` if a direction is not a unit vector."""
     check_points(what, axis)
     if abs(math.hypot(*axis) - 1.0) > 1e-9:
         raise DesignError(what, value=axis, limit="must be a unit vector")

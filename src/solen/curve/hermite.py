@@ -41,7 +41,7 @@ def fitted(
     Raises
     ------
     DesignError
-        Where it would take more than 65,536 pieces, or a piece has no length or a cusp.
+        If it would take more than 65,536 pieces, or a piece has no length or a cusp.
     """
     ends = np.asarray(breaks, dtype=float)
     while True:

@@ -18,7 +18,7 @@ from solen.plane import Point, Rigid
 class Bezier(CubicChain):
     """One cubic Bézier piece from ``a`` to ``b``; it leaves ``a`` towards ``control_a`` and comes from ``control_b``.
 
-    `DesignError` where it has no length, a cusp, or an end that is its own control point.
+    `DesignError` if it has no length, a cusp, or an end that is its own control point.
     """
 
     a: Point
@@ -57,7 +57,7 @@ class Spline(CubicChain):
     """Chain of N cubic Bézier pieces: 3 N + 1 ``control_points``, a start and for each piece two handles and an end.
 
     Joints need not be smooth. Where the last point is the first the outline is closed, and has no ends to reach beyond.
-    `DesignError` where a piece has no length, a cusp, or a handle that lies on its end.
+    `DesignError` if a piece has no length, a cusp, or a handle that lies on its end.
     """
 
     control_points: tuple[Point, ...]
@@ -81,7 +81,7 @@ class Spline(CubicChain):
         """Natural cubic spline through points (N, 2) in mm, its parameter the length of the chords between them.
 
         Curvature is continuous, and 0 at both ends; with ``closed`` the outline runs on from the last point to the
-        first, as smooth there as elsewhere. `DesignError` where two neighbours are one point, or for too few points:
+        first, as smooth there as elsewhere. `DesignError` if two neighbours are one point, or for too few points:
         2, for an outline 3.
         """
         given = _checked(points, closed)

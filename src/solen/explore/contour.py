@@ -75,7 +75,7 @@ class Rows:
     deviation_um, u_um
         How far the print stands out, as its picture's scale has it, and the standard uncertainty of noise (N,).
     um_per_px, u_um_per_px
-        The picture's scale; the uncertainty is None where none is stated.
+        The picture's scale; the uncertainty is None if none is stated.
     """
 
     arc_mm: FloatArray

@@ -44,7 +44,7 @@ SLOW_MM, PIECE_MM = 0.3, 0.1
 class PrintModel:
     """A design and the process that prints it flat, with the printer's pixels.
 
-    ``wider`` is the process with its blur wider by the standard uncertainty; None where that is exact.
+    ``wider`` is the process with its blur wider by the standard uncertainty; None if that is exact.
     """
 
     sensor: Sensor
@@ -61,9 +61,9 @@ class PrintModel:
         Raises
         ------
         SpecError
-            Where it is not printed flat as it is.
+            If it is not printed flat as it is.
         DataError
-            Where the process or the printer cannot be.
+            If the process or the printer cannot be.
         """
         if slicing.orientation != "flat" or any(slicing.rotate_deg):
             limit = "a lens is tuned that is printed flat, along the printer's X"
@@ -173,7 +173,7 @@ class PrintModel:
         return Compensation(outlines, drawing.drawn_um, drawing.wall_um, drawing.scale, printed, ())
 
     def sha256_of(self, path: Path) -> str | None:
-        """Hash of the outline that a design file draws; None where it is the original design itself."""
+        """Hash of the outline that a design file draws; None if it is the original design itself."""
         design = load(path)
         if label_of(design, "").sha256 == label_of(self.sensor.design, "").sha256:
             return None

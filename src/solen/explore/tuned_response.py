@@ -36,7 +36,7 @@ def responses(
     Raises
     ------
     DesignError
-        Where the sensor has no pair of receivers, a body cannot be built, or no light arrives.
+        If the sensor has no pair of receivers, a body cannot be built, or no light arrives.
     """
     sensor.check_pair()
     motion = sensor.design.motion.angles_deg()

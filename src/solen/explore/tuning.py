@@ -127,7 +127,7 @@ class TunedPrint(Result):
     predicted
         Deviation of the next print: of the corrected drawing, or of the kept one.
     response
-        Response as designed, of this print and of the next; None where it was not traced.
+        Response as designed, of this print and of the next; None if it was not traced.
     history
         All prints of the log.
     x_mm, measured_um, predicted_um, u_predicted_um
@@ -196,14 +196,14 @@ def tune(
     response
         Whether the response is traced.
     progress
-        Called with the share done, up to 1.
+        Called with the completed share, up to 1.
 
     Raises
     ------
     DataError
-        Where the log is of another design or printer, or the print of another drawing.
+        If the log is of another design or printer, or the print of another drawing.
     SpecError, DesignError
-        Where what is asked for is not of parts printed flat, or the design has no one lens.
+        If what is asked for is not of parts printed flat, or the design has no one lens.
     """
     if not isinstance(sensor.cut, OvalLens):
         limit = "the designed lens must be a Cartesian oval"
@@ -217,7 +217,7 @@ def tune(
 
 
 def _checked(log: TuningLog | None, sensor: Sensor, model: PrintModel, inspection: LensInspection) -> TuningLog:
-    """The log, or a new one; `DataError` where it is of another design, another printer, or has the picture."""
+    """The log, or a new one; `DataError` if it is of another design, another printer, or has the picture."""
     design = sensor.design
     new = TuningLog(design.name, label_of(design, "").sha256, model.settings.pixels_um, model.phase_px)
     if log is None:
@@ -238,7 +238,7 @@ def _checked(log: TuningLog | None, sensor: Sensor, model: PrintModel, inspectio
 
 
 def _drawing(log: TuningLog, model: PrintModel, options: TuneOptions) -> int:
-    """Number of the correction that the print was made with; `DataError` where the file of it is another."""
+    """Number of the correction that the print was made with; `DataError` if the file of it is another."""
     last = log.last_drawing
     if options.another_copy:
         if not log.prints:
@@ -311,7 +311,7 @@ class _Tuning:
         return learnt(self.contour, prints, known, arc_mm)
 
     def check_likeness(self) -> None:
-        """`DataError` where the print looks like one of another drawing, and nobody states its own."""
+        """`DataError` if the print looks like one of another drawing, and nobody states its own."""
         if not self.log.prints or self.options.drawn is not None:
             return
         somewhere = np.array([0.5 * self.contour.length_mm])

@@ -94,7 +94,7 @@ class LensResponse(Result):
     angle_deg, contrast, u_contrast
         Angles, contrast, and its standard uncertainty by what is known of the lens and by the trace.
     null_deg, u_null_deg
-        Null by the contrast at 0 and the slope there; None where it is not near 0.
+        Null by the contrast at 0 and the slope there; None if it is not near 0.
     slope_per_deg, u_slope_per_deg
         Slope of the contrast about 0.
     """
@@ -134,7 +134,7 @@ class LoggedPrint(Result):
     predicted
         Deviation of the next print of that drawing.
     response
-        Response before and after; None where it was not traced.
+        Response before and after; None if it was not traced.
     """
 
     number: int
@@ -190,7 +190,7 @@ class TuningLog(Result):
 
 
 def read_log(path: Path) -> TuningLog:
-    """Log of a file; `DataError` where it is none, or damaged."""
+    """Log of a file; `DataError` if it is none, or damaged."""
     where = str(path)
     data = parsed(read_text(path, DataError), where)
     if not isinstance(data, dict) or data.pop("solen", None) != KIND:

@@ -76,7 +76,7 @@ def primitives(curve: Curve) -> tuple[Primitive, ...]:
     Raises
     ------
     DesignError
-        Where no B-spline of `MOST_SPANS` spans comes near enough.
+        If no B-spline of `MOST_SPANS` spans comes near enough.
     """
     if isinstance(curve, Segment | Arc):
         return (curve,)

@@ -27,12 +27,12 @@ FORBIDDEN = re.compile(r'[<>/\\":;?*|=`]')
 
 
 def check_writer() -> None:
-    """`OutputError` where ezdxf is not installed."""
+    """`OutputError` if ezdxf is not installed."""
     need("ezdxf", what="--dxf", doing="writing DXF")
 
 
 def as_dxf(body: Body, label: Label) -> bytes:
-    """DXF file of a body; `OutputError` where ezdxf is not installed."""
+    """DXF file of a body; `OutputError` if ezdxf is not installed."""
     check_writer()
     from ezdxf.filemanagement import new
 

@@ -40,7 +40,7 @@ class Export:
 
     @property
     def outline(self) -> Body:
-        """The body of one outline for all heights, which drawings hold; `DesignError` where there is none."""
+        """The body of one outline for all heights, which drawings hold; `DesignError` if there is none."""
         return self.body.upright('export --step or a mesh, or draw its middle section: lens.shape = "cartesian-oval"')
 
     @cached_property
@@ -123,9 +123,9 @@ class ExportedSolid(Result):
     seats
         Pockets and slots.
     mesh
-        Size of the mesh; None where no format needs one.
+        Size of the mesh; None if no format needs one.
     layers
-        Layers for a printer; None where they are not asked for.
+        Layers for a printer; None if they are not asked for.
     warnings
         Properties of the design that the files do not hold.
     """

@@ -103,7 +103,7 @@ class Hollow:
         Raises
         ------
         SpecError
-            Where that would take more than `MOST` places along a side.
+            If that would take more than `MOST` places along a side.
         """
         count = FEWEST
         while True:
@@ -122,7 +122,7 @@ class Hollow:
         Raises
         ------
         DesignError
-            Where the face ends just beyond the aperture, or takes more than `MOST` control points along a side.
+            If the face ends just beyond the aperture, or takes more than `MOST` control points along a side.
         """
         count = FEWEST
         while count <= MOST:

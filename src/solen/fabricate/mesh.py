@@ -98,7 +98,7 @@ def mesh_of(part: Part, tolerance_mm: float) -> Mesh:
     Raises
     ------
     SpecError
-        Where the tolerance is out of range, or so coarse that outlines would cross.
+        If the tolerance is out of range, or so coarse that outlines would cross.
     """
     weld_mm = _weld_mm(part)
     finest_mm = max(FINEST_MM, 2.0 * weld_mm)
@@ -114,7 +114,7 @@ def mesh_of(part: Part, tolerance_mm: float) -> Mesh:
 
 
 def closed_mesh(solid: Any, tolerance_mm: float, name: str) -> Mesh:
-    """Mesh of a solid of manifold3d; `DesignError` where it is empty or, in the 32 bits of an STL, not closed."""
+    """Mesh of a solid of manifold3d; `DesignError` if it is empty or, in the 32 bits of an STL, not closed."""
     surface = solid.to_mesh64()
     mesh = Mesh(np.array(surface.vert_properties[:, :3]), np.array(surface.tri_verts, dtype=np.int64), tolerance_mm)
     if not len(mesh.triangles) or mesh.open_edges():

@@ -88,7 +88,7 @@ class Part:
     Raises
     ------
     DesignError
-        Where prisms overlap, a cut leaves the part or reaches where it should not, or two cuts meet.
+        If prisms overlap, a cut leaves the part or reaches where it should not, or two cuts meet.
     """
 
     name: str
@@ -126,7 +126,7 @@ class Part:
         return sum(prism.perimeter_mm * prism.height_mm for prism in prisms)
 
     def _check_cut(self, cut: Cut) -> None:
-        """`DesignError` where a cut does not take exactly its stated volume from the part."""
+        """`DesignError` if a cut does not take exactly its stated volume from the part."""
         taken = sum(_shared_mm(cut.tool, prism) * _overlap_mm2(cut.tool, prism) for prism in self.prisms)
         if abs(taken - cut.volume_mm3) <= _negligible(cut.takes.area_mm2) * cut.takes.height_mm:
             return
@@ -140,7 +140,7 @@ def sensor_prism(body: Body, thickness_mm: float) -> Prism:
     Raises
     ------
     DesignError
-        Where an outline is open, crosses itself or another, or the thickness is not above 0.
+        If an outline is open, crosses itself or another, or the thickness is not above 0.
     """
     body.check()
     return Prism("thickness", body.outlines, 0.0, float(thickness_mm))

@@ -95,7 +95,7 @@ def coverage(
     Raises
     ------
     DataError
-        Where the grid is none, or a point is not finite.
+        If the grid is none, or a point is not finite.
     """
     grid = Grid(pitch_mm, origin_mm, shape)
     pieces, shares = _pieces(rings, grid), np.empty(shape)

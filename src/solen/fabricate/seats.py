@@ -60,9 +60,9 @@ def sensor_part(design: Design, body: Body) -> Part:
     Raises
     ------
     DataError
-        Where the receiver's part cannot be read, is not a receiver, or its package's size is not known.
+        If the receiver's part cannot be read, is not a receiver, or its package's size is not known.
     DesignError
-        Where the body cannot be built, or a seat does not fit.
+        If the body cannot be built, or a seat does not fit.
     """
     cuts = (*_pockets(design, body), *_slots(design, body), *_mark(design, body))
     if body.front is not None:

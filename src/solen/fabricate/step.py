@@ -47,9 +47,9 @@ def as_step(part: Part, label: Label) -> bytes:
     Raises
     ------
     OutputError
-        Where the kernel is not installed, or fails to write.
+        If the kernel is not installed, or fails to write.
     DesignError
-        Where the kernel cannot make a valid solid of the outlines.
+        If the kernel cannot make a valid solid of the outlines.
     """
     check_kernel()
     with _silence():

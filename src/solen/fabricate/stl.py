@@ -31,7 +31,7 @@ def read_stl(path: Path) -> Mesh:
     Raises
     ------
     DataError
-        Where the file cannot be read, is not an STL, is cut off, holds no triangle or a number that is not finite.
+        If the file cannot be read, is not an STL, is cut off, holds no triangle or a number that is not finite.
     """
     data = _bytes(path)
     corners = _binary(data, path) if _is_binary(data) else _text(data, path)

@@ -88,7 +88,7 @@ def read_threemf(path: Path) -> Mesh:
     Raises
     ------
     DataError
-        Where the file cannot be read, is not a 3MF, is damaged, needs an extension, or builds nothing.
+        If the file cannot be read, is not a 3MF, is damaged, needs an extension, or builds nothing.
     """
     model = _model(path)
     scale = MM.get(model.about.get("unit", "millimeter"))

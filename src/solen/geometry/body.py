@@ -104,7 +104,7 @@ class Body:
     front: Front | None = None
 
     def upright(self, remedy: str = 'set lens.shape = "cartesian-oval"') -> "Body":
-        """The body itself; `DesignError` where its lens is no cylinder, so that one outline does not describe it."""
+        """The body itself; `DesignError` if its lens is no cylinder, so that one outline does not describe it."""
         if self.front is None:
             return self
         raise DesignError(
@@ -125,7 +125,7 @@ class Body:
         return tuple(face for outline in self.outlines for face in outline)
 
     def face(self, name: str) -> Face:
-        """The face of that name; `KeyError` where there is none."""
+        """The face of that name; `KeyError` if there is none."""
         return {face.name: face for face in (*self.all_faces, *self.apart)}[name]
 
     def outline(self, tolerance_mm: float = 1e-3) -> FloatArray:

@@ -72,7 +72,7 @@ def closed_outlines(strokes: Sequence[Stroke], join_mm: float) -> tuple[list[lis
     Raises
     ------
     DesignError
-        Where an outline is open or branches, or a stroke is drawn twice, with the place.
+        If an outline is open or branches, or a stroke is drawn twice, with the place.
     """
     if not strokes:
         raise DesignError(
@@ -116,7 +116,7 @@ def _corners(joints: Joints, chain: list[int]) -> list[int]:
 
 
 def _check_twice(joints: Joints) -> None:
-    """`DesignError` where two strokes have the same ends and the same places between them."""
+    """`DesignError` if two strokes have the same ends and the same places between them."""
     seen: dict[tuple[int, ...], list[int]] = {}
     for i in range(len(joints.strokes)):
         key = tuple(sorted(int(label) for label in joints.label[2 * i : 2 * i + 2]))

@@ -29,8 +29,8 @@ class BodyKind:
     Attributes
     ----------
     build
-        Checked body of a design with its lens in the motion's state at an angle in degrees; `DesignError` where it
-        cannot be. The lens is None where it is drawn.
+        Checked body of a design with its lens in the motion's state at an angle in degrees; `DesignError` if it
+        cannot be. The lens is None if it is drawn.
     unused_keys
         Keys of the design that have no meaning for this kind, by table.
     lens_is_drawn

@@ -35,9 +35,9 @@ def outline_body(design: Design, angle_deg: float = 0.0) -> Body:
     Raises
     ------
     DataError
-        Where the drawing cannot be read.
+        If the drawing cannot be read.
     DesignError
-        Where its outlines are open or cross, there is no emitter, or the motion would tear them.
+        If its outlines are open or cross, there is no emitter, or the motion would tear them.
     """
     if design.outline_file is None:
         raise DesignError("body.file", limit="missing")

@@ -59,7 +59,7 @@ def with_walls(
     Raises
     ------
     DesignError
-        Where a table names no wall of the body, or begins beyond the end of all that it names.
+        If a table names no wall of the body, or begins beyond the end of all that it names.
     """
     faces = tuple(face for outline in outlines for face in outline)
     for number, wall in enumerate(walls):

@@ -74,7 +74,7 @@ class _Plan:
 
 
 def y_body(design: Design, lens: Lens, angle_deg: float = 0.0) -> Body:
-    """Body of a design in the motion's state at ``angle_deg``, checked; `DesignError` where it cannot be.
+    """Body of a design in the motion's state at ``angle_deg``, checked; `DesignError` if it cannot be.
 
     The last 256 bodies are cached.
     """

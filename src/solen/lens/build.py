@@ -26,7 +26,7 @@ def lens_of(design: Design, index: float) -> Lens:
     """Lens a design asks for in a material of ``index`` (at the emitter's wavelength); `DesignError` if it cannot work.
 
     The oval is cut for ``lens.design_index`` where that is given, else for the material's own index; a measured lens
-    is its profile beside that oval, `DataError` where its file is none.
+    is its profile beside that oval, `DataError` if its file is none.
     """
     spec, distance_mm = design.lens, design.emitter.distance_mm
     if spec.shape == "none":
@@ -78,7 +78,7 @@ def measured_lens(designed: OvalLens, profile: MeasuredProfile) -> MeasuredLens:
     Raises
     ------
     DesignError
-        Where the profile lacks too much of the lens, or is none of it.
+        If the profile lacks too much of the lens, or is none of it.
     """
     return MeasuredLens(FittedProfile(designed, profile))
 

@@ -69,7 +69,7 @@ class FittedProfile(Result, eq=True):
     Raises
     ------
     DesignError
-        Where the profile lacks too much of the lens, or is of another one.
+        If the profile lacks too much of the lens, or is of another one.
     """
 
     designed: OvalLens = field(metadata=HIDDEN)

@@ -132,7 +132,7 @@ class _LayersFile:
 
 
 def read_layers(path: Path) -> Profiles:
-    """Profiles of a file; `DataError` where it cannot be read, or holds none."""
+    """Profiles of a file; `DataError` if it cannot be read, or holds none."""
     data = parsed(read_text(path, DataError), str(path))
     if not isinstance(data, dict) or data.pop("solen", None) != KIND:
         limit = f'holds no layers of a lens: it has no "solen": "{KIND}"'

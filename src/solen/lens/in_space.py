@@ -39,7 +39,7 @@ class LensInSpace(OvalLens, eq=True):
     Raises
     ------
     DesignError
-        Where there is no such face over the whole aperture, or light of the emitter grazes it.
+        If there is no such face over the whole aperture, or light of the emitter grazes it.
     """
 
     thickness_mm: float = 4.0

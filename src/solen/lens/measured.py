@@ -115,7 +115,7 @@ class MeasuredLens(Lens, eq=True):
         return replace(self, drawn=number)
 
     def best_spot(self, index: float) -> Spot | None:
-        """Smallest spot of the emitter's light in a material of ``index``; None where it is not behind the vertex.
+        """Smallest spot of the emitter's light in a material of ``index``; None if it is not behind the vertex.
 
         Rays go from the emitter at `SPOT_RAYS` angles, evenly over the acceptance. A ray is x = a + t z, so the
         variance of x is least at z = −cov(a, t) / var(t).

@@ -208,7 +208,7 @@ class OvalLens(Lens, eq=True):
         return math.degrees(math.acos(dot(ray, self.front.normal_at(edge))))
 
     def paraxial_focus_mm(self, index: float) -> float | None:
-        """Where rays near the axis cross it in a material of ``index``, mm behind the vertex; None where they diverge.
+        """Where rays near the axis cross it in a material of ``index``, mm behind the vertex; None if they diverge.
 
         n/s'' = (n − n1)/R − n1/s with R the vertex radius.
         """
@@ -230,7 +230,7 @@ class OvalLens(Lens, eq=True):
         """Where the light that the lens takes makes the smallest spot in a material of ``index``, mm behind the vertex.
 
         Rays go from the emitter at `BEST_RAYS` angles, evenly over one half of the acceptance; the other half mirrors
-        them. A ray is x = a + t z, so Σ (a + t z)² is least at z = −Σ a t / Σ t². None where that is not behind the
+        them. A ray is x = a + t z, so Σ (a + t z)² is least at z = −Σ a t / Σ t². None if that is not behind the
         vertex.
         """
         angle = np.radians(self.acceptance_deg) * (np.arange(BEST_RAYS) + 0.5) / BEST_RAYS

@@ -91,7 +91,7 @@ def read_profile(path: Path | str) -> MeasuredProfile:
     Raises
     ------
     DataError
-        Where the file cannot be read, holds other keys or columns, or no profile: points that are not numbers, too few,
+        If the file cannot be read, holds other keys or columns, or no profile: points that are not numbers, too few,
         not in order or folded back, or of a size that no lens has.
     """
     path = Path(path)
@@ -218,7 +218,7 @@ def _from_table(path: Path) -> MeasuredProfile:
 
 
 def _column(key: str, values: ArrayLike) -> FloatArray:
-    """Finite numbers (N,), read-only; `DataError` where they are not."""
+    """Finite numbers (N,), read-only; `DataError` if they are not."""
     try:
         column = np.array(values, dtype=float)
     except (TypeError, ValueError):

@@ -28,7 +28,7 @@ NM_PER_MM = 1e6
 _DB_PER_CM = 100.0 / math.log(10.0)  # of an absorption of 1 per mm
 
 Row = tuple[float, float | None, float | None, float | None]
-"""Wavelength in nm, k, its standard uncertainty and its upper 95 % bound; None where one is not known."""
+"""Wavelength in nm, k, its standard uncertainty and its upper 95 % bound; None if one is not known."""
 
 
 def loss_apart(rows: Sequence[Row], loss: Loss) -> list[Caution]:

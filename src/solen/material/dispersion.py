@@ -120,7 +120,7 @@ class Dispersion(Strict, ABC):
         return index
 
     def u_index(self, wavelength_nm: float) -> float | None:
-        """Standard uncertainty of the index at a wavelength in nm, or None where none is known.
+        """Standard uncertainty of the index at a wavelength in nm, or None if none is known.
 
         Raises
         ------
@@ -160,7 +160,7 @@ class Dispersion(Strict, ABC):
 
     @abstractmethod
     def _variance(self, wavelength_nm: float) -> float | None:
-        """Variance of the index, or None where none is known."""
+        """Variance of the index, or None if none is known."""
 
 
 class Unknown(Dispersion):

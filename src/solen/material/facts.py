@@ -27,7 +27,7 @@ class ShowOptions(Options):
 
 @dataclass(frozen=True)
 class IndexAt:
-    """Index and its standard uncertainty at a wavelength; None where not known."""
+    """Index and its standard uncertainty at a wavelength; None if not known."""
 
     wavelength_nm: float
     n: float | None
@@ -123,7 +123,7 @@ def facts_of(resin: Resin, name: str, at_nm: Sequence[float] = ()) -> ResinFacts
     Raises
     ------
     DataError
-        Where its index is not known at a wavelength that is asked for.
+        If its index is not known at a wavelength that is asked for.
     """
     with error_context(f"resin {resin.name}"):
         for nm in at_nm:

@@ -81,7 +81,7 @@ class Weighed:
     worst_wt_percent
         How far the share may be off where each mass is off by half a step.
     volume_mL, volume_percent
-        Of the weighed mass; None where a density that it takes is not known.
+        Of the weighed mass; None if a density that it takes is not known.
     """
 
     name: str
@@ -102,7 +102,7 @@ class Weighed:
 
 @dataclass(frozen=True)
 class Mixture:
-    """Components in one reading of their percentages, and the liquid's index, None where it cannot be estimated."""
+    """Components in one reading of their percentages, and the liquid's index, None if it cannot be estimated."""
 
     components: tuple[Weighed, ...]
     index_estimate: float | None
@@ -147,7 +147,7 @@ def mixtures(components: Sequence[str], options: MixOptions = MixOptions()) -> M
     Raises
     ------
     SpecError
-        Where a component is not a name and a share, the shares are not a whole, or a number cannot be.
+        If a component is not a name and a share, the shares are not a whole, or a number cannot be.
     """
     parts = [Component(*named_number(text, "component")) for text in components]
     check_components(parts)
@@ -180,7 +180,7 @@ def named_number(text: str, what: str) -> tuple[str, float]:
 
 
 def of_whole(components: Sequence[Component]) -> tuple[Component, ...]:
-    """Components by their share of the whole mixture; `SpecError` where these are not all of it.
+    """Components by their share of the whole mixture; `SpecError` if these are not all of it.
 
     Shares that miss 100 % by rounding are scaled to it.
     """
@@ -201,7 +201,7 @@ def on_base(components: Sequence[Component]) -> tuple[Component, ...]:
 
 
 def check_components(components: Sequence[Component]) -> None:
-    """`SpecError` where components are not two or more, each once, with a share, a density and an index that can be."""
+    """`SpecError` if components are not two or more, each once, with a share, a density and an index that can be."""
     if len(components) < 2:
         raise SpecError("mixture", value=len(components), limit="takes at least 2 components", remedy='as in "LA:25"')
     names = [part.name for part in components]
@@ -248,7 +248,7 @@ def weighed(components: Sequence[Component], options: MixOptions) -> Mixture:
     Raises
     ------
     SpecError
-        Where the step is too coarse for a component.
+        If the step is too coarse for a component.
     """
     base_g, resolution_g = options.base_g, options.resolution_g
     base = components[0]
@@ -296,7 +296,7 @@ def _worst(share: float, count: int, step: float) -> float:
 
 
 def _index(indices: Sequence[float | None], volumes: Sequence[float | None]) -> float | None:
-    """Index of the liquid mixture by Lorentz and Lorenz; None where one of the numbers is not known."""
+    """Index of the liquid mixture by Lorentz and Lorenz; None if one of the numbers is not known."""
     pairs = [(n, v) for n, v in zip(indices, volumes, strict=True) if n is not None and v is not None]
     if len(pairs) < len(indices):
         return None

@@ -183,7 +183,7 @@ def fitted(
 
 
 def shared(groups: Sequence[Hashable], of: ArrayLike | None = None) -> FloatArray | None:
-    """Covariance, up to a factor, of an effect that the points of a group share; None where no group has two points.
+    """Covariance, up to a factor, of an effect that the points of a group share; None if no group has two points.
 
     ``of``, shape (n,), is what the effect is multiplied with, for a slope that each group has of its own.
     """

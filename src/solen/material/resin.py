@@ -205,15 +205,15 @@ class Optical:
     Attributes
     ----------
     index, u_index
-        Refractive index and its standard uncertainty (None where unknown).
+        Refractive index and its standard uncertainty (None if unknown).
     absorption_per_mm
         Absorption of power per mm, base e.
     source
         Where the numbers come from, in words.
     dispersion
-        Index by wavelength, for light of several; None where a single number is all that is known.
+        Index by wavelength, for light of several; None if a single number is all that is known.
     u_absorption_per_mm
-        Standard uncertainty of the absorption, None where unknown.
+        Standard uncertainty of the absorption, None if unknown.
     warnings
         Warnings about these numbers, a sentence each.
     """
@@ -228,7 +228,7 @@ class Optical:
 
     @reported
     def mode(self) -> str | None:
-        """How its index was found; None where that is not stated."""
+        """How its index was found; None if that is not stated."""
         return None if self.dispersion is None else self.dispersion.mode or None
 
 
@@ -238,7 +238,7 @@ def load_resin(path: Path | str) -> Resin:
     Raises
     ------
     DataError
-        Where the file cannot be read, is not TOML, has another schema, or is not a valid resin.
+        If the file cannot be read, is not TOML, has another schema, or is not a valid resin.
     """
     return _library().load(path)
 
@@ -281,7 +281,7 @@ def optical(design: Design) -> Optical:
     Raises
     ------
     DataError
-        Where the resin cannot be found or read, or does not know that wavelength.
+        If the resin cannot be found or read, or does not know that wavelength.
     """
     material = design.material
     if material.resin is None:

@@ -54,7 +54,7 @@ def gather(results: Mapping[str, Path], options: BuildOptions) -> Resin:
     Raises
     ------
     DataError, SpecError
-        Where a result cannot be read, is of another kind or not valid, or where there is nothing to write.
+        If a result cannot be read, is of another kind or not valid, or where there is nothing to write.
     """
     for name, option in _NEEDS.items():
         if (value := getattr(options, name)) and option not in results:

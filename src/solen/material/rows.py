@@ -53,9 +53,9 @@ def chosen_rows(recording: Recording, options: RowOptions) -> Recording:
     Raises
     ------
     SpecError
-        Where a condition is none, or no row meets it.
+        If a condition is none, or no row meets it.
     DataError
-        Where the table has no such column, or has one of the new name.
+        If the table has no such column, or has one of the new name.
     """
     for pair in options.map:
         recording = _renamed(recording, *_sides(pair, "--map", "stroke=displacement"))
@@ -203,7 +203,7 @@ def stated_once(recording: Recording, names: Sequence[str], unit: str) -> float 
 
 
 def _column(recording: Recording, name: str, option: str) -> str:
-    """A column as the recording calls it; `DataError` where there is none."""
+    """A column as the recording calls it; `DataError` if there is none."""
     for column in (*recording.texts, *recording.names):
         if plain(column) == plain(name):
             return column

@@ -82,11 +82,11 @@ def read_image(
     Raises
     ------
     DataError
-        Where the file cannot be read, holds several planes, is too large or too small, or states no scale.
+        If the file cannot be read, holds several planes, is too large or too small, or states no scale.
     SpecError
-        Where a given number cannot be a size of a pixel.
+        If a given number cannot be a size of a pixel.
     OutputError
-        Where a TIFF is to be read without the extra ``vision``.
+        If a TIFF is to be read without the extra ``vision``.
     """
     given = options or ScaleOptions(um_per_px=um_per_px, u_um_per_px=u_um_per_px)
     plane, source = read_plane(path)
@@ -119,7 +119,7 @@ def read_plane(path: Path) -> tuple[Plane, Provenance]:
 
 
 def as_image(grey: FloatArray, um_per_px: float, *, u_um_per_px: float | None = None, name: str = "array") -> Image:
-    """Picture of an array (rows, columns) in memory, grey values 0 to 1; `DataError` where it cannot be one."""
+    """Picture of an array (rows, columns) in memory, grey values 0 to 1; `DataError` if it cannot be one."""
     if grey.ndim != 2 or not np.isfinite(grey).all():
         raise DataError(name, value=grey.shape, limit="must be rows and columns of finite grey values")
     scale, _ = choose_scale(name, (), ScaleOptions(um_per_px=um_per_px, u_um_per_px=u_um_per_px))

@@ -131,7 +131,7 @@ class EdgeSummary:
     rms_um, mean_um
         Of its deviations, root mean square and mean.
     outside_chosen_um
-        Median distance from the chosen edge, positive outwards; None where they share no place.
+        Median distance from the chosen edge, positive outwards; None if they share no place.
     """
 
     name: str
@@ -177,7 +177,7 @@ class LensInspection(Result):
     size
         Scale, shrinkage and even overgrowth, fitted together with the pose to the front and its walls.
     nearest
-        Name of the most probable of the compared designs; None where it is none of these.
+        Name of the most probable of the compared designs; None if it is none of these.
     designs
         The compared designs by name, the most probable first.
     edges
@@ -187,7 +187,7 @@ class LensInspection(Result):
     vertex_px, u_shift_um
         (x, y) of the designed vertex, and standard uncertainties of the registration along the lens's x and z.
     mirrored
-        Whether the picture shows the part from its other side; None where the design is its own mirror image and the
+        Whether the picture shows the part from its other side; None if the design is its own mirror image and the
         face is not stated.
     points_rejected
         How many places along the chosen edge were rejected, by reason.
@@ -196,7 +196,7 @@ class LensInspection(Result):
     measured_x_mm
         Lateral range that was measured.
     width_mm
-        Width of the part right behind the front; None where the picture or the design does not show both walls.
+        Width of the part right behind the front; None if the picture or the design does not show both walls.
     outline_mm
         Shape (N, 2): points of the chosen edge in lens coordinates.
     outline_deviation_um, u_outline_deviation_um
@@ -241,7 +241,7 @@ class LensInspection(Result):
         return self.edges[0]
 
     def profile(self) -> MeasuredProfile:
-        """The chosen edge as a profile z(x); `DataError` where it folds back on itself.
+        """The chosen edge as a profile z(x); `DataError` if it folds back on itself.
 
         The edge that is in focus counts as the top one; a single one, or two that are equally sharp, as the mean.
         """
@@ -294,9 +294,9 @@ def measure_lens(
     Raises
     ------
     DataError
-        Where the picture shows no such lens, or the design has none.
+        If the picture shows no such lens, or the design has none.
     OutputError
-        Where the extra ``vision`` is not installed.
+        If the extra ``vision`` is not installed.
     """
     check_vision("solen print inspect")
     nominal = nominal_front(design, seen_from=seen_from)
@@ -393,7 +393,7 @@ def measure_faces(
     Raises
     ------
     DataError
-        Where both are one picture.
+        If both are one picture.
     """
     if top.provenance.sha256 and top.provenance.sha256 == bottom.provenance.sha256:
         limit = f"is the very picture that {top.provenance.file} is"

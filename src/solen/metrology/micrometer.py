@@ -65,7 +65,7 @@ class MeasuredScale(Measured, kw_only=True):
     um_per_px, u_um_per_px
         Side of a pixel in the object, and its standard uncertainty.
     spacing_mm, u_spacing_mm
-        Distance of the micrometer's lines; its uncertainty, None where none is stated.
+        Distance of the micrometer's lines; its uncertainty, None if none is stated.
     lines
         Number of lines.
     period_px, u_period_px
@@ -75,7 +75,7 @@ class MeasuredScale(Measured, kw_only=True):
     rms_um
         Residuals of the lines' positions.
     stretch_percent
-        By how much the scale changes from one side of the picture to the other; None where that is not seen.
+        By how much the scale changes from one side of the picture to the other; None if that is not seen.
     columns, rows
         Size of the picture.
     """
@@ -123,7 +123,7 @@ def measured_scale(grey: FloatArray, source: Provenance, options: MicrometerOpti
     Raises
     ------
     DataError
-        Where the picture shows no even lines, or too few.
+        If the picture shows no even lines, or too few.
     """
     across = _direction(grey)
     for _ in range(TURNS):

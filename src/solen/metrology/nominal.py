@@ -75,7 +75,7 @@ class NominalFront:
     front_mm
         Shape (N, 2): points of the front from left to right, within `TOLERANCE_MM` of the curve.
     left_mm, right_mm
-        Shape (M, 2): walls from the front's ends on; empty where the design has none.
+        Shape (M, 2): walls from the front's ends on; empty if the design has none.
     """
 
     name: str
@@ -207,9 +207,9 @@ def nominal_front(design: Design, name: str = "", seen_from: SeenFrom | None = N
     Raises
     ------
     DataError
-        Where the design has no lens, a nearly flat one, or a drawn body without exactly one face called lens.
+        If the design has no lens, a nearly flat one, or a drawn body without exactly one face called lens.
     SpecError
-        Where the lens differs by height and nobody says which face is seen.
+        If the lens differs by height and nobody says which face is seen.
     """
     sensor = Sensor.of(design)
     name = name or design.name

@@ -103,7 +103,7 @@ class Outline:
     ends_x_mm
         Lateral range over which the chosen edge was measured, lens coordinates.
     width_mm
-        Of the part right behind the front, from wall to wall; None where the picture or the design does not show both.
+        Of the part right behind the front, from wall to wall; None if the picture or the design does not show both.
     warnings
         Warnings.
     """
@@ -146,9 +146,9 @@ def measure_outline(
     Raises
     ------
     SpecError
-        Where ``choice`` is not one of these.
+        If ``choice`` is not one of these.
     DataError
-        Where no such lens is found, too little of it is in the picture, or too little of its edge can be measured.
+        If no such lens is found, too little of it is in the picture, or too little of its edge can be measured.
     """
     if choice not in get_args(EdgeChoice):
         raise SpecError("edge", value=choice, limit=f"must be one of {', '.join(get_args(EdgeChoice))}")

@@ -59,7 +59,7 @@ def no_lens(image: Image, nominal: NominalFront, why: str) -> DataError:
 
 
 def check_scale(image: Image, nominal: NominalFront) -> None:
-    """`DataError` where the lens would be too small in the picture or far larger than it."""
+    """`DataError` if the lens would be too small in the picture or far larger than it."""
     across = nominal.width_mm * 1e3 / image.um_per_px
     size = f"at {image.um_per_px:.4g} µm per pixel the lens of {nominal.width_mm:g} mm is {across:.0f} pixels wide"
     limit, change = "", ""
@@ -100,14 +100,14 @@ def of_pixels(image: Image, nominal: NominalFront) -> list[Caution]:
 
 
 def check_seen(image: Image, seen: float) -> None:
-    """`DataError` where too little of the front is in the picture."""
+    """`DataError` if too little of the front is in the picture."""
     if seen < LEAST_SEEN:
         limit = f"shows {seen:.0%} of the front; at least {LEAST_SEEN:.0%} is needed for the registration"
         raise DataError(image.provenance.file, limit=limit, remedy="take a picture of the whole lens")
 
 
 def check_shape(image: Image, nominal: NominalFront, edge: Edge, fit: Registration, width: float | None) -> None:
-    """`DataError` where the outline is too unlike the design to be a print of it at this scale."""
+    """`DataError` if the outline is too unlike the design to be a print of it at this scale."""
     missing = _missing(edge)
     if width is not None and abs(np.log(width / nominal.width_mm)) > np.log(MOST_WIDTH):
         why = f"the part is {width:.3g} mm wide behind the front, and the design {nominal.width_mm:.3g} mm"

@@ -60,7 +60,7 @@ class Plane:
 
 
 def read_bytes(path: Path) -> bytes:
-    """Bytes of a file; `DataError` where it cannot be read, is empty or larger than `LARGEST_MB`."""
+    """Bytes of a file; `DataError` if it cannot be read, is empty or larger than `LARGEST_MB`."""
     try:
         if path.exists() and not path.is_file():
             raise DataError(str(path), limit="is a folder or a device", remedy="name a file")
@@ -80,7 +80,7 @@ def read_bytes(path: Path) -> bytes:
 
 
 def check_size(file: str, columns: int, rows: int) -> None:
-    """`DataError` where a picture is too large to be decoded or too small to show anything."""
+    """`DataError` if a picture is too large to be decoded or too small to show anything."""
     if columns * rows >= LARGEST_PIXELS:
         limit = f"has {columns * rows / 1e6:.0f} megapixels ({columns} x {rows}); it must be below 100"
         raise DataError(file, limit=limit, remedy="crop it to the part, or bin it by two and double --um-per-px")
@@ -89,7 +89,7 @@ def check_size(file: str, columns: int, rows: int) -> None:
 
 
 def check_vision(what: str) -> None:
-    """`OutputError` where the extra ``vision`` is not installed."""
+    """`OutputError` if the extra ``vision`` is not installed."""
     need("skimage", "tifffile", "ome_types", what=what)
 
 
@@ -137,7 +137,7 @@ def float_levels(file: str, values: NDArray[np.generic]) -> FloatArray:
 
 
 def read_raster(file: str, data: bytes) -> Plane:
-    """Plane of a picture that Pillow reads; `DataError` where it has several frames or is damaged."""
+    """Plane of a picture that Pillow reads; `DataError` if it has several frames or is damaged."""
     with readable(file), Pillow.open(io.BytesIO(data)) as opened:
         check_size(file, *opened.size)
         frames = getattr(opened, "n_frames", 1)

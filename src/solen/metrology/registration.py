@@ -118,7 +118,7 @@ def register(
     Raises
     ------
     DataError
-        Where too few points lie beside the front.
+        If too few points lie beside the front.
     """
     fit = _fit(pose.to_mm(points_px), nominal, np.ones(len(points_px), dtype=bool) if only is None else only)
     order = np.flatnonzero(fit.inside)

@@ -62,7 +62,7 @@ class ScaleFile(Strict):
 
 
 def read_scale(path: Path) -> ScaleFile:
-    """Scale of a file that `solen print scale` wrote; `DataError` where it is none."""
+    """Scale of a file that `solen print scale` wrote; `DataError` if it is none."""
     data = migrated(
         parse_toml(read_text(path, DataError), str(path), DataError),
         str(path),
@@ -131,7 +131,7 @@ class Scale:
     um_per_px
         Side of a square pixel in the object, µm.
     u_um_per_px
-        Its standard uncertainty; None where none is stated.
+        Its standard uncertainty; None if none is stated.
     origin
         Where it comes from: ``given``, ``OME-XML PhysicalSizeX``, ``ImageJ``, ``TIFF XResolution``, …
     """
@@ -167,7 +167,7 @@ class Tag:
 
     @property
     def doubt(self) -> str:
-        """Why the tag is not a scale; empty where it is one."""
+        """Why the tag is not a scale; empty if it is one."""
         sizes = (self.x_um, self.y_um)
         if not all(math.isfinite(size) and size > 0.0 for size in sizes):
             return f"{self.origin} is not a size of a pixel"
@@ -190,9 +190,9 @@ def choose_scale(file: str, tags: Sequence[Tag], given: ScaleOptions) -> tuple[S
     Raises
     ------
     DataError
-        Where the picture has no scale, or only one that cannot be it.
+        If the picture has no scale, or only one that cannot be it.
     SpecError
-        Where the given uncertainty is half the scale or more.
+        If the given uncertainty is half the scale or more.
     """
     usable = sorted((tag for tag in tags if not tag.doubt), key=lambda tag: not tag.calibrated)
     if given.um_per_px is not None:
@@ -242,6 +242,6 @@ def _ambiguities(usable: Sequence[Tag]) -> list[Caution]:
 
 
 def in_um(size: float, unit: str) -> float | None:
-    """Size in µm; None where the unit is not one of length, as ``pixel``."""
+    """Size in µm; None if the unit is not one of length, as ``pixel``."""
     factor = UM.get(unit.strip()) or UM.get(unit.strip().casefold())
     return None if factor is None else size * factor

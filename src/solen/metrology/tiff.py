@@ -39,7 +39,7 @@ MOST_SAMPLES = 4
 
 @contextmanager
 def opened_tiff(file: str, data: bytes) -> "Iterator[tifffile.TiffFile]":
-    """Open a TIFF; `DataError` where it is damaged, `OutputError` without the extra ``vision``."""
+    """Open a TIFF; `DataError` if it is damaged, `OutputError` without the extra ``vision``."""
     check_vision(file)
     import tifffile
 
@@ -54,7 +54,7 @@ def opened_tiff(file: str, data: bytes) -> "Iterator[tifffile.TiffFile]":
 
 
 def read_tiff(file: str, data: bytes) -> Plane:
-    """Plane of a TIFF; `DataError` where it is damaged or holds several; `OutputError` without the extra ``vision``."""
+    """Plane of a TIFF; `DataError` if it is damaged or holds several; `OutputError` without the extra ``vision``."""
     with opened_tiff(file, data) as opened:
         if not opened.series:
             raise DataError(file, limit="holds no picture", remedy="export it again")

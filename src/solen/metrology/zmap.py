@@ -63,7 +63,7 @@ class ZMap:
     warnings
         Warnings about it.
     z_um, u_z_um
-        Height of a level or unit of the file, µm, and its standard uncertainty; None where none is stated.
+        Height of a level or unit of the file, µm, and its standard uncertainty; None if none is stated.
     """
 
     z_mm: FloatArray
@@ -122,11 +122,11 @@ def read_z_map(
     Raises
     ------
     DataError
-        Where the file cannot be read, is not a grid of heights, is too large, or states no scale.
+        If the file cannot be read, is not a grid of heights, is too large, or states no scale.
     SpecError
-        Where a given number cannot be a height or a size of a pixel.
+        If a given number cannot be a height or a size of a pixel.
     OutputError
-        Where a TIFF is to be read without the extra ``vision``.
+        If a TIFF is to be read without the extra ``vision``.
     """
     given = ZMapOptions(z_um=z_um, um_per_px=um_per_px, u_um_per_px=u_um_per_px, u_z_um=u_z_um)
     data, file = read_bytes(path), str(path)

@@ -229,7 +229,7 @@ def load_part(path: Path | str) -> Part:
     Raises
     ------
     DataError
-        Where the file cannot be read, is not TOML, has another schema, or is not a valid part.
+        If the file cannot be read, is not TOML, has another schema, or is not a valid part.
     """
     return _LIBRARY.load(path)
 

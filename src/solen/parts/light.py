@@ -35,7 +35,7 @@ class Light:
     wavelength_nm
         The one that the lens and the index are for.
     spectrum
-        Wavelengths in nm with their weights; empty where there is one wavelength alone.
+        Wavelengths in nm with their weights; empty if there is one wavelength alone.
     pattern, exponent, table
         Kind of the pattern, m of cos^m, pairs of an angle in degrees and a relative intensity.
     cone_deg
@@ -69,7 +69,7 @@ def light_of(design: Design) -> Light:
     Raises
     ------
     DataError
-        Where its part or its pattern's file cannot be found or read, or the part is not an emitter.
+        If its part or its pattern's file cannot be found or read, or the part is not an emitter.
     """
     emitter, part = design.emitter, _part(design)
     table = _table(design, part)
@@ -162,7 +162,7 @@ def read_pattern(path: Path) -> tuple[tuple[float, float], ...]:
     Raises
     ------
     DataError
-        Where the file cannot be read, with the line that is none, or where the angles do not ascend from 0.
+        If the file cannot be read, with the line that is none, or where the angles do not ascend from 0.
     """
     rows: list[tuple[float, float]] = []
     for number, line in enumerate(read_text(path, DataError).splitlines(), start=1):

@@ -157,7 +157,7 @@ def load_printer(path: Path | str) -> Printer:
     Raises
     ------
     DataError
-        Where the file cannot be read, is not TOML, has another schema, or is not a valid printer.
+        If the file cannot be read, is not TOML, has another schema, or is not a valid printer.
     """
     return _library().load(path)
 
@@ -171,7 +171,7 @@ def printer_of(text: str) -> Printer:
 class PrinterSummary(Result):
     """Properties of a printer that layers need: pixels, build volume, and which of these numbers are estimates.
 
-    ``pitch_um`` is a pixel's side along X, ``pitch_y_um`` along Y; the layers' limits are None where none are known.
+    ``pitch_um`` is a pixel's side along X, ``pitch_y_um`` along Y; the layers' limits are None if none are known.
     """
 
     printer: str

@@ -17,7 +17,7 @@ R = TypeVar("R", bound=Result)
 
 
 def check_outputs(out: Path | None, figure: FigureOptions) -> None:
-    """`OutputError` where the file of the result is not named .json, or the figure has no known format."""
+    """`OutputError` if the result's file is not named .json, or the figure has an unknown format."""
     check_out(out)
     figure.check()
 
@@ -37,11 +37,11 @@ def write(
     result
         Written to ``out`` as JSON.
     kind
-        Kind of the result, which its file states for the commands that read it: ``index``, ``cutback``, ``cure``.
+        Kind of the result, stated in its file for the commands that read it: ``index``, ``cutback``, ``cure``.
     out
         File of the result, or None.
     further
-        Of further files, by the name that the outcome gives each: its path or None, and the function of its bytes.
+        Further files by their names in the outcome: path or None, and a function that returns the content.
     figure
         File and look of the figure that `solen.report.plot` draws of the result.
     """
@@ -82,7 +82,7 @@ def check_ending(path: Path | None, what: str, *endings: str) -> None:
 
 
 def check_new(path: Path | None, *, force: bool) -> None:
-    """`OutputError` if a file exists and is not to be replaced: what it holds was measured once."""
+    """`OutputError` if a file exists and must not be replaced, as it may hold measurements."""
     if path is None or force:
         return
     try:
@@ -94,23 +94,23 @@ def check_new(path: Path | None, *, force: bool) -> None:
 
 
 def check_out(out: Path | None) -> None:
-    """`OutputError` where the file of a result is not named .json."""
+    """`OutputError` if the file of a result is not named .json."""
     check_ending(out, "a result", ".json")
 
 
 def check_table(out: Path | None, what: str, source: Path | str, *, force: bool) -> None:
-    """`OutputError` where the file of readings is not named .csv, or exists: recordings are named so, too."""
+    """`OutputError` if the file of readings is not named .csv, or exists: it could be a recording."""
     check_ending(out, what, ".csv")
     check_sources([out], [Path(source)])
     check_new(out, force=force)
 
 
 def check_sources(targets: Iterable[Path | None], sources: Iterable[Path | None]) -> None:
-    """`OutputError` where a file to write is one of those that are read."""
+    """`OutputError` if an output file is also an input file."""
     read = {path.resolve() for path in sources if path is not None}
     for path in targets:
         if path is not None and path.resolve() in read:
-            raise OutputError(str(path), limit="is a source itself", remedy="name another file")
+            raise OutputError(str(path), limit="is an input file", remedy="name another file")
 
 
 def check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:

@@ -27,7 +27,7 @@ class Setting:
 
     ``volts_bright`` and ``volts_dark`` are the lowest and the highest reading over the motion; ``used`` is the share of
     the supply between them. ``largest_ohm`` is the load that brings the lowest to the target, ``turn`` the share of the
-    trimmer that this is, None where the trimmer does not reach it; with the nearest it reaches, ``set_ohm``,
+    trimmer that this is, None if the trimmer does not reach it; with the nearest it reaches, ``set_ohm``,
     ``used_then`` of the supply is used. ``saturates`` says whether the load as it is goes below the target.
     """
 
@@ -46,7 +46,7 @@ class Setting:
 class Advice:
     """Settings of the three sets of parts, and what they are set to.
 
-    ``emitter_current_mA`` is the emitter's current with which the trimmer suits all three; None where there is none
+    ``emitter_current_mA`` is the emitter's current with which the trimmer suits all three; None if there is none
     that the emitter may carry steadily.
     """
 

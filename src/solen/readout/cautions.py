@@ -13,7 +13,7 @@ FOR_VISIBLE = "TEMT7000X01"
 
 
 def cautions(circuit: Circuit, advice: Advice, wavelength_nm: float, dark_V: float, *, in_space: bool) -> list[str]:
-    """Sentences with numbers; empty where there is nothing to say.
+    """Sentences with numbers; empty if there is nothing to say.
 
     Parameters
     ----------

@@ -143,9 +143,9 @@ def circuit_of(design: Design, area_mm2: Mapping[str, float]) -> Circuit:
     Raises
     ------
     DataError
-        Where a part is not found, cannot be read or is of another kind.
+        If a part is not found, cannot be read or is of another kind.
     SpecError
-        Where a range of the converter is asked for that it does not have.
+        If a range of the converter is asked for that it does not have.
     """
     stated = design.readout
     part = named_part(design, "part", ReceiverPart)
@@ -193,7 +193,7 @@ def trimmer_part(design: Design) -> TrimmerPart:
 
 
 def named_part(design: Design, key: str, kind: type[_P]) -> _P:
-    """Part that a key of the readout names; `DataError` where it is of another kind."""
+    """Part that a key of the readout names; `DataError` if it is of another kind."""
     name = getattr(design.readout, key)
     path = design.named_file(name)
     return _of_kind(f"readout.{key}", library_part(name) if path is None else load_part(path), kind)

@@ -50,7 +50,7 @@ class Drive:
 
     @classmethod
     def of(cls, part: EmitterPart, current_mA: float) -> "Drive":
-        """Emitter at a current; `DataError` where its part states neither a power nor an intensity with a current."""
+        """Emitter at a current; `DataError` if its part states neither a power nor an intensity with a current."""
         if part.current_ma is None:
             raise DataError(f"{part.name}: current_ma", limit="missing: a power needs it", remedy="add it to the part")
         typical = _reference_mW(part)

@@ -31,7 +31,7 @@ class VoltageRange:
     used_of_supply
         Share of the supply between them.
     best_resolution_deg, worst_resolution_deg
-        Best and worst resolution of one reading of all receivers; None where nothing moves.
+        Best and worst resolution of one reading of all receivers; None if nothing moves.
     """
 
     lowest_V: float

@@ -46,7 +46,7 @@ def volts(
     Raises
     ------
     SpecError
-        Where a power or an ambient light is below 0 or no number, or there is not one column for each receiver.
+        If a power or an ambient light is below 0 or no number, or there is not one column for each receiver.
     """
     fractions = np.asarray(power_fraction, dtype=float)
     _check(fractions, circuit, ambient_mW_cm2)

@@ -55,7 +55,7 @@ def recorded(
     Raises
     ------
     DataError
-        Where no two arrays have one length.
+        If no two arrays have one length.
     """
     held = _named(source, _plainly(arrays), names) if names else _plainly(arrays)
     columns = [column for array in held for column in _columns(array)]

@@ -5,7 +5,7 @@ rest of the file holds nothing but digits, signs, the decimal mark and the separ
 Anything else (a remark, an empty cell, a word, a row of another length) is left to the reader that reports what is
 wrong and where.
 
-The interface: `bulk` gives a recording, or None where a file is not such a table.
+The interface: `bulk` gives a recording, or None if a file is not such a table.
 """
 
 import io

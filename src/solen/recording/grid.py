@@ -79,7 +79,7 @@ class Grid:
     def ending(self, body: list[int]) -> str:
         """Note on the last row of numbers if the file ends there without a line break; else empty.
 
-        `DataError` where that row has lost cells, or its last number has fewer characters than any above it.
+        `DataError` if that row has lost cells, or its last number has fewer characters than any above it.
         """
         last = body[-1]
         if self.ends or self.lines[last] != self.lines[-1]:

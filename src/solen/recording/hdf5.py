@@ -107,7 +107,7 @@ def _opened(source: Source) -> Any:
 
 
 def _check_length(source: Source, length: int) -> None:
-    """`DataError` where a file, less its seal, is longer than it states: behind added bytes all numbers are others.
+    """`DataError` if a file, less its seal, is longer than it states: behind added bytes all numbers are others.
 
     A shorter one is refused by the library. Places by the HDF5 File Format Specification, versions 0 to 3.
     """
@@ -167,7 +167,7 @@ def _text(value: Any) -> str:
 
 
 def read_netcdf3(source: Source) -> Recording:
-    """Recording of a classic netCDF file; `DataError` where it is damaged or holds no arrays of numbers."""
+    """Recording of a classic netCDF file; `DataError` if it is damaged or holds no arrays of numbers."""
     from scipy.io import netcdf_file
 
     try:

@@ -41,9 +41,9 @@ def labels(path: Path, pattern: str) -> dict[str, str]:
     Raises
     ------
     SpecError
-        Where the pattern has no field, or one twice.
+        If the pattern has no field, or one twice.
     DataError
-        Where the name is not of that form.
+        If the name is not of that form.
     """
     expression, fields = _expression(pattern)
     depth = pattern.count("/") + 1

@@ -26,7 +26,7 @@ def is_matlab(source: Source) -> bool:
 
 
 def read(source: Source, columns: Sequence[str] | None = None) -> Recording:
-    """Recording of a .mat file; `DataError` where it is damaged or holds no arrays of numbers.
+    """Recording of a .mat file; `DataError` if it is damaged or holds no arrays of numbers.
 
     ``columns`` names those of a matrix.
     """

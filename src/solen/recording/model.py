@@ -32,9 +32,9 @@ class Channel(Result):
     name
         Unique within its recording: a name that a file has twice gets a number, ``sample (2)``.
     quantity
-        The quantity in the field's terms: ``transmittance``, ``force``; empty where the file does not state it.
+        The quantity in the field's terms: ``transmittance``, ``force``; empty if the file does not state it.
     unit
-        As the file spells it; ``1`` for a pure number, empty where none is stated.
+        As the file spells it; ``1`` for a pure number, empty if none is stated.
     values
         Shape (n,); NaN where the file holds no number.
     axis
@@ -84,7 +84,7 @@ class Provenance:
     format
         Format that it was read as: ``agilent-cary-csv``, ``testxpert``, ``table``.
     instrument, date
-        As the file states them; empty where it does not. A date is ISO 8601 where the file's is unambiguous.
+        As the file states them; empty if it does not. A date is ISO 8601 where the file's is unambiguous.
     metadata
         Everything else that the file says, by its own words.
     simulated
@@ -131,7 +131,7 @@ class Recording(Result):
         Where they come from.
     texts
         The columns of words, and those of numbers that name their rows (replicate, orientation), by the name of each:
-        a text for each row, empty where the file holds none.
+        a text for each row, empty if the file holds none.
     """
 
     channels: tuple[Channel, ...]

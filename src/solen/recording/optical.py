@@ -61,7 +61,7 @@ def optical_spectra(recording: Recording, chosen: Mapping[str, Sequence[str]]) -
     Raises
     ------
     DataError
-        Where a trace is missing, where there are several to choose from, or where one has no wavelengths.
+        If a trace is missing, where there are several to choose from, or where one has no wavelengths.
     """
     available = spectra(recording)
     groups = _named(recording, available, chosen) if any(chosen.values()) else _only(recording, available)

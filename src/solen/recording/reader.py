@@ -151,7 +151,7 @@ def _of_table(grid: Grid, place: layout.Layout) -> Recording:
 
 
 def _check_arrays(source: Source, sheet: str | None, columns: Sequence[str] | None) -> None:
-    """`DataError` where a file of arrays is asked for as a table."""
+    """`DataError` if a file of arrays is asked for as a table."""
     if sheet is not None or columns is not None:
         raise source.refused("", "names its own columns and has no sheets", "leave out sheet and columns")
 

@@ -132,7 +132,7 @@ class Source:
 
 
 def load(path: Path) -> Source:
-    """Bytes of a file; `DataError` where it cannot be read, is empty or larger than `LARGEST_MB`."""
+    """Bytes of a file; `DataError` if it cannot be read, is empty or larger than `LARGEST_MB`."""
     try:
         size = path.stat().st_size
         if not path.is_file():

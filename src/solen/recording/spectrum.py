@@ -95,7 +95,7 @@ class Listing(Measured, kw_only=True):
 
 
 def spectra(recording: Recording) -> tuple[Spectrum, ...]:
-    """All traces of a recording that run along a wavelength; `DataError` where there is none."""
+    """All traces of a recording that run along a wavelength; `DataError` if there is none."""
     axes = {channel.name: channel for channel in recording.channels if channel.quantity == "wavelength"}
     found = tuple(
         Spectrum(axes[channel.axis].to("nm"), channel) for channel in recording.channels if channel.axis in axes

@@ -50,7 +50,7 @@ def number(source: Source, stated: Mapping[str, str], label: str) -> float:
 
 
 def check(source: Source, stated: Mapping[str, float], x: FloatArray, y: FloatArray) -> None:
-    """`DataError` where the numbers are not those that the file states; of a label it does not, nothing is checked."""
+    """`DataError` if the numbers are not those that the file states; of a label it does not, nothing is checked."""
     count = stated.get("NPOINTS", math.nan)
     if x.size < 2 or (math.isfinite(count) and count != x.size):
         limit = f"has {x.size} points, where {count:g} are stated: it was cut off or damaged"

@@ -51,7 +51,7 @@ def read(source: Source) -> Recording:
 
 
 def _check_segments(data: bytes) -> None:
-    """`ValueError` where segments do not follow one another to the end of the file: bytes were added or lost.
+    """`ValueError` if segments do not follow one another to the end of the file: bytes were added or lost.
 
     Each begins with a lead-in of 28 bytes, which states at byte 12 how many bytes follow it.
     """

@@ -28,7 +28,7 @@ MOST_CELLS = 2_000_000
 
 
 def grid(source: Source, sheet: str | None = None) -> Grid:
-    """Rows of a sheet; `DataError` where the file is not a workbook or the sheet must be named.
+    """Rows of a sheet; `DataError` if the file is not a workbook or the sheet must be named.
 
     ``sheet`` is its name; without one, the only sheet that holds numbers is taken.
     """

@@ -1,7 +1,7 @@
-"""The style of figures, and their files, whose bytes depend on the numbers alone.
+"""The style of figures, and their files, whose bytes depend only on the numbers drawn.
 
-A module of a figure draws it with the colours and `series` below at the size it likes; `drawn` sets the style around
-that and finishes the figure for the page it goes on. `encoded` writes it.
+The module of a figure draws it with the colours and `series` below, at any size; `drawn` sets the style around
+that and fits the figure to its page. `encoded` makes the bytes of the file.
 """
 
 import io
@@ -27,10 +27,10 @@ from solen.report.options import FigureOptions
 RIGHT, LEFT, LOST, INK, SOFT = "#0072B2", "#D55E00", "#9aa0a6", "#22272e", "#d9dde1"
 SPACE, LOWER, HIGHER = "#009E73", "#56B4E9", "#CC79A7"
 SERIES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#22272e")
-"""Colours of things of one kind, distinguishable with colour vision deficiency too (Okabe and Ito)."""
+"""Colours of series, also distinguishable with colour vision deficiency (Okabe and Ito)."""
 LINES = ("-", (0, (5, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)), (0, (3, 1)), (0, (6, 1, 1, 1, 1, 1)), (0, (9, 2)))
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
-"""Dashes and markers of the same series, which then differ in more than colour."""
+"""Dashes and markers of the same series, so that they differ in more than colour."""
 SIDES = {"right": (RIGHT, ">"), "left": (LEFT, "<")}
 """Colour and marker of the right and the left receiver."""
 FONTS = ("Helvetica Neue", "Arial", "Liberation Sans", "DejaVu Sans")
@@ -66,7 +66,7 @@ def series(number: int, *, dots: bool = False) -> dict[str, Any]:
 
 
 def receiver(name: str, place: int = 0) -> dict[str, Any]:
-    """Look of a receiver's curve: its side's colour and triangles that point there; of others, those of its place."""
+    """Style of a receiver's curve: colour of its side and triangles pointing there; other receivers by position."""
     side = SIDES.get(side_of(name) or "")
     colour, marker = side or (SERIES[2:][place % len(SERIES[2:])], MARKERS[1:][place % len(MARKERS[1:])])
     return {"color": colour, "marker": marker, "markevery": 0.13, "ms": 6.5, "mew": 0.0}
@@ -75,7 +75,7 @@ def receiver(name: str, place: int = 0) -> dict[str, Any]:
 def draw_repeats(
     axes: Axes, curves: Sequence[tuple[FloatArray, FloatArray]], number: int, label: str | None, **more: Any
 ) -> None:
-    """Repeats of one curve, each x and y of shape (n,): thin lines, and their mean in its standard deviation."""
+    """Repeats of one curve, each x and y of shape (n,): thin lines, and the mean with its SD as a band."""
     look = series(number) | more
     if len(curves) == 1:
         axes.plot(*curves[0], **look, label=label)
@@ -91,7 +91,7 @@ def draw_repeats(
 
 
 def style(look: FigureOptions = FigureOptions()) -> dict[Any, Any]:
-    """Settings of matplotlib for a look; `SpecError` where its font is not installed."""
+    """Settings of matplotlib for a figure's options; `SpecError` if the font is not installed."""
     installed = {font.name.casefold(): font.name for font in fontManager.ttflist}
     names = [name for name in FONTS if name.casefold() in installed]
     if look.font is not None:
@@ -102,7 +102,7 @@ def style(look: FigureOptions = FigureOptions()) -> dict[Any, Any]:
 
 
 def drawn(draw: Callable[[], Figure], look: FigureOptions = FigureOptions()) -> Figure:
-    """A figure in the style of all figures, finished for its page."""
+    """A figure in the common style, fitted to its page."""
     with mpl.rc_context(style(look)):
         return finish(draw(), look)
 
@@ -113,7 +113,7 @@ def svg(figure: Figure, salt: str) -> str:
 
 
 def encoded(figure: Figure, suffix: str, salt: str, dpi: int = 200) -> bytes:
-    """A figure as the bytes of a file of one of the `KINDS`, with its titles in the description and no date."""
+    """A figure as the bytes of a file of one of the `KINDS`, with its titles in the metadata and no date."""
     data, title = io.BytesIO(), titles_of(figure)
     with mpl.rc_context({**STYLE, "svg.hashsalt": f"solen-{salt}"}):
         if suffix == ".svg":  # savefig would draw it twice, once for the layout: the bytes are the same

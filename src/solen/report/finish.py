@@ -1,9 +1,9 @@
-"""A drawn figure made ready for its page: panels chosen and stacked, lettered, and no text cut off or in the way.
+"""Fitting of a drawn figure to its page: selects, stacks and letters panels, keeps text whole and apart.
 
-What a module of a figure cannot know is done here for all of them: the width of the page, which panels are wanted,
-where a legend is not on the data, and which titles are too long for their panel.
+The module of a figure cannot know the width of the page, the requested panels,
+free places for the legend, or titles too long for their panel; all that is handled here.
 
-The interface: `finish` a figure for a look; `panels_of` a figure, `covers_data` and `titles_of` to look at one.
+The interface: `finish` fits a figure to its options; `panels_of`, `covers_data` and `titles_of` inspect one.
 """
 
 import math
@@ -34,23 +34,23 @@ from solen.report.options import LEAST_PT, FigureOptions
 
 MM_PER_IN = 25.4
 NARROWEST_IN = 2.1
-"""Width of a panel beside others, unless it was drawn narrower; panels that would be narrower are stacked."""
+"""Least width of a panel beside others, unless drawn narrower; narrower panels are stacked."""
 TALLEST = 0.75
-"""Height of a graph in its widths, on a page; pictures keep their shape."""
+"""Height of a graph on a page, as a multiple of its width; pictures keep their aspect ratio."""
 LOWEST_IN = 1.3
 PAGE_IN = 9.25
-"""Height of a page, to which stacked panels are lowered, as far as they can be read then."""
+"""Height of a page; stacked panels are shrunk to it as far as they stay legible."""
 _AIR_PX = 1.0
 _APART_PX = 2.5  # beside a note, half of the least distance of two
 _MANY = 4
 _CODES = range(1, 11)
-"""Places of a legend inside its panel."""
+"""Positions of a legend inside its panel."""
 _ROUNDS = 6
-"""Layouts until every text has its place."""
+"""Most layout passes until every text has its place."""
 
 
 def finish(figure: Figure, look: FigureOptions) -> Figure:
-    """A figure as its look asks for it; `SpecError` where that names a panel which is not there."""
+    """A figure according to its options; `SpecError` if they name a panel that does not exist."""
     panels = panels_of(figure)
     if look.panels:
         panels = _chosen(panels, look.panels)
@@ -69,7 +69,7 @@ def finish(figure: Figure, look: FigureOptions) -> Figure:
 
 
 def panels_of(figure: Figure) -> list[list[Axes]]:
-    """Panels in reading order as they were drawn: each the axes that share one place, colour bars with theirs."""
+    """Panels in reading order: for each, the axes that share its place, with their colour bars."""
     panels: list[list[Axes]] = []
     for axes in figure.axes:
         if axes.get_label() == "<colorbar>":
@@ -81,7 +81,7 @@ def panels_of(figure: Figure) -> list[list[Axes]]:
 
 
 def titles_of(figure: Figure) -> str:
-    """Titles of a figure, including hidden ones, on one line."""
+    """Titles of a figure on one line, including hidden ones."""
     return "; ".join(" ".join(title.get_text().split()) for title in _titles(figure))
 
 
@@ -112,7 +112,7 @@ def _chosen(panels: list[list[Axes]], letters: str) -> list[list[Axes]]:
 
 
 def _fit(figure: Figure, panels: list[list[Axes]], look: FigureOptions) -> None:
-    """Size for a page, and panels stacked where they would be too narrow side by side."""
+    """Set the size for a page; stack panels that would be too narrow side by side."""
     width, height = figure.get_size_inches()
     wide = width if look.width_mm is None else look.width_mm / MM_PER_IN
     if figure.subfigs or any(panel[0].get_subplotspec() is None for panel in panels):
@@ -186,7 +186,7 @@ def _titles(figure: Figure) -> list[Text]:
 
 
 def _hide_titles(figure: Figure) -> None:
-    """Hide titles; where one says that data are simulated, a small note goes on saying so."""
+    """Hide titles; a small note still marks simulated data."""
     titles = _titles(figure)
     for title in titles:
         title.set_visible(False)
@@ -208,7 +208,7 @@ def _letter(panels: list[list[Axes]], first: str) -> None:
 
 
 def _settle(figure: Figure, *, may_grow: bool) -> None:
-    """Lay the figure out until no text is too long for its place and no legend is on the data."""
+    """Lay the figure out until no text is too long for its place and no legend covers data."""
     family = [*rcParams["font.sans-serif"][:1], "sans-serif"]  # as it is measured, so it is drawn
     for text in figure.findobj(Text):
         text.set_fontsize(max(text.get_fontsize(), LEAST_PT))
@@ -235,7 +235,7 @@ def _settle(figure: Figure, *, may_grow: bool) -> None:
 
 
 def _lay_out(figure: Figure) -> None:
-    """Give everything its place; a layout engine needs no drawing for that."""
+    """Run the layout engine, without drawing."""
     engine = figure.get_layout_engine()
     if engine is None:
         figure.draw_without_rendering()
@@ -244,7 +244,7 @@ def _lay_out(figure: Figure) -> None:
 
 
 def _keep_inside(figure: Figure) -> None:
-    """Take what leaves the paper back onto it."""
+    """Move whatever extends beyond the page back onto it."""
     box, (wide, high), engine = figure.get_tightbbox(), figure.get_size_inches(), figure.get_layout_engine()
     left, low = max(0.0, -box.x0) / wide, max(0.0, -box.y0) / high
     right, top = max(0.0, box.x1 - wide) / wide, max(0.0, box.y1 - high) / high
@@ -254,7 +254,7 @@ def _keep_inside(figure: Figure) -> None:
 
 
 def _wrap(figure: Figure) -> float:
-    """Break titles and labels that are longer than their panel; the height of the lines that it makes, in inches."""
+    """Break titles and labels longer than their panel; return the height of the added lines in inches."""
     places = [(text, figure.bbox.width) for text in figure.texts]
     rows: dict[float, float] = {}
     for axes in figure.axes:
@@ -270,7 +270,7 @@ def _wrap(figure: Figure) -> float:
 
 
 def _broken(text: Text, room: float) -> int:
-    """Number of lines that were added."""
+    """Number of added lines."""
     words, box = text.get_text(), text.get_window_extent()
     long = max(box.width, box.height) if text.get_rotation() else box.width
     if not words or not text.get_visible() or long <= 1.02 * room or "$" in words:
@@ -282,7 +282,7 @@ def _broken(text: Text, room: float) -> int:
 
 
 def _thin(figure: Figure) -> bool:
-    """Take ticks away whose numbers touch; whether there were any."""
+    """Remove ticks whose labels touch; return whether there were any."""
     return [_thinned(axes, axis) for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)].count(True) > 0
 
 
@@ -303,7 +303,7 @@ def _thinned(axes: Axes, axis: Axis) -> bool:
 
 
 def _uncrowded(figure: Figure) -> bool:
-    """Hide notes in a panel that would overlap earlier ones; return whether there were any."""
+    """Hide notes in a panel that overlap earlier ones; return whether there were any."""
     hidden = False
     for axes in figure.axes:
         shown: list[Bbox] = []
@@ -319,7 +319,7 @@ def _uncrowded(figure: Figure) -> bool:
 
 
 def _clear(axes: Axes, panel: Sequence[Axes], outside: set[Axes]) -> bool:
-    """Move a legend off the data: to a free corner, else below its axes; whether it went below."""
+    """Move a legend off the data, to a free corner or else below its axes; return whether it went below."""
     legend = axes.get_legend()
     if legend is None or axes in outside or not covers_data(legend, panel, references=True):
         return False
@@ -337,7 +337,7 @@ def _clear(axes: Axes, panel: Sequence[Axes], outside: set[Axes]) -> bool:
 
 
 def _below(axes: Axes, legend: Legend) -> None:
-    """The same legend below the axes and what is written there, in as many columns as fit."""
+    """Place the legend below the axes and their labels, in as many columns as fit."""
     figure = axes.get_figure(root=True)
     assert figure is not None  # noqa: S101  it has been drawn
     by_label = {label: handle for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
@@ -358,7 +358,7 @@ def _below(axes: Axes, legend: Legend) -> None:
 
 
 def _grow(figure: Figure, moved: Sequence[Axes]) -> None:
-    """Room for legends that went below their axes, row by row."""
+    """Make room for legends below their axes, row by row."""
     rows: dict[float, float] = {}
     for axes in moved:
         legend, row = axes.get_legend(), round(axes.bbox.y0 / figure.bbox.height, 1)
@@ -368,9 +368,9 @@ def _grow(figure: Figure, moved: Sequence[Axes]) -> None:
 
 
 def covers_data(legend: Legend, panel: Sequence[Axes], *, references: bool = False) -> bool:
-    """Whether a legend lies on anything that is drawn from data or on a text, or leaves its panel.
+    """Whether a legend covers data or text, or extends beyond its panel.
 
-    With ``references`` also on a line across the panel that no legend names, such as that of 0.
+    With ``references``, unlabelled lines across the panel count too, such as a zero line.
     """
     box, within = legend.get_window_extent(), panel[0].bbox.padded(_AIR_PX)
     if box.x0 < within.x0 or box.x1 > within.x1 or box.y0 < within.y0 or box.y1 > within.y1:

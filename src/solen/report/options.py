@@ -13,21 +13,21 @@ from solen.spec.strict import Finite, Options, or_refuse
 PIXELS = (".png", ".tiff", ".tif")
 KINDS = (".svg", ".pdf", ".eps", *PIXELS)
 LEAST_PT = 6.0
-"""Smallest lettering that is drawn, as journals ask for."""
+"""Smallest font size, as journals require."""
 LETTERS_LIMIT = "is one letter, as A, a or (a)"
 Limits = tuple[str | None, str, float, float]
-"""Panel or None for all, x or y, and the ends of the axis."""
+"""Panel (None for all), x or y, and the ends of the axis."""
 
 
 class FigureOptions(Options):
-    """File of a figure, and how it looks."""
+    """File and style of a figure."""
 
     figure: Path | None = None
     """Draw the result into this .svg, .pdf, .eps, .png or .tiff."""
     width_mm: Annotated[Finite, Ge(40.0), Le(600.0)] | None = None
     """Width of the figure, as 90 for a column and 180 for a page; panels that do not fit side by side are stacked."""
     height_mm: Annotated[Finite, Ge(30.0), Le(600.0)] | None = None
-    """Height of the figure; default: what its panels need."""
+    """Height of the figure; default: as its panels need."""
     font: str | None = None
     """Font of the lettering; default: Helvetica Neue, Arial, Liberation Sans or DejaVu Sans, the first installed."""
     font_pt: Annotated[Finite, Ge(LEAST_PT), Le(24.0)] | None = None
@@ -35,13 +35,13 @@ class FigureOptions(Options):
     no_titles: bool = False
     """Leave titles out of the picture, but for a note that data are simulated; the file's description keeps them."""
     letters: Annotated[str | None, Field(pattern=r"^([A-Za-z]|\([A-Za-z]\))$"), or_refuse(LETTERS_LIMIT)] = None
-    """Letter the panels, beginning so: A, a, (a), or E for panels of a figure made of several files."""
+    """Letter the panels, starting with: A, a, (a); or E for the panels of a figure assembled from several files."""
     panels: str = ""
-    """Draw some panels alone, as in AC, the first being A; after Z comes AA, and then with commas: A,AA."""
+    """Draw only some panels, as in AC, the first being A; after Z comes AA, then with commas: A,AA."""
     limits: tuple[str, ...] = ()
-    """Ends of an axis: x=400:900 of all panels, B.y=0:1 of one; repeatable."""
+    """Limits of an axis: x=400:900 for all panels, B.y=0:1 for one; repeatable."""
     dpi: int = Field(300, ge=72, le=1200)
-    """Pixels per inch of .png and .tiff."""
+    """Resolution of .png and .tiff in pixels per inch."""
 
     @property
     def size_pt(self) -> float:
@@ -53,24 +53,24 @@ class FigureOptions(Options):
         return [_ends(text) for text in self.limits]
 
     def check(self, *others: Path | None) -> None:
-        """Check it and the files of other figures of the same look.
+        """Check these options and the files of other figures that share them.
 
         Raises
         ------
         OutputError
-            Where a figure has no known ending.
+            If a figure has an unknown extension.
         SpecError
-            Where a look is stated and there is no figure, or limits are not written as they should be.
+            If a style is stated without a figure, or limits are malformed.
         """
         files = [file for file in (self.figure, *others) if file is not None]
         stated = [name for name, field in type(self).model_fields.items() if getattr(self, name) != field.default]
         if stated and not files:
-            raise SpecError(f"--{stated[0].replace('_', '-')}", limit="is about a figure", remedy="add --figure FILE")
+            raise SpecError(f"--{stated[0].replace('_', '-')}", limit="applies to a figure", remedy="add --figure FILE")
         for file in files:
             if file.suffix.lower() not in KINDS:
                 raise OutputError(str(file), limit=f"a figure ends in {', '.join(KINDS)}", remedy="rename it")
         if files and "dpi" in stated and not any(file.suffix.lower() in PIXELS for file in files):
-            limit = f"is about {', '.join(PIXELS)}, and {files[0].name} has no pixels"
+            limit = f"applies to {', '.join(PIXELS)}, and {files[0].name} has no pixels"
             raise SpecError("--dpi", value=self.dpi, limit=limit, remedy="leave it out")
         self.ends()
 

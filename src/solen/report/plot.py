@@ -1,6 +1,6 @@
 """The figure of a result, chosen by its type.
 
-The interface: `plot`; `FIGURES` says which function draws which type. Neither the types nor matplotlib are loaded
+The interface: `plot`; `FIGURES` maps types to the functions that draw them. Neither the types nor matplotlib are loaded
 before a result is drawn.
 """
 
@@ -58,25 +58,25 @@ FIGURES = {
     "Tolerances": "explore.tolerance:tolerance_figure",
     "TunedPrint": "print.tune:tune_figure",
 }
-"""Functions of modules beside this one that take one result, by the name of its type."""
+"""Functions that draw one result, in modules beside this one, by the name of the result's type."""
 
 
 def plot(result: Any, look: "FigureOptions | None" = None) -> "Figure":
-    """Figure of a result, in the style of all figures of solen; a notebook shows it, ``savefig`` writes it.
+    """Figure of a result, in solen's style; a notebook shows it, ``savefig`` writes it.
 
     Parameters
     ----------
     result
         Result of a stage or a command.
     look
-        Its page: width, lettering, panels, limits of axes. Its file is not written.
+        Width, lettering, panels, limits of axes; no file is written.
 
     Raises
     ------
     OutputError
-        Where no figure is drawn of such a result.
+        If there is no figure for such a result.
     SpecError
-        Where the look names a panel that is not there, or a font that is not installed.
+        If ``look`` names a panel that does not exist, or a font that is not installed.
     """
     canvas = import_module("solen.report.canvas")
     figure: Figure = canvas.drawn(lambda: figure_of(result), *([] if look is None else [look]))
@@ -87,8 +87,8 @@ def figure_of(result: Any) -> "Figure":
     """The figure as its module draws it, not yet finished for a page; raises as `plot` does."""
     kinds = [kind.__name__ for kind in type(result).__mro__ if kind.__name__ in FIGURES]
     if not kinds:
-        limit = f"there is no figure of a {type(result).__name__}"
-        raise OutputError("plot", limit=limit, remedy=f"figures are drawn of {', '.join(FIGURES)}")
+        limit = f"no figure exists for a {type(result).__name__}"
+        raise OutputError("plot", limit=limit, remedy=f"figures exist for {', '.join(FIGURES)}")
     module, _, function = FIGURES[kinds[0]].partition(":")
     figure: Figure = getattr(import_module(f"solen.report.{module}"), function)(result)
     return figure

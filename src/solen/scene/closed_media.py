@@ -89,7 +89,7 @@ def check_closed(interfaces: Sequence["Interface"]) -> None:
     Raises
     ------
     DesignError
-        Where a boundary between media ends alone, with the interface, the place and the gap to the nearest other end;
+        If a boundary between media ends alone, with the interface, the place and the gap to the nearest other end;
         or where the media round a vertex do not fit, with two neighbours there and what each of them says.
     """
     if all(_free(interface) for interface in interfaces):

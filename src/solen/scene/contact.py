@@ -51,7 +51,7 @@ class Pad:
 
 
 def pad_regions(walls: Sequence[Wall]) -> tuple[Region, ...]:
-    """Media of all wall tables, each once; `DesignError` where two tables give one name two indices."""
+    """Media of all wall tables, each once; `DesignError` if two tables give one name two indices."""
     regions: dict[str, Region] = {}
     for number, wall in enumerate(walls):
         if wall.outside == "air" or wall.index is None:

@@ -80,7 +80,7 @@ def loads(text: str, where: str = "scene") -> Scene:
 
 
 def load(path: Path | str) -> Scene:
-    """Scene of a JSON file; errors as in `loads`, and `DataError` where it cannot be read."""
+    """Scene of a JSON file; errors as in `loads`, and `DataError` if it cannot be read."""
     return loads(files.read_text(Path(path), DataError), str(path))
 
 

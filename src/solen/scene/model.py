@@ -45,7 +45,7 @@ class Region:
     anisotropy: float = 0.0
 
     def index_at(self, wavelength_nm: float | None) -> float:
-        """Index at a wavelength; `DataError` where its dispersion does not reach there."""
+        """Index at a wavelength; `DataError` if its dispersion does not reach there."""
         if not isinstance(self.index, Dispersion):
             return self.index
         if wavelength_nm is None:

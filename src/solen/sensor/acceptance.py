@@ -52,7 +52,7 @@ class Acceptance:
 
     @classmethod
     def of(cls, sensor: Sensor) -> "Acceptance":
-        """Acceptance of the part that a design names; `DataError` where there is no such receiver."""
+        """Acceptance of the part that a design names; `DataError` if there is no such receiver."""
         matched = sensor.design.receivers.coupling == "matched"
         exponent = exponent_of(named_part(sensor.design, "part", ReceiverPart))
         return cls(exponent, sensor.material.index if matched else 1.0)

@@ -56,7 +56,7 @@ class Comparison(Result):
     u_shape
         (N,) standard uncertainty of the printed one's contrast by that of its outline alone.
     null_designed_deg, null_printed_deg
-        Their nulls, None where there is none.
+        Their nulls, None if there is none.
     u_null_shift_deg
         Standard uncertainty of the distance of the nulls.
     """
@@ -142,14 +142,14 @@ def as_printed(
     own, designed
         Its response in power, and that of the design where it is known.
     progress
-        Called with the share done, up to 1.
+        Called with the completed share, up to 1.
     draws
         Outlines to draw within the uncertainty of the profile.
 
     Raises
     ------
     DesignError
-        Where the lens is not a measured one, or the body cannot be built with one of the two.
+        If the lens is not a measured one, or the body cannot be built with one of the two.
     """
     if not isinstance(sensor.cut, MeasuredLens):
         raise DesignError("lens.shape", value=sensor.design.lens.shape, limit='must be "measured" for a comparison')

@@ -150,7 +150,7 @@ class Check(Result):
 
 
 def check(sensor: Sensor) -> Check:
-    """Check that a sensor can be built at every angle of its motion; `DesignError` where it cannot."""
+    """Check that a sensor can be built at every angle of its motion; `DesignError` if it cannot."""
     sensor.check()
     return Check(
         name=sensor.design.name,
@@ -166,7 +166,7 @@ def check(sensor: Sensor) -> Check:
 
 
 def lens_check(sensor: Sensor) -> LensCheck:
-    """The lens of a sensor; `DesignError` where its body cannot be built, or is drawn."""
+    """The lens of a sensor; `DesignError` if its body cannot be built, or is drawn."""
     sensor.body()
     return LensCheck(sensor.design.name, sensor.lens, foci_of(sensor), tuple(sensor.warnings))
 

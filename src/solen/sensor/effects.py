@@ -94,7 +94,7 @@ def effects(
     null
         Its null and the slope of the contrast there.
     progress
-        Called with the share done, up to 1.
+        Called with the completed share, up to 1.
     """
     asked: list[tuple[str, Callable[[], Effect]]] = []
     skipped: dict[str, str] = {}

@@ -146,7 +146,7 @@ def lens_choice(sensor: Sensor, known: Response, null_deg: float | None) -> Lens
     Raises
     ------
     DesignError
-        Where there is nothing to compare, with the reason.
+        If there is nothing to compare, with the reason.
     """
     if why := _why_not(sensor, null_deg):
         raise DesignError("comparison of lenses", value=sensor.design.name, limit=why)
@@ -168,7 +168,7 @@ def lens_choice(sensor: Sensor, known: Response, null_deg: float | None) -> Lens
 
 
 def _why_not(sensor: Sensor, null_deg: float | None) -> str:
-    """Why there is nothing to compare; empty where there is."""
+    """Why there is nothing to compare; empty if there is."""
     plane = sensor.design.trace.dimension != "extruded"
     cases = {
         "light stays in the plane, where all of them are the Cartesian oval": plane,
@@ -181,7 +181,7 @@ def _why_not(sensor: Sensor, null_deg: float | None) -> str:
 
 
 def _why_not_about(ends_deg: Sequence[float], *, mirrored: bool) -> str:
-    """Why nothing can be compared about the null by the ends of the motion; empty where it can."""
+    """Why nothing can be compared about the null by the ends of the motion; empty if it can."""
     if not ends_deg:
         return "the motion does not leave the null"
     if len(ends_deg) == 1 and not mirrored:

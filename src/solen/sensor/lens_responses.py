@@ -59,7 +59,7 @@ class LensResponse:
 def lens_responses(
     sensors: Mapping[str, Sensor], angles_deg: Sequence[float] = ANGLES_DEG, progress: Progress | None = None
 ) -> tuple[LensResponse, ...]:
-    """Responses of sensors by the names of their lenses; `DesignError` where one has not two receivers."""
+    """Responses of sensors by the names of their lenses; `DesignError` if one has not two receivers."""
     made = []
     for done, (name, sensor) in enumerate(sensors.items(), start=1):
         sensor.check_pair()

@@ -37,7 +37,7 @@ OF_THE_LIGHT = ("wavelength_nm", "cone_deg", "width_mm", "height_mm")
 
 
 def number(sensor: "Sensor", key: str) -> float:
-    """Value of a number of the design; `SpecError` where it is not a real number that the design states."""
+    """Value of a number of the design; `SpecError` if it is not a real number that the design states."""
     value = value_at(sensor.design, key)
     table, _, name = key.partition(".")
     if table == "emitter" and name in OF_THE_LIGHT:

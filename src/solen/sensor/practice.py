@@ -95,7 +95,7 @@ class Practice(Result):
     Attributes
     ----------
     paper
-        Response of a point in the plane, as in the paper; None where the design is just that.
+        Response of a point in the plane, as in the paper; None if the design is just that.
     built
         The sensor with its LED in space.
     effects
@@ -148,7 +148,7 @@ def practice(
     own
         Its response in power.
     progress
-        Called with the share done, up to 1.
+        Called with the completed share, up to 1.
     slope
         Slope of its contrast at the null, where that is known.
     """

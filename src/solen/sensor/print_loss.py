@@ -104,7 +104,7 @@ def print_loss(sensor: Sensor, profile: MeasuredProfile, progress: Progress | No
     Raises
     ------
     DesignError
-        Where the lens is not a Cartesian oval of a Y, or a body cannot be built.
+        If the lens is not a Cartesian oval of a Y, or a body cannot be built.
     """
     sensor.check_pair()
     own = _compared(sensor, profile)

@@ -100,9 +100,9 @@ def readings(sensor: Sensor, progress: Progress | None = None) -> Readings:
     Raises
     ------
     DesignError
-        Where its receivers are not right and left, or the body cannot be built.
+        If its receivers are not right and left, or the body cannot be built.
     DataError
-        Where a part of its circuit is not found, or is of another kind.
+        If a part of its circuit is not found, or is of another kind.
     """
     return readings_from(sensor, sensor.power(progress=progress))
 

@@ -73,7 +73,7 @@ class Response(Result):
         return float((self.right + self.left).mean())
 
     def contrast_at(self, angle_deg: float) -> float | None:
-        """Contrast at the angle nearest to ``angle_deg``; None where no light arrives."""
+        """Contrast at the angle nearest to ``angle_deg``; None if no light arrives."""
         value = float(self.contrast[self.at(angle_deg)])
         return value if math.isfinite(value) else None
 
@@ -109,7 +109,7 @@ class Response(Result):
     def saturation_deg(self) -> float | None:
         """Smallest distance from the null at which the contrast reaches `SATURATED`, interpolated linearly.
 
-        None where it never does, or without a null.
+        None if it never does, or without a null.
         """
         null = self.null_deg()
         if null is None:
@@ -179,14 +179,14 @@ def contrast_slope(base: Trace, right: Slope, left: Slope) -> Slope:
 
 
 def contrast(right: float, left: float) -> float | None:
-    """(R − L)/(R + L), None where no light arrives."""
+    """(R − L)/(R + L), None if no light arrives."""
     return (right - left) / (right + left) if right + left > 0.0 else None
 
 
 def shift(response: Response, other: Response) -> Shift | None:
     """Largest difference in contrast between two responses, over their common angles.
 
-    None where no light arrives at any of them.
+    None if no light arrives at any of them.
     """
     common = sorted(set(response.angle_deg.tolist()) & set(other.angle_deg.tolist()))
     here, there = (each.part([each.at(angle) for angle in common]) for each in (response, other))

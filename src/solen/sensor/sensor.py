@@ -74,7 +74,7 @@ class Sensor:
         SpecError
             Where the file is not a valid design.
         DesignError, DataError
-            Where its lens cannot be, or its resin cannot be read.
+            If its lens cannot be, or its resin cannot be read.
         """
         design = design if isinstance(design, Design) else load(design)
         material = optical(design)
@@ -151,7 +151,7 @@ class Sensor:
         return LoadedBody.of(self.design, self.cut)
 
     def check_pair(self) -> None:
-        """`DesignError` where the receivers are not the two, ``right`` and ``left``, whose contrast is the response."""
+        """`DesignError` if the receivers are not the two, ``right`` and ``left``, whose contrast is the response."""
         body = self.body()
         receivers = sorted({face.whose for face in (*body.all_faces, *body.apart) if face.part == "receiver"})
         if receivers != ["left", "right"]:
@@ -226,7 +226,7 @@ class Sensor:
         Raises
         ------
         SpecError
-            Where the key is not one of a real number that the design states.
+            If the key is not one of a real number that the design states.
         """
         value = number(self, key)
 
@@ -249,14 +249,14 @@ class Sensor:
         angle_deg
             Angle of the motion.
         progress
-            Called with the share done, up to 1.
+            Called with the completed share, up to 1.
 
         Raises
         ------
         SpecError
-            Where a key is not one of a real number that the design states, or is inert.
+            If a key is not one of a real number that the design states, or is inert.
         DesignError
-            Where the light at this angle cannot be integrated closely enough.
+            If the light at this angle cannot be integrated closely enough.
         """
         self.check_pair()
         chosen = (
@@ -311,7 +311,7 @@ class Sensor:
         return all(are_mirrored(self.body(angle), self.body(-angle)) for angle in (0.0, last_deg / 2, last_deg))
 
     def slope_per_deg(self, angle_deg: float, tolerance: float | None = None) -> Slope | None:
-        """Change of the contrast per degree at an angle, in power, with its uncertainty; None where no light arrives.
+        """Change of the contrast per degree at an angle, in power, with its uncertainty; None if no light arrives.
 
         From two spans about the angle, one twice the other: what bends within them counts as uncertainty. The
         tolerance is that of `integrate`.

@@ -33,7 +33,7 @@ class Summary:
     from_deg, to_deg
         First and last angle.
     contrast_from, u_contrast_from, contrast_to, u_contrast_to
-        Contrast there, None where no light arrives, and its uncertainty.
+        Contrast there, None if no light arrives, and its uncertainty.
     null_deg, u_null_deg, slope_per_deg, u_slope_per_deg
         Null nearest to 0 and the slope of the contrast there, with their uncertainties.
     saturation_deg
@@ -123,7 +123,7 @@ class DesignStudy(Result):
     with_lens
         None for a design without a lens.
     no_lens, no_lens_refused
-        None where the sensor cannot be built without its lens, and then why.
+        None if the sensor cannot be built without its lens, and then why.
     practice
         The design beside its neighbours, where that was asked for.
     designed, as_printed

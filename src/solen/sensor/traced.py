@@ -100,7 +100,7 @@ def trace_design(
     Raises
     ------
     SpecError
-        Where an option has no effect, or the angle is none.
+        If an option has no effect, or the angle is none.
     """
     check_value(sensor, angle_deg)
     scene = sensor.scene(angle_deg)

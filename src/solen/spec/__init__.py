@@ -1,7 +1,7 @@
-"""The design file: what a user decides about a sensor, checked and frozen before any physics.
+"""The design file: the user's choices for a sensor, validated and frozen before any physics.
 
 `Design` is in `solen.spec.design` with its tables beside it, reading and writing in `solen.spec.toml`, shipped
-designs in `solen.spec.template`; `solen.spec.strict` is what every TOML file of solen is checked with.
+designs in `solen.spec.template`; `solen.spec.strict` validates every TOML file of solen.
 """
 
 from solen.spec.body import Body, Lens, Material, Receivers

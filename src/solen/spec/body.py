@@ -24,7 +24,7 @@ UNUSED_KEYS: dict[str, Keys] = {
         "motion": ("join",),
     },
 }
-"""Known kinds of bodies, and the keys that have no meaning for each; `solen.geometry.kinds` builds them."""
+"""Known kinds of bodies, with the keys each does not use; `solen.geometry.kinds` builds them."""
 
 
 def unused_keys(kind: str) -> Keys:
@@ -43,7 +43,7 @@ def _known_kind(kind: str) -> str:
 
 
 class Parameters(Strict):
-    """Parameters of a kind of body that another package adds, by its own names."""
+    """Parameters of a body kind from another package."""
 
     model_config = ConfigDict(extra="allow")
     table: ClassVar[str] = "body.parameters"
@@ -51,7 +51,7 @@ class Parameters(Strict):
 
     @property
     def values(self) -> dict[str, float]:
-        """The numbers by name."""
+        """The parameters by name."""
         return dict(self.__pydantic_extra__)
 
 
@@ -68,15 +68,15 @@ class Material(Strict):
         "relative to the design file; evaluated at the emitter's wavelength.",
     )
     absorption_per_mm: NotNegative = Field(
-        0.0, description="Absorption of power per mm (base e); where left out, a resin's own loss is taken."
+        0.0, description="Absorption of power per mm (base e); default: the resin's own loss."
     )
 
     @model_validator(mode="after")
     def _one_of_index_and_resin(self) -> Self:
         if self.index is not None and self.resin is not None:
-            raise refused("", "gives both index and resin", remedy="keep one of the two")
+            raise refused("", "states both index and resin", remedy="keep one of the two")
         if self.index is None and self.resin is None:
-            raise refused("", "gives neither index nor resin", remedy='add index = 1.44 or resin = "pmma"')
+            raise refused("", "states neither index nor resin", remedy='add index = 1.44 or resin = "pmma"')
         return self
 
     @property
@@ -92,7 +92,7 @@ YFocus = Annotated[
 
 
 class Lens(Strict):
-    """The lens at the stem's base."""
+    """The lens at the base of the stem."""
 
     model_config = ConfigDict(
         json_schema_extra={
@@ -105,29 +105,31 @@ class Lens(Strict):
 
     shape: Literal["cartesian-oval", "line-focus", "layered", "measured", "none"] = Field(
         "cartesian-oval",
-        description="A Cartesian oval; line-focus: a smooth surface that sends rays in space to one line; layered: "
-        "upright walls with a profile for each layer that do so; measured: the oval as printed, by its profile; or "
-        "none: a flat face at the stem's base, the emitter distance_mm before it.",
+        description="A Cartesian oval; line-focus: a smooth surface that focuses rays in space on one line; "
+        "layered: upright walls with a profile for each layer that does so; measured: the printed oval, by "
+        "its profile; or none: a flat face at the stem's base, the emitter distance_mm before it.",
     )
     y_focus_mm: YFocus | None = Field(
         None,
-        description="With line-focus: from how far before the vertex, in mm, light in the body seems to come in y; "
-        "collimated; or body, the nearest whose light top and bottom reflect totally. Default: body.",
+        description="With line-focus: distance in mm before the vertex from which light in the body seems to "
+        "diverge in y; collimated; or body, the shortest for which top and bottom reflect all light totally. "
+        "Default: body.",
     )
     layer_mm: Length | None = Field(
-        None, description="With layered: height in mm of the layers, a printer's or slabs of several; default: 0.025."
+        None,
+        description="With layered: height of the layers in mm, one or several printed layers each; default: 0.025.",
     )
     profile: Text | None = Field(
         None,
-        description='Profile of the lens as it is, with shape = "measured": what solen print inspect writes, or a '
-        'table of x_mm, z_mm and u_mm, relative to the design file. With shape = "layered" profiles of all layers, as '
-        "solen print predict writes them.",
+        description='Measured profile of the lens, with shape = "measured": a file of solen print inspect, or a table '
+        'of x_mm, z_mm and u_mm, relative to the design file. With shape = "layered": profiles of all layers, from '
+        "solen print predict.",
     )
-    focus_mm: Length = Field(20.0, description="Distance in mm from the vertex into the body where it focuses.")
+    focus_mm: Length = Field(20.0, description="Focal distance in mm from the vertex, inside the body.")
     half_width_mm: Length = Field(2.0, description="Half the lens aperture in mm.")
     design_index: Index | None = Field(
         None,
-        description="Index that the lens is shaped for; default: the material's at the emitter's wavelength.",
+        description="Index the lens is designed for; default: the material's at the emitter's wavelength.",
     )
 
     @model_validator(mode="after")
@@ -146,7 +148,7 @@ class Lens(Strict):
 
     @property
     def in_space(self) -> bool:
-        """Whether its walls are not upright."""
+        """Whether its surface is not made of upright walls."""
         return self.shape in ("line-focus", "layered")
 
 
@@ -157,21 +159,21 @@ class Body(Strict):
 
     kind: Annotated[Text, AfterValidator(_known_kind)] = Field(
         "y",
-        description="Shape of the body: a Y, an outline read from file, or what another package adds.",
+        description="Shape of the body: a Y, an outline read from a file, or a kind from another package.",
         json_schema_extra=lambda schema: schema.update(enum=[*UNUSED_KEYS, *offered(BODY_KINDS)]),
     )
     parameters: Parameters | None = Field(
-        None, description="Numbers of a kind that another package adds, by its own names: [body.parameters]."
+        None, description="Parameters of a kind from another package: [body.parameters]."
     )
     file: Text | None = Field(
         None,
         description='Drawing of the outline, .dxf, .svg or .json, relative to the design file; with kind="outline".',
     )
     units: Literal["um", "mm", "cm", "m", "in"] | None = Field(
-        None, description="Unit of the drawing; default: what the drawing says."
+        None, description="Unit of the drawing; default: as stated in the drawing."
     )
     join_mm: Annotated[Number, Field(ge=1e-9, le=1.0)] | None = Field(
-        None, description="Ends of a drawing this near in mm are joined; default: 0.001."
+        None, description="Line ends closer than this in mm are joined; default: 0.001."
     )
     stem_length_mm: Length = Field(16.2, description="Length of the stem in mm.")
     stem_curve_per_mm: Annotated[Number, Field(ge=-1e3, le=1e3)] = Field(
@@ -187,12 +189,12 @@ class Body(Strict):
 
     @property
     def lens_is_drawn(self) -> bool:
-        """Whether its lens is part of its drawing, rather than what ``[lens]`` states."""
+        """Whether the lens is part of the drawing, rather than defined in ``[lens]``."""
         return "shape" in unused_keys(self.kind).get("lens", ())
 
 
 class Receivers(Strict):
-    """The two receivers at the arm ends, and how the light reaches them."""
+    """The two receivers at the arm ends, and the coupling of light to them."""
 
     model_config = ConfigDict(
         json_schema_extra={
@@ -210,7 +212,7 @@ class Receivers(Strict):
     gap_mm: Length | None = Field(None, description='Air gap in mm; with coupling = "air-gap", and only then.')
     height_mm: Length | None = Field(
         None,
-        description='Height in mm along y, about the middle, with dimension = "extruded"; default: all of it.',
+        description='Height in mm along y, centred, with dimension = "extruded"; default: the full thickness.',
     )
 
     @model_validator(mode="after")

@@ -1,4 +1,4 @@
-"""Combinations of keys across the tables of a design: which require one another, and which exclude one another."""
+"""Combinations of keys across the tables of a design: which require and which exclude each other."""
 
 from typing import TYPE_CHECKING
 
@@ -19,7 +19,7 @@ OF_MOTIONS: dict[str, Keys] = {
 
 
 def check_combinations(design: "Design") -> None:
-    """Refuse keys that contradict one another."""
+    """Reject contradictory keys."""
     outline, bends = design.body.kind == "outline", design.motion.kind == "bend"
     _refuse_stated(design, unused_keys(design.body.kind), f'body.kind = "{design.body.kind}"')
     for kind, keys in OF_MOTIONS.items():
@@ -77,13 +77,13 @@ def _check_bend(design: "Design") -> None:
 
 
 def _check_moves(design: "Design") -> None:
-    """Reject parts that cannot turn in a Y."""
+    """Reject turning parts that a Y does not have."""
     moves = design.motion.moves
     if "mirrors" in moves:
         raise refused("motion.moves", "a Y has no mirrors", value=list(moves), remedy="leave them out")
     if "lens" not in moves and design.motion.join != "bridge":
-        limit = "has no meaning where the lens does not turn"
+        limit = "has no meaning unless the lens turns"
         raise refused("motion.join", limit, value=design.motion.join, remedy="leave it out")
     if "receivers" in moves and design.receivers.coupling != "air-gap":
-        limit = "receivers on the arms' ends cannot turn without them"
+        limit = "receivers on the arm ends cannot turn without the arms"
         raise refused("motion.moves", limit, value=list(moves), remedy='set receivers.coupling = "air-gap"')

@@ -1,13 +1,13 @@
 """The design: everything that determines a sensor and its simulation, as frozen tables.
 
-The idea: one value holds what the user decided and nothing that follows from it. Keys are those of the design file,
-names carry units, and the defaults are the paper's sensor at 860 nm, so that a file states only what differs.
-Whether what a design describes can be built (an oval beyond tangency, a body crossing itself) is for later stages.
+The idea: one object holds the user's choices and nothing derived from them. Keys are those of the design file,
+names carry units, and the defaults are the paper's sensor at 860 nm, so that a file states only the differences.
+Later stages check whether the design can be built (an oval beyond tangency, a self-intersecting body).
 
 The interface: `Design` and its tables: `Material`, `Lens`, `Body`, `Receivers` of `solen.spec.body`, `Emitter` and
 `Ambient` of `solen.spec.light`, `Motion`, `Wall`, `Tolerance`, `Fabricate` and `Readout` of the modules of their
-names, and `Trace`; `Motion.angles_deg` are the angles of a sweep; `Design.files` is where the files lie that a
-design names. What several tables say together is checked by `solen.spec.combinations`.
+names, and `Trace`; `Motion.angles_deg` are the angles of a sweep; `Design.files` are the paths of the files that a
+design names. `solen.spec.combinations` checks keys across tables.
 """
 
 from collections.abc import Mapping
@@ -29,7 +29,7 @@ from solen.spec.tolerance import Tolerance
 from solen.spec.wall import Wall
 
 READOUT_PARTS = ("part", "emitter_part", "trimmer", "adc")
-"""Keys of the readout that name a part."""
+"""Keys of the readout that name parts."""
 
 
 def names_file(name: str | None) -> bool:
@@ -45,7 +45,8 @@ class Trace(Strict):
 
     mode: Literal["count", "power", "roulette"] = Field(
         "count",
-        description="Whole rays that refract or reflect totally, Fresnel power with both branches, or with one drawn.",
+        description="Whole rays (refraction or total reflection); Fresnel power with both branches; or with one "
+        "branch chosen at random.",
     )
     dimension: Literal["2d", "extruded"] = Field(
         "2d",
@@ -56,18 +57,18 @@ class Trace(Strict):
 class Design(Strict):
     """A sensor: its name, material, optics, body, motion and trace.
 
-    Two designs are equal where their tables are and the files that they name are the same files.
+    Two designs are equal if their tables are equal and they name the same files.
     """
 
     reserved: ClassVar[frozenset[str]] = frozenset({"emitters", "lenses"})
 
     name: Text = Field(description="the name of the design, one line.")
-    material: Material = Field(description='what it is printed in, index = 1.44 or resin = "pmma".')
+    material: Material = Field(description='the printed material, index = 1.44 or resin = "pmma".')
     emitter: Emitter = Field(default_factory=Emitter, description="The light source.")
-    ambient: Ambient = Field(default_factory=Ambient, description="Light from around.")
+    ambient: Ambient = Field(default_factory=Ambient, description="Ambient light.")
     lens: Lens = Field(default_factory=Lens, description="The lens.")
     body: Body = Field(default_factory=Body, description="The printed guide.")
-    wall: tuple[Wall, ...] = Field((), description="What lies outside stretches of the walls, and their finish.")
+    wall: tuple[Wall, ...] = Field((), description="Finish of stretches of the walls, and the medium outside them.")
     receivers: Receivers = Field(default_factory=Receivers, description="The receivers.")
     motion: Motion = Field(default_factory=Motion, description="The motion and the sweep.")
     hold: tuple[Hold, ...] = Field((), description="What holds a soft body.")
@@ -75,9 +76,11 @@ class Design(Strict):
     pull: tuple[Pull, ...] = Field((), description="Forces that pull it.")
     mechanics: Mechanics = Field(default_factory=Mechanics, description="How it gives.")
     trace: Trace = Field(default_factory=Trace, description="How rays are followed.")
-    tolerance: Tolerance = Field(default_factory=Tolerance, description="How far off its numbers may be.")
-    fabricate: Fabricate = Field(default_factory=Fabricate, description="Seats for the electronics in what is printed.")
-    readout: Readout = Field(default_factory=Readout, description="How the receivers' light becomes volts.")
+    tolerance: Tolerance = Field(default_factory=Tolerance, description="Tolerances of its numbers.")
+    fabricate: Fabricate = Field(
+        default_factory=Fabricate, description="Seats for the electronics in the printed part."
+    )
+    readout: Readout = Field(default_factory=Readout, description="Conversion of received light to voltage.")
 
     _folder: Path = PrivateAttr(default_factory=Path)
 
@@ -95,15 +98,14 @@ class Design(Strict):
         Parameters
         ----------
         values
-            By dotted key the value, as TOML would hold it: ``{"lens.focus_mm": 25}``; None returns an optional key to
-            its default.
+            Values by dotted key, as in TOML: ``{"lens.focus_mm": 25}``; None resets an optional key to its default.
         keys
-            The same by keys that only one table has: ``focus_mm=25``.
+            The same for keys that occur in a single table: ``focus_mm=25``.
 
         Raises
         ------
         SpecError
-            Where a key is unknown or in several tables, or the design would not be valid.
+            If a key is unknown or occurs in several tables, or the design would be invalid.
         """
         from solen.spec.toml import with_values
 
@@ -111,7 +113,7 @@ class Design(Strict):
 
     @classmethod
     def _dotted(cls, key: str) -> str:
-        """Dotted key of a key that only one table has; ``name``, which belongs to the design itself, is unchanged."""
+        """Dotted key of a key that occurs in a single table; ``name`` of the design itself is unchanged."""
         tables: dict[str, Any] = {name: field.annotation for name, field in cls.model_fields.items()}
         keys = {name: kind.model_fields for name, kind in tables.items() if hasattr(kind, "model_fields")}
         dotted = [f"{name}.{key}" for name, fields in keys.items() if key in fields]
@@ -125,28 +127,28 @@ class Design(Strict):
 
     @property
     def folder(self) -> Path:
-        """Folder of the design's relative paths: that of its file, or the working directory for a design in memory."""
+        """Base folder of relative paths: that of the design file, or the working directory for a design in memory."""
         return self._folder
 
     @property
     def resin_file(self) -> Path | None:
-        """Path of the resin file, or None where the material is an index or a library resin."""
+        """Path of the resin file; None for an index or a library resin."""
         return self.file_of(self.material.resin) if names_file(self.material.resin) else None
 
     @property
     def part_file(self) -> Path | None:
-        """Path of the emitter's part file, or None if it has no part or one of the library."""
+        """Path of the emitter's part file; None without a part or for a library part."""
         return self.file_of(self.emitter.part) if names_file(self.emitter.part) else None
 
     @property
     def receiver_file(self) -> Path | None:
-        """Path of the part file of the receiver that pockets are made for, or None where it is one of the library."""
+        """Path of the part file of the receiver that the pockets fit; None for a library part."""
         name = self.fabricate.receiver_part
         return self.file_of(name) if names_file(name) else None
 
     @property
     def files(self) -> dict[str, Path]:
-        """Paths of the files that the design names, by the key that names each."""
+        """Paths of the files named in the design, by key."""
         found = {
             "material.resin": self.resin_file,
             "emitter.part": self.part_file,
@@ -169,7 +171,7 @@ class Design(Strict):
 
     @property
     def profile_file(self) -> Path | None:
-        """Path of the measured lens's profile, or None where the design names none."""
+        """Path of the measured lens's profile, or None if the design names none."""
         return self.file_of(self.lens.profile)
 
     @property
@@ -178,7 +180,7 @@ class Design(Strict):
         return self.file_of(self.body.file)
 
     def in_folder(self, folder: Path) -> Self:
-        """Return the same design with its relative paths starting from another folder."""
+        """The same design with relative paths based on another folder."""
         copy = self.model_copy()
         copy._folder = folder
         return copy

@@ -1,4 +1,4 @@
-"""Seats for assembly: pockets for the receivers, and slots into which a film with a part on it is glued."""
+"""Seats for assembly: pockets for the receivers, and slots for glued-in films that carry a part."""
 
 from typing import Annotated, ClassVar, Literal
 
@@ -29,22 +29,22 @@ class Fabricate(Strict):
     receiver_part: Text = Field(
         "TEMT7100X01",
         description="Name of a receiver in the library, or a part file (ends in .toml or holds a / or \\), relative to "
-        "the design file: its package is what a pocket holds.",
+        "the design file: the pocket fits its package.",
     )
     pocket_depth_mm: Length | None = Field(
         None, description="Depth of a pocket in mm; default: the package's, so that its back is flush."
     )
     slots: Annotated[tuple[Place, ...], AfterValidator(_places), or_refuse(PLACES_LIMIT)] = Field(
         (),
-        description="Where a slot for a support of film is cut into the top: at the receivers, at the emitter.",
+        description="Where slots for a supporting film are cut into the top: at the receivers, at the emitter.",
         json_schema_extra={"uniqueItems": True},
     )
     film_mm: Length = Field(0.1, description="Thickness of the film in mm: the depth of a slot.")
     slot_width_mm: Length = Field(2.0, description="Width of the film in mm.")
     slot_length_mm: Length = Field(2.0, description="How far a slot reaches into the body, in mm.")
     mark: Annotated[bool, Field(strict=True)] = Field(
-        False, description="Whether the top of the left arm has a dimple, by which the faces of a print are known."
+        False, description="Whether the top of the left arm has a dimple that distinguishes the faces of a print."
     )
     clearance_mm: Annotated[Number, Field(ge=0, le=10)] = Field(
-        0.05, description="Room in mm on each side of a package and of a film."
+        0.05, description="Clearance in mm on each side of a package and of a film."
     )

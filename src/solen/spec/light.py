@@ -30,7 +30,7 @@ class Emitter(Strict):
     part: Text | None = Field(
         None,
         description="Name of an emitter in the library, or a part file (ends in .toml or holds a / or \\), relative to "
-        "the design file: its pattern, spectrum and size hold where this table states none.",
+        "the design file: its pattern, spectrum and size apply unless stated in this table.",
     )
     wavelength_nm: Wavelength = Field(
         860.0, description="Wavelength in nm; default: the part's or the spectrum's, 860 without these."
@@ -42,21 +42,21 @@ class Emitter(Strict):
         None, description="Full width at half maximum, in nm, of a Gaussian spectrum about the wavelength."
     )
     distance_mm: Length = Field(1.0, description="Distance to the lens vertex in mm.")
-    offset_mm: Place = Field(0.0, description="Decentre from the axis in mm, towards +x.")
-    y_mm: Place = Field(0.0, description="Height of its middle over that of the body in mm, in space alone.")
+    offset_mm: Place = Field(0.0, description="Decentre from the axis in mm, positive towards +x.")
+    y_mm: Place = Field(0.0, description="Height of its centre above the body's mid-plane in mm; in space only.")
     width_mm: Size = Field(0.0, description="Width of the chip across the axis in mm; 0 for a point.")
     height_mm: Size = Field(0.0, description="Height of the chip along y in mm; 0 for a line.")
     cone_deg: Annotated[Number, Field(gt=0, le=360)] = Field(
         120.0,
-        description="Full opening angle in degrees beyond which nothing is emitted; default: 120 for a fan, 180 for "
+        description="Full opening angle of the emission in degrees; default: 120 for a fan, 180 for "
         "uniform and lambertian, 360 for a table.",
     )
     rays: Annotated[int, Field(strict=True, ge=1, le=1_000_000_000)] = Field(100, description="Number of rays.")
     point_mm: Annotated[Point, or_refuse("must be [x_mm, z_mm] with two finite numbers")] | None = Field(
-        None, description="Place [x_mm, z_mm] of the emitter of an outline; default: as drawn."
+        None, description="Position [x_mm, z_mm] of the emitter of an outline; default: as drawn."
     )
     axis_deg: Annotated[Number, Field(ge=-360, le=360)] | None = Field(
-        None, description="Where the emitter of an outline looks, counter-clockwise from +z; default: as drawn."
+        None, description="Direction of the emitter of an outline, counter-clockwise from +z; default: as drawn."
     )
     pattern: Literal["fan", "uniform", "lambertian", "table"] = Field(
         "fan",
@@ -70,11 +70,11 @@ class Emitter(Strict):
         None, description="Angles from the axis in degrees with relative intensities per solid angle, from 0 on."
     )
     pattern_file: Text | None = Field(
-        None, description="Text file of such pairs, one in a line, relative to the design file."
+        None, description="Text file of such pairs, one per line, relative to the design file."
     )
     ray_file: Text | None = Field(
         None,
-        description="File of rays (Zemax .dat or .sdf, TM-25 .tm25ray), relative to the design file: it stands for "
+        description="File of rays (Zemax .dat or .sdf, TM-25 .tm25ray), relative to the design file; it replaces "
         "pattern and size.",
     )
 
@@ -105,32 +105,32 @@ class Emitter(Strict):
         return self
 
     def _rays_alone(self) -> None:
-        """Reject keys beside a ray file, which states everything but the wavelength."""
+        """Reject keys that a ray file replaces (all but the wavelength)."""
         for key in ("part", "y_mm", "width_mm", "height_mm", "cone_deg", "pattern", "spectrum", "fwhm_nm"):
             if self.states(key):
                 raise refused(key, "cannot be combined with ray_file", remedy="leave it out")
 
     def states(self, key: str) -> bool:
-        """Whether a key was stated, even if it equals the default."""
+        """Whether a key was stated explicitly, even at its default."""
         return key in self.model_fields_set
 
     @property
     def is_fan(self) -> bool:
-        """Whether it emits in the plane only: its pattern comes neither from a part nor from a ray file."""
+        """Whether it emits in the plane only, without a part or a ray file."""
         replaced = self.ray_file is not None or (self.part is not None and not self.states("pattern"))
         return self.pattern == "fan" and not replaced
 
 
 class Ambient(Strict):
-    """Ambient light: isotropic, and separated from the emitter's light at every receiver."""
+    """Isotropic ambient light, reported separately from the emitter's light at every receiver."""
 
     table: ClassVar[str] = "ambient"
 
     power: NotNegative = Field(
-        0.0, description="Power through a circle round the sensor, relative to the emitter's; 0 for none."
+        0.0, description="Power through a circle around the sensor, relative to the emitter's; 0 for none."
     )
     irradiance_per_mm: NotNegative = Field(
-        0.0, description="The same, stated as the power on each mm of an open face, relative to the emitter's."
+        0.0, description="The same as power per mm of an exposed face, relative to the emitter's."
     )
     rays: Annotated[int, Field(strict=True, ge=1, le=1_000_000_000)] = Field(10_000, description="Number of rays.")
 

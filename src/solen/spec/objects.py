@@ -1,7 +1,7 @@
 """Objects of JSON files converted to dataclasses; every field is checked against its type.
 
-Curves, and whatever else comes in kinds, are objects with their ``kind`` and the fields of its class; unknown keys are
-refused with the place where they stand.
+Objects of several kinds, such as curves, have a ``kind`` and the fields of its class; unknown keys are
+rejected with their location.
 """
 
 import dataclasses

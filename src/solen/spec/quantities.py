@@ -1,4 +1,4 @@
-"""Numbers of a design with their limits, for the fields of several tables; lengths in mm, angles in degrees."""
+"""Number types with limits, for fields of several tables; lengths in mm, angles in degrees."""
 
 from typing import Annotated
 

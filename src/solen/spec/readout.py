@@ -1,4 +1,4 @@
-"""From light to volts: the receivers' part and circuit, the emitter's current, the converter."""
+"""The readout: the receivers' part and circuit, the emitter's current, the converter."""
 
 from typing import Annotated, ClassVar, Self
 
@@ -18,7 +18,7 @@ class Readout(Strict):
 
     table: ClassVar[str] = "readout"
 
-    part: Text = Field("TEMT7100X01", description=f"{_NAMED.format('a receiver')}: what the receivers are.")
+    part: Text = Field("TEMT7100X01", description=f"{_NAMED.format('a receiver')}: the receivers' part.")
     emitter_part: Text | None = Field(
         None,
         description=f"{_NAMED.format('an emitter')}: its power is taken; default: emitter.part, or VSMY1850.",
@@ -28,20 +28,22 @@ class Readout(Strict):
     )
     load_ohm: Ohms = Field(2000.0, description="Load resistor of each receiver in ohm.")
     supply_v: Supply = Field(5.0, description="Supply of the receivers in V.")
-    trimmer: Text = Field("TC33X-2-202E", description=f"{_NAMED.format('a trimmer')}: what the load is set with.")
-    adc: Text = Field("USB-6218", description=f"{_NAMED.format('a converter')}: what reads the volts.")
+    trimmer: Text = Field("TC33X-2-202E", description=f"{_NAMED.format('a trimmer')}: sets the load.")
+    adc: Text = Field("USB-6218", description=f"{_NAMED.format('a converter')}: reads the voltage.")
     adc_range_v: tuple[Volts, Volts] | None = Field(
-        None, description="Range of the converter, [low_V, high_V]; default: its smallest that holds the supply."
+        None, description="Range of the converter, [low_V, high_V]; default: its smallest that includes the supply."
     )
     samples: Annotated[int, Field(strict=True, ge=1, le=1_000_000)] = Field(
-        1, description="Samples of the converter that are averaged into one reading."
+        1, description="Samples averaged per reading."
     )
     rate_hz: Annotated[Number, Field(gt=0, le=1e6)] = Field(
-        200.0, description="Readings of an emitter per second; half of each period it is off."
+        200.0, description="Readings of an emitter per second; it is off for half of each period."
     )
     temperature_c: Annotated[Number, Field(ge=-55, le=150)] = Field(25.0, description="Temperature in °C.")
     ambient_mw_cm2: NotNegative = Field(
-        0.0, description="Ambient light at the receivers in mW/cm², as one of the wavelength of their sensitivity."
+        0.0,
+        description="Ambient light at the receivers in mW/cm², as equivalent light at the wavelength of "
+        "their stated sensitivity.",
     )
 
     @model_validator(mode="after")

@@ -1,4 +1,4 @@
-"""Libraries of TOML files: those that solen ships by name (resins, parts, printers), and a user's own by path."""
+"""Libraries of TOML files: shipped ones by name (resins, parts, printers), a user's own by path."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,15 +17,15 @@ T = TypeVar("T")
 
 
 MOST_NAMES = 16
-"""Names of a library that a refusal lists."""
+"""Most names that an error lists."""
 
 
 @dataclass(frozen=True)
 class Library(Generic[T]):
     """A folder of TOML files; ``what`` names their kind, ``make`` builds an object from the keys of a file.
 
-    ``migrations`` take the tables of an old version into those of the next, up to ``schema``. Other packages add to it
-    by entry points of the ``group``: each names a package that holds ``NAME.toml``.
+    ``migrations`` convert tables of each version to the next, up to ``schema``. Other packages add files
+    by entry points of the ``group``, each naming a package that holds ``NAME.toml``.
     """
 
     folder: Traversable
@@ -45,7 +45,7 @@ class Library(Generic[T]):
         return tuple(sorted({*own, *(self._added if self.group else ())}))
 
     def text(self, name: str) -> str:
-        """Text of a file; `DataError` with the nearest name where there is none of that name."""
+        """Text of a file; `DataError` suggests the nearest name if there is none of that name."""
         names = self.names()
         if name not in names:
             near = nearest(name, names)
@@ -62,7 +62,7 @@ class Library(Generic[T]):
         return file.read_text(encoding="utf-8")
 
     def shipped(self, name: str) -> T:
-        """Object of the library by its name; `DataError` with the nearest name if there is none."""
+        """Object by its name; `DataError` suggests the nearest name if there is none."""
         return self._made(self.text(name), f"{self.what} {name}")
 
     def load(self, path: Path | str) -> T:

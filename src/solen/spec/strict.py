@@ -1,11 +1,11 @@
-"""Strict tables: pydantic models of TOML files that report every error in one line that a user can act on.
+"""Strict tables: pydantic models of TOML files that report each error in one line, with a remedy.
 
-The idea: a file is a tree of tables, and each table is one frozen model. Unknown keys are refused with the nearest
-right name, names kept for later with "not yet supported", numbers are finite and never taken from text or booleans.
-pydantic finds the problems; this module tells them: the dotted key, the value found, the limit, the remedy.
+The idea: a file is a tree of tables, and each table is one frozen model. Unknown keys are rejected with the nearest
+known name, reserved keys with "not yet supported"; numbers are finite and never converted from text or booleans.
+pydantic finds the problems; this module reports the dotted key, the value, the limit and the remedy.
 
 The interface: derive from `Strict`, take field types from `Number`, `Positive`, `NotNegative`, `Text`; raise `refused`
-in a validator that looks at several keys; `or_refuse` annotates single fields. `parse_toml`, `migrated`
+in a validator of several keys; `or_refuse` annotates single fields. `parse_toml`, `migrated`
 and `error_context` serve any TOML file that carries ``schema = <version>``.
 """
 
@@ -42,7 +42,7 @@ _LIMITS = {
     "float_type": "must be a number",
     "int_type": "must be a whole number",
     "string_type": "must be text",
-    "string_unicode": "must be text without half characters",
+    "string_unicode": "must be text without lone surrogates",
     "literal_error": "must be {expected}",
     "tuple_type": "must be a list",
     "too_short": "must have at least {min_length} entries",
@@ -56,12 +56,12 @@ _LONGEST_VALUE = 60  # characters of a refused value shown in its line
 
 
 def refused(key: str, limit: str, *, value: object = None, remedy: str = "") -> PydanticCustomError:
-    """Error to raise in a model's validator: the key at fault in its table, the value, the limit, the remedy."""
+    """Error to raise in a model's validator: the invalid key of the table, its value, the limit, the remedy."""
     return PydanticCustomError("refused", "{limit}", {"key": key, "value": value, "limit": limit, "remedy": remedy})
 
 
 def or_refuse(limit: str) -> WrapValidator:
-    """Field annotation: whatever is wrong with a compound value, the message states one limit in the user's words."""
+    """Field annotation: one message, in the user's words, for any problem of a compound value."""
 
     def check(value: object, handler: ValidatorFunctionWrapHandler) -> object:
         try:
@@ -83,9 +83,9 @@ Positive = Annotated[Number, Field(gt=0)]
 NotNegative = Annotated[Number, Field(ge=0)]
 Text = Annotated[str, AfterValidator(_one_line)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
-"""A number of an option, which a command line gives as text; `Number` is that of a file."""
+"""A number of an option, which may be text from a command line; `Number` is for files."""
 SHORTEST_NM, LONGEST_NM = 100.0, 20_000.0
-"""Wavelengths that an option may state; below, one was given in µm."""
+"""Allowed wavelengths of an option; a value below is probably in µm."""
 
 
 def _in_nm(wavelength_nm: float) -> float:
@@ -103,8 +103,8 @@ Wavelength = Annotated[float, AfterValidator(_in_nm), Ge(SHORTEST_NM), Le(LONGES
 class Strict(BaseModel):
     """One table of a file: frozen, without unknown keys, with errors of one line.
 
-    A derived class states its `table` (the dotted name that messages name its keys by), the `error` raised and
-    the key names `reserved` for later. pydantic's own ``model_validate`` is not a door: build with the constructor.
+    A derived class states its `table` (the prefix of its keys in messages), the `error` raised and
+    the `reserved` key names. Use the constructor, not pydantic's ``model_validate``.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -131,11 +131,11 @@ class Strict(BaseModel):
 
 
 class Options(BaseModel):
-    """Options of a stage: frozen, checked, and used as they are by its function and its command.
+    """Options of a stage: frozen, validated, used directly by its function and its command.
 
-    A field's type states its choices (`Literal`) or limits (`Field(gt=0)`), the string below it says what it is; its
-    description, which help shows, is that string and the limits. Numbers are taken from text, as a command line gives
-    them.
+    A field's type states its choices (`Literal`) or limits (`Field(gt=0)`), the string below describes it; its
+    description in the help is that string with the limits. Numbers are converted from text, for the command
+    line.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
@@ -161,7 +161,7 @@ class Options(BaseModel):
 
 
 def _limits_in_words(parts: Iterable[Any]) -> str:
-    """Limits of a number in words, ``Above 0, at most 90.``, from a type and its metadata; empty without any."""
+    """Limits of a number in words, ``Above 0, at most 90.``, from a type and its metadata; empty if there are none."""
     stated = _bounds(parts)
     if "ge" in stated and "le" in stated:
         return f"From {stated['ge']:g} to {stated['le']:g}."
@@ -170,7 +170,7 @@ def _limits_in_words(parts: Iterable[Any]) -> str:
 
 
 def _bounds(parts: Iterable[Any]) -> dict[str, float]:
-    """Bounds by their names in pydantic, from a type's metadata at any depth: ``tuple[Annotated[float, ...], ...]``."""
+    """Bounds by pydantic's names, from a type's metadata at any depth: ``tuple[Annotated[float, ...], ...]``."""
     bounds: dict[str, float] = {}
     for part in parts:
         bounds |= {name: getattr(part, name) for name in _BOUNDS if isinstance(getattr(part, name, None), float | int)}
@@ -241,13 +241,13 @@ def _owner(model: type[Strict], loc: tuple[int | str, ...]) -> tuple[type[Strict
 
 
 def _shown(value: object) -> object:
-    """Value as shown in an error, shortened if its text is long."""
+    """Value as shown in an error; long text is shortened."""
     text = value if isinstance(value, str) else str(value)
     return value if len(text) <= _LONGEST_VALUE else f"{text[: _LONGEST_VALUE - 3]}..."
 
 
 def _unknown(what: str, key: str, owner: type[Strict], root: type[Strict]) -> tuple[str, str]:
-    """Limit and remedy for a key that its table does not have."""
+    """Limit and remedy for an unknown key."""
     if key in owner.reserved:
         return "not yet supported", "leave it out"
     stem = what.removesuffix(key)
@@ -281,7 +281,7 @@ def _problem(problem: ErrorDetails, root: type[Strict]) -> tuple[str, object, st
 
 
 def _default(field: FieldInfo | None) -> str:
-    """Remedy that names a field's default, if it has one."""
+    """Remedy that states a field's default, if it has one."""
     default = None if field is None or field.is_required() else field.default
     if default is None or default is PydanticUndefined:
         return ""
@@ -299,7 +299,7 @@ def _file_error(bad: ValidationError, root: type[Strict]) -> SolenError:
 
 @contextmanager
 def error_context(where: str) -> Iterator[None]:
-    """Prefix errors raised inside with the file or key that they concern: ``resin.toml: index.n``."""
+    """Prefix errors raised inside with the file or key concerned: ``resin.toml: index.n``."""
     try:
         yield
     except SolenError as bad:
@@ -307,7 +307,7 @@ def error_context(where: str) -> Iterator[None]:
 
 
 def parse_toml(text: str, what: str, error: type[SolenError]) -> Document:
-    """Tables of a TOML text; ``error`` names the line and column where it is not TOML."""
+    """Tables of a TOML text; raises ``error`` with line and column if it is not TOML."""
     try:
         return tomllib.loads(f"{text}\n")  # a last line without its end would be reported as "end of document"
     except (ValueError, RecursionError) as bad:  # ValueError: also a number of more digits than Python reads
@@ -315,7 +315,7 @@ def parse_toml(text: str, what: str, error: type[SolenError]) -> Document:
 
 
 def migrated(data: Document, what: str, *, current: int, migrations: Migrations, error: type[SolenError]) -> Document:
-    """Bring a file's tables to the current schema, one version after the other, and take ``schema`` out.
+    """Migrate a file's tables to the current schema, version by version, and remove ``schema``.
 
     Parameters
     ----------
@@ -324,11 +324,11 @@ def migrated(data: Document, what: str, *, current: int, migrations: Migrations,
     what
         The file, as errors name it.
     current
-        The schema that this solen writes.
+        The current schema version.
     migrations
-        By old version, the function that turns its tables into those of the next version.
+        Functions that convert tables to the next version, by old version.
     error
-        Raised where ``schema`` is missing, is not a version, or is newer than ``current``.
+        Raised if ``schema`` is missing, is not a version, or is newer than ``current``.
     """
     data = dict(data)
     version = data.pop("schema", None)

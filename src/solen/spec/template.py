@@ -1,4 +1,4 @@
-"""The design files that solen ships: a commented template, and examples that state only the differences."""
+"""Design files shipped with solen: a commented template, and examples that state only the differences."""
 
 from importlib.resources import files
 from pathlib import Path
@@ -11,7 +11,7 @@ _EXAMPLES = files("solen.spec") / "examples"
 
 
 class NewDesign(Result, eq=True):
-    """A design file that was written, and the example it was made from."""
+    """A written design file, and the example it came from."""
 
     design: Path
     example: str
@@ -28,7 +28,7 @@ def template(name: str = "solen-860") -> str:
     Raises
     ------
     SpecError
-        Where no shipped design has that name.
+        If no shipped design has that name.
     """
     names = template_names()
     if name not in names:

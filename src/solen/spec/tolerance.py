@@ -1,4 +1,4 @@
-"""The table of tolerances: by how much each number of the built part may differ from the design."""
+"""The table of tolerances: how much each number of the built part may differ from the design."""
 
 from typing import ClassVar
 
@@ -10,13 +10,13 @@ from solen.spec.strict import Positive, Strict
 class Tolerance(Strict):
     """Tolerance of each number of the design, by which `solen run` and `solen sensitivity` rank effects.
 
-    A key is that of the number, its dot an underscore.
+    Keys are those of the numbers, with the dot replaced by an underscore.
     """
 
     table: ClassVar[str] = "tolerance"
 
     emitter_wavelength_nm: Positive = Field(5.0, description="Of emitter.wavelength_nm, in nm.")
-    emitter_distance_mm: Positive = Field(0.05, description="Of emitter.distance_mm, in mm, the lens as it is.")
+    emitter_distance_mm: Positive = Field(0.05, description="Of emitter.distance_mm, in mm, with the lens unchanged.")
     emitter_offset_mm: Positive = Field(0.01, description="Of emitter.offset_mm, in mm: placed under a microscope.")
     emitter_y_mm: Positive = Field(0.1, description="Of emitter.y_mm, in mm: placed by eye.")
     emitter_width_mm: Positive = Field(0.02, description="Of emitter.width_mm, in mm.")
@@ -41,6 +41,6 @@ class Tolerance(Strict):
     receivers_gap_mm: Positive = Field(0.05, description="Of receivers.gap_mm, in mm.")
 
     def of(self, key: str) -> float | None:
-        """Tolerance of a number by its dotted key; None if the design states none and no usual one exists."""
+        """Tolerance of a number by its dotted key; None if neither stated nor known by default."""
         value: float | None = getattr(self, key.replace(".", "_"), None)
         return value

@@ -1,7 +1,7 @@
 """The design file: TOML in and out, single values set by dotted keys, and its JSON Schema.
 
-The idea: a file states ``schema``, ``name`` and whatever differs from the defaults. Reading migrates old schemas, then
-refuses what is not understood; writing omits defaults, so that reading what was written gives the same design.
+The idea: a file states ``schema``, ``name`` and differences from the defaults. Reading migrates old schemas, then
+rejects what is not understood; writing omits defaults, and reading a written file gives the same design.
 
 The interface: `load`, `loads`, `dumps`, `save`; `with_values` and `parse_assignment` for ``--set key=value``;
 `json_schema` for editors.
@@ -34,24 +34,24 @@ _REPLACES = {"material.index": "resin", "material.resin": "index"}
 
 
 def load(path: Path | str) -> Design:
-    """Design of a file.
+    """Load a design file.
 
     Parameters
     ----------
     path
-        The design file. Relative paths inside it start from its folder.
+        The design file. Relative paths inside it are based on its folder.
 
     Raises
     ------
     SpecError
-        Where the file cannot be read, is not TOML, has another schema, or is not a valid design.
+        If the file cannot be read, is not TOML, has another schema, or is not a valid design.
     """
     path = Path(path)
     return loads(read_text(path, SpecError), what=str(path), folder=path.absolute().parent)
 
 
 def loads(text: str, *, what: str = "design", folder: Path | None = None) -> Design:
-    """Design of a TOML text; ``what`` names it in errors, ``folder`` is where its relative paths start."""
+    """Design of a TOML text; ``what`` names it in errors, ``folder`` is the base of its relative paths."""
     data = parse_toml(text, what, SpecError)
     data = migrated(data, what, current=SCHEMA, migrations=MIGRATIONS, error=SpecError)
     with error_context(what):
@@ -62,7 +62,7 @@ def loads(text: str, *, what: str = "design", folder: Path | None = None) -> Des
 def _document(design: Design, *, stated: bool = False) -> Document:
     """Tables of the file without ``schema``: the name, and values that differ from the defaults.
 
-    ``stated`` keeps what was stated as its default too, where a part that is named later would say something else.
+    With ``stated``, explicit defaults are kept too, in case a part named later has other values.
     """
     tables: Document = {"name": design.name}
     for key in Design.model_fields.keys() - {"name"}:
@@ -78,11 +78,11 @@ def _document(design: Design, *, stated: bool = False) -> Document:
 
 
 DEFERRED = ("wavelength_nm", "width_mm", "height_mm", "cone_deg", "pattern")
-"""Keys of the emitter whose defaults a part, a spectrum or a pattern changes."""
+"""Keys of the emitter whose defaults depend on a part, a spectrum or a pattern."""
 
 
 def _kept(emitter: Emitter) -> list[str]:
-    """Keys that are stated at their defaults but still matter, as a part or a pattern would override them."""
+    """Keys stated at their defaults that still matter, as a part or a pattern would override them."""
     keys: tuple[str, ...] = DEFERRED if emitter.part else ()
     keys += ("wavelength_nm",) if emitter.spectrum else ()
     keys += ("cone_deg",) if emitter.pattern != "fan" else ()
@@ -90,7 +90,7 @@ def _kept(emitter: Emitter) -> list[str]:
 
 
 def dumps(design: Design) -> str:
-    """TOML text of a design, defaults omitted; `loads` gives the design back."""
+    """TOML text of a design, defaults omitted; `loads` restores the design."""
     return tomli_w.dumps({"schema": SCHEMA, **_document(design)})
 
 
@@ -101,12 +101,12 @@ def _(design: Design) -> Any:
 
 
 def save(path: Path | str, design: Design) -> Path:
-    """Write a design file in one piece; paths are made relative to its folder.
+    """Write a design file atomically, with paths relative to its folder.
 
     Raises
     ------
     OutputError
-        Where the file cannot be written.
+        If the file cannot be written.
     """
     path = Path(path)
     return write_text(path, dumps(_moved(design, path.absolute().parent)))
@@ -135,7 +135,7 @@ def with_values(design: Design, values: Mapping[str, Any]) -> Design:
     Parameters
     ----------
     design
-        The design to start from; it stays as it is.
+        The design to start from, unchanged.
     values
         By dotted key (``"lens.focus_mm"``, ``"wall[0].index"``) the value, as TOML would hold it; None returns an
         optional key to its default. Setting ``material.index`` takes a resin away and the other way round.
@@ -143,7 +143,7 @@ def with_values(design: Design, values: Mapping[str, Any]) -> Design:
     Raises
     ------
     SpecError
-        Where a key is unknown or the design would not be valid.
+        If a key is unknown or the design would be invalid.
     """
     data = deepcopy(_document(design, stated=True))
     for key, value in values.items():
@@ -190,7 +190,7 @@ def _set(data: Document, key: str, value: Any) -> None:
 
 
 def parse_assignment(text: str) -> tuple[str, Any]:
-    """Key and value of ``key=value``; the value is read as TOML where it is TOML, as text otherwise."""
+    """Key and value of ``key=value``; the value is parsed as TOML if possible, else taken as text."""
     key, equals, value = text.partition("=")
     if not (equals and key.strip()):
         raise SpecError(text, limit="not of the form key=value", remedy="write e.g. lens.focus_mm=25")

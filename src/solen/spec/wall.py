@@ -1,7 +1,7 @@
 """Finish of a wall, and the medium outside it: one ``[[wall]]`` table per stretch.
 
-A stretch is a face, or every face that a pattern matches, or part of it. What touches it is a *pad* of ``depth_mm``:
-a medium of an index of its own, behind a thin film of air where ``gap_um`` says so. The pad ends in black or in air.
+A stretch is a face, all faces that match a pattern, or part of them. What touches it is a *pad* of ``depth_mm``:
+a medium with its own index, behind a thin film of air if ``gap_um`` is set. The pad ends in black or in air.
 """
 
 from typing import Annotated, ClassVar, Literal, Self
@@ -45,18 +45,18 @@ class Wall(Stretch):
     index: Annotated[Number, Field(ge=1, lt=5)] | None = Field(None, description="Refractive index of that medium.")
     absorption_per_mm: NotNegative = Field(0.0, description="Absorption of power per mm in that medium.")
     depth_mm: Annotated[Number, Field(ge=1e-3, le=1e3)] = Field(1.0, description="Depth of that medium in mm.")
-    beyond: Literal["black", "air"] = Field("black", description="What that medium ends in: black or air.")
+    beyond: Literal["black", "air"] = Field("black", description="What lies behind that medium: black or air.")
     gap_um: Annotated[Number, Field(gt=0, le=1000)] | None = Field(
-        None, description="Film of air in µm between the body and what touches it; default: none."
+        None, description="Film of air in µm between the body and that medium; default: none."
     )
     finish: Annotated[Text, AfterValidator(_known_finish)] = Field(
         "clear",
-        description="Clear, mirrored or blackened, or what another package adds.",
+        description="Clear, mirrored or blackened, or a finish from another package.",
         json_schema_extra=lambda schema: schema.update(enum=[*OWN_FINISHES, *offered(FINISHES)]),
     )
     reflectance: Share = Field(1.0, description="Share of the power that a mirrored stretch reflects.")
     scatter: Literal["none", "lambertian", "gaussian", "harvey-shack"] = Field(
-        "none", description="How the stretch scatters what leaves it."
+        "none", description="How the stretch scatters light."
     )
     scatter_share: Share = Field(1.0, description="Share of the light that is scattered.")
     sigma: Annotated[Number, Field(gt=0, le=10)] | None = Field(
@@ -75,7 +75,7 @@ class Wall(Stretch):
         None, description="Amplitude of a print's ripple in um, half of peak to valley."
     )
     texture_direction: Literal["along", "across"] = Field(
-        "along", description="Crests one after another along the wall, or along y (across)."
+        "along", description="Direction in which crests follow each other: along the wall, or along y (across)."
     )
     coating: Annotated[tuple[Layer, ...], Field(max_length=63)] = Field(
         (), description="Thin films on the wall, from the body outwards."
@@ -96,7 +96,7 @@ class Wall(Stretch):
             raise refused("outside", "is the name of the printed part itself", value="body", remedy="use another name")
         if self.outside != "air":
             if self.index is None:
-                raise refused("index", f"missing: {self.outside} needs one", remedy="add index = 1.5")
+                raise refused("index", f"missing: {self.outside} needs an index", remedy="add index = 1.5")
             return
         stated = {"index": self.index, "absorption_per_mm": self.absorption_per_mm, "gap_um": self.gap_um}
         for key, value in stated.items():
@@ -108,7 +108,7 @@ class Wall(Stretch):
 
     @property
     def finish_is_added(self) -> bool:
-        """Whether the finish is defined by another package."""
+        """Whether another package defines the finish."""
         return self.finish not in OWN_FINISHES
 
     def _check_added_finish(self) -> None:
@@ -139,4 +139,4 @@ class Wall(Stretch):
             key = "outside" if self.outside != "air" else "coating"
             raise refused(key, f'has no meaning with finish = "{self.finish}": no light gets there')
         if self.finish == "black" and (self.scatter != "none" or self.texture_pitch_um is not None):
-            raise refused("finish", "black takes all light: no scatter or texture on it", value="black")
+            raise refused("finish", "black absorbs all light: no scatter or texture on it", value="black")

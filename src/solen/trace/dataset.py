@@ -51,7 +51,7 @@ _LEGS = {
 
 
 def check_installed() -> None:
-    """`OutputError` where what writes netCDF is not installed."""
+    """`OutputError` if what writes netCDF is not installed."""
     need("xarray", "h5netcdf", "h5py", what="netCDF")
 
 
@@ -74,7 +74,7 @@ def to_dataset(trace: Trace, attributes: Attributes | None = None) -> "xr.Datase
     Raises
     ------
     OutputError
-        Where xarray is not installed.
+        If xarray is not installed.
     """
     check_installed()
     import xarray as xr
@@ -105,7 +105,7 @@ def save_netcdf(path: Path | str, trace: Trace, attributes: Attributes | None = 
     Raises
     ------
     OutputError
-        Where the file cannot be written, or what writes it is not installed.
+        If the file cannot be written, or what writes it is not installed.
     """
     return files.write_all({Path(path): writer(trace, attributes)})[0]
 

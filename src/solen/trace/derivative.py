@@ -153,7 +153,7 @@ def _of_a_point(at: At, value: float, step: float, tolerance: float) -> Derivati
 
 
 def _difference(at: At, value: float, step: float, parts: Sequence[Parts]) -> FloatArray | None:
-    """Central difference of the powers, None where a piece is not found again."""
+    """Central difference of the powers, None if a piece is not found again."""
     ends = []
     for sign in (1.0, -1.0):
         powers = at(value + sign * step).in_plane.cone().again(parts)

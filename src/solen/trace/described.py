@@ -42,7 +42,7 @@ class ScreenReading(Result):
     Attributes
     ----------
     power, u_power
-        Power, and its uncertainty; None where one ray cannot tell.
+        Power, and its uncertainty; None if one ray cannot tell.
     rays
         Rays or branches that arrived.
     position, irradiance
@@ -171,7 +171,7 @@ def scene_check(file: SceneFile) -> SceneCheck:
 
 
 def open_scene(path: Path, *, facets: bool) -> SceneFile:
-    """Scene of a file in either format; `DataError` where it is neither. For ``facets`` see `rayoptics.loads`."""
+    """Scene of a file in either format; `DataError` if it is neither. For ``facets`` see `rayoptics.loads`."""
     text = files.read_text(path, DataError)
     try:
         data = json.loads(text)
@@ -192,7 +192,7 @@ def trace_scene(file: SceneFile, options: TraceOptions = TraceOptions(), *, path
     Raises
     ------
     SpecError
-        Where an option has no meaning for the scene.
+        If an option has no meaning for the scene.
     """
     if file.imported is not None and options.mode is None:
         return _in_turns(file.imported, options, paths)

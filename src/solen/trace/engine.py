@@ -201,7 +201,7 @@ def _ahead(
 
 
 def _card(job: Job) -> "Card":
-    """The graphics card with the job's scene on it; `DesignError` where there is none."""
+    """The graphics card with the job's scene on it; `DesignError` if there is none."""
     need("numba_cuda", what="device", value=job.device, error=DesignError)
     from solen.trace.kernel import cuda  # only who has numba-cuda can import it
 

@@ -99,7 +99,7 @@ def _check_adaptive(scene: Scene, paths: bool) -> None:
 
 
 def check_paths(scene: Scene) -> None:
-    """`SpecError` where the paths of a scene's rays cannot be kept: too many rays, or rays in space."""
+    """`SpecError` if the paths of a scene's rays cannot be kept: too many rays, or rays in space."""
     if scene.rays > MOST_PATHS:
         raise SpecError("paths", value=f"{scene.rays} rays", limit=f"at most {MOST_PATHS} are written")
     if scene.extrusion is not None:

@@ -131,7 +131,7 @@ class Tracer:
                 current = self._step(current, waiting)
 
     def _step(self, ray: Ray, waiting: list[Ray]) -> Ray | None:
-        """Carry a ray to its next interface and through it; None where it ends."""
+        """Carry a ray to its next interface and through it; None if it ends."""
         interface, length_mm = self._next(ray)
         if interface is None:
             self._escape(ray)

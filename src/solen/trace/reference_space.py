@@ -72,7 +72,7 @@ def trace_space_reference(scene: Scene, limits: Limits | None = None, *, seed: i
     Raises
     ------
     DesignError
-        Where the scene is not extruded.
+        If the scene is not extruded.
     """
     if scene.extrusion is None:
         raise DesignError("scene", value="of the plane", limit="must be extruded", remedy="use trace_reference")

@@ -53,7 +53,7 @@ KEPT_PLACES = 16
 
 
 def check_choice(what: str, value: object, choices: tuple[str, ...]) -> None:
-    """`DesignError` where a value is none of the choices."""
+    """`DesignError` if a value is none of the choices."""
     if value not in choices:
         raise DesignError(what, value=value, limit=f"must be one of {', '.join(choices)}")
 

@@ -92,11 +92,11 @@ class Tables(NamedTuple):
     grid_first: IntArray
     """(cells + 1,) where each cell's pieces begin in ``grid_item``"""
     grid_item: IntArray
-    """pieces by cell; empty where all pieces are looked at in turn"""
+    """pieces by cell; empty if all pieces are looked at in turn"""
 
 
 def compile_scene(scene: Scene, dtype: type[np.floating[Any]] = np.float64) -> Tables:
-    """Arrays of a scene in double or single precision; `DesignError` where a curve has no compiled form."""
+    """Arrays of a scene in double or single precision; `DesignError` if a curve has no compiled form."""
     names = {region.name: number for number, region in enumerate(scene.regions)}
     receivers: dict[str | None, int] = {name: number for number, name in enumerate(scene.receivers)}
     receivers[None] = -1
@@ -172,7 +172,7 @@ def _table(table: AngleTable | None) -> list[Row]:
 
 
 def _orders(surface: Surface) -> list[Row]:
-    """Orders of a grating; `DesignError` where they send out more than arrives, which no power could add up to."""
+    """Orders of a grating; `DesignError` if they send out more than arrives, which no power could add up to."""
     if surface.grating is None:
         return []
     total = math.fsum(share for _, share in surface.grating.orders)

@@ -63,7 +63,7 @@ class _Place:
 def trace_in_turns(scene: Scene, turns: Turns, *, legs: bool = False) -> Trace:
     """Trace every ray of every source in turns, in power mode.
 
-    `DesignError` where ``fresh`` is not as long as there are rays.
+    `DesignError` if ``fresh`` is not as long as there are rays.
     """
     if turns.fresh and len(turns.fresh) != scene.rays:
         raise DesignError("turns fresh", value=len(turns.fresh), limit=f"must be one for each of {scene.rays} rays")

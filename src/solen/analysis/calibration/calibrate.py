@@ -46,7 +46,7 @@ class SensorCalibrations(Result):
     calibrations
         Content of their files.
     checks
-        Their cross-validations; None where there are too few cycles or prints.
+        Their cross-validations; None if there are too few cycles or prints.
     simulated
         Whether any recording is simulated.
     sources
@@ -77,7 +77,7 @@ def calibrated_sensors(study: Study, options: CalibrationOptions | None = None) 
     Raises
     ------
     DataError, SpecError
-        Where there is no such sensor, or one has too few cycles or no pair of receivers.
+        If there is no such sensor, or one has too few cycles or no pair of receivers.
     """
     options = options or CalibrationOptions()
     sensors, warnings = _chosen(study, options)

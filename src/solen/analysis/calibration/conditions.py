@@ -35,7 +35,7 @@ def conditions(
     Raises
     ------
     SpecError
-        Where the design file cannot be read.
+        If the design file cannot be read.
     """
     header = {} if provenance is None else header_of(provenance)
     if options.design is not None:

@@ -74,7 +74,7 @@ class Decoding(Result):
     from_s, to_s
         Times of the first and the last reading.
     lowest_deg, highest_deg
-        Range of the angles that lie on the curve; None where none does.
+        Range of the angles that lie on the curve; None if none does.
     against_angle
         Errors against the source's own angle, where it has one, within the calibrated range.
     calibration, calibrated_sensor
@@ -130,7 +130,7 @@ class StreamDecoder:
     Raises
     ------
     SpecError
-        Where a change of gain is allowed for, and the voltage without light is unknown.
+        If a change of gain is allowed for, and the voltage without light is unknown.
     """
 
     def __init__(
@@ -162,7 +162,7 @@ class StreamDecoder:
         self.warnings = (*stream.warnings, *_condition_warnings(known, stream, options))
 
     def rows(self, batch: Batch) -> str:
-        """Lines of CSV of a batch, as `COLUMNS`; `DataError` where its values are in another unit."""
+        """Lines of CSV of a batch, as `COLUMNS`; `DataError` if its values are in another unit."""
         good = np.asarray(np.isfinite(batch.volts).all(axis=1))
         self._check_scale(batch.volts[good])
         decoded = self._decoder.decode(batch.volts[good], self._marks(batch, good))

@@ -78,7 +78,7 @@ def recorded_stream(path: Path, options: SignalOptions, sensor: str | None, cali
     Raises
     ------
     DataError, SpecError
-        Where the file has no such sensor, or no left and right receiver.
+        If the file has no such sensor, or no left and right receiver.
     """
     streams: dict[str, Stream] = {}
     for group, recording in read_parts(path, sheet=options.sheet, columns=options.columns or None):
@@ -136,7 +136,7 @@ def line_stream(text: Iterable[str], options: SignalOptions, unit: str = "V") ->
     Raises
     ------
     DataError
-        Where no line arrives, or the header names no left and right receiver.
+        If no line arrives, or the header names no left and right receiver.
     """
     rows = iter(text)
     first = next((row for row in rows if row.strip()), None)

@@ -116,7 +116,7 @@ def find_clock(time_s: FloatArray, values: FloatArray, rate_hz: float, *, on: On
     Raises
     ------
     DataError
-        Where the recording is too short or too slowly sampled, or shows no modulation near that rate.
+        If the recording is too short or too slowly sampled, or shows no modulation near that rate.
     """
     stated = rate_hz * emitters
     signal = np.nan_to_num(values - np.nanmean(values, axis=0)).sum(axis=1) * (-1.0 if on == "low" else 1.0)
@@ -284,7 +284,7 @@ def _levels(folded: FloatArray) -> tuple[float, float]:
 
 
 def _check_once(folded: FloatArray, rate_hz: float) -> None:
-    """`DataError` where a period holds several on phases: the rate is a part of the true one."""
+    """`DataError` if a period holds several on phases: the rate is a part of the true one."""
     low, high = _levels(folded)
     marks = np.where(folded > low + 0.7 * (high - low), 1, np.where(folded < low + 0.3 * (high - low), -1, 0))
     marks = marks[marks != 0]

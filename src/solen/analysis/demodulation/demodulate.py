@@ -42,7 +42,7 @@ class ChannelReadings(Result):
     Attributes
     ----------
     unit
-        Empty where none is known.
+        Empty if none is known.
     emitters
         By the emitter's number.
     mean_ambient, sd_ambient
@@ -77,7 +77,7 @@ class Demodulation(Result):
     options
         How it was demodulated.
     flicker
-        Of lamps, fitted to the off phases of a waveform and subtracted; None where there was none.
+        Of lamps, fitted to the off phases of a waveform and subtracted; None if there was none.
     method
         Where the state of the emitters comes from: ``states`` or ``waveform``.
     clock, off_stated_ppm
@@ -148,7 +148,7 @@ def demodulated(recording: Recording, options: DemodulationOptions | None = None
     Raises
     ------
     DataError, SpecError
-        Where columns, states or a clock are missing, or there is nothing to subtract.
+        If columns, states or a clock are missing, or there is nothing to subtract.
     """
     options = options or DemodulationOptions()
     samples = samples_of(recording, options)

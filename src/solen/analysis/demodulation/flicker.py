@@ -69,7 +69,7 @@ def find_flicker(
     mains_hz: tuple[float, ...] = MAINS_HZ,
     used: BoolArray | None = None,
 ) -> Flicker | None:
-    """Flicker of samples; None where no multiple of the mains stands out.
+    """Flicker of samples; None if no multiple of the mains stands out.
 
     Parameters
     ----------

@@ -39,7 +39,7 @@ class Switched:
     means
         Means of readings over whole mains periods; None unless these were needed.
     flicker
-        Interference taken out of the samples; None where there was none.
+        Interference taken out of the samples; None if there was none.
     limits
         Lowest and highest value of each channel, both (C,), infinite where none is known.
     clipped
@@ -96,14 +96,14 @@ def switched(
     kernel
         Which off slots are subtracted.
     mains_hz
-        Of lamps that flicker; None where it is detected, 0 to leave flicker as it is.
+        Of lamps that flicker; None if it is detected, 0 to leave flicker as it is.
     rails
-        Lowest and highest value of every channel; None where it is detected.
+        Lowest and highest value of every channel; None if it is detected.
 
     Raises
     ------
     DataError
-        Where there is nothing to subtract, or no number of readings lasts whole periods of the mains.
+        If there is nothing to subtract, or no number of readings lasts whole periods of the mains.
     """
     limits, resting = limits_of(samples, rails)
     at_limit = at_limits(samples.values, limits) & ~(resting & (samples.state == OFF)[:, None])

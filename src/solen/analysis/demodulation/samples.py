@@ -72,13 +72,13 @@ class Samples:
     time_s, values
         Shapes (N,) and (N, C).
     names, units
-        Of the channels; a unit is empty where none is known.
+        Of the channels; a unit is empty if none is known.
     state
         Shape (N,), as `solen.analysis.demodulation.slots` numbers states.
     settle_s
         Time after a switch that is left out.
     clock
-        Where the states were found in the waveform; None where they were recorded.
+        Where the states were found in the waveform; None if they were recorded.
     """
 
     time_s: FloatArray
@@ -111,7 +111,7 @@ def samples_of(recording: Recording, options: DemodulationOptions) -> Samples:
     Raises
     ------
     DataError, SpecError
-        Where a column is missing, or neither states nor a rate are known.
+        If a column is missing, or neither states nor a rate are known.
     """
     time = _time(recording, options)
     time_s = time.to("s") if time.unit else time.values
@@ -184,7 +184,7 @@ def _state_names(options: DemodulationOptions) -> tuple[str, ...]:
 
 
 def _recorded_state(recording: Recording, options: DemodulationOptions) -> IntArray | None:
-    """States by a column of numbers or words; None where a rate is stated or there is none."""
+    """States by a column of numbers or words; None if a rate is stated or there is none."""
     if options.rate_hz is not None:
         return None
     names = _state_names(options)

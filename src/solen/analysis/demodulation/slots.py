@@ -30,7 +30,7 @@ class Slots:
     mean
         Of each channel, (K, C); NaN where it has no sample.
     scatter
-        Noise of one sample, from differences of neighbours inside slots, pooled by state: by state, (C,). Empty where
+        Noise of one sample, from differences of neighbours inside slots, pooled by state: by state, (C,). Empty if
         slots are single samples.
     samples
         How many were averaged, (K,), of the channel that has most.
@@ -82,7 +82,7 @@ def slots_of(
     Raises
     ------
     DataError
-        Where times do not ascend or there are no samples.
+        If times do not ascend or there are no samples.
     """
     _check(time_s, values, state)
     begins = _begins(time_s, state, gap_s)

@@ -113,7 +113,7 @@ def subtract(slots: Slots, kernel: Kernel = "two-sided") -> Demodulated:
     Raises
     ------
     DataError
-        Where there is no on slot or no off slot.
+        If there is no on slot or no off slot.
     """
     on, off = np.flatnonzero(slots.state > OFF), np.flatnonzero(slots.state == OFF)
     if not on.size or not off.size:

@@ -109,9 +109,9 @@ class Response:
         Raises
         ------
         SpecError
-            Where a key is not one of a real number that the light depends on.
+            If a key is not one of a real number that the light depends on.
         DesignError
-            Where the design cannot be traced point by point.
+            If the design cannot be traced point by point.
         """
         spreads = spreads or {}
         for key in spreads:

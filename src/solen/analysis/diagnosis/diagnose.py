@@ -45,11 +45,11 @@ class ParameterEstimate(Result, eq=True):
     name, unit
         Its kind.
     value, u_value
-        Its value and standard uncertainty; None where the recording does not determine it.
+        Its value and standard uncertainty; None if the recording does not determine it.
     low, high
-        Ends of its interval of 95 %; None where there is none.
+        Ends of its interval of 95 %; None if there is none.
     design_value
-        That of the design; None where it states none.
+        That of the design; None if it states none.
     u_prior
         Standard uncertainty with which it was known beforehand; None without a prior.
     half_width_68
@@ -168,7 +168,7 @@ def diagnosed(
     Raises
     ------
     DataError
-        Where too few angles are left, or a receiver does not answer as the design does.
+        If too few angles are left, or a receiver does not answer as the design does.
     """
     places = sides_of(sensor.receivers)
     cycles = cycles_of(sensor.passes, list(places.values()))

@@ -83,7 +83,7 @@ def light_by_place(wide: Sensor, angle_deg: float, reach_mm: float, like: Places
     Raises
     ------
     DesignError
-        Where light is scattered, comes from a file of rays, or is to go out in space by a pattern of the plane.
+        If light is scattered, comes from a file of rays, or is to go out in space by a pattern of the plane.
     """
     scene = wide.scene(angle_deg)
     check_light(scene)

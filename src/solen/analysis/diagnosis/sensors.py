@@ -101,7 +101,7 @@ class SensorDiagnosis(Result):
     diagnosis
         The fit and its estimates.
     lens
-        Whether it has a lens; None where it is not stated.
+        Whether it has a lens; None if it is not stated.
     design
         Name of its design.
     drawn
@@ -190,7 +190,7 @@ def diagnosed_sensors(
     Raises
     ------
     DataError, SpecError, DesignError
-        Where a sensor has no design, a key is not one to trace, or the curves do not answer as the design does.
+        If a sensor has no design, a key is not one to trace, or the curves do not answer as the design does.
     """
     options = options or DiagnosisOptions()
     sensors = _chosen(study, options)

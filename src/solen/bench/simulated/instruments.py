@@ -42,7 +42,7 @@ def simulated_instruments(
     Raises
     ------
     BenchError, SpecError, DataError, DesignError
-        Where a design cannot be read, built, or vary as the rig states.
+        If a design cannot be read, built, or vary as the rig states.
     """
     zero, lever_mm = rig.stage.zero, rig.stage.lever_mm
     ends = np.array([-protocol.reach, protocol.reach]) + zero

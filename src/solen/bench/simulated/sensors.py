@@ -80,7 +80,7 @@ def simulated_sensors(
     Raises
     ------
     BenchError, SpecError, DataError, DesignError
-        Where a design cannot be read, built, or differ as the rig says.
+        If a design cannot be read, built, or differ as the rig says.
     """
     if reach_deg > MOST_DEG:
         limit = f"a simulated sensor is traced up to {MOST_DEG:g} deg"

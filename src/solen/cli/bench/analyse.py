@@ -10,7 +10,7 @@ from solen.cli.app import lines
 from solen.pipeline.bench.analyse import analyse as analyse
 
 LENS = {None: "", True: ", lens", False: ", no lens"}
-"""How lines state the lens of a sensor."""
+"""Words for the lens of a sensor."""
 
 
 @lines.register
@@ -19,7 +19,7 @@ def _(study: Study) -> Iterator[str]:
         yield from _sensor(sensor, simulated=study.simulated)
     for name, swing in (study.lens_beside_none or {}).items():
         if math.isfinite(swing.without_lens_percent):
-            yield f"without a lens {name} swings by {swing.without_lens_percent:.3g} % of what it does with one"
+            yield f"without a lens {name} swings by {swing.without_lens_percent:.3g} % of its swing with the lens"
     if study.detected and study.command is not None:
         yield f"in full: {study.command}"
 
@@ -56,12 +56,12 @@ def _timing(timing: Timing) -> str:
         lag = f"{1e3 * timing.lag_s:.3g} ± {1e3 * timing.u_lag_s:.2g} ms"
         return f"  timing: by two speeds, the voltages come {lag} after the angle"
     if not math.isfinite(timing.bound_s):
-        return "  timing: not known"
+        return "  timing: unknown"
     if timing.timing_deg == 0.0:
-        return "  timing: adds nothing, as all readings are of stops"
+        return "  timing: no contribution, as all readings were taken at stops"
     return (
-        f"  timing: ±{1e3 * timing.bound_s:.2g} ms, up to {timing.timing_deg:.2g}° between both ways; at one speed "
-        "nothing tells more of it from a hysteresis"
+        f"  timing: ±{1e3 * timing.bound_s:.2g} ms, up to {timing.timing_deg:.2g}° between the two directions; a "
+        "single speed cannot separate it further from hysteresis"
     )
 
 

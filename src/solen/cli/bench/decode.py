@@ -19,7 +19,7 @@ from solen.results import Outcome
 
 _File = Annotated[Path | None, Parameter(name="--out", help="Write the calibration to this .json.")]
 _Table = Annotated[Path | None, Parameter(name="--out", help="Write the angles to this .csv.")]
-_Send = Annotated[str | None, Parameter(help="Send rows there too: udp://HOST:PORT, serial:PORT@BAUD or lsl:NAME.")]
+_Send = Annotated[str | None, Parameter(help="Also send rows to udp://HOST:PORT, serial:PORT@BAUD or lsl:NAME.")]
 _Schema = Annotated[bool, Parameter(help="Print the JSON Schema of a calibration.")]
 
 
@@ -31,14 +31,14 @@ def calibrate(
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     out: _File = None,
 ) -> Outcome[SensorCalibrations] | None:
-    """Calibrate recorded sensors, voltages to angles, with what that is worth.
+    """Calibrate recorded sensors: voltages to angles, with uncertainties and a check.
 
     (The printer is calibrated by solen print calibrate.)
 
     Parameters
     ----------
     recordings
-        Recordings of known angles, as solen bench analyse reads them. Each sensor's calibration is written beside them.
+        Recordings with known angles, as for solen bench analyse. Each sensor's calibration is written beside them.
     """
     if schema:
         import json
@@ -73,7 +73,7 @@ def decode(
     send: _Send = None,
     force: Force = False,
 ) -> Outcome[Decoding] | None:
-    """Convert voltages to angles by a calibration: from a recording, from lines as they arrive, or from a running run.
+    """Convert voltages to angles by a calibration: from a recording, from lines as they arrive, or during a run.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ def decode(
 def _(result: DecodingTable) -> Iterator[str]:
     simulated = "; simulated" if result.simulated else ""
     yield f"{result.sensor}: {result.pieces} pieces, {result.low_deg:.3g}° to {result.high_deg:.3g}°{simulated}"
-    yield f"beside the whole decoder by up to {result.off_deg:.2g}°, {result.sigma:.2g} standard uncertainties"
+    yield f"differs from the full decoder by up to {result.off_deg:.2g}°, {result.sigma:.2g} standard uncertainties"
 
 
 @lines.register
@@ -121,7 +121,7 @@ def _(result: Decoding) -> Iterator[str]:
     if against is not None:
         yield (
             f"against the recording's own angle: rms {against.rms_deg:.2g}°, mean {against.bias_deg:+.1g}°, "
-            f"{100 * against.within_95:.0f} % within the bands of 95 %"
+            f"{100 * against.within_95:.0f} % within the 95 % bands"
         )
     if result.interrupted:
         yield "stopped"

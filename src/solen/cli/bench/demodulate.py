@@ -15,7 +15,7 @@ def _(result: Demodulation) -> Iterator[str]:
     of = f"{_counted(len(result.channels), 'channel')} and {_counted(len(result.readings.emitters), 'emitter')}"
     yield (
         f"{result.readings_kept} readings{'' if each is None else f', each the mean of {each}'}, of {of} at "
-        f"{text(result.rate_hz)} Hz, by {result.method}, {result.samples_per_slot:g} samples in a slot"
+        f"{text(result.rate_hz)} Hz, by {result.method}, {result.samples_per_slot:g} samples per slot"
     )
     clock = result.clock
     if clock is not None:
@@ -32,7 +32,7 @@ def _(result: Demodulation) -> Iterator[str]:
         yield f"samples at a limit: {at_limit} of {len(result.samples.time_s)}"
     if result.flicker is not None:
         amplitude = short(float(result.flicker.amplitude.max()))
-        yield f"flicker of lamps on {result.flicker.mains_hz:.5g} Hz, up to {amplitude}, is subtracted"
+        yield f"flicker of lamps at {result.flicker.mains_hz:.5g} Hz, up to {amplitude}, is subtracted"
     for name, one in result.channels.items():
         for emitter, values in one.emitters.items():
             mean = f"mean {text(values.mean)}, u of a reading {_short(values.u_reading)}"

@@ -10,7 +10,7 @@ from solen.pipeline.bench.firmware import firmware as firmware
 @lines.register
 def _(result: pipeline.Firmware) -> Iterator[str]:
     how = "open the sketch in the Arduino IDE" if result.board == "uno" else "copy the files onto one with MicroPython"
-    yield f"next: {how}; what is wired to which pin stands in docs/board.md"
+    yield f"next: {how}; docs/board.md lists the wiring of the pins"
     states = f"bits = {result.bits}, range_v = {result.range_V}, baud = {result.baud}"
     if result.straight_V is not None:
         states += f", straight_v = {list(result.straight_V)}"

@@ -21,22 +21,22 @@ if TYPE_CHECKING:
 
 BLOCKS = "▁▂▃▄▅▆▇█"
 KEPT = 60
-"""Looks that a live plot goes back."""
+"""Length of a live plot's history, in readings."""
 
 
 def jog(*, rig: Path, options: Annotated[JogOptions, FLAT] = JogOptions()) -> Outcome[Jogged]:
-    """Move the stage of a rig, within its travel, or ask where it stands (without --to and --by).
+    """Move the stage of a rig within its travel; without --to and --by, show its position.
 
     Parameters
     ----------
     rig
-        The rig file that names the stage.
+        The rig file that describes the stage.
     """
     return pipeline.jog(rig, options, confirm=confirmation())
 
 
 def watch(*, rig: Path, options: Annotated[WatchOptions, FLAT] = WatchOptions()) -> Outcome[Watched]:
-    """Show live what the receivers read: a plot in a terminal, lines of CSV elsewhere. Ctrl-C ends it.
+    """Show live readings of the receivers: a plot in a terminal, CSV lines elsewhere. Ctrl-C stops.
 
     Parameters
     ----------
@@ -54,11 +54,11 @@ def _(checked: RigCheck) -> Iterator[str]:
         for side, own in receivers.items():
             yield f"  {name} {side:5} (input {own.input}): {_levels(own, checked.unit)}"
     if not checked.faults:
-        yield "nothing is wrong"
+        yield "no problems"
 
 
 def _levels(own: InputCheck, unit: str) -> str:
-    turn = "" if own.load_factor is None else f"; turn its trimmer to {own.load_factor:.2g} times its load"
+    turn = "" if own.load_factor is None else f"; set its trimmer to {own.load_factor:.2g} times its load"
     return (
         f"{own.off_V:.5g} {unit} off, {own.on_V:.5g} {unit} on; signal {own.signal_V:.5g} {unit} "
         f"({100 * own.signal_V / own.off_V:.0f} %), noise {of_noise(own.noise_V, unit)}, "
@@ -69,13 +69,13 @@ def _levels(own: InputCheck, unit: str) -> str:
 @lines.register
 def _(moved: Jogged) -> Iterator[str]:
     begun, stands = _place(moved.begun_deg, moved.begun_mm), _place(moved.stands_deg, moved.stands_mm)
-    yield f"{moved.stage} stands at {stands}" + ("" if begun == stands else f"; it stood at {begun}")
+    yield f"{moved.stage} is at {stands}" + ("" if begun == stands else f"; it was at {begun}")
 
 
 def _place(deg: float | None, mm: float | None) -> str:
     if deg is not None:
         return f"{deg:+.4g}°"
-    return "an unknown place" if mm is None else f"{mm:+.4g} mm"
+    return "an unknown position" if mm is None else f"{mm:+.4g} mm"
 
 
 @lines.register
@@ -85,7 +85,7 @@ def _(watched: Watched) -> Iterator[str]:
 
 @contextmanager
 def _shown() -> Iterator[Callable[[Seen], None]]:
-    """A plot that is redrawn if stdout is a terminal; otherwise lines on stdout, or nothing with ``--quiet``."""
+    """A live plot if stdout is a terminal; otherwise lines on stdout, or nothing with ``--quiet``."""
     if SHOWN.quiet or SHOWN.as_json:
         yield lambda _: None
         return
@@ -100,7 +100,7 @@ def _shown() -> Iterator[Callable[[Seen], None]]:
 
 
 class _Rows:
-    """Lines of CSV, preceded by their header."""
+    """CSV lines after a header."""
 
     def __init__(self) -> None:
         self._begun = False

@@ -23,7 +23,7 @@ from solen.results import Outcome
 def run(
     protocol: Path, /, *, rig: Path, out: Path, options: Annotated[RecordOptions, FLAT] = RecordOptions()
 ) -> Outcome[RecordedRun]:
-    """Run a protocol and leave a recording; Ctrl-C, or a signal to end, switches the emitters off and stops the stage.
+    """Run a protocol and record it; Ctrl-C or a termination signal switches the emitters off and stops the stage.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def confirmation() -> Callable[[str], bool] | None:
 
 
 def _asked(question: str) -> bool:
-    """Whether the operator answers yes; anything else counts as no."""
+    """Whether the operator answers yes; any other answer is no."""
     sys.stderr.write(f"{question} [y/N] ")
     sys.stderr.flush()
     return sys.stdin.readline().strip().casefold() in {"y", "yes"}

@@ -46,9 +46,9 @@ def _(result: SceneCheck) -> Iterator[str]:
     numbers = {name: getattr(result, name) for name in ("regions", "interfaces", "sources", "rays")}
     yield from listing(numbers | {name: value for name, value in names.items() if value})
     if result.in_space:
-        yield "extruded: rays are followed in space"
+        yield "extruded: rays are traced in space"
     if result.is_random:
-        yield "some light is drawn by chance: it can be sampled, not integrated"
+        yield "some surfaces scatter at random: the light can be sampled, not integrated"
     for part in result.not_understood:
         yield f"not understood: {part}"
 

@@ -1,4 +1,4 @@
-"""The commands about solen itself: what is installed, and completion in the shell."""
+"""Commands about the installation: its check, and shell completion."""
 
 from collections.abc import Iterator
 from typing import Literal
@@ -13,14 +13,14 @@ RELOAD: dict[str, str] = {"bash": "source ~/.bashrc", "zsh": "exec zsh", "fish":
 
 
 class Completion(Result):
-    """Completion that was installed.
+    """Installed shell completion.
 
     Attributes
     ----------
     shell
-        For which it is.
+        The shell it is for.
     load
-        The line that makes it work in a shell that runs already.
+        The line that activates it in a running shell.
     """
 
     shell: str
@@ -28,7 +28,7 @@ class Completion(Result):
 
 
 def doctor() -> Outcome[Installation]:
-    """Check the installation: versions, threads, optional packages, the compiled tracer; to paste into a bug report."""
+    """Check the installation: versions, threads, optional packages, compiled tracer; paste it into bug reports."""
     return Outcome(examine())
 
 
@@ -46,8 +46,8 @@ def _(installation: Installation) -> Iterator[str]:
         yield f"  {package.name:22} {package.version or f'missing; {package.install}'}"
     for group, names in installation.plugins.items():
         if names:
-            yield f"added to {group} by other packages: {', '.join(names)}"
-    yield "in a bug report, paste the lines above, the command and all that it printed"
+            yield f"{group} added by other packages: {', '.join(names)}"
+    yield "for a bug report, paste the lines above, the command and its full output"
 
 
 def completion(shell: Shell | None = None, /) -> Outcome[Completion]:
@@ -69,7 +69,7 @@ def completion(shell: Shell | None = None, /) -> Outcome[Completion]:
 
 @lines.register
 def _(installed: Completion) -> Iterator[str]:
-    yield f"{installed.shell} completes solen in new shells; in this one after: {installed.load}"
+    yield f"{installed.shell} completes solen in new shells; to use it in this one, run: {installed.load}"
 
 
 def _running_shell() -> Shell:

@@ -1,4 +1,4 @@
-"""The command that takes a design to the workshop: solids and drawings."""
+"""The command that writes solids and drawings of a design."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -37,12 +37,12 @@ def export(
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     progress: ProgressBar = None,
 ) -> Outcome[ExportedSolid]:
-    """Write the solid and the drawings of a sensor, in mm; without a format, STL and 3MF.
+    """Write the solid and the drawings of a sensor, in mm; default formats: STL and 3MF.
 
     Parameters
     ----------
     file
-        The design file; what is written has its name.
+        The design file; the written files have its name.
     out
         Folder for the files; made if need be.
     step
@@ -56,15 +56,15 @@ def export(
     dxf
         Drawing of the outline, a layer for each face (needs the extra dxf).
     comsol
-        Text of points that COMSOL reads as interpolation curves, sectionwise.
+        Points as text, for COMSOL's interpolation curves (sectionwise).
     svg
         Drawing of the outline, a named path for each face.
     layers
-        Pictures of layers for a printer, with STL and settings for its program; the options are of solen print layers.
+        Layer pictures for a printer, with STL and settings for its software; options as of solen print layers.
     thickness_mm
-        In place of body.thickness_mm.
+        Replaces body.thickness_mm.
     tolerance_mm
-        How far a mesh may leave the exact walls, 1e-4 to 1.
+        Largest distance of a mesh from the exact walls in mm, 1e-4 to 1.
     """
     from solen.pipeline.design import export as pipeline
 

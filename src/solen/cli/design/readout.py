@@ -1,4 +1,4 @@
-"""The command that turns a design's light into voltages."""
+"""The command that computes receiver voltages of a design."""
 
 import math
 from collections.abc import Iterator
@@ -10,7 +10,7 @@ from solen.sensor.readings import DesignReadings
 
 MOST_ROWS = 8
 ANY_LOAD_OHM = 1e8
-"""Beyond it nothing limits a load."""
+"""Beyond it a load counts as unlimited."""
 
 
 @lines.register
@@ -31,14 +31,14 @@ def _(readings: DesignReadings) -> Iterator[str]:
         f"the supply; resolution of one reading {_fine(whole.best_resolution_deg)} to "
         f"{_fine(whole.worst_resolution_deg)} deg"
     )
-    yield f"load: turn it until the brightest angle of the motion reads {advice.target_V:.2f} V"
+    yield f"load: adjust it until the brightest angle of the motion reads {advice.target_V:.2f} V"
     yield from map(_setting, advice.settings)
     if advice.emitter_current_mA is not None and any(setting.turn is None for setting in advice.settings):
-        yield f"  {advice.emitter_current_mA:.2g} mA in the emitter bring all of them within the trimmer"
+        yield f"  {advice.emitter_current_mA:.2g} mA in the emitter bring all loads within the trimmer's range"
 
 
 def _table(readings: DesignReadings) -> Iterator[str]:
-    """Table rows for about nine angles."""
+    """Rows of the table, at about nine angles."""
     names = "".join(f"  {name + ' V':>9}" for name in readings.circuit.names)
     yield f"  {'deg':>7}{names}  {'mV noise':>9}  {'deg':>9}"
     for row in range(0, len(readings.angle_deg), max(1, (len(readings.angle_deg) - 1) // MOST_ROWS)):

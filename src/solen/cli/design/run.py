@@ -1,4 +1,4 @@
-"""The command that does the whole chain of a design."""
+"""The command that simulates a design from end to end."""
 
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
@@ -58,7 +58,7 @@ def _as_printed(as_printed: AsPrinted) -> Iterator[str]:
             continue
         emitter = f"chip of {comparison.width_mm:g} mm" if comparison.width_mm else "point"
         yield (
-            f"  {'printed':8} {as_printed.label} less as designed, {emitter}: contrast {largest.contrast:+.4f} ± "
+            f"  {'printed':8} {as_printed.label} minus designed, {emitter}: contrast {largest.contrast:+.4f} ± "
             f"{short(largest.u_contrast)} at most, at {largest.angle_deg:g} deg; received "
             f"{comparison.printed.received_share:.4f}, designed {comparison.designed.received_share:.4f}"
         )

@@ -15,7 +15,7 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 FILES = {
     "type": "object",
     "additionalProperties": {"type": "string"},
-    "description": "Files that the command wrote, by what they hold.",
+    "description": "Files written by the command, by content.",
 }
 
 
@@ -31,7 +31,7 @@ def schema(*command: str) -> None:
 
 
 def result_schema(command: tuple[str, ...]) -> dict[str, Any]:
-    """JSON Schema of what a command prints with ``--json``; `SpecError` for no command, or one without a result."""
+    """JSON Schema of a command's ``--json`` output; `SpecError` if there is no such command, or it has no result."""
     name = " ".join(command)
     result = result_type(_place(name))
     if result is None:
@@ -43,7 +43,7 @@ def result_schema(command: tuple[str, ...]) -> dict[str, Any]:
 
 
 def result_type(place: str) -> Any:
-    """Result type of the command at ``module:function``; None if it prints something else."""
+    """Result type of the command at ``module:function``; None if it has no typed result."""
     module, _, function = place.partition(":")
     returned = typing.get_type_hints(getattr(import_module(f"solen.cli.{module}"), function)).get("return")
     kinds = (returned, *typing.get_args(returned))  # a command that may print something else returns None then
@@ -51,7 +51,7 @@ def result_type(place: str) -> Any:
 
 
 def commands() -> dict[str, str]:
-    """All commands as typed, ``bench analyse``, with the module and function of each."""
+    """All commands as typed (``bench analyse``), with the module and function of each."""
     return {f"{group} {name}".strip(): place for group, rows in COMMANDS.items() for name, place, _ in rows}
 
 

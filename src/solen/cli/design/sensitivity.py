@@ -1,4 +1,4 @@
-"""The commands that show the sensitivities of a design, and how its trace converges."""
+"""The commands for sensitivities and for convergence of a design."""
 
 from collections.abc import Iterator
 

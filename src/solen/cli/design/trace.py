@@ -23,7 +23,7 @@ SCENE_SUFFIX = ".json"
 
 
 class DesignOptions(TraceOptions):
-    """Options of a trace, including those that only designs have."""
+    """Options of a trace, including those for designs only."""
 
     rays: Annotated[int, Field(ge=1)] | None = None
     """Number of rays; default: emitter.rays."""
@@ -40,7 +40,7 @@ def trace(
     set_: Set = None,
     paths: bool = False,
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
-    netcdf: Annotated[Path | None, Parameter(help="Write everything that was found to this .nc file.")] = None,
+    netcdf: Annotated[Path | None, Parameter(help="Write all results to this .nc file.")] = None,
 ) -> Outcome[DesignTrace | SceneTrace]:
     """Trace a design at one angle of its motion, or a scene: solen's own or one of ray-optics, a .json file.
 
@@ -49,7 +49,7 @@ def trace(
     file
         The design file, or a scene's JSON.
     angle_deg
-        Angle in degrees, counter-clockwise: a negative one turns to the right; default: 0. Of a design only.
+        Angle in degrees, counter-clockwise: negative turns to the right; default: 0. For designs only.
         Above -90, below 90.
     at
         Of a soft body: value of what its motion drives, in its unit; default: the last of the motion.
@@ -82,7 +82,7 @@ def refuse_for_scene(of_designs: Mapping[str, object]) -> None:
     """`SpecError` for options that only a design has."""
     for name, value in of_designs.items():
         if value is not None and value is not False:
-            limit = "belongs to a design; a scene has no motion and no keys"
+            limit = "applies to a design; a scene has no motion and no keys"
             raise SpecError(name, value=None if value is True else value, limit=limit, remedy="leave it out")
 
 
@@ -117,16 +117,16 @@ def _power(power: float, u: float | None, digits: str = ".6f") -> str:
 
 
 def _whole(result: Trace, in_space: bool) -> Iterator[str]:
-    """Ledger of a trace, with remarks that apply to all its powers."""
+    """Ledger of a trace, with remarks on all of its powers."""
     for field in fields(result.ledger):
         yield f"  {field.name:9} {_power(getattr(result.ledger, field.name), getattr(result.u_ledger, field.name))}"
     if in_space:
         missed, leaked = _power(result.missed, result.u_missed), _power(result.leaked, result.u_leaked)
         yield f"  of what escaped, {missed} passed above or below, {leaked} leaked there"
     if result.single_error is not None:
-        yield f"single precision is off by at most {result.single_error:.1e} where it was compared"
+        yield f"single precision deviates by at most {result.single_error:.1e} where compared"
     if not result.reached:
         yield f"the tolerance was not reached: {result.why}"
     if result.undefined_at_mm:
         x, z = result.undefined_at_mm[0]
-        yield f"  {result.undefined} rays met an inconsistent interface, at [{x}, {z}] mm"
+        yield f"  {result.undefined} rays hit an inconsistent interface, at [{x}, {z}] mm"

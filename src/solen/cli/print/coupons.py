@@ -1,4 +1,4 @@
-"""The command of coupons: parts that are printed to be measured."""
+"""The command that writes coupons, parts printed to be measured."""
 
 from collections.abc import Iterator
 

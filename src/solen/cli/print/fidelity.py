@@ -35,9 +35,9 @@ def _seen(measured: CouponMeasurement) -> str:
 
 
 def _minimum(limit: Limit) -> str:
-    """A limit with the measurements that support it."""
+    """A limit with the supporting measurements."""
     if limit.nominal_mm is None:
-        return f"{MINIMA[limit.kind]}: none; not even {limit.next_mm:g} mm is resolved"
+        return f"{MINIMA[limit.kind]}: none; not resolved even at {limit.next_mm:g} mm"
     line = f"{MINIMA[limit.kind]}: {'at most ' if limit.bound else ''}{limit.nominal_mm:g} mm"
     if limit.measured_mm is not None:
         line += f", printed {limit.measured_mm:.4f} ± {short(limit.u_measured_mm)} mm"

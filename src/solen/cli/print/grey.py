@@ -1,4 +1,4 @@
-"""The command that measures which light grey pixels let through."""
+"""The command that measures the transmission of grey pixels."""
 
 from collections.abc import Iterator
 

@@ -29,7 +29,7 @@ def _(inspection: LensInspection) -> Iterator[str]:
         for name, design in inspection.designs.items():
             yield (
                 f"  {name}: probability {design.probability:.3g} among these; {design.size.form_um:.3g} µm (rms) "
-                f"beside size and overgrowth, {design.rms_um:.3g} with them"
+                f"after fitting size and overgrowth, {design.rms_um:.3g} before"
             )
 
 

@@ -11,7 +11,7 @@ from solen.results import Outcome
 
 
 def printers(name: str | None = None, /) -> Outcome[PrinterList | PrinterSummary]:
-    """List the printers that layers can be made for, or show one with the sources of its numbers.
+    """List the supported printers, or show one with the sources of its numbers.
 
     Parameters
     ----------

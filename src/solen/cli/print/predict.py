@@ -1,4 +1,4 @@
-"""The command that predicts what a printer makes of a lens."""
+"""The command that predicts the printed lens of a design."""
 
 from collections.abc import Iterator
 
@@ -18,7 +18,7 @@ def _(prediction: PrintedDesign) -> Iterator[str]:
     yield f"profile: {prediction.profile_at}"
     yield (
         f"off the designed lens by {off.rms_um:.3g} µm rms, mean {off.mean_um:+.3g}, largest {off.largest_um:+.3g} at "
-        f"x = {x:.3g}, z = {z:.3g} mm (more material is above 0)"
+        f"x = {x:.3g}, z = {z:.3g} mm (positive: more material)"
     )
     yield f"uncertainty ± {prediction.u_rms_um:.2g} µm{most}"
     yield f"shape alone, moved by {prediction.shape.shift_z_um:+.3g} µm along z: {prediction.shape.rms_um:.3g} µm rms"
@@ -33,7 +33,7 @@ def _(prediction: PrintedDesign) -> Iterator[str]:
     yield f"ripple of the layers along the {ripple.along}: {ripple.peak_to_valley_um:.2g} µm peak to valley{rms}"
     if (walls := prediction.walls) is not None:
         yield (
-            f"{walls.layers} layers; straight walls beyond their image by {walls.first_um:+.3g} µm at the first, "
+            f"{walls.layers} layers; straight walls exceed their image by {walls.first_um:+.3g} µm at the first, "
             f"{walls.middle_um:+.3g} in the middle, {walls.last_um:+.3g} at the last"
         )
     if prediction.response is not None:
@@ -48,14 +48,14 @@ def _(prediction: PrintedDesign) -> Iterator[str]:
 @lines.register
 def _(prediction: PrintedLayers) -> Iterator[str]:
     yield f"simulated: {prediction.name}, {prediction.shape}, {prediction.layers} layers ({prediction.process})"
-    yield f"off the designed face by {prediction.rms_um:.3g} µm rms (more material is above 0)"
+    yield f"off the designed face by {prediction.rms_um:.3g} µm rms (positive: more material)"
     yield from map(_layer, prediction.deviations)
     if prediction.compensated_rms_um is not None and prediction.drawn_range_um is not None:
         low, high = prediction.drawn_range_um
         rounds = len(prediction.rounds_um or ()) - 1
         yield (
-            f"compensated: {prediction.compensated_rms_um:.2g} µm rms after {rounds} rounds; the face is drawn "
-            f"{low:+.3g} to {high:+.3g} µm off along z"
+            f"compensated: {prediction.compensated_rms_um:.2g} µm rms after {rounds} rounds; the drawing moves the "
+            f"face by {low:+.3g} to {high:+.3g} µm along z"
         )
         yield from map(_layer, prediction.compensated_deviations)
     if prediction.responses:

@@ -15,7 +15,8 @@ def _(measured: MeasuredScale) -> Iterator[str]:
     yield f"{simulated}{name}{measured.um_per_px:.6g} ± {measured.u_um_per_px:.2g} µm per pixel ({u_percent:.2g} %)"
     yield (
         f"{measured.lines} lines of {measured.spacing_mm:g} mm, {measured.period_px:.6g} ± {measured.u_period_px:.2g} "
-        f"pixels apart, at {measured.angle_deg:.3g} deg from the rows; places off by {measured.rms_um:.2g} µm rms"
+        f"pixels apart, at {measured.angle_deg:.3g} deg from the rows; line positions deviate by "
+        f"{measured.rms_um:.2g} µm rms"
     )
     if measured.stretch_percent is not None:
         yield f"the scale changes by {measured.stretch_percent:+.2g} % across the picture"

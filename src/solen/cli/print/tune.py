@@ -15,16 +15,16 @@ def _(tuned: TunedPrint) -> Iterator[str]:
     yield f"{simulated}print {tuned.number} of {tuned.design}, drawn by {tuned.drawn_by} ({tuned.process})"
     yield f"off the design by {tuned.rms_um:.3g} ± {tuned.u_rms_um:.2g} µm rms"
     yield (
-        f"prints have in common, by {common.prints} of them: overgrowth {common.overgrowth_um:+.3g} ± "
+        f"common to all prints, from {common.prints} of them: overgrowth {common.overgrowth_um:+.3g} ± "
         f"{common.u_overgrowth_um:.2g} µm, size {common.size_percent:+.2g} ± {common.u_size_percent:.2g} %, form "
-        f"{common.form_um:.2g} µm rms; each has about {common.repeat_um:.2g} µm for itself"
+        f"{common.form_um:.2g} µm rms; prints differ by about {common.repeat_um:.2g} µm"
     )
-    what = "kept: the drawing of before" if tuned.kept else f"corrected: {', '.join(tuned.corrected)}"
+    what = "kept: the previous drawing" if tuned.kept else f"corrected: {', '.join(tuned.corrected)}"
     yield (
         f"{what}; the lens is drawn {low:+.3g} to {high:+.3g} µm off, walls "
         f"{tuned.wall_um:+.3g} µm, all {tuned.scale:.5g} times"
     )
-    yield f"the same drawing once more: {_residual(tuned.unchanged)}"
+    yield f"the same drawing printed again: {_residual(tuned.unchanged)}"
     yield f"the next print, of the {'kept' if tuned.kept else 'corrected'} drawing: {_residual(tuned.predicted)}"
     if (traced := tuned.response) is not None:
         where = "in space" if traced.dimension == "extruded" else "in the plane"

@@ -30,15 +30,15 @@ def _(curve: MeasuredCurve) -> Iterator[str]:
         yield (
             f"dose inside the part: {stack.interior_mean_mJ_per_cm2:.3g} ± {curve.u_interior_mean_mJ_per_cm2:.2g} "
             f"mJ/cm² ({low:.3g} to {high:.3g} within a layer), {stack.interior_over_single_layer:.2g} times the "
-            f"{stack.single_layer_mean_mJ_per_cm2:.3g} mJ/cm² of one layer on its own, as the index is measured on; "
+            f"{stack.single_layer_mean_mJ_per_cm2:.3g} mJ/cm² of a single layer, on which the index is measured; "
             f"the last {stack.layers_to_99_percent} layers get less than those inside"
         )
 
 
 def _in_lamp(lamp: InLamp, exposure: InLampExposure | None) -> Iterator[str]:
-    prefers = {None: "do not tell which law holds", "spectrum": "prefer this law", "Jacobs": "prefer Jacobs' law"}
+    prefers = {None: "do not distinguish the two laws", "spectrum": "prefer this law", "Jacobs": "prefer Jacobs' law"}
     yield (
-        f"in the light of {lamp.lamp}: Dp {lamp.Dp_um:.4g} ± {lamp.u_Dp_um:.2g} µm at the surface, Ec "
+        f"with the spectrum of {lamp.lamp}: Dp {lamp.Dp_um:.4g} ± {lamp.u_Dp_um:.2g} µm at the surface, Ec "
         f"{lamp.Ec_mJ_per_cm2:.3g} ± {lamp.u_Ec_mJ_per_cm2:.1g} mJ/cm²; the discs {prefers[lamp.preferred]} "
         f"({lamp.rms_um:.2g} µm rms, by Jacobs' {lamp.jacobs_rms_um:.2g})"
     )
@@ -55,11 +55,11 @@ def _ends(interval: tuple[float, float] | None) -> str:
 
 
 def _need(layer: LayerNeed) -> str:
-    needs = "more than can be computed"
+    needs = "too large to compute"
     if layer.needed_mJ_per_cm2 is not None:
         needs = f"{layer.needed_mJ_per_cm2:.3g} mJ/cm² ({_ends(layer.interval95_needed_mJ_per_cm2)})"
     seconds = "" if layer.needed_s is None else f", {layer.needed_s:.2g} s"
-    return f"{layer.layer_um:g} µm cured {layer.overcure:g} times over need {needs}{seconds}"
+    return f"{layer.layer_um:g} µm cured {layer.overcure:g} times over: {needs}{seconds}"
 
 
 def _exposure(exposure: LayerExposure) -> Iterator[str]:

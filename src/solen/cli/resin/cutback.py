@@ -17,7 +17,7 @@ def _(loss: GuideLoss) -> Iterator[str]:
         f"of {loss.guides} guides, {shortest:g} to {longest:g} mm long"
     )
     if loss.absorption_per_mm is None:
-        yield "absorption per mm: none, as the loss is not positive"
+        yield "absorption per mm: undefined, as the loss is not positive"
     else:
         yield f"absorption {loss.absorption_per_mm:.3g} ± {loss.u_absorption_per_mm:.2g} per mm of guide, base e"
     if loss.interval95_coupling_loss_dB is not None:

@@ -1,4 +1,4 @@
-"""The command of layers against their exposure."""
+"""The command that compares layers by exposure."""
 
 from collections.abc import Iterator
 

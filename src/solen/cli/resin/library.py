@@ -1,4 +1,4 @@
-"""The commands of resins: build a file from results, list and show them, weigh in a mixture."""
+"""Commands for resins: build a file from results, list and show them, compute a mixture."""
 
 from collections.abc import Iterator
 from typing import Annotated, Any
@@ -16,17 +16,17 @@ from solen.results import Outcome
 
 
 def list_() -> Outcome[ResinList]:
-    """List the resins that solen ships, with their index."""
+    """List the resins shipped with solen, with their index."""
     return Outcome(listed())
 
 
 def mix(*components: str, options: Annotated[MixOptions, FLAT] = MixOptions()) -> Outcome[Mixtures]:
-    """Compute what to weigh in for a mixture, in both readings of its percentages.
+    """Compute the masses to weigh for a mixture, for both meanings of its percentages.
 
     Parameters
     ----------
     components
-        Names with their shares of the whole in per cent by weight, the base first: "RA-139:75" "lauryl acrylate:25".
+        Names with their mass fractions in per cent, the base first: "RA-139:75" "lauryl acrylate:25".
     """
     return Outcome(mixtures(components, options))
 
@@ -48,7 +48,7 @@ def _(facts: ResinFacts) -> Iterator[str]:
 
 
 def _shown(table: BaseModel) -> dict[str, Any]:
-    """Entries of a table as a listing shows them, with pairs of numbers as text."""
+    """Entries of a table for a listing, with pairs of numbers as text."""
     values = {key: value for key, value in table.model_dump(mode="json").items() if value is not None and value != ""}
     return {key: f"{text(value[0])} to {text(value[1])}" if _is_pair(value) else value for key, value in values.items()}
 
@@ -84,8 +84,8 @@ def _(listing: ResinList) -> Iterator[str]:
 @lines.register
 def _(weighed: Mixtures) -> Iterator[str]:
     readings = {
-        "read as shares of the whole mixture": weighed.of_whole,
-        "read as grams for 100 g of the base": weighed.on_base,
+        "percentages of the whole mixture": weighed.of_whole,
+        "grams per 100 g of the base": weighed.on_base,
     }
     for reading, mixture in readings.items():
         yield f"{reading}: {mixture.total_g:g} g in all"
@@ -93,7 +93,7 @@ def _(weighed: Mixtures) -> Iterator[str]:
         yield from (f"  {part.name:{width}}  {_part(part)}" for part in mixture.components)
         if mixture.index_estimate is not None:
             index = f"{mixture.index_estimate:.4f}"
-            yield f"  index of the liquid, an estimate (Lorentz-Lorenz, volumes that add up): {index}"
+            yield f"  index of the liquid, an estimate (Lorentz-Lorenz, additive volumes): {index}"
 
 
 def _part(part: Weighed) -> str:

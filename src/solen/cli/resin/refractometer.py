@@ -1,4 +1,4 @@
-"""The command of a refractometer: from an index at one wavelength or a few to n against wavelength."""
+"""The command that extends a refractometer's index to other wavelengths."""
 
 from collections.abc import Iterator
 

@@ -33,7 +33,7 @@ def _of_material(material: MaterialStiffness) -> Iterator[str]:
 
 
 def _ends(specimen: Evaluated) -> str:
-    """Strength and break of a specimen."""
+    """Strength and strain at break of a specimen."""
     ends = specimen.extremes
     strength = f"largest stress {text(ends.strength_MPa)} MPa at {text(100 * ends.strain_at_strength)} %"
     return strength if ends.strain_at_break is None else f"{strength}, break at {text(100 * ends.strain_at_break)} %"
@@ -44,7 +44,7 @@ def _of_cycles(specimen: Evaluated) -> Iterator[str]:
         if cycle.loss_fraction is not None:
             left = cycle.residual_strain
             rest = "" if left is None else f", {text(100 * left)} % strain left"
-            yield f"    cycle {cycle.number}: {100 * cycle.loss_fraction:.3g} % of the work lost{rest}"
+            yield f"    cycle {cycle.number}: {100 * cycle.loss_fraction:.3g} % of the energy lost{rest}"
     if (lost := specimen.softening) is not None:
         yield f"    last of {lost.cycles} cycles: peak stress {100 * lost.peak_stress:.3g} % below the first"
 
@@ -52,7 +52,7 @@ def _of_cycles(specimen: Evaluated) -> Iterator[str]:
 def _of_fit(fit: Fit, mark: str) -> str:
     parameters = ", ".join(f"{name} {value:.4g}" for name, value in fit.parameters.items())
     quality = "; ".join(f"{q.mode} {q.rms_MPa:.2g} MPa, R² {_digits(q.r_squared)}" for q in fit.quality)
-    stable = "" if fit.stable_in_data else " UNSTABLE in its data"
+    stable = "" if fit.stable_in_data else " UNSTABLE within the data"
     aicc = "" if fit.aicc is None else f", AICc {fit.aicc:.1f}"
     return f"  {mark} {fit.kind}: {parameters}; E0 {fit.initial_modulus_MPa:.4g} MPa; {quality}{aicc}{stable}"
 

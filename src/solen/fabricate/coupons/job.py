@@ -140,7 +140,7 @@ def read_job(path: Path) -> tuple[Coupon, dict[str, Any]]:
     Raises
     ------
     DataError
-        Where the file cannot be read, is not a job, or its layout is damaged.
+        If the file cannot be read, is not a job, or its layout is damaged.
     """
     data = parsed(read_text(path, DataError), str(path))
     remedy = "write it again: solen print coupons"

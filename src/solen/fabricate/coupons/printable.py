@@ -28,7 +28,7 @@ def printable_coupon(path: Path, slicing: Slicing, run: str | None = None) -> tu
     DataError
         Where the file is not a job.
     SpecError
-        Where the job has several runs and none of them is named, or an option contradicts it.
+        If the job has several runs and none of them is named, or an option contradicts it.
     """
     coupon, data = read_job(path)
     stage, options = _run(coupon, run), coupon_options(data, path)

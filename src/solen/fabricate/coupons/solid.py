@@ -19,7 +19,7 @@ def coupon_parts(coupon: Coupon) -> dict[str, Part]:
     Raises
     ------
     DesignError
-        Where outlines overlap.
+        If outlines overlap.
     """
     return {stage.name: _part(coupon, stage.name) for stage in coupon.stages}
 

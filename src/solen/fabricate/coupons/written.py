@@ -107,7 +107,7 @@ def written_coupons(
     Raises
     ------
     SolenError
-        Where a coupon cannot be made, does not fit on the plate, or an extra is missing.
+        If a coupon cannot be made, does not fit on the plate, or an extra is missing.
     """
     if output.step:
         check_kernel()
@@ -142,7 +142,7 @@ def _written(coupon: Coupon, options: CouponOptions, output: CouponOutput, files
 
 
 def _check_plate(coupon: Coupon, plate_mm: tuple[float, float]) -> None:
-    """`SpecError` where a coupon is larger than the build plate, also when it is turned by 90 degrees."""
+    """`SpecError` if a coupon is larger than the build plate, also when it is turned by 90 degrees."""
     width, depth, _ = coupon.size_mm
     if max(width, depth) > max(plate_mm) or min(width, depth) > min(plate_mm):
         size = f"{width:g} x {depth:g} mm"

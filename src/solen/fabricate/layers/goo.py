@@ -39,7 +39,7 @@ def write_goo(target: Path, job: Job, part: Printable | None = None, watch: Watc
     Raises
     ------
     SpecError
-        Where it is not known how the printer moves its plate, or pictures have exposures that it is not proven to keep.
+        If it is not known how the printer moves its plate, or pictures have exposures that it is not proven to keep.
     """
     lift = checked_for_goo(job)
     count = StackCount(job)

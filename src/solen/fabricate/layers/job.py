@@ -61,9 +61,9 @@ class Job:
     Raises
     ------
     SpecError
-        Where the printer cannot make layers of that thickness.
+        If the printer cannot make layers of that thickness.
     DesignError
-        Where the solid has no layer, or it and its copies do not fit on the printer.
+        If the solid has no layer, or it and its copies do not fit on the printer.
     """
 
     solid: Solid
@@ -130,7 +130,7 @@ class Job:
 
     @property
     def pause_s(self) -> float | None:
-        """Mean time from one exposure to the next; None where the printer's file states neither it nor the lift."""
+        """Mean time from one exposure to the next; None if the printer's file states neither it nor the lift."""
         if self.printer.pause_s is not None:
             return self.printer.pause_s.usual
         if (lift := self.printer.lift) is None:
@@ -140,7 +140,7 @@ class Job:
 
     @property
     def seconds(self) -> float | None:
-        """Time of exposures and pauses together; None where the pause is not known."""
+        """Time of exposures and pauses together; None if the pause is not known."""
         return None if self.pause_s is None else self.exposures_s + self.count * self.pause_s
 
     @property

@@ -53,7 +53,7 @@ class Printable:
     warnings
         About the file.
     lies
-        How it must lie on the plate, in words; None where that is free.
+        How it must lie on the plate, in words; None if that is free.
     """
 
     solid: Solid
@@ -67,7 +67,7 @@ class Printable:
 
     @property
     def resin(self) -> str:
-        """Name of the resin; empty where none is named."""
+        """Name of the resin; empty if none is named."""
         return "" if self.material.startswith(UNNAMED) else self.material
 
     def write_stl(self, path: Path) -> None:

@@ -41,7 +41,7 @@ class PrintSettings(Result):
     part, stl, stl_unit
         Name of the part, and of the STL that the program takes, already turned as it is to be printed.
     material, printer, orientation, lies
-        A description; how the part must lie, None where that is free.
+        A description; how the part must lie, None if that is free.
     wavelength_nm, pixel_um, pixel_y_um
         Of the printer; sides of a pixel along X and Y.
     size_mm, copies

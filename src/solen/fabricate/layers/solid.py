@@ -63,7 +63,7 @@ class Solid(ABC):
 
     @abstractmethod
     def section(self, z_mm: float) -> tuple[int | None, Rings]:
-        """Rings at a height, holes clockwise, and a number that equal sections share; None where that is not known."""
+        """Rings at a height, holes clockwise, and a number that equal sections share; None if that is not known."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +154,7 @@ def solid_of(part: Part, rotation: FloatArray, tolerance_mm: float = MESH_MM) ->
     Raises
     ------
     DesignError, SpecError
-        Where its mesh cannot be made.
+        If its mesh cannot be made.
     """
     if rotation[2, 2] == 1.0 and isinstance(part, FacedPart):
         return Sections.of(part, rotation[:2, :2])
@@ -183,7 +183,7 @@ def mesh_solid(mesh: Mesh, rotation: FloatArray, name: str = "mesh") -> Slices:
     Raises
     ------
     DataError
-        Where it is empty, open, inside out, or has no volume.
+        If it is empty, open, inside out, or has no volume.
     """
     _check_closed(mesh, name)
     turned = mesh.vertices @ rotation.T

@@ -155,7 +155,7 @@ def compensated(printing: Printing) -> Compensation:
     Raises
     ------
     DataError, DesignError
-        Where nothing is printed, or the walls leave no body.
+        If nothing is printed, or the walls leave no body.
     """
     settings = printing.settings
     scale = 1.0 / (1.0 - 0.01 * settings.shrinkage_percent)

@@ -36,7 +36,7 @@ class DrawnFace:
 
 
 def lens_face(body: Body) -> Face:
-    """The one face of a body that is its lens; `DesignError` where there is none, or several."""
+    """The one face of a body that is its lens; `DesignError` if there is none, or several."""
     faces = [face for face in body.all_faces if face.part == "lens"]
     if len(faces) != 1:
         limit = "a print is held against one face whose name begins with lens"
@@ -57,7 +57,7 @@ def redrawn(
     Raises
     ------
     DesignError
-        Where a wall is shorter than what it would lose.
+        If a wall is shorter than what it would lose.
     """
     outlines, middle = [], np.asarray(centre)
     for outline in body.outlines:

@@ -92,7 +92,7 @@ class FacePrint:
         Raises
         ------
         DataError
-            Where the pixels are too coarse for the lens.
+            If the pixels are too coarse for the lens.
         """
         if body.front is None:
             raise AssertionError("a prism has one outline")

@@ -54,13 +54,13 @@ class MeasuredFeature:
     nominal_mm
         As drawn.
     measured_mm, u_measured_mm
-        As measured and its standard uncertainty; None where it is not there.
+        As measured and its standard uncertainty; None if it is not there.
     resolved
         Whether the pillar stands, the hole and the gap are open, the step is seen.
     diameter_mm
         Diameter of the pillars beside a gap.
     u_own_mm
-        Standard uncertainty without that of the scale; None where the file does not state it apart.
+        Standard uncertainty without that of the scale; None if the file does not state it apart.
     """
 
     kind: Kind
@@ -160,7 +160,7 @@ def read_features(path: Path) -> MeasuredCoupon:
     Raises
     ------
     DataError
-        Where it holds none, or one that is not possible.
+        If it holds none, or one that is not possible.
     """
     source = load(path)
     data = parsed(source.text(), str(path))
@@ -185,7 +185,7 @@ def read_features(path: Path) -> MeasuredCoupon:
 
 
 def _check_units(path: Path, rows: list[Any]) -> None:
-    """`DataError` where sizes that were drawn and measured are apart by a factor of a thousand, in most of the rows."""
+    """`DataError` if sizes that were drawn and measured are apart by a factor of a thousand, in most of the rows."""
     ratios = [
         float(measured) / float(nominal)
         for row in rows

@@ -72,7 +72,7 @@ class FlatImage:
         Raises
         ------
         DataError
-            Where a print would take more than a laptop's memory, or minutes for each height.
+            If a print would take more than a laptop's memory, or minutes for each height.
         """
         pitch = 1e-3 * np.array(settings.pixels_um)
         halo = math.hypot(settings.halo_um, settings.halo_per_depth * _DEEP * settings.Dp_um)

@@ -69,7 +69,7 @@ class FlatPrint:
         Raises
         ------
         DataError
-            Where the pixels are too coarse for the lens, or the part is thinner than a layer.
+            If the pixels are too coarse for the lens, or the part is thinner than a layer.
         """
         layers = round(thickness_mm * 1e3 / settings.layer_um)
         if layers < 1:

@@ -94,7 +94,7 @@ def measured_greys(recording: Recording, process: Process, options: GreyOptions 
     Raises
     ------
     DataError
-        Where a column is missing, no disc is of the full grey, too few greys set, or light falls as grey rises.
+        If a column is missing, no disc is of the full grey, too few greys set, or light falls as grey rises.
     """
     recording = chosen_rows(recording, options)
     thickness = recording.need(*THICKNESSES)

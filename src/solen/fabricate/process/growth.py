@@ -59,7 +59,7 @@ def growth_um(settings: Settings) -> float:
     Raises
     ------
     DataError
-        Where nothing sets.
+        If nothing sets.
     """
     return _edge_um(*inside(settings), settings, "far inside") + settings.wash_um
 
@@ -72,7 +72,7 @@ def straight_edge_um(settings: Settings, layers: int, height_um: float) -> float
     Raises
     ------
     DataError
-        Where nothing sets at that height.
+        If nothing sets at that height.
     """
     terms = terms_at(settings, layers, height_um)
     return _edge_um(*_of_edges(terms.dose, terms.sigma_um, settings), settings, f"at a height of {height_um:g} µm")

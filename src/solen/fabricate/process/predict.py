@@ -85,15 +85,15 @@ def predicted(
     height_um
         Height of the profile, for a part printed flat; None for the mean over its thickness.
     progress
-        Called with the share done, up to 1.
+        Called with the completed share, up to 1.
     phase
-        Position of the drawing's origin within its pixel, for a part printed flat; None where it is unknown, which adds
+        Position of the drawing's origin within its pixel, for a part printed flat; None if it is unknown, which adds
         an uncertainty.
 
     Raises
     ------
     DataError
-        Where pixels or layers are too coarse, or nothing is printed.
+        If pixels or layers are too coarse, or nothing is printed.
     """
     if orientation == "flat":
         stands = phase or (0.0, 0.0)

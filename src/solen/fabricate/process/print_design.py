@@ -120,7 +120,7 @@ class PrintedDesign(Result):
     lens
         The printed lens.
     phase
-        Where in its pixel the lens was chosen to stand, and what that buys; None where it was not chosen.
+        Where in its pixel the lens was chosen to stand, and what that buys; None if it was not chosen.
     deviation
         From the designed lens, along its normal; above 0 there is more material.
     u_rms_um, u_max_um
@@ -132,11 +132,11 @@ class PrintedDesign(Result):
     contributions_um
         Contribution of each uncertain number to the uncertainty, root mean square along the lens, the largest first.
     response
-        The response that is lost; None where it was not traced.
+        The response that is lost; None if it was not traced.
     compensation, compensated_response
         The drawing that prints as designed, and the response with the lens that it prints.
     part
-        The whole printed part; None where it was not asked for.
+        The whole printed part; None if it was not asked for.
     sources, warnings
         The process's file, and what cannot be concluded.
     """
@@ -208,12 +208,12 @@ def print_design(
         Whether the response is traced with both lenses, the drawing that prints as designed is found, and the whole
         part is made.
     progress
-        Called with the share done, up to 1.
+        Called with the completed share, up to 1.
 
     Raises
     ------
     SolenError
-        Where the process is not possible, the lens cannot be printed by it, or what is asked for is of flat parts.
+        If the process is not possible, the lens cannot be printed by it, or what is asked for is of flat parts.
     """
     _check_flat(options, compensate=compensate, part=part)
     process, sources = process_of(options)
@@ -281,7 +281,7 @@ class _Print:
 
     @property
     def phase_px(self) -> tuple[float, float] | None:
-        """Where the lens stands in its pixel; None where nobody says."""
+        """Where the lens stands in its pixel; None if nobody says."""
         return self.options.phase_px if self.chosen is None else self.chosen.phase_px
 
     @property
@@ -388,7 +388,7 @@ def _forwards(points: FloatArray) -> FloatArray:
 
 
 def _check_flat(options: PrintOptions, *, compensate: bool, part: bool) -> None:
-    """`SpecError` where something that only a flat part has is asked for of another."""
+    """`SpecError` if something that only a flat part has is asked for of another."""
     if options.choose_phase and options.phase_px is not None:
         raise SpecError(
             "--phase-px", value=options.phase_px, limit="goes before --choose-phase", remedy="leave one out"

@@ -86,7 +86,7 @@ class PrintedLayers(Result):
     drawn_range_um
         How far the compensated drawing stands out of the designed face, along z towards the emitter, at least and most.
     responses
-        Contrast and light of cylinder and lens, designed and printed; empty where they were not traced.
+        Contrast and light of cylinder and lens, designed and printed; empty if they were not traced.
     sources, warnings
         The process's file, and what cannot be concluded.
     face, compensated, half_width_mm
@@ -202,7 +202,7 @@ def print_layers(
 def layer_files(made: PrintedLayers, out: Path | None, compensate: Path | None) -> dict[Path, files.Content]:
     """Files of a prediction: the printed layers, and the design that draws the compensated ones.
 
-    `OutputError` where two of them are one file.
+    `OutputError` if two of them are one file.
     """
     contents: dict[Path, files.Content] = {} if out is None else {out: layers_text(made.profile).encode()}
     if compensate is None or made.compensated is None:
@@ -256,7 +256,7 @@ def _check(options: PrintOptions, *, part: bool) -> None:
 
 
 def _check_halves(settings: Settings) -> None:
-    """`SpecError` where a pixel's light moves opposite walls unlike: one half of each layer is printed for both."""
+    """`SpecError` if a pixel's light moves opposite walls unlike: one half of each layer is printed for both."""
     least, most = uneven_um(settings)
     if most - least > ALIKE_UM:
         raise SpecError(

@@ -113,7 +113,7 @@ class GaussianPixel:
 
     @property
     def fine(self) -> int:
-        """Points of a grid for each pixel that hold it to rounding; `DataError` where it is too sharp."""
+        """Points of a grid for each pixel that hold it to rounding; `DataError` if it is too sharp."""
         width, pixel_um = math.sqrt(-2.0 * math.log(FAINTEST)), max(self.pixels_um)
         needed = math.ceil(width * pixel_um / (math.pi * self.blur_um))
         if needed > MOST_FINE:
@@ -246,7 +246,7 @@ def measured_pixel(response: PixelResponse, scale: float, pixels_um: tuple[float
     Raises
     ------
     DataError
-        Where its samples are too coarse for the pixels, or its light is not about as wide as one.
+        If its samples are too coarse for the pixels, or its light is not about as wide as one.
     """
     if COARSEST * response.pitch_um > min(pixels_um):
         limit = f"a pixel of {min(pixels_um):g} µm needs {COARSEST:g} samples at least"
@@ -298,7 +298,7 @@ def light_of_file(path: Path) -> list[list[float]]:
     Raises
     ------
     DataError
-        Where the file cannot be read, is in colour, overexposed or of several pages, or holds no rectangle of numbers.
+        If the file cannot be read, is in colour, overexposed or of several pages, or holds no rectangle of numbers.
     """
     return _of_picture(path) if path.suffix.lower() in PICTURES else _of_table(path)
 

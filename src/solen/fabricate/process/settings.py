@@ -403,12 +403,12 @@ def default_process() -> Process:
 
 
 def read_process(path: Path) -> Process:
-    """Process of a file; `DataError` where it cannot be read or a value is not possible."""
+    """Process of a file; `DataError` if it cannot be read or a value is not possible."""
     return parsed_process(read_text(path, DataError), str(path), path.parent)
 
 
 def response_of_file(path: Path) -> Path | None:
-    """File of the measured light that a process file names; None where it names none."""
+    """File of the measured light that a process file names; None if it names none."""
     data: Any = parse_toml(read_text(path, DataError), str(path), DataError)
     for key in ("process", "response", "file"):
         data = data.get(key) if isinstance(data, dict) else None

@@ -52,7 +52,7 @@ def slabs(settings: Settings, layers: int) -> tuple[Slab, ...]:
     Raises
     ------
     DataError
-        Where nothing sets in the middle of a layer.
+        If nothing sets in the middle of a layer.
     """
     edges = [straight_edge_um(settings, layers, _middle_um(settings, layer)) for layer in range(layers)]
     parts, first = [], 0
@@ -114,7 +114,7 @@ def printed_solid(
     Raises
     ------
     DataError, DesignError
-        Where nothing sets, the pixels are too many, or what sets is not a closed solid.
+        If nothing sets, the pixels are too many, or what sets is not a closed solid.
     """
     from manifold3d import CrossSection, FillRule, Manifold, OpType
 

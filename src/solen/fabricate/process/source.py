@@ -99,7 +99,7 @@ def with_printer(process: Process, name: str | None) -> Process:
     Raises
     ------
     DataError
-        Where there is no such printer, it does not print layers as thin or thick, or the process was calibrated with
+        If there is no such printer, it does not print layers as thin or thick, or the process was calibrated with
         other pixels.
     """
     if name is None:

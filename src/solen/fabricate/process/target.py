@@ -82,7 +82,7 @@ def exits_um(field: Field, target: Target, step_um: float) -> FloatArray:
     Raises
     ------
     DataError
-        Where the field ends nowhere within 1.6 mm, or there is nothing inside.
+        If the field ends nowhere within 1.6 mm, or there is nothing inside.
     """
     reach = FIRST_REACH_UM
     while True:

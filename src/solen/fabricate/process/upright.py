@@ -78,7 +78,7 @@ class SidePrint:
         Raises
         ------
         DataError
-            Where pixels or layers are too coarse for the lens.
+            If pixels or layers are too coarse for the lens.
         """
         turned = [_turned(1e3 * np.asarray(ring), side) for ring in rings]
         wanted = _turned(1e3 * target.points_mm, side)
@@ -181,7 +181,7 @@ def _check_fine(wanted: FloatArray, settings: Settings, pixel_um: float) -> None
 
 
 def _check_work(layers: int, columns: float, settings: Settings) -> None:
-    """`DataError` where the sums over later layers would take minutes."""
+    """`DataError` if the sums over later layers would take minutes."""
     later = min(layers, settings.deep_Dp_um * _DEPTHS / settings.layer_um)
     work = layers * later * columns * settings.pixel_light.fine * SUBLAYERS
     if work > MOST_WORK:

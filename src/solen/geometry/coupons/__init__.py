@@ -29,7 +29,7 @@ COUPONS: dict[str, Callable[[CouponOptions], Coupon]] = {
 
 
 def layout(name: str, options: CouponOptions = CouponOptions()) -> Coupon:
-    """Coupon of a name; `SpecError` where there is none or it cannot be laid out."""
+    """Coupon of a name; `SpecError` if there is none or it cannot be laid out."""
     if name not in COUPONS:
         raise SpecError("coupon", value=name, limit=f"must be one of {', '.join(COUPONS)}")
     return COUPONS[name](options)

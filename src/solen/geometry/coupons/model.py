@@ -185,7 +185,7 @@ class Coupon(_Table):
     Raises
     ------
     SpecError
-        Where a size is not above 0, a feature leaves the slab, or two features overlap.
+        If a size is not above 0, a feature leaves the slab, or two features overlap.
     """
 
     name: str
@@ -234,7 +234,7 @@ class Coupon(_Table):
             raise SpecError(what, limit=f"does not fit on the slab of {size}", remedy="make it smaller")
 
     def feature(self, name: str) -> Feature:
-        """The feature of that name; `KeyError` where there is none."""
+        """The feature of that name; `KeyError` if there is none."""
         return {feature.name: feature for feature in self.features}[name]
 
     def of_kind(self, kind: Kind) -> tuple[Feature, ...]:
@@ -271,7 +271,7 @@ def coupon_of(data: Any, what: str) -> Coupon:
     Raises
     ------
     DataError
-        Where a key is missing or unknown, a value is of another kind, or the coupon cannot be.
+        If a key is missing or unknown, a value is of another kind, or the coupon cannot be.
     """
     try:
         return TypeAdapter(Coupon).validate_json(json.dumps(data), strict=True)

@@ -24,7 +24,7 @@ def read_drawing(path: Path, units: str | None = None) -> Drawing:
     Raises
     ------
     DataError
-        Where the file cannot be read, holds what is not understood, or does not say its unit.
+        If the file cannot be read, holds what is not understood, or does not say its unit.
     """
     if path.suffix.lower() not in READERS:
         raise DataError(str(path), limit=f"an outline ends in {', '.join(READERS)}", remedy="export it as one of these")

@@ -135,7 +135,7 @@ class _Reader:
             )
 
     def _curve(self, entity: Any) -> Curve | None:
-        """Curve of an entity, None where it has no length."""
+        """Curve of an entity, None if it has no length."""
         kind, dxf = entity.dxftype(), entity.dxf
         if kind == "LINE":
             a, b = self._at(dxf.start), self._at(dxf.end)

@@ -75,7 +75,7 @@ def _numbers(data: str, place: int, command: str, where: str) -> tuple[list[floa
 
 
 def held(number: float, where: str) -> float:
-    """A number that a drawing can hold; `DataError` where it is not one, or too far out."""
+    """A number that a drawing can hold; `DataError` if it is not one, or too far out."""
     if not abs(number) <= FARTHEST:
         raise DataError(where, value=number, limit=f"must be a finite number, at most {FARTHEST:g} either way")
     return number
@@ -91,7 +91,7 @@ class _Pen:
         self._quadratic: Point | None = None
 
     def draw(self, command: str, numbers: list[float]) -> Piece | None:
-        """Piece of a command, None where nothing is drawn."""
+        """Piece of a command, None if nothing is drawn."""
         kind, before = command.upper(), self._at
         offset = before if command.islower() else (0.0, 0.0)
         cubic, quadratic = self._cubic, self._quadratic

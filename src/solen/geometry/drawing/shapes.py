@@ -42,7 +42,7 @@ def ellipse(center: Point, u: Point, v: Point, start: float, sweep: float) -> Cu
 
 
 def beziers(pieces: Sequence[Sequence[Point]]) -> Curve | None:
-    """Curve of Bézier pieces of degree 1 to 3, each starting where the one before ends; None where it has no length."""
+    """Curve of Bézier pieces of degree 1 to 3, each starting where the one before ends; None if it has no length."""
     cubics = [cubic for piece in pieces for cubic in _moving(_raised(piece))]
     if not cubics:
         return None

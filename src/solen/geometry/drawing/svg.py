@@ -145,7 +145,7 @@ class _Reader:
 
 
 def _curve(run: list[Piece]) -> Curve | None:
-    """Curve of Bézier pieces that go on smoothly, or of one piece of another kind; None where it has no length."""
+    """Curve of Bézier pieces that go on smoothly, or of one piece of another kind; None if it has no length."""
     piece = run[0]
     if piece.sweep is None:
         return beziers([piece.points for piece in run])

@@ -23,7 +23,7 @@ class Affine:
 
     @classmethod
     def of(cls, text: str, where: str) -> "Affine":
-        """Map of a transform attribute; `DataError` where it is none."""
+        """Map of a transform attribute; `DataError` if it is none."""
         affine, place = cls(), 0
         while place < len(text.rstrip()):
             call = CALL.match(text, place)

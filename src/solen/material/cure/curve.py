@@ -83,7 +83,7 @@ class WorkingCurve(Result, kw_only=True):
     used, left_out
         Discs that the line is for, and the others.
     lack_of_fit
-        None where fewer than three doses, or no replicates, are left.
+        None if fewer than three doses, or no replicates, are left.
     by_dose
         Whether the doses' means were fitted in place of discs, because these scatter less than their means do.
     """
@@ -129,7 +129,7 @@ class WorkingCurve(Result, kw_only=True):
 
     @reported
     def interval95_Ec_mJ_per_cm2(self) -> tuple[float, float] | None:
-        """Its 95 % interval; None where the slope is too uncertain to have one."""
+        """Its 95 % interval; None if the slope is too uncertain to have one."""
         return self.dose_interval95(0.0)
 
     @reported
@@ -186,7 +186,7 @@ class WorkingCurve(Result, kw_only=True):
         return math.exp(ln_dose) if ln_dose < _LARGEST_LN else math.inf
 
     def dose_interval95(self, depth_um: float) -> tuple[float, float] | None:
-        """95 % interval of the dose that cures to a depth; None where the slope is too uncertain to have one.
+        """95 % interval of the dose that cures to a depth; None if the slope is too uncertain to have one.
 
         All doses at which the curve may be that deep (Fieller, Journal of the Royal Statistical Society B 16, 175,
         1954).

@@ -98,7 +98,7 @@ class LayerNeed:
     layer_um, overcure
         Thickness of the layer, and cure depth in such thicknesses.
     needed_mJ_per_cm2, interval95_needed_mJ_per_cm2
-        Dose; None where it is beyond every number, or has no interval.
+        Dose; None if it is beyond every number, or has no interval.
     needed_s, interval95_needed_s
         Exposure; None without an irradiance.
     """
@@ -176,11 +176,11 @@ class MeasuredCurve(WorkingCurve, Measured, kw_only=True):
     irradiance_mW_per_cm2, wavelength_nm
         Irradiance and wavelength of the lamp, as stated.
     layer, exposure, stack
-        Exposure that a layer needs, what its exposure does, and the dose inside a part; None where not asked for.
+        Exposure that a layer needs, what its exposure does, and the dose inside a part; None if not asked for.
     beside
         Working curves of further tables, as of other resins.
     in_lamp, in_lamp_exposure
-        The law with the lamp's spectrum, and what the exposure of a layer does by it; None where not asked for.
+        The law with the lamp's spectrum, and what the exposure of a layer does by it; None if not asked for.
     """
 
     irradiance_mW_per_cm2: float | None
@@ -339,7 +339,7 @@ def _doses(recording: Recording, irradiance_mW_per_cm2: float | None) -> tuple[F
 
 
 def _agreeing(recording: Recording, dose: Channel, time: Channel, rate: Channel) -> list[str]:
-    """Names of time and irradiance, whose product the stated doses are; `DataError` where they are not."""
+    """Names of time and irradiance, whose product the stated doses are; `DataError` if they are not."""
     product, stated = time.to("s") * rate.to("mW/cm2"), dose.to(DOSE)
     off = np.abs(product - stated) > _ROUNDED_DOSE * stated
     if off.any():

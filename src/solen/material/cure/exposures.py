@@ -62,7 +62,7 @@ class ExposureOptions(RowOptions):
 class Sample:
     """A layer: its name, exposure in s, and its spectra as fractions, shape (n,), by ascending wavelength in nm.
 
-    ``reflectance`` is None where it was not measured.
+    ``reflectance`` is None if it was not measured.
     """
 
     name: str
@@ -84,7 +84,7 @@ class Trend:
     Attributes
     ----------
     slope_per_s, u_slope_per_s, interval95_slope_per_s
-        Change per second of exposure; the last two are None where two samples leave nothing to judge it by.
+        Change per second of exposure; the last two are None if two samples leave nothing to judge it by.
     p
         How likely a slope this steep is by chance; None as above.
     middle, middle_s
@@ -118,7 +118,7 @@ class AtWavelength:
     T, R, n
         Transmittance, reflectance and index of each layer.
     trend_T, trend_n
-        Trends of T and of n with exposure; None where fewer than two exposures are known.
+        Trends of T and of n with exposure; None if fewer than two exposures are known.
     """
 
     wavelength_nm: float
@@ -163,7 +163,7 @@ def exposure_trends(recordings: Sequence[Recording], options: ExposureOptions = 
     Raises
     ------
     DataError, SpecError
-        Where an exposure is not stated, or there are fewer than two.
+        If an exposure is not stated, or there are fewer than two.
     """
     recordings = [chosen_rows(each, options) for each in recordings]
     beside = [note for each in recordings for note in _unused(each, options)]
@@ -186,7 +186,7 @@ def exposure_trends(recordings: Sequence[Recording], options: ExposureOptions = 
 
 
 def trend(exposure_s: ArrayLike, values: ArrayLike) -> Trend | None:
-    """Trend of values against exposures, shape (n,); NaN is left out. None where fewer than two exposures are left."""
+    """Trend of values against exposures, shape (n,); NaN is left out. None if fewer than two exposures are left."""
     x, y = np.asarray(exposure_s, float), np.asarray(values, float)
     known = np.isfinite(x) & np.isfinite(y)
     x, y = x[known], y[known]

@@ -95,7 +95,7 @@ class CureFile(Strict):
 
 
 def read_law(path: Path) -> CureFile:
-    """Working curve of a file; `DataError` where it is none."""
+    """Working curve of a file; `DataError` if it is none."""
     data = parsed(read_text(path, DataError), str(path), remedy="write it with solen resin cure --out")
     if not isinstance(data, dict) or data.get("kind") != "cure":
         limit = "is no working curve"

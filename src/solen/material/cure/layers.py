@@ -129,7 +129,7 @@ def stack_dose(Dp_um: float, layer_um: float, exposures: ArrayLike) -> StackDose
     Raises
     ------
     DataError
-        Where a length or a dose is not above 0, or there is no layer.
+        If a length or a dose is not above 0, or there is no layer.
     """
     doses = np.atleast_1d(np.asarray(exposures, float))
     for name, values in (("penetration depth", [Dp_um]), ("layer thickness", [layer_um]), ("exposure", doses)):

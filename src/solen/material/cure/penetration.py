@@ -70,7 +70,7 @@ class PenetrationOptions(RowOptions):
 
     @property
     def lamp(self) -> Illuminant | None:
-        """Light of the lamp; None where none is named."""
+        """Light of the lamp; None if none is named."""
         if self.led is not None:
             return named_light(self.led)
         if self.led_nm is None:
@@ -170,7 +170,7 @@ def penetration_of(recording: Recording, options: PenetrationOptions) -> Penetra
     Raises
     ------
     DataError
-        Where the recording holds no absorbance, or the lamp shines where nothing absorbs.
+        If the recording holds no absorbance, or the lamp shines where nothing absorbs.
     """
     light, path_um = options.lamp, options.path_um
     recording = chosen_rows(recording, options)
@@ -222,7 +222,7 @@ def penetration_depth_um(path_um: float, absorbance: ArrayLike) -> FloatArray | 
     Raises
     ------
     DataError
-        Where the path or an absorbance is not above 0.
+        If the path or an absorbance is not above 0.
     """
     _check_path(path_um)
     per_um = np.asarray(absorbance, float) * math.log(10.0) / path_um
@@ -251,7 +251,7 @@ def attenuation(path_um: float, wavelength_nm: ArrayLike, absorbance: ArrayLike,
     Raises
     ------
     DataError
-        Where the lamp shines at wavelengths at which the absorbance is not known, or is not above 0.
+        If the lamp shines at wavelengths at which the absorbance is not known, or is not above 0.
     """
     _check_path(path_um)
     resin_nm, values = _sorted(wavelength_nm, absorbance)
@@ -301,7 +301,7 @@ def _absorbance(recording: Recording, spectra: OpticalSpectra) -> tuple[FloatArr
 
 
 def _uncertainty(surface_um: float, options: PenetrationOptions) -> float | None:
-    """Standard uncertainty of the penetration depth at the surface; None where nothing is stated."""
+    """Standard uncertainty of the penetration depth at the surface; None if nothing is stated."""
     if options.u_path_um is None and options.u_absorbance is None:
         return None
     by_a = (options.u_absorbance or 0.0) * math.log(10.0) / options.path_um * surface_um

@@ -102,7 +102,7 @@ class InLamp(Result, kw_only=True):
 
     @reported
     def preferred(self) -> Literal["spectrum", "Jacobs"] | None:
-        """The law that the discs prefer; None where they do not tell."""
+        """The law that the discs prefer; None if they do not tell."""
         if abs(self.ln_likelihood_ratio) < SURE:
             return None
         return "spectrum" if self.ln_likelihood_ratio > 0.0 else "Jacobs"

@@ -27,7 +27,7 @@ def index(
 ) -> tuple[Decimal, Decimal]:
     """Index and extinction of a layer of R and T: R_F, k, n as Nichelatti (2002) and the paper print them.
 
-    `ArithmeticError` where a logarithm or a root has no value.
+    `ArithmeticError` if a logarithm or a root has no value.
     """
     with localcontext(prec=DIGITS):
         r, t = Decimal(reflectance), Decimal(transmittance)

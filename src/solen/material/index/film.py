@@ -95,7 +95,7 @@ def fit_film(measured: Measured, level: float, phases: Sequence[Phase], kind: Ki
     Raises
     ------
     DataError
-        Where the spectra do not determine a film, or a free index is asked for and the fringes are too few.
+        If the spectra do not determine a film, or a free index is asked for and the fringes are too few.
     """
     begun = []
     for phase in phases:

@@ -49,9 +49,9 @@ class Measured:
     readings
         ``T``, ``R`` or both.
     thickness
-        By a micrometer; None where it is not known.
+        By a micrometer; None if it is not known.
     slit_nm
-        Slit width; None where it is not known.
+        Slit width; None if it is not known.
     setup
         Sheet that the layer is on; None in air. Of a sheet that was measured too, its index is where the fit begins.
     bare

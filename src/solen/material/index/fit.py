@@ -136,7 +136,7 @@ def fit(
     Raises
     ------
     DataError
-        Where there are too few points, a number is not one, or no formula can be had, with the reason: a resonance
+        If there are too few points, a number is not one, or no formula can be had, with the reason: a resonance
         inside the range, two terms that cannot be distinguished.
     """
     if kind not in FITS:

@@ -35,7 +35,7 @@ def formula_through(
     Raises
     ------
     DataError
-        Where the kind that was asked for cannot be fitted.
+        If the kind that was asked for cannot be fitted.
     """
     if kind == "none" or (kind is None and not spectrum.measurement):
         return None, []

@@ -5,7 +5,7 @@ of Sellmeier's. A fit works in parameters that are not: Legendre polynomials of 
 line that 1/(n² − 1) of one Sellmeier term is in 1/λ², logarithms for two terms.
 
 The interface: a `Form` has `start`, `value`, `check` and `model`; `CauchyForm`, `OnePole` and `TwoPoles`. A form raises
-`UnfitError` where it cannot follow the points.
+`UnfitError` if it cannot follow the points.
 """
 
 import math
@@ -51,7 +51,7 @@ class Form(ABC):
         """Raise `UnfitError` for what no transparent matter does."""
 
     def check_covariance(self, inner: FloatArray, covariance: FloatArray) -> None:  # noqa: B027
-        """Raise `UnfitError` where a linear uncertainty means nothing."""
+        """Raise `UnfitError` if a linear uncertainty means nothing."""
 
     @abstractmethod
     def model(self, inner: FloatArray, covariance: FloatArray, span_nm: tuple[float, float]) -> Cauchy | Sellmeier:

@@ -55,7 +55,7 @@ class Evaluated:
     wavelength_nm
         Mean wavelength of the light.
     n, u_n
-        Index and standard uncertainty; None where not known.
+        Index and standard uncertainty; None if not known.
     u_random_n, u_common_n
         Parts of u_n.
     bridged
@@ -80,7 +80,7 @@ class Evaluated:
 def lines(wavelength_nm: ArrayLike, power: ArrayLike, source: str = "") -> Illuminant:
     """Light of given powers at given wavelengths, in any order.
 
-    A measured spectrum on an even grid is one as it is. `DataError` where powers are negative or all nothing.
+    A measured spectrum on an even grid is one as it is. `DataError` if powers are negative or all nothing.
     """
     nm, weight = np.asarray(wavelength_nm, dtype=float), np.asarray(power, dtype=float)
     seen = np.isfinite(nm) & np.isfinite(weight)

@@ -45,7 +45,7 @@ class Interference(Result):
     thickness_um, u_thickness_um
         Mean thickness, and its standard uncertainty.
     optical_thickness_um, u_optical_thickness_um
-        n times thickness at the middle of the spectrum, and its standard uncertainty; None where only the levels count.
+        n times thickness at the middle of the spectrum, and its standard uncertainty; None if only the levels count.
     thickness_spread_percent
         Standard deviation of the thickness within the beam, as the contrast shows it.
     slit_nm
@@ -106,7 +106,7 @@ def fringed(
     Raises
     ------
     DataError
-        Where a reading is missing between others, or the spectra do not determine a film.
+        If a reading is missing between others, or the spectra do not determine a film.
     """
     every = [*readings.values(), *(bare or {}).values()]
     if not all(np.isfinite(one.value).all() for one in every):
@@ -126,7 +126,7 @@ def fringed(
 
 
 def _refuse_form(measured: Measured, film: Film, other: Film | None) -> None:
-    """`DataError` where a form of n that was asked for leaves fringes, and another leaves none."""
+    """`DataError` if a form of n that was asked for leaves fringes, and another leaves none."""
     if other is None or other.course == film.course:
         return
     left = {kind: one.value - other.fitted[kind] for kind, one in measured.readings.items()}

@@ -94,7 +94,7 @@ class LayerIndex(Measured, kw_only=True):
     repeats_nm, repeats_lossless_n
         Longest wavelength at which all repeats of T have a lossless index, in nm, and that of each repeat there.
     interference
-        Results of the fringes; None where none were detected.
+        Results of the fringes; None if none were detected.
     """
 
     file: str
@@ -139,7 +139,7 @@ def index_of_layer(recording: Recording, options: IndexOptions = IndexOptions())
     Raises
     ------
     DataError, SpecError
-        Where traces must be chosen, something must be stated, or no index follows from what was measured.
+        If traces must be chosen, something must be stated, or no index follows from what was measured.
     """
     chosen = {"T": options.transmittance, "R": options.reflectance, "A": options.absorbance}
     recording = chosen_rows(recording, options)
@@ -223,7 +223,7 @@ def _interfering(
     Raises
     ------
     DataError, SpecError
-        Where fringes are asked for and not there, or are there and another route is asked for.
+        If fringes are asked for and not there, or are there and another route is asked for.
     """
     added = options.mode in {"as-published", "absorptance"}
     if added and options.dispersion is not None:

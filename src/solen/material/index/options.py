@@ -152,7 +152,7 @@ class IndexOptions(RowOptions):
         Raises
         ------
         SpecError, DataError
-            Where the sheet is not known, or not at all of the wavelengths.
+            If the sheet is not known, or not at all of the wavelengths.
         """
         if self.substrate is None or self.substrate_thickness_um is None:
             return None

@@ -222,7 +222,7 @@ def refractometer_index(n: Sequence[float], options: RefractometerOptions) -> Re
     Raises
     ------
     DataError, SpecError
-        Where a value is not an index, options contradict each other, or no polymer has such a dispersion.
+        If a value is not an index, options contradict each other, or no polymer has such a dispersion.
     """
     if len(n) > 1 and not options.wavelength_nm:
         remedy = "state it once for each index, in their order"
@@ -307,7 +307,7 @@ def refractometer(
     Raises
     ------
     DataError
-        Where a value is not an index, lies outside 400 to 1000 nm, or nothing like the values has such a dispersion.
+        If a value is not an index, lies outside 400 to 1000 nm, or nothing like the values has such a dispersion.
     """
     prior = prior or prior_of()
     values = _values(

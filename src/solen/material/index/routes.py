@@ -74,7 +74,7 @@ def measured(
     Raises
     ------
     DataError
-        Where R is 1 − T + log10 T: it was not measured but made of T, with the absorbance taken for the absorptance.
+        If R is 1 − T + log10 T: it was not measured but made of T, with the absorbance taken for the absorptance.
     """
     if setup is not None:
         return _measured_on_substrate(wavelength_nm, transmittance, reflectance, thickness, setup)
@@ -91,7 +91,7 @@ def absorptance(wavelength_nm: ArrayLike, transmittance: Reading, share: Reading
     Raises
     ------
     DataError
-        Where the absorptance is −log10 T or −ln T: an absorbance, of which no reflectance follows.
+        If the absorptance is −log10 T or −ln T: an absorbance, of which no reflectance follows.
     """
     t, a = transmittance.value, share.value
     for kind, base in BASES.items():

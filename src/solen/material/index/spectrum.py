@@ -76,7 +76,7 @@ class IndexSpectrum:
     reflectance, transmittance
         The inverted readings, unmasked; the reflectance of the lossless route is 1 − T.
     thickness
-        Of the layer; None where the route needs none.
+        Of the layer; None if the route needs none.
     warnings
         Warnings, in sentences with numbers.
     """
@@ -97,7 +97,7 @@ class IndexSpectrum:
 
     @property
     def reason(self) -> tuple[str | None, ...]:
-        """Why n or k is masked at each wavelength, in words; None where neither is."""
+        """Why n or k is masked at each wavelength, in words; None if neither is."""
         return reasons(self.n.why, self.k.why)
 
 

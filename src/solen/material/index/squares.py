@@ -64,7 +64,7 @@ def points_of(wavelength_nm: ArrayLike, n: ArrayLike, u_n: ArrayLike | None, sha
     Raises
     ------
     DataError
-        Where shapes do not fit, or an uncertainty or a wavelength is not positive.
+        If shapes do not fit, or an uncertainty or a wavelength is not positive.
     """
     nm, values = (np.atleast_1d(np.asarray(one, dtype=float)) for one in (wavelength_nm, n))
     if nm.shape != values.shape or nm.ndim != 1:
@@ -104,7 +104,7 @@ def solved(form: Form, points: Points) -> Solved:
 
 
 def _stepped(form: Form, inner: FloatArray, points: Points) -> FloatArray | None:
-    """Parameters of a smaller sum of squares, by Gauss and Newton's step or a part of it; None where there are none."""
+    """Parameters of a smaller sum of squares, by Gauss and Newton's step or a part of it; None if there are none."""
     weights = points.weights
     value, slope = form.value(inner)
     wanted = weights * (points.n - value)

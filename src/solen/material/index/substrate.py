@@ -97,7 +97,7 @@ def invert_on_substrate(
     Raises
     ------
     DataError
-        Where a thickness or a wavelength is not positive, or there is more than one row of readings.
+        If a thickness or a wavelength is not positive, or there is more than one row of readings.
     """
     t, r, wavelength = _rows(transmittance, reflectance, wavelength_nm)
 
@@ -178,7 +178,7 @@ def _rows(*values: ArrayLike) -> tuple[FloatArray, ...]:
 
 
 def _case(wavelength: FloatArray, thickness_um: float, setup: Setup) -> _Case:
-    """Case of a measurement; `DataError` where a wavelength or the thickness is not positive."""
+    """Case of a measurement; `DataError` if a wavelength or the thickness is not positive."""
     if not (np.isfinite(wavelength) & (wavelength > 0)).all():
         raise DataError("wavelength", value=float(wavelength.min()), limit="must be above 0 nm")
     if not (np.isfinite(thickness_um) and thickness_um > 0):

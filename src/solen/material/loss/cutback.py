@@ -70,7 +70,7 @@ class Line(Result, kw_only=True):
     guides, pieces, lengths
         How many of each.
     launched_dB
-        Level of what was launched into the guides; None where it is not known.
+        Level of what was launched into the guides; None if it is not known.
     """
 
     orientation: str
@@ -90,12 +90,12 @@ class Line(Result, kw_only=True):
 
     @reported
     def absorption_per_mm(self) -> float | None:
-        """Absorption of power per mm of guide, base e; None where the loss is not positive."""
+        """Absorption of power per mm of guide, base e; None if the loss is not positive."""
         return absorption_per_mm(self.loss_dB_per_cm) if self.loss_dB_per_cm > 0.0 else None
 
     @reported
     def u_absorption_per_mm(self) -> float | None:
-        """Its standard uncertainty; None where the loss is not positive."""
+        """Its standard uncertainty; None if the loss is not positive."""
         return absorption_per_mm(self.u_loss_dB_per_cm) if self.loss_dB_per_cm > 0.0 else None
 
     @reported
@@ -106,7 +106,7 @@ class Line(Result, kw_only=True):
 
     @reported
     def coupling_loss_dB(self) -> float | None:
-        """Loss of the coupling and the ends; None where the launched power is unknown."""
+        """Loss of the coupling and the ends; None if the launched power is unknown."""
         return None if self.launched_dB is None else self.launched_dB - self.start_dB
 
     @reported
@@ -140,22 +140,22 @@ class GuideLoss(Line, Measured, kw_only=True):
     start_dB
         Mean of the starts of the orientations.
     by_orientation
-        Line of each orientation that has a slope; empty where none is stated, or pieces are too few.
+        Line of each orientation that has a slope; empty if none is stated, or pieces are too few.
     p_orientation
         How likely slopes this different are where orientation does not matter; None with fewer than two.
     p_curved, curvature_dB_per_cm2
-        The same for a bend of the line, and its second derivative; None where there are too few lengths or pieces.
+        The same for a bend of the line, and its second derivative; None if there are too few lengths or pieces.
     points
         All pieces, outliers too.
     outliers, with_outliers
         Pieces that the line leaves out, and the line that includes them; None without any.
     sd_piece_dB, sd_guide_dB, sd_reading_dB
         Standard deviations: of pieces about the line; of the starts of guides that were cut to several lengths; of
-        readings about their piece (None where none was repeated).
+        readings about their piece (None if none was repeated).
     wavelength_nm
         Of the light, as stated.
     power_unit
-        Of the readings; None where they are proportional to power.
+        Of the readings; None if they are proportional to power.
     dark
         Reading without light, as stated, in that unit.
     falls_with_light
@@ -221,7 +221,7 @@ def cut_back(
     Raises
     ------
     DataError
-        Where no slope with an uncertainty follows: one length, or no more pieces than numbers to find.
+        If no slope with an uncertainty follows: one length, or no more pieces than numbers to find.
     """
     length, level = np.asarray(length_mm, float), np.asarray(level_dB, float)
     ways = [""] * len(length) if orientation is None else list(orientation)
@@ -324,7 +324,7 @@ def _chance(fit: LinearFit, contrasts: FloatArray) -> float:
 
 
 def _curved(table: Table, keep: BoolArray) -> tuple[float | None, float | None]:
-    """How likely a bend this strong is by chance, and the second derivative of the level; None where it is unknown."""
+    """How likely a bend this strong is by chance, and the second derivative of the level; None if it is unknown."""
     design, cm = table.apart(keep), table.cm[keep]
     bent = np.column_stack([design, (cm - cm.mean()) ** 2])
     if len(cm) <= bent.shape[1] or np.linalg.matrix_rank(bent) < bent.shape[1]:

@@ -55,7 +55,7 @@ def levels_dB(readings: ArrayLike, unit: str, dark: float | None = None) -> Floa
     Raises
     ------
     DataError
-        Where a signal is not above 0.
+        If a signal is not above 0.
     """
     values = np.asarray(readings, float)
     if unit not in LOGARITHMIC:
@@ -78,7 +78,7 @@ def pulls_down(readings: ArrayLike, unit: str, dark: float | None) -> bool:
 
 
 def full_level_dB(unit: str, launched: float | None, readings: ArrayLike) -> float | None:
-    """Level of what was launched, as `levels_dB` counts; None where the readings do not tell.
+    """Level of what was launched, as `levels_dB` counts; None if the readings do not tell.
 
     Parameters
     ----------

@@ -58,7 +58,7 @@ def pieces_of(
     Raises
     ------
     DataError
-        Where a length is none of a guide, or a level no number.
+        If a length is none of a guide, or a level no number.
     """
     shortest, longest = LENGTHS_MM
     long = (length_mm >= shortest) & (length_mm <= longest)

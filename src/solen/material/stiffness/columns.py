@@ -74,7 +74,7 @@ def read_test(
     Raises
     ------
     DataError
-        Where a column, unit or dimension is missing, a number is missing between others, or nothing was deformed.
+        If a column, unit or dimension is missing, a number is missing between others, or nothing was deformed.
     """
     stress = _stress(recording, specimen)
     strain = _strain(recording, specimen)
@@ -162,7 +162,7 @@ def _travel(recording: Recording) -> tuple[Channel | None, bool]:
 
 
 def _only(recording: Recording, names: tuple[str, ...]) -> Channel | None:
-    """Channel of these names; `DataError` where several channels are that quantity and none has the plain name."""
+    """Channel of these names; `DataError` if several channels are that quantity and none has the plain name."""
     alike = [channel for channel in recording.channels if channel.quantity and channel.quantity == names[0]]
     if len(alike) > 1 and len({_stem(channel.name) for channel in alike}) == 1:
         listed = ", ".join(channel.name for channel in alike[:6])
@@ -197,7 +197,7 @@ def _other_length(recording: Recording, specimen: Specimen, strain: FloatArray, 
 
 
 def _stated_mode(recording: Recording, specimen: Specimen) -> TestMode | None:
-    """Mode by the words of a file or by a cube; None where nothing tells."""
+    """Mode by the words of a file or by a cube; None if nothing tells."""
     if specimen.is_cube:
         return "compression"
     metadata = recording.provenance.metadata

@@ -33,7 +33,7 @@ class Scatter:
     Attributes
     ----------
     covariance
-        Of the parameters, shape (p, p); None where the data do not determine them.
+        Of the parameters, shape (p, p); None if the data do not determine them.
     sigma
         Standard deviation of a residual.
     lag_one
@@ -158,7 +158,7 @@ def _smeared(columns: FloatArray, lag_one: float) -> FloatArray:
 
 
 def _inverse(normal: FloatArray) -> FloatArray | None:
-    """Inverse of a normal matrix, scaled against units that differ by orders; None where it has none."""
+    """Inverse of a normal matrix, scaled against units that differ by orders; None if it has none."""
     scale = np.sqrt(np.diag(normal))
     if not np.isfinite(normal).all() or (scale == 0).any():
         return None

@@ -47,7 +47,7 @@ class Cycle:
     peak_strain, peak_stress_MPa
         At the turning point and, of the stress, the largest of the cycle; as magnitudes.
     stress_at_half_MPa
-        On loading, at half of the first cycle's peak strain; None where the cycle does not pass it.
+        On loading, at half of the first cycle's peak strain; None if the cycle does not pass it.
     work_in_mJ_per_mm3, work_out_mJ_per_mm3
         Per volume before the test; None for what was not recorded (no unloading).
     residual_strain
@@ -122,7 +122,7 @@ def loading_branch(test: StressStrain, cycle: str = "first") -> slice:
     Raises
     ------
     DataError
-        Where it is never loaded: the strain only falls.
+        If it is never loaded: the strain only falls.
     """
     if test.loading == "both":
         return slice(0, len(test.strain))
@@ -152,7 +152,7 @@ def cycles_of(test: StressStrain) -> tuple[Cycle, ...]:
 
 
 def softening(cycles: Sequence[Cycle]) -> Softening | None:
-    """Last cycle against the first; None where there is one only, or the last does not reach the first's strain."""
+    """Last cycle against the first; None if there is one only, or the last does not reach the first's strain."""
     if len(cycles) < 2:
         return None
     first, last = cycles[0], cycles[-1]
@@ -210,7 +210,7 @@ def _residual(strain: FloatArray, stress: FloatArray, peak: float) -> float | No
 
 
 def crossing(rising: FloatArray, values: FloatArray, level: float) -> float | None:
-    """Value where ``rising`` first reaches a level from below, linear between rows; None where it does not."""
+    """Value where ``rising`` first reaches a level from below, linear between rows; None if it does not."""
     reached = np.flatnonzero(rising >= level)
     if len(reached) == 0 or reached[0] == 0:
         return None

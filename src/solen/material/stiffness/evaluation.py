@@ -76,7 +76,7 @@ class StiffnessOptions(RowOptions):
 
 @dataclass(frozen=True)
 class Secant:
-    """Stress over strain at a strain (magnitude); None where that is not reached."""
+    """Stress over strain at a strain (magnitude); None if that is not reached."""
 
     strain: float
     secant_MPa: float | None
@@ -153,7 +153,7 @@ def evaluate(test: StressStrain, options: StiffnessOptions, strain_range: Range 
     Raises
     ------
     DataError
-        Where the range of the modulus holds too few points, or the test is never loaded.
+        If the range of the modulus holds too few points, or the test is never loaded.
     """
     toe, cycle = _toe(test, options.toe), options.cycle
     counted = test.shifted(toe.shift)

@@ -87,7 +87,7 @@ class Fit:
     stable_in_data
         Whether the model is stable over the measured stretches of every measured mode.
     aicc
-        Corrected Akaike criterion; None where there are too few points for it, or no residual.
+        Corrected Akaike criterion; None if there are too few points for it, or no residual.
     delta_aicc
         By how much it is above the lowest of the fits that it is compared with.
     """
@@ -115,7 +115,7 @@ class Fit:
 
     @reported
     def u_parameters(self) -> dict[str, float] | None:
-        """Their standard uncertainties; None where the data do not determine them."""
+        """Their standard uncertainties; None if the data do not determine them."""
         if self.scatter.covariance is None:
             return None
         return dict(zip(self.model.names, np.sqrt(np.diag(self.scatter.covariance)).tolist(), strict=True))
@@ -149,9 +149,9 @@ def fit(kind: str, curves: Sequence[Curve], weighting: Weighting = "absolute") -
     Raises
     ------
     DataError
-        Where the curves have fewer points than the model has parameters plus one, or a stretch is not above 0.
+        If the curves have fewer points than the model has parameters plus one, or a stretch is not above 0.
     SpecError
-        Where there is no such model.
+        If there is no such model.
     """
     fitted = model(kind)
     _check(curves, fitted)
@@ -194,7 +194,7 @@ def choose(fits: Sequence[Fit]) -> Fit | None:
 
     Specimens that differ leave smooth residuals that no model takes away; a likelihood of correlated residuals then
     votes for parameters that change the fit by less than can be seen. So a model with fewer parameters whose residuals
-    are larger by `SEEN` at most is taken instead. None where no model is stable.
+    are larger by `SEEN` at most is taken instead. None if no model is stable.
     """
     stable = [f for f in fits if f.stable_in_data]
     judged = [f for f in stable if f.aicc is not None]

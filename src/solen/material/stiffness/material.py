@@ -140,7 +140,7 @@ def stiffness_of(tests: Sequence[MechanicalTest], options: StiffnessOptions = St
     Raises
     ------
     DataError
-        Where a column, unit or dimension is missing, or the range of the modulus holds too few points.
+        If a column, unit or dimension is missing, or the range of the modulus holds too few points.
     """
     tests = [replace(each, recording=chosen_rows(each.recording, options)) for each in tests]
     used = (*_SPECIMEN, *_MATERIAL)

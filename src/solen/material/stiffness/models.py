@@ -197,7 +197,7 @@ KINDS: dict[str, Model] = {
 
 
 def model(kind: str) -> Model:
-    """Model of a kind; `SpecError` where there is none."""
+    """Model of a kind; `SpecError` if there is none."""
     if kind not in KINDS:
         raise SpecError("fit", value=kind, limit=f"must be one of {', '.join(KINDS)}")
     return KINDS[kind]

@@ -97,7 +97,7 @@ def young(test: StressStrain, strain_range: Range, cycle: str = "first") -> Youn
     Raises
     ------
     DataError
-        Where the range is none, or holds fewer than three points or no slope.
+        If the range is none, or holds fewer than three points or no slope.
     """
     low, high = strain_range
     if not 0 <= low < high < math.inf:
@@ -137,7 +137,7 @@ def ideal_ratio(mode: Mode, sign: int, strain_range: Range) -> float:
 
 
 def secant(test: StressStrain, strain: float, cycle: str = "first") -> float | None:
-    """Stress over strain in MPa at a strain (magnitude) while loading; None where the test does not reach it."""
+    """Stress over strain in MPa at a strain (magnitude) while loading; None if the test does not reach it."""
     rows = loading_branch(test, cycle)
     size, stress = test.sign * test.strain[rows], test.sign * test.stress_MPa[rows]
     if strain <= 0:

@@ -85,7 +85,7 @@ class Specimen:
     perimeter_mm
         Around the cross-section; that of a square where only the area is known.
     u_length, u_area
-        Relative standard uncertainties; None where not known.
+        Relative standard uncertainties; None if not known.
     source
         Where the numbers come from, in words.
     area_error_per_mm
@@ -106,7 +106,7 @@ class Specimen:
 
     @property
     def shape_factor(self) -> float | None:
-        """One loaded area over the area free to bulge; None where a dimension is not known."""
+        """One loaded area over the area free to bulge; None if a dimension is not known."""
         if self.length_mm is None or self.area_mm2 is None or self.perimeter_mm is None:
             return None
         return self.area_mm2 / (self.perimeter_mm * self.length_mm)
@@ -127,7 +127,7 @@ def specimen_of(stated: Dimensions, metadata: Mapping[str, str] | None = None) -
     Raises
     ------
     DataError
-        Where the file's statement is no length or area above 0.
+        If the file's statement is no length or area above 0.
     """
     in_file = _from_metadata(metadata or {})
     length, section = stated.cube_mm or stated.length_mm, _stated_section(stated)
@@ -161,7 +161,7 @@ def held_ends(shape_factor: float) -> float | None:
 
 
 def number_in(text: str, unit: str, heading: str = "") -> float | None:
-    """Number that a piece of metadata states, in a unit; None where it states none.
+    """Number that a piece of metadata states, in a unit; None if it states none.
 
     The unit stands after the number (``11.4 mm``), or in its heading (``Width (mm)``); none means ``unit`` itself.
     """

@@ -54,7 +54,7 @@ def stable_range(
 
 
 def _end(model: Model, parameters: ArrayLike, mode: Mode, stretches: FloatArray) -> float | None:
-    """Last stable stretch of a way that starts at 1; None where all of it is stable."""
+    """Last stable stretch of a way that starts at 1; None if all of it is stable."""
     from scipy.optimize import brentq
 
     unstable = np.flatnonzero(margin(model, parameters, mode, stretches) <= 0)

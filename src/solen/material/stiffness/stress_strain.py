@@ -52,7 +52,7 @@ class StressStrain:
     compliance_removed
         Whether the machine's has been subtracted.
     preload
-        Preload at which strain was set to zero, as the file states it; empty where it states none.
+        Preload at which strain was set to zero, as the file states it; empty if it states none.
     notes, warnings
         Decisions taken, and warnings, in sentences.
     """
@@ -128,7 +128,7 @@ def as_test(
     Raises
     ------
     DataError
-        Where there is nothing to evaluate.
+        If there is nothing to evaluate.
     """
     strain, stress = _without_gaps(np.asarray(strain, dtype=float), np.asarray(stress_MPa, dtype=float), name)
     loading, notes, warnings = _loading(strain, stress, mode, name, assumed)

@@ -43,7 +43,7 @@ class Toe:
     shift
         Strain, of the test's sign, from which strains are counted; 0 where nothing is shifted.
     u_shift
-        Its standard uncertainty; None where no line could be drawn.
+        Its standard uncertainty; None if no line could be drawn.
     end
         Strain, counted from the shift, at which the toe ends: below it stresses are not the material's.
     note
@@ -112,7 +112,7 @@ def _steps(stress: FloatArray) -> list[slice]:
 
 
 def _end_of_toe(over: FloatArray, stress: FloatArray, steps: list[slice]) -> int | None:
-    """First step whose slope is not exceeded by much in the next two; None where there is none."""
+    """First step whose slope is not exceeded by much in the next two; None if there is none."""
     slopes = [_slope(over[rows], stress[rows]) for rows in steps]
     for at, now in enumerate(slopes[:-2]):
         if now > 0 and slopes[at + 1] <= _RISE * now and slopes[at + 2] <= _RISE**2 * now:

@@ -152,7 +152,7 @@ def fit_disc(
     Returns
     -------
     Disc or None
-        None where there are too few pixels, or no edge of that kind.
+        None if there are too few pixels, or no edge of that kind.
     """
     pixels = _around(grey, place_px, radius_px + reach_px)
     if pixels is None:
@@ -176,7 +176,7 @@ def fit_disc(
 
 
 def _around(grey: FloatArray, place: tuple[float, float], reach: float) -> _Pixels | None:
-    """Pixels within a distance; None where a part of them lies outside the picture."""
+    """Pixels within a distance; None if a part of them lies outside the picture."""
     x0, y0 = place
     left, right = math.floor(x0 - reach), math.ceil(x0 + reach)
     low, high = math.floor(y0 - reach), math.ceil(y0 + reach)

@@ -49,7 +49,7 @@ class GapFit:
 
 
 def fit_gap(grey: FloatArray, left: Disc, right: Disc) -> GapFit | None:
-    """Gap between two pillars that stand; None where the picture does not hold it."""
+    """Gap between two pillars that stand; None if the picture does not hold it."""
     radius = 0.25 * (left.diameter_px + right.diameter_px)
     blur = 0.5 * (left.blur_px + right.blur_px)
     apart = math.hypot(right.x_px - left.x_px, right.y_px - left.y_px)
@@ -69,7 +69,7 @@ def fit_gap(grey: FloatArray, left: Disc, right: Disc) -> GapFit | None:
 
 
 def _strip(grey: FloatArray, left: Disc, right: Disc, along: FloatArray, aside: FloatArray) -> FloatArray | None:
-    """Grey values (lines, places) between two pillars; None where they leave the picture."""
+    """Grey values (lines, places) between two pillars; None if they leave the picture."""
     middle = np.array([0.5 * (left.x_px + right.x_px), 0.5 * (left.y_px + right.y_px)])
     way = np.array([right.x_px - left.x_px, right.y_px - left.y_px])
     way = way / np.hypot(*way)

@@ -87,7 +87,7 @@ def steps_of(coupon: Coupon, heights: dict[str, Height | str], u_scale: float = 
 
 
 def _window(shape: tuple[int, ...], feature: Feature, pose: Pose) -> tuple[IntArray, IntArray] | None:
-    """Rows and columns around a feature; None where a part of its top is outside."""
+    """Rows and columns around a feature; None if a part of its top is outside."""
     x, y = pose.to_px(np.array([feature.x_mm, feature.y_mm])).tolist()
     own = 0.5 * max(feature.width_mm, feature.depth_mm) * pose.px_per_mm
     rows, columns = shape

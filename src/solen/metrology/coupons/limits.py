@@ -43,9 +43,9 @@ class MeasuredSize:
     nominal_mm
         Diameter, width of the gap, or rise of the step.
     measured_mm, u_measured_mm
-        The same as measured, and its standard uncertainty; None where there is nothing to measure.
+        The same as measured, and its standard uncertainty; None if there is nothing to measure.
     resolved
-        Whether it stands, is open, or is a rise; None where the picture does not show it well enough.
+        Whether it stands, is open, or is a rise; None if the picture does not show it well enough.
     reason
         Why it is not resolved, or undecided.
     diameter_mm
@@ -74,11 +74,11 @@ class Limit:
     kind
         ``positive_diameter``, ``gap``, ``hole``, ``hole_variation`` or ``z_step``.
     nominal_mm
-        The smallest resolved; None where not even the largest is.
+        The smallest resolved; None if not even the largest is.
     measured_mm, u_measured_mm
         Measured size at that nominal size, and its standard uncertainty.
     next_mm
-        The next smaller one, which is not resolved or undecided; None where there is none.
+        The next smaller one, which is not resolved or undecided; None if there is none.
     bound
         Whether the coupon holds none smaller that could fail, so that the limit may be smaller still.
     """
@@ -108,7 +108,7 @@ def limits_of(measured: Sequence[MeasuredSize]) -> tuple[Limit, ...]:
 def smallest(kind: str, measured: Sequence[MeasuredSize]) -> Limit | None:
     """Limits (i), (ii) and of open holes: from the largest nominal size down to the first that is not resolved.
 
-    None where there is nothing of the kind in the picture.
+    None if there is nothing of the kind in the picture.
     """
     seen = [one for one in measured if one.resolved is not None or one.reason != OUTSIDE]
     if not seen:

@@ -209,7 +209,7 @@ def locate(grey: FloatArray, coupon: Coupon, px_per_mm: float, what: str, *, mos
     Raises
     ------
     DataError
-        Where the coupon is not found, or could lie in two ways.
+        If the coupon is not found, or could lie in two ways.
     """
     features = [feature for feature in coupon.features if feature.round]
     window = WINDOW * px_per_mm * max(feature.diameter_mm for feature in features)
@@ -275,7 +275,7 @@ def locate_slab(z_mm: FloatArray, coupon: Coupon, px_per_mm: float, what: str) -
     Raises
     ------
     DataError
-        Where no such rectangle stands out.
+        If no such rectangle stands out.
     """
     slab = coupon.slab
     if slab is None:

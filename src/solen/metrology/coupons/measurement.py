@@ -64,7 +64,7 @@ class CouponMeasurement(Result):
     heights
         Heights of columns, where there is a z map.
     blur_um
-        Standard deviation of the picture's blur; None where it is not known.
+        Standard deviation of the picture's blur; None if it is not known.
     pitch_ratio, u_pitch_ratio
         Distances between features as printed, over those of the layout; None for fewer than three features.
     sources
@@ -72,7 +72,7 @@ class CouponMeasurement(Result):
     warnings
         Warnings about the numbers.
     z_um, u_z_um
-        Height of a level of a z map, and its standard uncertainty; None where it is a picture, or none is stated.
+        Height of a level of a z map, and its standard uncertainty; None if it is a picture, or none is stated.
     layout, picture
         The printed coupon, and the picture or z map of it.
     measured
@@ -129,7 +129,7 @@ def measure_coupon(image: Image | ZMap, coupon: Coupon) -> CouponMeasurement:
     Raises
     ------
     DataError
-        Where the coupon has nothing that can be measured so, or is not found.
+        If the coupon has nothing that can be measured so, or is not found.
     """
     z_mm = image.z_mm if isinstance(image, ZMap) else None
     what, px_per_mm = image.provenance.file, 1e3 / image.scale.um_per_px

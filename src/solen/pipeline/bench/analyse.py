@@ -1,4 +1,4 @@
-"""From recordings, of solen's bench or any other, to the response and figures of merit of each sensor."""
+"""Response and figures of merit of sensors, from recordings of solen's bench or any other."""
 
 import importlib.resources
 from pathlib import Path
@@ -26,8 +26,8 @@ def analyse(
 ) -> Outcome[Study]:
     """Cycles, response curve and figures of merit of recorded sensors.
 
-    Emitters that switch, flicker of lamps, clipped samples and the log of a stage in the same folder are detected, and
-    the command that states all of it is printed.
+    Switched emitters, flicker of lamps, clipped samples and a stage's log in the same folder are detected
+    automatically; the command that states them explicitly is printed.
 
     Parameters
     ----------
@@ -36,17 +36,17 @@ def analyse(
     example
         Write the simulated recording that solen ships to this .csv, and analyse it as well.
     traces
-        Draw voltages over time with the cycles found into this .svg, .png or .pdf.
+        Draw voltages over time with the detected cycles into this .svg, .png or .pdf.
 
     Raises
     ------
     DataError, SpecError, OutputError
-        In one line, where a file, an option or an output is not what it should be.
+        If a file, an option or an output is invalid.
     """
     check_out(out)
     figure.check(traces)
     if traces is not None and figure.figure == traces:
-        raise OutputError(str(traces), limit="is the name of both figures", remedy="give each its own")
+        raise OutputError(str(traces), limit="is the name of both figures", remedy="give each its own name")
     files, options = split_files(files, options)
     if example is not None:
         write_example(example)

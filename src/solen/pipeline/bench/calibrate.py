@@ -1,4 +1,4 @@
-"""From recordings to calibrations: one per sensor, or one pooled over several prints, saved beside the recordings."""
+"""Calibrations from recordings: one per sensor, or one pooled over several prints, saved beside the recordings."""
 
 from pathlib import Path
 
@@ -20,12 +20,12 @@ def calibrate(
     out: Path | None = None,
     figure: FigureOptions = FigureOptions(),
 ) -> Outcome[SensorCalibrations]:
-    """Calibrations of recorded sensors, written to files: beside the recordings, or the only one to ``out``.
+    """Calibrations of recorded sensors, written beside the recordings, or a single one to ``out``.
 
     Raises
     ------
     DataError, SpecError, OutputError
-        In one line, where a recording, an option or an output is not what it should be.
+        If a recording, an option or an output is invalid.
     """
     check_outputs(out, figure)
     result = calibrated_sensors(study(recordings, analysis), options)

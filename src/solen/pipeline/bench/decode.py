@@ -1,4 +1,4 @@
-"""From voltages to angles by a saved calibration: a recorded file, lines as they arrive, or a running run."""
+"""Angles from voltages by a saved calibration: of a recorded file, of lines as they arrive, or during a run."""
 
 import contextlib
 import json
@@ -58,22 +58,22 @@ def decode(
     source
         A recording, a run's journal, or ``-`` for lines of CSV.
     options, signals
-        How to decode, and which columns are what.
+        How to decode, and the roles of the columns.
     out, rows
-        A .csv file, and where angles are written as they come.
+        A .csv file, and a stream for angles as they are decoded.
     warn
-        Called with each warning that is known before the first reading.
+        Called with each warning known before the first reading.
     text
-        Lines of the standard input; by default those of `sys.stdin`.
+        Lines to read in place of standard input.
     send
-        Where rows go as well: an outlet of `solen.bench.outlets`; those of a recording at the pace of their times.
+        Additional destination of rows, an outlet of `solen.bench.outlets`; rows of a recording are sent in real time.
     force
         Replace ``out`` if it exists.
 
     Raises
     ------
     DataError, SpecError, OutputError
-        In one line, where a file, an option or an output is not what it should be.
+        If a file, an option or an output is invalid.
     """
     options, signals = options or DecodeOptions(), signals or SignalOptions()
     check_table(out, "a table of angles", source, force=force)
@@ -124,7 +124,7 @@ def _write_rows(decoder: StreamDecoder, stream: Stream, targets: list[TextIO | O
 
 
 def _journal(path: Path, options: DecodeOptions, calibrated: str) -> Stream:
-    """Readings of a run's journal without ambient light; with ``follow``, as the journal grows until the run ends."""
+    """Readings of a run's journal without ambient light; with ``follow``, read on until the run ends."""
     following = Following(path)
     names = [str(one["name"]) for one in following.header["sensors"]]
     name = chosen_sensor(names, options.sensor, calibrated, path.name)

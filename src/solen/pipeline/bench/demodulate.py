@@ -1,4 +1,4 @@
-"""Ambient light subtracted from a recording: any table in; a table of readings and a figure out."""
+"""Subtraction of ambient light from a recording: any table in; a table of readings and a figure out."""
 
 from pathlib import Path
 from typing import Annotated
@@ -36,7 +36,7 @@ def demodulate(
     Raises
     ------
     DataError, SpecError, OutputError
-        In one line, where the file, an option or an output is not what it should be.
+        If the file, an option or an output is invalid.
     """
     figure.check()
     check_table(out, "a table of readings", file, force=force)

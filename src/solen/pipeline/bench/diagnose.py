@@ -1,4 +1,4 @@
-"""Diagnosis of recorded sensors: emitter, chip and receivers of each, from the response of its design."""
+"""Diagnosis of recorded sensors: emitter, chip and receivers of each, fitted with the response of its design."""
 
 from pathlib import Path
 from typing import Annotated
@@ -31,7 +31,7 @@ def diagnose(
     Raises
     ------
     DataError, SpecError, DesignError, OutputError
-        In one line, where a file, an option or an output is not what it should be.
+        If a file, an option or an output is invalid.
     """
     check_outputs(out, figure)
     files, analysis = split_files(files, analysis)

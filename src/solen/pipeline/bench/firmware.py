@@ -9,20 +9,20 @@ from solen.results import Outcome, Result
 
 
 class Firmware(Result):
-    """Sources for a board, and what a rig file states of it.
+    """Sources for a board, and its values for a rig file.
 
     Attributes
     ----------
     board
         Its kind.
     folder
-        Where its sources are.
+        Folder of its sources.
     bits, range_V
-        Of its converter.
+        Resolution and range of its converter.
     baud
-        Of its serial line.
+        Speed of its serial line.
     straight_V
-        Levels between which its converter is straight; None for its range.
+        Levels between which its converter is linear; None for the whole range.
     """
 
     board: str
@@ -39,7 +39,7 @@ def firmware(folder: Path, /, *, board: Board) -> Outcome[Firmware]:
     Parameters
     ----------
     folder
-        Where its files go.
+        Folder for the files.
     board
         Raspberry Pi Pico or ESP32 (MicroPython), or Arduino Uno (a sketch in C).
     """

@@ -12,7 +12,7 @@ from solen.results import Outcome
 
 
 def check(*, rig: Path, options: Annotated[bench.CheckOptions, FLAT] = bench.CheckOptions()) -> Outcome[bench.RigCheck]:
-    """Check a rig before a run: wires, emitters, rails, noise, light of the room, trimmers. Nothing moves.
+    """Check a rig before a run: wires, emitters, rails, noise, room light, trimmers. Nothing moves.
 
     Parameters
     ----------
@@ -32,5 +32,5 @@ def jog(
 def watch(
     rig: Path, options: watching.WatchOptions, show: Callable[[watching.Seen], object]
 ) -> Outcome[watching.Watched]:
-    """Show what the receivers of a rig read, until Ctrl-C."""
+    """Show readings of a rig's receivers until Ctrl-C."""
     return Outcome(watching.watch(rig, options, show))

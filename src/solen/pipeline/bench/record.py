@@ -25,8 +25,8 @@ def new(folder: Path, /) -> Outcome[BenchFolder]:
     Parameters
     ----------
     folder
-        Where rotation.toml, bending.toml, rig.toml (with a board), rig-daq.toml (with a data acquisition) and
-        sensor.toml go.
+        Folder for rotation.toml, bending.toml, rig.toml (with a board), rig-daq.toml (with a data acquisition) and
+        sensor.toml.
     """
     texts = starter_files()
     targets = {name: folder / f"{name}.toml" for name in texts}
@@ -54,12 +54,12 @@ def run(
 
 
 def recover(journal: Path, /) -> Outcome[RecordedRun]:
-    """Close the journal of a run that was stopped or killed into a recording.
+    """Convert the journal of a stopped or killed run to a recording.
 
     Parameters
     ----------
     journal
-        The .journal file that it left.
+        The .journal file of the run.
     """
     recorded = bench.recover(journal)
     return Outcome(recorded, {"recording": recorded.path})
@@ -71,8 +71,8 @@ def recordings(folder: Path = Path(), /, *, look: bool = False) -> Outcome[catal
     Parameters
     ----------
     folder
-        The folder; by default this one.
+        The folder; default: the working directory.
     look
-        Look for recordings that were put there by hand.
+        Also list recordings copied there by hand.
     """
     return Outcome(catalogue.list_recordings(folder, look=look))

@@ -1,4 +1,4 @@
-"""Options of the commands that read recordings, and files typed among these options."""
+"""Options of the commands that read recordings, and files typed after them."""
 
 from pathlib import Path
 from typing import Annotated, TypeVar
@@ -8,7 +8,7 @@ from cyclopts import Parameter
 from solen.analysis import AnalysisOptions, SignalOptions
 
 Flat = Parameter(name="*", consume_multiple=True)
-"""Annotation of `Options`: each field an option of its own, a list as one option with several values."""
+"""Annotation of `Options`: each field is an option, a list one option with several values."""
 Analysed = Annotated[AnalysisOptions, Flat]
 Recorded = Annotated[SignalOptions, Flat]
 ANALYSED, RECORDED = AnalysisOptions(), SignalOptions()

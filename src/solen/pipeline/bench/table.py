@@ -1,4 +1,4 @@
-"""From a calibration to a table and code that decodes on a board."""
+"""A calibration as a table and code for a microcontroller."""
 
 from pathlib import Path
 from typing import Annotated
@@ -21,7 +21,7 @@ def table(
     calibration
         File of solen bench calibrate.
     folder
-        Where solen_decode.py and solen_decode.h go.
+        Folder for solen_decode.py and solen_decode.h.
     """
     known = load(calibration)
     readings = f"in {known.unit}, ambient light {known.circuit.ambient or 'treated as in the recordings'}"

@@ -27,7 +27,7 @@ def video(
     Raises
     ------
     DataError, SpecError, OutputError
-        In one line, where the file, an option or an output is not what it should be.
+        If the file, an option or an output is invalid.
     """
     check_table(out, "a motion log", file, force=force)
     motion = motion_of(file, options)

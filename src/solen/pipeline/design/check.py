@@ -15,12 +15,12 @@ from solen.trace.described import SceneCheck, open_scene, scene_check
 
 
 def check(path: Path, assignments: Sequence[str] | None = None) -> Outcome[Check]:
-    """Check that a design can be built at every angle of its motion, and what follows from it."""
+    """Check that a design can be built at every angle of its motion; show derived values."""
     return Outcome(check_sensor(Sensor.of(open_design(path, assignments))))
 
 
 def check_scene(path: Path) -> Outcome[SceneCheck]:
-    """Check that a scene's file, solen's own or one of ray-optics, can be traced."""
+    """Check that a scene file, of solen or of ray-optics, can be traced."""
     return Outcome(scene_check(open_scene(path, facets=True)))
 
 
@@ -41,7 +41,7 @@ def lens(
     file
         The design file.
     csv
-        Write the profile as a table of x and z in mm, of a lens that differs by height of x, y and z.
+        Write the profile as a table of x and z in mm (x, y and z if the lens varies with height).
     """
     figure.check()
     check_table(csv, "a profile", file, force=force)

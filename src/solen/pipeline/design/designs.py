@@ -1,4 +1,4 @@
-"""Design files: opened with assignments, or newly written."""
+"""Design files: opened with assignments, or written anew."""
 
 import hashlib
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ def open_design(path: Path, assignments: Sequence[str] | None = None) -> Design:
 
 
 def provenance_of(path: Path) -> Provenance:
-    """Name and checksum of a design file, as a source of what follows from it."""
+    """Name and checksum of a design file, as a source of its results."""
     return Provenance(file=path.name, sha256=hashlib.sha256(path.read_bytes()).hexdigest(), format="design")
 
 
@@ -31,7 +31,7 @@ def new(folder: Path, /, *, example: str = "solen-860") -> Outcome[NewDesign]:
     Parameters
     ----------
     folder
-        Where to write it; made if need be.
+        Where to write it; created if missing.
     example
         Shipped design: solen-860, solen-500, solen-450 or pmma-860, with an LED as it is sold, in space; press-860,
         a soft one under a finger; paper-860, paper-500 or paper-450, the point in the plane of the paper.

@@ -33,26 +33,26 @@ def export(
     Parameters
     ----------
     design
-        The design or its file, by whose name the files are called.
+        The design or its file; the written files have its name.
     out
-        Folder for them, made if need be; files of the same names are replaced.
+        Folder for the files, created if missing; files of the same names are replaced.
     formats
-        Some of `FORMATS`; none stands for `USUAL`, and with ``slicing`` for none.
+        Some of `FORMATS`; default: `USUAL`, or with ``slicing`` none.
     assignments
-        ``key=value`` of a design file.
+        ``key=value`` assignments to the design.
     tolerance_mm
-        How far a mesh may leave the exact walls.
+        Largest distance of a mesh from the exact walls.
     figure
         Draw the solid into this file.
     slicing
-        Cut the part into layers, too.
+        Also cut the part into layers.
     progress
-        Called with the share of the layers that is done.
+        Called with the completed share of the layers.
 
     Raises
     ------
     SolenError
-        Where the design cannot be made, an extra is missing, or a file cannot be written; nothing is written then.
+        If the design cannot be built, an extra is missing, or a file cannot be written; then nothing is written.
     """
     figure.check()
     chosen = [kind for kind in FORMATS if kind in (formats or (USUAL if slicing is None else ()))]

@@ -22,12 +22,12 @@ def readout(
     out: Out = None,
     progress: ProgressBar = None,
 ) -> Outcome[DesignReadings]:
-    """Show the voltages of a design's receivers over its motion, with noise, and which load suits them.
+    """Show receiver voltages of a design over its motion, with noise, and recommend a load.
 
     Parameters
     ----------
     file
-        The design file; its [readout] states the circuit.
+        The design file; its table [readout] describes the circuit.
     """
     check_outputs(out, figure)
     readings = design_readings(Sensor.of(open_design(file, set_)), progress)

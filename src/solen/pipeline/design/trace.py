@@ -1,4 +1,4 @@
-"""Traces of a design at an angle, or of a scene's file; convergence and sensitivities of a design."""
+"""Traces of a design at an angle, or of a scene file; convergence and sensitivities of a design."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -64,7 +64,7 @@ def trace_file(
     figure: FigureOptions = FigureOptions(),
     netcdf: Path | None = None,
 ) -> Outcome[SceneTrace]:
-    """Trace a scene's file, solen's own or one of ray-optics."""
+    """Trace a scene file, of solen or of ray-optics."""
     _check_outputs(figure, netcdf)
     file = open_scene(path, facets=options.mode is None)
     if paths:
@@ -88,7 +88,7 @@ def convergence(
     set_: Set = None,
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
 ) -> Outcome[DesignConvergence]:
-    """Show how the error falls with the number of rays, by fan, by Sobol' samples and by adaptive integration.
+    """Show how the error falls with the number of rays, for a fan, Sobol' samples and adaptive integration.
 
     Parameters
     ----------
@@ -116,14 +116,14 @@ def sensitivity(
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     progress: ProgressBar = None,
 ) -> Outcome[Sensitivities]:
-    """Show how the readings change with the numbers of the design, ranked by what a tolerance of each does.
+    """Show how the readings depend on the numbers of the design, ranked by the effect of each tolerance.
 
     Parameters
     ----------
     file
         The design file.
     keys
-        Numbers of the design, as in body.arm_width_mm; default: all that the light depends on.
+        Keys of the design, such as body.arm_width_mm; default: all that affect the light.
     angle_deg
         Angle in degrees, counter-clockwise: a negative one turns to the right; default: 0. Above -90, below 90.
     at

@@ -1,4 +1,4 @@
-"""Calibration of a printer: files of measured features in, a process file and a figure out."""
+"""Calibration of a printer: measured features in, a process file and a figure out."""
 
 from pathlib import Path
 from typing import Annotated
@@ -35,14 +35,14 @@ def calibrate(
     Parameters
     ----------
     features
-        Files of measured features (JSON), as solen print fidelity --out writes them of a coupon.
+        Files of measured features (JSON), written by solen print fidelity --out.
     process
-        Process that the coupons were printed with, as far as it is known; default: the published settings.
+        Process the coupons were printed with, as far as known; default: the published settings.
 
     Raises
     ------
     SolenError
-        Where a file cannot be read, or its features determine too little; nothing is written then.
+        If a file cannot be read, or its features determine too little; then nothing is written.
     """
     figure.check()
     check_ending(out, "a process", ".toml")

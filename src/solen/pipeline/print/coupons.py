@@ -1,4 +1,4 @@
-"""Coupons: solids, jobs and plans in one folder, all made before any is written."""
+"""Coupons: solids, jobs and plans in one folder, all computed before any is written."""
 
 from pathlib import Path
 from typing import Annotated
@@ -25,27 +25,27 @@ def coupons(
     output: Annotated[CouponOutput, FLAT] = CouponOutput(),
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
 ) -> Outcome[CouponSet]:
-    """Write the coupons that show what a printer and a resin can do: STL, 3MF, plan and job of each.
+    """Write coupons that test a printer and a resin: STL, 3MF, plan and job of each.
 
     Parameters
     ----------
     out
-        Folder for the files; made if need be.
+        Folder for the files; created if missing.
     only
-        Some coupons, with commas: group-a, group-b, group-c, holes, z-reference, cure-discs, grey-steps, ledges,
-        film-layer, cubes, guides.
+        Coupons to write, separated by commas: group-a, group-b, group-c, holes, z-reference, cure-discs, grey-steps,
+        ledges, film-layer, cubes, guides.
     listing
-        List the coupons and what was read into their source; write nothing.
+        List the coupons and the assumptions about their source; write nothing.
 
     Raises
     ------
     SolenError
-        Where a coupon cannot be made or a file not be written; nothing is written then.
+        If a coupon cannot be made or a file cannot be written; then nothing is written.
     """
     if listing:
         return Outcome(coupon_set(only, options))
     if out is None:
-        raise SpecError("--out", limit="is missing", remedy="name a folder, or --list the coupons")
+        raise SpecError("--out", limit="is missing", remedy="name a folder, or use --list to list the coupons")
     figure.check()
     laid_out, made = written_coupons(only, options, output)
     with files.output_folder(out):

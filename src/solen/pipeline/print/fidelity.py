@@ -1,4 +1,4 @@
-"""Fidelity of a printed coupon: a picture or z map in; sizes, the smallest resolved ones and a figure out."""
+"""Fidelity of a printed coupon: a picture or height map in; sizes, resolution limits and a figure out."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,7 +19,7 @@ from solen.spec.toml import parse_assignment
 
 Choose = Annotated[
     list[str] | None,
-    Parameter(name="--set", negative=(), help="A parameter and its value, as in --set spacing_mm=2; repeatable."),
+    Parameter(name="--set", negative=(), help="Set a parameter of the coupon, as in --set spacing_mm=2; repeatable."),
 ]
 
 
@@ -36,21 +36,21 @@ def fidelity(
         Path | None, Parameter(help="Write the result, with nominal and measured sizes, to this .json.")
     ] = None,
 ) -> Outcome[CouponMeasurement]:
-    """Measure a printed coupon in a picture or a z map, and the smallest features that are resolved.
+    """Measure a printed coupon in a picture or a height map, and the smallest resolved features.
 
     Parameters
     ----------
     file
-        A picture (TIFF, PNG and others), or with --z-um a z map (TIFF of 16 bits or with points, or a table of text).
+        A picture (TIFF, PNG, …), or with --z-um a height map (16-bit or floating-point TIFF, or a text table).
     coupon
-        Which coupon it shows: group-a, group-b, group-c, holes or z-reference; default: that of the job.
+        The coupon shown: group-a, group-b, group-c, holes or z-reference; default: that of the job.
     job
         The job file that solen print coupons wrote beside the coupon, with the coupon's parameters.
 
     Raises
     ------
     SolenError
-        Where the files cannot be read, or the coupon is not found in the picture.
+        If the files cannot be read, or the coupon is not recognised in the picture.
     """
     check_outputs(out, figure)
     printed = _layout(coupon, job, set_ or ())
@@ -59,7 +59,7 @@ def fidelity(
 
 
 def _layout(name: str | None, job: Path | None, assignments: Sequence[str]) -> Coupon:
-    """The coupon of a job or of the options."""
+    """The coupon of the job or of the options."""
     if job is None:
         if name is None:
             raise SpecError("--coupon", limit="is missing", remedy="name the coupon, or give its --job")
@@ -68,5 +68,5 @@ def _layout(name: str | None, job: Path | None, assignments: Sequence[str]) -> C
         raise SpecError("--set", limit="has no effect with --job, which states the layout", remedy="leave one out")
     coupon, _ = read_job(job)
     if name is not None and name != coupon.name:
-        raise SpecError("--coupon", value=name, limit=f"the job is one of {coupon.name}", remedy="leave it out")
+        raise SpecError("--coupon", value=name, limit=f"the job is for {coupon.name}", remedy="leave it out")
     return coupon

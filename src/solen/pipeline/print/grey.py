@@ -1,4 +1,4 @@
-"""Light of grey pixels: a table of discs in, a process file out."""
+"""Transmission of grey pixels: a table of discs in, a process file out."""
 
 from pathlib import Path
 from typing import Annotated
@@ -30,21 +30,21 @@ def grey(
     out: Annotated[Path | None, Parameter(name="--out", help="Write the process with the greys to this .toml.")] = None,
     force: Force = False,
 ) -> Outcome[MeasuredGreys]:
-    """Measure which light grey pixels let through, from discs of the coupon grey-steps.
+    """Measure the transmission of grey pixels, from discs of the coupon grey-steps.
 
     Parameters
     ----------
     file
-        A table with the greys (shares, % or 255ths) and the thicknesses of discs that one exposure cured together.
+        A table of greys (fractions, % or 0 to 255) and thicknesses of discs cured in the same exposure.
     process
-        Process that the greys are added to, and whose Dp turns thickness into light; default: the published settings.
+        Process to which the greys are added, and whose Dp converts thickness to light; default: the published settings.
     sheet
         Sheet of a workbook.
 
     Raises
     ------
     SolenError
-        Where a file cannot be read, or no curve follows; nothing is written then.
+        If a file cannot be read, or the discs determine no curve; then nothing is written.
     """
     check_ending(out, "a process", ".toml")
     check_new(out, force=force)

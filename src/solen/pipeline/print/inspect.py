@@ -18,7 +18,7 @@ from solen.spec import Design, with_values
 
 Profile = Annotated[
     Path | None,
-    Parameter(name="--out", help='Write the measured profile to this .json, which [lens] shape = "measured" takes.'),
+    Parameter(name="--out", help='Write the measured profile to this .json, for [lens] shape = "measured".'),
 ]
 
 
@@ -34,7 +34,7 @@ def inspect(
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     out: Profile = None,
 ) -> Outcome[LensInspection | FacesInspection]:
-    """Measure a printed lens in a picture: its outline, its deviations from the design, the nearest of several designs.
+    """Measure a printed lens in a picture: outline, deviations from the design, nearest of several designs.
 
     With pictures of both faces, the first and the last layer are measured.
 
@@ -45,14 +45,14 @@ def inspect(
     design
         The design file of the part.
     bottom
-        A micrograph of the face that lay on the build plate, at the same scale; PICTURE is then that of the other face.
+        A micrograph of the face on the build plate, at the same scale; PICTURE then shows the other face.
     against
-        A design file to compare with as well; repeatable. Default: the paper's three indices, if it is its lens.
+        Another design file to compare with; repeatable. Default: the paper's three indices, for the paper's lens.
 
     Raises
     ------
     SolenError
-        Where the picture has no scale or shows no such lens, the design has none, or a file cannot be written.
+        If the picture has no scale or shows no such lens, the design has no lens, or a file cannot be written.
     """
     check_outputs(out, figure)
     part = open_design(design, set_)
@@ -75,15 +75,15 @@ def inspect(
 
 
 def _check_faces(part: Design, options: InspectOptions, bottom: Path | None, out: Path | None) -> None:
-    """`SpecError` where an option is of one face and there are two, or a profile is of one height and is none."""
+    """`SpecError` for options of a single picture if there are two, or a profile of a lens that varies with height."""
     for option, stated in (("--out", out), ("--seen-from", options.seen_from)):
         if bottom is not None and stated is not None:
-            raise SpecError(option, limit="is for a picture of one face", remedy="leave it out, or --bottom")
+            raise SpecError(option, limit="applies to a single picture", remedy="omit it, or --bottom")
     if out is not None and part.lens.in_space:
-        limit = "holds one profile for all heights, and this lens differs by height"
+        limit = "holds one profile for all heights, but this lens varies with height"
         raise SpecError("--out", limit=limit, remedy="leave it out")
 
 
 def _named_apart(other: Design, part: Design, path: Path) -> Design:
-    """A design that has the name of the part's is called by its file."""
+    """A compared design with the same name as the part is labelled by its file."""
     return with_values(other, {"name": path.stem}) if other.name == part.name else other

@@ -1,7 +1,7 @@
-"""Layers of a part: a design or a mesh in; pictures, STL, settings and a figure out.
+"""Layers of a part: a design or a mesh in; layer pictures, STL, settings and a figure out.
 
-Pictures are written as they are made, into an archive under a temporary name; sheet, STL and figure follow, and all of
-them get their names together or not at all.
+Pictures are written one by one into an archive under a temporary name; sheet, STL and figure follow, and all
+are renamed together or not at all.
 """
 
 import json
@@ -43,7 +43,7 @@ from solen.sensor import Sensor
 
 @dataclass
 class LayerFiles:
-    """The files of a job, written in the order of `contents`: the pictures first, since the others report on them."""
+    """Files of a job, written in the order of `contents`: pictures first, since the others report on them."""
 
     job: Job
     part: Printable
@@ -98,21 +98,22 @@ def layers(
     Parameters
     ----------
     file
-        A design (.toml), the job of a coupon (.json) or a closed mesh (.stl in mm, .3mf); its name names the files.
+        A design (.toml), the job of a coupon (.json) or a closed mesh (.stl in mm, .3mf); the written files have its
+        name.
     out
-        Folder for the files; made if need be.
+        Folder for the files; created if missing.
     run
-        Which run of a coupon that is printed in several: base or layer of film-layer.
+        The run of a coupon printed in several runs: base or layer of film-layer.
 
     Raises
     ------
     SolenError
-        Where the file or an option is wrong, or the part does not fit; nothing is written then.
+        If the file or an option is invalid, or the part does not fit; then nothing is written.
     """
     figure.check()
     assignments = [*(set_ or ()), *seats.assignments]
     if figure.figure is not None and slicing.sheet_only:
-        raise SpecError("--figure", limit="draws layers, and --sheet-only makes none", remedy="leave one of them out")
+        raise SpecError("--figure", limit="draws layers, but --sheet-only makes none", remedy="leave one of them out")
     if file.suffix.lower() != ".json":
         slicing = exposed_as_printed(slicing)
     sources = files_read(slicing.process, slicing.cure)
@@ -137,14 +138,14 @@ def layers(
 
 
 def printed_by(slicing: Slicing) -> Process | None:
-    """Process of a slicing, with its working curve; None where it names neither."""
+    """Process of a slicing, with its working curve; None if it names neither."""
     if slicing.process is None and slicing.cure is None:
         return None
     return process_of(PrintOptions(process=slicing.process, cure=slicing.cure))[0]
 
 
 def exposed_as_printed(slicing: Slicing) -> Slicing:
-    """Slicing with the layers and exposures of its process."""
+    """Slicing with layer heights and exposures from its process."""
     process = None if slicing.process is None else printed_by(slicing)
     return slicing if process is None else slicing.exposed_as(process.process)
 
@@ -167,7 +168,7 @@ def layer_files(
 
 
 def with_figure(targets: dict[str, Path], figure: Path | None) -> dict[str, Path]:
-    """Files of a command with its figure, where one is asked for; `OutputError` where that is one of the others."""
+    """Files of a command with the requested figure; `OutputError` if the figure is one of the others."""
     if figure is None:
         return targets
     if figure.resolve() in {target.resolve() for target in targets.values()}:

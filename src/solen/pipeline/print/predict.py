@@ -40,24 +40,24 @@ def predict(
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     progress: ProgressBar = None,
 ) -> Outcome[PrintedDesign | PrintedLayers]:
-    """Predict the lens that the printer makes of a design: how far from the designed one, and what response is lost.
+    """Predict the printed lens of a design: its deviation from the designed lens, and the response lost.
 
     Parameters
     ----------
     file
         The design file.
     compensate
-        Write a design to this .toml whose outline prints as the designed lens (flat parts); of a lens that differs by
-        height, one whose layers do.
+        Write a design to this .toml whose outline prints as the designed lens (flat parts); for a lens that varies with
+        height, one with compensated layers.
     solid
-        Write the whole part as it is printed flat to this .stl, .3mf or .glb.
+        Write the whole part, as predicted when printed flat, to this .stl, .3mf or .glb.
     response
         Trace the sensor with both lenses.
 
     Raises
     ------
     SolenError
-        Where the design, the process or the files cannot be; nothing is written then.
+        If the design, the process or a file is invalid; then nothing is written.
     """
     check_outputs(out, figure)
     check_ending(compensate, "a design", ".toml")

@@ -1,4 +1,4 @@
-"""Scale of an objective: a picture of a stage micrometer in, a file that other commands take out."""
+"""Scale of an objective: a picture of a stage micrometer in, a scale file for other commands out."""
 
 from pathlib import Path
 from typing import Annotated
@@ -21,21 +21,21 @@ def scale(
     options: Annotated[MicrometerOptions, FLAT],
     out: Annotated[
         Path | None,
-        Parameter(name="--out", help="Write the scale to this .toml, which --scale of other commands takes."),
+        Parameter(name="--out", help="Write the scale to this .toml, for --scale of other commands."),
     ] = None,
     force: Force = False,
 ) -> Outcome[MeasuredScale]:
-    """Measure the scale of an objective once, in a picture of a stage micrometer.
+    """Measure the scale of an objective from a picture of a stage micrometer.
 
     Parameters
     ----------
     picture
-        A picture of even parallel lines: TIFF, PNG, JPEG and others (needs the extra vision).
+        A picture of equidistant parallel lines: TIFF, PNG, JPEG, … (needs the extra vision).
 
     Raises
     ------
     SolenError
-        Where the picture cannot be read or shows no even lines; nothing is written then.
+        If the picture cannot be read or shows no equidistant lines; then nothing is written.
     """
     check_ending(out, "a scale", ".toml")
     check_new(out, force=force)

@@ -1,4 +1,4 @@
-"""Tuning of a lens, print by print: a picture and its design in; the drawing against it, its layers and the log out."""
+"""Tuning of a lens, print by print: a picture and its design in; the corrected drawing, its layers and the log out."""
 
 import tempfile
 from pathlib import Path
@@ -36,16 +36,16 @@ def tune(
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     progress: ProgressBar = None,
 ) -> Outcome[TunedPrint]:
-    """Draw a lens so that its next print comes out nearer to the design, from a picture of this one and those before.
+    """Correct the drawing of a lens for its next print, from a picture of this print and the log of earlier ones.
 
     Parameters
     ----------
     picture
         A micrograph of the printed lens, seen along y: TIFF, OME-TIFF, PNG, JPEG (needs the extra vision).
     design
-        The design file, as the part is meant to be.
+        The design file of the intended part.
     out
-        Folder for the corrected drawing, its layers, STL and settings; made if need be.
+        Folder for the corrected drawing, its layers, STL and settings; created if missing.
     log
         Log of all prints (.json), continued if it exists; default: one in the folder.
     response
@@ -54,8 +54,7 @@ def tune(
     Raises
     ------
     SolenError
-        Where the picture, the design or the log cannot be used, or the print is of another drawing; nothing is written
-        then.
+        If the picture, the design or the log cannot be used, or the print has another drawing; then nothing is written.
     """
     figure.check()
     check_ending(log, "a log", ".json")
@@ -84,7 +83,7 @@ def _next(log: TuningLog | None) -> int:
 def _printed(
     tuned: TunedPrint, sensor: Sensor, slicing: Slicing, out: Path, name: str
 ) -> tuple[dict[str, Path], dict[Path, files.Content]]:
-    """Files of a new drawing and of its layers, by their names, and their contents."""
+    """Files of a new drawing and of its layers by name, with their contents."""
     layers, path = _layers(tuned, sensor, slicing, out, name), out / f"{name}.toml"
     return {"drawn": path, **layers.targets}, layers.contents() | _drawing(tuned, sensor, path)
 

@@ -23,15 +23,15 @@ def cure(
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     out: Out = None,
 ) -> Outcome[MeasuredCurve]:
-    """Fit the working curve of a resin, Dc = Dp ln(E/Ec), and say what it means for a print in layers.
+    """Fit the working curve of a resin, Dc = Dp ln(E/Ec), and apply it to a print in layers.
 
     Parameters
     ----------
     files
-        A table with a row for each cured disc: thickness, and dose or time; further ones, as of other resins, are
-        fitted and drawn beside the first.
+        A table with a row for each cured disc: thickness, and dose or time; further tables, e.g. of other resins, are
+        fitted separately and drawn beside the first.
     penetration
-        Result of solen resin penetration (.json) with this printer's lamp: its law stands beside Jacobs'.
+        Result of solen resin penetration (.json) with this printer's lamp: its law is compared with Jacobs'.
     """
     check_outputs(out, figure)
     result = curves_of_discs([read(path, sheet=sheet) for path in files], options)

@@ -25,7 +25,7 @@ def cutback(
     Parameters
     ----------
     file
-        A table with a row for each reading: length, power, and best also guide and orientation.
+        A table with a row for each reading: length, power, and preferably also guide and orientation.
     """
     check_outputs(out, figure)
     return write(guide_loss(read(file, sheet=sheet), options), "cutback", out, figure=figure)

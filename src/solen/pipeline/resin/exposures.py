@@ -1,4 +1,4 @@
-"""Optics of layers against their exposure: files of spectra in, the result and its figure out."""
+"""Comparison of layers by exposure: files of spectra in, the result and its figure out."""
 
 from pathlib import Path
 from typing import Annotated
@@ -20,12 +20,12 @@ def exposures(
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     out: Out = None,
 ) -> Outcome[ExposureTrends]:
-    """Compare the transmittance of layers by their exposure, and the index where R was measured.
+    """Compare the transmittance of layers by exposure, and their index if R was measured.
 
     Parameters
     ----------
     files
-        Spectra whose traces, or files, are named by their exposure ("2 s"), or tables of exposure_s, wavelength_nm, T.
+        Spectra with exposures in the names of traces or files ("2 s"), or tables of exposure_s, wavelength_nm, T.
     """
     check_outputs(out, figure)
     result = exposure_trends([read(file, sheet=sheet) for file in files], options)

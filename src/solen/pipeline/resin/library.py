@@ -36,9 +36,9 @@ def build(
     index
         Result of solen resin index or solen resin refractometer.
     refractometer
-        Result of solen resin refractometer, which the index is compared with.
+        Result of solen resin refractometer, to compare with the index.
     penetration
-        Result of solen resin penetration, which the working curve is compared with.
+        Result of solen resin penetration, to compare with the working curve.
     cutback
         Result of solen resin cutback.
     cure
@@ -51,9 +51,9 @@ def build(
     Raises
     ------
     DataError, SpecError
-        Where a result cannot be read, is of another kind or not valid, or where there is nothing to write.
+        If a result cannot be read, has another kind or is invalid, or there is nothing to write.
     OutputError
-        Where the file exists already and is not to be replaced, or cannot be written.
+        If the file exists and must not be replaced, or cannot be written.
     """
     check_ending(out, "a resin file", ".toml")
     check_new(out, force=force)
@@ -72,7 +72,7 @@ def show(
     options: Annotated[ShowOptions, FLAT] = ShowOptions(),
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
 ) -> Outcome[ResinFacts]:
-    """Show everything that a resin says, and its index at wavelengths.
+    """Show all data of a resin, and its index at given wavelengths.
 
     Parameters
     ----------

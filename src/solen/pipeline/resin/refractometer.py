@@ -17,12 +17,12 @@ def refractometer(
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     out: Out = None,
 ) -> Outcome[RefractometerIndex]:
-    """Extend an index that a refractometer or an ellipsometer measured over wavelength, by what polymers share.
+    """Extend an index from a refractometer or ellipsometer to other wavelengths, by the common dispersion of polymers.
 
     Parameters
     ----------
     n
-        Measured index, or indices at several wavelengths.
+        Measured index, or several at different wavelengths.
     """
     check_outputs(out, figure)
     result = refractometer_index(n, options)

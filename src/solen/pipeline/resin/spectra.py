@@ -1,4 +1,4 @@
-"""The spectra in files: the files in, what they hold and its figure out."""
+"""Spectra in files: files in, their content and its figure out."""
 
 from pathlib import Path
 from typing import Annotated
@@ -22,7 +22,7 @@ def spectra(
     repeats: bool = False,
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
 ) -> Outcome[Listing]:
-    """List the spectra in files: traces, quantities, units, wavelengths, and what to beware of.
+    """List the spectra in files: traces, quantities, units, wavelengths, and warnings.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def spectra(
     trace
         Name of a trace; repeatable; default: all.
     repeats
-        Draw traces whose names differ in their last number alone as one, its mean and standard deviation.
+        Draw traces whose names differ only in their last number as one: mean and standard deviation.
     """
     check_outputs(None, figure)
     recordings = [chosen_rows(read(path, sheet=sheet), rows) for path in files]

@@ -38,15 +38,15 @@ def stiffness(
     Parameters
     ----------
     files
-        Exports of a testing machine or tables, a specimen each.
+        Exports of a testing machine or tables, one specimen each.
     compression
-        Further files, of compression, fitted together with the others.
+        Further files, of compression tests, fitted jointly with the others.
     planar
-        Further files, of planar tension (pure shear).
+        Further files, of planar tension (pure shear) tests.
     biaxial
-        Further files, of equibiaxial tension.
+        Further files, of equibiaxial tension tests.
     label
-        The material: one for all files, or one for each in the order above. Specimens of one label are replicates.
+        Name of the material: one for all files, or one per file in the order above. Equal labels mark replicates.
     columns
         Names of the columns of tables without a header, such as stress_MPa stretch.
     csv
@@ -55,7 +55,7 @@ def stiffness(
     Raises
     ------
     DataError, SpecError, OutputError
-        In one line, where a file, an option or an output is not what it should be.
+        If a file, an option or an output is invalid.
     """
     check_outputs(out, figure)
     check_ending(csv, "a table", ".csv")

@@ -1,7 +1,7 @@
 """The response of sensors: voltage against angle, as in the paper's figure 4D.
 
-Every way of every used cycle is a faint line, the mean a strong one in its band of one standard deviation. Right is
-blue and left orange in a sensor's own panel; where sensors share one, a colour is a sensor, right is whole and left
+Each half-cycle that is used is a faint line, the mean a strong line in a band of one standard deviation. Right is
+blue and left orange in a sensor's own panel; in a shared panel each sensor has a colour, right is solid and left
 dashed.
 """
 
@@ -20,7 +20,7 @@ _SHOWN = 60  # ways that are drawn one by one
 
 
 def study_figure(study: Study) -> Figure:
-    """A panel for each sensor, all to one scale, and with several sensors a panel of all of them."""
+    """A panel for each sensor, all to the same scale; with several sensors, also a panel of all."""
     sensors = list(study.sensors.values())
     panels = len(sensors) + (len(sensors) > 1)
     across = 3 if panels in {5, 6} else min(panels, _ACROSS)
@@ -54,7 +54,7 @@ def state_origin(figure: Figure, simulated: bool, *remarks: str) -> None:
 
 
 def title_of(response: SensorResponse) -> str:
-    """Name of a sensor with what it is."""
+    """Name of a sensor, with its lens."""
     return response.label + {None: "", True: ", lens", False: ", no lens"}[response.lens]
 
 
@@ -74,7 +74,7 @@ def _draw_sensor(axes: Axes, response: SensorResponse) -> None:
 
 
 def _draw_all(axes: Axes, sensors: Sequence[SensorResponse], *, beside: bool) -> None:
-    """Means of all sensors with their bands, grey without a lens; the legend beside it where that place is empty."""
+    """Means of all sensors with their bands, grey without a lens; the legend goes beside it if there is room."""
     with_lens = [sensor for sensor in sensors if sensor.lens is not False]
     for sensor in sensors:
         plain = sensor.lens is False

@@ -1,6 +1,6 @@
 """The figure of a calibration: its curves, decoded against true angles, and the errors.
 
-One row for each calibration. Left is orange and right blue; whole lines rise, dashed ones fall.
+One row for each calibration. Left is orange and right blue; lines are solid for rising angles, dashed for falling ones.
 """
 
 from collections.abc import Sequence
@@ -41,7 +41,7 @@ def _draw_calibration(row: Sequence[Axes], file: CalibrationFile, check: Check |
     angles.set_title(f"{left_out} left out: rms {check.whole.rms_deg:.2g}°", loc="left")
     _draw_errors(errors, check)
     shares = f"{100 * check.whole.within_68:.0f} and {100 * check.whole.within_95:.0f} %"
-    errors.set_title(f"in the bands of 68 and 95 %: {shares}", loc="left")
+    errors.set_title(f"in the 68 and 95 % bands: {shares}", loc="left")
 
 
 def _draw_curves(axes: Axes, calibration: Calibration, unit: str) -> None:
@@ -59,7 +59,7 @@ def _draw_curves(axes: Axes, calibration: Calibration, unit: str) -> None:
 
 
 def _places(check: Check) -> IndexArray:
-    """Readings that are drawn, in the order of their true angle."""
+    """Readings to draw, in the order of their true angles."""
     order = np.argsort(check.true_deg, kind="stable")
     return order[:: max(1, order.size // _DRAWN)]
 
@@ -68,7 +68,7 @@ def _draw_angles(axes: Axes, check: Check) -> None:
     shown = _places(check)
     true = check.true_deg[shown]
     axes.vlines(true, check.low_deg[shown, 1], check.high_deg[shown, 1], color=RIGHT, alpha=0.15, lw=0.8)
-    axes.plot(true, check.angle_deg[shown], ".", color=RIGHT, ms=2.5, label="decoded, with its band of 95 %")
+    axes.plot(true, check.angle_deg[shown], ".", color=RIGHT, ms=2.5, label="decoded, with its 95 % band")
     ends = np.array([true.min(), true.max()])
     axes.plot(ends, ends, color=INK, lw=0.8, label="true")
     axes.set_xlabel("true angle (°)")
@@ -82,7 +82,7 @@ def _draw_errors(axes: Axes, check: Check) -> None:
     low, high = (side[shown, 1] - check.angle_deg[shown] for side in (check.low_deg, check.high_deg))
     axes.plot(true, check.angle_deg[shown] - true, ".", color=RIGHT, ms=2.5, label="decoded − true", zorder=3)
     axes.vlines(true, low, high, color=SOFT, lw=0.8)
-    axes.plot(np.nan, np.nan, color=SOFT, label="band of 95 %")
+    axes.plot(np.nan, np.nan, color=SOFT, label="95 % band")
     axes.axhline(0.0, color=INK, lw=0.8)
     axes.set_xlabel("true angle (°)")
     axes.set_ylabel("error (°)")

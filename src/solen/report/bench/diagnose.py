@@ -19,7 +19,7 @@ _SHORT = {
 
 
 def diagnoses_figure(result: SensorDiagnoses) -> Figure:
-    """A column for each sensor: curves and model, residuals in their scatter, correlations."""
+    """A column for each sensor: curves and model, residuals with their scatter, correlations."""
     found = [sensor.diagnosis for sensor in result.sensors.values()]
     figure = Figure(figsize=(3.6 * len(found) + 0.6, 8.4))
     axes = figure.subplots(3, len(found), squeeze=False, height_ratios=(3.0, 1.6, 3.0))
@@ -28,7 +28,7 @@ def diagnoses_figure(result: SensorDiagnoses) -> Figure:
         _residuals(axes[1, column], one)
         _correlations(axes[2, column], one)
     axes[0, 0].set_ylabel("voltage (V)")
-    axes[1, 0].set_ylabel("mean less model (mV)")
+    axes[1, 0].set_ylabel("mean − model (mV)")
     state_origin(figure, result.simulated)
     return figure
 
@@ -62,7 +62,7 @@ def _residuals(axes: Axes, diagnosis: Diagnosis) -> None:
             axes.fill_between(angle, rest - u, rest + u, color=look["color"], alpha=0.25, lw=0)
     axes.axhline(0.0, color=INK, lw=0.6)
     axes.set_xlabel("angle (°)")
-    axes.set_title("residual, ± the uncertainty of the mean by the cycles", loc="left")
+    axes.set_title("residual, ± the uncertainty of the mean over the cycles", loc="left")
 
 
 def _correlations(axes: Axes, diagnosis: Diagnosis) -> None:

@@ -1,7 +1,7 @@
 """Voltages over time with the detected cycles, as in the paper's figure S6.
 
-Holds that are cropped are grey, cycles that are not used hatched; long recordings are drawn by the least and greatest
-sample of each stretch, so that nothing that is there is missing in the picture.
+Cropped holds are grey, unused cycles hatched. Long recordings are drawn as the minimum and maximum
+of each interval, so that no peak is lost.
 """
 
 import numpy as np
@@ -70,7 +70,7 @@ def _draw_motion(axes: Axes, run: Run) -> None:
 
 
 def _thinned(time_s: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Minimum and maximum of each stretch, in order of time."""
+    """Minimum and maximum of each interval, in order of time."""
     size = values.size // _POINTS
     if size < 4:
         return time_s, values

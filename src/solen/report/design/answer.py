@@ -1,7 +1,7 @@
-"""The answer to the question of a design: what to expect of it, what matters, and what to do.
+"""The summary of a design: what to expect, what matters, and what to do.
 
-The command prints these lines and the report begins with them. Every number in them is computed, with as many digits as
-its uncertainty leaves.
+The command prints these lines and the report begins with them. Every number is computed, and has as many digits as
+its uncertainty justifies.
 """
 
 import math
@@ -30,17 +30,17 @@ ADVICE = {
     "material.absorption_per_mm": "Measure the loss of the print, on guides: {by} cost {light} of the light.",
     "body.arm_width_mm": "Print the arms to width: {by} change the contrast by {change}.",
     "receivers.gap_mm": "Hold the gap before the receivers: {by} change the contrast by {change}.",
-    JOIN: "Find out how the turned lens meets the stem, or make the joins black (a [[wall]] on them): {by} changes the "
+    JOIN: "Determine how the turned lens joins the stem, or blacken the joins (a [[wall]] on them): {by} changes the "
     "contrast by {change}.",
 }
 LENSES = {"cartesian-oval": "cylinder", "layered": "layered", "line-focus": "line focus"}
 WORTH = 0.005
-"""Change of the contrast, or ten times that share of the light, from which on there is something to do."""
+"""Change of the contrast, or a tenth of the change of light, that calls for action."""
 MOST_ADVICE, MOST_DIGITS = 4, 4
 
 
 class Matter(NamedTuple):
-    """One number that is off: what it is, by how much, and what it does to null, contrast and light."""
+    """One number of the design that is off: its name, by how much, and the effect on null, contrast and light."""
 
     name: str
     by: str
@@ -50,7 +50,7 @@ class Matter(NamedTuple):
 
 
 def measured(value: float | None, u: float | None, *, sign: bool = True) -> str:
-    """A value and its uncertainty, rounded to one or two digits of the latter; no sign before a zero."""
+    """A value and its uncertainty, rounded to one or two digits of the uncertainty; a zero has no sign."""
     if value is None or not math.isfinite(value):
         return "none"
     if u is None or not u > 0.0 or not math.isfinite(u):
@@ -87,7 +87,7 @@ def expected(study: DesignStudy) -> list[tuple[str, str]]:
 
 
 def matters(practice: Practice | None) -> tuple[list[float], list[Matter]]:
-    """Angles, and what each number does there that is off by its tolerance, the largest first."""
+    """Angles, and the effect there of each number that is off by its tolerance, the largest first."""
     if practice is None or not practice.effects:
         return [], []
     angles = [float(angle) for angle in practice.effects[0].angle_deg]
@@ -105,15 +105,13 @@ def advice(study: DesignStudy) -> list[str]:
             if (effect.resolved and effect.largest >= WORTH) or (light and effect.key == "material.absorption_per_mm"):
                 sentences.append(_advised(effect))
     if summary.saturation_deg is not None:
-        text = (
-            f"Use it within {summary.saturation_deg:.2g}° of the null: beyond, it shows the direction, hardly the angle"
-        )
+        text = f"Use it within {summary.saturation_deg:.2g}° of the null: beyond it, only the direction is clear"
         sentences.insert(0, f"{text}; a larger chip widens that.")
     return list(dict.fromkeys(sentences))[:MOST_ADVICE]
 
 
 def lens_table(practice: Practice | None) -> list[tuple[str, ...]]:
-    """The design with one lens after the other: headings and rows; empty without a comparison."""
+    """The design with each kind of lens: headings and rows; empty without a comparison."""
     choice = None if practice is None else practice.lenses
     if choice is None or len(choice.lenses) < 2:
         return []
@@ -127,7 +125,7 @@ def lens_table(practice: Practice | None) -> list[tuple[str, ...]]:
 
 
 def lens_words(practice: Practice | None) -> list[str]:
-    """When another lens pays, and when it does not; empty without a comparison."""
+    """When another lens is worthwhile, and when not; empty without a comparison."""
     choice = None if practice is None else practice.lenses
     if choice is None or choice.layers_pay is None:
         return []
@@ -150,7 +148,7 @@ def emitter_words(study: DesignStudy) -> str:
 
 
 def _ends(response: Response) -> str:
-    """Contrast at both ends."""
+    """Contrast at both ends of the motion."""
     ends = sorted({0, len(response.angle_deg) - 1})
     values = [
         (measured(float(response.contrast[i]), float(response.u_contrast[i])), response.angle_deg[i]) for i in ends
@@ -169,7 +167,7 @@ def _slope(summary: Summary) -> str:
     if not summary.received_share > 0.0:
         return "no light reaches the receivers"
     if summary.null_deg is None or summary.slope_per_deg is None:
-        return "there is no null in this range to measure from"
+        return "no null in this range to measure from"
     null = "0° by symmetry" if summary.u_null_deg == 0.0 else f"{measured(summary.null_deg, summary.u_null_deg)}°"
     return f"{measured(summary.slope_per_deg, summary.u_slope_per_deg)} per degree at the null, {null}"
 
@@ -195,25 +193,25 @@ def _lens_row(lens: LensFigures, places: list[int], own: str) -> tuple[str, ...]
 
 
 def _pays(choice: LensChoice, layered: LensFigures, cylinder: LensFigures) -> list[str]:
-    """Whether the layered lens pays, and what it asks for."""
+    """Whether the layered lens is worthwhile, and what it requires."""
     gain = measured(choice.gain, choice.u_gain, sign=False)
     values = f"contrast {abs(layered.off_contrast):.2f} in place of {abs(cylinder.off_contrast):.2f}"
     there = f"signal {gain} times the cylinder's ({values})"
     there += f" at {layered.off_deg:+.3g}° with the emitter {choice.y_off_mm:g} mm off in y"
     if not choice.layers_pay:
-        return [f"The layered lens does not pay here: {there}."]
-    asked = f"It asks for a known chip, centred within about {choice.y_off_mm:g} mm in y. Nobody has printed one yet"
+        return [f"The layered lens is not worthwhile here: {there}."]
+    asked = f"It requires a known chip, centred within about {choice.y_off_mm:g} mm in y. Nobody has printed one yet"
     asked += "; solen print predict says what a printer leaves of it."
-    return [f"The layered lens pays for small angles: {there}.", asked]
+    return [f"The layered lens is worthwhile for small angles: {there}.", asked]
 
 
 def _straight(layered: LensFigures, cylinder: LensFigures) -> str:
-    """Which response is the straighter one."""
+    """Which response is more linear."""
     straight, other = sorted((cylinder, layered), key=lambda lens: lens.nonlinearity)
     by = f"{100 * straight.nonlinearity:.0f} % off a straight line against {100 * other.nonlinearity:.0f} %"
     if other.nonlinearity - straight.nonlinearity <= other.u_nonlinearity + straight.u_nonlinearity:
-        return f"Neither response is the straighter one: {by}."
-    return f"For a straighter response take the {LENSES[straight.shape]} lens: {by}.".replace(
+        return f"Neither response is more linear: {by}."
+    return f"For a more linear response take the {LENSES[straight.shape]} lens: {by}.".replace(
         "cylinder lens", "cylinder"
     )
 

@@ -1,4 +1,4 @@
-"""Sentences on a lens as printed, beside the designed one; every number in them is computed."""
+"""Sentences that compare the printed lens with the designed one; every number is computed."""
 
 import numpy as np
 
@@ -6,11 +6,11 @@ from solen.report.design.answer import measured
 from solen.sensor import AsPrinted, Comparison
 
 RESOLVED = 2.0
-"""How many times its uncertainty a difference must be to count as resolved."""
+"""A difference counts as resolved above this multiple of its uncertainty."""
 
 
 def printed_sentences(as_printed: AsPrinted) -> list[str]:
-    """Effects of printing on the lens and on the response, a sentence each."""
+    """Effects of printing on the lens and on the response, one sentence each."""
     deviation, fit = as_printed.lens.fit.deviation, as_printed.lens.fit
     more = "more" if deviation.max_um > 0.0 else "less"
     lines = [
@@ -25,7 +25,7 @@ def printed_sentences(as_printed: AsPrinted) -> list[str]:
 
 def _compared(comparison: Comparison) -> str:
     largest, width_mm = comparison.largest, comparison.width_mm
-    emitter = f"With a chip {width_mm:g} mm wide" if width_mm > 0.0 else "With a point for an emitter"
+    emitter = f"With a chip {width_mm:g} mm wide" if width_mm > 0.0 else "With a point emitter"
     if largest is None:
         return f"{emitter} no light reaches the receivers."
     resolved = np.any(np.abs(comparison.difference) > RESOLVED * comparison.u_difference)

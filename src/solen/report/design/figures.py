@@ -1,6 +1,6 @@
 """The figures of a design and its rays.
 
-Right is blue and left is orange, in every figure; grey is light that neither receiver gets.
+In every figure right is blue and left is orange; grey is light that reaches neither receiver.
 """
 
 from collections.abc import Sequence
@@ -33,16 +33,16 @@ METHODS = {
     "sobol": ("Sobol' samples", "#CC79A7", "s"),
     "adaptive": ("adaptive", "#009E73", "^"),
 }
-"""Name, colour and marker of each way to choose rays."""
+"""Name, colour and marker of each method of choosing rays."""
 SHOWN_RAYS = 100
-"""Rays drawn in a picture at most: more make it a blot."""
+"""Most rays drawn in a picture; more would merge into a blot."""
 
 
 def study_figure(study: DesignStudy) -> Figure:
-    """Receivers against angle, with lens and without: integrated power as lines, counted rays as dots.
+    """Received power against angle, with and without lens: integrated power as lines, counted rays as dots.
 
-    Where the lens was measured, the one that was designed is drawn as well; beside the contrast, that of the sensor as
-    built and of the point in the plane, as in the paper.
+    With a measured lens, the designed one is drawn as well; beside the contrast, that of the sensor as
+    built and that of a point source in the plane, as in the paper.
     """
     lens, flat, designed, practice = study.with_lens, study.no_lens, study.designed, study.practice
     figure, power_axes, contrast_axes = _response_axes()
@@ -81,7 +81,7 @@ def sweep_figure(response: Response) -> Figure:
 
 
 def matters_figure(practice: Practice) -> Figure:
-    """Change of the contrast at each computed angle, for numbers that are off by their tolerances."""
+    """Change of the contrast at each computed angle, with each number off by its tolerance."""
     effects = practice.effects
     names = [f"{row.name}\n{row.by}" for row in matters(practice)[1]]
     figure = Figure(figsize=(8.2, 0.9 + 0.42 * len(effects)))
@@ -105,15 +105,15 @@ def matters_figure(practice: Practice) -> Figure:
     axes.invert_yaxis()
     axes.set_axisbelow(True)
     axes.grid(visible=False, axis="y")
-    axes.set(xlabel="change of the contrast, for a number that is higher by its tolerance")
+    axes.set(xlabel="change of the contrast, for a number increased by its tolerance")
     axes.legend()
     return figure
 
 
 def convergence_figure(convergence: Convergence) -> Figure:
-    """Error against rays for each way to choose them, with the uncertainty that each states dashed, both logarithmic.
+    """Error against number of rays for each method, with its stated uncertainty dashed; both axes logarithmic.
 
-    An uncertainty of 0 has no place there; the legend says how many are not drawn.
+    Uncertainties of 0 cannot be drawn; the legend counts them.
     """
     figure = Figure(figsize=(8.4, 4.2))
     axes = figure.add_subplot(xscale="log", yscale="log")
@@ -134,9 +134,9 @@ def convergence_figure(convergence: Convergence) -> Figure:
 
 
 def rays_figure(views: Sequence[tuple[str, Body, Scene, Trace]], zoom: float | None = None) -> Figure:
-    """Rays in the body, one panel a view; ``zoom`` shows only that many mm about the lens's edges.
+    """Rays in the body, one panel per view; ``zoom`` shows only that many mm around the lens's edges.
 
-    Views are title, body, scene and a trace that kept its legs.
+    A view is a title, a body, a scene and a trace that kept its paths.
     """
     figure = Figure(figsize=(2.9 * len(views), 6.4 if zoom is None else 3.2))
     for axes, view in zip(np.ravel(figure.subplots(1, len(views))), views, strict=True):
@@ -153,9 +153,9 @@ def trace_figure(trace: DesignTrace) -> Figure:
 def sensor_view(
     sensor: Sensor, angle_deg: float, rays: int | None = None, mode: Mode = "count"
 ) -> tuple[str, Body, Scene, Trace]:
-    """View of a sensor at an angle for `rays_figure`; counted rays, as in the paper, unless another mode is asked for.
+    """View of a sensor at an angle for `rays_figure`; by default with counted rays, as in the paper.
 
-    A picture shows the plane: rays of an extruded sensor are drawn as they would run there.
+    The picture shows the plane: rays of an extruded sensor are drawn as traced in the plane.
     """
     lens = "" if sensor.has_lens else "no lens, "
     unit = sensor.design.motion.unit
@@ -165,12 +165,12 @@ def sensor_view(
 
 
 def scene_figure(trace: SceneTrace) -> Figure:
-    """A scene of a file with some of its rays. Edges of half-planes do not widen the view.
+    """A scene file with some of its rays. Edges of half-planes do not widen the view.
 
     Raises
     ------
     OutputError
-        Where the trace kept no paths.
+        If the trace kept no paths.
     """
     scene, unit = trace.scene, trace.length_unit
     if trace.legs is None:
@@ -212,7 +212,7 @@ def _extent(scene: Scene, paths: Sequence[Path]) -> tuple[tuple[float, float], t
 
 
 def _positive(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The values, NaN where they are not above 0."""
+    """The values, NaN where not positive."""
     return np.where(values > 0.0, values, np.nan)
 
 
@@ -292,7 +292,7 @@ def _colours(scene: Scene) -> dict[str, str]:
 def _coloured(
     scene: Scene, trace: Trace, beyond_mm: float, colours: dict[str, str]
 ) -> dict[str, list[NDArray[np.float64]]]:
-    """Ways of the rays by colour, those that escape first and lowest; an escaping one is drawn a little way out."""
+    """Ray paths by colour; escaping rays come first and lowest, and are drawn a short way beyond the scene."""
     lines: dict[str, list[NDArray[np.float64]]] = {colour: [] for colour in (LOST, *reversed(colours.values()))}
     for path in trace.paths():
         receiver = scene.interfaces[path.interfaces[-1]].receiver if path.fate == "detected" else None

@@ -1,4 +1,4 @@
-"""The report: one HTML file with its figures inside, which opens offline."""
+"""The report: one self-contained HTML file with embedded figures."""
 
 import math
 import platform
@@ -44,7 +44,7 @@ FIGURES = (
 
 
 def figures(study: DesignStudy) -> dict[str, str]:
-    """SVG texts of the figures of a study, by name; which of `FIGURES` there are depends on the design."""
+    """Figures of a study as SVG text, by name; the design determines which of `FIGURES` exist."""
     rays = min(study.design.emitter.rays, SHOWN_RAYS)
     case = study.case
     swept = case.power.angle_deg
@@ -102,7 +102,7 @@ def html(study: DesignStudy, drawn: dict[str, str]) -> str:
 
 
 def _parts(study: DesignStudy) -> dict[str, list[tuple[str, Any]]]:
-    """Rows of the tables of numbers, by what they are of."""
+    """Rows of the tables of numbers, by their subject."""
     focus = next((focus for focus in study.foci if focus.step == 0.0), None)
     parts = {"material": study.material, "lens": study.lens, "focus": focus, "body": study.body}
     hidden = ("step", "by_uncertainty")
@@ -136,7 +136,7 @@ def _cases(study: DesignStudy) -> list[tuple[str, Case]]:
 
 
 def _inline(text: str, name: str) -> Markup:
-    """SVG element without the lines that only a file needs, its ids distinct from those of other figures."""
+    """SVG element without the file header, with ids distinct from those of other figures."""
     element = text[text.index("<svg") :]
     for before, after in ((' id="', '"'), ("url(#", ")"), ('href="#', '"')):
         element = re.sub(f'({re.escape(before)})([^")]+)(?={re.escape(after)})', rf"\1{name}-\2", element)

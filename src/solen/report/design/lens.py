@@ -1,4 +1,4 @@
-"""Figures of a design's lens: its profile, and where it focuses."""
+"""Figures of a design's lens: its profile and its focus."""
 
 from collections.abc import Callable
 
@@ -14,11 +14,11 @@ from solen.sensor.effects import index_steps
 
 PAPER_INDICES = (1.44, 1.49, 1.54)
 TOLERANCE_MM = 1e-4
-"""How far a drawn profile may leave the exact one."""
+"""Largest distance of a drawn profile from the exact one."""
 ACROSS, UP = 41, 41
-"""Places across and up at which a face in space is drawn."""
+"""Points across and up at which a face in space is drawn."""
 SHOWN_STEPS = 3.0
-"""How many times its uncertainty the index is varied in a figure of the focus."""
+"""Multiple of its uncertainty by which the figure of the focus varies the index."""
 
 
 def lens_figure(check: LensCheck) -> Figure:
@@ -46,7 +46,7 @@ def profile_figure(lens: Lens) -> Figure:
 
 
 def _figure_in_space(lens: LensInSpace) -> Figure:
-    """The face of a lens that is no cylinder: in three dimensions, and its profiles at some heights."""
+    """The face of a lens that is not a cylinder, in three dimensions, and its profiles at some heights."""
     figure = Figure(figsize=(7.2, 3.2))
     solid = figure.add_subplot(1, 2, 1, projection="3d")
     x = np.linspace(-lens.half_width_mm, lens.half_width_mm, ACROSS)
@@ -67,7 +67,7 @@ def _figure_in_space(lens: LensInSpace) -> Figure:
 def focus_figure(sensor: Sensor) -> Figure:
     """Focus of the lens against the index of the material, with the index's uncertainty as a band.
 
-    Without one, the band is that of the step which is compared instead.
+    Without an uncertainty, the band shows the step used instead.
     """
     lens, material = sensor.lens, sensor.material
     if not isinstance(lens, OvalLens):
@@ -107,7 +107,7 @@ def _or_nan(value: float | None) -> float:
 
 
 def _same_lens(lens: OvalLens, index: float) -> OvalLens | None:
-    """The lens cut for another index; None where that oval is too narrow for it."""
+    """The lens cut for another index; None if that oval is too narrow for it."""
     try:
         return OvalLens(lens.distance_mm, lens.focus_mm, lens.half_width_mm, index)
     except DesignError:

@@ -1,4 +1,4 @@
-"""The figure of a readout: volts over the motion with the spread of parts, and the resolution of the angle."""
+"""The figure of a readout: voltage over the motion with the spread of parts, and the resolution of the angle."""
 
 import numpy as np
 from matplotlib.axes import Axes

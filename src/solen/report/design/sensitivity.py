@@ -21,7 +21,7 @@ def sensitivities_figure(sensitivities: Sensitivities) -> Figure:
     Raises
     ------
     OutputError
-        Where no number has a derivative.
+        If no number has a derivative.
     """
     rows = [row for row in sensitivities.sensitivities if np.isfinite(row.contrast.value)]
     if not rows:
@@ -36,7 +36,7 @@ def sensitivities_figure(sensitivities: Sensitivities) -> Figure:
 
 
 def unit_of(key: str) -> str:
-    """Unit of a key of the design, empty where it has none."""
+    """Unit of a key of the design, empty if it has none."""
     return next((unit for end, unit in sorted(UNITS.items(), key=lambda e: -len(e[0])) if key.endswith(end)), "")
 
 

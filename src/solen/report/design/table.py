@@ -10,7 +10,7 @@ PLAIN = ("right", "left", "contrast")
 
 
 def csv_table(study: DesignStudy) -> str:
-    """One row an angle: right, left and contrast of every case in the order of the header, of powers with u."""
+    """One row per angle: right, left and contrast of every case in the order of the header; powers with u."""
     columns: dict[str, Response] = {}
     for name, case in study.cases.items():
         columns |= {f"{name}_count": case.count} if case.count is not None else {}

@@ -1,4 +1,4 @@
-"""Background of the answer in plain words: the lens, the light budget, the limits of the numbers.
+"""Background of the summary in plain words: the lens, the light budget, the limits of the numbers.
 
 Every sentence is computed from the study; none is printed when the study does not support it.
 """
@@ -12,7 +12,7 @@ from solen.sensor.effects import index_steps
 from solen.sensor.practice import CHIP_MM
 
 SHOWN_SHARE = 5e-4
-"""Share of the light from which on a sentence mentions it."""
+"""Smallest share of the light that is mentioned."""
 PARTS = {
     "right": "right receiver",
     "left": "left receiver",
@@ -34,7 +34,7 @@ def findings(study: DesignStudy) -> list[tuple[str, str]]:
         ("Light", _light(study)),
         ("Alignment", _alignment(study)),
         ("Focus", _focus_words(study)),
-        ("Not in these numbers", _limits(study)),
+        ("Not included in these numbers", _limits(study)),
     ]
     return [(heading, text) for heading, text in rows if text]
 
@@ -101,7 +101,7 @@ def _alignment(study: DesignStudy) -> str:
 
 
 def _focus_words(study: DesignStudy) -> str:
-    """Focus of the lens in its material, and in one of another index."""
+    """Focus of the lens in its material, and in a material of another index."""
     sensor = study.case.sensor
     lens, material = sensor.cut, sensor.material
     known = (
@@ -126,7 +126,7 @@ def _focuses(lens: OvalLens, material: Optical, off: float) -> str:
             near, best = _focus(lens.paraxial_focus_mm(index + step)), _focus(lens.best_focus_mm(index + step))
             which = f"{abs(step):.2g} {'lower' if step < 0.0 else 'higher'}"
             parts.append(f"{which}, rays near the axis would cross it {near}, and the smallest spot would lie {best}")
-    return f"If the print's index were {'; '.join(parts)}. The focus moves much, the response little."
+    return f"If the print's index were {'; '.join(parts)}. The focus shifts strongly, the response only slightly."
 
 
 def _limits(study: DesignStudy) -> str:
@@ -135,13 +135,13 @@ def _limits(study: DesignStudy) -> str:
     loss = (
         f"the material absorbs {absorption:g}{f' ± {u:.1g}' if u else ''} per mm"
         if absorption > 0
-        else "no absorption was given, so none is counted"
+        else "no absorption was given, so none is included"
     )
     rough = study.case.sensor.scene().is_random
     faces = "faces scatter only where the design says so" if rough else "perfectly smooth faces, no scatter"
     rays = "Rays in space, in a body of the same outline at every height"
     if study.design.lens.in_space:
-        rays = "Rays in space, through a lens that is no cylinder, as it was designed and never printed yet, by samples"
+        rays = "Rays in space, sampled, through a lens that is not a cylinder, as designed (none has been printed yet)"
     if study.design.trace.dimension == "2d":
         rays = "Rays in the plane only, except where space is stated"
     return f"{rays}; {faces}, no diffraction; {loss}. {_arms(study)}"

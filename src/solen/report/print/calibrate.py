@@ -1,4 +1,4 @@
-"""The figure of a calibration: how much larger features were measured than drawn, and what the model makes of them."""
+"""The figure of a calibration: measured minus drawn sizes of features, with the model."""
 
 from typing import Any
 
@@ -11,7 +11,7 @@ from solen.report.canvas import INK, LOST, SERIES
 
 
 def calibration_figure(fit: PrinterCalibration) -> Figure:
-    """Measured and printed less nominal sizes, and the residuals, by kind."""
+    """Measured and modelled minus nominal sizes, and the residuals, by kind."""
     figure = Figure(figsize=(9.6, 3.9))
     sizes, rest = figure.subplots(1, 2)
     kinds = dict.fromkeys(feature.kind for feature in fit.features)
@@ -22,7 +22,7 @@ def calibration_figure(fit: PrinterCalibration) -> Figure:
         axes.axhline(0.0, color=LOST, lw=1.0)
         axes.set(xscale="log", xlabel="nominal size (mm)")
     sizes.set(ylabel="larger than drawn (µm)")
-    rest.set(ylabel="measured less modelled (µm)")
+    rest.set(ylabel="measured − modelled (µm)")
     sizes.plot([], [], color=INK, lw=1.2, label="model")
     sizes.legend()
     numbers = ", ".join(f"{number.key} {number.value:.3g} ± {number.u:.2g}" for number in fit.numbers)

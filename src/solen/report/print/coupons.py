@@ -13,7 +13,7 @@ from solen.report.canvas import INK, LEFT, LOST, RIGHT, SOFT, SPACE
 COLOURS = {"mark": LEFT, "hole": "white"}
 WIDE_IN = 7.0
 INSIDE = 0.3
-"""Share of a coupon's depth from which on a feature's number stands in it."""
+"""Share of a coupon's depth above which a feature's number is written inside it."""
 LETTER, ABOVE = 0.02, 0.08
 """Width of a letter, and room for a number above a feature, as shares of the plan's width in the narrowest figure."""
 TITLE_IN, LEAST_IN, MOST_IN = 0.5, 0.5, 2.6
@@ -33,11 +33,11 @@ def plans_figure(coupon_set: CouponSet) -> Figure:
 
 
 def _sequence(coupon: Coupon) -> Figure:
-    """A coupon of several runs as a sheet of pictures, from the side: after each run, before the next, and taken off.
+    """A coupon printed in several runs, as side views: after each run, before the next, and separated.
 
-    The last one is the slab as which the layer is then evaluated.
+    The last picture is the slab that the evaluation of the layer assumes.
 
-    Thicknesses are not to scale; they stand beside.
+    Thicknesses are not to scale, but are labelled.
     """
     base, layer = (next(one for one in coupon.features if one.stage == stage.name) for stage in coupon.stages)
     film_mm = coupon.stages[1].z_offset_mm - base.height_mm
@@ -47,7 +47,7 @@ def _sequence(coupon: Coupon) -> Figure:
         ("layer", f"layer, {1e3 * layer.height_mm:g} µm, {layer.exposure_s:g} s", RIGHT, 0.4),
     )
     steps = (("base printed", stack[:1], True), ("film cured onto it", stack[:2], True), ("layer cured", stack, True),
-             ("taken off, for R and T", stack[1:], False))  # fmt: skip
+             ("separated, for R and T", stack[1:], False))  # fmt: skip
     figure = Figure(figsize=(7.0, 4.2))
     grid = figure.add_gridspec(2, 3)
     for number, (title, parts, on_platform) in enumerate(steps):
@@ -59,7 +59,7 @@ def _sequence(coupon: Coupon) -> Figure:
 
 
 def _slab(axes: Axes) -> None:
-    """Rays through a slab of thickness h: what all passes together reflect (R) and let through (T)."""
+    """Rays through a slab of thickness h: reflected (R) and transmitted (T) sums over all passes."""
     low, high, step, ends = 1.3, 2.3, 0.4, (0.6, 3.0)
     axes.add_patch(Rectangle((-1.2, low), 2.9, high - low, facecolor=RIGHT, alpha=0.25, lw=0))
     starts = [-0.5 + 2.0 * step * number for number in range(3)]
@@ -81,7 +81,7 @@ def _slab(axes: Axes) -> None:
 
 
 def _side_view(axes: Axes, parts: Sequence[tuple[str, str, str, float]], *, on_platform: bool) -> None:
-    """Side view of the print upside down below the build platform, or of the separate parts with the beam through."""
+    """Side view of the print, upside down below the build platform, or of the separated parts with the beam."""
     top = 2.6
     if on_platform:
         axes.add_patch(Rectangle((-1.3, top), 2.6, 0.5, facecolor=INK))
@@ -133,7 +133,7 @@ def _label(axes: Axes, feature: Feature, text: str, *, inside: bool) -> None:
 
 
 def _labels(coupon: Coupon) -> list[tuple[Feature, str]]:
-    """Numbers beside the features: what varies."""
+    """Numbers beside the features: the quantity that varies."""
     if coupon.gaps:
         return [(coupon.feature(gap.between[0]), f"{gap.gap_mm:g}") for gap in coupon.gaps]
     shown = [
@@ -149,7 +149,7 @@ def _labels(coupon: Coupon) -> list[tuple[Feature, str]]:
 
 
 def _varied(feature: Feature) -> str:
-    """The number of a feature: its grey, where it has one, its exposure, or its size."""
+    """The number of a feature: its grey value if it has one, else its exposure or size."""
     if feature.grey is not None:
         return f"{feature.grey:g}"
     return f"{feature.exposure_s:g} s" if feature.exposure_s else f"{feature.width_mm:g}"

@@ -1,7 +1,7 @@
-"""Figures of what is made: the solid seen from above at a slant, from both of its ends, and its plan with the seats.
+"""Figures of an exported part: oblique views of the solid from both ends, and its plan with the seats.
 
-The solid is drawn by a depth buffer: every triangle that looks at the viewer is filled point by point where nothing
-nearer was drawn. What is hidden is hidden exactly, however parts lie behind one another.
+The solid is drawn with a depth buffer: every triangle facing the viewer is filled pixel by pixel where nothing
+nearer was drawn, so hidden surfaces are removed exactly.
 """
 
 import math
@@ -17,22 +17,22 @@ from solen.fabricate import Export, ExportedSolid, Mesh, Part
 from solen.report.canvas import INK, LEFT, LOST, RIGHT
 
 VIEWS = (("from the front", 35.0), ("from behind", 145.0))
-"""What the solid is seen from, and how far round it that is from where Y runs away from the viewer, in degrees."""
+"""Names of the views, and their azimuths in degrees; at 0, Y points away from the viewer."""
 RISE_DEG = 38.0
-"""How high the viewer stands."""
+"""Elevation of the viewer in degrees."""
 PIXELS = 900
-"""Across the picture."""
+"""Pixels across the picture."""
 LIGHT = (0.25, 0.75, 0.6)
-"""Where light comes from: right, above, and from the viewer's side."""
+"""Direction to the light: right, up, towards the viewer."""
 SHADE = 0.5
-"""Brightness of what turns away from the light."""
+"""Brightness of surfaces facing away from the light."""
 BODY_COLOUR = "#8fb4d3"
 EDGE_DEG = 20.0
-"""Neighbouring points whose surfaces differ by more are divided by an edge."""
+"""An edge is drawn between neighbouring pixels whose surfaces differ by more."""
 GRAZING = 1e-6
-"""Cosine below which a triangle is seen from its edge."""
+"""Cosine below which a triangle counts as seen edge-on."""
 EDGE_STEP = 0.01
-"""And those whose depths differ by more than this share of the picture."""
+"""An edge is also drawn where depths differ by more than this share of the picture."""
 
 
 def solid_figure(solid: ExportedSolid) -> Figure:
@@ -41,7 +41,7 @@ def solid_figure(solid: ExportedSolid) -> Figure:
 
 
 def export_figure(export: Export) -> Figure:
-    """The solid at a slant from both ends, and the plan of its outlines with pockets and slots."""
+    """Oblique views of the solid from both ends, and the plan of its outlines with pockets and slots."""
     part, mesh = export.part, export.mesh
     figure = Figure(figsize=(6.6, 5.6))
     grid = figure.add_gridspec(len(VIEWS), 2, width_ratios=(1.8, 1.0))
@@ -109,7 +109,7 @@ def _fill(depth: FloatArray, owner: NDArray[np.int64], corners: FloatArray, numb
 
 
 def _coloured(depth: FloatArray, normals: FloatArray, width: float) -> FloatArray:
-    """Colours with shade and edges; clear where nothing is."""
+    """Shaded colours with edges; transparent where nothing is."""
     seen = np.isfinite(depth)
     lit = np.clip(normals @ (np.array(LIGHT) / np.linalg.norm(LIGHT)), 0.0, 1.0)
     colour = np.array(mpl.colors.to_rgb(BODY_COLOUR)) * (SHADE + (1.0 - SHADE) * lit)[..., None]
@@ -119,7 +119,7 @@ def _coloured(depth: FloatArray, normals: FloatArray, width: float) -> FloatArra
 
 
 def _edges(depth: FloatArray, normals: FloatArray, step: float) -> NDArray[np.bool_]:
-    """Pixels whose neighbour to the right or above is another surface, or differs in depth by more than a step."""
+    """Pixels whose right or upper neighbour belongs to another surface, or lies at a different depth."""
     edge = np.zeros(depth.shape, dtype=bool)
     for here, there in ((np.s_[:-1], np.s_[1:]), (np.s_[:, :-1], np.s_[:, 1:])):
         solid = np.minimum(depth[here], depth[there]) > -1e9
@@ -148,7 +148,7 @@ def _draw_plan(axes: Axes, part: Part) -> None:
 
 
 def _seats(part: Part) -> list[tuple[str, str, str]]:
-    """Colour, name and heights of the kinds of seats that a part has."""
+    """Colour, name and heights of a part's kinds of seats."""
     seats: dict[str, tuple[str, str, str]] = {}
     for cut in part.cuts:
         kind = cut.name.partition("-")[0]

@@ -1,4 +1,4 @@
-"""The figure of a measured coupon: its picture with the measured features drawn over it, and sizes beside nominal."""
+"""The figure of a measured coupon: its picture with the measured features overlaid, and sizes against nominal."""
 
 from collections.abc import Sequence
 
@@ -17,7 +17,7 @@ from solen.report.canvas import INK, LEFT, LOST, RIGHT, SERIES, SPACE
 WIDE_IN, PLOT_IN, HEAD_IN = 7.0, 2.6, 0.9
 MOST_PX = 1800
 MANY, WIDE = 6, 0.2
-"""More sizes over a wider range than this are drawn on a logarithmic axis."""
+"""Sizes over a wider range than this are drawn on a logarithmic axis."""
 TICKS_MM = (0.02, 0.03, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0, 2.0)
 NAMES = {
     "positive_diameter": "smallest pillar",
@@ -56,7 +56,7 @@ def fidelity_figure(measurement: CouponMeasurement) -> Figure:
 
 
 def _shown(measurement: CouponMeasurement) -> list[str]:
-    """Kinds of features whose sizes are drawn: those whose sizes vary."""
+    """Kinds of features with varying sizes, which are drawn."""
     measured = {one.kind for one in measurement.measured if one.measured_mm is not None}
     kinds = [kind for kind in WHAT if kind in measured]
     return [kind for kind in kinds if kind != "pillar" or not measured & {"gap", "step"}]
@@ -90,7 +90,7 @@ def _upright(measurement: CouponMeasurement) -> tuple[FloatArray, tuple[float, f
 
 
 def _overlay(axes: Axes, measurement: CouponMeasurement) -> None:
-    """Circles where discs are, crosses where nothing is, bars over gaps, and heights."""
+    """Circles around discs, crosses where nothing was printed, bars over gaps, and heights."""
     coupon, by_name = measurement.layout, {one.name: one for one in measurement.measured}
     for feature in (one for one in coupon.features if one.round and one.name in by_name):
         at, disc = (feature.x_mm, feature.y_mm), measurement.discs.get(feature.name)
@@ -125,7 +125,7 @@ def _note(axes: Axes, x: float, y: float, text: str) -> None:
 
 
 def _steps(axes: Axes, coupon: Coupon, features: Sequence[MeasuredSize]) -> None:
-    """Each step at the height that it leads to; a dashed line for each nominal size."""
+    """Each step against the height it leads to; a dashed line for each nominal size."""
     upper = {step.name: coupon.feature(step.between[1]).height_mm for step in coupon.steps}
     sizes = sorted({round(feature.nominal_mm, 6) for feature in features}, reverse=True)
     for number, size in enumerate(sizes):
@@ -144,7 +144,7 @@ def _steps(axes: Axes, coupon: Coupon, features: Sequence[MeasuredSize]) -> None
                 ms=3.5,
                 lw=1.0,
                 color=colour,
-                label=f"{1e3 * size:g} µm" + ("" if good else ", no rise beyond chance") if these else None,
+                label=f"{1e3 * size:g} µm" + ("" if good else ", no significant rise") if these else None,
             )
     axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
     axes.legend()
@@ -152,7 +152,7 @@ def _steps(axes: Axes, coupon: Coupon, features: Sequence[MeasuredSize]) -> None
 
 
 def _deviations(axes: Axes, kind: str, features: Sequence[MeasuredSize]) -> None:
-    """Measured less nominal, with two standard uncertainties; crosses at the bottom for what is not resolved."""
+    """Measured minus nominal sizes, with two standard uncertainties; unresolved features are crosses at the bottom."""
     there = [feature for feature in features if feature.measured_mm is not None and feature.resolved]
     nominal = [one.nominal_mm for one in there]
     off = [1e3 * ((one.measured_mm or 0.0) - one.nominal_mm) for one in there]

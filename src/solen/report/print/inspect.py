@@ -1,4 +1,4 @@
-"""The figure of an inspection: the picture with the edge and the design on it, and how far they are apart."""
+"""The figure of an inspection: the picture with the edge and the design overlaid, and the deviation between them."""
 
 from typing import Any
 
@@ -18,11 +18,11 @@ MOST_PX = 1400
 MARGIN = 0.18
 MAP = "coolwarm"
 RIVALS = (*SERIES[4:6], SERIES[3])
-"""Colours of designs that the lens was compared with."""
+"""Colours of the compared designs."""
 LENGTHS_UM = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000)
 """Lengths of a scale bar."""
 PICTURE, BELOW = 5.2, 2.4
-"""Width of the picture and height of what is below it, in inches."""
+"""Width of the picture and height of the graphs below it, in inches."""
 
 
 def inspect_figure(inspection: LensInspection) -> Figure:
@@ -60,7 +60,7 @@ def faces_figure(faces: FacesInspection) -> Figure:
 
 
 def _picture(axes: Axes, inspection: LensInspection) -> None:
-    """The part of the picture around the lens, in grey, with the design's front and the edges not taken."""
+    """The part of the picture around the lens, in grey, with the design's front and the rejected edge points."""
     image, outline = inspection.image, inspection.outline
     front = outline.chosen.registration.pose.to_px(inspection.nominal.front_mm)
     x0, x1, y0, y1 = _window(front, image.shape)
@@ -94,7 +94,7 @@ def _rivals(inspection: LensInspection) -> list[ComparedDesign]:
 
 
 def _own_name(inspection: LensInspection) -> str:
-    """The design's name, and the name under which it was compared: that of its index, where the others differ in it."""
+    """The design's name, and its label in the comparison: its index, if the others differ in index."""
     rivals = {one.name for one in _rivals(inspection)}
     own = [name for name in inspection.designs if name not in rivals]
     return ", ".join(dict.fromkeys((inspection.nominal.name, *own)))
@@ -108,7 +108,7 @@ def _window(front: FloatArray, shape: tuple[int, int]) -> tuple[int, int, int, i
 
 
 def _scale_bar(axes: Axes, um_per_px: float, window: tuple[int, int, int, int]) -> None:
-    """A scale bar of a round length, about a quarter of the width."""
+    """A scale bar of round length, about a quarter of the width."""
     x0, x1, _, y1 = window
     quarter = max(0.25 * (x1 - x0) * um_per_px, 1.0)
     length = max(size for size in LENGTHS_UM if size <= quarter)
@@ -132,7 +132,7 @@ def _coloured(axes: Axes, inspection: LensInspection, norm: TwoSlopeNorm) -> Lin
 
 
 def _deviations(axes: Axes, inspection: LensInspection, norm: TwoSlopeNorm) -> None:
-    """Deviation along x, its 95 % band, and that from the designs it was compared with."""
+    """Deviation along x with its 95 % band, and the deviations from the compared designs."""
     fit = inspection.outline.chosen.registration
     x, deviation = fit.points_mm[:, 0], fit.deviation_um
     for number, design in enumerate(_rivals(inspection)):

@@ -1,4 +1,4 @@
-"""Figures of layers: some of them as the printer shows them, their pixels, the plate, and the stack over its height."""
+"""Figures of layers: some layer pictures, their pixels, the plate, and the extent over height."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,18 +12,18 @@ from solen.report.canvas import INK, LOST, RIGHT, series
 
 LIT = LinearSegmentedColormap.from_list("lit", ["#ffffff", RIGHT])
 SHOWN = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
-"""Layers that are drawn, as shares of their number."""
+"""Layers to draw, as shares of their number."""
 COLUMNS = 3
 MOST_PIXELS = 900
-"""Pixels along a picture's longer side; finer pictures are thinned to this."""
+"""Pixels along a picture's longer side; finer pictures are downsampled to this."""
 EDGE_PIXELS = 28
-"""Along a side of the picture of single pixels."""
+"""Pixels along each side of the close-up."""
 MOST_STEPS = 400
-"""Heights at which the side is drawn."""
+"""Number of heights at which the extent is drawn."""
 
 
 def layers_figure(layered: LayeredPrint) -> Figure:
-    """Some layers of one copy; the pixels at the edge of one, the plate, and the extent over the height."""
+    """Some layers of one copy, a close-up of edge pixels, the plate, and the extent over the height."""
     job, (rows, columns) = layered.job, layered.job.tile
     shown = sorted({round(share * (job.count - 1)) for share in SHOWN})
     wide = columns > rows
@@ -58,7 +58,7 @@ def _draw_layer(axes: Axes, job: Job, layer: int) -> None:
 
 
 def _draw_edge(axes: Axes, job: Job, layer: int) -> None:
-    """Pixels about the lowest one of a layer that is partly lit, as they are."""
+    """Close-up around the lowest grey pixel of a layer."""
     picture, pitch = job.copy_of_layer(layer), np.array(job.printer.pitches_mm)
     rows, columns = picture.shape
     grey = np.argwhere((picture > 0) & (picture < FULL))
@@ -82,7 +82,7 @@ def _from_origin(job: Job) -> tuple[float, float]:
 
 
 def _window(at: int, most: int) -> int:
-    """First of some pixels about one, inside the picture."""
+    """First pixel of a range around a given one, kept inside the picture."""
     return max(0, min(at - EDGE_PIXELS // 2, most - EDGE_PIXELS))
 
 

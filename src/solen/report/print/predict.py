@@ -13,7 +13,7 @@ _BAND = 0.2
 
 
 def printed_figure(prediction: PrintedDesign) -> Figure:
-    """Outline and deviation; walls or steps; contrast where it was traced."""
+    """Outline and deviation; walls or steps; contrast if it was traced."""
     figure = Figure(figsize=(9.6, 7.2))
     (outline, deviation), (through, response) = figure.subplots(2, 2)
     _outline(outline, prediction)
@@ -32,7 +32,7 @@ def _outline(axes: Axes, prediction: PrintedDesign) -> None:
     axes.plot(*target.points_mm.T, color=INK, lw=3.0, alpha=0.5, label="wanted")
     axes.plot(*target.moved_um(_EXAGGERATED * prediction.deviation.um).T, **series(1), lw=1.2, label="printed")
     if made is not None:
-        axes.plot(*target.moved_um(_EXAGGERATED * made.drawn_um).T, **series(2), lw=1.2, label="to be drawn")
+        axes.plot(*target.moved_um(_EXAGGERATED * made.drawn_um).T, **series(2), lw=1.2, label="to draw")
         axes.plot(*target.moved_um(_EXAGGERATED * made.printed.um).T, color=RIGHT, lw=1.2, label="printed then")
     axes.set(xlabel="x (mm)", ylabel="z (mm)", aspect="equal")
     axes.set_title(f"the lens, deviations drawn {_EXAGGERATED:g} times")
@@ -50,7 +50,7 @@ def _deviation(axes: Axes, prediction: PrintedDesign) -> None:
         printed = prediction.compensation.printed
         axes.plot(x, printed.um, color=RIGHT, lw=1.4, label=f"compensated, {printed.rms_um:.2g} µm rms")
     axes.set(xlabel="x on the designed lens (mm)", ylabel="beyond the designed lens (µm)")
-    axes.set_title("deviation along the normal, more material upwards")
+    axes.set_title("deviation along the normal (positive: more material)")
     axes.legend()
 
 
@@ -58,13 +58,13 @@ def _walls(axes: Axes, prediction: PrintedDesign) -> None:
     if prediction.walls is not None:
         axes.plot(prediction.walls.beyond_um, 1e-3 * prediction.walls.height_um, ".-", ms=3, lw=0.8, color=RIGHT)
     axes.set(xlabel="straight wall beyond its image (µm)", ylabel="height above the platform (mm)")
-    axes.set_title("walls through the thickness, without shrinkage")
+    axes.set_title("walls over the thickness, without shrinkage")
 
 
 def _steps(axes: Axes, prediction: PrintedDesign) -> None:
     axes.plot(prediction.deviation.target.along_mm, prediction.lens.ripple_um, color=RIGHT, lw=0.8)
     axes.set(xlabel="along the lens (mm)", ylabel="steps of the layers (µm)")
-    axes.set_title("steps that the traced profile leaves out")
+    axes.set_title("steps of the layers, not in the traced profile")
 
 
 def _response(axes: Axes, response: PrintLoss | None) -> None:

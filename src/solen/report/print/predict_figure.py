@@ -1,4 +1,4 @@
-"""The figure of a lens as it was printed: its deviation from the design, and what that does to the response."""
+"""The figure of a printed lens: its deviation from the design, and the effect on the response."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -9,9 +9,9 @@ from solen.report.canvas import INK, LOST, RIGHT, SOFT, SPACE
 from solen.sensor import AsPrinted, Comparison
 
 PLACES = 400
-"""Places across the lens at which its deviation is drawn."""
+"""Points across the lens at which its deviation is drawn."""
 MOST_DOTS = 400
-"""Points of a profile that are drawn at most."""
+"""Most points of a profile to draw."""
 
 
 def printed_figure(as_printed: AsPrinted) -> Figure:
@@ -27,7 +27,7 @@ def printed_figure(as_printed: AsPrinted) -> Figure:
     contrast_axes.set(xlabel="angle (deg)", ylabel="contrast (R − L)/(R + L)", ylim=(-1.05, 1.05))
     contrast_axes.legend()
     difference_axes.axhline(0.0, color=INK, lw=0.8)
-    difference_axes.set(xlabel="angle (deg)", ylabel="contrast, printed less designed")
+    difference_axes.set(xlabel="angle (deg)", ylabel="contrast, printed − designed")
     difference_axes.legend()
     return figure
 

@@ -1,4 +1,4 @@
-"""The figure of a predicted print of a lens that differs by height: its deviation over the face, and its responses."""
+"""The figure of a predicted print whose lens varies with height: its deviation over the face, and its responses."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -9,7 +9,7 @@ from solen.fabricate.process.face_print import PrintedFace
 from solen.report.canvas import INK, LOST, series
 
 SHOWN_UM = 99.0
-"""Percentile of the deviations at which the colours end: corners go beyond."""
+"""Percentile of the deviations at which the colour scale ends; corners exceed it."""
 
 
 def layers_figure(prediction: PrintedLayers) -> Figure:
@@ -42,7 +42,7 @@ def _draw_face(figure: Figure, axes: Axes, prediction: PrintedLayers, face: Prin
 
 
 def _draw_responses(axes: Axes, prediction: PrintedLayers) -> None:
-    """Contrast of every lens at the angles that are compared."""
+    """Contrast of every lens at the compared angles."""
     if not prediction.responses:
         axes.set_axis_off()
         axes.text(0.5, 0.5, "no response traced", ha="center", va="center", color=LOST)

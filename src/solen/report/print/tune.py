@@ -1,4 +1,4 @@
-"""The figure of a tuning: the lens before and after along x, the prints so far, and what that does to the response."""
+"""The figure of a tuning: deviation of the lens along x before and after, of all prints so far, and the responses."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,7 +12,7 @@ BAND = 1.96
 
 
 def tune_figure(tuned: TunedPrint) -> Figure:
-    """Deviation of this print and of the next, rms of all prints, and the contrast's change from the design."""
+    """Deviation of this print and of the next, rms of all prints, and the change of contrast from the design."""
     panels = 2 if tuned.response is None else 3
     figure = Figure(figsize=(3.5 * panels, 3.6))
     axes = figure.subplots(1, panels)
@@ -70,12 +70,12 @@ def _changes(axes: Axes, traced: Responses) -> None:
     axes.axhline(0.0, color=INK, lw=0.7)
     where = "in space" if traced.dimension == "extruded" else "in the plane"
     low, high = axes.get_ylim()
-    axes.set(xlabel="angle (deg)", ylabel="contrast, printed less designed", ylim=(low, high + 0.3 * (high - low)))
+    axes.set(xlabel="angle (deg)", ylabel="contrast, printed − designed", ylim=(low, high + 0.3 * (high - low)))
     axes.set_title(f"response {where}")
     axes.legend()
 
 
 def _change(one: LensResponse, designed: LensResponse) -> tuple[np.ndarray, np.ndarray]:
-    """Contrast beside the designed one, and its 95 % band."""
+    """Contrast minus the designed one, with its 95 % band."""
     change = np.array(one.contrast) - np.array(designed.contrast)
     return change, BAND * np.hypot(one.u_contrast, designed.u_contrast)

@@ -14,7 +14,7 @@ _BAND = 0.15
 
 
 def cutback_figure(loss: GuideLoss) -> Figure:
-    """Pieces as dots, a colour for each orientation; levels count from what was launched where that is known."""
+    """Guides as dots, a colour for each orientation; levels are relative to the launched power if known."""
     zero = 0.0 if loss.launched_dB is None else loss.launched_dB
     source = loss.sources[0]
     figure = Figure(figsize=(5.4, 3.8))
@@ -30,7 +30,8 @@ def cutback_figure(loss: GuideLoss) -> Figure:
             _line(axes, line, loss, look["color"], zero)
     _crosses(axes, loss, zero)
     axes.set(
-        xlabel="length (mm)", ylabel="level (dB)" + ("" if loss.launched_dB is None else ", from what was launched")
+        xlabel="length (mm)",
+        ylabel="level (dB)" + ("" if loss.launched_dB is None else ", relative to the launched power"),
     )
     axes.set_xlim(left=0.0)
     axes.legend()
@@ -39,7 +40,7 @@ def cutback_figure(loss: GuideLoss) -> Figure:
 
 
 def _label(way: str, line: Line | None, loss: GuideLoss) -> str:
-    """Orientation, and the loss of the line that is drawn."""
+    """Orientation, and the loss of the drawn line."""
     if line is None:
         return way
     low, high = line.interval95_loss_dB_per_cm

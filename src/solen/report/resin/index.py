@@ -1,4 +1,4 @@
-"""The figure of an index: transmittance, absorbance and index against wavelength, and what the index is."""
+"""The figure of an index: transmittance, absorbance and index against wavelength, and the evaluation used."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,7 +14,7 @@ TITLES = {
     "absorptance": "from T and absorptance, R = 1 − T − A",
     "as-published": "as published: R = 1 − T − A with A = −log10 T",
     "lossless": "from T alone, k = 0 assumed",
-    "joint": "with that of its bare sheet, both measured",
+    "joint": "with that of its bare substrate, both measured",
     "fringes": "by levels and fringes of its spectra",
 }
 """Titles of the modes."""
@@ -39,12 +39,12 @@ def index_figure(index: LayerIndex) -> Figure:
 
 
 def _style(nm: FloatArray, place: int = 0) -> str:
-    """A line, or dots where there are few points; those of another place are of another kind."""
+    """A line, or dots if there are few points; a second place gives another style."""
     return ("o", "s")[place] if nm.size < 12 else ("-", "--")[place]
 
 
 def _widened(low: float, high: float) -> tuple[float, float]:
-    """Room for the legend above, and for what was not measured beside what was."""
+    """Leave room for the legend above, and draw calculated curves beside the measured ones."""
     return low - 0.05 * (high - low), high + 0.55 * (high - low)
 
 
@@ -88,13 +88,13 @@ def _draw_index(axes: Axes, nm: FloatArray, index: LayerIndex) -> None:
     axes.set_ylim(*_widened(*limits))
     _draw_masks(axes, nm, n)
     if not index.measurement:
-        axes.set_title("no measurement: R made of T alone", loc="right", color=LEFT, fontweight="bold")
+        axes.set_title("R computed from T, not measured", loc="right", color=LEFT, fontweight="bold")
     axes.set_ylabel("refractive index n")
     axes.legend()
 
 
 def _draw_literature(axes: Axes, nm: FloatArray, index: LayerIndex) -> None:
-    """Band of others' indices, where it is near enough to be on the same picture."""
+    """Band of published indices, if near enough for the same axes."""
     known, (least, most) = index.literature, axes.get_ylim()
     if known is None:
         return
@@ -114,7 +114,7 @@ def _draw_fit(axes: Axes, fit: Fit | None) -> None:
 
 
 def _draw_masks(axes: Axes, nm: FloatArray, n: FloatArray) -> None:
-    """Marks at the lower edge where n is masked."""
+    """Marks at the lower edge of the panel where n is masked."""
     masked = ~np.isfinite(n)
     if masked.any():
         edge = axes.get_xaxis_transform()

@@ -1,4 +1,4 @@
-"""The figure of a resin: its index against wavelength with its uncertainty, and what it is."""
+"""The figure of a resin: its index against wavelength with its uncertainty."""
 
 from collections.abc import Sequence
 
@@ -13,7 +13,7 @@ from solen.report.canvas import INK, LEFT, RIGHT
 from solen.spec.strict import error_context
 
 SHOWN_NM = (400.0, 1000.0)
-"""Wavelengths that are drawn of an index without an end."""
+"""Wavelengths drawn for an index without stated limits."""
 POINTS = 301
 
 
@@ -23,7 +23,7 @@ def facts_figure(facts: ResinFacts) -> Figure:
     Raises
     ------
     DataError
-        Where the resin has no index.
+        If the resin has no index.
     """
     at_nm = tuple(at.wavelength_nm for at in facts.at)
     with error_context(f"resin {facts.name}"):
@@ -36,7 +36,7 @@ def index_figure(resin: Resin, at_nm: Sequence[float] = ()) -> Figure:
     Raises
     ------
     DataError
-        Where the resin has no index.
+        If the resin has no index.
     """
     low, high = resin.index.range_nm
     if high <= low:

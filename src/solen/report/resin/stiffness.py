@@ -1,4 +1,4 @@
-"""Figures of mechanical tests: stress and strain of materials side by side, and the models through the tests."""
+"""Figures of mechanical tests: stress-strain curves of materials side by side, and the fitted models."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -16,7 +16,7 @@ _ACROSS, _RIVALS = 3, 2
 
 
 def stiffness_figure(stiffness: MeasuredStiffness) -> Figure:
-    """Curves of all specimens, and beside them the models of each material that has any."""
+    """Curves of all specimens, and beside them the models of each fitted material."""
     fitted = [material for material in stiffness.materials if material.fits]
     across = min(1 + len(fitted), _ACROSS)
     down = -(-(1 + len(fitted)) // across)
@@ -33,7 +33,7 @@ def stiffness_figure(stiffness: MeasuredStiffness) -> Figure:
 
 
 def _draw_curves(axes: Axes, materials: Sequence[MaterialStiffness]) -> None:
-    """Specimens of each material, several as mean ± SD over the loading that they share, and the modulus's slope."""
+    """Specimens of each material (several as mean ± SD over their common loading), and the slope of the modulus."""
     down = all(each.test.loading == "compression" for material in materials for each in material.specimens)
     sign = -1 if down else 1
     for number, material in enumerate(materials):
@@ -56,7 +56,7 @@ def _draw_curves(axes: Axes, materials: Sequence[MaterialStiffness]) -> None:
 
 
 def _draw_slope(axes: Axes, material: MaterialStiffness, colour: str, sign: int) -> None:
-    """Mean modulus as a dashed line from the origin, as far as the stresses reach and a little beyond its range."""
+    """Mean modulus as a dashed line from the origin, to the highest stress and slightly beyond its range."""
     first = material.specimens[0]
     if first.mode != "uniaxial" or material.modulus_MPa <= 0:
         return
@@ -74,7 +74,7 @@ def _name(material: MaterialStiffness) -> str:
 
 
 def _draw_models(axes: Axes, material: MaterialStiffness) -> None:
-    """The tests as points, the chosen model as a strong line and the next best as thin ones, a colour for each mode."""
+    """The tests as points, the chosen model as a thick line and the next best as thin ones, a colour for each mode."""
     shown = _shown(material)
     for colour, (mode, marker) in zip(SERIES, _MARKERS.items(), strict=False):
         tests = [each for each in material.specimens if each.mode == mode]

@@ -191,7 +191,7 @@ def along_parameter(low: float, high: float, step: float) -> list[float]:
 
 
 def sampled(at: Callable[[float], Point], places: list[float], key: str) -> list[Point]:
-    """Points at places; `UnreadError` where the formula has no value."""
+    """Points at places; `UnreadError` if the formula has no value."""
     points = [at(place) for place in places]
     if not all(abs(x) <= LARGEST and abs(z) <= LARGEST for x, z in points):
         raise UnreadError(key, f"has no value of at most {LARGEST:g} somewhere in its range")

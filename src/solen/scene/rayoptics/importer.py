@@ -128,7 +128,7 @@ class Imported:
 
 
 def load(path: Path | str, *, facets: bool = False) -> Imported:
-    """Scene of a file; as `loads`, and `DataError` where it cannot be read."""
+    """Scene of a file; as `loads`, and `DataError` if it cannot be read."""
     return loads(files.read_text(Path(path), DataError), str(path), facets=facets)
 
 
@@ -148,9 +148,9 @@ def loads(text: str, where: str = "scene", *, facets: bool = False) -> Imported:
     Raises
     ------
     DataError
-        Where it is not a scene of ray-optics, version 5.
+        If it is not a scene of ray-optics, version 5.
     DesignError
-        Where its scene cannot be traced: it has no light, or an index below 1.
+        If its scene cannot be traced: it has no light, or an index below 1.
     """
     try:
         data = json.loads(text)

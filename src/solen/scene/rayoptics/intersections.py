@@ -44,7 +44,7 @@ def _at_joint(u: float, cubics: int) -> float:
 
 
 def place_of(curve: Curve, point: Point, tolerance: float) -> float | None:
-    """Parameter of a point of a curve; None where the curve passes it further off than the tolerance."""
+    """Parameter of a point of a curve; None if the curve passes it further off than the tolerance."""
     if isinstance(curve, Segment):
         u = dot(minus(point, curve.a), unit(minus(curve.b, curve.a))) / curve.length_mm
     elif isinstance(curve, Arc):

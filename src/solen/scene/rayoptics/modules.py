@@ -29,7 +29,7 @@ class Scope:
     functions: Mapping[str, Function] = field(default_factory=dict)
 
     def number(self, text: str) -> float:
-        """Value of a formula; `DataError` where it has none."""
+        """Value of a formula; `DataError` if it has none."""
         value = parse(text, tuple(self.values), self.functions)(**self.values)
         if value != value:
             raise DataError(f"formula {text!r}", value=value, limit="must have a value")
@@ -69,7 +69,7 @@ class Expression:
         return replace(self, variables=(variable,))
 
     def compiled(self) -> Function:
-        """As a function of its variables in their order; `DataError` where it is not a formula."""
+        """As a function of its variables in their order; `DataError` if it is not a formula."""
         formula = parse(self.text, (*self.scope.values, *self.variables), self.scope.functions)
         values, names = dict(self.scope.values), self.variables
 
@@ -85,7 +85,7 @@ def unfolded(definition: Mapping[str, Any], points: Any, parameters: Any) -> lis
     Raises
     ------
     DataError
-        Where a formula is invalid or has no value, or a loop is too long.
+        If a formula is invalid or has no value, or a loop is too long.
     """
     if not isinstance(parameters, dict):
         raise DataError("params", limit="must be an object of numbers")

@@ -133,7 +133,7 @@ class Source(ABC):
         return x, np.zeros(len(x)), z, dx, np.zeros(len(x)), dz
 
     def emission(self) -> Emission | None:
-        """Cone for integration over the source; None where it is not made of point sources, as a beam."""
+        """Cone for integration over the source; None if it is not made of point sources, as a beam."""
         return None
 
     def dimensions(self, in_space: bool = False) -> int:
@@ -141,7 +141,7 @@ class Source(ABC):
         return (self.space_dimensions if in_space else self.shape_dimensions) + (len(self.spectrum) > 1)
 
     def check(self) -> None:
-        """`DesignError` where the source cannot launch its rays; a scene checks its sources."""
+        """`DesignError` if the source cannot launch its rays; a scene checks its sources."""
         check_count("source rays", self.rays, 1)
         check_numbers("source", self.power)
         if not LEAST_POWER <= self.power <= MOST_POWER:

@@ -233,7 +233,7 @@ class PatternTable(AngularPattern):
         return float(np.sum((value[1:] + value[:-1]) * np.diff(angle)))
 
     def _within(self, half: float) -> tuple[FloatArray, FloatArray]:
-        """Angles in radians and intensities up to the cut; `DesignError` where all is dark there."""
+        """Angles in radians and intensities up to the cut; `DesignError` if all is dark there."""
         angle, value = np.radians(self.angle_deg), np.asarray(self.relative, dtype=float)
         last = min(half, float(angle[-1]))
         inside = angle < last

@@ -34,7 +34,7 @@ class RayFile(Source):
 
     @classmethod
     def of(cls, path: str, point: Point, axis_deg: float, rays: int | None = None, power: float = 1.0) -> Self:
-        """All rays of a file, or some of them, with the file's spectrum; `DataError` where it cannot be read."""
+        """All rays of a file, or some of them, with the file's spectrum; `DataError` if it cannot be read."""
         ray_set = read_rays(path)
         return cls(path, point, axis_deg, rays or len(ray_set), power=power, spectrum=ray_set.spectrum)
 

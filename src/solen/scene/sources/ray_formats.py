@@ -39,7 +39,7 @@ class RaySet:
     """Rays of a file in its own frame: points in mm and unit directions (N, 3), powers (N,) that add up to 1.
 
     ``spectrum`` are wavelengths in nm with weights, none where the file states none; ``line`` (N,) is which of them
-    each ray has, or None where the file states no wavelengths by ray.
+    each ray has, or None if the file states no wavelengths by ray.
     """
 
     point_mm: FloatArray
@@ -68,7 +68,7 @@ def read_rays(path: Path | str) -> RaySet:
     Raises
     ------
     DataError
-        Where the file cannot be read, is of another format, truncated or longer than its header states, or where a ray
+        If the file cannot be read, is of another format, truncated or longer than its header states, or where a ray
         is invalid: with the place and the reason.
     """
     path = Path(path)
