@@ -319,5 +319,5 @@ def test_when_layers_pay_is_told_plainly(practice: Practice, pays: str, straight
     one, *asked, other = lens_words(practice)
     assert pays in one
     assert straight in other
-    assert len(asked) == ("does not" not in one)
+    assert len(asked) == ("is not" not in one)
     assert all("centred within about 0.1 mm in y" in text for text in asked)

@@ -84,7 +84,7 @@ def test_a_symmetric_design_is_mirrored_about_0_even_where_its_null_is_interpola
     [
         (-3.0, (-3.0, 0.0, 3.0), "begins or ends at the null"),
         (3.0, (-3.0, 0.0, 3.0), "begins or ends at the null"),
-        (0.0, (0.0,), "does not leave the null"),
+        (0.0, (0.0,), "does not extend beyond the null"),
     ],
 )
 def test_one_side_of_an_asymmetric_design_is_not_mirrored(
@@ -95,7 +95,7 @@ def test_one_side_of_an_asymmetric_design_is_not_mirrored(
 
 
 def test_a_motion_of_0_alone_is_refused() -> None:
-    with pytest.raises(DesignError, match="does not leave the null"):
+    with pytest.raises(DesignError, match="does not extend beyond the null"):
         compared(sensor(), 0.0, (0.0,))
 
 

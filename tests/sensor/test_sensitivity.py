@@ -96,7 +96,7 @@ def test_behind_a_film_of_air_the_index_of_what_touches_may_be_the_same() -> Non
 def test_where_the_same_index_touches_the_search_for_pieces_comes_to_an_end() -> None:
     """On one side of the matched index light is reflected totally: pieces are lost there, and it is said."""
     sensor = touched()
-    with pytest.raises(SpecError, match="something of the same index touches a wall"):
+    with pytest.raises(SpecError, match="a medium of the same index touches a wall"):
         sensor.sensitivity(["material.index"], ANGLE_DEG)
     found = sensor.derivative("material.index", ANGLE_DEG)
     assert not found.reached

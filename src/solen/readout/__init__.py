@@ -1,11 +1,12 @@
-"""From received light to volts: each receiver is a phototransistor that pulls a load resistor down from the supply.
+"""From received light to voltage: each receiver is a phototransistor that pulls a load resistor down from the supply.
 
-The idea: a trace gives fractions of the emitted power at the receivers' faces. The emitter's current makes them mW, the
-face's area an irradiance, the part's sensitivity a current, the load a voltage, and the converter a number. **Brighter
-is a lower voltage.** Each step is a formula with its source; noise is a formula first and drawn from it second.
+The idea: a trace gives fractions of the emitted power at the receivers' faces. The emitter's current turns them into
+mW, the face's area into an irradiance, the part's sensitivity into a current, the load into a voltage, the converter
+into a number. **Brighter is a lower voltage.** Each step is a formula with its source; noise is computed by formula,
+then drawn from it.
 
 The interface: `circuit_of` a design with the areas of its receivers' faces (`face_areas_mm2`); `volts` of power
-fractions over time; `noise` by where it comes from; `advise` on the load; `readings_of` all of it
+fractions over time; `noise` by source; `advise` on the load; `readings_of` combines all of it
 over a motion. `solen.readout.transistor` holds the load
 line, `solen.readout.adc` the converter, `solen.readout.emitter` the power of the emitter.
 """

@@ -1,4 +1,4 @@
-"""A converter from volts to numbers: range, steps, its own noise.
+"""An analogue-to-digital converter: range, steps, own noise.
 
 The interface: `Adc.of` a part for a supply; `Adc.read` rounds to steps and cuts at the range.
 """
@@ -23,13 +23,13 @@ class Adc:
     name
         Name of the part.
     bits
-        It has 2^bits numbers.
+        Resolution; 2^bits codes.
     low_V, high_V
-        Ends of the range; above ``high_V`` less one step it reads that.
+        Ends of the range; the largest reading is ``high_V`` minus one step.
     noise_V
         Standard deviation of its own noise.
     bandwidth_kHz
-        Bandwidth of its input; inf where that is not known.
+        Bandwidth of its input; inf if unknown.
     """
 
     name: str
@@ -41,19 +41,19 @@ class Adc:
 
     @classmethod
     def of(cls, part: AdcPart, supply_V: float, range_V: tuple[float, float] | None = None) -> "Adc":
-        """Converter in a range that is asked for, or in its smallest that goes from 0 beyond the supply."""
+        """Converter in a requested range, or in its smallest range from 0 that includes the supply."""
         chosen = _stated(part, range_V) if range_V is not None else _smallest(part, supply_V)
         bandwidth = math.inf if part.bandwidth_khz is None else part.bandwidth_khz.usual
         return cls(part.name, part.bits, chosen.low_v, chosen.high_v, 1e-6 * chosen.noise_uv, bandwidth)
 
     @reported
     def step_V(self) -> float:
-        """Volts from one number to the next."""
+        """Voltage of one step."""
         return (self.high_V - self.low_V) / (1 << self.bits)
 
     @property
     def quantisation_V(self) -> float:
-        """Standard deviation of the rounding to steps, step/√12: an error that is even over a step."""
+        """Standard deviation of quantisation, step/√12: an error uniform over a step."""
         return self.step_V / math.sqrt(12.0)
 
     @property
@@ -62,7 +62,7 @@ class Adc:
         return self.high_V - self.step_V
 
     def read(self, volts: FloatArray) -> FloatArray:
-        """Volts (...) as it reads them: rounded to its steps and cut at the ends of its range."""
+        """Voltages (...) as read: rounded to steps and clipped to the range."""
         numbers = np.clip(np.rint((volts - self.low_V) / self.step_V), 0, 2**self.bits - 1)
         return np.asarray(self.low_V + self.step_V * numbers)
 

@@ -1,8 +1,8 @@
-"""Which load keeps the range of a motion inside the supply, for the dimmest and the brightest parts that one may get.
+"""Advice on the load that keeps readings within the supply, for the dimmest and the brightest parts.
 
-The idea: the brightest reading of the motion may come down to a target, some knees above saturation, where the current
-falls short by less than one percent. The load that brings it there is R = (V_supply − V_target)/I_brightest. The target
-is the same for all parts, and the load is not: so the load is set by what the receiver reads, not by a number of ohms.
+The idea: the brightest reading of the motion may drop to a target, some knee widths above saturation, where the current
+falls short by less than one percent. The load that does so is R = (V_supply − V_target)/I_brightest. The target
+is the same for all parts but the load is not: so set the load by the reading, not by its resistance.
 """
 
 import math
@@ -16,19 +16,19 @@ from solen.readout.circuit import Case, Circuit, Floats, spread
 from solen.readout.emitter import REFERENCE_C
 
 KNEES = 5.0
-"""Knees above saturation that the target stands: there the current falls short by e⁻⁵, 0.7 %."""
+"""Height of the target above saturation in knee widths; there the current falls short by e⁻⁵, 0.7 %."""
 ROOM = 0.9
-"""Share of the smallest whole resistance of a trimmer that the dimmest parts may need."""
+"""Share of a trimmer's smallest full resistance that the dimmest parts may need."""
 
 
 @dataclass(frozen=True)
 class Setting:
-    """One set of parts on the load as it is, and the load that suits it.
+    """One set of parts with the present load, and the load that suits it.
 
     ``volts_bright`` and ``volts_dark`` are the lowest and the highest reading over the motion; ``used`` is the share of
-    the supply between them. ``largest_ohm`` is the load that brings the lowest to the target, ``turn`` the share of the
-    trimmer that this is, None if the trimmer does not reach it; with the nearest it reaches, ``set_ohm``,
-    ``used_then`` of the supply is used. ``saturates`` says whether the load as it is goes below the target.
+    the supply between them. ``largest_ohm`` is the load that brings the lowest to the target, ``turn`` the trimmer
+    position for it, None if out of range; with the nearest possible load, ``set_ohm``,
+    ``used_then`` of the supply is used. ``saturates`` says whether the present load goes below the target.
     """
 
     case: Case
@@ -44,10 +44,10 @@ class Setting:
 
 @dataclass(frozen=True)
 class Advice:
-    """Settings of the three sets of parts, and what they are set to.
+    """Settings for the three sets of parts, and their common target.
 
-    ``emitter_current_mA`` is the emitter's current with which the trimmer suits all three; None if there is none
-    that the emitter may carry steadily.
+    ``emitter_current_mA`` is the emitter current for which the trimmer suits all three; None if there is none
+    within the emitter's continuous rating.
     """
 
     target_V: float
@@ -75,7 +75,7 @@ def advise(
     power_fraction
         Shape (A, R): at the angles of the motion.
     trimmer
-        What the loads are set with.
+        The trimmer that sets the loads.
     ambient_mW_cm2, temperature_C
         As in `Circuit.current_mA`.
     """
@@ -89,9 +89,9 @@ def advise(
 def _emitter_mA(
     circuit: Circuit, light: tuple[FloatArray, Floats, float], trimmer: TrimmerPart, target_V: float
 ) -> float | None:
-    """Current of the emitter with which the dimmest parts need most of the smallest trimmer, the brightest not its end.
+    """Emitter current for which the dimmest parts need most of the smallest trimmer, and the brightest not its end.
 
-    Light is taken as proportional to the current.
+    Light is assumed proportional to the current.
     """
     cases, (fractions, *around) = spread(circuit), light
     whole = trimmer.resistance_ohm.least or trimmer.resistance_ohm.usual
@@ -110,7 +110,7 @@ def _emitter_mA(
 
 
 def end_ohm(trimmer: TrimmerPart) -> float:
-    """Largest resistance of a trimmer at its end."""
+    """Largest residual resistance of a trimmer."""
     end = trimmer.end_ohm
     return 0.0 if end is None else end.most or end.usual
 
@@ -143,18 +143,18 @@ def _setting(
 
 
 def _load_kohm(circuit: Circuit, most_mA: float, target_V: float) -> float:
-    """Load that brings the brightest reading to the target, the knee included."""
+    """Load that brings the brightest reading to the target, including the knee."""
     return _target_mA(circuit, target_V) / most_mA if most_mA > 0.0 else math.inf
 
 
 def _target_mA(circuit: Circuit, target_V: float) -> float:
-    """Current that light must ask for to bring a load of 1 kΩ to the target."""
+    """Photocurrent that brings a load of 1 kΩ to the target."""
     part = circuit.transistor
     return (circuit.supply_V - target_V) / -math.expm1(-(target_V - part.saturation_V) / part.knee_V)
 
 
 def slopes_V_per_deg(angle_deg: FloatArray, volts: FloatArray) -> FloatArray:
-    """Change of volts (A, R) per degree along ascending angles (A,): central differences; 0 for a single angle."""
+    """Slope of voltages (A, R) per degree over ascending angles (A,), by central differences; 0 for a single angle."""
     if len(angle_deg) < 2:
         return np.zeros_like(volts)
     return np.asarray(np.gradient(volts, angle_deg, axis=0))

@@ -7,13 +7,13 @@ from solen.readout.advice import Advice
 from solen.readout.circuit import Circuit
 
 SETTLED = 5.0
-"""Time constants after which 0.7 % of a step are left."""
+"""Time constants after which 0.7 % of a step remain."""
 DIM, OTHER_WINDOW = 0.5, 0.05
 FOR_VISIBLE = "TEMT7000X01"
 
 
 def cautions(circuit: Circuit, advice: Advice, wavelength_nm: float, dark_V: float, *, in_space: bool) -> list[str]:
-    """Sentences with numbers; empty if there is nothing to say.
+    """Warnings; empty if there are none.
 
     Parameters
     ----------
@@ -34,8 +34,8 @@ def cautions(circuit: Circuit, advice: Advice, wavelength_nm: float, dark_V: flo
     ]
     if not in_space:
         sentences.append(
-            "the powers are those of rays in the plane: light that the emitter sends above and below it is assumed to "
-            'arrive in the same shares; trace.dimension = "extruded" traces it'
+            "the powers come from rays in the plane: light emitted above and below it is assumed to arrive in the same "
+            'shares; trace.dimension = "extruded" traces it'
         )
     return sentences
 
@@ -44,8 +44,8 @@ def _wavelength(circuit: Circuit, wavelength_nm: float) -> Iterator[str]:
     part, drive = circuit.transistor, circuit.drive
     if part.response < DIM:
         yield (
-            f"{part.name} sees light of {wavelength_nm:g} nm with {100.0 * part.response:.2g} % of the "
-            f"sensitivity that its current is stated for: it loses a factor {1.0 / part.response:.3g}; "
+            f"{part.name} detects light of {wavelength_nm:g} nm with {100.0 * part.response:.2g} % of its stated "
+            f"sensitivity: the signal drops by a factor of {1.0 / part.response:.3g}; "
             f"{_remedy(part.name)} (readout.part)"
         )
     if abs(drive.peak_nm - wavelength_nm) > FAR_NM:
@@ -55,14 +55,14 @@ def _wavelength(circuit: Circuit, wavelength_nm: float) -> Iterator[str]:
         )
     if abs(part.exponent - 1.0) > OTHER_WINDOW:
         yield (
-            f"{part.name} is directional, cos^{part.exponent:.3g}: what it makes of light depends on how it points at "
-            "the face, which is taken as square on"
+            f"{part.name} is directional, cos^{part.exponent:.3g}: its reading depends on its alignment with the "
+            "face, assumed perpendicular"
         )
 
 
 def _remedy(name: str) -> str:
     other = "" if name == FOR_VISIBLE else f", as {FOR_VISIBLE} for visible light"
-    return f"take a receiver that is made for this wavelength{other}"
+    return f"choose a receiver for this wavelength{other}"
 
 
 def _range(circuit: Circuit, advice: Advice) -> Iterator[str]:
@@ -80,8 +80,7 @@ def _range(circuit: Circuit, advice: Advice) -> Iterator[str]:
         )
     if advice.emitter_current_mA is None:
         yield (
-            "no current that the emitter may carry brings all parts within the trimmer's range: sort the parts, or "
-            "take another load"
+            "no allowed emitter current brings all parts within the trimmer's range: select parts, or use another load"
         )
 
 
@@ -100,7 +99,7 @@ def _limits(circuit: Circuit, dark_V: float) -> Iterator[str]:
     if dark_V > adc.top_V or min(0.0, part.saturation_V) < adc.low_V:
         yield (
             f"dark readings of {dark_V:.3g} V are outside the range of {adc.name}, {adc.low_V:g} to {adc.high_V:g} V: "
-            "they are clipped, and so is ambient light that is subtracted"
+            "they are clipped, and so is the ambient light to subtract"
         )
 
 
@@ -108,6 +107,7 @@ def _time(circuit: Circuit) -> Iterator[str]:
     tau_us, slot_us = float(circuit.time_constant_us.max()), 0.5e6 / circuit.rate_hz
     if SETTLED * tau_us > slot_us:
         yield (
-            f"after a switch the receivers need some {SETTLED * tau_us:.0f} µs, and a slot at {circuit.rate_hz:g} Hz "
+            f"after switching, the receivers need about {SETTLED * tau_us:.0f} µs, and a slot at "
+            f"{circuit.rate_hz:g} Hz "
             f"lasts {slot_us:.0f} µs: lower the load or the rate"
         )

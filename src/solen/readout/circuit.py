@@ -1,10 +1,10 @@
 """The whole circuit of a design: its emitter, one phototransistor and load for each receiver, the converter.
 
-The idea: what a part spreads by is kept beside what is typical. A `Circuit` is one set of parts; `spread` gives the
-typical one and those of the weakest and the strongest emitter and receivers, `Circuit.drawn` a set by chance.
+The idea: parts have typical values and a spread. A `Circuit` is one set of parts; `spread` returns the
+typical set and those with the weakest and the strongest emitter and receivers, `Circuit.drawn` a random set.
 
-Assumed: light falls evenly on a receiver's face, so that a part on it sees power over area, wherever it sits; and the
-part sees through its window what it would in air.
+Assumptions: light falls evenly on a receiver's face, so that a part sees power over area wherever it sits; and the
+part responds through its window as in air.
 
 The interface: `circuit_of`, `spread`, `face_areas_mm2`; `Circuit.current_mA` of power fractions, `Circuit.load_line`.
 """
@@ -31,7 +31,7 @@ Floats = float | FloatArray
 Case = Literal["dimmest", "typical", "brightest"]
 MM2_PER_CM2 = 100.0
 NOISE_OF_3DB = 0.5 * np.pi
-"""Noise bandwidth of a first order over its 3 dB frequency."""
+"""Noise bandwidth of a first-order filter relative to its 3 dB frequency."""
 USUAL_EMITTER = "VSMY1850"
 
 _P = TypeVar("_P", bound=Part)
@@ -46,17 +46,17 @@ class Circuit:
     names
         Names of the receivers.
     area_mm2
-        Areas of their faces: power fractions are of all light through a face.
+        Areas of their faces; power fractions refer to all light through a face.
     drive, transistor, adc
-        The emitter at its current, the kind of the receivers, the converter.
+        The emitter at its current, the receivers' type, the converter.
     sensitivity_uA
         Current of each receiver at 1 mW/cm² of the stated wavelength.
     load_ohm
         Load of each receiver.
     supply_V
-        Above the loads.
+        Supply of the loads.
     samples
-        Samples of the converter that are averaged into one reading.
+        Samples averaged per reading.
     rate_hz
         Readings of an emitter per second.
     """
@@ -80,7 +80,7 @@ class Circuit:
                 raise SpecError(name, value=list(values), limit=limit)
 
     def irradiance_mW_cm2(self, power_fraction: FloatArray, temperature_C: Floats = REFERENCE_C) -> FloatArray:
-        """Mean irradiance of the faces (..., R) by fractions (..., R) of the emitted power."""
+        """Mean irradiance of the faces (..., R) from fractions (..., R) of the emitted power."""
         per_fraction = _column(self.drive.power_mW(temperature_C), power_fraction)
         return np.asarray(power_fraction * per_fraction / (np.array(self.area_mm2) / MM2_PER_CM2))
 
@@ -92,15 +92,15 @@ class Circuit:
     ) -> FloatArray:
         """Currents (..., R) that the light generates, including dark current.
 
-        ``ambient_mW_cm2`` is light of the wavelength at which the sensitivity is stated; it and ``temperature_C`` are a
-        number, one for each row (...,), or one for each reading (..., R).
+        ``ambient_mW_cm2`` is equivalent light at the wavelength of the stated sensitivity; it and ``temperature_C``
+        are a single number, one per row (...,), or one per reading (..., R).
         """
         seen = self.transistor.response * self.irradiance_mW_cm2(power_fraction, temperature_C)
         ambient, temperature = _column(ambient_mW_cm2, power_fraction), _column(temperature_C, power_fraction)
         return self.transistor.current_mA(seen + ambient, np.array(self.sensitivity_uA), temperature)
 
     def load_line(self, current_mA: FloatArray) -> LoadLine:
-        """Voltages and slopes (..., R) at currents (..., R) that light generates."""
+        """Voltages and slopes (..., R) for photocurrents (..., R)."""
         knee, loads = (self.transistor.saturation_V, self.transistor.knee_V), np.array(self.load_ohm)
         return load_line(current_mA, loads, self.supply_V, *knee)
 
@@ -111,14 +111,14 @@ class Circuit:
 
     @reported
     def noise_bandwidth_hz(self) -> FloatArray:
-        """Noise bandwidth (R,): of the first order of receiver and load, or of the converter's input where less."""
+        """Noise bandwidth (R,) of receiver and load, or of the converter's input if lower."""
         corner_hz = 1e6 / (2.0 * np.pi * self.time_constant_us)
         return np.asarray(NOISE_OF_3DB * np.minimum(corner_hz, 1e3 * self.adc.bandwidth_kHz))
 
     def drawn(self, rng: np.random.Generator) -> "Circuit":
-        """A copy with randomly drawn parts: each sensitivity is uniform between its limits, the datasheet's only ones.
+        """A copy with random parts: each sensitivity is uniform between the limits of the datasheet.
 
-        The emitter's power is drawn even between its own limits.
+        The emitter's power is uniform between its limits too.
         """
         part, drive = self.transistor, self.drive
         chosen = rng.uniform(part.least_uA, part.most_uA, len(self.names))
@@ -126,7 +126,7 @@ class Circuit:
         return replace(self, sensitivity_uA=tuple(chosen.tolist()), drive=replace(drive, typical_mW=power))
 
     def with_load(self, load_ohm: float) -> "Circuit":
-        """A copy with another load at every receiver."""
+        """A copy with a different load at every receiver."""
         return replace(self, load_ohm=(load_ohm,) * len(self.names))
 
 
@@ -138,14 +138,14 @@ def circuit_of(design: Design, area_mm2: Mapping[str, float]) -> Circuit:
     design
         Its ``[readout]``, and the emitter's light.
     area_mm2
-        Area of each receiver's face by the receiver's name, as `face_areas_mm2` gives it.
+        Face area of each receiver by name, from `face_areas_mm2`.
 
     Raises
     ------
     DataError
         If a part is not found, cannot be read or is of another kind.
     SpecError
-        If a range of the converter is asked for that it does not have.
+        If the converter does not have the requested range.
     """
     stated = design.readout
     part = named_part(design, "part", ReceiverPart)
@@ -165,7 +165,7 @@ def circuit_of(design: Design, area_mm2: Mapping[str, float]) -> Circuit:
 
 
 def spread(circuit: Circuit) -> dict[Case, Circuit]:
-    """The circuit with its weakest emitter and receivers, as it is, and with the strongest."""
+    """The circuit with the weakest, with typical, and with the strongest emitter and receivers."""
     part, drive, count = circuit.transistor, circuit.drive, len(circuit.names)
     ends: dict[Case, tuple[float, float]] = {
         "dimmest": (part.least_uA, drive.least_mW),
@@ -179,7 +179,7 @@ def spread(circuit: Circuit) -> dict[Case, Circuit]:
 
 
 def emitter_part(design: Design) -> EmitterPart:
-    """Emitter whose power the readout takes: its own, or else the light's, or else the paper's."""
+    """Emitter that supplies the power: the readout's own, else that of the light, else the paper's."""
     if design.readout.emitter_part is not None:
         return named_part(design, "emitter_part", EmitterPart)
     name = design.emitter.part or USUAL_EMITTER
@@ -193,7 +193,7 @@ def trimmer_part(design: Design) -> TrimmerPart:
 
 
 def named_part(design: Design, key: str, kind: type[_P]) -> _P:
-    """Part that a key of the readout names; `DataError` if it is of another kind."""
+    """Part named by a key of the readout; `DataError` if it is of another kind."""
     name = getattr(design.readout, key)
     path = design.named_file(name)
     return _of_kind(f"readout.{key}", library_part(name) if path is None else load_part(path), kind)
@@ -208,7 +208,7 @@ def _of_kind(key: str, part: Part, kind: type[_P]) -> _P:
 
 
 def face_areas_mm2(design: Design, body: Body) -> dict[str, float]:
-    """Area of each receiver's face: its length in the plane times its height along y, by default the body's."""
+    """Area of each receiver's face: length in the plane times height along y (default: the body's)."""
     height = design.receivers.height_mm or design.body.thickness_mm
     areas: dict[str, float] = {}
     for face in (*body.all_faces, *body.apart):

@@ -1,7 +1,7 @@
-"""The radiant power of an emitter by its current and temperature.
+"""Radiant power of an emitter at a current and a temperature.
 
-The idea: a datasheet states the power at one current. It grows as a power of the current that is 1 up to some 100 mA
-and falls linearly with the temperature. From part to part it spreads as the radiant intensity does.
+The idea: a datasheet states the power at one current. It follows a power law of the current, with exponent 1 up to
+about 100 mA, and falls linearly with temperature. It varies from part to part as the radiant intensity does.
 
 The interface: `Drive.of` a part at a current; `Drive.power_mW` at a temperature.
 """
@@ -28,15 +28,15 @@ class Drive:
     name
         Name of the part.
     current_mA
-        While it is on.
+        Current while it is on.
     typical_mW, least_mW, most_mW
-        Radiant power at that current and 25 °C: of a typical part, and of the weakest and the strongest.
+        Radiant power at that current and 25 °C of a typical, the weakest and the strongest part.
     fall_per_K
-        Share of it that a K takes.
+        Relative decrease of the power per K.
     peak_nm
-        Wavelength that it has.
+        Peak wavelength.
     most_current_mA
-        Largest steady current allowed; inf where that is not known.
+        Largest continuous current allowed; inf if unknown.
     """
 
     name: str
@@ -50,7 +50,7 @@ class Drive:
 
     @classmethod
     def of(cls, part: EmitterPart, current_mA: float) -> "Drive":
-        """Emitter at a current; `DataError` if its part states neither a power nor an intensity with a current."""
+        """Emitter at a current; `DataError` if its part states no power or intensity with a current."""
         if part.current_ma is None:
             raise DataError(f"{part.name}: current_ma", limit="missing: a power needs it", remedy="add it to the part")
         typical = _reference_mW(part)
@@ -73,7 +73,7 @@ class Drive:
         )
 
     def power_mW(self, temperature_C: float | FloatArray = REFERENCE_C) -> FloatArray:
-        """Radiant power of a typical part, at temperatures of any shape; never below 0."""
+        """Radiant power of a typical part at temperatures of any shape; at least 0."""
         warmer_K = np.asarray(temperature_C, dtype=float) - REFERENCE_C
         return np.maximum(self.typical_mW * (1.0 - self.fall_per_K * warmer_K), 0.0)
 
@@ -87,7 +87,7 @@ def solid_angle_sr(pattern: PatternPart) -> float:
 
 
 def _reference_mW(part: EmitterPart) -> float:
-    """Power at the datasheet's current: stated, or the axial intensity times the pattern's solid angle."""
+    """Power at the datasheet's current: as stated, or axial intensity times the pattern's solid angle."""
     if part.power_mw is not None:
         return part.power_mw.usual
     if part.intensity_mw_per_sr is None or not part.pattern.relative[0] > 0.0:
@@ -97,7 +97,7 @@ def _reference_mW(part: EmitterPart) -> float:
 
 
 def _spread(part: EmitterPart) -> tuple[float, float]:
-    """Weakest and strongest part relative to a typical one, by the limits of the power, or else of the intensity."""
+    """Weakest and strongest part relative to a typical one, from the limits of the power or else the intensity."""
     for one in (part.power_mw, part.intensity_mw_per_sr):
         if one is not None and (one.least is not None or one.most is not None):
             return (one.least or one.usual) / one.usual, (one.most or one.usual) / one.usual

@@ -1,4 +1,4 @@
-"""Noise of a reading by its sources, as formulas.
+"""Noise of a reading by source, as formulas.
 
 - Shot noise: the photoelectrons are counted before the transistor multiplies them, so that their noise is multiplied
   too: i² = 2 q I_C (1 + g) B with the gain g; a photodiode has g = 0.
@@ -6,10 +6,10 @@
 - Both flow through the load beside the transistor: v = i r, r the load, or less in saturation.
 - The converter's own noise, and its steps: step/√12.
 
-B is the noise bandwidth of the receiver's first order, π/2 times its corner. A wide band is why averaging n samples
-helps by √n: successive samples are independent as long as they are further apart than the time constant.
+B is the receiver's first-order noise bandwidth, π/2 times its corner frequency. The wide band is why averaging n
+samples reduces noise by √n: samples are independent if they are further apart than the time constant.
 
-Not in here: ripple of the supply and noise of the emitter's current. Both act on all receivers alike.
+Not included: supply ripple and noise of the emitter's current; both act on all receivers alike.
 """
 
 import numpy as np
@@ -26,7 +26,7 @@ ZERO_K = 273.15
 
 
 class Noise(Result):
-    """Standard deviations of one sample (..., R) in V, and of a reading of ``samples`` of them."""
+    """Standard deviations of one sample (..., R) in V, and of a reading that averages ``samples``."""
 
     shot_V: FloatArray
     thermal_V: FloatArray
@@ -36,14 +36,14 @@ class Noise(Result):
 
     @property
     def before_V(self) -> FloatArray:
-        """Noise before the converter, without its quantisation."""
+        """Noise before quantisation."""
         return np.asarray(np.sqrt(self.shot_V**2 + self.thermal_V**2 + self.converter_V**2))
 
     @reported
     def reading_V(self) -> FloatArray:
-        """Of the mean of the samples.
+        """Noise of the mean of the samples.
 
-        Rounding averages out only where noise moves the voltage over the steps: it is taken to from half a step on.
+        Quantisation averages out only if noise dithers the voltage: assumed from half a step on.
         """
         step = np.sqrt(12.0) * self.quantisation_V
         rounding = np.where(self.before_V >= 0.5 * step, self.quantisation_V**2 / self.samples, self.quantisation_V**2)

@@ -17,7 +17,7 @@ from solen.readout.noise import Noise, noise
 from solen.results import Result, reported
 
 MOST_STEP = 0.25
-"""Share of the whole range by which a reading may move from one angle to the next before its slope is called coarse."""
+"""A slope counts as coarse if a reading changes by more than this share of its range between angles."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class VoltageRange:
     used_of_supply
         Share of the supply between them.
     best_resolution_deg, worst_resolution_deg
-        Best and worst resolution of one reading of all receivers; None if nothing moves.
+        Best and worst resolution of one reading of all receivers; None if nothing changes.
     """
 
     lowest_V: float
@@ -59,16 +59,16 @@ class Readings(Result):
     noise
         Noise of one sample with the emitter on.
     sd_V
-        Noise of an on reading less its ambient light.
+        Noise of an on reading after subtraction of ambient light.
     slope_V_per_deg
-        Change of typical voltages.
+        Slope of typical voltages.
     resolution_deg, resolution_of_all_deg
-        Standard deviation of an angle from one such reading of each receiver, and of all together (A,); NaN where
+        Standard deviation of an angle from one such reading of each receiver, and of all combined (A,); NaN where
         nothing moves.
     drift_V_per_K
-        Change of typical voltages by temperature.
+        Temperature coefficient of typical voltages.
     advice
-        On the loads.
+        Advice on the loads.
     """
 
     circuit: Circuit
@@ -115,16 +115,16 @@ class Readings(Result):
 
     @reported
     def range(self) -> VoltageRange:
-        """Lowest and highest voltage, and the resolution between."""
+        """Lowest and highest voltage, and the resolution."""
         low, high = float(self.voltage_V.min()), float(self.voltage_V.max())
         finite = self.resolution_of_all_deg[np.isfinite(self.resolution_of_all_deg)]
         ends = (float(finite.min()), float(finite.max())) if finite.size else (None, None)
         return VoltageRange(low, high, (high - low) / self.circuit.supply_V, *ends)
 
     def coarse(self) -> Iterator[str]:
-        """A warning if the angles are too far apart for a slope."""
+        """Warning if the angles are too far apart for a slope."""
         if len(self.angle_deg) < 2:
-            yield "one angle has no slope, and so no resolution"
+            yield "a single angle gives no slope, and so no resolution"
             return
         moved, whole = np.abs(np.diff(self.voltage_V, axis=0)), float(np.ptp(self.voltage_V))
         if whole > 0.0 and moved.max() > MOST_STEP * whole:
@@ -192,8 +192,8 @@ def _volts(circuit: Circuit, fractions: FloatArray, ambient_mW_cm2: float, tempe
 def resolution_deg(slope_V_per_deg: FloatArray, sd_V: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Standard deviation of an angle estimated from one reading of each receiver, (A, R), and of all together, (A,).
 
-    Each receiver tells the angle to σ/|slope|; together, weighted as their information, to (Σ (slope/σ)²)^−1/2, which
-    no way to decode them can better (Cramér, Rao). NaN where nothing moves.
+    Each receiver determines the angle to σ/|slope|; combined by information, they reach (Σ (slope/σ)²)^−1/2, which
+    no estimator can beat (Cramér, Rao). NaN where nothing changes.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         each = np.where(slope_V_per_deg != 0.0, sd_V / np.abs(slope_V_per_deg), np.nan)
@@ -203,5 +203,5 @@ def resolution_deg(slope_V_per_deg: FloatArray, sd_V: FloatArray) -> tuple[Float
 
 
 def difference_sd_V(on_V: FloatArray, off_V: FloatArray) -> FloatArray:
-    """Noise of an on reading less the mean of the off readings before and after it."""
+    """Noise of an on reading minus the mean of the off readings before and after it."""
     return np.asarray(np.sqrt(on_V**2 + 0.5 * off_V**2))

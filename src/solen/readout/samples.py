@@ -1,6 +1,6 @@
 """Samples over time: converter readings of changing powers, with seeded noise.
 
-The interface: `volts` of power fractions; `noisy` adds noise and reads; `settled` is the receiver's lag.
+The interface: `volts` of power fractions; `noisy` adds noise and quantises; `settled` applies the receiver's lag.
 """
 
 import math
@@ -15,7 +15,7 @@ from solen.readout.noise import analogue_V
 from solen.readout.transistor import LoadLine
 
 ROWS = 1 << 16
-"""Rows that are worked on at a time, so that an hour of samples needs little more memory than its result."""
+"""Rows processed at a time, so that an hour of samples needs little more memory than the result."""
 
 
 def volts(
@@ -25,7 +25,7 @@ def volts(
     temperature_C: Floats = REFERENCE_C,
     rng: np.random.Generator | None = None,
 ) -> FloatArray:
-    """Readings of the receivers.
+    """Converter readings of the receivers.
 
     Parameters
     ----------
@@ -36,17 +36,17 @@ def volts(
     ambient_mW_cm2, temperature_C
         A number, one for each row (T,), or one for each reading (T, R).
     rng
-        Draws the noise; without one the readings are the voltages themselves, neither noisy nor rounded.
+        Source of noise; without it, readings are the exact voltages.
 
     Returns
     -------
     array
-        Volts of the shape of ``power_fraction``; lower where it is brighter.
+        Voltages in the shape of ``power_fraction``; brighter is lower.
 
     Raises
     ------
     SpecError
-        If a power or an ambient light is below 0 or no number, or there is not one column for each receiver.
+        If a power or ambient light is negative or not a number, or the columns do not match the receivers.
     """
     fractions = np.asarray(power_fraction, dtype=float)
     _check(fractions, circuit, ambient_mW_cm2)
@@ -64,7 +64,7 @@ def volts(
 
 
 def noisy(circuit: Circuit, line: LoadLine, temperature_C: Floats, rng: np.random.Generator) -> FloatArray:
-    """Readings of a load line (T, R): the mean of the circuit's samples, each with noise, quantised and clipped."""
+    """Readings of a load line (T, R): means of the circuit's samples, each noisy, quantised and clipped."""
     shot, thermal = analogue_V(circuit, line, temperature_C)
     sd = np.sqrt(shot**2 + thermal**2 + circuit.adc.noise_V**2)
     total = np.zeros_like(line.volts)
@@ -74,9 +74,9 @@ def noisy(circuit: Circuit, line: LoadLine, temperature_C: Floats, rng: np.rando
 
 
 def settled(volts: FloatArray, circuit: Circuit, rate_hz: float) -> FloatArray:
-    """Volts (T, R) after the receivers' lag of first order, for samples of a rate far above that of the readings.
+    """Voltages (T, R) after the receivers' first-order lag, sampled far faster than the readings.
 
-    Each sample is the value at its end of a step held since the one before: exact for light that switches at samples.
+    Light is constant between samples and each sample is the value at the end: exact for light switched at samples.
     """
     from scipy.signal import lfilter
 

@@ -1,15 +1,16 @@
-"""A phototransistor on its load resistor: irradiance to current, current to volts.
+"""A phototransistor with its load resistor: irradiance to current, current to voltage.
 
-The idea: light asks for a current I. The transistor gives it while there is voltage enough across it, and less of it
-below a knee: I_C = I (1 − exp(−(V − V_s)/V_k)), V_s the voltage that it cannot pull below, V_k the width of the knee.
+The idea: light generates a current I. The transistor carries it while the voltage across it suffices, and less
+below a knee: I_C = I (1 − exp(−(V − V_s)/V_k)), with the saturation voltage V_s and the knee width V_k.
 With V = V_supply − R I_C this has a closed form by the Wright omega function ω, ω + ln ω = z:
 
     y = (V − V_s)/V_k = a − b + ω(ln b + b − a),    a = (V_supply − V_s)/V_k,    b = R I/V_k.
 
-Far from the knee V = V_supply − R I; in bright light V comes down to V_s. V falls with the light everywhere.
+Far from the knee V = V_supply − R I; in bright light V approaches V_s. V always falls with the light.
 
 The interface: `Phototransistor.of` a part for light of a wavelength; `Phototransistor.current_mA` of an irradiance;
-`load_line` gives volts with the slope of the load line, `spectral_response` the sensitivity beside the stated one.
+`load_line` returns voltages and slopes of the load line, `spectral_response` the sensitivity relative to the stated
+one.
 """
 
 import math
@@ -25,10 +26,10 @@ from solen.readout.emitter import REFERENCE_C
 from solen.results import Result
 
 SATURATION_V, KNEE_V, GAIN, DARK_NA, DOUBLING_K = 0.15, 0.1, 300.0, 1.0, 8.0
-"""Where a part does not say: usual for small silicon phototransistors."""
+"""Defaults, usual for small silicon phototransistors."""
 RISE_US, RISE_US_PER_KOHM = 3.0, 15.0
 RISE_OF_TAU = math.log(9.0)
-"""Time from a tenth to nine tenths, in time constants of a first order."""
+"""Rise time from 10 to 90 %, in first-order time constants."""
 
 
 @dataclass(frozen=True)
@@ -40,21 +41,21 @@ class Phototransistor:
     name
         Name of the part.
     typical_uA, least_uA, most_uA
-        Current at 1 mW/cm² of the wavelength that the datasheet states it at, 25 °C.
+        Current at 1 mW/cm² of the datasheet's wavelength, 25 °C.
     response
-        Sensitivity for the emitter's light relative to that wavelength's.
+        Sensitivity for the emitter's light relative to that at the datasheet's wavelength.
     exponent
-        m of its response cos^m to a beam; 1 for a flat window, whose current depends on the power through it alone.
+        m of its response cos^m to a beam; 1 for a flat window, whose current depends only on the power through it.
     saturation_V, knee_V
-        The voltage that it cannot pull below, and the width of the knee above that.
+        Saturation voltage, and the width of the knee above it.
     gain
-        Current for one of the photocurrent; it makes the noise of few photoelectrons that of a larger current.
+        Collector current per photocurrent; it multiplies the shot noise too.
     dark_nA, dark_doubling_K
-        Current without light at 25 °C, and the warming that doubles it.
+        Dark current at 25 °C, and the temperature rise that doubles it.
     rise_per_K
-        Share that a K adds to its sensitivity.
+        Relative increase of the sensitivity per K.
     rise_us, rise_us_per_kohm
-        Rise time from 10 to 90 % with a small load, and what each kΩ adds.
+        Rise time from 10 to 90 % with a small load, and its increase per kΩ.
     most_current_mA, most_supply_V
         Largest current and voltage allowed.
     """
@@ -110,7 +111,7 @@ class Phototransistor:
     def current_mA(
         self, irradiance_mW_cm2: FloatArray, sensitivity_uA: float | FloatArray, temperature_C: float | FloatArray
     ) -> FloatArray:
-        """Current that light generates in parts of a given sensitivity; arrays broadcast."""
+        """Photocurrent of parts of a given sensitivity; arrays broadcast."""
         warmer_K = np.asarray(temperature_C, dtype=float) - REFERENCE_C
         per_mW_cm2 = 1e-3 * np.asarray(sensitivity_uA) * np.maximum(1.0 + self.rise_per_K * warmer_K, 0.0)
         return np.asarray(irradiance_mW_cm2 * per_mW_cm2 + self.dark_mA(temperature_C))
@@ -122,10 +123,10 @@ class Phototransistor:
 
 
 class LoadLine(Result):
-    """Voltages at a phototransistor on a load, in the broadcast shape of the currents.
+    """Voltages at a phototransistor with a load, in the broadcast shape of the currents.
 
-    ``collector_mA`` flows. ``output_ohm`` turns a small current there into volts: the load, and less in saturation.
-    ``drive_ohm`` does so for the current that light asks for: volts fall by so much for each A of it.
+    ``collector_mA`` flows. ``output_ohm`` converts a small collector current to voltage: the load, or less in
+    saturation. ``drive_ohm`` does so for the photocurrent: the voltage drop per ampere.
     """
 
     volts: FloatArray
@@ -141,14 +142,14 @@ def load_line(
     saturation_V: float = SATURATION_V,
     knee_V: float = KNEE_V,
 ) -> LoadLine:
-    """Voltages at the collector for the currents that light generates.
+    """Voltages at the collector for given photocurrents.
 
     Parameters
     ----------
     current_mA, load_ohm
         Arrays that broadcast; currents of at least 0.
     supply_V, saturation_V, knee_V
-        Above the load, the voltage that the transistor cannot pull below, the width of its knee.
+        Supply, saturation voltage and knee width.
 
     Returns
     -------
@@ -176,7 +177,7 @@ def load_line(
 
 
 def spectral_response(part: ReceiverPart, lines: Sequence[tuple[float, float]]) -> float:
-    """Sensitivity for lines of (nm, weight), relative to that at the wavelength its current is stated at.
+    """Sensitivity for lines of (nm, weight), relative to that at the datasheet's wavelength.
 
     1 for a part without a spectrum.
     """
@@ -190,7 +191,7 @@ def spectral_response(part: ReceiverPart, lines: Sequence[tuple[float, float]]) 
 
 
 def exponent_of(part: ReceiverPart) -> float:
-    """Exponent m of the response cos^m θ to a beam, from the angle of half sensitivity; 1, a flat window's, without."""
+    """Exponent m of the response cos^m θ to a beam, from the angle of half sensitivity; default: 1, a flat window."""
     half = part.half_angle_deg
     if half is None or not 0.0 < half.usual < 90.0:
         return 1.0
@@ -200,7 +201,7 @@ def exponent_of(part: ReceiverPart) -> float:
 def angular_factor(exponent: float, angle_deg: FloatArray, power: FloatArray) -> FloatArray:
     """Share of the power through a face that a receiver of response cos^m detects.
 
-    Power through a face has its cos θ already, so a beam counts with cos^(m−1) θ: all alike for a flat window, whose m
+    Power through a face already includes cos θ, so a beam counts with cos^(m−1) θ: equally for a flat window, whose m
     is 1.
 
     Parameters
@@ -208,14 +209,14 @@ def angular_factor(exponent: float, angle_deg: FloatArray, power: FloatArray) ->
     exponent
         m.
     angle_deg
-        Angles of incidence (bins,), as the receiver's window sees them.
+        Angles of incidence (bins,) at the receiver's window.
     power
         Power by angle (..., bins).
 
     Returns
     -------
     array (...)
-        1 where no light arrives.
+        1 if no light arrives.
     """
     cosine = np.clip(np.cos(np.radians(angle_deg)), 1e-6, 1.0)
     total = power.sum(axis=-1)

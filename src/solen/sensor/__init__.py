@@ -1,10 +1,10 @@
 """One design under its motion, as plain calls: lens, body, scene, trace, response, readings.
 
-A :class:`Sensor` is a design with what follows from it at once; a :class:`Response` is what its receivers get over the
-angles of a motion; `readings` are their volts; a :class:`DesignStudy` is all of it, with the lens and without. A
-:class:`Sensitivity` is the derivative by one number of the design; an :class:`Effect` is what a number does that is off
-by its tolerance; a :class:`Practice` is the sensor as built; an :class:`AsPrinted` compares it with that of the lens as
-printed.
+A :class:`Sensor` is a design with its material and lens; a :class:`Response` is the power at its receivers over the
+angles of a motion; `readings` are their voltages; a :class:`DesignStudy` holds all of it, with and without the lens. A
+:class:`Sensitivity` is the derivative with respect to one number of the design; an :class:`Effect` is the change when
+one is off by its tolerance; a :class:`Practice` is the sensor as built; an :class:`AsPrinted` compares printed and
+designed lens.
 """
 
 from solen.sensor.acceptance import Acceptance

@@ -1,14 +1,14 @@
 """The effect of the receivers' directionality on traced power.
 
-A trace gives the power through a receiver's face. A part with a lens sees less of what arrives from the side, so its
-current is not in proportion to that power. `Acceptance` is what its directionality makes of the light of a scene;
-everything that turns traced power into currents takes its shares from here: `solen.sensor.readings`, the simulated
+A trace gives the power through a receiver's face. A part with a lens collects less of the light from the side, so its
+current is not proportional to that power. `Acceptance` applies its directionality to the light of a scene;
+everything that converts traced power to currents uses it: `solen.sensor.readings`, the simulated
 bench and the diagnosis.
 
-A trace tells the angle of incidence in projection. In space light also comes from above and below: upright walls keep
-the y-component of a ray's direction, times the index, so that is known from where it starts. Light is traced in bands
-of it, and each band's angle of incidence follows. Where walls scatter, or a texture tilts them, it is no longer kept,
-and the factor is that of walls that are smooth.
+A trace gives the angle of incidence in projection. In space light also comes from above and below: upright walls
+conserve the y-component of a ray's direction times the index, so it is known from the start. Light is traced in bands
+of it, which gives each band's angle of incidence. Scattering or textured walls do not conserve it;
+then the factor for smooth walls is used.
 """
 
 import math
@@ -32,19 +32,19 @@ SIDES = ("right", "left")
 ANGLE_BINS, BANDS = 90, 8
 """Bins of the angle of incidence in projection, and bands of the y-component of light."""
 FLAT = 1e-6
-"""How near to 1 the exponent of a flat window is."""
+"""An exponent this close to 1 is that of a flat window."""
 
 
 @dataclass(frozen=True)
 class Acceptance:
-    """Directional response of receivers by angle of incidence: cos^m to a beam.
+    """Directional response of receivers to a beam: cos^m of the angle of incidence.
 
     Attributes
     ----------
     exponent
-        m; 1 for a flat window, whose current depends on the power through it alone.
+        m; 1 for a flat window, whose current depends only on the power through it.
     index
-        Of the material at the window: behind a matched face it sees an angle as air would show it, by Snell's law.
+        Index of the material at the window; behind a matched face, Snell's law converts angles to those in air.
     """
 
     exponent: float = 1.0
@@ -59,13 +59,13 @@ class Acceptance:
 
     @property
     def is_flat(self) -> bool:
-        """Whether all light through the face counts alike."""
+        """Whether all light through the face counts equally."""
         return abs(self.exponent - 1.0) < FLAT
 
     def factors(self, scene: Scene) -> FloatArray:
-        """Shares (2,) of the power at the right and the left receiver that their parts see, of a scene's first source.
+        """Shares (2,) of the power from a scene's first source that the right and the left receiver detect.
 
-        1 where no light arrives.
+        1 if no light arrives.
         """
         if self.is_flat:
             return np.ones(len(SIDES))
@@ -81,9 +81,9 @@ class Acceptance:
 
 
 def _bands(scene: Scene) -> Iterator[tuple[Source, tuple[float, ...]]]:
-    """Bands of a scene's first source by the y-component of direction in air, each with two values that stand for it.
+    """Bands of a scene's first source by the y-component of direction in air, each represented by two values.
 
-    They have the mean and the standard deviation of the band's light as it starts.
+    They match the mean and the standard deviation of the band's emitted light.
     """
     source = scene.sources[0]
     if scene.extrusion is None:
@@ -103,7 +103,7 @@ def _bands(scene: Scene) -> Iterator[tuple[Source, tuple[float, ...]]]:
 
 @dataclass(frozen=True, kw_only=True)
 class Band(Source):
-    """The light of a source whose direction has a y-component between two, in size; its other rays have no power."""
+    """A source restricted to y-components of direction whose size lies between two limits; other rays have no power."""
 
     whole: Source
     least: float
@@ -116,11 +116,11 @@ class Band(Source):
 
     @property
     def shape_dimensions(self) -> int:
-        """See `Source.shape_dimensions`; as of the whole source."""
+        """See `Source.shape_dimensions`; same as the whole source."""
         return self.whole.shape_dimensions
 
     def dimensions(self, in_space: bool = False) -> int:
-        """See `Source.dimensions`; as of the whole source."""
+        """See `Source.dimensions`; same as the whole source."""
         return self.whole.dimensions(in_space)
 
     def place(self, u: FloatArray) -> Placed:

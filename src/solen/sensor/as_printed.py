@@ -1,10 +1,10 @@
 """The effect of the printed lens on the response, compared with the designed one.
 
-The idea: the same body, emitter and material with two lenses. What lies between their responses is what printing did;
-its uncertainty follows from outlines drawn within that of the measured profile. These are traced at some of the angles,
-and less closely than the lens itself: eight outlines give an uncertainty to a quarter. Light of a point is integrated,
-as it jumps; of a chip, whose light is smooth, a fan of `DRAWN_RAYS` is enough. Where the design is a point, a chip is
-compared as well: the step of a point hides what a real emitter shows.
+The idea: the same body, emitter and material with two lenses. The difference of their responses is the effect of
+printing; its uncertainty follows from outlines drawn within that of the measured profile. These are traced at fewer
+angles and with fewer rays than the lens itself: eight outlines give an uncertainty to a quarter. Light of a point is
+integrated, because its response has steps; for a chip, whose response is smooth, a fan of `DRAWN_RAYS` suffices. For
+a point, a chip is compared as well: the steps hide what a real emitter would show.
 
 The interface: `as_printed` of a sensor with a measured lens, which returns an `AsPrinted`.
 """
@@ -26,13 +26,13 @@ from solen.spec import with_values
 from solen.trace.adaptive import is_extended
 
 MOST_ANGLES, MOST_ANGLES_IN_SPACE = 13, 5
-"""Angles at most at which the two are compared, in the plane and in space."""
+"""Most angles at which the two are compared, in the plane and in space."""
 DRAWS = 8
-"""Outlines drawn within the uncertainty; a standard uncertainty is known to a quarter by so many."""
+"""Outlines drawn within the uncertainty; this many determine a standard uncertainty to a quarter."""
 DRAWN_TOLERANCE = 1e-3
-"""Within what fraction of the emitted power light through a drawn outline is integrated."""
+"""Tolerance of the integration through a drawn outline, as a fraction of the emitted power."""
 DRAWN_RAYS = 2**14
-"""Rays of a chip through a drawn outline: a contrast is known to some 5e-4 by them."""
+"""Rays of a chip through a drawn outline; they give a contrast to about 5e-4."""
 
 
 @dataclass(frozen=True)
@@ -54,11 +54,11 @@ class Comparison(Result):
     designed, printed
         The two responses.
     u_shape
-        (N,) standard uncertainty of the printed one's contrast by that of its outline alone.
+        (N,) standard uncertainty of the printed lens's contrast due to its outline alone.
     null_designed_deg, null_printed_deg
         Their nulls, None if there is none.
     u_null_shift_deg
-        Standard uncertainty of the distance of the nulls.
+        Standard uncertainty of the distance between the nulls.
     """
 
     width_mm: float
@@ -76,7 +76,7 @@ class Comparison(Result):
 
     @reported
     def u_difference(self) -> FloatArray:
-        """(N,) standard uncertainty of `difference`: of the outline, and of both traces."""
+        """(N,) standard uncertainty of `difference`, from the outline and both traces."""
         return np.sqrt(self.u_shape**2 + self.printed.u_contrast**2 + self.designed.u_contrast**2)
 
     @reported
@@ -106,7 +106,7 @@ class AsPrinted(Result):
     emitter, chip
         Comparison with the design's emitter, and with a chip of `CHIP_MM` where that is a point, else None.
     draws
-        Outlines that the uncertainties come from, 0 where the profile is exact.
+        Outlines drawn for the uncertainties; 0 for an exact profile.
     """
 
     lens: MeasuredLens = field(metadata=HIDDEN)
@@ -149,7 +149,7 @@ def as_printed(
     Raises
     ------
     DesignError
-        If the lens is not a measured one, or the body cannot be built with one of the two.
+        If the lens is not measured, or the body cannot be built with one of the two lenses.
     """
     if not isinstance(sensor.cut, MeasuredLens):
         raise DesignError("lens.shape", value=sensor.design.lens.shape, limit='must be "measured" for a comparison')
@@ -205,7 +205,7 @@ def _comparison(
 def _contrasts(drawn: Sensor, response: Response) -> FloatArray:
     """Contrasts (N,) with a drawn outline at the angles of a response; NaN where no light arrives.
 
-    Where that was integrated for a point, or sampled, so are these; else a fan tells them.
+    Integrated or sampled like that response; otherwise from a fan of rays.
     """
     angles, scene = response.angle_deg.tolist(), drawn.scene(float(response.angle_deg[0]))
     integrated = not is_extended(scene) and all(trace.method == "adaptive" for trace in response.traces)
@@ -217,7 +217,7 @@ def _contrasts(drawn: Sensor, response: Response) -> FloatArray:
 
 
 def _u_null(response: Response, u_shape: FloatArray, null_deg: float | None) -> float | None:
-    """Uncertainty of a null: that of the contrast there by its slope between the angles beside it."""
+    """Uncertainty of a null: that of the contrast there, divided by the slope between neighbouring angles."""
     if null_deg is None or len(response.angle_deg) < 2:
         return None
     slope = slope_per_deg(response, null_deg)

@@ -1,7 +1,7 @@
 """The light budget of a sensor at rest: shares of the emitter's power that add up to 1.
 
-The idea: no ledger tells what met the lens and came back from what never met anything. The same scene with black faces
-and with a black body does. The interface: `budget` of a sensor, which returns a `Budget`.
+The idea: a ledger cannot separate light reflected by the lens from light that missed everything. Tracing the scene
+with black faces and with a black body can. The interface: `budget` of a sensor, which returns a `Budget`.
 """
 
 from dataclasses import dataclass, replace
@@ -15,7 +15,7 @@ from solen.trace.adaptive import why_not
 
 TOLERANCE = 1e-3
 BUDGET_RAYS = 2**17
-"""Rays of the budget where it cannot be integrated."""
+"""Number of rays if the budget cannot be integrated."""
 OPAQUE_PER_MM = 1e6
 
 
@@ -58,10 +58,10 @@ class Budget:
 
 
 def budget(sensor: Sensor) -> Budget:
-    """Where the light of a sensor's emitter goes at rest.
+    """Light budget of a sensor at rest.
 
-    Three traces tell it: of the scene as it is; with all its faces black, which leaves only what meets nothing; and
-    with a body in which light goes nowhere, which leaves that and what never enters.
+    It takes three traces: of the scene itself; with all faces black, so that only light that hits nothing remains; and
+    with a body that absorbs all light entering it, so that only light that never enters remains.
     """
     scene = sensor.scene(0.0)
     scene = replace(scene, sources=scene.sources[:1])
@@ -88,9 +88,9 @@ def budget(sensor: Sensor) -> Budget:
 
 
 def _of_a_face_in_space(scene: Scene, whole: Trace, u: float) -> Budget:
-    """Budget where the trace itself tells what its face reflects: a body in which light goes nowhere does for the rest.
+    """Budget if the trace itself gives the light reflected at the front face; an absorbing body gives the rest.
 
-    A black face in space cannot be stated.
+    A face in space cannot be black.
     """
     opaque, u_opaque = _settled(_opaque(scene))
     right, left = (whole.detectors[name].power for name in ("right", "left"))
@@ -120,7 +120,7 @@ def _black(scene: Scene) -> Scene:
 
 
 def _opaque(scene: Scene) -> Scene:
-    """The scene with a body that takes all light that enters it."""
+    """The scene with a body that absorbs all light entering it."""
     regions = tuple(
         replace(region, absorption_per_mm=OPAQUE_PER_MM, scattering_per_mm=0.0) if region.name == "body" else region
         for region in scene.regions
@@ -129,7 +129,7 @@ def _opaque(scene: Scene) -> Scene:
 
 
 def _settled(scene: Scene) -> tuple[Trace, float]:
-    """Power of all that happens in a scene: integrated, or sampled where that does not do; what it may be off by."""
+    """Powers of a scene, integrated or else sampled, and their uncertainty."""
     if not why_not(scene):
         settled = integrate(scene, "power", TOLERANCE)
         if settled.reached:

@@ -21,22 +21,22 @@ from solen.spec.strict import Finite, Options
 
 @dataclass(frozen=True)
 class Focus:
-    """Foci of a lens in a material of a given index, in mm behind the vertex; None if rays do not meet there.
+    """Foci of a lens in a material of a given index, in mm behind the vertex; None if rays do not converge there.
 
     Attributes
     ----------
     material_index, step
-        Index of the material, and how far that is from the stated one.
+        Index of the material, and its difference from the stated one.
     by_uncertainty
         Whether the step is the standard uncertainty of the index.
     paraxial_focus_mm, marginal_focus_mm
         Of rays near the axis and of those at the edge; None for a measured lens.
     best_focus_mm, u_best_focus_mm
-        Where the spot of all rays is smallest; the uncertainty is that of a measured profile.
+        Position of the smallest spot of all rays; its uncertainty is due to the measured profile.
     spot_rms_mm, spot_x_mm
-        Size of that spot and its distance from the axis, of a measured lens.
+        Size of that spot and its distance from the axis, for a measured lens.
     designed_best_focus_mm
-        The same focus of the oval that a measured lens was to be.
+        The same focus of the designed oval, for a measured lens.
     """
 
     material_index: float
@@ -53,7 +53,7 @@ class Focus:
 
 @dataclass(frozen=True)
 class BodySizes:
-    """Sizes that follow from a body's dimensions, at rest; None for those that a kind of body lacks.
+    """Sizes derived from a body's dimensions, at rest; None for those that a kind of body lacks.
 
     Attributes
     ----------
@@ -64,13 +64,13 @@ class BodySizes:
     area_mm2
         Area of the section.
     emitter_x_mm, emitter_z_mm, emitter_axis_deg
-        Where the emitter stands, and where it points, counter-clockwise from +z.
+        Position of the emitter, and its direction, counter-clockwise from +z.
     arm_angle_deg, arm_angle_assumed
-        Angle of a Y's arms, and whether they are taken to continue the stem's edge.
+        Angle of a Y's arms, and whether they are assumed to continue the stem's edge.
     fork_width_mm
-        Width of the stem where it forks.
+        Width of the stem at the fork.
     stem_base_z_mm, crotch_z_mm
-        Where the stem begins and where the arms part.
+        Where the stem begins and where the arms separate.
     """
 
     file: str | None
@@ -97,7 +97,7 @@ class LensCheck(Result):
     lens
         The lens of the design.
     foci
-        Where it focuses, by the index of the material.
+        Its foci for several indices of the material.
     warnings
         Warnings about lens and material.
     """
@@ -109,14 +109,14 @@ class LensCheck(Result):
 
 
 class LensOptions(Options):
-    """Options of writing the profile of a lens."""
+    """Options for writing the profile of a lens."""
 
     tolerance_mm: Annotated[Finite, Field(ge=1e-9)] = 1e-4
-    """How far a straight line between two points of the table may leave the profile."""
+    """Largest distance of the profile from a straight line between two points of the table."""
 
 
 class Check(Result):
-    """A design that can be built at every angle of its motion, and what follows from it.
+    """A design that can be built at every angle of its motion, with derived values.
 
     Attributes
     ----------
@@ -172,7 +172,7 @@ def lens_check(sensor: Sensor) -> LensCheck:
 
 
 def foci_of(sensor: Sensor) -> tuple[Focus, ...]:
-    """Foci in the sensor's material; of an oval also for a lower and a higher index, of a flat face none."""
+    """Foci in the sensor's material; for an oval also at a lower and a higher index, none for a flat face."""
     lens, index = sensor.cut, sensor.material.index
     if isinstance(lens, MeasuredLens):
         spot, designed_mm = lens.best_spot(index), lens.designed.best_focus_mm(index)

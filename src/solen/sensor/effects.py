@@ -1,9 +1,9 @@
-"""What matters: the change of the response by the tolerance of each number of a design.
+"""Effects of tolerances: the change of the response when each number of a design is off by its tolerance.
 
-The idea: a derivative alone ranks by its unit. Times the tolerance of its number it says what a print and an LED
-make of the sensor. Every number is set off to both sides, the lens as it is cut for what was designed, and
-the contrast is integrated near the null, at a third of the motion and at its ends; of a symmetric sensor on one side.
-How a turned lens joins the stem is a choice of the model that no tolerance states: there the other joins are compared.
+The idea: derivatives in different units cannot be ranked. Multiplied by tolerances they show what real prints and LEDs
+do to the sensor. Each number is changed to both sides while the lens keeps its designed shape, and
+the contrast is integrated near the null, at a third of the motion and at its ends; on one side for symmetric sensors.
+How a turned lens joins the stem is a choice of the model without a tolerance; there the other joins are compared.
 
 The interface: `effects` of a sensor and its response, which returns an `Effect` for each number, the largest first.
 """
@@ -31,30 +31,30 @@ KEYS = (
     *(f"emitter.{name}" for name in ("offset_mm", "width_mm", "distance_mm")),
     *("material.index", "material.absorption_per_mm", "body.arm_width_mm", "receivers.gap_mm"),
 )
-"""Numbers that are compared; what else the light depends on moves it by less in designs like the shipped ones."""
+"""Numbers that are compared; others affect the light less in designs like the shipped ones."""
 JOIN = "motion.join"
 TOLERANCE, STANDARD_ERROR = 3e-4, 1e-3
-"""To what a power is integrated here, and to what standard error it is sampled where that does not do."""
+"""Tolerance of integrated powers, and standard error of sampled ones."""
 NEAR_SHARE = 1 / 3
 OF_MATERIAL = {"material.absorption_per_mm", "emitter.wavelength_nm"}
 """Numbers beside the index that the material at the emitter's wavelength depends on."""
 RESOLVED = 2.0
-"""How many times its uncertainty a change must be to count."""
+"""A change counts if it exceeds this multiple of its uncertainty."""
 
 
 class Effect(Result):
-    """Change of the response where one number is higher by its tolerance; half the way from lower to higher.
+    """Change of the response when one number is higher by its tolerance: half the difference of high and low.
 
     Attributes
     ----------
     key, value
-        The number and its value; of ``motion.join`` the other join.
+        The number and its value; for ``motion.join`` the other join.
     tolerance, by_uncertainty
-        How far it may be off, and whether that is its standard uncertainty; of a join None.
+        Its tolerance, and whether that is its standard uncertainty; None for a join.
     angle_deg, contrast, u_contrast
         Angles (K,), the change of the contrast there and its uncertainty.
     received, u_received
-        Change of the power at both receivers, mean over these angles, as a share of it.
+        Relative change of the power at both receivers, averaged over these angles.
     null_deg, u_null_deg
         Change of the null; None without one.
     """
@@ -117,15 +117,12 @@ def effects(
 
 
 def off_by(sensor: Sensor, key: str, step: float) -> Sensor:
-    """The sensor as it comes out where a number is off by a step, as `as_built` does."""
+    """The sensor with a number off by a step; see `as_built`."""
     return as_built(sensor, {key: step})
 
 
 def as_built(sensor: Sensor, steps: Mapping[str, float]) -> Sensor:
-    """The sensor as it comes out where numbers are off by some steps.
-
-    The lens is cut for what was designed, unless the drawing of the lens itself is off.
-    """
+    """The sensor with numbers off by steps; the lens keeps its designed shape, unless its own drawing is off."""
     index = steps.get("material.index", 0.0)
     values = {key: number(sensor, key) + step for key, step in steps.items() if key != "material.index"}
     other = Sensor.of(with_values(sensor.design, values)) if values else sensor
@@ -139,7 +136,7 @@ def as_built(sensor: Sensor, steps: Mapping[str, float]) -> Sensor:
 
 
 def swept(sensor: Sensor, angles: Sequence[float], known: Response | None = None) -> Response:
-    """Response at angles; those of a known response are not traced again."""
+    """Response at angles; angles of a known response are not traced again."""
     missing = [angle for angle in angles if known is None or angle not in known.angle_deg]
     old = None if known is None else known.part([known.at(angle) for angle in angles if angle not in missing])
     if not missing and old is not None:
@@ -149,14 +146,14 @@ def swept(sensor: Sensor, angles: Sequence[float], known: Response | None = None
 
 
 def index_steps(material: Optical, step: float) -> list[tuple[float, bool]]:
-    """Offsets of an index: lower, none, higher; and whether they are its standard uncertainty."""
+    """Offsets of the index (lower, none, higher), and whether they are its standard uncertainty."""
     size = material.u_index or step
     offsets = [one for one in (-size, 0.0, size) if material.index + one >= 1.0]
     return [(one, bool(material.u_index) and one != 0.0) for one in offsets]
 
 
 def _base(sensor: Sensor, response: Response, null_deg: float) -> Response:
-    """The response near the null, at a third of the motion and at the ends; of a symmetric sensor from one end to 0."""
+    """Response near the null, at a third of the motion and at its ends; on one side only if symmetric."""
     there = response.angle_deg
     wanted = {float(there[0]), *(() if sensor.is_symmetric and there[0] < 0.0 else (float(there[-1]),))}
     wanted |= {null_deg + NEAR_SHARE * (end - null_deg) for end in wanted} | {null_deg}
@@ -185,7 +182,7 @@ def _of_number(sensor: Sensor, key: str, base: Response, null: tuple[float, Slop
 
 
 def _still(sensor: Sensor, other: Sensor, base: Response) -> Response | None:
-    """Response without a trace at rest, where two symmetric sensors have a contrast of 0; None for others."""
+    """Response at rest of symmetric sensors, whose contrast is 0 without a trace; None for others."""
     resting = base.angle_deg == 0.0
     if not (resting.any() and sensor.is_symmetric and other.is_symmetric):
         return None

@@ -1,9 +1,9 @@
-"""Which lens: a design with the cylinder, with layers and with a line focus, beside one another.
+"""Choice of lens: a design compared with the cylinder, the layered and the line-focus lens.
 
-The idea: lenses for space keep the focus for skew rays, so a small angle moves more light; they ask for an emitter in
-the middle of the body's height, and their response is bent more. So each lens is traced at a few angles of the design's
-motion, once as it is and at one angle with the emitter off in y. Angles are shares of the way from the null to the ends
-of the motion; of a symmetric sensor on one side, of which the other is the mirror image.
+The idea: lenses for space keep the focus for skew rays, so a small angle moves more light; they require an emitter at
+mid-height of the body, and their response is less linear. So each lens is traced at a few angles of the design's
+motion, and at one angle also with the emitter off in y. Angles are fractions of the way from the null to the ends
+of the motion; on one side only for symmetric sensors.
 
 The interface: `lens_choice` of a sensor and its response, which returns a `LensChoice`.
 """
@@ -24,10 +24,10 @@ from solen.spec import with_values
 
 SHAPES = CYLINDER, LAYERED, _ = ("cartesian-oval", "layered", "line-focus")
 SIXTHS, OFF_SIXTH = (1, 2, 3, 6), 2
-"""Sixths of the way from the null to an end of the motion: all that are compared, and the one with the emitter off."""
+"""Sixths of the way from the null to an end of the motion: those compared, and the one with the emitter off."""
 Y_OFF_MM, LEAST_DEG = 0.1, 1e-6
 WORTH, RESOLVED = 1.1, 2.0
-"""Gain of the signal above which another lens pays, and by how many of its uncertainties it must be above that."""
+"""Gain of the signal above which another lens is worthwhile, and the required margin in uncertainties of the gain."""
 
 
 class LensFigures(Result):
@@ -40,13 +40,13 @@ class LensFigures(Result):
     angle_deg, contrast, u_contrast
         Angles (K,) and the contrast there, with its uncertainty.
     slope_per_deg, u_slope_per_deg, within_deg
-        Slope of the contrast about the null, between the nearest angles on both sides, and half the way between them.
+        Slope of the contrast about the null, between the nearest angles on both sides, and half their distance.
     received, u_received
         Power at both receivers, mean over the angles.
     nonlinearity, u_nonlinearity
-        Largest deviation of the contrast from the straight line for which it is least, as a share of half its range.
+        Largest deviation of the contrast from the minimax straight line, relative to half its range.
     off_deg, off_contrast, u_off_contrast, off_received
-        Where it was traced with the emitter off in y as well, and what it gives there.
+        Angle also traced with the emitter off in y, and the results there.
     """
 
     shape: str
@@ -67,29 +67,29 @@ class LensFigures(Result):
 
     @property
     def there(self) -> tuple[float, float]:
-        """Contrast with its uncertainty, where it was traced with the emitter off as well."""
+        """Contrast and its uncertainty at the angle that was also traced with the emitter off."""
         place = int(np.argmin(np.abs(self.angle_deg - self.off_deg)))
         return float(self.contrast[place]), float(self.u_contrast[place])
 
     @property
     def off_signal(self) -> tuple[float, float]:
-        """Signal (R − L) with the emitter off, in size, and its uncertainty."""
+        """Absolute signal |R − L| with the emitter off, and its uncertainty."""
         return abs(self.off_contrast) * self.off_received, self.u_off_contrast * self.off_received
 
 
 class LensChoice(Result):
-    """A design with one lens after the other.
+    """A design with each lens.
 
     Attributes
     ----------
     y_off_mm
-        How far off the emitter is in y, away from the middle of the body's height.
+        Offset of the emitter in y from mid-height of the body.
     own
         The design's own lens.
     lenses
         The lenses that can be made, the cylinder first.
     skipped
-        Others, and why they cannot.
+        Other lenses, with the reasons.
     """
 
     y_off_mm: float
@@ -103,7 +103,7 @@ class LensChoice(Result):
 
     @reported
     def gain(self) -> float | None:
-        """Signal (R − L) of the layered lens over that of the cylinder, both with the emitter off; None without one."""
+        """Signal of the layered lens relative to the cylinder's, with the emitter off; None if one is missing."""
         found = self._gained
         return None if found is None else found[0]
 
@@ -115,7 +115,7 @@ class LensChoice(Result):
 
     @reported
     def layers_pay(self) -> bool | None:
-        """Whether the layered lens's signal is even so more than a tenth above, beyond twice the gain's uncertainty."""
+        """Whether its gain with the emitter off exceeds 1.1, beyond twice its uncertainty."""
         found = self._gained
         return None if found is None else found[0] - WORTH > RESOLVED * found[1]
 
@@ -132,21 +132,21 @@ class LensChoice(Result):
 
 
 def lens_choice(sensor: Sensor, known: Response, null_deg: float | None) -> LensChoice:
-    """A sensor with each lens that it may have.
+    """Compare a sensor with each possible lens.
 
     Parameters
     ----------
     sensor
         A design in space with a chip, with a cylinder or a lens for space.
     known
-        Its response; angles of it are not traced again.
+        Its response; its angles are not traced again.
     null_deg
         Its null.
 
     Raises
     ------
     DesignError
-        If there is nothing to compare, with the reason.
+        If no comparison is possible, with the reason.
     """
     if why := _why_not(sensor, null_deg):
         raise DesignError("comparison of lenses", value=sensor.design.name, limit=why)
@@ -168,12 +168,12 @@ def lens_choice(sensor: Sensor, known: Response, null_deg: float | None) -> Lens
 
 
 def _why_not(sensor: Sensor, null_deg: float | None) -> str:
-    """Why there is nothing to compare; empty if there is."""
+    """Reason why no comparison is possible; empty if one is."""
     plane = sensor.design.trace.dimension != "extruded"
     cases = {
         "light stays in the plane, where all of them are the Cartesian oval": plane,
         "the design has no oval of its own": sensor.is_drawn or sensor.design.lens.shape not in SHAPES,
-        "a file of rays is not followed through a lens for space": sensor.light.ray_file is not None,
+        "rays of a file cannot be traced through a lens for space": sensor.light.ray_file is not None,
         "the emitter is a point: state its chip": not sensor.light.width_mm > 0.0,
         "the response has no null": null_deg is None,
     }
@@ -181,21 +181,21 @@ def _why_not(sensor: Sensor, null_deg: float | None) -> str:
 
 
 def _why_not_about(ends_deg: Sequence[float], *, mirrored: bool) -> str:
-    """Why nothing can be compared about the null by the ends of the motion; empty if it can."""
+    """Reason why the motion allows no comparison about the null; empty if it does."""
     if not ends_deg:
-        return "the motion does not leave the null"
+        return "the motion does not extend beyond the null"
     if len(ends_deg) == 1 and not mirrored:
-        return "the motion begins or ends at the null, and the design is not symmetric: let it go to both sides"
+        return "the motion begins or ends at the null, and the design is not symmetric: extend it to both sides"
     return ""
 
 
 def _is_mirrored(sensor: Sensor, known: Response) -> bool:
-    """Whether the response to one side of 0 is the mirror image of that to the other, and 0 is within the motion."""
+    """Whether the response is mirror-symmetric about 0, and 0 lies within the motion."""
     return sensor.is_symmetric and float(known.angle_deg[0]) <= 0.0 <= float(known.angle_deg[-1])
 
 
 def _ends_deg(known: Response, null_deg: float, *, mirrored: bool) -> list[float]:
-    """Ends of the motion to which lenses are compared, the farther one first: of a symmetric sensor one."""
+    """Ends of the motion used for the comparison, the farther first; one for a symmetric sensor."""
     first, last = float(known.angle_deg[0]), float(known.angle_deg[-1])
     ends = [first] if mirrored and first < -LEAST_DEG else [first, last]
     return sorted((end for end in ends if abs(end - null_deg) > LEAST_DEG), key=lambda end: -abs(end - null_deg))

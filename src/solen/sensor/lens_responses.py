@@ -1,6 +1,6 @@
-"""What several lenses make of one sensor: contrast at a few angles, and light, each with its standard error.
+"""Responses of one sensor with several lenses: contrast at a few angles, and light, each with its standard error.
 
-All are sampled in the same way, so that a cylinder and a lens for space are compared alike.
+All are sampled in the same way, so that a cylinder and a lens for space are comparable.
 
 The interface: `lens_responses` of sensors by name.
 """
@@ -15,9 +15,9 @@ from solen.sensor.response import contrast, powers
 from solen.sensor.sensor import Sensor
 
 ANGLES_DEG = (0.5, 1.0, 3.0)
-"""Angles at which lenses are compared."""
+"""Angles of the comparison."""
 TOLERANCE = 5e-4
-"""Standard error of the power that samples are taken to."""
+"""Required standard error of the sampled power."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,12 +27,12 @@ class LensResponse:
     Attributes
     ----------
     name
-        Of the lens.
+        Name of the lens.
     angle_deg, contrast, u_contrast
-        Angles (N,), contrast of the receivers there, right less left, and its standard error; NaN without light.
+        Angles (N,), contrast there, and its standard error; NaN without light.
     light, u_light
-        What both receivers get of the emitted power, mean over the angles, and its standard error at most: errors of
-        both receivers and of all angles, which start from the same seed, are taken to add up.
+        Share of the emitted power at both receivers, averaged over the angles, and an upper limit of its standard
+        error: errors of both receivers and of all angles, which share a seed, are added linearly.
     """
 
     name: str
@@ -59,7 +59,7 @@ class LensResponse:
 def lens_responses(
     sensors: Mapping[str, Sensor], angles_deg: Sequence[float] = ANGLES_DEG, progress: Progress | None = None
 ) -> tuple[LensResponse, ...]:
-    """Responses of sensors by the names of their lenses; `DesignError` if one has not two receivers."""
+    """Responses of sensors by the names of their lenses; `DesignError` if one does not have two receivers."""
     made = []
     for done, (name, sensor) in enumerate(sensors.items(), start=1):
         sensor.check_pair()

@@ -1,4 +1,4 @@
-"""Numbers of a design that its light depends on: which they are, their values, and how far off they may be."""
+"""Numbers of a design that affect its light: keys, values and tolerances."""
 
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
@@ -17,14 +17,15 @@ OPTICAL_KEYS = (
     *(f"body.{name}" for name in ("stem_length_mm", "stem_curve_per_mm", "arm_length_mm", "arm_width_mm")),
     *("body.arm_angle_deg", "body.thickness_mm", "receivers.gap_mm"),
 )
-"""Numbers of a design that its light depends on, at a given angle of the motion."""
+"""Numbers of a design that affect its light at a given angle of the motion."""
 OF_A_LENS_IN_SPACE = ("emitter.y_mm", "lens.y_focus_mm")
-"""Numbers that light through a lens for space depends on as well."""
+"""Further numbers that affect light through a lens for space."""
 
 MATCHED = (
-    "something of the same index touches a wall, where there is no derivative: either way light is reflected there"
+    "a medium of the same index touches a wall: no derivative exists there, as light is reflected for either sign "
+    "of the change"
 )
-LAYERS = "a body has a whole number of layers, and their borders jump with it: compare designs with some values set"
+LAYERS = "the number of layers is whole, so their borders jump: compare two designs with --set"
 OF_THE_MATERIAL = ("material.index", "material.absorption_per_mm")
 USUAL = {"material.index": 0.01, "material.absorption_per_mm": 0.005}
 """Tolerances where the resin states no uncertainty: a reflectance good to 0.001 gives the index to 0.008."""
@@ -33,11 +34,11 @@ PLACED_MM = 0.5
 MODULUS_SHARE = 0.1
 """How well the modulus of a soft body is known, as a share of it."""
 OF_THE_LIGHT = ("wavelength_nm", "cone_deg", "width_mm", "height_mm")
-"""Numbers of the emitter that a part may state where the design does not."""
+"""Numbers of the emitter that a part may supply."""
 
 
 def number(sensor: "Sensor", key: str) -> float:
-    """Value of a number of the design; `SpecError` if it is not a real number that the design states."""
+    """Value of a number of the design; `SpecError` if it is not a real number stated in the design."""
     value = value_at(sensor.design, key)
     table, _, name = key.partition(".")
     if table == "emitter" and name in OF_THE_LIGHT:
@@ -48,13 +49,13 @@ def number(sensor: "Sensor", key: str) -> float:
         value = getattr(sensor.material, name)
     if isinstance(value, bool | int) or not isinstance(value, float):
         raise SpecError(
-            key, value=value, limit="must be a real number that the design states", remedy="set it in the design"
+            key, value=value, limit="must be a real number stated in the design", remedy="set it in the design"
         )
     return value
 
 
 def tolerance_of(sensor: "Sensor", key: str) -> tuple[float, bool]:
-    """Tolerance of a number, and whether it is a standard uncertainty; by default a hundredth of the number."""
+    """Tolerance of a number, and whether it is a standard uncertainty; default: one per cent of the number."""
     stated = sensor.design.tolerance.of(key)
     u = {
         "material.index": sensor.material.u_index,
@@ -81,14 +82,14 @@ def inert(sensor: "Sensor", key: str) -> str:
         "lens.layer_mm": (True, LAYERS),
         "lens.y_focus_mm": (
             not isinstance(design.lens.y_focus_mm, float),
-            "the design states no number of it: set one"
+            "the design states no value: set one"
             if design.lens.shape == "line-focus"
-            else "of line-focus alone",
+            else "applies to line-focus only",
         ),
         "emitter.y_mm": (flat, in_plane),
         "emitter.wavelength_nm": (
             not resin and not sensor.scene().wavelengths_nm,
-            "the index is stated, whatever the wavelength",
+            "the index is stated, independent of the wavelength",
         ),
         "emitter.width_mm": (sensor.light.width_mm == 0.0, "the emitter is a point"),
         "emitter.height_mm": (flat or sensor.light.height_mm == 0.0, in_plane if flat else "the emitter is a line"),
@@ -110,7 +111,7 @@ def inert(sensor: "Sensor", key: str) -> str:
 
 
 def _is_matched(sensor: "Sensor") -> bool:
-    """Whether something of the body's own index touches a bare wall; through a film both ways are smooth."""
+    """Whether a medium of the body's own index touches a bare wall; behind a film the dependence is smooth."""
     bare = [wall for wall in sensor.design.wall if wall.gap_um is None and not wall.coating]
     return any(wall.index == sensor.material.index for wall in bare)
 

@@ -1,9 +1,9 @@
-"""A sensor as built: its LED has a size and emits into space, and its numbers are off by their tolerances.
+"""A sensor as built: with an LED of finite size that emits into space, and numbers off by their tolerances.
 
-The idea: three descriptions of one sensor. As in the paper, a point in the plane: the sketch. As the design states it.
-And as built: with the design's chip, or one of `CHIP_MM` for its point, in space, Lambertian where it states a fan.
-What matters is found for the sensor as built (`solen.sensor.effects`). What has no meaning for a design, or cannot
-be built, is left out, and `Practice.skipped` says why.
+The idea: three descriptions of one sensor. As in the paper: a point in the plane. As the design states it.
+And as built: with the design's chip (one of `CHIP_MM` in place of a point), in space, Lambertian in place of a fan.
+Effects are computed for the sensor as built (`solen.sensor.effects`). What does not apply to a design, or cannot
+be built, is omitted; `Practice.skipped` gives the reasons.
 
 The interface: `practice` of a sensor and its response, which returns a `Practice`.
 """
@@ -26,7 +26,7 @@ from solen.spec import with_values
 from solen.trace import Slope
 
 CHIP_MM = 0.2
-"""Width and height of a small LED chip, where the design states none."""
+"""Width and height of a small LED chip, used if the design states none."""
 MOST_ANGLES = 13
 """Angles at most at which a sensor is traced that differs from the design."""
 PAPER_TOLERANCE = 1e-5
@@ -42,16 +42,16 @@ PAPER: dict[str, Any] = dict.fromkeys(f"emitter.{key}" for key in UNSTATED) | {
     "emitter.height_mm": 0.0,
     "trace.dimension": "2d",
 }
-"""What makes the paper's emitter of any."""
+"""Settings that replace any emitter by the paper's."""
 DARK: dict[str, Any] = {"ambient.power": 0.0, "ambient.irradiance_per_mm": 0.0}
-"""Ambient light is of the plane, and plays no part: it is subtracted."""
+"""Ambient light is omitted: it is modelled in the plane only, and is subtracted anyway."""
 
 T = TypeVar("T")
 
 
 @dataclass(frozen=True)
 class Extent:
-    """Size of the emitter: the design's ``own``, one for ``comparison``, or that of its ``file`` of rays."""
+    """Size of the emitter: the design's ``own``, a chip for ``comparison``, or that of its ray ``file``."""
 
     width_mm: float
     height_mm: float
@@ -66,11 +66,11 @@ class Built(Result):
     emitter
         Size of the chip.
     pattern, pattern_replaced
-        What it emits by; whether that stands for the design's fan, which has no light out of the plane.
+        Its pattern, and whether that replaces the design's fan, which has no light out of the plane.
     cone_deg, thickness_mm
         Of the emitter and of the body.
     is_design
-        Whether it is the design as it is stated.
+        Whether it is the design itself.
     response
         Its response.
     null_deg, slope_per_deg, u_slope_per_deg
@@ -90,18 +90,18 @@ class Built(Result):
 
 
 class Practice(Result):
-    """A design as built; None is what ``skipped`` gives a reason for, by the same name.
+    """A design as built; ``skipped`` explains each None by its name.
 
     Attributes
     ----------
     paper
-        Response of a point in the plane, as in the paper; None if the design is just that.
+        Response of a point in the plane, as in the paper; None if that is the design.
     built
         The sensor with its LED in space.
     effects
         Effects of errors of its numbers on the response, the largest first.
     budget
-        Where the light goes at rest.
+        Light budget at rest.
     lenses
         The design with other lenses.
     skipped
@@ -116,7 +116,7 @@ class Practice(Result):
     skipped: dict[str, str]
 
     def effect(self, key: str) -> Effect | None:
-        """The largest effect of a number by its key."""
+        """Effect of a number by its key."""
         return next((effect for effect in self.effects if effect.key == key), None)
 
     @reported
@@ -127,19 +127,19 @@ class Practice(Result):
             return ()
         place = int(np.nanargmax(np.abs(index.contrast)))
         return (
-            f"the index is known to ± {index.tolerance:.2g} only: within that the response moves by up to "
+            f"the index is known only to ± {index.tolerance:.2g}: within that range the response changes by up to "
             f"{index.largest:.2g} in contrast, at {index.angle_deg[place]:+.3g}°",
         )
 
 
 class _NoMeaning(Exception):  # noqa: N818  a reason, not an error
-    """Why a part has no meaning for a design."""
+    """Reasons why parts do not apply to a design."""
 
 
 def practice(
     sensor: Sensor, own: Response, progress: Progress | None = None, *, slope: Slope | None = None
 ) -> Practice:
-    """A sensor as in the paper and as built, and what matters.
+    """Compute a sensor as in the paper, as built, and effects of tolerances.
 
     Parameters
     ----------
@@ -150,7 +150,7 @@ def practice(
     progress
         Called with the completed share, up to 1.
     slope
-        Slope of its contrast at the null, where that is known.
+        Slope of its contrast at the null, if known.
     """
     skipped: dict[str, str] = {}
 
@@ -181,7 +181,7 @@ def practice(
 
 
 def extent_of(sensor: Sensor) -> Extent:
-    """Size of the emitter that it is built with."""
+    """Size of the emitter as built."""
     light = sensor.light
     if light.ray_file is not None:
         return Extent(0.0, 0.0, "file")
@@ -236,18 +236,18 @@ def _built(sensor: Sensor, real: Sensor, own: Response, known: Slope | None) -> 
 
 
 def _with(sensor: Sensor, values: dict[str, Any]) -> Sensor:
-    """The sensor with some values set; its lens and its material stay."""
+    """The sensor with some values set; lens and material are unchanged."""
     return replace(sensor, design=with_values(sensor.design, values))
 
 
 def spread(angles: Sequence[float], most: int) -> list[float]:
-    """So many of the angles at most, evenly, both ends included."""
+    """At most the given number of angles, evenly spaced, both ends included."""
     places = np.unique(np.round(np.linspace(0, len(angles) - 1, min(len(angles), most))).astype(int))
     return [angles[i] for i in places.tolist()]
 
 
 def slope_per_deg(response: Response, null_deg: float) -> float:
-    """Slope of the contrast between the angles on both sides of a null."""
+    """Slope of the contrast between the neighbouring angles of a null."""
     angle, value = response.angle_deg, response.contrast
     high = int(np.clip(np.searchsorted(angle, null_deg), 1, len(angle) - 1))
     low = high - 1 if angle[high] > null_deg or high == len(angle) - 1 else high

@@ -1,7 +1,7 @@
-"""The response that a printed lens loses: contrast, slope and light beside those of the designed lens.
+"""The response lost by printing: contrast, slope and light compared with the designed lens.
 
-Both are traced by power with the same fan of rays, so that what differs is the lens. A point emitter shows every ripple
-of a lens, and none is a point: beside it a small chip is compared.
+Both are traced in power with the same fan of rays, so that only the lens differs. A point emitter shows every ripple
+of a lens, which no real emitter does: a small chip is compared as well.
 
 The interface: `print_loss` of a sensor and a profile, which returns a `PrintLoss`.
 """
@@ -56,12 +56,12 @@ class EmitterLoss:
 
     @reported
     def slope_lost_percent(self) -> float | None:
-        """Share of the slope that is lost; below 0 where it is steeper."""
+        """Share of the slope that is lost; negative if it is steeper."""
         return _lost_percent(self.slope_designed_per_deg, self.slope_printed_per_deg)
 
     @reported
     def light_lost_percent(self) -> float | None:
-        """Share of the light that is lost, all angles together."""
+        """Share of the light that is lost, summed over all angles."""
         return _lost_percent(float(sum(self.light_designed)), float(sum(self.light_printed)))
 
     @reported
@@ -86,7 +86,7 @@ class EmitterLoss:
 
 @dataclass(frozen=True, eq=False)
 class PrintLoss:
-    """Responses with the design's own emitter, and with a chip of `CHIP_MM` where that is a point."""
+    """Responses with the design's own emitter, and with a chip of `CHIP_MM` if that is a point."""
 
     own: EmitterLoss
     chip: EmitterLoss | None
@@ -94,7 +94,7 @@ class PrintLoss:
 
     @property
     def real(self) -> EmitterLoss:
-        """Responses of an emitter that has a width: the chip, or the design's own."""
+        """Responses of an emitter with a width: the chip, or the design's own."""
         return self.chip or self.own
 
 
@@ -117,7 +117,7 @@ def print_loss(sensor: Sensor, profile: MeasuredProfile, progress: Progress | No
 
 def _compared(sensor: Sensor, profile: MeasuredProfile) -> EmitterLoss:
     if not isinstance(sensor.cut, OvalLens):
-        limit = "a printed profile is traced in place of a Cartesian oval of a Y"
+        limit = "only a Cartesian oval of a Y can be replaced by a printed profile"
         raise DesignError("lens", value=sensor.design.lens.shape, limit=limit, remedy="leave the response out")
     printed = Sensor(sensor.design, sensor.material, measured_lens(sensor.cut, profile))
     angles = spread(sensor.design.motion.angles_deg(), MOST_ANGLES)
@@ -144,7 +144,7 @@ def _traced(sensor: Sensor, angles_deg: list[float]) -> tuple[FloatArray, FloatA
 
 
 def _slope(contrasts: FloatArray) -> float | None:
-    """Slope between the last two of some contrasts, which are those about 0."""
+    """Slope between the last two contrasts, those about 0."""
     slope = float((contrasts[-1] - contrasts[-2]) / (2.0 * SLOPE_DEG))
     return slope if np.isfinite(slope) else None
 

@@ -1,7 +1,7 @@
-"""Readings of a sensor's receivers over its motion: traced power, with directionality, and its voltages.
+"""Readings of a sensor's receivers over its motion: traced power with directionality, and voltages.
 
-`received` gives the shares of the light that receivers make their current of, as `solen.sensor.acceptance` says;
-`readings` turns them into voltages.
+`received` gives the share of the light that receivers convert to current (see `solen.sensor.acceptance`);
+`readings` converts it to voltages.
 """
 
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ from solen.sensor.sensor import Sensor
 from solen.sensor.unused_keys import keys_without_effect
 
 ANGLE_RAYS, ANGLE_RAYS_IN_SPACE = 2**12, 2**15
-"""Rays that tell at which angles light arrives: a directional part's share of it is then good to some 0.2 %."""
+"""Rays that sample the angles of arrival: a directional part's share is then good to about 0.2 %."""
 
 
 def received(sensor: Sensor, response: Response) -> FloatArray:
@@ -35,7 +35,7 @@ def received(sensor: Sensor, response: Response) -> FloatArray:
 
 @dataclass(frozen=True)
 class PartUsed:
-    """A part that a circuit is made of, its document, and which of its numbers are estimates."""
+    """A part of a circuit, its document, and which of its numbers are estimates."""
 
     name: str
     kind: str
@@ -73,7 +73,7 @@ class DesignReadings(Readings, kw_only=True):
 
 
 def design_readings(sensor: Sensor, progress: Progress | None = None) -> DesignReadings:
-    """Readings of a sensor as `readings` gives them, with the parts of its circuit and what must be known of it."""
+    """Readings of a sensor, with the parts of its circuit, warnings and sources."""
     design, found = sensor.design, readings(sensor, progress)
     in_space, dark_V = design.trace.dimension == "extruded", float(found.off_V.max())
     reasons = cautions(found.circuit, found.advice, sensor.light.wavelength_nm, dark_V, in_space=in_space)
@@ -100,7 +100,7 @@ def readings(sensor: Sensor, progress: Progress | None = None) -> Readings:
     Raises
     ------
     DesignError
-        If its receivers are not right and left, or the body cannot be built.
+        If its receivers are not named right and left, or the body cannot be built.
     DataError
         If a part of its circuit is not found, or is of another kind.
     """

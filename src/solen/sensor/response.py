@@ -11,7 +11,7 @@ from solen.results import HIDDEN, Result, reported
 from solen.trace import Ledger, Mode, Slope, Trace
 
 SATURATED = 0.95
-"""Contrast from which on a differential signal hardly moves any more."""
+"""Contrast above which a differential signal hardly changes."""
 
 
 @dataclass(frozen=True)
@@ -31,11 +31,11 @@ class Response(Result):
     mode
         ``count`` or ``power``.
     angle_deg
-        (N,), as the motion goes.
+        (N,) angles of the motion.
     right, left
         (N,) power at each receiver.
     u_power
-        (N,) uncertainty of both; NaN for a sweep of a fixed number of rays, which is a count and not an estimate.
+        (N,) uncertainty of both; NaN for a fixed number of counted rays, which is not an estimate.
     traces
         The scene traced at each angle.
     """
@@ -78,13 +78,13 @@ class Response(Result):
         return value if math.isfinite(value) else None
 
     def part(self, places: Sequence[int]) -> "Response":
-        """The same at some of the angles, by their places."""
+        """The same at some of the angles, by index."""
         chosen = list(places)
         arrays = (self.angle_deg[chosen], self.right[chosen], self.left[chosen], self.u_power[chosen])
         return Response(self.mode, *arrays, tuple(self.traces[i] for i in chosen))
 
     def joined(self, other: "Response") -> "Response":
-        """Both together, in the order of the angles."""
+        """Merge two responses in the order of the angles."""
         both = Response(
             mode=self.mode,
             angle_deg=np.concatenate([self.angle_deg, other.angle_deg]),
@@ -96,11 +96,11 @@ class Response(Result):
         return both.part(np.argsort(both.angle_deg, kind="stable").tolist())
 
     def at(self, angle_deg: float) -> int:
-        """Place of the angle nearest to ``angle_deg``."""
+        """Index of the angle nearest to ``angle_deg``."""
         return int(np.argmin(np.abs(self.angle_deg - angle_deg)))
 
     def null_deg(self) -> float | None:
-        """Null nearest to 0, where both receivers get the same, interpolated linearly between angles; None without."""
+        """Angle of equal power nearest to 0, interpolated linearly between angles; None if there is none."""
         u_contrast = _share(2.0 * np.nan_to_num(self.u_power), self.right + self.left)
         zero = (np.abs(self.contrast) <= u_contrast) & (u_contrast < 0.1)  # in the dark every angle would be one
         nulls = [*self.angle_deg[zero].tolist(), *self._crossings_deg(0.0)]
@@ -119,7 +119,7 @@ class Response(Result):
         return min((abs(angle_deg - null) for angle_deg in reached), default=None)
 
     def _crossings_deg(self, level: float) -> list[float]:
-        """Angles at which the contrast crosses a level between two neighbouring angles."""
+        """Angles, between neighbouring ones, at which the contrast crosses a level."""
         above = self.contrast - level
         first = np.flatnonzero(above[:-1] * above[1:] < 0.0)
         share = above[first] / (above[first] - above[first + 1])
@@ -131,8 +131,8 @@ class Sensitivity:
     """Change of the readings at an angle with a number of the design.
 
     ``right`` and ``left`` are the derivatives of the powers, as fractions of the emitted power, ``contrast`` that of
-    (R − L)/(R + L), each per unit that the key ends in. They are NaN where there is no derivative, and the contrast's
-    where no light arrives; ``why`` then says why. ``tolerance`` is how far off the number may be.
+    (R − L)/(R + L), each per unit of the key. They are NaN without a derivative, and the contrast's also
+    without light; ``why`` then gives the reason. ``tolerance`` is that of the number.
     """
 
     key: str
@@ -145,7 +145,7 @@ class Sensitivity:
 
     @reported
     def effect(self) -> float:
-        """How far the contrast moves for a number off by its tolerance, in size; 0 where that is not known."""
+        """Absolute change of the contrast for a number off by its tolerance; 0 if unknown."""
         effect = abs(self.contrast.value) * self.tolerance
         return effect if math.isfinite(effect) else 0.0
 
@@ -156,18 +156,18 @@ class Sensitivity:
 
 
 def _share(part: FloatArray, whole: FloatArray) -> FloatArray:
-    """Quotients, NaN where the whole is 0."""
+    """Quotients; NaN for a denominator of 0."""
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.asarray(np.where(whole > 0.0, part / whole, np.nan))
 
 
 def powers(trace: Trace) -> dict[str, float]:
-    """Power of the emitter by receiver: that of the first source, as ambient light is measured apart and subtracted."""
+    """Emitter power by receiver: that of the first source, as ambient light is measured separately and subtracted."""
     return {name: (*reading.power_by_source, reading.power)[0] for name, reading in trace.detectors.items()}
 
 
 def contrast_slope(base: Trace, right: Slope, left: Slope) -> Slope:
-    """Derivative of (R − L)/(R + L) from those of R and L; NaN where no light arrives."""
+    """Derivative of (R − L)/(R + L) from those of R and L; NaN without light."""
     found = powers(base)
     total = found["right"] + found["left"]
     if not total > 0.0:

@@ -1,4 +1,4 @@
-"""A design with what follows from it at once: the material's index at the emitter's wavelength, and its lens.
+"""A design with its material (the index at the emitter's wavelength) and its lens.
 
 Everything that depends on the angle is a method.
 """
@@ -32,19 +32,19 @@ from solen.trace.derivative import TOLERANCE as DERIVATIVE_TOLERANCE
 from solen.trace.nets import by_nets
 
 SAMPLED_TOLERANCE, MOST_SAMPLED = 2e-4, 2**19
-"""To what standard error rays in space and scattered light are sampled, and their largest number."""
+"""Required standard error of sampled light (in space, scattered), and the largest number of samples."""
 OF_SPACE = {"lens.y_focus_mm": None, "lens.layer_mm": None}
-"""Keys that other lenses than those for space do not have."""
+"""Keys that apply only to lenses for space."""
 RECENT_SCENES = 64
-"""Scenes that a sensor remembers."""
+"""Number of scenes that a sensor caches."""
 BUILDING = RLock()
-"""One scene is built at a time: angles are traced on several threads."""
+"""Scenes are built one at a time, as angles are traced on several threads."""
 SLOPE_DEG, WIDE_SLOPE_DEG = 0.04, 0.2
-"""Angle over which a slope is taken: of a point in the plane, whose response is steep, and of any other light."""
+"""Angle span of a slope: for a point in the plane, whose response is steep, and for any other light."""
 
 
 class TraceKeywords(TypedDict, total=False):
-    """What `Sensor.trace` passes on to `solen.trace.trace`, which explains it."""
+    """Options that `Sensor.trace` passes on to `solen.trace.trace`, where they are described."""
 
     sampling: Literal["fan", "sobol"]
     seed: int
@@ -59,7 +59,7 @@ class TraceKeywords(TypedDict, total=False):
 
 @dataclass(frozen=True)
 class Sensor:
-    """A design and what follows from it; make it with `Sensor.of`. A drawn body has no lens that solen ``cut``."""
+    """A design with its material and lens; make it with `Sensor.of`. A drawn body has no ``cut`` lens."""
 
     design: Design
     material: Optical
@@ -74,7 +74,7 @@ class Sensor:
         SpecError
             Where the file is not a valid design.
         DesignError, DataError
-            If its lens cannot be, or its resin cannot be read.
+            If its lens cannot be made, or its resin cannot be read.
         """
         design = design if isinstance(design, Design) else load(design)
         material = optical(design)
@@ -82,7 +82,7 @@ class Sensor:
         return cls(design, material, None if drawn else lens_of(design, material.index))
 
     def set(self, values: Mapping[str, Any] | None = None, /, **keys: Any) -> "Sensor":
-        """Sensor of the design with some values changed, as `Design.set` takes them."""
+        """Sensor of the design with some values changed, as in `Design.set`."""
         return Sensor.of(self.design.set(values, **keys))
 
     @property
@@ -100,17 +100,17 @@ class Sensor:
 
     @property
     def has_lens(self) -> bool:
-        """Whether light enters by a lens rather than by the stem's flat face. Of a drawn body it is assumed."""
+        """Whether light enters through a lens rather than the stem's flat face; assumed for a drawn body."""
         return not isinstance(self.cut, FlatFace)
 
     @property
     def is_sampled(self) -> bool:
-        """Whether its lens is no cylinder, so that its light is sampled and never integrated."""
+        """Whether its lens is not a cylinder."""
         return isinstance(self.cut, LensInSpace)
 
     @property
     def is_measured(self) -> bool:
-        """Whether the lens is measured: as it was printed."""
+        """Whether the lens is a measured one."""
         return isinstance(self.cut, MeasuredLens)
 
     @property
@@ -120,12 +120,12 @@ class Sensor:
 
     @cached_property
     def as_designed(self) -> "Sensor":
-        """The same sensor with the lens that was asked for, where this one was measured."""
+        """The same sensor with the designed lens, if this one is measured."""
         return Sensor.of(with_values(self.design, {"lens.shape": "cartesian-oval"}))
 
     @cached_property
     def without_lens(self) -> "Sensor":
-        """The same sensor with the stem's flat face for a lens."""
+        """The same sensor with the stem's flat face in place of a lens."""
         return Sensor.of(with_values(self.design, OF_SPACE | {"lens.shape": "none"}))
 
     def body(self, angle_deg: float | None = None) -> Body:
@@ -151,7 +151,7 @@ class Sensor:
         return LoadedBody.of(self.design, self.cut)
 
     def check_pair(self) -> None:
-        """`DesignError` if the receivers are not the two, ``right`` and ``left``, whose contrast is the response."""
+        """`DesignError` unless there are two receivers, ``right`` and ``left``, as the contrast requires."""
         body = self.body()
         receivers = sorted({face.whose for face in (*body.all_faces, *body.apart) if face.part == "receiver"})
         if receivers != ["left", "right"]:
@@ -159,7 +159,7 @@ class Sensor:
                 "receivers",
                 value=", ".join(receivers) or "none",
                 limit="a response needs two, right and left",
-                remedy="name their faces receiver-right and receiver-left, or use solen trace, which reads any",
+                remedy="name their faces receiver-right and receiver-left, or use solen trace, which accepts any",
             )
 
     def check(self) -> None:
@@ -184,7 +184,7 @@ class Sensor:
 
     @cached_property
     def _scenes(self) -> dict[tuple[float, int | None], Scene]:
-        """Scenes lately asked for: an angle is counted, integrated and drawn."""
+        """Cache of recent scenes: an angle is counted, integrated and drawn."""
         return {}
 
     def trace(
@@ -194,7 +194,7 @@ class Sensor:
         rays: int | None = None,
         **options: Unpack[TraceKeywords],
     ) -> Trace:
-        """Trace at an angle, in the design's mode and with its rays unless others are asked for.
+        """Trace at an angle, by default in the design's mode and with its number of rays.
 
         The options are those of `solen.trace.trace`: ``sampling``, ``seed``, ``precision``, ``position_bins``,
         ``angle_bins``, ``legs``, ``device``, ``threads``, ``progress``.
@@ -221,12 +221,12 @@ class Sensor:
     def derivative(self, key: str, angle_deg: float = 0.0, mode: Mode = "power") -> Derivative:
         """Derivative of the powers at an angle with respect to a number of the design, by its dotted key.
 
-        See `solen.trace.derivative`; the moving edges between ways of light are included.
+        See `solen.trace.derivative`; moving edges between light paths are included.
 
         Raises
         ------
         SpecError
-            If the key is not one of a real number that the design states.
+            If the key is not that of a real number stated in the design.
         """
         value = number(self, key)
 
@@ -240,12 +240,12 @@ class Sensor:
     def sensitivity(
         self, keys: Sequence[str] | None = None, angle_deg: float = 0.0, progress: Progress | None = None
     ) -> tuple[Sensitivity, ...]:
-        """Derivatives of the powers and of the contrast at an angle, ranked by what a tolerance of each number does.
+        """Derivatives of the powers and of the contrast at an angle, ranked by the effect of each number's tolerance.
 
         Parameters
         ----------
         keys
-            Numbers of the design by their dotted keys; by default `usual_keys` that are not inert.
+            Dotted keys of numbers; default: `usual_keys` that are not inert.
         angle_deg
             Angle of the motion.
         progress
@@ -254,9 +254,9 @@ class Sensor:
         Raises
         ------
         SpecError
-            If a key is not one of a real number that the design states, or is inert.
+            If a key is not that of a real number stated in the design, or is inert.
         DesignError
-            If the light at this angle cannot be integrated closely enough.
+            If the light at this angle cannot be integrated accurately enough.
         """
         self.check_pair()
         chosen = (
@@ -293,17 +293,17 @@ class Sensor:
         return tuple(sorted(rows, key=lambda row: row.effect, reverse=True))
 
     def sampled(self, angle_deg: float = 0.0, tolerance: float = SAMPLED_TOLERANCE) -> tuple[Trace, float]:
-        """Power by ever more Sobol' samples until every receiver's standard error is within ``tolerance``.
+        """Power from more and more Sobol' samples, until all standard errors are within ``tolerance``.
 
-        For light that is scattered by chance, and where `integrate` does not do. Returns the last trace and the largest
-        error; above ``tolerance`` where `MOST_SAMPLED` rays do not reach it.
+        For light scattered at random, and wherever `integrate` fails. Returns the last trace and the largest
+        error, above ``tolerance`` if `MOST_SAMPLED` rays do not reach it.
         """
         found = by_nets(lambda rays: self.scene(angle_deg, rays), tolerance, most_rays=MOST_SAMPLED)
         return replace(found, reached=True, why=""), found.u_power
 
     @cached_property
     def is_symmetric(self) -> bool:
-        """Whether it is, at every angle of its motion, the mirror image of itself at the opposite one."""
+        """Whether it is, at every angle of its motion, the mirror image of itself at the opposite angle."""
         motion = self.design.motion
         last_deg = max(abs(motion.from_deg), abs(motion.to_deg))
         if self.light.ray_file is not None or self.is_loaded:  # its elements are not those of its mirror image
@@ -313,7 +313,7 @@ class Sensor:
     def slope_per_deg(self, angle_deg: float, tolerance: float | None = None) -> Slope | None:
         """Change of the contrast per degree at an angle, in power, with its uncertainty; None if no light arrives.
 
-        From two spans about the angle, one twice the other: what bends within them counts as uncertainty. The
+        From two spans about the angle, one twice the other; curvature within them counts as uncertainty. The
         tolerance is that of `integrate`.
         """
         point = usual_tolerance(self.scene(angle_deg)) == POINT_TOLERANCE
@@ -354,10 +354,10 @@ class Sensor:
         standard_error: float = SAMPLED_TOLERANCE,
         tolerance: float | None = None,
     ) -> Response:
-        """Response in power, integrated at every angle; sampled where that does not reach its tolerance.
+        """Response in power, integrated at every angle, or sampled if integration does not reach its tolerance.
 
-        The tolerance is that of `integrate`; scattered light is sampled to the standard error. Of symmetric sensors one
-        of two opposite angles is traced.
+        The tolerance is that of `integrate`; scattered light is sampled to that standard error. For symmetric sensors
+        one of two opposite angles is traced.
         """
         angles = self._angles(angles_deg)
 
@@ -378,7 +378,7 @@ class Sensor:
         return sweep("power", at, angles, None)
 
     def _sensitivity(self, key: str, value: float, angle_deg: float, base: Trace) -> Sensitivity:
-        """Row of one key; a value at the edge of what it may be has no derivative, and says so."""
+        """Row of one key; a value at the limit of its range has no derivative, and ``why`` says so."""
         nothing = Slope(math.nan, math.nan)
         try:
             derivative = self.derivative(key, angle_deg)
@@ -397,9 +397,9 @@ class Sensor:
         tolerance: float | None = None,
         standard_error: float = SAMPLED_TOLERANCE,
     ) -> Reading:
-        """Powers at an angle with their uncertainty: integrated, or sampled where that is better.
+        """Powers at an angle with their uncertainty: integrated, or sampled if that is better.
 
-        Random numbers are sampled.
+        Random scatter is sampled.
         """
         integrates = integrates and not why_not(self.scene(angle_deg))
         whole = self.integrate(angle_deg, tolerance=tolerance) if integrates else None
@@ -411,6 +411,6 @@ class Sensor:
         return sampled, powers(sampled), u
 
     def _angles(self, angles_deg: Sequence[float] | None) -> Sequence[float]:
-        """Angles of a response: those asked for, by default the design's."""
+        """Angles of a response; default: the design's."""
         self.check_pair()
         return self.design.motion.values() if angles_deg is None else angles_deg

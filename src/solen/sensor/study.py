@@ -1,4 +1,4 @@
-"""A design over the angles of its motion: counted and in power, with its lens and without, and beside neighbours."""
+"""A design over its motion: counted and in power, with and without its lens, compared with variants."""
 
 import math
 from dataclasses import dataclass, field, replace
@@ -21,12 +21,12 @@ from solen.trace import Slope
 SCHEMA = 1
 """Version of the files of results."""
 FLAT_TOLERANCE = 5e-4
-"""To what the comparison without a lens is integrated in space."""
+"""Tolerance of the integration without a lens in space."""
 
 
 @dataclass(frozen=True)
 class Summary:
-    """The most important numbers, from the integrated power of a case.
+    """The key figures of a case, from its integrated power.
 
     Attributes
     ----------
@@ -43,13 +43,13 @@ class Summary:
     u_power
         Largest uncertainty of a power.
     ledger_error
-        How far the parts of the emitted power are from adding up to 1, at most.
+        Largest deviation of the ledger's sum from 1.
     truncated
-        Most power cut off at any angle.
+        Largest truncated power at any angle.
     undefined_rays
-        Rays that met an inconsistent interface.
+        Rays that hit an inconsistent interface.
     rays_traced
-        In the count and in the power.
+        Rays traced for the count and for the power.
     """
 
     from_deg: float
@@ -74,7 +74,7 @@ class Summary:
 class Case(Result):
     """A sensor's response in power, integrated, and in the plane by counting the design's rays, as the paper does.
 
-    ``curve`` is the power with angles added where it bends. ``null_deg`` is the null nearest to 0, from the power;
+    ``curve`` is the power with angles added where it is curved. ``null_deg`` is the null nearest to 0, from the power;
     ``slope_per_deg`` the contrast's slope there.
     """
 
@@ -89,7 +89,7 @@ class Case(Result):
 
     @property
     def summary(self) -> Summary:
-        """Its few numbers."""
+        """Its key figures."""
         power = self.power
         first, last = float(power.angle_deg[0]), float(power.angle_deg[-1])
         return Summary(
@@ -114,20 +114,20 @@ class Case(Result):
 
 
 class DesignStudy(Result):
-    """A design over the angles of its motion, with its lens and without.
+    """A design over the angles of its motion, with and without its lens.
 
     Attributes
     ----------
     design
-        The design studied; a file of results holds it as its TOML does, defaults omitted.
+        The design studied; in files of results, as in its TOML with defaults omitted.
     with_lens
         None for a design without a lens.
     no_lens, no_lens_refused
-        None if the sensor cannot be built without its lens, and then why.
+        The case without lens; if it cannot be built, None and the reason.
     practice
-        The design beside its neighbours, where that was asked for.
+        The design as built and its variants, if requested.
     designed, as_printed
-        For a measured lens: the case of the lens that was designed, and the differences.
+        For a measured lens: the case with the designed lens, and the differences.
     """
 
     design: Design
@@ -169,7 +169,7 @@ class DesignStudy(Result):
 
     @reported
     def simulated(self) -> bool:
-        """Always: no sensor was measured."""
+        """Always true: no sensor was measured."""
         return True
 
     @reported
@@ -204,7 +204,7 @@ class DesignStudy(Result):
 
     @reported
     def summary(self) -> dict[str, Summary]:
-        """The few numbers of each case."""
+        """The key figures of each case."""
         return {name: case.summary for name, case in self.cases.items()}
 
     @reported
@@ -223,11 +223,11 @@ class DesignStudy(Result):
 
 
 def study(design: Design, progress: Progress | None = None, *, practical: bool = False) -> DesignStudy:
-    """Trace a design over its motion, with its lens and without, counting and in power.
+    """Trace a design over its motion, with and without its lens, counting and in power.
 
-    Every body of the motion is built before the first ray is traced, so that a motion which breaks the body is refused
-    at once. ``progress`` is called with the share done, up to 1. ``practical`` adds the comparison of
-    `solen.sensor.practice`, and of a measured lens with the one that was designed.
+    All bodies of the motion are built before the first ray is traced, so that an impossible motion is rejected
+    at once. ``progress`` is called with the completed share, up to 1. ``practical`` adds the comparison of
+    `solen.sensor.practice`, and that of a measured lens with the designed one.
     """
     if not practical:
         return _study(design, progress)
@@ -240,7 +240,7 @@ def study(design: Design, progress: Progress | None = None, *, practical: bool =
 
 
 def _beside_design(plain: DesignStudy, progress: Progress | None) -> DesignStudy:
-    """The same with the designed lens, if the design's own was measured."""
+    """The same with the designed lens, if the design's own is measured."""
     lens = plain.with_lens
     if lens is None or not lens.sensor.is_measured:
         return plain
@@ -266,7 +266,7 @@ def _study(design: Design, progress: Progress | None) -> DesignStudy:
 
 
 def _comparison(sensor: Sensor) -> tuple[Sensor | None, str | None]:
-    """The sensor without its lens, or why it cannot be built."""
+    """The sensor without its lens, or the reason why it cannot be built."""
     if sensor.is_drawn:
         return None, "the body is drawn, and has no version without its lens"
     try:
@@ -293,7 +293,7 @@ def _case(sensor: Sensor, progress: Progress | None, tolerance: float | None = N
 
 
 def _null(sensor: Sensor, null_deg: float, slope: Slope) -> tuple[float, float]:
-    """Null by a step of Newton's method from where straight lines put it, and its uncertainty."""
+    """Null refined by a Newton step from linear interpolation, and its uncertainty."""
     if sensor.is_symmetric and null_deg == 0.0:
         return 0.0, 0.0
     there = sensor.power([null_deg])

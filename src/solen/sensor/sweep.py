@@ -1,4 +1,4 @@
-"""Sweep over the angles of a motion: its response, mirrored readings of symmetric sensors, angles to add to a curve."""
+"""Sweeps over the angles of a motion: responses, mirrored readings of symmetric sensors, refinement of curves."""
 
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -14,12 +14,12 @@ from solen.trace import Mode, Trace
 from solen.trace.result import Detected
 
 FEW_ANGLES, MOST_ANGLES = 5, 129
-"""Angles that a drawn curve has at least, where there are two ends, and at most."""
+"""Least (given two ends) and most angles of a drawn curve."""
 BEND = 0.02
-"""How far a contrast may lie from the straight line between its neighbours before angles are added between them."""
+"""Angles are added where a contrast deviates by more than this from the line between its neighbours."""
 
 FAILURES = 2
-"""Where integration fails at the first so many angles of a sweep it is not tried at the others."""
+"""If integration fails at this many first angles of a sweep, it is not tried at the others."""
 
 Reading = tuple[Trace, dict[str, float], float]
 """A trace, the power at each receiver, and its uncertainty."""
@@ -28,10 +28,10 @@ Reading = tuple[Trace, dict[str, float], float]
 def readings_at(
     at: Callable[[float, bool], Reading], angles_deg: Sequence[float], progress: Progress | None
 ) -> dict[float, Reading]:
-    """Readings at angles, on several threads; ``at`` gets the angle and whether to integrate.
+    """Readings at angles, on several threads; ``at`` takes the angle and whether to integrate.
 
-    The first few are taken in turn: where integration fails at all of them it is not tried at the others, which are
-    sampled in turn, on several threads each.
+    The first few are computed one by one; if integration fails at all of them, the others are
+    sampled one by one, each on several threads.
     """
     readings: dict[float, Reading] = {}
 
@@ -80,7 +80,7 @@ def mirrored(reading: Reading) -> Reading:
 
 
 def balanced(reading: Reading) -> Reading:
-    """Readings of a symmetric sensor at rest: the same at both receivers."""
+    """Readings of a symmetric sensor at rest: equal at both receivers."""
     detectors = reading[0].detectors
     return _with(reading, dict.fromkeys(detectors, _mean(detectors)))
 
@@ -99,7 +99,7 @@ def _mean(detectors: Mapping[str, Detected]) -> Detected:
 
 
 def between(response: Response) -> list[float]:
-    """Angles halfway between those of a response beside which its contrast bends."""
+    """Midpoints between angles of a response where its contrast is curved."""
     angle, contrast = response.angle_deg, response.contrast
     middles = (angle[1:] + angle[:-1]) / 2
     if len(angle) < FEW_ANGLES:

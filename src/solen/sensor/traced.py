@@ -1,4 +1,4 @@
-"""Results at one angle of a design: a trace with its names, convergence, and sensitivities."""
+"""Results for a design at one angle: a trace with its names, convergence, and sensitivities."""
 
 import math
 from collections.abc import Sequence
@@ -35,7 +35,7 @@ class DesignTrace(Trace, kw_only=True):
     faces
         Names of each receiver's interfaces, in the order of ``power_by_position``.
     branches
-        Paths of all rays, where they were asked for.
+        Paths of all rays, if requested.
     warnings
         Warnings, and keys that have no effect.
     """
@@ -64,7 +64,7 @@ class DesignConvergence(Convergence, kw_only=True):
 
 
 class Sensitivities(Result):
-    """Derivatives of a design's readings at an angle, ranked by what a tolerance of each number does.
+    """Derivatives of a design's readings at an angle, ranked by the effect of each number's tolerance.
 
     Attributes
     ----------
@@ -75,7 +75,7 @@ class Sensitivities(Result):
     sensitivities
         One for each number of the design.
     skipped
-        Why numbers were left out, by their keys.
+        Reasons why numbers were left out, by key.
     warnings
         Warnings about the numbers.
     simulated
@@ -95,12 +95,12 @@ class Sensitivities(Result):
 def trace_design(
     sensor: Sensor, angle_deg: float = 0.0, options: TraceOptions = TraceOptions(), *, paths: bool = False
 ) -> DesignTrace:
-    """Trace a design at an angle; ``paths`` keeps those of all rays.
+    """Trace a design at an angle; ``paths`` keeps the paths of all rays.
 
     Raises
     ------
     SpecError
-        If an option has no effect, or the angle is none.
+        If an option has no effect, or the angle is invalid.
     """
     check_value(sensor, angle_deg)
     scene = sensor.scene(angle_deg)

@@ -1,6 +1,6 @@
-"""Keys of a design that a trace of it does not use, reported so that nobody waits for an effect.
+"""Keys of a design that its trace does not use, so that warnings can name them.
 
-Such a key is not refused, as it has its part elsewhere: `solen run` compares the plane with space and counting with
+Such a key is not an error, as it is used elsewhere: `solen run` compares the plane with space and counting with
 power, whatever the design's own dimension and mode.
 """
 
@@ -13,7 +13,7 @@ from solen.trace import Mode
 
 
 def keys_without_effect(sensor: Sensor, mode: Mode | None = None) -> tuple[str, ...]:
-    """A sentence for each key that the design states and that has no effect in its dimension, or in a mode."""
+    """A sentence for each stated key that has no effect in the design's dimension or in a mode."""
     found = [] if sensor.design.trace.dimension == "extruded" else list(_in_the_plane(sensor))
     shape = sensor.design.lens.shape
     if sensor.design.lens.profile is not None and shape not in ("measured", "layered"):
@@ -47,14 +47,14 @@ def _counting(sensor: Sensor) -> Iterator[str]:
         if wall.reflectance < 1.0:
             yield f"wall[{i}].reflectance = {wall.reflectance:g} {remedy}"
         if FINISHES[wall.finish].surface.table is not None:
-            yield f'wall[{i}].finish = "{wall.finish}" {remedy}: counting sees none of its shares'
+            yield f'wall[{i}].finish = "{wall.finish}" {remedy}: counting ignores its table'
         for key, films in _films(wall).items():
             if films and not any(_shuts(sensor, wall, index, nm) for index, nm in films):
-                yield f"wall[{i}].{key} {remedy}: of films it sees those thicker than the wavelength, where they shut"
+                yield f"wall[{i}].{key} {remedy}: only thick films that reflect totally count there"
 
 
 def _films(wall: Wall) -> dict[str, list[tuple[float, float]]]:
-    """Index and thickness in nm of the films that each key puts on a wall."""
+    """Index and thickness in nm of the films that each key adds to a wall."""
     gap = [] if wall.gap_um is None else [(1.0, 1e3 * wall.gap_um)]
     return {"coating": [(film.index, film.thickness_nm) for film in wall.coating], "gap_um": gap}
 
