@@ -108,7 +108,7 @@ def test_the_response_is_that_of_one_clock() -> None:
 
 def test_a_hysteresis_is_said_to_look_like_a_lag() -> None:
     found = aligned(replace(TRUTH, hysteresis_V=0.05), 0.2)
-    assert any("a hysteresis and a lag look alike" in warning for warning in found.warnings)
+    assert any("hysteresis and lag are indistinguishable" in warning for warning in found.warnings)
     # 0.05 V at 0.45 V/° and 15 °/s would be 3.7 ms for each way; nothing larger may come of it
     assert found.lag_s == pytest.approx(0.2, abs=0.004)
 

@@ -194,7 +194,10 @@ def test_signs_against_the_convention_are_said_and_not_mended() -> None:
 def test_receivers_that_move_together_are_said() -> None:
     signals = made(NOISY)
     both = replace(signals, volts=signals.volts[:, [0, 0]])
-    assert any("both move the same way" in warning for warning in sensor_response([both], AnalysisOptions()).warnings)
+    assert any(
+        "both change in the same direction" in warning
+        for warning in sensor_response([both], AnalysisOptions()).warnings
+    )
 
 
 def test_balance_and_crosstalk() -> None:

@@ -399,7 +399,7 @@ def test_without_counters_or_a_sync_the_signal_tells_when_its_emitter_is_on(made
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        (("[daq]", "[board]\n[daq]"), r"daq; stands beside \[board\]; keep the one that the rig has"),
+        (("[daq]", "[board]\n[daq]"), r"daq; cannot be combined with \[board\]; keep the one in the rig"),
         (("[daq]", '[daq]\ndriver = "nidaqmx"'), "device; is for a real instrument, and a real instrument needs it"),
         (("[daq]", '[daq]\nmodel = "USB-1"'), "model = 'USB-1'; must be one of USB-6218"),
         (("[daq]", "[daq]\nrate_hz = 80000.0"), r"other\.toml: daq\.rate_hz = 80000\.0; of 4 inputs are 320000"),

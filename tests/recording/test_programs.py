@@ -214,7 +214,7 @@ def test_spc_of_sixteen_bits(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("place", "value", "words"),
-    [(1, 0x4D, "old layout"), (28, 4, "kind 4"), (4, 39, "cut off or damaged"), (0, 0x40, "places of its own")],
+    [(1, 0x4D, "old layout"), (28, 4, "kind 4"), (4, 39, "cut off or damaged"), (0, 0x40, "different abscissas")],
 )
 def test_spc_that_is_not_read_is_refused_by_name(tmp_path: Path, place: int, value: int, words: str) -> None:
     data = bytearray(spc())

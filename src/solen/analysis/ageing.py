@@ -1,8 +1,8 @@
 """How a sensor changes over many cycles: response, null and noise of groups of consecutive cycles.
 
-The idea: cycles that follow one another are taken together in groups. Each group gives swing, level and null with the
-uncertainty that the scatter of its cycles leaves, and the noise of a reading as everywhere (`solen.analysis.noise`).
-What changes from group to group by more than that is ageing, or drift; cycles alone do not tell which.
+The idea: consecutive cycles are grouped. Each group gives swing, level and null with the
+uncertainty from the scatter of its cycles, and the noise of a reading (`solen.analysis.noise`).
+Larger changes from group to group are ageing or drift; cycles alone cannot distinguish them.
 
 The interface: `ageing_of` a sensor's ways and readings gives an `Ageing`.
 """
@@ -55,11 +55,11 @@ class Ageing(Result):
     Attributes
     ----------
     first_cycle
-        First of each group, among those that are used, from 1, (groups,).
+        Number of each group's first cycle among those used, from 1, (groups,).
     receivers
         Of each receiver, by its name.
     balance_deg, u_balance_deg
-        Angle nearest to 0 at which left and right show one voltage, (groups,); NaN where the names do not tell them.
+        Angle nearest to 0 of equal left and right voltages, (groups,); NaN if the names do not identify them.
     balance_deg_per_cycle, u_balance_deg_per_cycle
         Its slope.
     """
@@ -84,9 +84,9 @@ def ageing_of(
     Parameters
     ----------
     ways
-        Of all cycles that are used, in their order.
+        Half-cycles of all used cycles, in order.
     scatters
-        Of the readings of each of these cycles.
+        Scatter of the readings of each of these cycles.
     names, sides
         Of the receivers; places of left and right.
     every

@@ -366,8 +366,9 @@ def _warnings(
 ) -> tuple[Caution, ...]:
     known = "" if math.isnan(u_lag) else f" ± {u_lag:.2g}"
     found = (
-        f"the log's clock is {lag:.6g}{known} s ahead, found by the voltages themselves: a hysteresis and a lag look "
-        f"alike at one speed (1 ms is {1e-3 * speed:.2g}°), so the hysteresis given is what a lag cannot explain"
+        f"the log's clock is {lag:.6g}{known} s ahead, determined from the voltages: hysteresis and lag are "
+        f"indistinguishable at a single speed (1 ms is {1e-3 * speed:.2g}°), so the stated hysteresis is what "
+        "a lag cannot explain"
     )
     warnings = [look_at(found)]
     if rivals:

@@ -22,12 +22,12 @@ _SUFFIXES = frozenset({".csv", ".tsv", ".txt", ".dat", ".log", ".xls", ".xlsx", 
 
 
 def find_log(path: Path, others: Iterable[Path] = ()) -> Path | None:
-    """Log of a stage in a recording's folder; None if no file is one.
+    """Log of a stage in a recording's folder; None if there is none.
 
     Raises
     ------
     DataError
-        If several files may be.
+        If several files could be the log.
     """
     taken = {path.resolve(), *(other.resolve() for other in others)}
     near = [one for one in sorted(path.parent.iterdir()) if one.suffix.lower() in _SUFFIXES]

@@ -26,7 +26,7 @@ _ROUNDING = 1e-9  # of full scale: what is smaller is not noise
 
 
 class Estimate(NamedTuple):
-    """A value and its standard uncertainty; NaN where there is none."""
+    """A value and its standard uncertainty; NaN if undefined."""
 
     value: float
     u: float
@@ -251,7 +251,7 @@ def _slope(angle_deg: FloatArray, row: FloatArray, where: BoolArray) -> float:
 
 
 def _weights(angle_deg: FloatArray) -> FloatArray:
-    """Share of the range that each angle stands for, half a step at its ends: a line is that of all angles between."""
+    """Weight of each angle in the range: half a step at its ends, so that a line fits all angles equally."""
     weights = np.ones(angle_deg.size)
     weights[[0, -1]] = 0.5
     return np.asarray(weights / weights.sum())
@@ -317,5 +317,5 @@ def line_fit(x: FloatArray, y: FloatArray) -> Estimate:
 
 
 def _resolution(noise_V: float, slope: Estimate) -> float:
-    """Angle that one standard deviation of a reading stands for; NaN where the slope is not resolved."""
+    """Angle equivalent to one standard deviation of a reading; NaN if the slope is not resolved."""
     return noise_V / abs(slope.value) if slope.resolved and slope.value else math.nan

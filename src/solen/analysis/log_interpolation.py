@@ -1,9 +1,9 @@
-"""The angle of a stage between the entries of its log: straight, but where a ramp begins or ends.
+"""The angle of a stage between the entries of its log: linear, except where a ramp begins or ends.
 
-The idea: a straight line between the entries on both sides of a ramp's end cuts its corner. Where the entries beside it
-lie on the ramp's own line and on the level of the hold, the two meet in the corner; it becomes a node of the angle.
-Where they do not, the stage slowed down over several entries, which follow it themselves. Either way the angle is least
-known there, and `LoggedAngle.on_corner` says when.
+The idea: a straight line between the entries on both sides of a ramp's end cuts its corner. If the entries on one side
+lie on the ramp's line and on the other on the level of the hold, the corner is their intersection and becomes a node.
+If not, the stage slowed down over several entries, which suffice. Either way the angle is least
+certain there, and `LoggedAngle.on_corner` marks these times.
 
 The interface: `logged_angle` of a log and its `Motion` gives a `LoggedAngle`.
 """
@@ -44,7 +44,7 @@ class LoggedAngle:
         return np.asarray((upper - lower) / window_s)
 
     def on_corner(self, time_s: FloatArray, window_s: float = 0.0) -> BoolArray:
-        """Which times, or windows about them, (n,), lie where a ramp begins or ends."""
+        """Which times, or windows around them, (n,), contain the beginning or end of a ramp."""
         starts, ends = self.corners_s[:, 0] - 0.5 * window_s, self.corners_s[:, 1] + 0.5 * window_s
         return np.asarray(np.searchsorted(starts, time_s) > np.searchsorted(np.maximum.accumulate(ends), time_s))
 
@@ -127,7 +127,7 @@ def _through(log_s: FloatArray, log_deg: FloatArray, places: IndexArray) -> _Lin
 def _corner(
     log_s: FloatArray, log_deg: FloatArray, before: _Line | None, after: _Line | None, tolerance: float
 ) -> tuple[float, float, int, int] | None:
-    """Where two lines meet, and the entries on both sides from which on all lie on their own line."""
+    """Intersection of two lines, and the entries on both sides beyond which all lie on their line."""
     if before is None or after is None or before[2] == after[2]:
         return None
     (t0, a0, v0), (t1, a1, v1) = before, after

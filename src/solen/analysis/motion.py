@@ -70,21 +70,21 @@ class Motion(Result):
     Attributes
     ----------
     ramps, cycles
-        In the order of time; cycles are whole ones.
+        In order of time; only complete cycles.
     holds
-        First sample and the one after the last of each hold, (k, 2).
+        First sample of each hold, and the first after it, (k, 2).
     rest_deg
-        Where cycles begin.
+        Angle at which cycles begin.
     low_deg, high_deg
         Ends of the range.
     noise_deg, step_deg
-        Noise of the angle (standard deviation) and its finest step; 0 where there is none to be seen.
+        Noise of the angle (standard deviation) and its resolution; 0 if not visible.
     speed_deg_per_s
         Median speed over the ramps.
     warnings
         Parts left out, with reasons.
     stopped
-        Whether its samples are of stops alone, as of a stage that was turned by hand.
+        Whether there are samples only at stops, as with a stage turned by hand.
     """
 
     ramps: tuple[Ramp, ...] = field(metadata=HIDDEN)
@@ -106,14 +106,14 @@ def find_motion(time_s: FloatArray, angle_deg: FloatArray) -> Motion:
     Parameters
     ----------
     time_s
-        Times that never fall, (n,).
+        Non-decreasing times, (n,).
     angle_deg
         Angles in degrees, without gaps, (n,).
 
     Raises
     ------
     DataError
-        If the angle does not move, jumps from level to level, or makes no whole cycle.
+        If the angle does not move, jumps between levels, or makes no complete cycle.
     """
     stops = _at_stops(time_s, angle_deg)
     way = (time_s, median_filter(angle_deg, 5, mode="nearest")) if stops is None else stops
@@ -192,7 +192,7 @@ def _finest(angle_deg: FloatArray) -> float:
 
 
 class _Edges:
-    """Where the angle moves, found on an even grid of times."""
+    """Mask of times at which the angle moves, detected on a uniform time grid."""
 
     def __init__(self, time_s: FloatArray, clean: FloatArray, noise: float, step: float, reach: float) -> None:
         usual = np.diff(time_s)
@@ -264,7 +264,7 @@ def _ramps(angle_deg: FloatArray, runs: list[tuple[int, int, int]], half: int, t
 
 
 def _level(angle_deg: FloatArray, start: int, stop: int, half: int) -> float | None:
-    """Median of a hold between two runs; None if they follow one another at once."""
+    """Median of a hold between two runs; None if they follow each other directly."""
     inner = angle_deg[start + half : stop - half] if stop - start > 2 * half + 2 else angle_deg[start:stop]
     return float(np.median(inner)) if stop - start > half + 2 else None
 

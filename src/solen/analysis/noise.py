@@ -1,11 +1,11 @@
-"""Noise of a reading, by one definition: of a response, of a group of its cycles, and of a rig that stands still.
+"""Noise of a reading, with one definition for a response, a group of its cycles, and a rig at rest.
 
-The idea: at rest the readings follow a straight line over time, as light drifts; noise is their standard deviation
-about it. What differs from reading to reading without being random, such as flicker that the subtraction leaves, counts
-as it is; differences of neighbours would count what alternates up to twice (8/3 of the variance by second differences,
-2 by first). They serve only where nothing rests, as a smooth motion is not in the second ones.
+The idea: at rest, readings follow a straight line over time, as light drifts; noise is their standard deviation
+about it. Variations that are not random, such as residual flicker, count
+once; differences of neighbours would overweight alternation (8/3 of the variance by second differences,
+2 by first). They are used only without rest, as second differences cancel a smooth motion.
 
-The interface: `noise_of` readings and the stretches at rest gives a `Scatter`; `pooled_noise` of several.
+The interface: `noise_of` readings and intervals at rest returns a `Scatter`; `pooled_noise` combines several.
 """
 
 import math

@@ -65,21 +65,21 @@ class ProtocolAngle:
 def angle_by_protocol(
     time_s: FloatArray, volts: FloatArray, receivers: tuple[str, ...], protocol: Protocol
 ) -> ProtocolAngle:
-    """Angle that a protocol had when the signals were recorded.
+    """Angle of a protocol at the times of recorded signals.
 
     Parameters
     ----------
     time_s, volts
         (n,) and (n, m).
     receivers
-        Names, which tell left from right.
+        Names, which distinguish left and right.
     protocol
         The commanded motion.
 
     Raises
     ------
     DataError
-        If the signals do not repeat, their cycle is shorter than the protocol's, or they do not go with it.
+        If the signals do not repeat, their cycle is shorter than the protocol's, or they do not match it.
     """
     sides = left_right(receivers)
     signal = principal(volts) if sides is None else volts[:, sides[1]] - volts[:, sides[0]]
@@ -100,9 +100,9 @@ def angle_by_protocol(
     _check_goes_with(_less_means(even[inside], turn), np.interp(grid[inside], time_s, angle), protocol)
     rest = period - protocol.shortest_s
     unrecorded = (
-        f"no angle was recorded: cycles of {period:.4g} s were found in the voltages, and the angle is the one that "
-        f"±{protocol.amplitude_deg:g}° at {protocol.speed_deg_per_s:g}°/s with holds of {protocol.hold_s:g} s should "
-        "have had; range, sensitivity and hysteresis are no better than that"
+        f"no angle was recorded: cycles of {period:.4g} s were detected in the voltages, and the angle is assumed "
+        f"from the protocol: ±{protocol.amplitude_deg:g}° at {protocol.speed_deg_per_s:g}°/s with holds of "
+        f"{protocol.hold_s:g} s; range, sensitivity and hysteresis are no better than that assumption"
     )
     warnings = [look_at(unrecorded)]
     if rest > _SLACK * period:

@@ -1,8 +1,8 @@
-"""Left and right together: their difference, what one sees of the other's light, and the sense of the angle.
+"""Left and right combined: their difference, crosstalk, and the sign of the angle.
 
-The idea: a sensor is read by both receivers. Brighter means a lower voltage, so V_left − V_right is positive where the
-right one is brighter, as it is at negative angles in this project's convention. A recording that does not follow the
-convention gets a warning; nothing is turned round.
+The idea: both receivers read a sensor. Brighter means a lower voltage, so V_left − V_right is positive where the
+right one is brighter: at negative angles, by convention. A recording that violates the
+convention gets a warning; signs are never changed.
 
 The interface: `pair_response` of a sensor's passes; `sign_warnings` of its receivers' responses.
 """
@@ -170,5 +170,5 @@ def sign_warnings(
         )
         return [look_at(reverse)]
     if left.value * right.value > 0.0:
-        return [look_at(f"{changes}: both move the same way, so they do not tell one side from the other")]
+        return [look_at(f"{changes}: both change in the same direction, so they do not distinguish the sides")]
     return []

@@ -1,13 +1,13 @@
-"""Voltage against angle: each way of each cycle on one grid of angles, then their mean and spread.
+"""Voltage against angle: each half-cycle on a common grid of angles, then their mean and spread.
 
-The idea: the samples of one way (all of a cycle's rising ramps, or all its falling ones) are joined by straight lines
-in the order of their angle; a grid's point gets the mean of that line over its cell, half a step to each side. Where
-there are many samples in a cell this is their mean, where there are few it is their interpolation: either way no sample
-reaches beyond its cell, and nothing is filtered. A cell that no sample is near stays empty, and one that a clipped
-sample touches is marked.
+The idea: the samples of a half-cycle (all rising or all falling ramps of a cycle) are joined by straight lines
+in order of angle; a grid point gets the mean of that line over its cell, half a step to each side. With
+many samples in a cell this is their mean, with few an interpolation: either way no sample
+affects other cells, and nothing is filtered. A cell without nearby samples stays empty, and one touched by a clipped
+sample is marked.
 
-The interface: `grid_deg` makes a grid, `passes` the ways on it, `Passes.joined` those of several recordings of one
-sensor; `mean_curve` gives their mean and standard deviation.
+The interface: `grid_deg` makes a grid, `passes` the half-cycles on it, `Passes.joined` those of several recordings of
+one sensor; `mean_curve` gives their mean and standard deviation.
 """
 
 from collections.abc import Sequence
@@ -71,7 +71,7 @@ class Passes:
 
 
 class Curve(Result):
-    """Mean and standard deviation of ways at each angle, NaN where there is none, and how many there were."""
+    """Mean and standard deviation of half-cycles at each angle (NaN without any), and their number."""
 
     mean_V: FloatArray
     sd_V: FloatArray
@@ -119,7 +119,7 @@ def passes(
     grid: FloatArray,
     clipped: BoolArray | None = None,
 ) -> Passes:
-    """Ways of the used cycles on a grid.
+    """Half-cycles of the used cycles on a grid.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ def passes(
     volts, clipped
         (n, receivers).
     motion, used
-        Its cycles, and the places of those that are used.
+        Its cycles, and the indices of those used.
     grid
         Evenly spaced angles, (g,).
     """
@@ -232,9 +232,9 @@ def _cell_means(angles: FloatArray, values: FloatArray, points: FloatArray, half
 
 
 def mean_curve(passes: Passes, direction: int | None = None) -> Curve:
-    """Mean and standard deviation (n − 1) of one receiver's ways: of the rising (0), the falling (1), or of both.
+    """Mean and standard deviation (n − 1) of one receiver's rising (0) or falling (1) half-cycles, or of both.
 
-    There is no mean at an angle where a way is clipped: the others would have another mean.
+    There is no mean at angles where a half-cycle is clipped, since leaving it out would bias the mean.
     """
     chosen = slice(None) if direction is None else slice(direction, direction + 1)
     size = passes.angle_deg.size

@@ -48,7 +48,7 @@ class AnalysisOptions(SignalOptions):
     angle_rate_hz: Finite | None = Field(None, gt=0)
     """Entries per second of that log, where it has no times."""
     amplitude_deg: Finite | None = Field(None, gt=0)
-    """Commanded amplitude to both sides, where no angle was recorded: the cycles are found in the voltages."""
+    """Commanded amplitude to each side, if no angle was recorded; cycles are then detected in the voltages."""
     speed_deg_per_s: Finite = Field(15.0, gt=0)
     """Commanded speed, with --amplitude-deg."""
     hold_s: Finite = Field(0.8, ge=0)
@@ -129,21 +129,21 @@ class SensorResponse(Result):
     label
         Name of the sensor.
     lens
-        Whether it has a lens; None if that is not known.
+        Whether it has a lens; None if unknown.
     receivers
         Response of each receiver by its name.
     left_minus_right
-        Response of their difference; None if the names do not tell left from right.
+        Response of their difference; None if the names do not distinguish left and right.
     timing
-        Contribution of timing to their hysteresis, and their hysteresis apart from it.
+        Contribution of timing to their hysteresis, and the hysteresis without it.
     runs
         Its recordings.
     passes
-        Ways of all of them on one grid.
+        Half-cycles of all recordings on a common grid.
     warnings
         Warnings.
     ageing
-        How it changes over its cycles, with ``every``.
+        Change over its cycles, with ``every``.
     """
 
     label: str
@@ -190,12 +190,12 @@ def sensor_response(
 ) -> SensorResponse:
     """Response and figures of merit of one sensor.
 
-    ``motions`` keeps what was found in an angle, by the identity of its array, for the other sensors on the same stage.
+    ``motions`` caches the motion detected in an angle, by array identity, for other sensors on the same stage.
 
     Raises
     ------
     DataError
-        If a recording holds no whole cycle, none is left, or its recordings have other receivers.
+        If a recording holds no complete cycle, none remains, or its recordings have different receivers.
     """
     first = recordings[0]
     for other in recordings[1:]:
@@ -364,14 +364,14 @@ def _reach_warnings(ways: Passes, runs: Sequence[Run]) -> list[Caution]:
     if last - first > (1.0 - _TENTH) * (high - low):
         return []
     part = (
-        f"the angle goes from {low:.3g}° to {high:.3g}°, but every way that is used only from {first:.3g}° to "
+        f"the angle goes from {low:.3g}° to {high:.3g}°, but all used half-cycles cover only {first:.3g}° to "
         f"{last:.3g}°: curves and numbers are of that part"
     )
     return [look_at(part)]
 
 
 def _drift_warnings(name: str, own: ReceiverResponse, runs: Sequence[Run]) -> list[Caution]:
-    """Whether drift alone separates both ways by half of the hysteresis: they lie up to half a cycle apart."""
+    """Whether drift alone, over up to half a cycle, explains half of the hysteresis."""
     drift, unit = own.drift_V_per_min, runs[0].signals.unit
     lasts = [run.motion.cycles[place].end_s - run.motion.cycles[place].start_s for run in runs for place in run.used]
     apart = abs(drift) / 60.0 * 0.5 * float(np.median(lasts))

@@ -114,15 +114,15 @@ class Switching(Result):
     Attributes
     ----------
     on_off_hz
-        Rate of one emitter, as stated or, if ``detected``, as found and rounded.
+        Rate of one emitter, as stated or, if ``detected``, rounded.
     on
-        Whether light makes the waveform low or high.
+        Whether light makes the waveform ``low`` or ``high``.
     mains_hz, flicker_V
         Mains of the lamps whose flicker was subtracted, and its largest amplitude; None without any.
     samples
-        How many samples the waveform has.
+        Number of samples of the waveform.
     clipped_samples
-        How many of them stand at a limit, by receiver.
+        Number of samples at a limit, by receiver.
     limits_V
         Lowest and highest voltage of each receiver; None if no limit shows.
     """
@@ -139,12 +139,12 @@ class Switching(Result):
 
 @dataclass(frozen=True, eq=False)
 class Waveforms:
-    """Voltages of all receivers of a recording, in the order of time.
+    """Voltages of all receivers of a recording, in order of time.
 
     Attributes
     ----------
     time_s, step_s
-        Times that never fall, (n,), and the usual step between them.
+        Non-decreasing times, (n,), and the usual step between them.
     receivers, volts
         Names (m,) and voltages (n, m).
     angle_deg
@@ -152,15 +152,15 @@ class Waveforms:
     clipped
         Samples that the recording marks as clipped, (n, m); None if it marks none.
     unit
-        Of the values: V, or what the recording states that is no voltage, as pF, lux or counts.
+        Unit of the values: V, or another stated in the recording, such as pF, lux or counts.
     ambient_subtracted
         Whether ambient light was subtracted, so that no light is 0 V.
     window_s
-        Time over which each is a mean; 0 for samples.
+        Averaging time of each; 0 for samples.
     switching
         Switching of the emitters; None if they do not switch.
     warnings
-        Assumptions, and what is left out.
+        Assumptions and omissions.
     """
 
     time_s: FloatArray
@@ -242,16 +242,16 @@ def ambient_by_side(recording: Recording) -> dict[str, float]:
 
 
 def sampled(recording: Recording, options: SignalOptions, angle: AngleSource = "optional") -> Waveforms:
-    """Samples of a recording as they are.
+    """Unprocessed samples of a recording.
 
     Parameters
     ----------
     recording
         Its columns.
     options
-        Which of them are what.
+        Roles of the columns.
     angle
-        Whether the recording has to hold the angle; ``elsewhere`` does not look for it.
+        Whether the recording must hold the angle; with ``elsewhere`` it is not looked for.
 
     Raises
     ------

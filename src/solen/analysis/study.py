@@ -140,9 +140,9 @@ def in_volts(found: Study) -> Study:
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """One recording of a file: its samples with their angle, where it comes from, and how the log's clock differs.
+    """One recording of a file: its samples with their angle, its source, and the offset of the log's clock.
 
-    ``beside`` is the log where it was found and not stated.
+    ``beside`` is the log if it was detected rather than stated.
     """
 
     label: str
@@ -159,7 +159,7 @@ def study(files: Sequence[Path], options: AnalysisOptions | None = None) -> Stud
     Raises
     ------
     DataError, SpecError
-        In one line, where a file or an option is not what it should be.
+        If a file or an option is invalid.
     """
     options = options or AnalysisOptions()
     _check_files(files, options)
@@ -282,7 +282,7 @@ def _parts(files: Sequence[Path], options: AnalysisOptions) -> Iterator[tuple[Pa
 
 
 def _label(path: Path, stated: str | None, own: str, files: int) -> str:
-    """Label of a part of a file: its own name where the file is the only one."""
+    """Label of a part of a file: its own name if the file is the only one."""
     label = stated or path.stem
     if not own:
         return label
@@ -290,7 +290,7 @@ def _label(path: Path, stated: str | None, own: str, files: int) -> str:
 
 
 def _with_angle(part: _Part, options: AnalysisOptions, number: int, files: Sequence[Path]) -> _Part:
-    """The recording with the angle of a log, or of the commanded protocol, where it has none of its own."""
+    """The recording with the angle of a log, or of the commanded protocol, if it has none."""
     samples = part.samples
     if options.angle_file:
         return _by_log(part, options.angle_file[number if len(options.angle_file) > 1 else 0], options)
@@ -370,7 +370,7 @@ def _timing_bound_s(part: _Part) -> tuple[float, Literal["recording", "log"]] | 
 
 
 def _stated_lens(provenance: Provenance, options: AnalysisOptions, path: Path) -> tuple[bool | None, set[str]]:
-    """Whether a recording is of sensors with a lens (None if it is not stated), and the labels of those without."""
+    """Whether a recording's sensors have a lens (None if not stated), and the labels of those without."""
     in_name = {} if options.pattern is None else labels(path, options.pattern)
     word = in_name.get("lens") or provenance.metadata.get("lens")
     texts = [value for key, value in provenance.metadata.items() if key.strip().casefold() in CONTROL_KEYS]

@@ -1,11 +1,11 @@
-"""Time as a recorder wrote it: irregular, with gaps, with stamps twice, now and then backward.
+"""Recorded time stamps: irregular, with gaps, repeated stamps, occasionally backward.
 
-The idea: samples are used where they stand and never resampled for the numbers, so an irregular clock needs no repair.
-What matters gets a warning with its place: a gap, a stamp that several samples share, samples out of order. A clock
-that runs backward for longer than a few samples was set, or two recordings were joined: that is refused, as no order
+The idea: samples are used at their own times and never resampled, so an irregular clock needs no repair.
+Gaps, stamps shared by several samples and samples out of order get a warning with their location. A clock
+that runs backward for more than a few samples was reset, or two recordings were joined: that is an error, as no order
 could be right.
 
-The interface: `time_base` of stamps gives a `TimeBase`: which samples, in what order, and what to know.
+The interface: `time_base` of stamps returns a `TimeBase`: which samples, in what order, and warnings.
 """
 
 from dataclasses import dataclass
@@ -53,7 +53,7 @@ def time_base(time_s: FloatArray, name: str = "time") -> TimeBase:
     Parameters
     ----------
     time_s
-        Stamps in s, NaN where the file has none, (n,).
+        Stamps in s, NaN if missing, (n,).
     name
         Name of the stamps in an error.
 

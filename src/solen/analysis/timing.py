@@ -1,13 +1,13 @@
-"""Contribution of timing to a hysteresis, and the remainder where a motion has two speeds.
+"""Contribution of timing to a hysteresis, and the remainder if a motion has two speeds.
 
-The idea: a reading that belongs to an angle a little earlier or later makes the ways up and down differ, as a
-hysteresis does. At a speed v a delay τ shows −2 v τ f'(θ) between them, f' the slope of the response; a hysteresis of
-the sensor shows H(θ) at any speed. At one speed nothing tells the two apart: what a recording states of its own clocks
-bounds the first. At two speeds they are two unknowns for two equations: each cycle's difference, projected on f', is a
-straight line over the speed, whose slope is −2τ. What grows with the speed may also be the material's; it is called lag
-here.
+The idea: a reading that belongs to a slightly earlier or later angle makes up and down differ, as
+hysteresis does. At a speed v a delay τ gives a difference of −2 v τ f'(θ), f' the slope of the response; a hysteresis
+of the sensor gives H(θ) at any speed. A single speed cannot separate the two: the stated uncertainty of a recording's
+clocks then bounds the first. Two speeds give two equations for two unknowns: each cycle's difference, projected on
+f', is a straight line over speed with slope −2τ. A term that grows with speed may also be due to the material; it is
+called lag here.
 
-The interface: `timing_of` a sensor's ways gives a `Timing`.
+The interface: `timing_of` a sensor's half-cycles returns a `Timing`.
 """
 
 import math
@@ -126,13 +126,13 @@ def _distinct(speeds: FloatArray) -> list[float]:
 
 
 def _groups(speeds: FloatArray) -> list[FloatArray]:
-    """Speeds in ascending order, parted where the next is more than a fifth higher."""
+    """Speeds in ascending order, grouped: a new group starts where the next is more than a fifth higher."""
     ordered = np.sort(speeds)
     return np.split(ordered, np.flatnonzero(ordered[1:] > _APART * ordered[:-1]) + 1)
 
 
 def _lag(apart: FloatArray, slope: FloatArray, speeds: FloatArray) -> tuple[float, float]:
-    """Lag of the voltages and its u, by what each cycle's ways differ by along the slope; NaN at one speed."""
+    """Lag of the voltages and its u, from each cycle's difference projected on the slope; NaN for one speed."""
     if len(_distinct(speeds)) < 2 or speeds.size < _LEAST_CYCLES:
         return math.nan, math.nan
     held = np.isfinite(apart).all(axis=0) & np.isfinite(slope)
@@ -147,10 +147,10 @@ def _lag(apart: FloatArray, slope: FloatArray, speeds: FloatArray) -> tuple[floa
 
 
 def _u_of_parts(products: FloatArray, squares: FloatArray, speeds: FloatArray, whole: float) -> float:
-    """Uncertainty of a slope over the speed by how parts of the range differ.
+    """Uncertainty of a slope over speed, from the differences between parts of the range.
 
     Angles that are interpolated across the corners of a ramp are early at one end and late at the other, in every cycle
-    alike: that is no lag, and the scatter of the cycles does not show it.
+    alike: that is not a lag, and the scatter of the cycles does not show it.
     """
     places = np.array_split(np.arange(len(squares)), _PARTS)
     weights = np.array([squares[part].sum() for part in places])

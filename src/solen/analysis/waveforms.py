@@ -70,8 +70,8 @@ def _by_emitter(whole: Waveforms, options: SignalOptions) -> dict[str, Waveforms
         by_emitter = _found(whole, options, clock)
     if detected and not _follows(by_emitter):
         warning = look_at(
-            f"the voltages switch at {rate_hz:g} Hz, but by the same step wherever the sensor stands: this is taken "
-            f"for light of the room; --on-off-hz {rate_hz:g} takes it for the emitter's"
+            f"the voltages switch at {rate_hz:g} Hz, but by the same step at all positions of the sensor: this is "
+            f"assumed to be room light; --on-off-hz {rate_hz:g} treats it as the emitter's"
         )
         return {"": replace(whole, warnings=(*whole.warnings, warning))}
     state = _state(whole, by_emitter, rate_hz, on, detected=detected)
@@ -164,7 +164,7 @@ def _warnings(result: Switched, state: Switching, clock: Clock) -> list[Caution]
 
 
 def _smoothed(samples: Waveforms, options: SignalOptions, file: str) -> Waveforms:
-    """Centred moving mean of each receiver, where one is asked for."""
+    """Centred moving mean of each receiver, if requested."""
     if options.smooth_ms is None:
         return samples
     most_ms = 1e3 * _WIDEST * float(samples.time_s[-1] - samples.time_s[0])

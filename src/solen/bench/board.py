@@ -1,9 +1,9 @@
 """The emitter board over a serial line: commands out, frames in.
 
-The idea: the host configures how many emitters and inputs take part and how often, and starts and stops; each command
-is a frame (`solen.bench.frames`) and is answered by one, which carries the command's kind, a status and words. Between
-answers, periods come unasked. When the line is closed, or the host was silent for a second, the board switches its
-emitters off by itself. A board may drive a motor as well (`BoardStage`), by the clock that stamps its periods.
+The idea: the host sets the number of emitters and inputs and the period, starts and stops; each command
+is a frame (`solen.bench.frames`), answered by a frame with the command's kind, a status and words. Between
+answers, periods arrive unsolicited. When the line is closed, or the host is silent for a second, the board switches its
+emitters off. A board may also drive a motor (`BoardStage`), timed by the clock that stamps its periods.
 
 ====== ========= ==============================================================
 kind   name      payload
@@ -64,18 +64,18 @@ class SerialBoard:
     Parameters
     ----------
     link, clock
-        Line to the board, and the clock that time-outs follow.
+        Line to the board, and the clock of time-outs.
     layout, period_s
-        Emitters and inputs that take part, and how often.
+        Emitters and inputs used, and their period.
     volts_per_count
-        Of its converter.
+        Step of its converter.
     answer_s
-        How long an answer may take.
+        Longest time for an answer.
 
     Raises
     ------
     BenchError
-        If the board does not answer, or cannot do what it is asked.
+        If the board does not answer, or cannot do what is requested.
     """
 
     def __init__(
@@ -192,14 +192,14 @@ class SerialBoard:
 class BoardStage:
     """The motor on a board: a stepper, or a hobby servo, whose steps are microseconds of its pulse.
 
-    Where it was sent is known, not where it is: nothing measures.
+    The commanded position is known, not the actual one: nothing measures it.
 
     Parameters
     ----------
     board, clock
         The board, and the clock of the run.
     steps_per_unit, unit
-        Its steps per deg or mm.
+        Steps per deg or mm.
     acceleration
         In its unit per s².
     """
@@ -235,7 +235,7 @@ class BoardStage:
         raise BenchError(self.name, limit="has no switch to find its zero by", remedy='home = "here" in [stage]')
 
     def set_position(self, position: float) -> None:
-        """Take where it stands for a position; nothing moves."""
+        """Define the current position as a given value; nothing moves."""
         self.board.command(PLACE, _PLACE.pack(self._steps("position", position, self._per_unit)))
         self._referenced = True
 

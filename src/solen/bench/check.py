@@ -52,7 +52,7 @@ class CheckOptions(Options):
     """How long to look."""
 
     seconds: Annotated[float, Field(ge=0.5, le=600)] = 2.0
-    """For how long emitters take turns."""
+    """Duration of the check in s."""
 
 
 class InputCheck(Result):
@@ -63,15 +63,15 @@ class InputCheck(Result):
     input
         Its number in the rig.
     off_V, on_V
-        Its level with its emitter off, and on.
+        Level with its emitter off, and on.
     signal_V
-        By how much its emitter pulls it down.
+        Drop caused by its emitter.
     noise_V
-        Standard deviation of a reading, as `solen bench analyse` states it of a run.
+        Standard deviation of a reading, as in `solen bench analyse`.
     room_V
-        Standard deviation of its level with all emitters off: light of the room that varies, and noise.
+        Standard deviation of its level with all emitters off: varying room light, and noise.
     load_factor
-        By what the load that its trimmer sets should be multiplied; null where it is well as it is, or no signal says.
+        Recommended factor on the load set by its trimmer; null if the load is right, or there is no signal.
     """
 
     input: int
@@ -134,12 +134,12 @@ def clock_for(rig: Rig) -> Clock:
 
 
 def check(rig_file: Path, options: CheckOptions = CheckOptions()) -> RigCheck:
-    """Look a rig over while it stands still.
+    """Check a rig at rest.
 
     Raises
     ------
     BenchError, SpecError
-        If the rig file or an instrument is at fault, or nothing comes.
+        If the rig file or an instrument is faulty, or no data arrive.
     """
     rig = load_rig(rig_file)
     clock = clock_for(rig)
@@ -226,7 +226,7 @@ def _settings(own: InputCheck, glance: Glance, emitter: int, rig: Rig) -> Iterat
         upper = glance.high_V - own.off_V < own.on_V - glance.low_V
         phase, end = ("off", "upper") if upper else ("on", "lower")
         yield look_at(
-            f"with its emitter {phase} it stands at the {end} end of the range in {100 * clipped:.3g} % of the "
+            f"with its emitter {phase} it is at the {end} end of the range in {100 * clipped:.3g} % of the "
             "readings; what lies beyond is cut off"
         )
     ends = None if rig.daq is not None else rig.board.straight_v
@@ -250,22 +250,22 @@ class JogOptions(Options):
     to: Finite | None = None
     """Position to go to, in deg or mm."""
     by: Finite | None = None
-    """How far to go from where it stands, in deg or mm."""
+    """Relative move in deg or mm."""
     velocity: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1.0
     """Velocity in deg/s or mm/s."""
 
 
 class Jogged(Result):
-    """A stage that was moved by hand of the program.
+    """Result of a manual move of the stage.
 
     Attributes
     ----------
     stage
         Its name.
     begun_deg, stands_deg
-        Where it stood, and where it stands; null where nobody knows, and of a stage that shifts.
+        Position before and after; null if unknown, and for a linear stage.
     begun_mm, stands_mm
-        Likewise, of a stage that shifts.
+        The same for a linear stage.
     """
 
     stage: str
@@ -276,15 +276,15 @@ class Jogged(Result):
 
 
 def jog(rig_file: Path, options: JogOptions = JogOptions(), *, confirm: Confirm | None = None) -> Jogged:
-    """Move the stage of a rig, or, with neither ``to`` nor ``by``, ask it where it stands; what ends the move stops it.
+    """Move the stage of a rig, or, without ``to`` and ``by``, query its position; an interrupted move is stopped.
 
     Raises
     ------
     BenchError, SpecError
-        If options, rig file or stage are at fault, or the target lies beyond the rig's travel.
+        If options, rig file or stage are faulty, or the target lies beyond the rig's travel.
     """
     if options.to is not None and options.by is not None:
-        raise SpecError("--to", value=options.to, limit="stands beside --by", remedy="give one of them")
+        raise SpecError("--to", value=options.to, limit="cannot be combined with --by", remedy="give one of them")
     rig, clock = load_rig(rig_file), WallClock()
     with ended_by_signals(), stage_of(rig, clock) as stage:
         if options.to is not None or options.by is not None:
@@ -307,7 +307,7 @@ def jog(rig_file: Path, options: JogOptions = JogOptions(), *, confirm: Confirm 
 
 def _check_way(rig: Rig, name: str, target: float) -> None:
     if not math.isfinite(target):
-        raise SpecError("--by", limit="where it stands is not known", remedy="use --to")
+        raise SpecError("--by", limit="its position is unknown", remedy="use --to")
     if rig.stage.travel is not None and not rig.stage.travel[0] <= target <= rig.stage.travel[1]:
         low, high = rig.stage.travel
         raise BenchError(name, value=target, limit=f"is beyond travel in the rig, {low:g} to {high:g}")

@@ -33,11 +33,11 @@ class ClockLine:
     Attributes
     ----------
     begin_s, rate
-        Of the line.
+        Offset and rate.
     delay_s
-        Median delay of what came, beyond the least.
+        Median delay of arrivals beyond the shortest.
     bound_s
-        How far the line may be off, to either side; None if no exchange says so.
+        Bound of the error of the fit, to either side; None without exchanges.
     """
 
     begin_s: float

@@ -21,7 +21,7 @@ from solen.errors import BenchError
 Switching = Literal["external", "counter", "lines"]
 Terminal = Literal["rse", "nrse", "differential"]
 
-OUTSIDE = 'light them by something outside (switching = "external"), with a sync where they take turns'
+OUTSIDE = 'switch them externally (switching = "external"), with a sync input if there are several'
 LEAST_IN_PHASE = 2
 """Settled samples of a phase of the emitters, at the least."""
 ENDS = np.array([[-(1 << 15)], [(1 << 15) - 1]], np.int16)
@@ -35,23 +35,23 @@ class Model:
     Attributes
     ----------
     name
-        As the instrument itself states it.
+        Name reported by the instrument.
     rate_hz, alone_hz
-        Highest number of samples per second: of all inputs together, or of each where it samples simultaneously; and of
-        an input alone.
+        Highest sampling rate: for all inputs in total, or for each if it samples simultaneously; and for
+        a single input.
     ranges_v
         Ends of its ranges, ± V.
     inputs
-        For each way of wiring.
+        Number of inputs for each kind of wiring.
     switches
-        Counters that put out pulses, each with the terminal on which they come out and the static line on the same
-        terminal; empty if its driver chooses the terminal, and where there is no such line.
+        Counters that generate pulses, each with its output terminal and the static line on the same
+        terminal; empty if the driver chooses the terminal, or there is no such line.
     lines
         Static digital outputs.
     simultaneous
-        Whether each input has a converter of its own.
+        Whether each input has its own converter.
     timed_hz
-        How fast its digital lines follow a clock; 0 where they follow the program.
+        Highest clock rate of its digital lines; 0 if they are set by software only.
     """
 
     name: str
@@ -172,24 +172,24 @@ class Setup:
     Attributes
     ----------
     channels
-        Its analog inputs, as the instrument calls them, in the order of the rig's inputs; a sync comes last.
+        Its analogue inputs by the instrument's names, in the order of the rig's inputs; a sync comes last.
     synced
-        Whether the last channel records what switches the emitters: high while emitter 1 is on.
+        Whether the last channel records the switching signal: high while emitter 1 is on.
     rate_hz
         Samples of each channel per second.
     emitters, switch_hz
-        How many take turns, and how often each is lit per second.
+        Number of alternating emitters, and the frequency of each.
     switching, lines
         ``external``, ``counter`` for the instrument's own, or ``lines``: digital outputs, one for each emitter, that
         follow the clock of the samples.
     model, range_v, terminal
-        The instrument (empty if it is asked what it is), its range ± V, and how inputs are wired.
+        The instrument (empty: query it), its range ± V, and the wiring of its inputs.
     enable
-        A static digital output that is high while samples are taken.
+        A static digital output that is high during acquisition.
     alive
-        One that changes its level with each reading, for a watchdog outside.
+        A static digital output that toggles with each reading, for an external watchdog.
     settle_us
-        Left out after each switch.
+        Time left out after each switch.
     buffer_s
         Size of the computer's buffer.
 
@@ -222,7 +222,7 @@ class Setup:
         self._check_phase()
         self._check_slots()
         if self.switching == "external" and self.emitters > 1 and not self.synced:
-            limit = f"is needed with {self.emitters} emitters in turn: nothing else tells which of them is on"
+            limit = f"is needed with {self.emitters} alternating emitters: nothing else shows which of them is on"
             raise BenchError("daq.sync", limit=limit, remedy="record what lights emitter 1, or light all at once")
         if self.alive is not None and self.alive == self.enable:
             raise BenchError("daq.alive", value=self.alive, limit="is the line of daq.enable")
@@ -240,7 +240,7 @@ class Setup:
 
     @property
     def frame(self) -> int:
-        """Samples that are kept together: about those of a period of the emitters."""
+        """Samples per block: about one period of the emitters."""
         return max(1, round(self.rate_hz / self.switch_hz))
 
     def _check_slots(self) -> None:

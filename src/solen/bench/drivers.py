@@ -59,7 +59,7 @@ class Driver:
 
 @contextmanager
 def on_failure(undo: Callable[[], object]) -> Iterator[None]:
-    """Undo what was begun where the body fails."""
+    """Undo the setup if the body fails."""
     try:
         yield
     except BaseException:
@@ -68,7 +68,7 @@ def on_failure(undo: Callable[[], object]) -> Iterator[None]:
 
 
 def _on_its_line(rig: "Rig", made: "Callable[[StageOf, Link], Stage]") -> Stage:
-    """A stage on a line of its own, which is closed where the stage cannot be driven."""
+    """A stage with its own line, which is closed if the stage cannot be driven."""
     from solen.bench.link import open_link
 
     link = open_link(str(rig.stage.port), baud=rig.stage.baud)

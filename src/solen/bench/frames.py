@@ -46,7 +46,7 @@ UNSOUND = LATE | FAULT
 LONGEST_PAYLOAD = 4096
 """More than 16 emitters and 64 receivers need; a length beyond it is a garbled one."""
 Other = tuple[int, bytes]
-"""Kind and payload of a frame that is kept as it is."""
+"""Kind and payload of a frame, unprocessed."""
 RESTART_AFTER = 3
 """Frames with numbers that were there before, each one more than the last, that make a restart of the board."""
 HEAD = struct.Struct("<2sBBHI")
@@ -57,12 +57,12 @@ _WRAP = 1 << 32
 
 @dataclass(frozen=True)
 class Layout:
-    """How many emitters take turns and how many receivers are read at each.
+    """Number of alternating emitters, and of receivers read at each.
 
     Raises
     ------
     BenchError
-        If there are none, or more than a frame holds.
+        If there are none, or more than a frame can hold.
     """
 
     emitters: int
@@ -89,14 +89,14 @@ class Layout:
 
 @dataclass(frozen=True, eq=False)
 class Periods:
-    """Periods in the order of their numbers, each once.
+    """Periods in order, each once.
 
     Attributes
     ----------
     number
-        Number of the period since the first, shape (N,); it goes on where the wire's own begins again.
+        Number of the period since the first, shape (N,), continued when the transmitted number wraps.
     board_us
-        Start by the board's clock in µs, going on likewise but for a restart, where it begins anew, shape (N,).
+        Start by the board's clock in µs, shape (N,), continued likewise, but reset when the board restarts.
     flags
         `LATE`, `FAULT`, and `ANEW` at the first period after a restart of the board, shape (N,).
     counts
@@ -117,7 +117,7 @@ class Periods:
 
     @staticmethod
     def joined(parts: Sequence["Periods"], layout: "Layout") -> "Periods":
-        """Parts one after the other; none where there is no part."""
+        """Concatenated parts; empty without any."""
         nothing = np.zeros((0, layout.emitters, 2, layout.receivers), np.uint16)
         return Periods(
             np.concatenate([np.zeros(0, np.int64), *(part.number for part in parts)]),

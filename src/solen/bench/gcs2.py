@@ -49,7 +49,7 @@ STAGES: dict[str, Unit] = {"M-060.DG": "deg", "M-111.1DG": "mm"}
 
 
 def unit_of(stage: str, unit: Unit | None) -> Unit:
-    """Unit of a stage: as it is stated, or that of one of `STAGES`; `BenchError` if neither says, or both differ."""
+    """Unit of a stage: as stated, or from `STAGES`; `BenchError` if neither is known, or both differ."""
     known = STAGES.get(stage)
     if unit is None and known is None:
         limit = f"is a stage whose unit is not known; those of {', '.join(STAGES)} are"
@@ -128,7 +128,7 @@ class Gcs2Stage(LineStage):
         return f"It drives to its reference switch, by up to {high - low:g} {self.unit} to either side."
 
     def set_position(self, position: float) -> None:
-        """Take where it stands for a position; nothing moves."""
+        """Define the current position as a given value; nothing moves."""
         self.command(f"RON {self._axis} 0")
         self.command(f"POS {self._axis} {position:.6f}")
 

@@ -37,16 +37,16 @@ LEAST_PERIODS = 3.0
 
 @dataclass(frozen=True, eq=False)
 class Glance:
-    """Readings of each input with each emitter, made as those of a run: on less the off phases before and after it.
+    """Readings of each input with each emitter, computed as in a run: on minus the off phases before and after it.
 
     Attributes
     ----------
     time_s
-        By the instrument's clock, (N,).
+        Times by the instrument's clock, (N,).
     signal, off
-        By how much each emitter pulls each input down, and the level without it, in V: (N, emitters, inputs).
+        Drop of each input by each emitter, and the level without it, in V: (N, emitters, inputs).
     clipped
-        Which readings hold a sample at an end of the range, (N, emitters, inputs).
+        Readings with a sample at an end of the range, (N, emitters, inputs).
     low_V, high_V
         Ends of the converter's range.
     """
@@ -100,7 +100,7 @@ class Glances:
         self._periods: Periods | None = None
 
     def read(self) -> Glance | None:
-        """Data since the last call; None if there is none, or it shows no switching."""
+        """Data since the last call; None if there are none, or they show no switching."""
         return self._of_samples(self._sampler) if isinstance(self._sampler, Daq) else self._of_periods(self._sampler)
 
     def _of_periods(self, board: EmitterBoard) -> Glance | None:
@@ -137,7 +137,7 @@ class Glances:
         return Glance.of([readings] * setup.emitters, (float(low.max()), float(high.min())))
 
     def _with_kept(self, samples: Samples) -> Samples:
-        """Samples after those that were too few by themselves, unless some are missing between them."""
+        """Samples joined to a previous block that was too short, unless some are missing in between."""
         kept, self._samples = self._samples, None
         if kept is None or kept.stretch != samples.stretch or kept.first + len(kept.counts) != samples.first:
             return samples

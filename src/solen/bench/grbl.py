@@ -1,9 +1,9 @@
 """Stepper motors on a board with GRBL 1.1, as in small mills and on bare Arduinos with a CNC shield.
 
-The idea: a move is a jog in machine coordinates, which leaves nothing of the controller's own state changed and is
-cancelled by one byte, whatever is under way. ``?`` is answered at once, also while the axis moves. The controller
-counts steps and sees nothing: switched on, or reset by the opening of its port, it does not know where it stands, so
-that a run begins by homing or by taking the place where it stands. Commands, settings and codes: Grbl v1.1 wiki,
+The idea: a move is a jog in machine coordinates, which changes no state of the controller and can be
+cancelled at any time by one byte. ``?`` is answered at once, also while the axis moves. The controller
+counts steps without feedback: after power-up, or a reset by opening its port, its position is unknown, so
+a run begins by homing or by defining the current position. Commands, settings and codes: Grbl v1.1 wiki,
 "Commands", "Jogging", "Configuration" and "Interface".
 
 The interface: `GrblStage`, a `Stage` that `solen.bench.roles.Homes`.
@@ -72,7 +72,7 @@ class GrblStage(GcodeStage):
         self._zero = 0.0
 
     def set_position(self, position: float) -> None:
-        """Take where it stands for a position; nothing moves."""
+        """Define the current position as a given value; nothing moves."""
         state, at = self._status()
         if state == "Alarm":  # it waits for homing
             self._command("$X")

@@ -1,8 +1,8 @@
-"""A stage that is turned by hand, from stop to stop: the program asks, the person turns and presses Enter.
+"""A stage turned by hand from stop to stop: the program prompts, the operator turns it and presses Enter.
 
-The idea: where the stage is while somebody turns it, nobody knows; readings of that time have no angle and are left
-out. At a stop it stands where the protocol sent it, or where its scale says: who reads another angle off it types that
-before Enter. Between two stops somebody may take as long as they like; emitters are fed and sampled all the same.
+The idea: while the stage is turned its position is unknown, so readings of that time have no angle and are left
+out. At a stop it is at the position of the protocol, or at the one read from its scale, which the operator may type
+before Enter. Between stops the operator may take any time; emitters remain driven and sampled.
 
 The interface: `HandStage`, a `Stage`.
 """
@@ -64,15 +64,15 @@ class HandStage:
         if target == self._position:
             return
         self._target, self._position = target, math.nan
-        self._say(f"Move the stage to {target:+g} {self.unit}, then press Enter (or type where it stands).")
+        self._say(f"Move the stage to {target:+g} {self.unit}, then press Enter (or type its actual position).")
         self._ask()
 
     def position(self) -> float:
-        """Where it stands; NaN while it is moved, and before the first move."""
+        """Its position; NaN while it is moved, and before the first move."""
         return self._position
 
     def on_target(self) -> bool:
-        """Whether somebody has said that it stands."""
+        """Whether the operator has confirmed that it rests."""
         if math.isfinite(self._position):
             return True
         try:

@@ -1,8 +1,8 @@
-"""A stage that does not know its zero: it is never driven to find it unasked.
+"""Homing of stages that do not know their zero: never without permission.
 
-The idea: a search for the reference switch may turn the stage as far as it goes, with a sensor mounted on it. It is
-done where the rig file allows it (``home = true``), or where somebody at the terminal, having read how far it
-goes, agrees. ``home = "here"`` takes the place where the stage stands for the rig's zero, and nothing moves.
+The idea: a search for the reference switch may move the stage to its limits, with a sensor mounted on it. It is
+done if the rig file allows it (``home = true``), or if the operator at the terminal, warned of the range,
+agrees. ``home = "here"`` defines the current position as the rig's zero, and nothing moves.
 
 The interface: `make_known`; `knows_zero`.
 """
@@ -19,20 +19,20 @@ Confirm = Callable[[str], bool]
 
 
 def make_known(stage: Stage, home: Home, zero: float, confirm: Confirm | None = None, *, resumed: bool = False) -> None:
-    """See that a stage knows its zero.
+    """Make sure that a stage knows its zero.
 
     Parameters
     ----------
     stage
-        A stage that is no `Homes` finds its zero by its own means.
+        A stage without `Homes` finds its zero by its own means.
     home
-        Whether it may move for that, or stands at its zero.
+        Whether it may move for that, or is at its zero.
     zero
         Position at which the sensor is straight.
     confirm
-        Asked where ``home`` is false; None if nobody is there.
+        Prompt used if ``home`` is false; None without an operator.
     resumed
-        Whether a run goes on that was interrupted: the stage then stands anywhere.
+        Whether an interrupted run continues; the stage may then be anywhere.
 
     Raises
     ------
@@ -51,7 +51,7 @@ def make_known(stage: Stage, home: Home, zero: float, confirm: Confirm | None = 
     elif home or (confirm is not None and confirm(f"{stage.name} does not know its zero. {stage.search} Begin?")):
         stage.reference()
     else:
-        remedy = 'home = true in [stage] allows it; home = "here" takes the place where it stands for zero'
+        remedy = 'home = true in [stage] allows it; home = "here" defines its current position as zero'
         raise BenchError(stage.name, limit=f"does not know its zero. {stage.search}", remedy=remedy)
 
 

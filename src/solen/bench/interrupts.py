@@ -1,10 +1,10 @@
-"""How a run is ended from outside: Ctrl-C, a signal, a closed terminal, all alike.
+"""Ending a run from outside: Ctrl-C, a signal, or a closed terminal, all treated alike.
 
-The idea: whatever asks the program to go must leave emitters off and the stage at rest. Each such request becomes an
-`Ended`, a `KeyboardInterrupt`, in the main thread, once; later ones are passed over, so that nobody interrupts the
-switching off. Within `uninterrupted` a request waits until the work is done. SIGKILL and a power cut cannot be caught.
+The idea: any request to end must leave emitters off and the stage at rest. Each such request raises
+`Ended`, a `KeyboardInterrupt`, in the main thread, once; later ones are ignored, so that they cannot interrupt the
+shutdown. Within `uninterrupted` a request waits until the work is done. SIGKILL and a power cut cannot be caught.
 
-The interface: `ended_by_signals` around a run; `uninterrupted` around what must not be left half-way;
+The interface: `ended_by_signals` around a run; `uninterrupted` around work that must be completed;
 `pass_over` further ones; `Ended`.
 """
 
@@ -71,7 +71,7 @@ def pass_over() -> None:
 
 @contextmanager
 def uninterrupted() -> Iterator[None]:
-    """Let requests wait until the body is done; they are lost only where it fails by itself."""
+    """Let requests wait until the body is done; they are lost only if it raises an error."""
     _STATE.held += 1
     try:
         yield

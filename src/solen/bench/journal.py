@@ -33,7 +33,7 @@ FIRST_GAP, LONGEST_GAP = 1 << 14, 1 << 20
 RESERVE_BYTES = 1 << 16
 """Kept free beside a journal that is written, so that a full disk leaves room to say why the run ended."""
 _NEAR = 20
-"""Records on either side of a gap that are asked for a time."""
+"""Records on either side of a gap that are searched for a time."""
 
 
 class Journal:
@@ -267,7 +267,7 @@ def _missing(file: BinaryIO, records: Sequence[Record], dtypes: Mapping[str, np.
 
 
 def read_on(path: Path, begin: int) -> tuple[list[tuple[int, int, bytes]], int]:
-    """Whole records from a place on, 0 for the first: kind, stream and payload of each; and where the next begins."""
+    """Complete records from an offset on (0 for the first): kind, stream and payload of each; and the next offset."""
     with path.open("rb") as file:
         version, _ = _version(file, path)
         size = file.seek(0, os.SEEK_END)

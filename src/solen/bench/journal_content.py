@@ -105,7 +105,7 @@ class JournalContent:
 
     @property
     def sampled(self) -> str:
-        """Stream of what the sampler gave."""
+        """Stream of the sampler's data."""
         streams = {"daq": "samples", "meter": "meter"}
         return next((stream for key, stream in streams.items() if key in self.header), "board")
 
@@ -126,7 +126,7 @@ def described(dtype: np.dtype[np.void]) -> list[list[Any]]:
 
 
 def dtypes_of(header: Mapping[str, Any], path: Path) -> dict[str, np.dtype[np.void]]:
-    """Columns of each stream, in the order of their numbers; `DataError` if a header does not state them."""
+    """Columns of each stream, by stream number; `DataError` if a header does not state them."""
     try:
         return {
             name: np.dtype([(column, kind, tuple(shape)) for column, kind, shape in columns])

@@ -42,7 +42,7 @@ FAULTS = {
 """Meaning of the bits of the status that end a move."""
 
 SERVO, BRUSHLESS, STEPPER = 65536 * 2048 / 6e6, 65536 * 102.4e-6, 53.68
-"""Value of a velocity for one count per second: 65536 times the servo's period; of a stepper as it is stated."""
+"""Velocity value for one count per second: 65536 times the servo's period; for a stepper as stated."""
 CONTROLLERS = {
     "TDC001": SERVO,
     "KDC101": SERVO,
@@ -136,7 +136,7 @@ class KinesisStage(LineStage):
         self._come_home(self._homed, self._home_s)
 
     def set_position(self, position: float) -> None:
-        """Take where it stands for a position, until the line is closed; nothing moves."""
+        """Define the current position as a given value, until the line is closed; nothing moves."""
         self._zero = self._status()[0] - position * self._per_unit
 
     def begin_move(self, target: float, velocity: float) -> None:
@@ -171,7 +171,7 @@ class KinesisStage(LineStage):
         self._come_to_rest(lambda: not self._status()[1] & (MOVING | HOMING))
 
     def _set_velocity(self, velocity: float) -> None:
-        """Set a velocity, with the acceleration that it has; `BenchError` if the controller does not take it."""
+        """Set a velocity at the present acceleration; `BenchError` if the controller rejects it."""
         value = self._whole(round(self._scale * velocity * self._per_unit))
         _, lowest, acceleration, now = self._asked(_VELOCITY, ASK_VELOCITY)
         if value == now:

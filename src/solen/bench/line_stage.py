@@ -52,13 +52,13 @@ class LineStage(ABC):
         self._link.write(data)
 
     def _cut_in(self, stop: bytes) -> None:
-        """Where a question was interrupted, as by Ctrl-C: send a stop first, then drop what is still on its way."""
+        """After an interrupted query, as by Ctrl-C: send a stop first, then discard pending input."""
         if self._lines.owed:
             self._link.write(stop)
             self._lines.settle()
 
     def _came_true(self, done: Callable[[], bool], within_s: float, every_s: float) -> bool:
-        """Ask until something is done; False where it takes too long."""
+        """Poll until a condition holds; False after a time-out."""
         due = self._clock.now_s() + within_s
         while not done():
             if self._clock.now_s() > due:
@@ -67,12 +67,12 @@ class LineStage(ABC):
         return True
 
     def _come_to_rest(self, resting: Callable[[], bool]) -> None:
-        """After a stop; `BenchError` if it goes on."""
+        """Wait for rest after a stop; `BenchError` if it keeps moving."""
         if not self._came_true(resting, STOPS_S, STOP_LOOK_S):
             raise self._refusal("does not stop", "cut its supply")
 
     def _come_home(self, there: Callable[[], bool], within_s: float) -> None:
-        """After the search for its zero began; it is stopped, and `BenchError`, where that takes too long."""
+        """Wait for the end of homing; stop it and raise `BenchError` after a time-out."""
         if not self._came_true(there, within_s, HOME_LOOK_S):
             self.stop()
             raise self._refusal(f"no reference found within {within_s:g} s", "is the stage free to move?")

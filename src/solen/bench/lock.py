@@ -1,7 +1,7 @@
-"""A lock beside a file that one process holds and no other: it goes when the process does, however that ends.
+"""A lock file held by one process at a time, released whenever that process ends.
 
-The idea: no system's own calls are needed where SQLite is, which locks files on all of them: an exclusive transaction
-on an empty database is the lock. What a kill leaves of it is an empty hidden file that the next one takes over.
+The idea: SQLite locks files on every system, so no system calls are needed: an exclusive transaction
+on an empty database is the lock. A killed process leaves an empty hidden file, which the next one reuses.
 
 The interface: `locked` for as long as a ``with`` statement lasts.
 """
@@ -16,12 +16,12 @@ from solen.errors import BenchError
 
 @contextlib.contextmanager
 def locked(path: Path) -> Iterator[None]:
-    """Lock what a file of that name stands for; no lock file is left.
+    """Lock the resource named by a file; no lock file remains.
 
     Raises
     ------
     BenchError
-        If another process holds it. A file system without locks gives it to everybody.
+        If another process holds it. A file system without locks grants it to everyone.
     """
     file = path.with_name(f".{path.name}.lock")
     with contextlib.ExitStack() as leftover, contextlib.ExitStack() as connection:  # closed first: Windows asks for it

@@ -1,14 +1,14 @@
-"""Where a square marker stands in a picture, to parts of a pixel, and how far it turned from picture to picture.
+"""Sub-pixel position of a square marker in pictures, and its rotation between them.
 
-The idea: OpenCV recognises an ArUco or AprilTag marker and its corners to a pixel. Each side of its black square is
-then followed anew: along its normals, the place of the step from white to black is where the area under the profile
-says, which blur does not move; a line through these places, and two lines meet in a corner.
+The idea: OpenCV detects an ArUco or AprilTag marker and its corners to a pixel. Each side of its black square is
+then located again: along its normals, the area under the grey profile gives the position of the step from white to
+black, independent of blur; a line is fitted through these points, and two lines intersect in a corner.
 
-A marker that turns in a plane keeps its shape there, however obliquely it is seen: one projection from that plane to
-the picture, the same for all pictures, and a turn and a shift for each. Both are fitted to all corners, and the
-corners' misfit says how well an angle is known. The camera stands still and draws straight lines straight.
+A marker that turns in a plane keeps its shape there, even if seen obliquely: one projection from that plane to
+the picture, common to all pictures, and a rotation and a shift for each. Both are fitted to all corners, and the
+corners' misfit gives the uncertainty of an angle. The camera is fixed and free of distortion.
 
-The interface: `Finder` of markers in a picture; `turns` of corners gives `Turns`.
+The interface: `Finder` of markers in a picture; `turns` of corners returns `Turns`.
 """
 
 from dataclasses import dataclass

@@ -1,8 +1,8 @@
 """Stepper motors on a board with Marlin, the firmware of many 3D printers.
 
-The idea: a command is answered by ``ok`` as soon as it is taken in, long before the motor is there; ``M400`` when all
-motion has ended. In between Marlin states where it is going to be, not where it is, so that a position is
-known at rest only, as of a stage turned by hand. ``M410`` stops at once, and with it the count of steps is lost.
+The idea: a command is answered by ``ok`` as soon as it is queued, long before the motor arrives; ``M400`` when all
+motion has ended. In between Marlin reports the target, not the position, so that a position is
+known at rest only, as for a stage turned by hand. ``M410`` stops at once and loses the step count.
 Commands: Marlin's G-code reference, G1, G28, G90, G92, M114, M115, M400, M410, M503.
 
 The interface: `MarlinStage`, a `Stage` that `solen.bench.roles.Homes`.
@@ -44,7 +44,7 @@ class MarlinStage(GcodeStage):
             self.referenced = True
 
     def set_position(self, position: float) -> None:
-        """Take where it stands for a position; nothing moves."""
+        """Define the current position as a given value; nothing moves."""
         self._command(f"G92 {self._axis}{position:.4f}")
         self.referenced = True
 
@@ -67,7 +67,7 @@ class MarlinStage(GcodeStage):
         return float(found[1])
 
     def on_target(self) -> bool:
-        """Whether it has come to rest where it was sent; `BenchError` if its own limits kept it from there."""
+        """Whether it has come to rest at the target; `BenchError` if its limits prevented that."""
         if not self._settled():
             return False
         if abs((at := self.position()) - self._target) > 0.01:

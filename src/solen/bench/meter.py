@@ -1,10 +1,10 @@
-"""Meters as receivers: instruments that answer with a reading when they are asked, light being switched or steady.
+"""Meters as receivers: instruments that return a reading on request, with switched or steady light.
 
-The idea: a multimeter or an oscilloscope samples by itself, and takes as long as it takes. A thread asks for one
-reading after the other, and stamps each as it is asked for and as it is there: somewhere in between it was measured,
-which is what the recording states of its time. Readings wait until the run takes them.
+The idea: a multimeter or an oscilloscope samples at its own pace. A thread requests one
+reading after another and stamps request and arrival: it was measured in between,
+and the recording states that. Readings are queued until the run fetches them.
 
-The interface: `Reading` of all inputs at once; `AskingMeter`, a `Meter` of anything that measures when it is asked.
+The interface: `Reading` of all inputs; `AskingMeter`, a `Meter` for anything that measures on request.
 """
 
 import threading
@@ -21,7 +21,7 @@ from solen.errors import BenchError, DataError, SolenError
 STOPS_S = 10.0
 """A reading that is under way may take so long to end."""
 MOST_MISSED = 5
-"""So many readings in a row that cannot be made of what was measured end the run."""
+"""Number of consecutive failed readings that ends the run."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,11 +31,11 @@ class Reading:
     Attributes
     ----------
     sent_s, t_s
-        When it was asked for, and when it was there, by the clock of the run.
+        Times of request and arrival, by the clock of the run.
     on, off
-        Of each input, with the emitters on, and off; NaN where that is not known.
+        Values of each input with the emitters on and off; NaN if unknown.
     clipped
-        Whether an input was at an end of its range.
+        Whether each input was at an end of its range.
     """
 
     sent_s: float
@@ -47,20 +47,20 @@ class Reading:
 
 @dataclass
 class MeterLosses:
-    """Readings that could not be made of what was measured."""
+    """Number of failed readings."""
 
     unreadable: int = 0
 
 
 class AskingMeter(ABC):
-    """A `Meter` that is asked, again and again, by a thread of its own.
+    """A `Meter` polled continuously by its own thread.
 
     Parameters
     ----------
     name, clock
-        Of the meter, and of the run.
+        Name of the meter, and clock of the run.
     inputs, unit
-        How many, and the unit of what they read.
+        Number of inputs, and the unit of their readings.
     switched
         Whether readings with the emitters off are known.
     """
@@ -79,7 +79,7 @@ class AskingMeter(ABC):
 
     @abstractmethod
     def measure(self) -> Reading:
-        """Ask for a reading and wait for it; `DataError` if it cannot be made of what was measured."""
+        """Request a reading and wait for it; `DataError` if the measurement is unusable."""
 
     @abstractmethod
     def release(self) -> None:

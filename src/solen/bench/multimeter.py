@@ -15,7 +15,7 @@ from solen.bench.meter import AskingMeter, Reading, steady
 from solen.bench.visa import Scpi, all_or_none, opened_all
 
 OVER = 9.0e37
-"""Values beyond it stand for beyond the range, or for no number."""
+"""Larger values mean overrange, or not a number."""
 
 
 class Multimeters(AskingMeter):

@@ -94,7 +94,7 @@ def check_installed() -> None:
 
 
 def write_recording(journaled: JournalContent, path: Path) -> RecordedRun:
-    """Write what a journal holds to a netCDF file.
+    """Write the content of a journal to a netCDF file.
 
     Raises
     ------
@@ -198,7 +198,7 @@ def _waveform(file: Any, journaled: JournalContent) -> Content:
 
 
 def _readings(file: Any, journaled: JournalContent) -> Content:
-    """Write what a meter read: each reading as it came, and those of each sensor."""
+    """Write a meter's readings: each as it arrived, and those of each sensor."""
     rows, header = journaled.streams["meter"], journaled.header
     half_s = 0.5 * (rows["t_s"] - rows["sent_s"] + header.get("clock_resolution_s", 0.0))
     time_s = rows["sent_s"] + half_s
@@ -221,7 +221,7 @@ def _readings(file: Any, journaled: JournalContent) -> Content:
 
 
 def _read_by(rows: Rows, time_s: FloatArray, inputs: list[int]) -> Read:
-    """Readings of two inputs: on less off where off is known, else as they are."""
+    """Readings of two inputs: on minus off if off is known, else unchanged."""
     on, off = rows["on"][:, inputs], rows["off"][:, inputs]
     return Read(time_s, np.where(np.isfinite(off), on - off, on), off, rows["clipped"][:, inputs])
 
@@ -327,7 +327,7 @@ def _damage(journaled: JournalContent) -> list[Caution]:
 
 
 def _timing(file: Any, journaled: JournalContent) -> list[Caution]:
-    """State what clocks and lines leave open, for who states a hysteresis; and a remark where that is notable."""
+    """State the timing uncertainty due to clocks and lines, for hysteresis; with a remark if notable."""
     header, stage = journaled.header, journaled.streams["stage"]
     lines = [ClockLine(**line) for line in json.loads(file.attrs["clock"]).values()]
     timing = Timing.of(stage, header.get("clock_resolution_s", 0.0), lines)
@@ -372,8 +372,8 @@ _COLUMNS = {
     "left": ("", "receiver"),
     "right_ambient": ("", "right receiver with the emitter off"),
     "left_ambient": ("", "left receiver with the emitter off"),
-    "right_clipped": ("1", "1 where a sample of the right receiver stood at an end of the converter's range"),
-    "left_clipped": ("1", "1 where a sample of the left receiver stood at an end of the converter's range"),
+    "right_clipped": ("1", "1 where a sample of the right receiver was at an end of the converter's range"),
+    "left_clipped": ("1", "1 where a sample of the left receiver was at an end of the converter's range"),
 }
 
 

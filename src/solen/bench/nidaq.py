@@ -161,7 +161,7 @@ class NiDaq:
             self.stop()
 
     def _checked(self, setup: Setup) -> Model:
-        """What the device can do; `BenchError` if it is not what the rig says, or cannot do what is asked."""
+        """Capabilities of the device; `BenchError` if it is not the rig's, or cannot do what is requested."""
         with self._translated("find"):
             device = self._ni.system.Device(self._device)
             product = device.product_type
@@ -217,9 +217,9 @@ class NiDaq:
             raise BenchError(self.name, limit=limit, remedy="take a device of 16 bits or less")
 
     def _converts(self, task: Any) -> float:
-        """From one channel to the next, in s; where its driver does not state that, the longest that it can be.
+        """Interval between channels, in s; if the driver does not state it, its upper limit.
 
-        A sample that is taken for later than it was is never taken for one of the phase before.
+        Overestimating the time of a sample never assigns it to the previous phase.
         """
         channels = len(self.setup.channels)
         stated = answer_or(0.0, lambda: float(task.timing.ai_conv_rate), self._ni)
@@ -261,7 +261,7 @@ class NiDaq:
         return Samples(self._stretch, 0, np.zeros((0, len(self.setup.channels)), np.int16), (remark,))
 
     def _check_emitters(self) -> None:
-        """`BenchError` if a task that switches emitters has ended: its lines stand still while inputs go on."""
+        """`BenchError` if a task that switches emitters has ended: its lines then freeze while inputs continue."""
         with self._translated("switch the emitters"):
             ended = any(task.is_task_done() for task in self._tasks[:-1])
         if ended:

@@ -16,7 +16,7 @@ from solen.bench.drivers import on_failure
 
 
 def pulses(ni: Any, device: str, setup: Setup, place: int, counter: str, terminal: str) -> tuple[Any, float]:
-    """Pulses for an emitter, on for the first half of its slot from the first sample on, and how often they come."""
+    """Pulses for an emitter, on for the first half of its slot from the first sample, and their rate."""
     constants, task = ni.constants, ni.Task()
     with on_failure(lambda: clear(task, ni)):
         channel = task.co_channels.add_co_pulse_chan_freq(

@@ -66,7 +66,7 @@ def model_of(device: Any, ni: Any) -> Model:
 
 
 def answer_or(nothing: _Value, ask: Callable[[], _Value], ni: Any) -> _Value:
-    """An answer of the driver, or what stands for none where the device has no such property."""
+    """A property from the driver, or a default if the device does not have it."""
     try:
         return ask()
     except ni.errors.DaqError:

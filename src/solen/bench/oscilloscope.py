@@ -86,20 +86,20 @@ class Oscilloscope(AskingMeter):
     clock
         Of the run.
     address
-        As VISA calls it.
+        Its VISA address.
     channels, sync
-        Those of the inputs, and that of what lights the emitters; None in steady light.
+        Channels of the inputs, and of the switching signal; None in steady light.
     setup
         Commands before the first acquisition.
     switch_hz, settle_us
-        How often the emitters are lit, and what is left out after each switch, where there is a sync.
+        Frequency of the emitters, and the time left out after each switch, with a sync.
     backend, answer_s
-        PyVISA's name of the library, and how long an answer, and an acquisition, may take.
+        PyVISA's name of the library, and the longest time of an answer and an acquisition.
 
     Raises
     ------
     BenchError
-        If it is not there, is of none of `DIALECTS`, or takes a command not.
+        If it is not connected, has none of `DIALECTS`, or rejects a command.
     """
 
     def __init__(

@@ -89,7 +89,7 @@ def outlet(where: str) -> Iterator[Outlet]:
     Raises
     ------
     SpecError, BenchError
-        If the name is none, or what it names cannot be opened.
+        If the name is invalid, or the outlet cannot be opened.
     """
     kind, _, rest = where.partition(":")
     opened = {"udp": _udp, "serial": _serial, "lsl": _lsl}.get(kind)

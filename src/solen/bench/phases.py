@@ -23,7 +23,7 @@ COUNTER_JITTER_US = 5.0
 """More than a counter's edge differs from a sample's clock edge, and enough that a sample at an edge is left out."""
 LEAST_SYNC_V = 0.5
 EDGE_SAMPLES, LOOSE_SAMPLES = 0.15, 0.55
-"""Parts of a sample to which an edge is known, on a line of many and alone, beside what `Clock.states` leaves out."""
+"""Uncertainty of an edge in samples, on a fitted line and alone, apart from what `Clock.states` leaves out."""
 LINE_SAMPLES = 0.75
 """Edges that lie so near to a straight line are on it: a sample is all that each of them is known to."""
 
@@ -40,7 +40,7 @@ def clock_of(time_s: FloatArray, volts: FloatArray, setup: Setup, switch_hz: flo
     Parameters
     ----------
     time_s
-        When each sample of the first channel was taken, by the instrument's clock since its start, shape (N,).
+        Time of each sample of the first channel, by the instrument's clock since its start, shape (N,).
     volts
         Shape (N, channels).
     setup, switch_hz
@@ -49,7 +49,7 @@ def clock_of(time_s: FloatArray, volts: FloatArray, setup: Setup, switch_hz: flo
     Returns
     -------
     Clock
-        Its phase counts slots; whole multiples of the number of emitters are where emitter 1 goes on.
+        Its phase counts slots; emitter 1 switches on at multiples of the number of emitters.
 
     Raises
     ------
@@ -102,7 +102,7 @@ def _edges(time_s: FloatArray, volts: FloatArray) -> tuple[FloatArray, FloatArra
     """Times of rises and falls: half a sample before the first sample beyond a third of the height, with hysteresis."""
     low, high = float(volts.min()), float(volts.max())
     if high - low < LEAST_SYNC_V:
-        limit = f"goes no further than {high - low:.2g} V; {LEAST_SYNC_V:g} V are needed to tell on from off"
+        limit = f"goes no further than {high - low:.2g} V; {LEAST_SYNC_V:g} V are needed to distinguish on and off"
         raise DataError("sync", limit=limit, remedy="check its wire")
     height = (volts - low) / (high - low)
     mark = np.where(height > 2.0 / 3.0, 1, np.where(height < 1.0 / 3.0, -1, 0))

@@ -131,5 +131,5 @@ class Protocol(BenchTable):
 
 
 def load_protocol(path: Path) -> Protocol:
-    """Protocol of a file; `BenchError` in one line where it cannot be read or is none."""
+    """Protocol of a file; `BenchError` if it cannot be read or is invalid."""
     return load_table(path, Protocol)

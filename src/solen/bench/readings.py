@@ -28,11 +28,11 @@ class Read:
 
 Columns = dict[str, NDArray[Any]]
 AT_ONCE = 16_384
-"""Periods that are worked on and kept together, so that an hour needs little memory and is read in few pieces."""
+"""Periods per chunk of processing and storage, so that an hour needs little memory and few reads."""
 
 
 def stretches(board: Rows) -> list[tuple[int, int]]:
-    """First and last place, less one, of what was sampled by one clock: a part, up to a restart of the board."""
+    """Start and end index of each part sampled by one clock, up to a restart of the board."""
     edges = np.flatnonzero((np.diff(board["part"].astype(np.int64)) != 0) | (board["flags"][1:] & ANEW != 0)) + 1
     return list(zip([0, *edges.tolist()], [*edges.tolist(), len(board)], strict=True)) if len(board) else []
 
@@ -107,9 +107,9 @@ def subtracted(
 
 
 def sound(flags: NDArray[np.uint8], period_s: FloatArray, reading_s: FloatArray) -> NDArray[np.bool_]:
-    """Which readings are of periods without fault; a late one lit its receivers for who knows how long.
+    """Which readings come from valid periods; in a late one the exposure is unknown.
 
-    The period before it counts too, which lends its off phase.
+    The preceding period matters too, as it supplies the off phase.
     """
     good = flags & UNSOUND == 0
     period = np.searchsorted(period_s, reading_s, "right") - 1
@@ -122,7 +122,7 @@ def columns_of(
     journaled: JournalContent,
     cuts: Sequence[tuple[float, float]],
 ) -> Columns:
-    """Columns of readings that are kept, but for those of cycles that were cut short."""
+    """Columns of the kept readings, without those of incomplete cycles."""
     for cut_s, rest_s in cuts:
         kept &= (readings.time_s <= cut_s) | (readings.time_s >= rest_s)
     header, looks = journaled.header, looks_of(journaled)

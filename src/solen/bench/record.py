@@ -74,25 +74,25 @@ def record(
     report: Report | None = None,
     confirm: Confirm | None = None,
 ) -> RecordedRun:
-    """Run a protocol on a rig and close what was recorded.
+    """Run a protocol on a rig and close the recording.
 
     Parameters
     ----------
     protocol_file, rig_file
         Motion of the stage, and the instruments and sensors.
     folder
-        Where the recording goes; made if need be.
+        Folder of the recording; created if missing.
     watch, report
-        Called with the state of the run, and with what is prepared before it.
+        Called with the state of the run, and with steps of its preparation.
     confirm
-        Asked before a stage drives to its reference, where the rig does not allow that.
+        Prompt before a stage moves to its reference, if the rig does not allow that.
 
     Raises
     ------
     BenchError, SpecError, DataError, DesignError, OutputError
-        If files, instruments or the folder are at fault. What was recorded by then is in the journal.
+        If files, instruments or the folder are faulty. Data recorded until then are in the journal.
     Ended
-        If Ctrl-C or a signal ended it; emitters are off, the stage stands still, and its line says what is kept.
+        If Ctrl-C or a signal ended it; emitters are off, the stage is at rest, and the message says what is kept.
     """
     check_installed()
     protocol, rig = load_protocol(protocol_file), load_rig(rig_file)
@@ -216,7 +216,7 @@ def _check_compatible(protocol: Protocol, rig: Rig, protocol_file: Path, rig_fil
 
 
 def _check_stops(protocol: Protocol, protocol_file: Path) -> None:
-    """Refuse stops that are too short where they are all that counts."""
+    """Reject stops that are too short if only they are used."""
     least_s = STOP_LOOKS / protocol.position_rate_hz
     for number, step in enumerate(protocol.step):
         if step.hold_s < least_s:

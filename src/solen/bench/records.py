@@ -117,7 +117,7 @@ def _at(file: BinaryIO, version: int, place: int, size: int, number: int) -> tup
 
 
 def _next(file: BinaryIO, place: int, size: int) -> int:
-    """Where the next word that begins a record is; the end where there is none."""
+    """Offset of the next word that begins a record, or the end."""
     while place < size:
         file.seek(place)
         chunk = file.read(_CHUNK + len(SYNC) - 1)

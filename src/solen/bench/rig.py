@@ -104,7 +104,7 @@ class Rig(BenchTable):
             raise refused("stage.port", "is the port of [board]", value=self.stage.port, remedy=remedy)
         stated = [key for key in ("board", "daq", "meter") if key in self.model_fields_set and getattr(self, key)]
         if len(stated) > 1:
-            raise refused(stated[-1], f"stands beside [{stated[0]}]", remedy="keep the one that the rig has")
+            raise refused(stated[-1], f"cannot be combined with [{stated[0]}]", remedy="keep the one in the rig")
         if self.meter is not None:
             self.meter.check_inputs(self.emitters, self.inputs)
         if self.sampler.driver != "simulated":
@@ -151,7 +151,7 @@ def sensor_angle_deg(position: FloatArray, zero: float, lever_mm: float | None) 
 
 
 def load_rig(path: Path) -> Rig:
-    """Rig of a file; `BenchError` in one line where it cannot be read or is none."""
+    """Rig of a file; `BenchError` if it cannot be read or is invalid."""
     rig = load_table(path, Rig)
     with error_context(str(path)):
         _ = rig.setup  # what the instrument cannot do is refused here

@@ -17,7 +17,7 @@ from solen.spec.strict import NotNegative, Number, Positive, Text, refused
 
 
 def _check_driver(table: "StageOf | BoardOf | DaqOf", key: str) -> None:
-    """Refuse a driver that this role does not have, and a ``key`` that says where a real instrument is found."""
+    """Reject a driver unknown for this role, and require the ``key`` that locates a real instrument."""
     known = [name for name, driver in DRIVERS.items() if driver.role == table.table]
     if table.driver != "simulated" and table.driver not in known:
         raise refused("driver", f"must be one of simulated, {', '.join(known)}", value=table.driver)
@@ -124,8 +124,8 @@ class BoardOf(BenchTable):
     )
     trim_v: Positive | None = Field(
         None,
-        description="Trimmers of a simulated board are turned until a receiver's brightest reading stands at this "
-        "voltage, as far as they go; default: readout.load_ohm of the designs as it is.",
+        description="Trimmers of a simulated board are set so that a receiver's brightest reading is at this "
+        "voltage, as far as possible; default: readout.load_ohm of the designs.",
     )
     noise_uv: NotNegative = Field(150.0, description="Noise of a simulated board's converter, in µV.")
 
@@ -220,7 +220,7 @@ class DaqOf(BenchTable):
         return self.model or ("USB-6218" if self.driver == "simulated" else "")
 
     def setup(self, emitters: int, inputs: int) -> Setup:
-        """Its settings for so many emitters and inputs; `BenchError` if it is known that it cannot."""
+        """Its settings for a number of emitters and inputs; `BenchError` if known to be impossible."""
         pool = MODELS[self.kind].inputs[self.terminal] if self.kind in MODELS else None
         channels = self.channels or (pool or tuple(f"ai{number}" for number in range(inputs)))[:inputs]
         if len(channels) != inputs:
@@ -250,7 +250,7 @@ class MeterOf(BenchTable):
     setup: tuple[Text, ...] = Field((), description="Commands to each before the first reading, CONF:VOLT:DC 10.")
     answer_s: Annotated[Number, Field(gt=0, le=60)] = Field(5.0, description="How long an answer may take, in s.")
     ask: Text = Field("READ?", description="Of multimeters: the question that is answered by one reading.")
-    unit: Text = Field("V", description="Of multimeters: the unit of what they read.")
+    unit: Text = Field("V", description="For multimeters: the unit of their readings.")
     channels: Annotated[tuple[Text, ...], Field(min_length=1)] | None = Field(
         None, description="Of an oscilloscope: its channels for inputs 1, 2, …; default: 1, 2, …"
     )

@@ -1,7 +1,7 @@
 """Roles of instruments: one interface for each, real or simulated.
 
-The idea: a protocol is run on roles. A real instrument and a simulated one stand behind the same interface, and which
-of them it is, only the rig file knows.
+The idea: a protocol runs on roles. A real and a simulated instrument implement the same interface, and only the
+rig file chooses between them.
 
 The interface: `Stage`, `Homes`, `EmitterBoard`, `KeepsTime`, `Daq`, `Meter`; `Sampler` is any of the last.
 Every call raises `BenchError` if the instrument does not do what it is asked.
@@ -18,7 +18,7 @@ from solen.bench.meter import MeterLosses, Reading
 
 
 class Stage(Protocol):
-    """One axis that moves and knows where it is; positions and velocities in its own unit."""
+    """One motion axis with known position; positions and velocities in its own unit."""
 
     name: str
 
@@ -62,7 +62,7 @@ class Homes(Protocol):
         """Find the zero."""
 
     def set_position(self, position: float) -> None:
-        """Take where it stands for a position; nothing moves."""
+        """Define the current position as a given value; nothing moves."""
 
 
 class EmitterBoard(Protocol):
@@ -106,7 +106,7 @@ class KeepsTime(Protocol):
     """A board that can be asked for its time, so that more is known than what listening shows."""
 
     def time_s(self) -> float | None:
-        """Its own time now, in s, as it stamps periods; NaN where it answers without, None if it does not answer."""
+        """Its current time in s, as it stamps periods; NaN if its answer lacks it, None without an answer."""
 
 
 @runtime_checkable
@@ -152,14 +152,14 @@ class Daq(Protocol):
 
 @runtime_checkable
 class Meter(Protocol):
-    """Instrument that gives readings at its own pace; it lights nothing.
+    """Instrument that takes readings at its own pace; it does not drive emitters.
 
     Attributes
     ----------
     inputs, unit
-        How many, and the unit of what they read.
+        Number of inputs, and the unit of their readings.
     switched
-        Whether readings tell on from off; else light is steady.
+        Whether readings distinguish on and off; otherwise light is steady.
     """
 
     name: str

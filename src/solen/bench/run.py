@@ -48,11 +48,11 @@ class Instruments:
     Attributes
     ----------
     stage, board, clock
-        The instruments, and the time of the run; in place of a board there may be a data acquisition, or a meter.
+        The instruments, and the clock of the run; in place of a board there may be a data acquisition or a meter.
     read_every_s
-        How often the board is read: how much a kill may cost.
+        Interval of reading the board: the data that a kill may lose.
     travel
-        Lowest and highest position that the stage may be at or be sent to; None for its own limits alone.
+        Lowest and highest allowed position of the stage; None for its own limits only.
     """
 
     stage: Stage
@@ -208,7 +208,7 @@ class _Runner:
         return left
 
     def _go(self, step: Step) -> None:
-        """Move and wait until it is there; while it moves it is asked for its position alone."""
+        """Move and wait for arrival; while moving, only the position is queried."""
         start = self._look()
         self._check_travel(step, start)
         shortest_s = abs(step.target - start) / step.velocity if math.isfinite(start) else 0.0
@@ -233,7 +233,7 @@ class _Runner:
                 raise BenchError(self.on.stage.name, limit=limit, remedy="move it back by hand, or widen travel")
 
     def _arrived(self, step: Step, arrives_s: float) -> bool:
-        """Whether the stage has arrived; it is asked from the earliest time on, and only where it seems to rest."""
+        """Whether the stage has arrived; queried from the earliest possible time, and only if it seems to rest."""
         if self.now_s < arrives_s:
             return False
         if self.now_s < arrives_s + SETTLE_S and len(self._last_two) == 2:
@@ -257,7 +257,7 @@ class _Runner:
         self._compared_s = self.now_s
 
     def _exchange(self, ask: Callable[[], float | None]) -> bool:
-        """Write down the sampler's time and when it was asked; False where it has none to state."""
+        """Record the sampler's time and the time of the query; False if it has no clock."""
         sent_s = self.now_s
         device_s = ask()
         if device_s is not None:
@@ -285,7 +285,7 @@ class _Runner:
                 self.watch(Tick(self.now_s, self._cycle, self.protocol.all_cycles, position, self._last))
 
     def _read(self) -> None:
-        """Take what was sampled, and write it down; where the stage was comes before it."""
+        """Fetch samples and record them, after the stage's position."""
         self._write_looks()
         taken = self._sampling.read()
         self._read_s = self.now_s

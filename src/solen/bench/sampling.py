@@ -1,11 +1,11 @@
-"""How a run reads its sampler: from a board period by period, from a data acquisition frame by frame.
+"""Reading of a run's sampler: of a board by periods, of a data acquisition by frames.
 
-The idea: the loop of a run does not ask which of the two there is. Each is asked for rows of its journal's stream, for
-what it has up to now, and for something to show. A data acquisition's samples are kept together in frames of about a
-period of the emitters, each with the number of its first sample, so that a journal says of every sample where it
-belongs; what is left over waits for the next reading.
+The idea: the loop of a run is independent of the kind of sampler. Each supplies rows for its journal's stream, its
+data so far, and values to display. A data acquisition's samples are grouped in frames of about a
+period of the emitters, each with the number of its first sample, so that a journal locates every
+sample; the remainder waits for the next reading.
 
-The interface: `sampling_of` an instrument; `Taken` is what a reading gives.
+The interface: `sampling_of` an instrument; `Taken` is the result of a reading.
 """
 
 from dataclasses import asdict, dataclass
@@ -79,7 +79,7 @@ class BoardSampling:
         return None
 
     def time_s(self) -> float | None:
-        """The board's own time; NaN where it answers without, None if it cannot be asked."""
+        """The board's time; NaN if its answer lacks it, None if it cannot be queried."""
         return self._board.time_s() if isinstance(self._board, KeepsTime) else None
 
     def read(self) -> Taken:

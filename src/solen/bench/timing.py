@@ -1,11 +1,11 @@
-"""When the stage was where: what a slow line and a coarse clock leave open, and what they add to a hysteresis.
+"""Timing of the stage: uncertainty due to slow lines and coarse clocks, and its contribution to hysteresis.
 
-The idea: a stage that is asked where it is answers later, and nobody knows at which moment in between it looked. A look
-is stamped twice, when the question is sent and when the answer is there; it is taken for the middle, and off by half
-the round trip at most. The clock's own step is treated likewise: an event stamped t took place up to one step later. A
-time error of the angle shifts the way up against the way down, by speed times error each, just as a hysteresis does; at
-one speed nothing separates the two. So a recording states what its timing leaves open, and whoever states a hysteresis
-can state beside it what timing may have contributed.
+The idea: a stage answers a position query with a delay, and it is unknown when in between it measured. A look
+is stamped twice, at query and answer; the middle is assumed, with an error of half
+the round trip at most. The clock's resolution is treated likewise: an event stamped t occurred up to one step later. A
+time error shifts the rising branch against the falling one, by speed times error each, as hysteresis does; at
+a single speed the two cannot be separated. So a recording states its timing uncertainty, and an analysis of hysteresis
+can state the possible contribution of timing.
 
 The interface: `Looks` of a journal's rows, with `Looks.at` between them; `came_by` and `exchanges` for
 `solen.bench.clock_fit`; `Timing` of looks and clocks; `STAGE` and `EXCHANGE` are a journal's columns.
@@ -26,7 +26,7 @@ from solen.ranks import Caution, look_at
 STAGE = np.dtype([("part", "<u2"), ("sent_s", "<f8"), ("t_s", "<f8"), ("position", "<f8")])
 """Part of the run; when the stage was asked, when its answer had come, and what it was."""
 EXCHANGE = np.dtype([("part", "<u2"), ("sent_s", "<f8"), ("t_s", "<f8"), ("device_s", "<f8")])
-"""Part; when a sampler was asked for its time, when its answer had come, and what it was, NaN for none."""
+"""Part; times of query and answer of a sampler's clock, and its reading, NaN for none."""
 MOVED = 1e-3
 """Share of the range by which the stage moves from look to look while it counts as moving."""
 STARTED_S = 2.0
@@ -65,10 +65,10 @@ class Looks:
         return cls(stage["part"].astype(float), sent + half, half, stage["position"])
 
     def at(self, time_s: FloatArray) -> FloatArray:
-        """Position at ascending times, by a monotone cubic between looks; NaN where a stage did not know it.
+        """Position at ascending times, by a monotone cubic between looks; NaN where unknown.
 
-        Where it speeds up, straight lines between looks of 20 ms are off by up to 0.01 deg, always to the same side; a
-        monotone cubic is off by a quarter of that, and goes nowhere where the stage was not.
+        During acceleration, linear interpolation between looks 20 ms apart errs by up to 0.01 deg, always to the same
+        side; a monotone cubic errs by a quarter of that, without overshoot.
         """
         known = np.isfinite(self.position)
         if not known.any() or len(time_s) == 0:

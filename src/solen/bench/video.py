@@ -1,14 +1,14 @@
-"""An angle from a video: a marker on what turns, seen by any camera that stands still.
+"""An angle from a video: a marker on the rotating part, seen by any fixed camera.
 
-The idea: a protractor's angle is read picture by picture (`solen.bench.marker`), at the times that the file gives its
-pictures, however uneven. Where the emitters' own light is seen, going on as a run begins, that moment is the
-recording's first; else the difference of both clocks is stated, or left to analysis, which finds the lag of a log in
+The idea: the angle is read picture by picture (`solen.bench.marker`), at the time stamps of the
+pictures, even if irregular. If the emitters are seen switching on as a run begins, that moment is the
+recording's start; otherwise the clock offset is stated, or left to analysis, which determines the lag of a log from
 the signals.
 
-What a camera does to time stays: rows are read one after the other, and a stamp may be that of any moment of an
-exposure. Both delay all pictures alike, as a lag of the log.
+The camera's own timing errors remain: rolling shutter, and a stamp at any moment of an
+exposure. Both delay all pictures equally, as a lag of the log.
 
-The interface: `motion_of` a video with `VideoOptions` gives a `VideoMotion`, whose `csv` is a motion log.
+The interface: `motion_of` a video with `VideoOptions` returns a `VideoMotion`, whose `csv` is a motion log.
 """
 
 import os
@@ -37,11 +37,11 @@ GAP = 1.5
 UNEVEN = 0.02
 """Share of the usual interval by which intervals may vary without a word."""
 BEGIN_S = 0.5
-"""The angle counts from where the marker stands so long at the beginning."""
+"""Initial duration whose mean angle is the zero."""
 _FEWEST = 4  # pictures that show whether it stands
 _MOVED = 3.0  # uncertainties between both halves of the beginning, from which on it does not
 CONTRAST = 6.0
-"""A glow stands out of its noise by so much."""
+"""Least ratio of a glow to its noise."""
 
 
 class VideoOptions(Options):
@@ -71,24 +71,24 @@ class VideoMotion(Result):
     marker
         The marker's number.
     pictures, without, ambiguous
-        How many there are; how many of them show no marker that could be followed; how many show it more than once.
+        Number of pictures, of those without a usable marker, and of those that show it more than once.
     rate_hz
-        Pictures per second, by the usual interval.
+        Pictures per second, from the typical interval.
     longest_gap_s
         Longest time without an angle.
     low_deg, high_deg
         Range of the angle.
     u_angle_deg
-        Standard uncertainty of an angle: the larger of what the corners' misfit shows and what varies from picture to
-        picture; with that of the zero, where the marker moves at the beginning.
+        Standard uncertainty of an angle: the larger of those from the corners' misfit and from the variation between
+        pictures; including that of the zero, if the marker moves at the beginning.
     misfit_px
-        Root mean square by which a coordinate of a corner misses a square in a plane.
+        Root mean square deviation of corner coordinates from a square in a plane.
     glow_s
-        Times of the video at which the emitters went on, and off; none without --glow.
+        Times of the video at which the emitters switched on and off; empty without --glow.
     u_start_s
-        Standard uncertainty of the first: half an interval, evenly spread.
+        Standard uncertainty of the first: uniform over an interval.
     time_s, angle_deg
-        The motion, (N,); counter-clockwise is positive, and 0 is where the marker stands at the beginning.
+        The motion, (N,); counter-clockwise is positive, and 0 is the marker's initial angle.
     warnings
         Warnings.
     """
@@ -138,7 +138,7 @@ def motion_of(path: Path, options: VideoOptions = VideoOptions()) -> VideoMotion
     Raises
     ------
     DataError, SpecError
-        If the video cannot be read, shows no marker or several, or options do not go together.
+        If the video cannot be read, shows no marker or several, or options are contradictory.
     """
     _check(options)
     number, seen = _looked(path, options)
@@ -261,7 +261,7 @@ def _mean(picture: FloatArray, region: tuple[int, ...]) -> float:
 
 
 def _times(stamps: FloatArray, warnings: list[Caution]) -> FloatArray:
-    """Times of the pictures as they are, with what is uneven about them."""
+    """Time stamps of the pictures, with warnings about irregularities."""
     steps = np.diff(stamps)
     if len(steps) == 0 or not (steps > 0.0).all():
         limit = "does not give its pictures times that rise"
@@ -284,7 +284,7 @@ def _scatter(angle: FloatArray) -> float:
 
 
 def _u_zero(angle: FloatArray, u_deg: float, warnings: list[Caution]) -> float:
-    """Uncertainty of a zero taken from the beginning: 0 where the marker stands, else its way's, evenly spread."""
+    """Uncertainty of the initial zero: 0 if the marker is at rest, else uniform over its motion."""
     half = len(angle) // 2
     moved = float(np.median(angle[-half:]) - np.median(angle[:half]))
     spread = 1.4826 * float(np.median(np.abs(angle)))
@@ -301,7 +301,7 @@ def _u_zero(angle: FloatArray, u_deg: float, warnings: list[Caution]) -> float:
 
 
 def _glow(time_s: FloatArray, level: FloatArray) -> tuple[float, ...]:
-    """When the emitters are seen to go on, and off if they are; `DataError` if no glow stands out."""
+    """Times at which the emitters switch on, and off if seen; `DataError` if no glow is detected."""
     low, high = np.percentile(level, [2, 98])
     noise = 1.4826 * float(np.median(np.abs(np.diff(level)))) / np.sqrt(2.0)
     lit = level > 0.5 * (low + high)

@@ -105,7 +105,7 @@ def _opened(address: str, backend: str) -> tuple[Any, Any]:
 
 @contextlib.contextmanager
 def all_or_none(opened: list[Scpi]) -> Iterator[None]:
-    """Close those that are open where the body fails."""
+    """Close the open instruments if the body fails."""
     try:
         yield
     except BaseException:

@@ -101,7 +101,7 @@ class ZaberStage(LineStage):
         self._check(self._ask("get pos"))
 
     def set_position(self, position: float) -> None:
-        """Take where it stands for a position; nothing moves."""
+        """Define the current position as a given value; nothing moves."""
         self._ask(f"set pos {self._steps(position)}")
 
     def begin_move(self, target: float, velocity: float) -> None:

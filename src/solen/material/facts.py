@@ -123,7 +123,7 @@ def facts_of(resin: Resin, name: str, at_nm: Sequence[float] = ()) -> ResinFacts
     Raises
     ------
     DataError
-        If its index is not known at a wavelength that is asked for.
+        If its index is not known at a requested wavelength.
     """
     with error_context(f"resin {resin.name}"):
         for nm in at_nm:

@@ -8,7 +8,7 @@ from solen.ranks import Caution, look_at
 MOST_ROWS = 64
 """Wavelengths that a table of a resin has at most."""
 WIDE_NM, WIDE_STEPS = 20.0, 5.0
-"""A gap between known wavelengths is warned of where it is wider than this, and than so many usual steps."""
+"""A gap between known wavelengths causes a warning if wider than this, and than this multiple of the usual step."""
 
 
 def thinned(rows: list[tuple[float, float, float | None]]) -> list[tuple[float, float, float | None]]:
@@ -34,7 +34,7 @@ def _mean(rows: list[tuple[float, float, float | None]]) -> tuple[float, float, 
 
 
 def _unique(rows: list[tuple[float, float, float | None]]) -> list[tuple[float, float, float | None]]:
-    """Rows of ascending wavelengths, those of one wavelength taken together."""
+    """Rows of ascending wavelengths, those of equal wavelength merged."""
     together: dict[float, list[tuple[float, float, float | None]]] = {}
     for row in rows:
         together.setdefault(row[0], []).append(row)

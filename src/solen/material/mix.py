@@ -135,19 +135,19 @@ class Mixtures(Result):
 
 
 def mixtures(components: Sequence[str], options: MixOptions = MixOptions()) -> Mixtures:
-    """Masses of a mixture in both readings of its percentages.
+    """Masses of a mixture for both meanings of its percentages.
 
     Parameters
     ----------
     components
-        ``name:share``, shares of the whole in per cent by weight, the base first.
+        ``name:share``, mass fractions in per cent, the base first.
     options
-        How much is mixed.
+        Amount to mix.
 
     Raises
     ------
     SpecError
-        If a component is not a name and a share, the shares are not a whole, or a number cannot be.
+        If a component is not a name and a share, the shares do not add up to 100 %, or a number is impossible.
     """
     parts = [Component(*named_number(text, "component")) for text in components]
     check_components(parts)

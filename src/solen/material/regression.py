@@ -93,17 +93,17 @@ class LinearFit:
     parameters, covariance
         β, shape (p,), and its covariance, (p, p).
     sigma, effect_sigmas
-        Standard deviations of e at weight 1 and of each random effect; 0 for one that the data do not show.
+        Standard deviations of e at weight 1 and of each random effect; 0 for effects that the data do not show.
     error_df, least_df
-        n − p; and what degrees of freedom are never below.
+        n − p, and the lower limit of degrees of freedom.
     residuals
         y − X β, shape (n,).
     deletion_t
-        Shape (n,): by how many of its standard errors, estimated without it, each point is off the fit of the others.
+        Shape (n,): deviation of each point from the fit of the others, in standard errors estimated without it.
     criterion
-        −2 ln of the restricted likelihood, up to a constant that depends on X alone.
+        −2 ln of the restricted likelihood, up to a constant that depends only on X.
     known_by
-        How well the covariance is known.
+        Degrees of freedom of the covariance.
     """
 
     parameters: FloatArray
@@ -183,9 +183,9 @@ def fitted(
 
 
 def shared(groups: Sequence[Hashable], of: ArrayLike | None = None) -> FloatArray | None:
-    """Covariance, up to a factor, of an effect that the points of a group share; None if no group has two points.
+    """Covariance, up to a factor, of an effect shared by the points of a group; None if no group has two points.
 
-    ``of``, shape (n,), is what the effect is multiplied with, for a slope that each group has of its own.
+    ``of``, shape (n,), multiplies the effect, for slopes that differ between groups.
     """
     number = ranks(groups)
     same = (number[:, None] == number[None, :]).astype(float)
@@ -197,15 +197,15 @@ def shared(groups: Sequence[Hashable], of: ArrayLike | None = None) -> FloatArra
 def bad_points(fit: Callable[[BoolArray], LinearFit], points: int, most: int) -> dict[int, float]:
     """Points that do not belong to the rest, each with its deletion residual t, the worst first.
 
-    The worst point is taken away ``most`` times over; the last of these whose t is beyond its Bonferroni quantile
-    decides how many are named, so that one bad point does not hide another (Rosner, Technometrics 25, 165, 1983).
+    The worst point is removed up to ``most`` times; the last one whose t exceeds its Bonferroni quantile
+    determines how many are reported, so that one outlier does not mask another (Rosner, Technometrics 25, 165, 1983).
 
     Parameters
     ----------
     fit
         Fit of the points where a mask of shape (n,) is true.
     points, most
-        Number of points, and of those that may be named.
+        Number of points, and the largest number of outliers.
     """
     keep = np.ones(points, bool)
     found: list[tuple[int, float]] = []

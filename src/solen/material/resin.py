@@ -211,7 +211,7 @@ class Optical:
     source
         Where the numbers come from, in words.
     dispersion
-        Index by wavelength, for light of several; None if a single number is all that is known.
+        Index by wavelength, for light with a spectrum; None if only a single number is known.
     u_absorption_per_mm
         Standard uncertainty of the absorption, None if unknown.
     warnings
@@ -228,7 +228,7 @@ class Optical:
 
     @reported
     def mode(self) -> str | None:
-        """How its index was found; None if that is not stated."""
+        """How its index was determined; None if not stated."""
         return None if self.dispersion is None else self.dispersion.mode or None
 
 
@@ -276,12 +276,12 @@ def library_resin(name: str) -> Resin:
 def optical(design: Design) -> Optical:
     """Index, uncertainty and absorption of a design's material at its emitter's wavelength.
 
-    The design's own absorption, where stated, overrules the resin's.
+    A stated absorption of the design overrules the resin's.
 
     Raises
     ------
     DataError
-        If the resin cannot be found or read, or does not know that wavelength.
+        If the resin cannot be found or read, or has no index at that wavelength.
     """
     material = design.material
     if material.resin is None:
@@ -316,7 +316,7 @@ def _overruled(material: Material, resin: Resin) -> list[Caution]:
 
 
 def resin_of(name: str, path: Path | None) -> Resin:
-    """Resin of a file, or of the library by its name where there is none."""
+    """Resin of a file, or of the library by name."""
     return library_resin(name) if path is None else load_resin(path)
 
 

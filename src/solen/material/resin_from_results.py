@@ -49,12 +49,12 @@ def gather(results: Mapping[str, Path], options: BuildOptions) -> Resin:
     results
         Files by the option that names them, one of `READERS`.
     options
-        Name of the resin, and the results that it takes.
+        Name of the resin, and the choice of results.
 
     Raises
     ------
     DataError, SpecError
-        If a result cannot be read, is of another kind or not valid, or where there is nothing to write.
+        If a result cannot be read, has another kind or is invalid, or there is nothing to write.
     """
     for name, option in _NEEDS.items():
         if (value := getattr(options, name)) and option not in results:

@@ -109,7 +109,7 @@ class IndexResult(_Result):
         return self
 
     def as_table(self, selection: Selection = _EVERYTHING) -> Dispersion:  # noqa: ARG002  a file of one index has no choice
-        """Index of the resin: the formula that was fitted, or else a table of what was measured."""
+        """Index of the resin: the fitted formula, or else a table of measurements."""
         if self.fit is None:
             return self._tabulated()
         formula = self.fit.get("model", self.fit)
@@ -144,7 +144,7 @@ class IndexResult(_Result):
 
 
 class _Line(_Result):
-    """Loss of some guides, as `solen resin cutback` finds it; without an absorption where the loss is below 0."""
+    """Loss of guides from `solen resin cutback`; without absorption if the loss is negative."""
 
     of: ClassVar[str] = "loss"
 
@@ -167,9 +167,9 @@ class _Line(_Result):
         return self
 
     def numbers(self) -> tuple[dict[str, Any], list[Caution]]:
-        """Absorption of the resin with its uncertainty and interval, and what must be known of it.
+        """Absorption of the resin with its uncertainty, interval and warnings.
 
-        A negative loss does not exist: where its interval reaches 0, 0 is used with a warning.
+        A negative loss is impossible: if its interval includes 0, 0 is used with a warning.
         """
         ends = self.interval95_loss_dB_per_cm
         interval = None if ends is None else tuple(end * PER_MM_OF_DB_PER_CM for end in ends)

@@ -48,12 +48,12 @@ class RowOptions(Options):
 
 
 def chosen_rows(recording: Recording, options: RowOptions) -> Recording:
-    """The rows that have the stated values, under the stated names of columns.
+    """The rows with the stated values in the stated columns.
 
     Raises
     ------
     SpecError
-        If a condition is none, or no row meets it.
+        If a condition is malformed, or no row meets it.
     DataError
         If the table has no such column, or has one of the new name.
     """
@@ -87,7 +87,7 @@ def _sides(text: str, option: str, example: str) -> tuple[str, str]:
 
 
 def _renamed(recording: Recording, name: str, wanted: str) -> Recording:
-    """Recording with a column under another name, and in the unit that the name states where the file does not."""
+    """Recording with a column renamed, in the unit of the new name if the file states none."""
     optical = any(one.quantity in AXES.values() for one in recording.channels)
     column, head = _column(recording, name, "--map"), heading(wanted, optical=optical)
     if head.name != column and head.name in {*recording.names, *recording.texts}:
@@ -135,7 +135,7 @@ def below_each_other(recording: Recording, names: Sequence[str], labels: Sequenc
     if alone and len(numbered) > 1:
         raise DataError(
             f"column {alone[0]}",
-            limit=f"stands beside its replicates {', '.join(numbered)}: it may be their mean, and is none of them",
+            limit=f"occurs together with its replicates {', '.join(numbered)}: it may be their mean, not one of them",
             remedy=f"delete it, or leave it out by --map {alone[0]}=summary --ignore summary",
         )
     if len(columns) < 2 or any(recording.label(label) is not None for label in labels):
@@ -159,14 +159,14 @@ def below_each_other(recording: Recording, names: Sequence[str], labels: Sequenc
 def refuse_unused(
     recording: Recording, options: RowOptions, used: Collection[str], *, labels_only: bool = False
 ) -> list[Caution]:
-    """Raise where a column varies and is not used; else what must be known of those that are left out.
+    """Raise if an unused column varies; else return warnings about columns left out.
 
     Parameters
     ----------
     used
         Names of the columns that the evaluation uses.
     labels_only
-        Whether numbers stand side by side, as traces do, and only what names the rows can mix them up.
+        Whether numbers are in parallel columns, as traces are, so that only row labels could mix them up.
 
     Raises
     ------
@@ -194,7 +194,7 @@ def refuse_unused(
 
 
 def stated_once(recording: Recording, names: Sequence[str], unit: str) -> float | None:
-    """Number that a column states for all rows, in a unit; None without one, or where it differs."""
+    """Number stated in a column for all rows, in a unit; None without one, or if it varies."""
     channel = recording.find(*names)
     if channel is None:
         return None
@@ -203,7 +203,7 @@ def stated_once(recording: Recording, names: Sequence[str], unit: str) -> float 
 
 
 def _column(recording: Recording, name: str, option: str) -> str:
-    """A column as the recording calls it; `DataError` if there is none."""
+    """A column by the recording's name; `DataError` if there is none."""
     for column in (*recording.texts, *recording.names):
         if plain(column) == plain(name):
             return column

@@ -73,7 +73,7 @@ def designs_to_compare(
 ) -> list[NominalFront]:
     """Nominal fronts to compare an outline with, under unique names; the design's is always included.
 
-    Without others, those of the paper's three indices where the design has the paper's lens.
+    Default: the paper's three indices, if the design has the paper's lens.
     """
     if against:
         return _distinct([nominal, *(nominal_front(other, seen_from=seen_from) for other in against)])

@@ -26,7 +26,7 @@ USUAL_BLUR_PX = 2.0
 """First guess of a blur; the picture's own is found from it."""
 LEAST_HALF_PX = 5.0
 SOME, WIDER = 120, 1.25
-"""The blur is found from so many places; lines are long enough where it grows by less than this factor."""
+"""Number of positions from which the blur is estimated, and its growth below which search lines are long enough."""
 FEWEST = 20
 """Good fits that are needed to estimate what is usual."""
 U_LOG_BLUR, U_SLOPE_SHARE = 0.2, 3e-3
@@ -48,7 +48,7 @@ NEIGHBOURS = 15
 OFF_SIGMAS, OFF_PX = 5.0, 0.5
 ALONE_PLACES, ALONE_SHARE = 9, 0.4
 NOISE_PLACES, NEIGHBOURS_WEIGHT = 31, 4.0
-"""How many neighbours tell the noise of a place, and how much more that counts than its own residuals."""
+"""Number of neighbours used for a point's noise, and their weight relative to its own residuals."""
 LEAST_TRIPLES = 40
 """Comparisons of places with their neighbours, below which their scatter says nothing."""
 
@@ -62,19 +62,19 @@ class Edge:
     points_px
         Shape (N, 2): (x, y) of the edge.
     normals
-        Shape (N, 2): unit vectors along which it was searched.
+        Shape (N, 2): unit vectors of the search lines.
     u_px
-        Shape (N,): standard uncertainty of the place along the normal.
+        Shape (N,): standard uncertainty of the position along the normal.
     blur_px
         Shape (N,): standard deviation of the blur.
     rise
-        Shape (N,): by how much the grey value rises along the normal.
+        Shape (N,): rise of the grey value along the normal.
     inside
-        Shape (N,): whether the line that was fitted lies in the picture.
+        Shape (N,): whether the fitted line lies in the picture.
     kept
-        Shape (N,): whether the place is an edge.
+        Shape (N,): whether the point is an edge.
     rejected
-        How many places were rejected, by reason, in the order of the tests.
+        Number of rejected points by reason, in the order of the tests.
     """
 
     points_px: FloatArray
@@ -98,19 +98,19 @@ class Edge:
 
     @property
     def blur(self) -> float:
-        """Median blur of the places that are kept, px; NaN where there is none."""
+        """Median blur of the accepted points, px; NaN without any."""
         return float(np.median(self.blur_px[self.kept])) if self.kept.any() else float("nan")
 
     @property
     def contrast(self) -> float:
-        """Median rise of the places that are kept; NaN where there is none."""
+        """Median rise of the accepted points; NaN without any."""
         return float(np.median(self.rise[self.kept])) if self.kept.any() else float("nan")
 
 
 def normals_of(contour_px: FloatArray, *, closed: bool, over: int = 5) -> FloatArray:
     """Unit normals (N, 2) of a contour, to its left as seen in the picture.
 
-    The way goes from ``over`` places before to ``over`` places behind, and (dx, dy) is turned into (dy, −dx).
+    The tangent (dx, dy) runs from ``over`` points before to ``over`` points after, and is rotated to (dy, −dx).
     """
     if closed:
         ahead, behind = np.roll(contour_px, -over, axis=0), np.roll(contour_px, over, axis=0)
@@ -206,9 +206,9 @@ def fit_two_edges(
     blur_px: float = USUAL_BLUR_PX,
     ceiling: float = float("inf"),
 ) -> tuple[Edge, Edge]:
-    """Two edges that lie so near each other that their blurs overlap, fitted together.
+    """Two edges with overlapping blurs, fitted jointly.
 
-    Parameters as in `fit_edge`; ``at_px`` (N, 2) are first guesses of both places along the normals.
+    Parameters as in `fit_edge`; ``at_px`` (N, 2) are initial positions of both edges along the normals.
     """
     view = _View(grey, contour_px, normals, float("inf"), ceiling, LINES, False)
     steps, inside, saturated = view.fitted(at_px, view.two_blurs(at_px, blur_px))
@@ -257,10 +257,10 @@ class _View:
         return replace(self, contour_px=self.contour_px[some], normals=self.normals[some]), at[some]
 
     def fitted(self, at: FloatArray, blur_px: float | FloatArray) -> tuple[Steps, BoolArray, BoolArray]:
-        """Fits, and whether each line lies in the picture and how much of it is saturated.
+        """Fits, whether each line lies in the picture, and its saturated share.
 
-        A second fit knows from the first what the lines have in common: where edges overlap or are faint, each line by
-        itself cannot tell its blur and slope.
+        A second fit uses what the lines of the first have in common: if edges overlap or are faint, a single line
+        cannot determine its blur and slope.
         """
         around = max(BLURS * float(np.max(blur_px)), LEAST_HALF_PX)
         half = np.ceil(min(float(np.max(np.abs(at))) + around, self.half_px))
@@ -310,9 +310,9 @@ class _View:
 
 
 def _steadied(noise: FloatArray) -> FloatArray:
-    """Factors (N,) on uncertainties if the noise is estimated from neighbours as well.
+    """Factors (N,) on uncertainties when noise is also estimated from neighbours.
 
-    A line has some ten values and five parameters: what is left tells its own noise to 30 % at best.
+    A line has about ten values and five parameters: its residuals determine its noise to 30 % at best.
     """
     usual = ndimage.median_filter(noise, NOISE_PLACES, mode="nearest")
     own = np.maximum(noise, 1e-12)

@@ -28,7 +28,7 @@ FLANK = 3
 """Pixels to each side at which the change must be less than on the path."""
 MOST_EDGES = 4
 LEAST_COVERED, LEAST_COVERED_FURTHER = 0.5, 0.35
-"""Share of the places at which the first edge, and a further one, must stand out; two edges may cross."""
+"""Share of positions at which the first edge, and a further one, must be distinct; two edges may cross."""
 LEAST_SNR = 5.0
 FAINTEST = 0.15
 """Change across a further edge over that of the first."""
@@ -91,15 +91,15 @@ class TracedEdge:
     Attributes
     ----------
     offset_mm
-        Shape (N,): where it is across, at the band's places along.
+        Shape (N,): position across the band, at positions along it.
     rising
         Whether the grey value rises outwards.
     strength
         Median change across it.
     covered
-        Share of the places in the picture where it stands out.
+        Share of positions in the picture where it is distinct.
     shown
-        Shape (N,): whether it stands out there.
+        Shape (N,): whether it is distinct there.
     """
 
     offset_mm: FloatArray

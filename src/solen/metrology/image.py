@@ -22,7 +22,7 @@ from solen.ranks import Caution, look_at
 from solen.recording import Provenance
 
 CLIPPED_SHARE = 1e-3
-"""A level that so many pixels share, the highest of the picture, is where the camera was at its limit."""
+"""If this many pixels share the picture's highest level, the camera was saturated there."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,20 +73,20 @@ def read_image(
     path
         The file.
     um_per_px
-        Size of a pixel in µm; it takes precedence over what the file states.
+        Size of a pixel in µm; overrides the file's.
     u_um_per_px
-        Its standard uncertainty, or that of what the file states.
+        Its standard uncertainty, or that of the file's value.
     options
-        Both, or the file of a scale; instead of the two above.
+        Both, or a scale file; instead of the two above.
 
     Raises
     ------
     DataError
         If the file cannot be read, holds several planes, is too large or too small, or states no scale.
     SpecError
-        If a given number cannot be a size of a pixel.
+        If a given number cannot be the size of a pixel.
     OutputError
-        If a TIFF is to be read without the extra ``vision``.
+        If a TIFF is given and the extra ``vision`` is missing.
     """
     given = options or ScaleOptions(um_per_px=um_per_px, u_um_per_px=u_um_per_px)
     plane, source = read_plane(path)

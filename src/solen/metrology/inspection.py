@@ -26,7 +26,7 @@ from solen.results import HIDDEN, Result, plain, reported
 from solen.spec import Design
 
 OTHER_SIZE, SURE_SIZE = 0.01, 3.0
-"""Relative difference of the size that is warned of, where it is more than so many of its uncertainties."""
+"""Relative difference of size that causes a warning, if above this multiple of its uncertainty."""
 FACES = {"sharper": "top", "softer": "bottom"}
 LEAST_STEP_MM = 1e-4
 """Points nearer each other than this in x are one."""
@@ -45,9 +45,9 @@ class InspectOptions(PrintPriors, ScaleOptions):
 class FrontDeviation:
     """Deviations of a printed front from its design, positive outwards, with their uncertainty.
 
-    The root mean square of a perfect print would be that of the edges' own scatter: ``rms_beyond_noise_um`` is without
-    it, and ``u_rms_um`` reaches that far. The largest of many deviations is the one that scatter made largest: its
-    interval holds for all places at once.
+    The rms of a perfect print would be that of the edge noise: ``rms_beyond_noise_um`` excludes
+    it, and ``u_rms_um`` covers it. The largest of many deviations is biased by noise: its
+    interval holds for all points simultaneously.
 
     Attributes
     ----------
@@ -62,9 +62,9 @@ class FrontDeviation:
     mean_um, highest_um, lowest_um, p95_um
         Mean, extremes, and the 95th percentile of the sizes.
     rms_of_u_um
-        Root mean square of the points' standard uncertainties, with what shifts the whole edge.
+        Root mean square of the points' standard uncertainties, including common shifts of the edge.
     rms_um_per_percent_of_scale
-        Change (rms) where the scale changes by 1 %.
+        Change (rms) for a change of the scale by 1 %.
     independent_values
         Number of independent values among the deviations.
     """
@@ -177,36 +177,36 @@ class LensInspection(Result):
     size
         Scale, shrinkage and even overgrowth, fitted together with the pose to the front and its walls.
     nearest
-        Name of the most probable of the compared designs; None if it is none of these.
+        Name of the most probable of the compared designs; None if it is none of them.
     designs
         The compared designs by name, the most probable first.
     edges
         All edges along the front, the chosen one first.
     rotation_deg, u_rotation_deg
-        Rotation of the part, counter-clockwise as seen; 0 where its front looks down.
+        Rotation of the part, counter-clockwise as seen; 0 if its front faces down.
     vertex_px, u_shift_um
         (x, y) of the designed vertex, and standard uncertainties of the registration along the lens's x and z.
     mirrored
-        Whether the picture shows the part from its other side; None if the design is its own mirror image and the
+        Whether the picture shows the part from its other side; None if the design is mirror-symmetric and the
         face is not stated.
     points_rejected
-        How many places along the chosen edge were rejected, by reason.
+        Number of rejected points of the chosen edge, by reason.
     seen
         Share of the front that the picture shows.
     measured_x_mm
         Lateral range that was measured.
     width_mm
-        Width of the part right behind the front; None if the picture or the design does not show both walls.
+        Width of the part just behind the front; None unless picture and design show both walls.
     outline_mm
         Shape (N, 2): points of the chosen edge in lens coordinates.
     outline_deviation_um, u_outline_deviation_um
-        Shape (N,): how far they stand out of the design, and standard uncertainties.
+        Shape (N,): their deviations from the design, and standard uncertainties.
     sources
         The picture.
     warnings
         Warnings.
     image, outline, nominal
-        The picture, its outline, and the front as designed.
+        The picture, its outline, and the designed front.
     """
 
     design: str
@@ -283,9 +283,9 @@ def measure_lens(
     design
         The design of the part.
     edge
-        Edge of a thick transparent part to take.
+        Edge to choose on a thick transparent part.
     against
-        Other designs to compare with; by default those of the paper's three indices where it is the paper's lens.
+        Other designs to compare with; default: the paper's three indices, for the paper's lens.
     priors
         Priors of the print's size and form.
     seen_from
@@ -294,7 +294,7 @@ def measure_lens(
     Raises
     ------
     DataError
-        If the picture shows no such lens, or the design has none.
+        If the picture shows no such lens, or the design has no lens.
     OutputError
         If the extra ``vision`` is not installed.
     """

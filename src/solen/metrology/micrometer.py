@@ -35,7 +35,7 @@ REACH = 0.35
 UNEVEN = 0.015
 """Share of the period by which lines may be uneven, root mean square, beside a steady change across the picture."""
 OFF = 0.15
-"""Share of the period by which a line may stand off its place."""
+"""Largest displacement of a line, as a share of the period."""
 PROMINENT = 0.4
 """Share of the strongest line's contrast that a line must have."""
 LEAST_PERIOD_PX = 4.0

@@ -127,7 +127,7 @@ class NominalFront:
 
     @property
     def _sides(self) -> tuple[tuple[FloatArray, int], ...]:
-        """Left and right wall, and 1 where its points go the front's way."""
+        """Left and right wall, and 1 if its points run in the direction of the front."""
         return (self.left_mm, -1), (self.right_mm, 1)
 
     def corner_moved(self, larger: float, grown: float) -> FloatArray:
@@ -199,9 +199,9 @@ class NominalFront:
 
 
 def nominal_front(design: Design, name: str = "", seen_from: SeenFrom | None = None) -> NominalFront:
-    """Front that a design asks for, with the walls beside it.
+    """Front of a design, with its adjacent walls.
 
-    Of a lens that differs by height, the one of the face that is seen: that of the last layer from the top, of the
+    For a lens that varies with height, the front of the visible face: that of the last layer from the top, of the
     first from the bottom.
 
     Raises
@@ -209,7 +209,7 @@ def nominal_front(design: Design, name: str = "", seen_from: SeenFrom | None = N
     DataError
         If the design has no lens, a nearly flat one, or a drawn body without exactly one face called lens.
     SpecError
-        If the lens differs by height and nobody says which face is seen.
+        If the lens varies with height and the visible face is not stated.
     """
     sensor = Sensor.of(design)
     name = name or design.name

@@ -53,8 +53,8 @@ SIDES = 0.8
 
 
 UNKNOWN_SIDE = look_at(
-    "the design is its own mirror image, so the picture does not show from which face it was taken: left and right, "
-    "and the sign of what is not symmetric, may be exchanged (--seen-from top or bottom)"
+    "the design is mirror-symmetric, so the picture does not reveal the visible face: left and right, and the "
+    "sign of asymmetries, may be exchanged (--seen-from top or bottom)"
 )
 
 
@@ -182,7 +182,7 @@ def measure_outline(
 
 
 def _match(image: Image, nominal: NominalFront, sides: Sequence[bool]) -> tuple[Match, list[Caution]]:
-    """Where the lens is, and a warning of what else may be one; ``sides`` are whether it may be seen mirrored."""
+    """Location of the lens, and a warning of other candidates; ``sides`` are the allowed mirror states."""
     matches = [one for side in sides for one in match_template(image.grey, image.um_per_px, nominal, mirrored=side)]
     matches.sort(key=lambda one: -one.score)
     if not matches or matches[0].score < LEAST_SCORE:
@@ -259,7 +259,7 @@ def _beside(walls: Sequence[list[Edge]], place: int, count: int) -> tuple[Edge |
 
 
 def _side(edges: list[Edge], pose: Pose, nominal: NominalFront, sides: Sequence[bool]) -> tuple[Pose, list[Caution]]:
-    """Pose from a side that is allowed and on which the edge lies best, and a warning where that is in doubt."""
+    """Pose with the allowed mirror state that fits the edge best, and a warning if that is uncertain."""
     edge = max(edges, key=lambda one: one.share_kept)
     if nominal.is_symmetric:
         return pose, [UNKNOWN_SIDE] if len(sides) > 1 else []

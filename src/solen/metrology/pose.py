@@ -1,4 +1,4 @@
-"""Where a part lies in a picture: from its own coordinates in mm to pixels and back."""
+"""Pose of a part in a picture: from its coordinates in mm to pixels and back."""
 
 import cmath
 import math

@@ -1,18 +1,18 @@
-"""The size of a print beside its form: pose, scale, shrinkage and even overgrowth fitted together.
+"""Size and form of a print: pose, scale, shrinkage and uniform overgrowth fitted jointly.
 
-The idea: three things make a print larger or smaller as a whole. A wrong scale and shrinkage multiply all lengths and
-cannot be separated in a picture; what is known of each before (its prior) decides how the factor is shared out.
-Overgrowth, the usual fault of projection printing, moves every wall outwards by one distance. The front alone hardly
-separates it from a factor, as circles do not at all; the walls behind the front do. So front and walls are fitted
-together, all five numbers at once, with the form of the print, whose size is unknown, as the residual.
+The idea: three effects change the size of a whole print. A wrong scale and shrinkage multiply all lengths and
+cannot be separated in a picture; their priors decide how the factor is divided.
+Overgrowth, the usual fault of projection printing, moves every wall outwards by the same distance. The front alone
+hardly separates it from a factor (a circle not at all); the walls behind the front do. So front and walls are fitted
+jointly, all five numbers at once, with the form error of the print, of unknown size, as residual.
 
-Form is alike between neighbours, so N points count as the m independent values that its correlation leaves: with a
+Form errors of neighbours correlate, so N points count as m independent values: with a
 form of standard deviation σ the logarithm of the likelihood is -m ln σ - (m/N) Σ d²/2σ². Deviations are linear in the
 five numbers near the best fit, so these are integrated exactly, and σ over a grid with its prior about the usual form
 error. The integral is the marginal likelihood of the design (A. Gelman and others, Bayesian Data Analysis, chapters 7
-and 14). The same prior says how often a print of this design would deviate as much: an absolute test.
+and 14). The same prior gives the probability that a print of this design deviates as much: an absolute test.
 
-The interface: `fit_print` of a `Traced` outline gives a `PrintFit`; `PrintPriors` is what is known before.
+The interface: `fit_print` of a `Traced` outline returns a `PrintFit`; `PrintPriors` holds the priors.
 """
 
 import math
@@ -91,30 +91,30 @@ class PrintFit:
     Attributes
     ----------
     overgrowth_um, u_overgrowth_um
-        By how much every wall stands out evenly.
+        Uniform displacement of all walls outwards.
     size_factor, u_size_factor
-        Factor by which the outline is larger than designed, as the picture's scale has it, beside the overgrowth.
+        Factor of size of the outline relative to the design, by the picture's scale, apart from overgrowth.
     scale_factor, u_scale_factor
-        True size of a pixel over the stated one.
+        Ratio of true to stated pixel size.
     shrinkage_percent, u_shrinkage_percent
-        Of the print; with the scale it makes up the size factor, shared out by what was known of both.
+        Shrinkage of the print; scale and shrinkage make up the size factor, divided by their priors.
     form_um
         Rms deviation that no rotation, shift, size and overgrowth explain.
     p_form
-        Probability that a print of this design deviates as much, by the usual form error.
+        Probability that a print of this design deviates as much, given the usual form error.
     independent_values
         Number of independent values among the deviations.
     walls
-        How many of the walls took part: without them overgrowth and size are hardly separated.
+        Number of walls used; without them overgrowth and size are hardly separated.
     log_evidence
-        Logarithm of the design's marginal likelihood but for a constant, for one number of independent values.
+        Logarithm of the design's marginal likelihood up to a constant, for one number of independent values.
     on_front
-        Shape (N,): which of the front's points lie on the front, and not on a corner or a wall; all where the size is
-        so uncertain that the corners may lie anywhere.
+        Shape (N,): which of the front's points lie on the front, not on a corner or a wall; all if the size is
+        too uncertain to locate the corners.
     motion
-        Turn (rad) and shift along x and z (mm) that lay the outline on the design, beside its size.
+        Rotation (rad) and shift along x and z (mm) that register the outline to the design, apart from its size.
     by_scale_um
-        Error of the overgrowth, signed, by one standard uncertainty of the scale: a part of ``u_overgrowth_um``.
+        Signed error of the overgrowth due to one standard uncertainty of the scale, part of ``u_overgrowth_um``.
     """
 
     overgrowth_um: float
@@ -233,7 +233,7 @@ class _Problem:
         return fit
 
     def placed(self, values: FloatArray) -> _Placed:
-        """Residuals of front and walls: how far they stand out of the design of this size, grown evenly."""
+        """Residuals of front and walls: deviations from the scaled and uniformly grown design."""
         turn, factor, grown = float(values[0]), math.exp(values[3]), float(values[4])
         fronts = (self.nominal, *(wall for _, wall in self.walls))
         rows = [_piece(rotated(points, turn) + values[1:3], front, factor, grown)
@@ -321,7 +321,7 @@ def _print_fit(problem: _Problem, fit: _Placed, posterior: _Posterior, count: fl
 
 
 def laid(traced: Traced, nominal: NominalFront, size: PrintFit) -> tuple[FloatArray, tuple[FloatArray | None, ...]]:
-    """Points (N, 2) of the front, and those of its left and right wall, where the fit lays them on the design, mm."""
+    """Points (N, 2) of the front and of its left and right wall, registered to the design by the fit, mm."""
 
     def moved(points_px: FloatArray) -> FloatArray:
         turn, *shift = size.motion

@@ -128,7 +128,7 @@ def is_simulated(*texts: str) -> bool:
 
 
 def float_levels(file: str, values: NDArray[np.generic]) -> FloatArray:
-    """Numbers with a point as levels from 0 to 1: as they are where they lie there, else from least to greatest."""
+    """Floating-point numbers as levels from 0 to 1: unchanged if within, else scaled from minimum to maximum."""
     levels = values.astype(np.float64)
     if not np.isfinite(levels).all():
         raise DataError(file, limit="holds pixels that are not finite", remedy="export it again")

@@ -35,19 +35,19 @@ class Registration:
     Attributes
     ----------
     pose
-        Of the design in the picture.
+        Pose of the design in the picture.
     points_mm
         Shape (N, 2): the measured points in lens coordinates, in their order along the front.
     deviation_um
-        Shape (N,): how far they stand out of the design, µm.
+        Shape (N,): their deviations from the design, µm.
     u_um
         Shape (N,): standard uncertainty of that: edge, registration and scale.
     used
-        Which of the given points these are.
+        Indices of these among the given points.
     u_rotation_deg, u_shift_um
         Standard uncertainties of the pose, shift along x and z.
     by_scale_um
-        Shape (N,): growth of ``deviation_um``, after registration, where the true scale is greater by the factor e.
+        Shape (N,): growth of ``deviation_um``, after registration, if the true scale is larger by the factor e.
     independent
         Number of independent values among the deviations.
     weights
@@ -78,7 +78,7 @@ class Registration:
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """Motion of the points in lens coordinates p -> R(turn) p + shift, and where it takes them."""
+    """Rigid motion of the points in lens coordinates, p -> R(turn) p + shift, and the moved points."""
 
     turn: float
     shift: FloatArray

@@ -107,7 +107,7 @@ class ScaleOptions(Options):
         return data | {"um_per_px": found.um_per_px, "u_um_per_px": found.u_um_per_px}
 
     def rescaled(self, rows: int, columns: int) -> list[Caution]:
-        """Warning where a picture has the proportions of the one that the scale was measured in, and another size."""
+        """Warning if a picture has the same proportions as the scale's picture but another size."""
         if self.scale is None:
             return []
         taken = read_scale(self.scale)
@@ -184,13 +184,13 @@ class Tag:
 def choose_scale(file: str, tags: Sequence[Tag], given: ScaleOptions) -> tuple[Scale, list[Caution]]:
     """Scale of a picture, and warnings.
 
-    The user's number takes precedence, with a warning where a usable tag differs by more than `SAME`: a wrong tag must
-    not lock a picture up, and an outline of a known size shows a wrong number at once.
+    The user's number takes precedence, with a warning if a usable tag differs by more than `SAME`: a wrong tag must
+    not make a picture unusable, and an outline of known size reveals a wrong number.
 
     Raises
     ------
     DataError
-        If the picture has no scale, or only one that cannot be it.
+        If the picture has no scale, or only an impossible one.
     SpecError
         If the given uncertainty is half the scale or more.
     """

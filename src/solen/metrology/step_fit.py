@@ -59,9 +59,9 @@ class Steps:
     Attributes
     ----------
     at_px, u_at_px
-        Shape (N, K): places of the edges on their line, and their standard uncertainties from the residuals.
+        Shape (N, K): positions of the edges on their line, and their standard uncertainties from the residuals.
     rise
-        Shape (N, K): by how much the grey value rises there, along the line.
+        Shape (N, K): rise of the grey value there, along the line.
     blur_px
         Shape (N, K): standard deviation of the blur.
     slope_per_px
@@ -69,7 +69,7 @@ class Steps:
     noise
         Shape (N,): standard deviation of the residuals.
     settled
-        Shape (N,): whether the fit ended.
+        Shape (N,): whether the fit converged.
     """
 
     at_px: FloatArray

@@ -63,7 +63,7 @@ class ZMap:
     warnings
         Warnings about it.
     z_um, u_z_um
-        Height of a level or unit of the file, µm, and its standard uncertainty; None if none is stated.
+        Height of a level or unit of the file, µm, and its standard uncertainty; None if not stated.
     """
 
     z_mm: FloatArray

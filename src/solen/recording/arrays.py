@@ -46,16 +46,16 @@ def recorded(
     Parameters
     ----------
     source, kind
-        The file, and what it was read as.
+        The file, and its format.
     arrays, metadata
         Its content.
     names
-        Of the columns, where a matrix has none of its own.
+        Names of columns for a matrix without names.
 
     Raises
     ------
     DataError
-        If no two arrays have one length.
+        If no two arrays have the same length.
     """
     held = _named(source, _plainly(arrays), names) if names else _plainly(arrays)
     columns = [column for array in held for column in _columns(array)]

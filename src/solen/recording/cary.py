@@ -45,7 +45,7 @@ class _Trace:
 def is_cary(grid: Grid) -> int | None:
     """Row of the names if a grid begins like such an export, else None.
 
-    `DataError` if the header is that of several traces, and what stands above it are not their names.
+    `DataError` if the header is for several traces but is not preceded by their names.
     """
     filled = [row for row in range(min(len(grid.rows), 8)) if not grid.is_blank(row)]
     for place, row in enumerate(filled):

@@ -1,11 +1,11 @@
 """The log that Cary's program writes after the numbers: a block for each trace, in their order.
 
-The idea: a block begins with the trace's name, alone in its line and once more in the next; then lines such as
+The idea: a block begins with the trace's name, on a line by itself and repeated on the next; then lines such as
 ``Instrument                        Cary 5000``, ``Collection Time: 2/6/2015 1:45:42 PM`` and ``<SBW (nm)> , 2.00``.
-Settings that all blocks share are those of the file; the rest goes to each trace. A log that is not understood is no
-reason to refuse numbers that are.
+Settings shared by all blocks apply to the file, the rest to each trace. A log that is not understood is no
+reason to reject valid numbers.
 
-The interface: `read` gives `Logs`; `ends` compares a trace with the range that its log states.
+The interface: `read` returns `Logs`; `ends` compares a trace with the range stated in its log.
 """
 
 import re

@@ -137,7 +137,7 @@ def left_right(receivers: Sequence[str]) -> tuple[int, int] | None:
 def by_sensor(names: Sequence[str], label: str, *, alone: bool) -> dict[str, dict[str, int]]:
     """Receivers of each sensor with their positions, by names such as ``S1.left``, or ``S1_L`` beside ``S2_L``.
 
-    ``label`` is the file's own; unless the file is ``alone`` it stands before the sensor's.
+    ``label`` is the file's; unless the file is ``alone``, it precedes the sensor's.
     """
     matches = [_DOTTED.fullmatch(name) for name in names]
     split = [(match[1], match[2]) if match else ("", name) for match, name in zip(matches, names, strict=True)]

@@ -227,7 +227,7 @@ def _separator(lines: list[str]) -> str:
 def _numbers_by(separator: str) -> Callable[[str], tuple[int, int]]:
     """Counts of numbers and of other cells in a line split by a separator.
 
-    0, 0 where it is not parted or holds no number.
+    0, 0 if it is not split or holds no number.
     """
     split = splitter(separator)
 

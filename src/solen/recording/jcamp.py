@@ -1,9 +1,9 @@
 """JCAMP-DX: spectra as records of text, points one by one or compressed along an even axis.
 
-The idea: a file is records ``##LABEL=value``, of which one holds the numbers. ``(XY..XY)`` are pairs; ``(X++(Y..Y))``
-are values of an even axis, each line with the place where it begins, plain or compressed: digits joined by
-pseudo-digits (squeezed), differences, repeats. What the file states twice (how many points, where lines begin, the
-first value, the last value before each line of differences) is held against the numbers, so that damage shows.
+The idea: a file consists of records ``##LABEL=value``, one of which holds the numbers. ``(XY..XY)`` are pairs;
+``(X++(Y..Y))`` are values on a uniform axis, each line preceded by its abscissa, plain or compressed: digits joined
+by pseudo-digits (squeezed), differences, repeats. Redundant statements (number of points, abscissas of lines,
+first value, last value before each line of differences) are checked against the numbers, to detect damage.
 
 The interface: `is_jcamp` and `read`. Format: McDonald and Wilks, "JCAMP-DX: A Standard Form for Exchange of Infrared
 Spectra in Computer Readable Form", Appl. Spectrosc. 42 (1988) 151, version 4.24.
@@ -42,7 +42,7 @@ def is_jcamp(source: Source) -> bool:
 
 
 def read(source: Source) -> Recording:
-    """Recording of a JCAMP-DX file of one spectrum; `DataError` with the line of what is damaged or not read."""
+    """Recording of a JCAMP-DX file of one spectrum; `DataError` with the line of damaged or unsupported content."""
     records = dict(_records(source))
     _check_kind(source, records)
     label = next((one for one in ("XYDATA", "XYPOINTS") if one in records), None)
@@ -114,7 +114,7 @@ def _pairs(source: Source, body: Lines) -> tuple[FloatArray, FloatArray]:
             raise source.refused(f"line {number}", limit, "export the file again", wrong)
         for place, value in zip(cells[::2], cells[1::2], strict=True):
             if len(x) > 1 and not (float(place) - x[-1]) * (x[1] - x[0]) > 0.0:
-                limit = f"goes back to {place}: the places of a spectrum rise, or fall, from line to line"
+                limit = f"goes back to {place}: the abscissas of a spectrum must rise, or fall, from line to line"
                 raise source.refused(f"line {number}", limit, "export the file again: lines are damaged")
             x.append(float(place))
             y.append(float(value))
@@ -142,7 +142,7 @@ def _even(source: Source, body: Lines, records: dict[str, Lines]) -> tuple[Float
             raise source.refused(f"line {number}", limit, "export the file again: lines are missing or damaged")
         if differences:
             if own[0] != values[-1]:
-                limit = f"begins with {own[0]:g}, where the line before ended with {values[-1]:g}"
+                limit = f"begins with {own[0]:g}, but the line before ended with {values[-1]:g}"
                 raise source.refused(f"line {number}", limit, "export the file again")
             own = own[1:]
         values += own

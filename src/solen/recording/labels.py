@@ -35,15 +35,15 @@ def labels(path: Path, pattern: str) -> dict[str, str]:
     path
         The file.
     pattern
-        Its name with a field in braces for each part that differs: ``sensor``, ``lens``, ``run``, others at will; ``*``
-        stands for what does not matter. With or without an ending; a pattern with ``/`` is of the last folders, too.
+        The name with a field in braces for each varying part: ``sensor``, ``lens``, ``run`` or any other; ``*``
+        matches anything. With or without an extension; a pattern with ``/`` includes the last folders.
 
     Raises
     ------
     SpecError
-        If the pattern has no field, or one twice.
+        If the pattern has no field, or the same field twice.
     DataError
-        If the name is not of that form.
+        If the name does not match.
     """
     expression, fields = _expression(pattern)
     depth = pattern.count("/") + 1

@@ -1,10 +1,11 @@
-"""The table's layout in a file: the lines before it, its header, its units, its rows.
+"""Layout of a table in a file: preceding lines, header, units, rows.
 
-The idea: a header is a row of words above rows of numbers that have as many cells. Above it may stand titles and blocks
-of parameters, never numbers alone; below it everything must be the table, to the end of the file: a row that is not is
-damage, and is refused where the rows are read, not passed over. Text after an empty line at the end is a remark.
+The idea: a header is a row of words above rows of numbers with the same number of cells. It may be preceded by titles
+and blocks of parameters, never by numbers alone; everything below it must belong to the table, to the end of the
+file: any other row is damage, and is an error when rows are read, never skipped. Text after an empty line at the end
+is a remark.
 
-The interface: `find` a `Layout` in a `Grid`.
+The interface: `find` returns the `Layout` of a `Grid`.
 """
 
 from collections.abc import Sequence

@@ -1,10 +1,10 @@
-"""LabVIEW's measurement files (.lvm): packets of channels as text, each with a header of its own.
+"""LabVIEW's measurement files (.lvm): packets of channels as text, each with its own header.
 
-The idea: a file is one header and any number of packets, each with its own. A packet states its channels, how many
-samples each has, their units in words, and where its times begin and how far they step; the rows below have one column
-of times, one for each channel, or none, and at their end a comment. What a packet states is held against what it has:
-a row too few is a file that was cut off. Packets of one set of channels follow one another in time; where their X
-begins anew, as in files that were appended to, it counts from the date and time that each packet states.
+The idea: a file is a header and any number of packets with headers. A packet states its channels, the number of
+samples of each, their units in words, and the start and step of its times; the rows below have one column
+of times, one for each channel, or none, and a comment at the end. Statements are checked against the content:
+a missing row means a truncated file. Packets of the same channels follow each other in time; if their X
+restarts, as in files appended to, it counts from the date and time stated in each packet.
 
 The interface: `is_lvm` and `read`. Format: "Specification for the LabVIEW Measurement File (.lvm)", National
 Instruments.
@@ -27,7 +27,7 @@ from solen.recording.words import heading
 FIRST, END, COMMENT = "LabVIEW Measurement", "***End_of_Header***", "Comment"
 _SEPARATORS = {"tab": "\t", "comma": ","}
 _NEAR = 1e-3
-"""Part of a step by which a stated time may miss the one that the header states."""
+"""Tolerance of a stated time against the header, as a fraction of a step."""
 
 
 def is_lvm(source: Source) -> bool:
@@ -59,7 +59,7 @@ class _Packet:
 
 
 def read(source: Source) -> Recording:
-    """Recording of an .lvm file; `DataError` with the line of what is damaged or not read."""
+    """Recording of an .lvm file; `DataError` with the line of damaged or unsupported content."""
     texts = source.lines()
     if not texts[0].startswith(FIRST):
         raise source.refused("line 1", f"is not {FIRST}, as the file's own headers promise", "export it again")

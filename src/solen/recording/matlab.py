@@ -28,7 +28,7 @@ def is_matlab(source: Source) -> bool:
 def read(source: Source, columns: Sequence[str] | None = None) -> Recording:
     """Recording of a .mat file; `DataError` if it is damaged or holds no arrays of numbers.
 
-    ``columns`` names those of a matrix.
+    ``columns`` names the columns of a matrix.
     """
     from scipy.io import loadmat
     from scipy.io.matlab import MatReadError

@@ -121,17 +121,17 @@ class Measured(Result, kw_only=True):
 
 
 class Recording(Result):
-    """Channels that were recorded together, in the order of the file, and their provenance.
+    """Channels recorded together, in the order of the file, and their provenance.
 
     Attributes
     ----------
     channels
         The columns of numbers.
     provenance
-        Where they come from.
+        Their origin.
     texts
-        The columns of words, and those of numbers that name their rows (replicate, orientation), by the name of each:
-        a text for each row, empty if the file holds none.
+        Columns of words, and columns of numbers that label rows (replicate, orientation), by name:
+        a text for each row, empty if missing.
     """
 
     channels: tuple[Channel, ...]

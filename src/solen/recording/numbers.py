@@ -54,10 +54,10 @@ def parse(cell: str, mark: str, *, machine: bool = False) -> float:
         raise ValueError(_complaint(plain, mark))
     if mark == ",":
         if "." in plain:
-            raise ValueError("has a point where the decimals of other numbers stand after a comma")
+            raise ValueError("has a decimal point, but other numbers have decimal commas")
         plain = plain.replace(",", ".")
     elif "," in plain:
-        raise ValueError("has a comma where the decimals of other numbers stand after a point")
+        raise ValueError("has a decimal comma, but other numbers have decimal points")
     number = float(plain)
     if math.isinf(number):
         raise ValueError("is beyond any number")

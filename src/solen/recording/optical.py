@@ -56,12 +56,12 @@ class OpticalSpectra:
 
 
 def optical_spectra(recording: Recording, chosen: Mapping[str, Sequence[str]]) -> OpticalSpectra:
-    """Spectra of a recording: those named for ``T``, ``R`` and ``A``, or without names the only one of each.
+    """Spectra of a recording: those named for ``T``, ``R`` and ``A``, or by default the only one of each.
 
     Raises
     ------
     DataError
-        If a trace is missing, where there are several to choose from, or where one has no wavelengths.
+        If a trace is missing or ambiguous, or has no wavelengths.
     """
     available = spectra(recording)
     groups = _named(recording, available, chosen) if any(chosen.values()) else _only(recording, available)

@@ -79,7 +79,7 @@ FORMATS = registry.Registry(
     },
     Format,
 )
-"""Formats by name; those of other packages are tried first, and whatever is of no format is read as a table."""
+"""Formats by name; those of other packages are tried first, and a file of no known format is read as a table."""
 
 
 def read(path: Path | str, *, sheet: str | None = None, columns: Sequence[str] | None = None) -> Recording:
@@ -151,7 +151,7 @@ def _of_table(grid: Grid, place: layout.Layout) -> Recording:
 
 
 def _check_arrays(source: Source, sheet: str | None, columns: Sequence[str] | None) -> None:
-    """`DataError` if a file of arrays is asked for as a table."""
+    """`DataError` if a file of arrays is to be read as a table."""
     if sheet is not None or columns is not None:
         raise source.refused("", "names its own columns and has no sheets", "leave out sheet and columns")
 

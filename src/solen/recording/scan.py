@@ -1,10 +1,10 @@
 """Damage visible in the numbers of a scan: jumps of the wavelength, isolated values, surplus digits.
 
-The idea: a monochromator moves one way, in even steps. A step that differs from equal steps before and after it is no
-scan's; nor are wavelengths that differ in one place from those of all traces beside them.
+The idea: a monochromator moves in one direction, in equal steps. A step that differs from equal steps before and
+after it is damage; so are wavelengths that differ in one row from those of all other traces.
 
 The interface: `check_wavelengths`, `check_alike`, `check_wild`, `check_digits`; `disorder` and `alone_note`
-for what is odd and no proof.
+for oddities that prove nothing.
 """
 
 from collections import Counter
@@ -118,7 +118,7 @@ def check_wild(grid: Grid, column: int, rows: Sequence[int], values: FloatArray)
         about = np.concatenate((size[max(place - _ABOUT, 0) : place], size[place + 1 : place + 1 + _ABOUT]))
         if size[place] > 0.1 * _WILD * float(np.nanmax(about)):
             limit = (
-                f"stands between {values[place - 1]:g} and {values[place + 1]:g}: a decimal point or a digit is damaged"
+                f"lies between {values[place - 1]:g} and {values[place + 1]:g}: a decimal point or a digit is damaged"
             )
             raise grid.refused(rows[place], column, limit)
 
@@ -168,7 +168,7 @@ def alone_note(values: FloatArray, where: Sequence[str]) -> str:
     if not places.size:
         return ""
     shown = ", ".join(f"{values[n]:g} {where[n]}" for n in places[:3].tolist())
-    return f"{places.size} values stand far from both neighbours ({shown}): a spike, or a damaged digit"
+    return f"{places.size} values lie far from both neighbours ({shown}): a spike, or a damaged digit"
 
 
 def _windowed(steps: FloatArray, width: int) -> IndexArray:

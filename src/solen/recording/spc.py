@@ -1,12 +1,12 @@
 """Galactic's SPC, the binary format of GRAMS that many spectrometers write: one spectrum, or several in a file.
 
-The idea: a header of fixed places, the places along the axis unless they are even, then each spectrum with a header of
-its own: how its values are stored, and where it stands in a series. A value is a floating-point number, or a whole one
-times a power of two that the header states. What is counted (points, spectra, places in the file) must fill the file as
-it says, so that one cut off or damaged there shows.
+The idea: a fixed header, the abscissas unless they are uniform, then each spectrum with its
+own header: the storage of its values, and its position in a series. A value is a floating-point number, or an integer
+times a power of two stated in the header. Counts (points, spectra, offsets) must account for the whole file,
+so that truncation or damage shows.
 
 The interface: `is_spc` and `read`. Format: "A Brief Guide to SPC File Format and Using GSPCIO", Galactic Industries
-(1998), and its header file SPC.H. The older layout (version 4Dh) is refused by name.
+(1998), and its header file SPC.H. The older layout (version 4Dh) is an error that names it.
 """
 
 import struct
@@ -72,7 +72,7 @@ def read(source: Source) -> Recording:
         raise source.refused("", limit, "export the spectrum along one of these")
     if head.flags & _OWN_X:
         raise source.refused(
-            "", "holds spectra each with places of its own, which are not read", "export each separately"
+            "", "holds spectra with different abscissas, which are not supported", "export each separately"
         )
     x, start = _places(source, head)
     values = list(_values(source, head, start))
@@ -118,7 +118,7 @@ def _values(source: Source, head: _Head, start: int) -> Iterator[tuple[float, Fl
         exponent = exponent if head.flags & _MULTI and head.exponent != _FLOAT else head.exponent
         kind = "f4" if exponent == _FLOAT else f"i{size}"
         if kind == "f4" and head.short:
-            raise source.refused("", "states whole and floating-point values together", "export it again")
+            raise source.refused("", "states both integer and floating-point values", "export it again")
         scale = 1.0 if kind == "f4" else 2.0 ** (exponent - 8 * size)
         yield place, scale * _array(source, head, head.order + kind, start + _SUB)
         start += _SUB + size * head.points

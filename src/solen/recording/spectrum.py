@@ -131,7 +131,7 @@ def listing(recordings: Sequence[Recording], names: Sequence[str] = (), *, repea
 
 
 def _remarks(recording: Recording, chosen: Sequence[Spectrum]) -> list[Caution]:
-    """Notes of the channels that are used, those alike together."""
+    """Notes of the used channels, equal ones merged."""
     used = {one.channel.axis for one in chosen} | {one.channel.name for one in chosen}
     remarks: dict[str, list[str]] = {}
     for channel in recording.channels:

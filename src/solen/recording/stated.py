@@ -1,8 +1,8 @@
 """The statements of a spectrum's file compared with its numbers, and the recording that both make.
 
-The idea: many programs state in words what the axis and the values are, how many points there are, where they begin and
-end and how large they get. JCAMP-DX has labels for that (``NPOINTS``, ``FIRSTX``, ``MAXY``), and others that mean the
-same are read under them.
+The idea: many programs state the meaning of axis and values, the number of points, where they begin and
+end, and their extremes. JCAMP-DX has labels for that (``NPOINTS``, ``FIRSTX``, ``MAXY``); equivalent statements of
+other programs are mapped to them.
 
 The interface: `check` numbers, `number` of a label, `spectrum` makes a `Recording`.
 """
@@ -50,7 +50,7 @@ def number(source: Source, stated: Mapping[str, str], label: str) -> float:
 
 
 def check(source: Source, stated: Mapping[str, float], x: FloatArray, y: FloatArray) -> None:
-    """`DataError` if the numbers are not those that the file states; of a label it does not, nothing is checked."""
+    """`DataError` if the numbers contradict the file's statements; missing labels are not checked."""
     count = stated.get("NPOINTS", math.nan)
     if x.size < 2 or (math.isfinite(count) and count != x.size):
         limit = f"has {x.size} points, where {count:g} are stated: it was cut off or damaged"

@@ -1,10 +1,10 @@
 """Plain tables: a header with units and rows of numbers and words, from a spreadsheet, a script or an editor.
 
-The idea: the header says what each column is (`solen.recording.words`), `solen.recording.layout` where the table
-stands; here its columns become channels. A column of numbers with one cell that is not a number is damaged, not a
-column of text. Columns beside a wavelength run along it, those beside a time along that.
+The idea: the header names the columns (`solen.recording.words`), `solen.recording.layout` finds the table
+in the file; here its columns become channels. A column of numbers with one non-numeric cell is damaged, not a
+column of text. A wavelength column is the axis of the others, and so is a time column.
 
-The interface: `read` a `Grid` whose `Layout` was found; `columns` and `recorded` are its two halves.
+The interface: `read` a `Grid` with its `Layout`; `columns` and `recorded` are its two halves.
 """
 
 import math
@@ -49,7 +49,7 @@ class Column:
 
 
 def read(grid: Grid, place: Layout) -> Recording:
-    """Recording of a plain table; `DataError` with the line and column of what is damaged."""
+    """Recording of a plain table; `DataError` with the line and column of damage."""
     check_rows(grid, place)
     found = columns(grid, place)
     for column in found:

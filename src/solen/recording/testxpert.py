@@ -47,7 +47,7 @@ def mentioned(cell: str) -> bool:
 
 
 def program(grid: Grid, place: Layout) -> str:
-    """Program that wrote a table, by its names and their units or by what stands above them; empty of any other."""
+    """Program that wrote a table, recognised by column names and units or the lines above; empty if unknown."""
     names = {plain(name) for name in place.names}
     units = [unit or heading(name).unit for name, unit in zip(place.names, place.units, strict=True)]
     if len(names) < 2 or not all(units):
@@ -98,7 +98,7 @@ def _check_whole(grid: Grid, place: Layout) -> None:
     twice = [name for name, count in Counter(map(plain, place.names)).items() if count > 1]
     if twice:
         column = max(n for n, name in enumerate(place.names) if plain(name) == twice[0])
-        limit = f"stands in {place.names.count(place.names[column])} columns: several specimens side by side"
+        limit = f"occurs in {place.names.count(place.names[column])} columns: several specimens side by side"
         raise grid.refused(place.header, column, limit, "export each specimen to a file of its own")
     first, last = grid.lines[place.body[0]], grid.lines[place.body[-1]]
     remark = next((line for line, _ in grid.remarks if first < line < last), None)
@@ -138,7 +138,7 @@ def _check_time(grid: Grid, place: Layout, column: table.Column, values: FloatAr
 
 
 def _check_repeats(grid: Grid, place: Layout) -> None:
-    """`DataError` at a row that is the one before it again; the time of a test moves on, if by what it prints."""
+    """`DataError` at a repeated row: the printed time of a test always advances."""
     if len(place.names) < 3:
         return
     for before, row in zip(place.body, place.body[1:], strict=False):

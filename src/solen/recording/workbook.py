@@ -30,7 +30,7 @@ MOST_CELLS = 2_000_000
 def grid(source: Source, sheet: str | None = None) -> Grid:
     """Rows of a sheet; `DataError` if the file is not a workbook or the sheet must be named.
 
-    ``sheet`` is its name; without one, the only sheet that holds numbers is taken.
+    ``sheet`` is its name; default: the only sheet with numbers.
     """
     if source.is_archive:
         _check_archive(source)

@@ -166,7 +166,7 @@ class Decoder:
         volts
             Left and right, (n, 2), finite.
         clipped
-            1 where a reading stands at the upper end of what the recorder shows, −1 at the lower, else 0, (n, 2).
+            1 for readings at the upper limit of the recorder, −1 at the lower, else 0, (n, 2).
         """
         marks = np.zeros(volts.shape, dtype=np.int8) if clipped is None else clipped
         parts = [

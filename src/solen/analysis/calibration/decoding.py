@@ -74,13 +74,13 @@ class Decoding(Result):
     from_s, to_s
         Times of the first and the last reading.
     lowest_deg, highest_deg
-        Range of the angles that lie on the curve; None if none does.
+        Range of the angles within the calibrated range; None if there are none.
     against_angle
-        Errors against the source's own angle, where it has one, within the calibrated range.
+        Errors against the source's own angle, if it has one, within the calibrated range.
     calibration, calibrated_sensor
         File of the calibration, and its sensor.
     sensor
-        Sensor of the source, where it is known.
+        Sensor of the source, if known.
     simulated
         Whether the calibration or the source is simulated.
     interrupted

@@ -131,7 +131,7 @@ def check_live(options: SignalOptions, *, subtracted: bool = False) -> None:
 def line_stream(text: Iterable[str], options: SignalOptions, unit: str = "V") -> Stream:
     """Readings of lines of CSV, each as soon as it arrives; the first line is the header unless columns are named.
 
-    Columns are converted to ``unit``, and are in it where they state none.
+    Columns are converted to ``unit``, which is assumed if none is stated.
 
     Raises
     ------

@@ -30,7 +30,7 @@ AT_EDGE = 0.45
 LEAST_SAMPLES = 6
 """Samples in a period: an edge, a settled and a spare one on each side."""
 SEARCHED_SHARE, SEARCHED_S = 0.05, 10.0
-"""How far from the stated rate it is searched, and how much of the recording that takes."""
+"""Search range about the stated rate, and the part of the recording used."""
 BINS = 200
 CLEAR, CERTAIN = 6.0, 20.0
 """How many times its noise a modulation must stand out by; and without doubt."""

@@ -77,23 +77,23 @@ class Demodulation(Result):
     options
         How it was demodulated.
     flicker
-        Of lamps, fitted to the off phases of a waveform and subtracted; None if there was none.
+        Flicker of lamps, fitted to the off phases of a waveform and subtracted; None without flicker.
     method
-        Where the state of the emitters comes from: ``states`` or ``waveform``.
+        Source of the emitters' states: ``states`` or ``waveform``.
     clock, off_stated_ppm
-        Of the emitters, and how far it is from the stated rate, where it was found in the waveform.
+        Clock of the emitters and its deviation from the stated rate, if detected in the waveform.
     rate_hz
         Readings of one emitter per second; None with fewer than two.
     readings_kept, readings_averaged
-        Number of readings, or of means and of the readings in each.
+        Number of readings (or of means), and of readings averaged in each.
     samples_per_slot, window_s
-        Samples of a slot, usually, and the time over which it is averaged.
+        Typical samples per slot, and the averaging time.
     settle_us
-        Time after each switch that is left out.
+        Time left out after each switch.
     counts
         Missing data.
     clipped_samples
-        How many samples of each channel stand at a limit, by name.
+        Number of samples at a limit, by channel.
     channels
         Readings of each channel, by name.
     rejection
@@ -271,7 +271,7 @@ def _clock_warnings(clock: Clock) -> list[Caution]:
 
 
 def swapped(samples: Samples, readings: Demodulated) -> list[Caution]:
-    """Warning where what is taken as off varies more than what is taken as on, as where they are swapped."""
+    """Warning if the supposed off phases vary more than the on phases, as if swapped."""
     with np.errstate(invalid="ignore"):
         off, on = (np.nanstd(one, axis=0) for one in (readings.ambient, readings.ambient + readings.signal))
     if len(readings.time_s) < LEAST_TO_COMPARE or not (off > SWAPPED * on).all():

@@ -1,18 +1,18 @@
 """Flicker of lamps in a waveform: fitted to the samples while the emitters are off, and subtracted from all.
 
-The idea: lamps flicker at twice the mains' frequency, and wires pick up the mains itself. Readings at 200 Hz see 100 Hz
-alternate from one to the next, which no difference of slots can take out. The samples inside the slots can: those of
-the off slots are the room alone, and show both of its phases. Sines at multiples of the mains are fitted to them, in
-windows of a third of a second that overlap, so that a lamp whose light wanders is followed; their phase from window to
-window gives the frequency. What is fitted is subtracted from the samples of the on slots, too. Nothing is averaged over
+The idea: lamps flicker at twice the mains frequency, and wires pick up the mains itself. In readings at 200 Hz, 100 Hz
+alternates from one to the next, which no difference of slots can remove. The samples inside the slots can: those of
+the off slots show only the room, in both of its phases. Sines at multiples of the mains are fitted to them, in
+overlapping windows of a third of a second, so that slow changes of a lamp are followed; their phase from window to
+window gives the frequency. The fit is also subtracted from the samples of the on slots. Nothing is averaged over
 time, so that a moving sensor is not smeared.
 
-A multiple that falls on the switching rate looks like the emitter's own light, and a window is too short to tell them
-apart. The whole recording is not: that multiple keeps its height and phase beside the lamp's fundamental, which is
-known. Where the two hardly drift past each other, its shape inside the off slots alone is left to show it; the first
-part of each slot, where a slow receiver may still settle, is then not used.
+A multiple at the switching rate looks like the emitter's light, and a window is too short to separate
+them. The whole recording is not: that multiple keeps its amplitude and phase relative to the lamp's fundamental,
+which is known. If the two hardly drift past each other, only its shape inside the off slots shows it; the first part
+of each slot, where a slow receiver may still settle, is then not used.
 
-The interface: `find_flicker` of samples with their states gives a `Flicker`.
+The interface: `find_flicker` of samples with their states returns a `Flicker`.
 """
 
 from dataclasses import dataclass, field
@@ -31,7 +31,7 @@ WINDOW_S, FEWEST = 0.32, 30
 CLEAR, SHARE = 8.0, 0.02
 """How many times its uncertainty the power of a sine must be, and its least share of the strongest one's height."""
 NEAR_RATE_HZ = 6.0
-"""How far from a multiple of the switching rate a sine must lie, so that a window tells them apart."""
+"""Least distance of a sine from a multiple of the switching rate that a window can resolve."""
 DISTURBED = 6.0
 """Times the usual variance of a window's rest from which on something else happened in it, as a lamp switched on."""
 TURNED, SETTLING = 2.0, 0.4
@@ -78,9 +78,9 @@ def find_flicker(
     rate_hz
         Rate of the slots that are on.
     mains_hz
-        Nominal frequencies, of which the clearest is taken.
+        Nominal frequencies; the strongest is chosen.
     used
-        Samples that may be used, (N,): not those at a limit.
+        Usable samples, (N,): those not at a limit.
     """
     off = (state == OFF) & np.isfinite(values).all(axis=1)
     if used is not None:

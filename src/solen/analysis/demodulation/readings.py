@@ -25,7 +25,7 @@ DISTINCT, AT_EXTREME = 100, 4
 DENSE = 4
 """Samples in a slot from which on its inside shows flicker."""
 RESTING = 0.5
-"""Share of the off samples at one extreme from which on it is where the channel rests in the dark."""
+"""Share of off samples at one extreme above which that is the channel's dark level."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,11 +94,11 @@ def switched(
     samples
         With their states.
     kernel
-        Which off slots are subtracted.
+        The off slots to subtract.
     mains_hz
-        Of lamps that flicker; None if it is detected, 0 to leave flicker as it is.
+        Mains frequency of flickering lamps; None to detect it, 0 to ignore flicker.
     rails
-        Lowest and highest value of every channel; None if it is detected.
+        Lowest and highest value of every channel; None to detect them.
 
     Raises
     ------
@@ -138,10 +138,10 @@ def _rate_hz(slots: Slots) -> float:
 def limits_of(
     samples: Samples, rails: tuple[float | None, float | None] = (None, None)
 ) -> tuple[tuple[FloatArray, FloatArray], BoolArray]:
-    """Values of each channel at and beyond which it is clipped, both (C,), and which channels rest there in the dark.
+    """Clipping limits of each channel, both (C,), and which channels are at one of them in the dark.
 
-    As stated, or by how often its extremes occur. What is usual in the dark is the circuit's level without light; only
-    what departs from it is cut off.
+    As stated, or detected from the frequency of extremes. The usual dark value is the circuit's level without light;
+    only deviations from it are clipped.
     """
     low, high = (np.full(samples.values.shape[1], end) for end in (-np.inf, np.inf))
     resting = np.zeros(low.size, dtype=bool)

@@ -72,13 +72,13 @@ class Samples:
     time_s, values
         Shapes (N,) and (N, C).
     names, units
-        Of the channels; a unit is empty if none is known.
+        Names and units of the channels; an unknown unit is empty.
     state
         Shape (N,), as `solen.analysis.demodulation.slots` numbers states.
     settle_s
-        Time after a switch that is left out.
+        Time left out after a switch.
     clock
-        Where the states were found in the waveform; None if they were recorded.
+        Clock, if states were detected in the waveform; None if they were recorded.
     """
 
     time_s: FloatArray
@@ -136,7 +136,7 @@ def samples_of(recording: Recording, options: DemodulationOptions) -> Samples:
 def other_columns(recording: Recording, options: DemodulationOptions) -> dict[str, FloatArray]:
     """Other columns of numbers, such as a stage's angle, at the samples (N,), by header.
 
-    Interpolated where a number is missing; a column without numbers is left out.
+    Missing numbers are interpolated; a column without numbers is left out.
     """
     time = _time(recording, options)
     time_s = time.to("s") if time.unit else time.values
@@ -184,7 +184,7 @@ def _state_names(options: DemodulationOptions) -> tuple[str, ...]:
 
 
 def _recorded_state(recording: Recording, options: DemodulationOptions) -> IntArray | None:
-    """States by a column of numbers or words; None if a rate is stated or there is none."""
+    """States from a column of numbers or words; None if a rate is stated or there is no such column."""
     if options.rate_hz is not None:
         return None
     names = _state_names(options)

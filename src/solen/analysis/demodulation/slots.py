@@ -1,7 +1,7 @@
-"""Slots: runs of samples during which the emitters stay as they are.
+"""Slots: runs of samples with a constant state of the emitters.
 
 The idea: a slot ends where the state changes or samples are missing. Its first samples may still settle and are
-dropped; the rest are averaged, each channel over the samples that it has.
+dropped; the rest are averaged, each channel over its own samples.
 
 The interface: `slots_of` samples with their states.
 """

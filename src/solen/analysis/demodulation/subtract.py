@@ -106,9 +106,9 @@ def subtract(slots: Slots, kernel: Kernel = "two-sided") -> Demodulated:
     Parameters
     ----------
     slots
-        In the order of time.
+        Slots in order of time.
     kernel
-        ``two-sided`` by the off slots before and after, ``one-sided`` by the one before alone, for comparison.
+        ``two-sided``: the off slots before and after; ``one-sided``: only the one before, for comparison.
 
     Raises
     ------

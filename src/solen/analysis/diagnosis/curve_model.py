@@ -23,7 +23,7 @@ from solen.sensor.acceptance import SIDES
 OFFSET, SPREAD, ZERO, LOSS = "emitter.offset_mm", "chip spread_mm2", "angle.zero_deg", "loss_per_mm"
 _OHM = 1e3  # so that mA are V
 LOSS_WORTH = 0.05
-"""Loss along the way, as a share of the light, that is worth telling."""
+"""Loss along the path, as a share of the light, that is worth a warning."""
 _NODES = math.sqrt(3.0) * np.array([-0.794654472, -0.187592474, 0.187592474, 0.794654472])
 """Places in a cell, in its standard deviations, whose plain mean is that over the cell (Chebyshev's rule)."""
 
@@ -115,19 +115,19 @@ class Model:
         Parameters
         ----------
         response
-            Of the design.
+            Response of the design.
         angle_deg
-            Even angles of the curves, (n,).
+            Equidistant angles of the curves, (n,).
         sides
             ``right`` and ``left``, or one of them.
         swing_V
             Range of each receiver's curve, (r,).
         known
-            Standard uncertainties by key, of the angle's zero and of what differs from print to print.
+            Standard uncertainties by key, of the zero of the angle and of variations between prints.
         bend
-            Load line, where the circuit is known.
+            Load line, if the circuit is known.
         spacing_deg
-            Distance of the samples on the way, between which curves are straight lines.
+            Spacing of the samples, between which curves are linear.
         """
         way_mm = max(response.path_mm(angle_deg), 1.0)
         spread = response.width_mm**2

@@ -1,12 +1,12 @@
 """Light of an emitter by its starting point, at one angle of the motion.
 
-The idea: what a chip gives is the mean over its places, so the integral over the places serves chips of any decentre
-and width. In the plane it is made of points, each integrated over its angles, denser where the response bends. In space
-a point's light goes out in two more angles, and what costs is to integrate them, whether for a point or for a strip: so
-it is made of strips, whose integrals over place and angles are exact where they meet, and which are halved where the
-curve through them bends. The height of the chip is the design's.
+The idea: the light of a chip is the mean over its points, so the integral over position serves chips of any decentre
+and width. In the plane it is built from points, each integrated over its angles, denser where the response is curved.
+In space a point's light has two more dimensions, and integrating them costs the same for a point and for a strip: so
+it is built from strips, whose integrals over position and angles match at their ends, and which are halved where the
+curve through them is curved. The height of the chip is the design's.
 
-The interface: `light_by_place` of a `Sensor` with a chip that reaches over all places; `Places`.
+The interface: `light_by_place` of a `Sensor` with a chip that covers all positions; `Places`.
 """
 
 import math

@@ -1,16 +1,16 @@
 """Least squares of a model on mean curves, with uncertainties from the scatter of the cycles.
 
-The idea. Noise of a recording is not white: it drifts, flickers and lags, so that neighbouring angles err together.
-What can be relied on is that **cycles are repetitions of one another**. The fit is one of least squares, and every
-number is, to first order, a linear function of the curves; applied to each cycle alone that function gives the number's
-own scatter, whatever correlates within a cycle, and its mean over n cycles is as sure as Student's t of n − 1 says. To
-it are added, with the law of propagation:
+The idea: noise of a recording is not white: it drifts, flickers and lags, so errors of neighbouring angles correlate.
+But **cycles are repetitions of each other**. The fit is by least squares, and every
+estimate is, to first order, a linear function of the curves; applied to each cycle separately, that function gives
+the estimate's scatter, whatever correlates within a cycle, and its mean over n cycles follows Student's t with n − 1.
+Two terms are added, with the law of propagation:
 
-- what is known only within a spread beforehand (index and the like), as it enters the fit: an observation of its own;
-- **misfit**: what the mean curves depart from the model beyond the scatter of the cycles, within waves of some length.
-  Its size is found from the waves that no parameter can take up, and it is then let into those that they can.
+- priors (of the index and the like), which enter the fit as observations;
+- **misfit**: departures of the mean curves from the model beyond the scatter of the cycles, as waves of some length.
+  Its size follows from the waves that no parameter can absorb, and is then assumed for those that parameters can.
 
-The degrees of freedom of the sum are those of Welch and Satterthwaite.
+The sum has Welch and Satterthwaite's degrees of freedom.
 
 The interface: `Cycles`, `fit`, `Fitted`.
 """
@@ -28,9 +28,9 @@ from solen.results import Result, reported
 STARTS_MM = (0.0, -0.03, 0.03, -0.06, 0.06, -0.1, 0.1)
 STARTS_MM2 = (0.1**2, 0.25**2)
 TRIED = 3
-"""Decentres, and spreads of the chip beside the design's, that a fit is begun with, and how many of these are followed.
+"""Starting values of a fit (decentres and spreads of the chip), and how many of them are refined.
 
-They are those of the best straight lines. What is known beforehand is held at first.
+The best linear fits are chosen. Parameters with priors are fixed at first.
 """
 WAVES = 12
 """Half waves over the range of angles, from 0, in which a misfit is searched for."""
@@ -81,10 +81,10 @@ class Misfit(Result):
     rms_V
         Root mean square of the residuals by receiver (r,), right before left.
     ratio, chance
-        Mean square of the residuals' waves over what the scatter of the cycles makes of it, and how often chance alone
-        makes as much; NaN for a single cycle.
+        Mean square of the residuals' waves relative to that expected from the scatter of the cycles, and the
+        probability of such a ratio by chance; NaN for a single cycle.
     share
-        Size of the misfit beyond the scatter as a share of the swing; 0 where there is none.
+        Size of the misfit beyond the scatter as a share of the swing; 0 if there is none.
     """
 
     rms_V: FloatArray

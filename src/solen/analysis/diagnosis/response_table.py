@@ -31,9 +31,9 @@ REACH_MM = 0.6
 STEP_MM = 0.002
 """Step of the integral over the places."""
 STEP_DEG, STEP_IN_SPACE_DEG, MOST_ANGLES = 0.125, 0.25, 81
-"""Distance of the traced angles in the plane and in space, and how many there are at most."""
+"""Spacing of the traced angles in the plane and in space, and their largest number."""
 EDGE_MM, MOST_OFF_MM = 0.005, 0.05
-"""Over what the slope of the light by place is taken; how far the edge may be off a straight line."""
+"""Span for the slope of light against position; tolerance of the edge's straightness."""
 POINT_MM = 0.004
 """A chip less wide than this is a point."""
 _PAD = 12
@@ -161,7 +161,7 @@ def _reaching(sensor: Sensor) -> tuple[Sensor, float]:
 
 
 def _edge(angles: FloatArray, rows: Sequence[Places], reach_mm: float) -> FloatArray:
-    """Line through the positions where the light changes sides most steeply; 0 if they lie on no line."""
+    """Slope of the line through the positions of steepest transition; 0 if they are not collinear."""
     grid = np.linspace(-reach_mm, reach_mm, 1 + 2 * math.ceil(reach_mm / EDGE_MM))
     totals = (row.upto(grid) @ np.array([1.0, -1.0]) for row in rows)
     steepest = grid[1:-1][

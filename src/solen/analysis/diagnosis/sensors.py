@@ -101,21 +101,21 @@ class SensorDiagnosis(Result):
     diagnosis
         The fit and its estimates.
     lens
-        Whether it has a lens; None if it is not stated.
+        Whether it has a lens; None if not stated.
     design
         Name of its design.
     drawn
         True values of a simulated sensor, by key; None for others.
     words, advice
-        Findings, a line for each parameter, and advice.
+        Results in words, a line for each parameter, and advice.
     parameters
         Every parameter by name.
     not_determined
-        Parameters that the recording does not determine, each with those that it is correlated with.
+        Parameters that the recording does not determine, with those they correlate with.
     correlated, correlations
         Names of the fitted parameters, and their correlations (a, a).
     cycles_used
-        Cycles that the intervals rest on.
+        Number of cycles behind the intervals.
     misfit
         Departure of the mean curves from the model.
     receivers
@@ -148,7 +148,7 @@ class SensorDiagnoses(Result):
     sensors
         By label.
     prior
-        Standard uncertainties of what was known beforehand, by key.
+        Standard uncertainties of the priors, by key.
     simulated
         Whether any recording is simulated.
     sources
@@ -176,21 +176,21 @@ class _Carried:
 def diagnosed_sensors(
     study: Study, options: DiagnosisOptions | None = None, progress: Progress | None = None
 ) -> SensorDiagnoses:
-    """Diagnosis of each sensor, those of one design and lens with one traced response.
+    """Diagnosis of each sensor; sensors of the same design and lens share a traced response.
 
     Parameters
     ----------
     study
         The recordings, analysed.
     options
-        Which sensors, their design, and what is known beforehand.
+        Which sensors, their design, and priors.
     progress
-        Called with the share of the tracing that is done, up to 1.
+        Called with the completed share of the tracing, up to 1.
 
     Raises
     ------
     DataError, SpecError, DesignError
-        If a sensor has no design, a key is not one to trace, or the curves do not answer as the design does.
+        If a sensor has no design, a key cannot be traced, or the curves do not respond like the design.
     """
     options = options or DiagnosisOptions()
     sensors = _chosen(study, options)

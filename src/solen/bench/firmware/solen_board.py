@@ -115,11 +115,11 @@ class Axis:
             self._ramp(now_us, self._sign, way, (speed, self._acceleration), (0.0, 0.0))
 
     def place(self, position: int) -> None:
-        """Call where it stands a position; nothing moves."""
+        """Define the current position as a given value; nothing moves."""
         self.position, self.moving = position, False
 
     def work(self, now_us: int) -> None:
-        """One step on, where the ramp is ahead, and no sooner after the last than the motor takes."""
+        """Make one step if the ramp is ahead, respecting the motor's minimum interval."""
         since = 1e-6 * (now_us - self._begin_us)
         if self._sign * (self.position - self._start) < int(self._gone(since) + 0.5):
             if now_us - self._stepped_us >= self._least_us:

@@ -1,9 +1,9 @@
-"""A simulated board: it lights simulated sensors in turn and reads what their receivers would give.
+"""A simulated board: it alternates the emitters of simulated sensors and reads their receivers.
 
-The idea: a period is cut into as many slots as there are emitters; in each, one emitter is on for the first half and
-off for the second, and every input is sampled at the end of both. Where the stage stands at that moment decides what
-share of the light arrives; the circuit makes volts of it, the converter counts. All periods since the last reading are
-worked out at once; a test has the core of the firmware (`solen.bench.firmware.solen_board`) give the same ones.
+The idea: a period has one slot for each emitter; in each, one emitter is on for the first half and
+off for the second, and every input is sampled at the end of both. The stage's position at that moment determines the
+received share of the light; the circuit converts it to voltage, the converter to counts. All periods since the last
+reading are computed at once; a test compares them with the core of the firmware (`solen.bench.firmware.solen_board`).
 """
 
 import math

@@ -1,10 +1,10 @@
-"""A simulated data acquisition: it samples simulated sensors many times while their emitters switch.
+"""A simulated data acquisition: it samples simulated sensors continuously while their emitters switch.
 
-The idea: emitters take turns; each is on for the first half of its slot and off for the second. A receiver follows with
-its own time constant, that of a first order: within a phase its voltage runs from where it stood to where the light of
-that phase holds it, and where it stood is what a switching that has gone on for long leaves (`settling`). One converter
-takes the inputs one after the other, so that each is sampled a little after the one before. What switches runs by the
-instrument's clock or by one of its own, and both by another than the run's.
+The idea: emitters alternate; each is on for the first half of its slot and off for the second. A receiver follows with
+its first-order time constant: within a phase its voltage relaxes from its previous value to that of the
+phase's light, where the previous value is that of periodic switching (`settling`). One converter
+samples the inputs in sequence, each slightly later than the one before. The switching runs by the
+instrument's clock or by its own, and neither is the run's clock.
 
 The interface: `SimulatedDaq`, a `Daq`; `settling` of two voltages.
 """
@@ -27,7 +27,7 @@ from solen.readout.emitter import REFERENCE_C
 AT_ONCE = 20_000
 """Samples that are computed at once, so that memory stays small however rarely they are read."""
 CONVERT_S = 14e-6
-"""From one input to the next where the rate leaves the time: as the slowest converter takes, and 10 µs to settle."""
+"""Interval between inputs if the rate allows: that of the slowest converter plus 10 µs to settle."""
 SYNC_V = 3.3
 LONG = 20.0
 """Time constants after which a switch is over."""
@@ -162,22 +162,22 @@ def settling(
     period_s: float,
     settling_s: FloatArray,
 ) -> FloatArray:
-    """Volts of a first order that switches between two levels for ever.
+    """Voltage of a first-order system switched periodically between two levels.
 
     Parameters
     ----------
     volts, other
-        Levels of this phase and of the one before, shape (N, R).
+        Levels of this phase and of the previous one, shape (N, R).
     after_s, before_s
-        Time since the switch, and length of the phase before, shape (N, R).
+        Time since the switch, and duration of the previous phase, shape (N, R).
     period_s, settling_s
-        Length of both phases together, and time constants (R,).
+        Total duration of both phases, and time constants (R,).
 
     Returns
     -------
     array
-        Shape (N, R). At the switch it stands (other - volts) (1 - e^(-before/τ)) / (1 - e^(-period/τ)) from its level,
-        which is 1 where a phase lasts long.
+        Shape (N, R). At the switch it is (other - volts) (1 - e^(-before/τ)) / (1 - e^(-period/τ)) away from its level,
+        a factor of 1 for long phases.
     """
     whole = np.expm1(-before_s / settling_s) / np.expm1(-period_s / settling_s)
     return np.asarray(volts + (other - volts) * whole * np.exp(-after_s / settling_s))

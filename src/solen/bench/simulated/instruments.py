@@ -26,18 +26,19 @@ def simulated_instruments(
     noise: np.random.Generator,
     report: Callable[[str], None] | None = None,
 ) -> tuple[SimulatedStage, EmitterBoard | Daq, list[dict[str, Any]]]:
-    """Stage and sampler of a simulated rig, and its sensors with what was drawn for each, for a journal's header.
+    """Stage and sampler of a simulated rig, and its sensors with their drawn parameters, for a journal's header.
 
     Parameters
     ----------
     rig, protocol
-        The sensors are traced as far as the protocol goes.
+        The sensors are traced over the protocol's range.
     folder
-        Where the rig names its designs.
+        Base folder of the rig's designs.
     clock, noise
-        Of the run. Sensors are drawn apart from noise: a resumed run has the same sensors and other noise.
+        Clock and noise of the run. Sensors are drawn independently of noise: a resumed run has the same sensors but
+        other noise.
     report
-        Called with what is under way.
+        Called with progress messages.
 
     Raises
     ------

@@ -1,8 +1,8 @@
-"""Simulated sensors: the design of each with what differs from print to print, traced, with its own parts.
+"""Simulated sensors: the design of each with variations between prints, traced, with individual parts.
 
-The idea: three prints of one design are three designs: another index, another decentre of the emitter, another chip,
-other parts from the reel. Each is drawn once, by the rig's seed, and its response is **traced**, angle by angle;
-between the angles it is a monotone interpolation of what was traced, at as many angles as that needs.
+The idea: prints of one design differ in index, decentre of the emitter, chip and
+parts. Each print is drawn once, with the rig's seed, and its response is **traced**, angle by angle;
+in between it is interpolated monotonically, with as many traced angles as needed.
 
 The interface: `simulated_sensors` of a rig; `room_light_mw_cm2` at times.
 """
@@ -116,9 +116,9 @@ def _print(rig: Rig, wires: SensorOf, design: Design, reach_deg: float, rng: np.
 
 
 def traced(sensor: Sensor, angle_deg: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Angles (N,) and shares (N, 2) that the right and the left receiver see, dense enough to be interpolated.
+    """Angles (N,) and shares (N, 2) at the right and the left receiver, dense enough for interpolation.
 
-    Every step is halved until the power that is traced midway lies within `CLOSE` of what was interpolated there.
+    Every step is halved until the power traced midway is within `CLOSE` of the interpolation.
     """
     found = sensor.power(angle_deg.tolist(), tolerance=TOLERANCE)
     wide = np.ones(len(angle_deg) - 1, dtype=bool)
@@ -166,7 +166,7 @@ def converter(rig: Rig) -> Adc:
 
 
 def _trimmed(circuit: Circuit, fractions: FloatArray, room_mw_cm2: float, to_v: float) -> Circuit:
-    """A circuit whose loads let the brightest reading stand at a voltage; a trimmer goes no higher than it is."""
+    """A circuit with loads that put the brightest reading at a voltage, within the trimmers' range."""
     if to_v >= circuit.supply_V:
         limit = f"must be below the supply, {circuit.supply_V:g} V"
         raise BenchError("trim_v", value=to_v, limit=limit)

@@ -101,7 +101,7 @@ class Axis:
     moves: list[Move] = field(default_factory=list)
 
     def send(self, at_s: float, target: float, velocity: float) -> Move:
-        """Begin a move now; what was under way is left where it is."""
+        """Begin a move now, aborting any earlier one."""
         start = self.at(at_s)
         self.halt(at_s)
         move = Move(at_s, start, target, velocity, self.acceleration)
@@ -173,7 +173,7 @@ class SimulatedStage:
         return self.axis.at(self._clock.now_s())
 
     def on_target(self) -> bool:
-        """Whether it stands where it was sent."""
+        """Whether it is at its target."""
         return not self.axis.moving(self._clock.now_s())
 
     def stop(self) -> None:

@@ -60,7 +60,7 @@ def _of_shape(curve: WorkingCurve) -> list[Caution]:
         return []
     return [
         look_at(
-            f"the doses' means are off the line by more than their discs scatter (F = {lack.F:.1f}, by chance "
+            f"the doses' means deviate from the line by more than their discs scatter (F = {lack.F:.1f}, by chance "
             f"{chance(lack.p)}): {_bend(curve)}; each dose counts as one point for the intervals"
         )
     ]

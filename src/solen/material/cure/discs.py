@@ -199,19 +199,19 @@ class MeasuredCurve(WorkingCurve, Measured, kw_only=True):
 
 
 def curve_of_discs(recording: Recording, options: CureOptions = CureOptions()) -> MeasuredCurve:
-    """Penetration depth and critical dose with their intervals; with a layer, what they mean for it.
+    """Penetration depth and critical dose with their intervals; for a given layer, also the consequences.
 
     Parameters
     ----------
     recording
-        With a column of thicknesses, and one of doses or times.
+        Table with a column of thicknesses, and one of doses or times.
     options
-        The irradiance there converts times to doses.
+        Its irradiance converts times to doses.
 
     Raises
     ------
     DataError
-        Without such columns, or where no curve follows.
+        Without such columns, or if they determine no curve.
     """
     recording = below_each_other(chosen_rows(recording, options), THICKNESSES, (*DISCS, *REPLICATES))
     table = discs(recording, options.irradiance_mW_per_cm2)
@@ -339,7 +339,7 @@ def _doses(recording: Recording, irradiance_mW_per_cm2: float | None) -> tuple[F
 
 
 def _agreeing(recording: Recording, dose: Channel, time: Channel, rate: Channel) -> list[str]:
-    """Names of time and irradiance, whose product the stated doses are; `DataError` if they are not."""
+    """Names of time and irradiance, whose product must equal the stated doses; `DataError` if not."""
     product, stated = time.to("s") * rate.to("mW/cm2"), dose.to(DOSE)
     off = np.abs(product - stated) > _ROUNDED_DOSE * stated
     if off.any():
@@ -407,7 +407,7 @@ def _stack(Dp_um: float, options: CureOptions) -> StackDose | None:
 
 
 def _unusual(curve: WorkingCurve) -> list[Caution]:
-    """Warning of what a wrong unit looks like."""
+    """Warning of a probable wrong unit."""
     low, high = USUAL_DP_UM
     if low <= curve.Dp_um <= high:
         return []

@@ -286,7 +286,7 @@ def _ascending(nm: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArr
 
 
 def _wavelengths(layers: Sequence[Sample], wanted: Sequence[float]) -> list[float]:
-    """Wavelengths that all samples were measured at; `DataError` for one that was asked for and is not."""
+    """Wavelengths common to all samples; `DataError` for a requested one that is not."""
     for nm in wanted:
         far = [layer.name for layer in layers if not _reaches(layer, nm)]
         if far:

@@ -67,7 +67,7 @@ class _InLamp(Strict):
 
 
 class CureFile(Strict):
-    """A working curve's file, as far as it is needed; the law with the lamp stands beside Jacobs'."""
+    """The needed part of a working curve's file; the law with the lamp in addition to Jacobs'."""
 
     model_config = ConfigDict(frozen=True, extra="ignore")
     error: ClassVar[type[SolenError]] = DataError
@@ -95,7 +95,7 @@ class CureFile(Strict):
 
 
 def read_law(path: Path) -> CureFile:
-    """Working curve of a file; `DataError` if it is none."""
+    """Working curve of a file; `DataError` if it is not one."""
     data = parsed(read_text(path, DataError), str(path), remedy="write it with solen resin cure --out")
     if not isinstance(data, dict) or data.get("kind") != "cure":
         limit = "is no working curve"

@@ -1,15 +1,15 @@
-"""A print in layers by a working curve: depth, exposure, print-through, and the dose that a point receives.
+"""A print in layers by a working curve: depth, exposure, print-through, and the dose at a point.
 
-The idea: a layer is exposed from the side of the window, and what it does not take goes on into the layers that were
-printed before it. With E of each exposure, layers of thickness h and penetration depth Dp, the place s above the window
-side of a layer receives E e^(-s/Dp) from its own exposure and a factor q = e^(-h/Dp) less from each later one: in all
+The idea: a layer is exposed from the window side, and light that it does not absorb enters the layers
+printed before it. With dose E per exposure, layer thickness h and penetration depth Dp, a point at s above the window
+side of a layer receives E e^(-s/Dp) from its own exposure and a factor q = e^(-h/Dp) less from each later one: in total
 E e^(-s/Dp) / (1 - q) deep inside, of which E / (e^(h/Dp) - 1) came later. Its mean over the layer is E Dp/h, where a
-layer on its own, as the index is measured on, has E (Dp/h) (1 - q). The last layers of a part get less than those
-inside, and each layer has a gradient of its own.
+single layer, on which the index is measured, has E (Dp/h) (1 - q). The last layers of a part receive less than those
+inside, and each layer has a gradient.
 
-This is light alone: doses are added up as if it did not matter how fast and in how many steps they come, cured resin is
-taken to absorb as the liquid does, later exposures as lighting the same place, and neither the platform nor the window
-as sending light back.
+This counts light only: doses are summed regardless of rate and number of steps, cured resin is
+assumed to absorb like the liquid, later exposures to light the same place, and neither platform nor window
+to reflect light.
 
 The interface: `cure_depth_um`, `dose_below` and `stack_print_through_um` are formulas; `stack_dose`
 gives a `StackDose`.
@@ -98,7 +98,7 @@ class StackDose:
 
     @reported
     def layers_to_99_percent(self) -> int:
-        """Later layers after which a layer has 99 % of what it would have deep inside: so many, last, have less."""
+        """Number of later layers that bring a layer to 99 % of the dose deep inside."""
         return math.ceil(round(-math.log(1.0 - _NEARLY) * self.Dp_um / self.layer_um, 9)) - 1
 
     @property

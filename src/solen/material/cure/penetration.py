@@ -165,12 +165,12 @@ class Penetration(Measured, kw_only=True):
 
 
 def penetration_of(recording: Recording, options: PenetrationOptions) -> Penetration:
-    """Penetration depth against wavelength, and in a lamp's light.
+    """Penetration depth against wavelength, and for a lamp's spectrum.
 
     Raises
     ------
     DataError
-        If the recording holds no absorbance, or the lamp shines where nothing absorbs.
+        If the recording holds no absorbance, or the lamp emits where the resin does not absorb.
     """
     light, path_um = options.lamp, options.path_um
     recording = chosen_rows(recording, options)
@@ -244,14 +244,14 @@ def attenuation(path_um: float, wavelength_nm: ArrayLike, absorbance: ArrayLike,
     path_um
         Path in µm through which the absorbance was measured.
     wavelength_nm, absorbance
-        Absorbance, base 10, at wavelengths in any order, shape (n,); NaN where it is not known.
+        Absorbance, base 10, at wavelengths in any order, shape (n,); NaN where unknown.
     light
-        Of the lamp.
+        Spectrum of the lamp.
 
     Raises
     ------
     DataError
-        If the lamp shines at wavelengths at which the absorbance is not known, or is not above 0.
+        If the lamp emits at wavelengths at which the absorbance is unknown or not positive.
     """
     _check_path(path_um)
     resin_nm, values = _sorted(wavelength_nm, absorbance)

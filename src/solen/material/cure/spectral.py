@@ -1,10 +1,10 @@
-"""The law of cure in the light of a lamp with a spectrum, beside Jacobs'.
+"""The law of cure for a lamp with a spectrum, compared with Jacobs'.
 
-The idea: of each of the lamp's lines a depth z receives e^(-z r/Dp) of its share. Dp is the penetration depth at the
-surface, and r how much more of that line the resin takes than of all light there. Resin sets where the sum of what is
-left is Ec: E Σ w e^(-C r/Dp) = Ec, which is Jacobs' C = Dp ln(E/Ec) where all r are 1 (Caplins et al., Influence of
+The idea: at depth z the fraction e^(-z r/Dp) of each line of the lamp remains. Dp is the penetration depth at the
+surface, and r the absorption of that line relative to all light there. Resin sets where the remaining sum
+is Ec: E Σ w e^(-C r/Dp) = Ec, which is Jacobs' C = Dp ln(E/Ec) if all r are 1 (Caplins et al., Influence of
 spectral bandwidth on the working curve in vat photopolymerization, Additive Manufacturing, 2024). Both laws have two
-numbers, so the discs tell which one they prefer by their likelihoods alone.
+parameters, so their likelihoods can be compared directly.
 
 The interface: `lamp_lines` of an `Attenuation`, `left` at a depth, `depth` of a dose; `in_lamp` fits discs.
 """
@@ -36,7 +36,7 @@ _STEPS = 60
 
 
 def lamp_lines(decay: Attenuation) -> Lines:
-    """Lines of a lamp in a resin, those of like absorption together: at most `MOST_LINES`."""
+    """Lines of a lamp in a resin, those of similar absorption merged: at most `MOST_LINES`."""
     log = np.log(decay.per_um)
     edges = np.linspace(log.min(), log.max() + 1e-9, MOST_LINES + 1)
     bins = np.clip(np.digitize(log, edges) - 1, 0, MOST_LINES - 1)
@@ -102,7 +102,7 @@ class InLamp(Result, kw_only=True):
 
     @reported
     def preferred(self) -> Literal["spectrum", "Jacobs"] | None:
-        """The law that the discs prefer; None if they do not tell."""
+        """The law that the discs prefer; None if they do not discriminate."""
         if abs(self.ln_likelihood_ratio) < SURE:
             return None
         return "spectrum" if self.ln_likelihood_ratio > 0.0 else "Jacobs"

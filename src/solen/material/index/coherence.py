@@ -50,7 +50,7 @@ class Blur:
     other: Any = 0.0
 
     def left(self, phase: Any, phase_per_nm: Any) -> Iterator[Any]:
-        """Shares of the harmonics 1, 2, ... that are left, where the phase is φ and changes by so much per nm."""
+        """Remaining shares of the harmonics 1, 2, ... for a phase φ and its change per nm."""
         slits, wedges = _sincs(phase_per_nm * self.slit_nm / 2.0), _sincs(np.sqrt(3.0) * phase * self.wedge)
         share = step = np.exp(-((phase * self.rough) ** 2) / 2.0)
         twice = step**2

@@ -23,7 +23,7 @@ _PER_KNOT, _MOST_KNOTS, _TERMS = 4, 18, 3
 
 
 def free_knots(fringes: float) -> int:
-    """Knots of a free index that so many fringes determine; 0 where they do not."""
+    """Number of knots of a free index that the given fringes determine; 0 if too few."""
     return 0 if fringes < LEAST_FRINGES else int(min(fringes // _PER_KNOT, _MOST_KNOTS))
 
 

@@ -81,7 +81,7 @@ class Film:
 
 
 def fit_film(measured: Measured, level: float, phases: Sequence[Phase], kind: Kind | None = None) -> Film:
-    """Layer whose fringes and levels are those that were read.
+    """Layer whose fringes and levels match the readings.
 
     Parameters
     ----------
@@ -90,12 +90,12 @@ def fit_film(measured: Measured, level: float, phases: Sequence[Phase], kind: Ki
     phases
         Possible interpretations of the fringes, the best first.
     kind
-        Form of n; None for Cauchy's, and a free one where that explains much more.
+        Form of n; None for Cauchy's, or a free one if it explains much more.
 
     Raises
     ------
     DataError
-        If the spectra do not determine a film, or a free index is asked for and the fringes are too few.
+        If the spectra do not determine a film, or a free index is requested with too few fringes.
     """
     begun = []
     for phase in phases:
@@ -125,7 +125,7 @@ def _weighed(model: FilmModel, p: FloatArray) -> FloatArray:
 def _freed(
     model: FilmModel, p: FloatArray, others: Sequence[tuple[FilmModel, FloatArray]], *, asked: bool
 ) -> tuple[FilmModel, FloatArray]:
-    """A free index where it is asked for, or where three terms leave much more than it does; else the same."""
+    """A free index if requested, or if three terms fit much worse; else unchanged."""
     if not free_knots(model.fringes):
         if not asked:
             return model, p

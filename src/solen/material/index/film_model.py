@@ -187,7 +187,7 @@ class FilmModel:
         return known + n + rise * self.u + bend * self.u**2, 0.1 * self.k_unit * (self.hats @ p[self.last_k :])
 
     def residuals(self, p: Any) -> Any:
-        """Weighted residuals of the readings, then of what is known before."""
+        """Weighted residuals of the readings, then of the priors."""
         spectra, rows = self.spectra(p), []
         for kind, reading in self.blocks.items():
             rows.append((spectra[kind] - reading.value) / self.scatter[kind])
@@ -303,9 +303,9 @@ class FilmModel:
         return moved
 
     def misses(self, p: FloatArray, widened: float = 1.0) -> bool:
-        """Whether more is left than the repeats scatter by; without repeats, whether neighbours err together.
+        """Whether the residuals exceed the scatter of repeats; without repeats, whether neighbours correlate.
 
-        ``widened`` is the `widening` that is still noise where there are no repeats.
+        ``widened`` is the `widening` still attributed to noise without repeats.
         """
         spectra = self.spectra(p)
         left = [float(np.mean((one.value - spectra[kind]) ** 2)) for kind, one in self.blocks.items()]

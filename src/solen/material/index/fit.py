@@ -1,19 +1,19 @@
-"""Cauchy and Sellmeier formulas fitted to an index spectrum, with a covariance that can be believed.
+"""Cauchy and Sellmeier formulas fitted to an index spectrum, with a reliable covariance.
 
-The idea: a formula of two to four numbers is laid through hundreds of points by least squares, weighted with what is
-independent from point to point. What all points share (calibration, the substrate's index, thickness) does not average
-out: it goes through the same weights into the covariance, so that the estimate does not lean on its assumed shape and
-the uncertainty does not shrink with the number of points. Scatter beyond the stated uncertainties, and neighbours that
-err together (a slit wider than the step, fringes), widen the covariance too.
+The idea: a formula of two to four parameters is fitted to hundreds of points by least squares, weighted with the
+independent errors of the points. Shared errors (calibration, the substrate's index, thickness) do not average
+out: they enter the covariance through the same weights, so that the estimate does not depend on their assumed shape and
+the uncertainty does not shrink with the number of points. Scatter beyond the stated uncertainties, and correlation of
+neighbours (a slit wider than the step, fringes), widen the covariance too.
 
-Inside, each formula has parameters that hardly depend on each other; A, B, C and their covariance are made from those
-at the end and checked to give the same numbers back.
+Internally, each formula has nearly uncorrelated parameters; A, B, C and their covariance are derived from those
+at the end and checked to reproduce the same numbers.
 
-How many terms is decided by Akaike's criterion for small samples, AICc (K. P. Burnham and D. R. Anderson, Model
+The number of terms follows from Akaike's criterion for small samples, AICc (K. P. Burnham and D. R. Anderson, Model
 Selection and Multimodel Inference, 2002), in its form for overdispersed data where the points scatter beyond their
 uncertainties, unless the caller says.
 
-The interface: `fit` with a name of `FITS` gives a `Fit`.
+The interface: `fit` with a name of `FITS` returns a `Fit`.
 """
 
 import math
@@ -43,13 +43,13 @@ class Fit(Result):
     Attributes
     ----------
     kind, terms
-        ``cauchy`` or ``sellmeier``, and of how many terms.
+        ``cauchy`` or ``sellmeier``, and the number of terms.
     model
         The formula with its covariance, valid over the wavelengths of the points.
     points
-        How many points it goes through.
+        Number of fitted points.
     residuals
-        Point minus formula, shape of the points that were given; NaN where one was masked.
+        Point minus formula, in the shape of the given points; NaN if masked.
     rms
         Root mean square of the residuals.
     chi2_reduced
@@ -57,11 +57,11 @@ class Fit(Result):
     neighbours
         Correlation of a residual with the next one.
     widened
-        Factor of the independent uncertainties for scatter and neighbours; 1 where they suffice.
+        Factor on the independent uncertainties for scatter and correlation; 1 if they suffice.
     aicc
-        AICc by number of terms, of those that were tried; the least one wins.
+        AICc by number of terms tried; the smallest wins.
     refused
-        By number of terms, why a fit was not taken.
+        Reasons for rejected fits, by number of terms.
     warnings
         Warnings about the numbers.
     """
@@ -261,9 +261,8 @@ def _warnings(model: Cauchy | Sellmeier, one: Solved, points: Points) -> list[Ca
     if points.u is not None and one.widened > 1:
         warnings.append(
             look_at(
-                f"the points scatter about the formula, or err together with their neighbours (correlation "
-                f"{one.neighbours:.2f}), beyond their stated uncertainties, which were multiplied with "
-                f"{one.widened:.2g}"
+                f"the points scatter about the formula, or correlate with their neighbours (correlation "
+                f"{one.neighbours:.2f}), beyond their stated uncertainties, which were multiplied by {one.widened:.2g}"
             )
         )
     if points.u is None and not points.shared.size:

@@ -1,6 +1,6 @@
-"""The formula through an index spectrum: of what goes in, what scatters from point to point and what all share.
+"""The formula through an index spectrum, with separate independent and shared errors.
 
-The interface: `formula_through`; `smoothed_scatter` for other judgements of a spectrum's scatter.
+The interface: `formula_through`; `smoothed_scatter` for other uses of a spectrum's scatter.
 """
 
 from dataclasses import replace
@@ -21,21 +21,21 @@ _BESIDE = 15  # points to either side whose scatter is taken together
 def formula_through(
     spectrum: IndexSpectrum, kind: str | None = None, terms: int | None = None
 ) -> tuple[Fit | None, list[Caution]]:
-    """Formula through n, and what must be known of it, or why there is none.
+    """Formula through n with warnings, or the reason why there is none.
 
     Parameters
     ----------
     spectrum
-        Index along ascending wavelengths. One that is not a measurement gets a formula without uncertainty.
+        Index at ascending wavelengths. Values that are not measurements get a formula without uncertainty.
     kind
-        ``cauchy``, ``sellmeier`` or ``none``; None is Cauchy's where n was measured, and none where not.
+        ``cauchy``, ``sellmeier`` or ``none``; default: Cauchy's if n was measured, else none.
     terms
         Number of its terms; None for Akaike's criterion.
 
     Raises
     ------
     DataError
-        If the kind that was asked for cannot be fitted.
+        If the requested kind cannot be fitted.
     """
     if kind == "none" or (kind is None and not spectrum.measurement):
         return None, []
@@ -55,9 +55,9 @@ def formula_through(
 
 
 def smoothed_scatter(n: Estimate) -> FloatArray | None:
-    """Standard uncertainty of what scatters, mean square over points nearby, NaN where n is masked; None without any.
+    """Standard uncertainty of scatter, mean square over nearby points, NaN where n is masked; None without any.
 
-    A point's own, of two or three repeats, is a bad weight: those that agree by chance would decide the fit.
+    A point's own, from two or three repeats, is a bad weight: points that agree by chance would dominate the fit.
     """
     square = n.scatter[n.known] ** 2
     total, at = np.append(0.0, np.cumsum(square)), np.arange(square.size)

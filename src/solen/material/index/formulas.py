@@ -188,7 +188,7 @@ class TwoPoles(Form):
                 best = fit
         assert best is not None  # noqa: S101  there are two ways
         if best.active_mask.any():
-            raise UnfitError("runs its second term to the edge of what is possible: one term says as much")
+            raise UnfitError("drives its second term to the limit of its range: one term suffices")
         return np.asarray(best.x)
 
     def value(self, inner: FloatArray) -> tuple[FloatArray, FloatArray]:

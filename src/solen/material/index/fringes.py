@@ -1,14 +1,14 @@
-"""Where the two faces of a layer interfere, so that adding their powers fails.
+"""Interference between the two faces of a layer, where adding powers fails.
 
-The idea: fringes are λ²/(2nh) apart. A monochromator whose bandwidth is well above that averages over
-them and the powers add; one whose bandwidth is below sees them, and so does a spectrum whose wavelengths are close
-enough to show them. Points that are too far apart show no fringe and are still off by it.
+The idea: fringes are λ²/(2nh) apart. A monochromator with a much larger bandwidth averages over
+them and the powers add; with a smaller bandwidth they are visible, if the wavelengths are close
+enough. Points too far apart show no fringes but are still affected.
 
-Fringes are periodic in n/λ, and nothing else in a spectrum is: they are looked for by the share of the scatter that a
-cosine of 4πnh/λ takes away, over n·h and over how n falls, and count as seen where noise would hardly ever do as much.
+Fringes are periodic in n/λ, and nothing else in a spectrum is: they are detected by the share of scatter that a
+cosine of 4πnh/λ removes, over n·h and the dispersion, and are significant if noise would hardly ever remove as much.
 
-The interface: `find_fringes` gives a `Phase` for each way to read them, none where there are none; `fringe_warnings`
-says in sentences what a bandwidth leaves open.
+The interface: `find_fringes` returns a `Phase` for each interpretation, none without fringes; `fringe_warnings`
+states what a bandwidth leaves undetermined.
 """
 
 import math

@@ -24,7 +24,7 @@ from solen.recording import read, spectra
 from solen.recording.optical import listed
 
 MOST_OUTSIDE = 0.02
-"""Share of the light that may lie where nothing was measured."""
+"""Largest share of the light at wavelengths without measurement."""
 NOISE = 0.01
 """Share of its peak below which a measured spectrum is noise."""
 _LINES, _REACH = 241, 3.0  # lines of an LED, and how many standard deviations they reach

@@ -1,10 +1,10 @@
-"""The route of a layer whose fringes are seen: from T, R or both to an `IndexSpectrum`, or back to the sum of powers.
+"""The route for a layer with visible fringes: from T, R or both to an `IndexSpectrum`, or back to the sum of powers.
 
-The idea: fringes in the data are recognised by themselves. Then the index follows from a film whose coherence is fitted
-with it (`solen.material.index.film`). What is left of the spectra is searched once more: where it has fringes still, no
-such film made them, and n is taken from the levels of T and R alone, with the fringes as scatter in its uncertainty.
+The idea: fringes in the data are detected automatically. The index then follows from a film whose coherence is fitted
+too (`solen.material.index.film`). The residuals are searched again: if they still have fringes, no
+such film explains them, and n is computed from the levels of T and R, with the fringes as scatter in its uncertainty.
 
-The interface: `fringes_of` readings, `fringed` gives the spectrum and an `Interference`.
+The interface: `fringes_of` readings, `fringed` returns the spectrum and an `Interference`.
 """
 
 from collections.abc import Mapping
@@ -101,7 +101,7 @@ def fringed(
     bare: Mapping[str, Reading] | None = None,
     kind: Kind | None = None,
 ) -> tuple[IndexSpectrum, Interference | None]:
-    """Index and extinction of a layer whose fringes were found, or that is fitted together with its bare sheet.
+    """Index and extinction of a layer with fringes, or fitted jointly with its bare substrate.
 
     Raises
     ------
@@ -126,7 +126,7 @@ def fringed(
 
 
 def _refuse_form(measured: Measured, film: Film, other: Film | None) -> None:
-    """`DataError` if a form of n that was asked for leaves fringes, and another leaves none."""
+    """`DataError` if a requested form of n leaves fringes and another leaves none."""
     if other is None or other.course == film.course:
         return
     left = {kind: one.value - other.fitted[kind] for kind, one in measured.readings.items()}

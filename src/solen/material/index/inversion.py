@@ -64,7 +64,7 @@ class Inverted:
 
 
 Slopes = Mapping[str, FloatArray]
-"""Derivatives by what they are taken by: ``T``, ``R``, ``thickness_um``, and on a substrate what is known of it."""
+"""Derivatives by input: ``T``, ``R``, ``thickness_um``, and on a substrate its properties."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -218,12 +218,12 @@ def index_of_layer(recording: Recording, options: IndexOptions = IndexOptions())
 def _interfering(
     recording: Recording, spectra: OpticalSpectra, options: IndexOptions, bandwidth_nm: float | None
 ) -> tuple[IndexSpectrum | None, Interference | None]:
-    """Index by the fringes of T and R, where they are detected or asked for; None of both where there are none.
+    """Index from the fringes of T and R, if detected or requested; otherwise None for both.
 
     Raises
     ------
     DataError, SpecError
-        If fringes are asked for and not there, or are there and another route is asked for.
+        If fringes are requested but absent, or present but another route is requested.
     """
     added = options.mode in {"as-published", "absorptance"}
     if added and options.dispersion is not None:
@@ -271,7 +271,7 @@ def _bare(recording: Recording, spectra: OpticalSpectra, options: IndexOptions) 
 
 
 def _routed(spectra: OpticalSpectra, options: IndexOptions) -> IndexSpectrum:
-    """Index by the route that was asked for, or else by that which the measured spectra allow."""
+    """Index by the requested route, or else by the one that the measured spectra allow."""
     t, nm = _transmittance(spectra, options), spectra.wavelength_nm
     setup = options.setup(nm)
     mode = options.mode or _default_mode(spectra, options, t)

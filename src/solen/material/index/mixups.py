@@ -58,7 +58,7 @@ def refuse_mixups(rows: Mapping[str, FloatArray], names: Mapping[str, tuple[str,
 
 
 def _index(r: FloatArray, t: FloatArray) -> float:
-    """Index in the middle of a spectrum; NaN where there is none. Neither thickness nor wavelength change it."""
+    """Index in the middle of a spectrum; NaN if undefined. It is independent of thickness and wavelength."""
     n = invert(r, t, 25.0, 600.0).n
     return float(np.nanmedian(n)) if np.isfinite(n).any() else np.nan
 

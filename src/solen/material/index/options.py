@@ -47,8 +47,8 @@ class IndexOptions(RowOptions):
     """Its standard uncertainty."""
     mode: Literal["measured", "absorptance", "as-published", "lossless", "fringes"] | None = None
     """Route: measured (R and T measured), absorptance (R = 1 − T − A), lossless (T alone, k = 0 assumed), fringes (T, R
-    or both of a layer whose faces interfere) or as-published (R = 1 − T + log10 T, not a measurement); default:
-    by what was measured, with fringes detected automatically, never as-published."""
+    or both of a layer with interference) or as-published (R = 1 − T + log10 T, not a measurement); default:
+    according to the measured spectra, with fringes detected automatically, never as-published."""
     transmittance: tuple[str, ...] = ()
     """Name of a trace of T; repeatable, for repeats of one measurement. Naming one trace is naming all."""
     reflectance: tuple[str, ...] = ()

@@ -1,17 +1,17 @@
 """Measured values with their uncertainty: repeats, stated accuracy, and errors common to a whole spectrum.
 
-The idea: two kinds of error act differently and are kept apart. What scatters from wavelength to wavelength averages
-out over an LED's spectrum or in a fit; what shifts a whole spectrum, a lamp that drifts or a photometer that reads 0.2
-% high, does not. Repeats show both: their scatter about their own offsets is the first, the scatter of the offsets is
-the second. Repeats that drift in one direction are not independent draws: their mean is not better known than one of
+The idea: two kinds of error act differently and are kept separate. Scatter from wavelength to wavelength averages
+out over an LED's spectrum or in a fit; a shift of the whole spectrum, by a drifting lamp or a photometer that reads 0.2
+% high, does not. Repeats show both: scatter about their own offsets is the first, scatter of the offsets
+the second. Repeats that drift in one direction are not independent: their mean is no better known than one of
 them.
 
-Few repeats know their own scatter badly at one wavelength; neighbours scatter alike, so theirs is taken together. An
-uncertainty that follows from few is widened by Student's t so that the standard one covers 68.27 % and the expanded
+Few repeats determine the scatter at one wavelength poorly; neighbours scatter alike, so theirs is pooled. An
+uncertainty from few repeats is widened by Student's t so that the standard one covers 68.27 % and the expanded
 one 95 % (GUM, JCGM 100:2008, annex G); degrees of freedom of sums are those of Welch and Satterthwaite.
 
 The interface: `Reading` and `reading` for a spectrum, `Length` for a thickness, `Share` for a part of an uncertainty
-and `combined` for what they make together.
+and `combined` for their sum.
 """
 
 from collections.abc import Sequence
@@ -190,7 +190,7 @@ def student(level: float, freedom: ArrayLike) -> FloatArray:
 
 
 def _of_neighbours(variance: FloatArray) -> FloatArray:
-    """Mean of the variances of as many neighbours; NaN where there is none of its own."""
+    """Mean of the variances of neighbours; NaN where a point has none."""
     known = np.isfinite(variance)
     width = min(_NEIGHBOURS, variance.size)
     sums, counts = (

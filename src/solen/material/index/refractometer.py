@@ -47,7 +47,7 @@ from solen.spec.strict import Finite, Options, Wavelength, refused
 from solen.units import NM_PER_UM
 
 VALID_NM = (400.0, 1000.0)
-"""Where the formula holds: the wavelengths that the literature behind the prior covers."""
+"""Range of the formula: the wavelengths covered by the literature behind the prior."""
 
 DN_DT_PER_K = -2e-4
 """Temperature coefficient of n taken where none is stated; glassy acrylates have −1e-4, elastomers −3e-4 to −5e-4."""
@@ -349,7 +349,7 @@ def _not_negative(name: str, value: float) -> float:
 
 
 def _values(n: ArrayLike, u_n: ArrayLike, wavelength_nm: ArrayLike, u_warm: float, u_shared: float) -> _Values:
-    """_Values that were measured, with the covariance of what they share."""
+    """Measured values, with the covariance of their shared errors."""
     values, nm = (np.atleast_1d(np.asarray(one, dtype=float)) for one in (n, wavelength_nm))
     u = np.atleast_1d(np.asarray(u_n, dtype=float))
     if values.ndim != 1 or values.size == 0 or nm.shape != values.shape or u.size not in {1, values.size}:

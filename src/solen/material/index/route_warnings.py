@@ -15,7 +15,7 @@ from solen.ranks import Caution, do_not_use, look_at, note
 
 
 def too_bright(result: FloatArray, k: Combined) -> list[Caution]:
-    """Warning where the weighted mean of all k is below 0 by more than its uncertainty explains."""
+    """Warning if the weighted mean of all k is more negative than its uncertainty explains."""
     with np.errstate(all="ignore"):
         weight = 1.0 / (k.random**2 + (k.parts**2).sum(axis=0))
     seen = np.isfinite(result) & np.isfinite(weight)
@@ -71,7 +71,7 @@ def _options(names: Sequence[str]) -> str:
 
 
 def about_substrate(inverse: Inverse, n: Estimate, read: Mapping[str, Reading], setup: Setup) -> list[Caution]:
-    """What errors of the readings and of the substrate do to n, in the middle of what is known; what is not stated."""
+    """Effect on n of errors of the readings and of the substrate, mid-spectrum, and what is not stated."""
     warnings, at = [], np.flatnonzero(n.known)
     i = at[at.size // 2] if at.size else None
     if i is not None:

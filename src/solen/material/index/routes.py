@@ -57,7 +57,7 @@ class _Input:
     t_by: float
 
     def slope(self, by: Slopes) -> FloatArray:
-        """Derivative by the input; an infinite one by R or T does not count where that does not depend on it."""
+        """Derivative with respect to the input; infinite ones are ignored where R or T do not matter."""
         r_part = by["R"] * self.r_by if self.r_by else 0.0
         return r_part + (by["T"] * self.t_by if self.t_by else np.zeros_like(by["T"]))
 
@@ -124,9 +124,9 @@ def as_published(wavelength_nm: ArrayLike, transmittance: Reading, thickness: Le
 
 
 def lossless(wavelength_nm: ArrayLike, transmittance: Reading, setup: Setup | None = None) -> IndexSpectrum:
-    """Index from T alone, k = 0 assumed, of a free-standing layer or with ``setup`` of one on its substrate.
+    """Index from T alone, assuming k = 0, of a free-standing layer, or with ``setup`` of one on a substrate.
 
-    Where the layer takes light, n is an upper bound.
+    If the layer absorbs, n is an upper bound.
     """
     nm, t = np.asarray(wavelength_nm, dtype=float), transmittance.value
     none = np.full(t.shape, np.nan)
@@ -316,7 +316,7 @@ def _propagated(n_by: Slopes, k_by: Slopes, read: Mapping[str, Reading], u: Mapp
 
 
 def _parts(by: Slopes, read: Mapping[str, Reading], u: Mapping[str, ArrayLike]) -> list[Share]:
-    """Parts of an uncertainty: of each reading, and of what is known beside the readings."""
+    """Parts of an uncertainty: from each reading, and from other inputs."""
     parts = [share for name, reading in read.items() for share in reading.shares(by[name])]
     return parts + [Share(np.asarray(by[name] * np.asarray(u[name])), np.inf, True) for name in u if name in by]
 
@@ -324,7 +324,7 @@ def _parts(by: Slopes, read: Mapping[str, Reading], u: Mapping[str, ArrayLike]) 
 def _k_bounds(
     result: FloatArray, k: Combined, no_k: Codes, t: FloatArray, u_t: Combined, k_by_t: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """95 % bounds of k. Where it is not resolved they are 0 and what a normal error cut off at 0 leaves above 5 %."""
+    """95 % bounds of k. If it is not resolved they are 0 and the 95 % quantile of a normal error truncated at 0."""
     unresolved, u, u95 = np.isin(no_k, UNRESOLVED), k.u, k.bound(0.95)
     with np.errstate(all="ignore"):
         above = result - u * ndtri(0.05 * ndtr(result / u))

@@ -12,7 +12,7 @@ from solen.ranks import Caution
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """Values with their uncertainty, shape (n,) each: NaN where masked, or where no uncertainty is known.
+    """Values with their uncertainty, shape (n,) each: NaN where masked or unknown.
 
     Attributes
     ----------
@@ -23,11 +23,11 @@ class Estimate:
     u95
         Half-width of the 95 % interval.
     scatter
-        As u_random, not widened for few repeats: many wavelengths together know their scatter.
+        Like u_random, but not widened for few repeats: many wavelengths determine the scatter.
     common
         As in `solen.material.index.reading.Combined`, shape (parts, n).
     why
-        Codes of `solen.material.index.masks.Why`; what is masked as not resolved keeps its uncertainty.
+        Codes of `solen.material.index.masks.Why`; values masked as not resolved keep their uncertainty.
     """
 
     value: FloatArray

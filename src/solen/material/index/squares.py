@@ -1,8 +1,8 @@
-"""Weighted least squares of a formula, and a covariance of what is independent and of what all points share.
+"""Weighted least squares of a formula, and the covariance from independent and shared errors.
 
-The idea: weights are what the points do not share. The covariance takes the shared errors through the same weights,
-G V Gᵀ with G the linear answer of the parameters to the points, and widens the independent part where the scatter or
-the likeness of neighbours says that the stated uncertainties are not all.
+The idea: weights come from the independent errors. Shared errors enter the covariance through the same weights,
+G V Gᵀ with G the linear response of the parameters to the points, and the independent part is widened where scatter or
+correlation of neighbours shows that the stated uncertainties are too small.
 
 The interface: `points_of`, `solved`; for `solen.material.index.fit`.
 """
@@ -104,7 +104,7 @@ def solved(form: Form, points: Points) -> Solved:
 
 
 def _stepped(form: Form, inner: FloatArray, points: Points) -> FloatArray | None:
-    """Parameters of a smaller sum of squares, by Gauss and Newton's step or a part of it; None if there are none."""
+    """Parameters with a smaller sum of squares, by a full or shortened Gauss-Newton step; None if there are none."""
     weights = points.weights
     value, slope = form.value(inner)
     wanted = weights * (points.n - value)
@@ -122,7 +122,7 @@ def _stepped(form: Form, inner: FloatArray, points: Points) -> FloatArray | None
 
 
 def _with_covariance(form: Form, inner: FloatArray, slope: FloatArray, residuals: FloatArray, points: Points) -> Solved:
-    """Covariance of the inner parameters: what is independent, widened where it must be, and what is shared."""
+    """Covariance of the internal parameters: independent part, widened if necessary, and shared part."""
     weights = points.weights
     q, r = np.linalg.qr(weights[:, None] * slope)
     scale = np.abs(np.diag(r))

@@ -210,7 +210,7 @@ def _starts(off: FloatArray, near: float) -> tuple[FloatArray, FloatArray]:
 
 
 def _changes(by_n: Readings, by_k: Readings, wanted: Readings) -> tuple[FloatArray, FloatArray]:
-    """Changes of n and k that change the readings by what is wanted."""
+    """Changes of n and k that produce given changes of the readings."""
     det = by_n.T * by_k.R - by_k.T * by_n.R
     with np.errstate(all="ignore"):
         return (

@@ -1,4 +1,4 @@
-"""Loss of a guide: by cut-back, and what a thin layer could tell of it.
+"""Loss of a guide by cut-back, and the loss that a thin layer could resolve.
 
 `readings` finds the columns of a table, `levels` converts readings to dB, `cutback` fits the loss.
 """

@@ -64,13 +64,13 @@ class Line(Result, kw_only=True):
     start_dB, u_start_dB, interval95_start_dB
         Level at length zero.
     covariance
-        Of start and slope.
+        Covariance of start and slope.
     degrees_of_freedom, start_degrees_of_freedom
         Degrees of freedom of the intervals of slope and start.
     guides, pieces, lengths
-        How many of each.
+        Number of each.
     launched_dB
-        Level of what was launched into the guides; None if it is not known.
+        Level of the launched power; None if unknown.
     """
 
     orientation: str
@@ -210,18 +210,18 @@ def cut_back(
     length_mm, level_dB
         Shape (n,), one entry a reading; levels as `solen.material.loss.levels.levels_dB` gives them.
     guide
-        Which guide was read; without it all readings at one length (and orientation) count as those of one guide.
+        The guide of each reading; without it all readings at one length (and orientation) count as one guide.
     orientation
-        How it was built.
+        Build orientation.
     keep_all
         Keep outliers.
     launched_dB
-        Level of what was launched, as `solen.material.loss.levels.full_level_dB` gives it.
+        Level of the launched power, from `solen.material.loss.levels.full_level_dB`.
 
     Raises
     ------
     DataError
-        If no slope with an uncertainty follows: one length, or no more pieces than numbers to find.
+        If no slope with an uncertainty follows: a single length, or no more pieces than parameters.
     """
     length, level = np.asarray(length_mm, float), np.asarray(level_dB, float)
     ways = [""] * len(length) if orientation is None else list(orientation)
@@ -324,7 +324,7 @@ def _chance(fit: LinearFit, contrasts: FloatArray) -> float:
 
 
 def _curved(table: Table, keep: BoolArray) -> tuple[float | None, float | None]:
-    """How likely a bend this strong is by chance, and the second derivative of the level; None if it is unknown."""
+    """Probability of such a curvature by chance, and the second derivative of the level; None if unknown."""
     design, cm = table.apart(keep), table.cm[keep]
     bent = np.column_stack([design, (cm - cm.mean()) ** 2])
     if len(cm) <= bent.shape[1] or np.linalg.matrix_rank(bent) < bent.shape[1]:
@@ -425,8 +425,8 @@ def _of_orientation(loss: GuideLoss) -> list[Caution]:
     else:
         warnings.append(
             note(
-                f"no difference between orientations is seen (dB/cm: {values}; by chance "
-                f"{chance(loss.p_orientation)}); that does not prove that there is none"
+                f"no significant difference between orientations (dB/cm: {values}; by chance "
+                f"{chance(loss.p_orientation)}); this does not prove that there is none"
             )
         )
     lone = [line.orientation for line in loss.by_orientation if line.guides == 1]

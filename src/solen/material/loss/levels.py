@@ -1,7 +1,7 @@
-"""Readings of power as levels in dB, and loss in the units that others take it in.
+"""Power readings as levels in dB, and conversion of loss to other units.
 
-The idea: only ratios of powers count, so a reading in mW, in volts or in counts serves as well as another, as long as
-it is proportional to the light: what it shows in the dark is taken off first.
+The idea: only ratios of powers count, so readings in mW, volts or counts serve equally, as long as
+they are proportional to the light: the dark reading is subtracted first.
 
 The interface: `levels_dB`, `full_level_dB`, `absorption_per_mm` and `smallest_loss_dB_per_cm`.
 """
@@ -78,12 +78,12 @@ def pulls_down(readings: ArrayLike, unit: str, dark: float | None) -> bool:
 
 
 def full_level_dB(unit: str, launched: float | None, readings: ArrayLike) -> float | None:
-    """Level of what was launched, as `levels_dB` counts; None if the readings do not tell.
+    """Level of the launched power, on the scale of `levels_dB`; None if the readings do not determine it.
 
     Parameters
     ----------
     unit, readings
-        As in `levels_dB`. A pure number, a percentage and dB are shares of what was launched, unless one is above it.
+        As in `levels_dB`. A pure number, a percentage and dB are relative to the launched power, unless one exceeds it.
     launched
         Launched power, in that unit.
     """

@@ -53,12 +53,12 @@ class Piece:
 def pieces_of(
     length_mm: FloatArray, level_dB: FloatArray, guide: Sequence[str], orientation: Sequence[str]
 ) -> tuple[tuple[Piece, ...], float | None]:
-    """Readings averaged piece by piece, and the standard deviation of readings about their piece (None: none repeats).
+    """Readings averaged by piece, and the standard deviation of readings within pieces (None without repeats).
 
     Raises
     ------
     DataError
-        If a length is none of a guide, or a level no number.
+        If a length is impossible, or a level not a number.
     """
     shortest, longest = LENGTHS_MM
     long = (length_mm >= shortest) & (length_mm <= longest)

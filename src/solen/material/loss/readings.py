@@ -85,7 +85,7 @@ class Readings:
 
 
 def guide_loss(recording: Recording, options: CutbackOptions = CutbackOptions()) -> GuideLoss:
-    """Loss in dB/cm of guides of several lengths, by orientation too where a column names it.
+    """Loss in dB/cm of guides of several lengths, also by orientation if a column names it.
 
     Raises
     ------
@@ -174,7 +174,7 @@ def _unit(channel: Channel, stated: str | None) -> tuple[str, list[Caution]]:
 
 
 def _texts(recording: Recording, complete: BoolArray, names: Sequence[str]) -> tuple[list[str], list[str] | None]:
-    """The column that names the rows, one or none, and its texts; None if there is none or it is empty."""
+    """The column that labels the rows, if any, and its texts; None if there is none or it is empty."""
     texts = recording.label(*names)
     column = [name for name, one in recording.texts.items() if one is texts]
     if texts is None and (channel := recording.find(*names)) is not None:

@@ -1,12 +1,12 @@
-"""Stiffness: from what a testing machine exports to a modulus and a hyperelastic model, each with its uncertainty.
+"""Stiffness: modulus and hyperelastic model, with uncertainties, from exports of a testing machine.
 
 The idea: a force and a displacement become engineering stress and strain by the specimen's dimensions; a toe is
-compensated or said not to be; a line over a stated range is the modulus, and a model of all tests of a material
-together is what a finite-element program needs. What the numbers rest on, and what they cannot say, goes with them.
+compensated or reported as uncompensated; a line over a stated range is the modulus, and a joint model of all tests of a
+material is what a finite-element program needs. The basis of the numbers and their limits are reported with them.
 
 The interface: `stiffness_of` does all of it to some recordings. `specimen_of` and `read_test` make a test; `evaluate`
 does what `find_toe`, `young`, `cycles_of` and `extremes` do each; `mean_modulus` is that of several specimens; `fit`
-and `choose` find a model, `cautions` what it cannot say.
+and `choose` find a model, `cautions` its limits.
 """
 
 from solen.material.stiffness.cautions import cautions

@@ -63,13 +63,13 @@ def read_test(
     Parameters
     ----------
     recording
-        With a force or stress and a displacement, strain or stretch.
+        Recording of a force or stress and a displacement, strain or stretch.
     specimen
-        Its dimensions, as far as they are known.
+        Its dimensions, as far as known.
     mode
-        None to take it from the signs and words of the file.
+        None to infer it from the signs and words of the file.
     compliance_mm_per_N
-        Of machine and fixture: force times it is subtracted from the displacement.
+        Compliance of machine and fixture; force times compliance is subtracted from the displacement.
 
     Raises
     ------
@@ -176,7 +176,7 @@ def _stem(name: str) -> str:
 
 
 def _other_length(recording: Recording, specimen: Specimen, strain: FloatArray, name: str) -> tuple[Caution, ...]:
-    """Warning where the file's strain was made with another length than the file states."""
+    """Warning if the file's strain was computed with another length than stated in the file."""
     travel, absolute = _travel(recording)
     if travel is None or absolute or specimen.length_mm is None:
         return ()
@@ -190,14 +190,14 @@ def _other_length(recording: Recording, specimen: Specimen, strain: FloatArray, 
         return ()
     return (
         look_at(
-            f"{name} is {travel.name} over {implied:.5g} mm, the file states a length of {specimen.length_mm:.6g} mm; "
-            "the file's strain is used as it stands (--length-mm divides the displacement instead)"
+            f"{name} is {travel.name} over {implied:.5g} mm, the file states a length of {specimen.length_mm:.6g} "
+            "mm; the file's strain is used unchanged (--length-mm divides the displacement instead)"
         ),
     )
 
 
 def _stated_mode(recording: Recording, specimen: Specimen) -> TestMode | None:
-    """Mode by the words of a file or by a cube; None if nothing tells."""
+    """Mode from the words of a file or from a cubic specimen; None if unknown."""
     if specimen.is_cube:
         return "compression"
     metadata = recording.provenance.metadata

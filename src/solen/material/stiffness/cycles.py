@@ -45,14 +45,14 @@ class Cycle:
     start, peak, end
         Rows of the test: first, turning point, last.
     peak_strain, peak_stress_MPa
-        At the turning point and, of the stress, the largest of the cycle; as magnitudes.
+        Strain at the turning point and largest stress of the cycle; as magnitudes.
     stress_at_half_MPa
-        On loading, at half of the first cycle's peak strain; None if the cycle does not pass it.
+        Stress on loading at half of the first cycle's peak strain; None if the cycle does not reach it.
     work_in_mJ_per_mm3, work_out_mJ_per_mm3
         Per volume before the test; None for what was not recorded (no unloading).
     residual_strain
-        Where a line through the end of the unloading, from 5 to 1 % of the first peak stress, meets zero stress; None
-        where unloading was not recorded to 1 %.
+        Strain where a line through the end of the unloading, from 5 to 1 % of the first peak stress, reaches zero
+        stress; None if unloading was not recorded to 1 %.
     """
 
     number: int
@@ -117,7 +117,7 @@ def branches(strain: FloatArray, swing: float = SWING) -> list[tuple[int, int]]:
 
 
 def loading_branch(test: StressStrain, cycle: str = "first") -> slice:
-    """Rows over which a test is loaded, in its first or last cycle; all rows of a test in both directions.
+    """Rows of the loading in a test's first or last cycle; all rows for a test in both directions.
 
     Raises
     ------
@@ -243,8 +243,8 @@ def loading_curve(test: StressStrain, cycle: str = "first", toe_end: float = 0.0
 def rereferenced(test: StressStrain) -> StressStrain:
     """The same test with stress and strain per area and length at the start of its last cycle's loading.
 
-    The start is where the cycle before left no stress; where that was not reached, or there is one cycle only, the test
-    is returned as it is.
+    The start is where the previous cycle reached zero stress; if it did not, or there is only one cycle, the test
+    is returned unchanged.
     """
     cycles = cycles_of(test)
     if len(cycles) < 2 or cycles[-2].residual_strain is None:

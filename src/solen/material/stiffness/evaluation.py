@@ -1,9 +1,9 @@
-"""One specimen from its record to its numbers, and several specimens to one material's.
+"""Evaluation of one specimen, and averaging of several specimens of a material.
 
-The idea: every specimen is evaluated alike: toe, modulus, secants, cycles, extremes, and warnings with numbers of what
-these do not know. A material's modulus is the mean over its specimens, and its uncertainty is that of the mean by their
-scatter: specimens are replicates, cycles and points are not. One specimen has no scatter; its own uncertainty is given,
-and said to be that.
+The idea: every specimen is evaluated alike: toe, modulus, secants, cycles, extremes, and warnings about their
+limits. A material's modulus is the mean over its specimens, with the uncertainty of the mean from their
+scatter: specimens are replicates, cycles and points are not. For one specimen, its own uncertainty is given
+and labelled as such.
 
 The interface: `evaluate` a test by `StiffnessOptions`; `mean_modulus` of several.
 """
@@ -89,17 +89,17 @@ class Evaluated:
     Attributes
     ----------
     test
-        With strains counted from the toe's zero.
+        The test, with strains counted from the toe's zero.
     toe, young, extremes, cycles, softening
         The results.
     secants
-        Stress over strain at each strain that was asked for.
+        Stress over strain at each requested strain.
     fitted
-        The loading, to fit models to.
+        The loading curve for fits of models.
     warnings
         Sentences with numbers.
     name, file
-        Name of the specimen, and of the file that it is in.
+        Name of the specimen, and of its file.
     """
 
     test: StressStrain
@@ -126,8 +126,8 @@ class MeanModulus(Result, kw_only=True):
     Attributes
     ----------
     modulus_MPa, u_modulus_MPa, interval95_modulus_MPa
-        Mean, standard uncertainty of the mean, and interval by Student's t; those of the specimen where it is one. Few
-        specimens may agree by chance: where they differ by less than each is uncertain, that is taken instead.
+        Mean, standard uncertainty of the mean, and interval by Student's t; for one specimen its own. Few
+        specimens may agree by chance: if they differ by less than their own uncertainties, those are used instead.
     sd_modulus_MPa
         Standard deviation between specimens; None for one.
     """
@@ -144,11 +144,11 @@ def evaluate(test: StressStrain, options: StiffnessOptions, strain_range: Range 
     Parameters
     ----------
     test
-        Of one specimen.
+        Test of one specimen.
     options
-        How it is evaluated.
+        Options of the evaluation.
     strain_range
-        Range of the modulus where the options state none, as fractions; None for `default_range`.
+        Default range of the modulus, as fractions; None for `default_range`.
 
     Raises
     ------
@@ -220,7 +220,8 @@ def _of_friction(test: StressStrain, options: StiffnessOptions) -> Caution | Non
     ratio = None if shape is None else held_ends(shape)
     if shape is None or ratio is None:
         return look_at(
-            "compression between dry platens overestimates the modulus; height and area would tell by how much"
+            "compression between dry platens overestimates the modulus; height and area are needed to estimate by "
+            "how much"
         )
     return look_at(
         f"shape factor {shape:.3g}: platens that hold the ends let the modulus appear up to {100 * (ratio - 1):.0f} % "

@@ -1,16 +1,16 @@
 """Hyperelastic fits: one set of parameters for all tests of a material at once.
 
 The idea: a model that follows one kind of test says little about another, so all modes are fitted together. What is
-minimised is Σ w²(P_model − P)² over the engineering stress, with w = 1 (``absolute``: every newton counts alike) or
-w = 1/max(|P|, 2 % of the test's largest) (``relative``: every per cent does). Models linear in their parameters are
-solved at once. Ogden's is not, and has many local minima (Ogden, Saccomandi & Sgura 2004): for given powers α its
+minimised is Σ w²(P_model − P)² over the engineering stress, with w = 1 (``absolute``: equal weight of every newton) or
+w = 1/max(|P|, 2 % of the test's largest) (``relative``: of every per cent). Models linear in their parameters are
+solved directly. Ogden's is not, and has many local minima (Ogden, Saccomandi & Sgura 2004): for given powers α its
 moduli are linear, so a grid of powers is solved for them, the best starts are refined with the exact derivatives, and
-the best end is kept. Nothing is random.
+the best result is kept. Nothing is random.
 
-Models are compared by AICc (Hurvich & Tsai 1989), and among those that are stable over the measured stretches; of two
-that follow the data alike the simpler one is taken. Its
+Models are compared by AICc (Hurvich & Tsai 1989), only if stable over the measured stretches; of two
+that fit equally well the simpler is chosen. The
 likelihood is that of autoregressive residuals (`solen.material.stiffness.correlation`): with independent ones a curve
-sampled densely enough would always vote for the most parameters.
+sampled densely enough would always favour the most parameters.
 
 The interface: `fit` for one model, `choose` among several fits of the same curves; `Curve` is a test.
 """
@@ -77,19 +77,19 @@ class Fit:
     Attributes
     ----------
     model, values, scatter
-        The model, its parameters in the order of ``model.names``, and their covariance with what it rests on.
+        The model, its parameters in the order of ``model.names``, and their covariance with its basis.
     weighting, weighted_squares
-        How residuals were weighted, and the sum of their squares.
+        Weighting of the residuals, and the sum of their squares.
     quality
-        Per mode.
+        Quality of fit by mode.
     stable
-        Stable stretches per mode, of all modes, measured or not.
+        Range of stable stretches by mode, for all modes, measured or not.
     stable_in_data
         Whether the model is stable over the measured stretches of every measured mode.
     aicc
-        Corrected Akaike criterion; None if there are too few points for it, or no residual.
+        Corrected Akaike criterion; None with too few points or no residual.
     delta_aicc
-        By how much it is above the lowest of the fits that it is compared with.
+        Difference from the lowest AICc of the compared fits.
     """
 
     model: Model = field(metadata=HIDDEN)

@@ -48,17 +48,17 @@ class MechanicalTest:
     Attributes
     ----------
     recording
-        Of one specimen, or of several that a column names.
+        Recording of one specimen, or of several named in a column.
     mode
-        Mode of the test; None to take it from the signs and words of the file.
+        Mode of the test; None to infer it from the signs and words of the file.
     label
-        Of the material; empty to take it from a column.
+        Name of the material; empty to take it from a column.
     dimensions
         Stated sizes of its specimens.
     compliance_mm_per_N
-        Of machine and fixture.
+        Compliance of machine and fixture.
     name
-        Of its specimen, where its file holds several.
+        Name of its specimen, if its file holds several.
     """
 
     recording: Recording
@@ -98,7 +98,7 @@ class MaterialStiffness(MeanModulus, kw_only=True):
 
 
 class MeasuredStiffness(MaterialStiffness, Measured, kw_only=True):
-    """Stiffness of the materials of some tests: the first one's, and beside it all of several.
+    """Stiffness of the tested materials: that of the first, and if there are several, of all.
 
     Attributes
     ----------
@@ -150,7 +150,7 @@ def stiffness_of(tests: Sequence[MechanicalTest], options: StiffnessOptions = St
     groups = tuple(_material([each for each in specimens if each.label == label], options) for label in labels)
     warnings = tuple(dict.fromkeys([*remarks, *(warning for group in groups for warning in group.warnings)]))
     if len(groups) > 1:
-        beside = note(f"modulus and model beside groups are those of {labels[0]} alone; groups holds all {len(labels)}")
+        beside = note(f"modulus and model outside groups are those of {labels[0]} only; groups holds all {len(labels)}")
         warnings = (*warnings, beside)
     sources = {each.recording.provenance.sha256: each.recording.provenance for each in specimens}
     return MeasuredStiffness(
@@ -178,7 +178,7 @@ def _specimens(tests: Sequence[MechanicalTest], options: StiffnessOptions) -> li
 
 
 def _evaluated(test: StressStrain, options: StiffnessOptions, strain_range: Range | None) -> Evaluated:
-    """A test over a range, or over its own where that holds too few points and the user states none."""
+    """A test over a range, or over its own if that holds too few points and the user stated none."""
     try:
         return evaluate(test, options, strain_range)
     except DataError:
@@ -235,7 +235,7 @@ def _material(specimens: Sequence[_Specimen], options: StiffnessOptions) -> Mate
 def _fits(
     specimens: Sequence[_Specimen], options: StiffnessOptions, modulus_MPa: float
 ) -> tuple[tuple[Fit, ...], list[Caution]]:
-    """Fits that are asked for, and a warning where ``auto`` makes none."""
+    """Requested fits, and a warning if ``auto`` makes none."""
     if "none" in options.fit:
         return (), []
     if "auto" in options.fit and abs(modulus_MPa) > _RIGID_MPA:
@@ -263,7 +263,7 @@ def _of_specimens(specimens: Sequence[_Specimen]) -> list[Caution]:
 
 
 def _of_machine(specimen: _Specimen) -> list[Caution]:
-    """Warning where the machine's own modulus differs."""
+    """Warning if the machine's modulus differs."""
     for heading, text in specimen.recording.provenance.metadata.items():
         if heading.casefold().strip() not in _MACHINE:
             continue

@@ -74,7 +74,7 @@ class Young:
 
 @dataclass(frozen=True)
 class Extremes:
-    """Largest stress and where it was; the break, if the record holds one. Magnitudes."""
+    """Largest stress and its strain; the break, if recorded. Magnitudes."""
 
     strength_MPa: float
     strain_at_strength: float
@@ -88,16 +88,16 @@ def young(test: StressStrain, strain_range: Range, cycle: str = "first") -> Youn
     Parameters
     ----------
     test
-        Strains counted from where the range is.
+        Test whose strains have the zero of the range.
     strain_range
         From and to, magnitudes, both included.
     cycle
-        ``first`` or ``last``: whose loading branch.
+        Cycle whose loading branch is used, ``first`` or ``last``.
 
     Raises
     ------
     DataError
-        If the range is none, or holds fewer than three points or no slope.
+        If the range is empty, or holds fewer than three points or no slope.
     """
     low, high = strain_range
     if not 0 <= low < high < math.inf:

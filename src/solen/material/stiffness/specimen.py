@@ -122,12 +122,12 @@ class _Section:
 
 
 def specimen_of(stated: Dimensions, metadata: Mapping[str, str] | None = None) -> Specimen:
-    """Specimen by what the user states, and for what is missing by the file's metadata.
+    """Specimen from the user's statements, completed by the file's metadata.
 
     Raises
     ------
     DataError
-        If the file's statement is no length or area above 0.
+        If the file states no positive length or area.
     """
     in_file = _from_metadata(metadata or {})
     length, section = stated.cube_mm or stated.length_mm, _stated_section(stated)
@@ -161,9 +161,9 @@ def held_ends(shape_factor: float) -> float | None:
 
 
 def number_in(text: str, unit: str, heading: str = "") -> float | None:
-    """Number that a piece of metadata states, in a unit; None if it states none.
+    """Number stated in metadata, in a unit; None if there is none.
 
-    The unit stands after the number (``11.4 mm``), or in its heading (``Width (mm)``); none means ``unit`` itself.
+    The unit follows the number (``11.4 mm``), or is in its heading (``Width (mm)``); default: ``unit``.
     """
     stated = _NUMBER.fullmatch(text.strip().strip('"'))
     if stated is None:

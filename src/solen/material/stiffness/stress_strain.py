@@ -1,9 +1,9 @@
-"""From what a testing machine records to engineering and true stress and strain.
+"""Engineering and true stress and strain from the records of a testing machine.
 
 The idea: an engineering stress is force over the area before the test, an engineering strain displacement over the
-length before it; compression is negative in both, whatever the machine's sign. Where the file states stress or strain
-itself, that is taken as it is. True stress and strain follow from the volume being kept, λA = A₀: σ = Pλ, ε = ln λ, in
-all three modes. That is an assumption (rubbers: ν > 0.499; printed parts with voids less), and it says nothing about a
+length before it; compression is negative in both, regardless of the machine's sign. Stress or strain stated in the file
+is used unchanged. True stress and strain assume constant volume, λA = A₀: σ = Pλ, ε = ln λ, in
+all three modes. This is an approximation (rubbers: ν > 0.499; printed parts with voids less), and does not hold for a
 specimen that barrels or necks.
 
 The interface: `as_test` makes a `StressStrain` of arrays, `solen.material.stiffness.columns` of a recording.
@@ -112,23 +112,23 @@ def as_test(
     name: str = "test",
     assumed: bool = False,
 ) -> StressStrain:
-    """Test of engineering strain and stress in MPa, of whatever sign, shape (n,) each.
+    """Test from engineering strain and stress in MPa, of either sign, shape (n,) each.
 
     Parameters
     ----------
     strain, stress_MPa, specimen
-        As above; NaN at the end of both is left out.
+        As above; trailing NaNs are dropped.
     mode
-        None to take it from the signs.
+        None to infer it from the signs.
     name
         Its name in errors.
     assumed
-        Whether the mode was not stated by the user: what cannot be known is then warned of.
+        Whether the mode is inferred rather than stated; then uncertainties are reported in warnings.
 
     Raises
     ------
     DataError
-        If there is nothing to evaluate.
+        If there are no data to evaluate.
     """
     strain, stress = _without_gaps(np.asarray(strain, dtype=float), np.asarray(stress_MPa, dtype=float), name)
     loading, notes, warnings = _loading(strain, stress, mode, name, assumed)

@@ -95,7 +95,7 @@ def _shifted(test: StressStrain, strain: FloatArray, stress: FloatArray, steps: 
     if abs(shift) <= max(2 * u_shift, _LEAST) or stress[0] < -0.5 * shift * slope:
         return Toe(0.0, u_shift, 0.0, f"no toe: the first tangent meets zero stress at {at_zero} strain")
     end = max(float(strain[steps[at].start]) - shift, 0.0)
-    note = f"strain counted from {at_zero} of the file's, where the tangent after the toe meets zero stress"
+    note = f"strain counted from {at_zero} of the file's, where the tangent after the toe reaches zero stress"
     return Toe(test.sign * shift, u_shift, end, note)
 
 
@@ -112,7 +112,7 @@ def _steps(stress: FloatArray) -> list[slice]:
 
 
 def _end_of_toe(over: FloatArray, stress: FloatArray, steps: list[slice]) -> int | None:
-    """First step whose slope is not exceeded by much in the next two; None if there is none."""
+    """First step whose slope is not much exceeded in the next two; None if there is none."""
     slopes = [_slope(over[rows], stress[rows]) for rows in steps]
     for at, now in enumerate(slopes[:-2]):
         if now > 0 and slopes[at + 1] <= _RISE * now and slopes[at + 2] <= _RISE**2 * now:
@@ -127,7 +127,7 @@ def _slope(over: FloatArray, stress: FloatArray) -> float:
 
 
 def _zero(over: FloatArray, stress: FloatArray) -> tuple[float, float, float]:
-    """Where a line through points meets zero stress, its standard uncertainty, and the slope."""
+    """Strain at which a line through points reaches zero stress, its standard uncertainty, and the slope."""
     rows = np.column_stack([np.ones_like(over), over])
     start, slope = np.linalg.lstsq(rows, stress, rcond=None)[0]
     residual = scatter([rows], [stress - rows @ np.array([start, slope])])

@@ -39,7 +39,7 @@ class Blobs:
 def blobs(grey: FloatArray, window_px: float, *, bright: bool, most_rise: float = math.inf) -> Blobs:
     """Blobs smaller than a window that are brighter, or darker, than their surroundings; the largest `MOST` of them.
 
-    Rises above ``most_rise`` count as that: blobs of unlike heights are then cut alike.
+    Rises above ``most_rise`` are clipped to it, so that blobs of different heights are segmented equally.
     """
     step = max(1, int(np.ceil(np.sqrt(grey.size / MOST_PIXELS))))
     small = binned(grey if bright else -grey, step)

@@ -1,17 +1,17 @@
 """The diameter of a disc in a picture, to a small fraction of a pixel, with its uncertainty.
 
-The disc's edge is a circle blurred by a Gaussian of standard deviation s. At the distance d from its middle the disc of
-radius r then has the share
+The disc's edge is a circle blurred by a Gaussian of standard deviation s. At the distance d from its centre a disc of
+radius r then covers the share
 
     P(d) = probability that |X| < r, X normal about d with variance s² in both directions
          = the non-central chi-square distribution with two degrees of freedom at (r/s)², non-centrality (d/s)²,
 
-which for r >> s is the blurred straight edge, shifted by s²/2r as a convex edge is. Levels, a slope of the light, the
-middle, r and s are fitted to the pixels around the edge. So a small disc is not taken for a smaller one, as it is where
-the half level is followed.
+which for r >> s is a blurred straight edge, shifted by s²/2r because the edge is convex. Levels, a gradient of the
+light, the centre, r and s are fitted to the pixels around the edge. So small discs are not underestimated, as they
+are when tracing the half level.
 
-How well it is known does not come from the noise of the pixels alone: twenty-four sectors of the edge each say how far
-they are from the circle, and their scatter, which holds roughness and form as well, gives the uncertainty.
+The uncertainty does not rest on pixel noise alone: twenty-four sectors of the edge each give their distance
+from the circle, and their scatter, which includes roughness and form, gives the uncertainty.
 """
 
 import math
@@ -34,7 +34,7 @@ TABLE = np.linspace(-6.5, 6.5, 261)
 BLURS = 5.0
 """Half the width of the fitted ring, in blurs."""
 FLOOR_PX = 0.05
-"""Half width of what the edge of any picture leaves unknown of a radius; its standard uncertainty is that over √3."""
+"""Half width of the uniform error of a radius from any picture's edge; its standard uncertainty is this over √3."""
 PRESENT = 0.4
 """Share of the rise that a sector must have to hold an edge."""
 LEAST_BLUR_PX, MOST_BLUR_PX = 0.3, 30.0
@@ -176,7 +176,7 @@ def fit_disc(
 
 
 def _around(grey: FloatArray, place: tuple[float, float], reach: float) -> _Pixels | None:
-    """Pixels within a distance; None if a part of them lies outside the picture."""
+    """Pixels within a distance; None if some lie outside the picture."""
     x0, y0 = place
     left, right = math.floor(x0 - reach), math.ceil(x0 + reach)
     low, high = math.floor(y0 - reach), math.ceil(y0 + reach)

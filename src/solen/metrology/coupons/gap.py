@@ -1,10 +1,10 @@
 """The gap between two pillars: whether it is open, and how wide.
 
-Along lines from one pillar to the other the grey value falls from the pillars' to the ground's and rises again: a slit,
-blurred as the pillars' edges are. On a line beside the middle it is wider by what the two circles leave. The depth of
-the slit is what the pillars' own edges have, so that a slit narrower than the blur still has a width, from how much
-light is missing; where it is wide enough to have a depth of its own, that is fitted, and a film that closes the gap
-halfway up shows as one that is too small. A merged pair has no slit: its width comes out as nothing, within its
+Along lines from one pillar to the other the grey value falls from the pillars' level to the ground's and rises again:
+a slit, with the blur of the pillars' edges. Off-centre lines are wider, by the geometry of the two circles. The depth
+of the slit is that of the pillars' other edges, so that even a slit narrower than the blur has a width, from the
+missing light; if it is wide enough to show its own depth, that is fitted, and a film that closes the gap
+halfway up shows as a reduced depth. A merged pair has no slit: its width is zero within its
 uncertainty.
 """
 
@@ -49,7 +49,7 @@ class GapFit:
 
 
 def fit_gap(grey: FloatArray, left: Disc, right: Disc) -> GapFit | None:
-    """Gap between two pillars that stand; None if the picture does not hold it."""
+    """Gap between two standing pillars; None if it is not in the picture."""
     radius = 0.25 * (left.diameter_px + right.diameter_px)
     blur = 0.5 * (left.blur_px + right.blur_px)
     apart = math.hypot(right.x_px - left.x_px, right.y_px - left.y_px)
@@ -69,7 +69,7 @@ def fit_gap(grey: FloatArray, left: Disc, right: Disc) -> GapFit | None:
 
 
 def _strip(grey: FloatArray, left: Disc, right: Disc, along: FloatArray, aside: FloatArray) -> FloatArray | None:
-    """Grey values (lines, places) between two pillars; None if they leave the picture."""
+    """Grey values (lines, positions) between two pillars; None if they leave the picture."""
     middle = np.array([0.5 * (left.x_px + right.x_px), 0.5 * (left.y_px + right.y_px)])
     way = np.array([right.x_px - left.x_px, right.y_px - left.y_px])
     way = way / np.hypot(*way)

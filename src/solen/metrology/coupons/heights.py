@@ -18,7 +18,7 @@ from solen.metrology.pose import Pose
 TOP = 0.65
 """Share of a column's radius that is taken as its top."""
 NEAR, FAR = 1.25, 2.2
-"""The ground reaches from so many radii to so many, as far as nothing else stands there."""
+"""Inner and outer radius of the ground around a feature, in its radii, where nothing else stands."""
 EDGE_MM = 0.03
 """The ground ends so far from the edges of slab and blocks."""
 PIECES = 12

@@ -174,7 +174,7 @@ def _mean_step(size: float, group: Sequence[MeasuredSize]) -> Limit:
 
 
 def rise_by_chance(rise: float, u_low: float, u_high: float, freedom: float) -> float:
-    """Probability of so large a rise of the mean where there is none: Welch's t, one-sided."""
+    """Probability of such a rise of the mean by chance: Welch's t, one-sided."""
     u = math.hypot(u_low, u_high)
     if u == 0.0:
         return 0.0 if rise > 0.0 else 1.0

@@ -1,11 +1,11 @@
-"""Location of a coupon in a picture or a z map: the blobs of its features, or the slab.
+"""Location of a coupon in a picture or a height map, from the blobs of its features or from the slab.
 
-Two blobs that might be two of the largest features, by their sizes and their distance, place the whole coupon, once as
-it is and once mirrored. Each such guess is scored by how many features have a blob where they should, and the best are
-fitted by least squares. The final choice rests on places, on the marks, and on sizes except for a common offset, since
-print and light change all alike. A second guess with the features elsewhere that is nearly as good makes it ambiguous.
+Two blobs whose sizes and distance match two of the largest features fix the pose of the whole coupon, once as
+drawn and once mirrored. Each hypothesis is scored by the number of features with a blob at the expected position, and
+the best are fitted by least squares. The final choice uses positions, marks, and sizes up to a common offset, since
+print and light change all alike. It is ambiguous if another pose with other positions is nearly as good.
 
-A coupon of blocks is found in a z map by its slab, a rectangle, and turned the way that suits the blocks' heights.
+A coupon of blocks is located in a height map by its rectangular slab, and oriented by the blocks' heights.
 """
 
 import math
@@ -27,7 +27,7 @@ WINDOW = 1.0
 LARGEST = 9
 """Features that are tried for the two blobs of a guess."""
 SCALE = 0.06
-"""Relative difference of print and scale together from the layout, at most."""
+"""Largest combined relative deviation of print and scale from the layout."""
 SIZE = 0.5
 """Natural logarithm of a blob's size over its feature's, at most."""
 SHORT = 0.12
@@ -39,7 +39,7 @@ PLACE_MM, DIAMETER_MM = 0.02, 0.04
 GROWN_MM, STRETCHED = 0.06, 0.015
 """The same for all sizes together, and for the scale: a shift by one feature would be a print of another size."""
 MISSING, MARK = 4.0, 4.0
-"""Cost of a feature without its blob, and how much more a mark counts."""
+"""Cost of a feature without a blob, and the extra weight of a mark."""
 CLEAR = 4.0
 """Cost by which the best guess must be better than another."""
 PARAMETERS, MANY, PLACED_MM = 4, 8, 0.003
@@ -209,7 +209,7 @@ def locate(grey: FloatArray, coupon: Coupon, px_per_mm: float, what: str, *, mos
     Raises
     ------
     DataError
-        If the coupon is not found, or could lie in two ways.
+        If the coupon is not found, or its pose is ambiguous.
     """
     features = [feature for feature in coupon.features if feature.round]
     window = WINDOW * px_per_mm * max(feature.diameter_mm for feature in features)
@@ -220,7 +220,7 @@ def locate(grey: FloatArray, coupon: Coupon, px_per_mm: float, what: str, *, mos
         guesses += search.guesses()
     guesses.sort(key=lambda guess: guess.cost)
     if not guesses or len(guesses[0].pairs) < FEWEST:
-        limit = f"shows no {coupon.name}: fewer than {FEWEST} of its features are found where they should be"
+        limit = f"shows no {coupon.name}: fewer than {FEWEST} of its features are at the expected positions"
         remedy = "check --coupon and --um-per-px, and that the marks or the largest features are in the picture"
         raise DataError(what, limit=limit, remedy=remedy)
     best = guesses[0]
@@ -270,12 +270,12 @@ def _same(pose: Pose, other: Pose, extent_mm: float) -> bool:
 
 
 def locate_slab(z_mm: FloatArray, coupon: Coupon, px_per_mm: float, what: str) -> Location:
-    """Find a coupon whose slab lies wholly in a z map, above its surroundings.
+    """Find a coupon whose slab lies entirely in a height map, above its surroundings.
 
     Raises
     ------
     DataError
-        If no such rectangle stands out.
+        If there is no such rectangle.
     """
     slab = coupon.slab
     if slab is None:

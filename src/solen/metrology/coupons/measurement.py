@@ -58,29 +58,29 @@ class CouponMeasurement(Result):
     image
         ``picture`` or ``z map``.
     scale
-        Size of a pixel and where it comes from.
+        Size of a pixel and its origin.
     location
-        Where the coupon lies.
+        Pose of the coupon.
     heights
-        Heights of columns, where there is a z map.
+        Heights of columns, from a height map.
     blur_um
-        Standard deviation of the picture's blur; None if it is not known.
+        Standard deviation of the picture's blur; None if unknown.
     pitch_ratio, u_pitch_ratio
-        Distances between features as printed, over those of the layout; None for fewer than three features.
+        Ratio of printed to nominal distances between features; None for fewer than three features.
     sources
         The file.
     warnings
         Warnings about the numbers.
     z_um, u_z_um
-        Height of a level of a z map, and its standard uncertainty; None if it is a picture, or none is stated.
+        Height of a grey level of a height map, and its standard uncertainty; None for a picture, or if not stated.
     layout, picture
         The printed coupon, and the picture or z map of it.
     measured
         Features, gaps and steps in the order of the layout.
     limits
-        The smallest that are resolved.
+        The smallest resolved features.
     discs
-        Round features that are there, by name.
+        Round features present, by name.
     """
 
     coupon: str
@@ -124,12 +124,12 @@ class CouponMeasurement(Result):
 
 
 def measure_coupon(image: Image | ZMap, coupon: Coupon) -> CouponMeasurement:
-    """Measure a coupon in a picture or a z map.
+    """Measure a coupon in a picture or a height map.
 
     Raises
     ------
     DataError
-        If the coupon has nothing that can be measured so, or is not found.
+        If the coupon has nothing measurable in this way, or is not found.
     """
     z_mm = image.z_mm if isinstance(image, ZMap) else None
     what, px_per_mm = image.provenance.file, 1e3 / image.scale.um_per_px
@@ -331,7 +331,7 @@ def _size_mm(size_px: float, u_px: float, scale: Scale) -> tuple[float, float, f
 
 
 def _pitch(coupon: Coupon, discs: Mapping[str, Disc], px_per_mm: float) -> tuple[float | None, float | None]:
-    """Distances as printed over those of the layout, and its standard uncertainty from how well the places fit."""
+    """Ratio of printed to nominal distances, and its standard uncertainty from the fit of the positions."""
     names = [name for name in discs if not any(name in gap.between for gap in coupon.gaps)] or list(discs)
     if len(names) < 3:
         return None, None
