@@ -329,7 +329,7 @@ def test_a_rig_whose_meter_cannot_read_its_sensors_is_refused(meter: dict[str, o
 
 def test_a_meter_stands_alone_and_tells_nothing_of_wires(tmp_path: Path) -> None:
     two = {"address": ["a", "b"]}
-    with pytest.raises(BenchError, match=r"meter; stands beside \[board\]"):
+    with pytest.raises(BenchError, match=r"meter; cannot be combined with \[board\]"):
         Rig(name="x", stage={"driver": "hand"}, meter=two, board={"driver": "serial", "port": "x"}, sensor=(SENSOR,))
     with pytest.raises(BenchError, match="reads while all emitters are lit at once"):
         Rig(name="x", stage={"driver": "hand"}, meter=two, sensor=(SENSOR | {"emitter": 2},))

@@ -178,7 +178,7 @@ def test_a_process_file_takes_its_response_from_a_table_or_a_picture(tmp_path: P
 def test_a_response_and_a_gaussian_are_one_statement(tmp_path: Path) -> None:
     path = written(tmp_path, lopsided())
     both = path.read_text(encoding="utf-8").replace("[process.resp", "[process]\nsigma_um = 12.0\n\n[process.resp")
-    with pytest.raises(DataError, match=r"process\.sigma_um = 12\.0; stands beside process\.response"):
+    with pytest.raises(DataError, match=r"process\.sigma_um = 12\.0; cannot be combined with process\.response"):
         parsed_process(both, "both", tmp_path)
     text = path.read_text(encoding="utf-8")
     with pytest.raises(DataError, match=r"uncertainty\.sigma_um = 3\.0"):

@@ -1,9 +1,9 @@
-"""Exact plane curves, of which every face of a body, every mirror and every receiver is made.
+"""Exact plane curves: faces of bodies, mirrors and receivers are made of them.
 
-A curve is directed, from its start to its end; *left* and its left normal are meant as seen walking along it. Nothing
-is meshed: a ray meets the curve itself, at the roots of its equation. A ray that has just left a curve knows one root
-already (the one it stands on); ``leaving=True`` divides that root out algebraically, so no distance threshold is
-needed and no second hit is lost however close it is.
+A curve is directed from start to end; *left* and left normal are as seen walking along it. Nothing
+is meshed: intersections are the roots of the curve's equation. For a ray that leaves a curve one root is known
+(its start); ``leaving=True`` divides that root out algebraically, so no distance threshold is
+needed and no second hit is lost, however close.
 
 Interface: `Curve` with its leaves `Segment`, `Arc`, `Parabola`, `Conic`, `CartesianOval`, `Bezier` and `Spline`;
 `solen.plane.Rigid` moves them. The last two are chains of cubics, which `simple_pieces` splits into a few `Piece` each.

@@ -14,10 +14,10 @@ END_TOLERANCE_MM = 1e-11
 """How far a curve reaches beyond its ends, so that no ray slips between two curves that share a corner."""
 
 ROUNDING = 4e-16
-"""Relative to the lengths it was computed from, a residual that is nothing but rounding."""
+"""Residual due to rounding, relative to the lengths it was computed from."""
 MOST_POINTS = 2**16
 SMALL = 1e-3
-"""How small the constant term of a quadratic must be for its root to be corrected to first order."""
+"""Largest constant term of a quadratic for which its root is corrected to first order."""
 
 
 def quadratic_roots(a: float, b: float, c: float, *, leaving: bool) -> tuple[float, ...]:

@@ -1,12 +1,12 @@
-"""Chains of cubic Bézier pieces, as rays meet them.
+"""Intersection of rays with chains of cubic Bézier pieces.
 
-A chain is kept as its simple pieces (see `solen.curve.cubic`). On which side of a ray's line the joint of two pieces
-lies is decided once for both: a ray can neither slip through a joint nor meet the curve twice there.
+A chain is stored as simple pieces (see `solen.curve.cubic`). The side of a ray's line on which a joint of two pieces
+lies is decided once for both: a ray can neither slip through a joint nor hit the curve twice there.
 
-A ray that leaves the chain stands at a point of one piece. That piece is cut there into two parts with a known root at
-their common end, which is divided out. The pieces behind their far ends are computed from the point it stands on too,
-over the joint and not by coordinates, so that a second hit just behind a joint is as exact as one on the same piece. A
-ray that stands on a joint itself has its known root on both pieces.
+A ray that leaves the chain starts at a point of one piece. That piece is cut there into two parts with a known root at
+their common end, which is divided out. The pieces beyond the far ends are also computed relative to the starting point,
+across the joint rather than by coordinates, so that a second hit just beyond a joint is as exact as one on the same
+piece. A ray that starts at a joint has its known root on both pieces.
 """
 
 import math

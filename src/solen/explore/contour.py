@@ -1,8 +1,8 @@
-"""The outline of a lens and its walls as one line, and what a picture says of a print along it.
+"""The outline of a lens and its walls as one contour, and the deviation of a pictured print along it.
 
-The idea: wall, front and wall are one line with the material on its left, and lengths along it count from the front's
-left end. A picture's thousand points are means of short pieces of it, whose noise is known; each is how far the print
-stands out of the design there, once the part is laid on the design together with its size and overgrowth.
+The idea: wall, front and wall form one contour with the material on its left; lengths along it count from the front's
+left end. A picture's thousand points are averaged over short pieces, whose noise is known; each is the deviation of
+the print from the design there, after registration including size and overgrowth.
 
 The interface: `Contour` of a design's front; `Rows` of a measured print.
 """
@@ -19,7 +19,7 @@ from solen.metrology.print_fit import EDGE_BIAS_PX, laid
 
 FRONT_PIECES, WALL_PIECES = 100, 8
 SHARED_LINES = 2.0
-"""Neighbouring points of an edge share grey values: so many count as one."""
+"""Neighbouring points of an edge share grey values: this many count as one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,17 +30,17 @@ class Contour:
 
     @property
     def length_mm(self) -> float:
-        """Of the front."""
+        """Length of the front."""
         return float(self.nominal.arc_mm[-1])
 
     @property
     def centre_mm(self) -> FloatArray:
-        """Middle (2,) of the front, about which a print shrinks."""
+        """Centre (2,) of the front, about which a print shrinks."""
         return np.asarray(self.nominal.at(np.array([0.5 * self.length_mm]))[0][0])
 
     @cached_property
     def _line(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Lengths (M,) from the front's left end, places (M, 2) and outward normals (M, 2)."""
+        """Lengths (M,) from the front's left end, points (M, 2) and outward normals (M, 2)."""
         front, left, right = self.nominal.front_mm, self.nominal.left_mm[::-1], self.nominal.right_mm
         arcs = [arc_lengths(left) - arc_lengths(left)[-1]] if len(left) else []
         arcs += [self.nominal.arc_mm] + ([self.length_mm + arc_lengths(right)] if len(right) else [])
@@ -48,18 +48,18 @@ class Contour:
         return np.concatenate(arcs), np.vstack(pieces), np.vstack([outward(piece) for piece in pieces])
 
     def by_rigid(self, arc_mm: FloatArray) -> FloatArray:
-        """Derivatives (N, 3) of deviations by a turn and a shift along x and z."""
+        """Derivatives (N, 3) of deviations with respect to rotation and shifts along x and z."""
         points, normals = self.at(arc_mm)
         turned = normals[:, 1] * points[:, 0] - normals[:, 0] * points[:, 1]
         return np.column_stack([turned, normals])
 
     def by_size(self, arc_mm: FloatArray) -> FloatArray:
-        """Derivative (N,) of deviations, in mm, by growth by the factor e about the front's middle."""
+        """Derivative (N,) of deviations, in mm, with respect to the logarithm of size, about the front's centre."""
         points, normals = self.at(arc_mm)
         return np.asarray(np.sum((points - self.centre_mm) * normals, axis=1))
 
     def at(self, arc_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Places (N, 2) and outward normals (N, 2) at lengths along the line."""
+        """Points (N, 2) and outward normals (N, 2) at lengths along the contour."""
         arc, points, normals = self._line
         return interpolated(arc_mm, arc, points), interpolated(arc_mm, arc, normals)
 
@@ -71,11 +71,11 @@ class Rows:
     Attributes
     ----------
     arc_mm
-        Lengths (N,) along the contour; below 0 and beyond the front's length on a wall.
+        Lengths (N,) along the contour; walls lie below 0 and beyond the front's length.
     deviation_um, u_um
-        How far the print stands out, as its picture's scale has it, and the standard uncertainty of noise (N,).
+        Deviation of the print by its picture's scale, and its standard uncertainty from noise (N,).
     um_per_px, u_um_per_px
-        The picture's scale; the uncertainty is None if none is stated.
+        The picture's scale; the uncertainty is None if not stated.
     """
 
     arc_mm: FloatArray
@@ -112,7 +112,7 @@ class Rows:
 
     @property
     def bias_um(self) -> float:
-        """What uneven light may shift all edges by."""
+        """Common shift of all edges that uneven light may cause."""
         return EDGE_BIAS_PX * self.um_per_px
 
 
@@ -124,7 +124,7 @@ def near_end(nominal: NominalFront) -> float:
 def _pieces(
     arc: FloatArray, deviation: FloatArray, u: FloatArray, count: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Means of a line's points over so many even pieces of it, and the uncertainty of each by noise."""
+    """Means of a contour's points over equal pieces, and their uncertainty from noise."""
     if not len(arc):
         return np.zeros(0), np.zeros(0), np.zeros(0)
     edges = np.linspace(arc.min(), arc.max(), count + 1)[1:-1]

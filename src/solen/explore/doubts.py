@@ -1,4 +1,4 @@
-"""What a correction of the drawing cannot mend, as a picture shows it: sentences, none where nothing is wrong.
+"""Warnings about faults that a correction of the drawing cannot remove; none if there are no faults.
 
 The interface: `of_picture` and `of_prediction`.
 """
@@ -10,20 +10,20 @@ from solen.metrology import LensInspection
 from solen.ranks import Caution, do_not_use, look_at, note
 
 WORTH = 0.95
-"""Share of the deviation of an unchanged drawing that a correction must come below to be worth a print."""
+"""A correction is worthwhile if its deviation is below this share of that of the unchanged drawing."""
 SURE = 0.95
 _TAPER_UM = 1.0
 
 
 def of_picture(inspection: LensInspection, model: PrintModel) -> list[Caution]:
-    """Faults of the picture or of the part in it that no drawing mends."""
+    """Faults of the picture or the part that no drawing can correct."""
     return [*_defocus(inspection, model), *_side(inspection), *_design(inspection), *_scale(inspection), *_face(model)]
 
 
 def of_prediction(log: TuningLog, corrected: Residual, unchanged: Residual, *, moved: bool) -> list[Caution]:
-    """Doubts of the drawing that follows, and of the one before."""
+    """Warnings about the next drawing, and about the previous one."""
     last = log.prints[-1]
-    kept = f"; {log.name(last.correction.number)} is kept, and nothing new is drawn" if last.keeps else ""
+    kept = f"; {log.name(last.correction.number)} is kept, and no new drawing is made" if last.keeps else ""
     return [*([] if moved else _gain(corrected, unchanged, kept)), *_missed(log)]
 
 
@@ -33,8 +33,9 @@ def _defocus(inspection: LensInspection, model: PrintModel) -> list[Caution]:
         return []
     return [
         look_at(
-            f"the edge is blurred over {blur_um:.3g} µm, more than the printer's own {printed_um:.3g}: out of focus, "
-            "or a leaning wall; no drawing mends that, and two faces may be measured as one. Focus on the upper rim"
+            f"the edge is blurred over {blur_um:.3g} µm, more than the printer's own {printed_um:.3g}: out of "
+            "focus, or an inclined wall; no drawing can correct that, and two faces may be measured as one. "
+            "Focus on the upper rim"
         )
     ]
 
@@ -44,8 +45,8 @@ def _side(inspection: LensInspection) -> list[Caution]:
         return []
     return [
         look_at(
-            "the picture does not show from which face it was taken (--seen-from): only what is alike left and right "
-            "is corrected, as the rest would be doubled where the picture is mirrored"
+            "the picture does not reveal the visible face (--seen-from): only the symmetric part is corrected, as "
+            "the rest would be doubled if the picture is mirrored"
         )
     ]
 
@@ -57,8 +58,8 @@ def _design(inspection: LensInspection) -> list[Caution]:
         return []
     return [
         do_not_use(
-            f"the outline is rather that of {best.name} (probability {best.probability:.2g} among those compared) than "
-            f"of {inspection.design}: a correction would bend one lens into another. Check which file was printed"
+            f"the outline matches {best.name} (probability {best.probability:.2g} among those compared) than "
+            f"of {inspection.design}: a correction would turn one lens into another. Check which file was printed"
         )
     ]
 
@@ -94,15 +95,15 @@ def _gain(corrected: Residual, unchanged: Residual, kept: str) -> list[Caution]:
         return []
     return [
         look_at(
-            f"another correction gains nothing: {corrected.rms_um:.2g} µm (rms) predicted, and "
-            f"{unchanged.rms_um:.2g} of the same drawing once more; what is left differs from print to print, or "
+            f"a further correction brings no gain: {corrected.rms_um:.2g} µm (rms) predicted, and "
+            f"{unchanged.rms_um:.2g} for the same drawing printed again; the rest varies from print to print, or "
             f"is not resolved{kept}"
         )
     ]
 
 
 def _missed(log: TuningLog) -> list[Caution]:
-    """Warning where a print is not what was predicted of it."""
+    """Warning if a print contradicts its prediction."""
     last = log.prints[-1]
     was = log.predicted_of(last.number)
     if was is None:

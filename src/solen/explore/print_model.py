@@ -1,6 +1,6 @@
-"""What a drawing does to a print, by the print model: differences of drawings, whose common errors cancel.
+"""Effect of a drawing on its print, by the print model: differences between drawings, whose common errors cancel.
 
-The interface: `PrintModel.of` a design and how it is printed; `PrintModel.effect` of a drawing, `PrintModel.against`.
+The interface: `PrintModel.of` a design and its slicing; `PrintModel.effect` of a drawing, `PrintModel.against`.
 """
 
 import hashlib
@@ -35,16 +35,16 @@ from solen.sensor import Sensor
 from solen.spec import load
 
 OWN_SHARE, PLACES = 1.0, 4
-"""Share of what pixels do to an edge that a model may miss, and places in the pixel at which that is looked at."""
+"""Relative error of the model for the effect of pixels on an edge, and the pixel phases examined."""
 SLOW_MM, PIECE_MM = 0.3, 0.1
-"""Lengths over which forms are no longer those of pixels, and over which their size is taken."""
+"""Length above which forms are not caused by pixels, and length over which their size is averaged."""
 
 
 @dataclass(frozen=True, eq=False)
 class PrintModel:
-    """A design and the process that prints it flat, with the printer's pixels.
+    """A design and the process for printing it flat, with the printer's pixels.
 
-    ``wider`` is the process with its blur wider by the standard uncertainty; None if that is exact.
+    ``wider`` is the process with the blur increased by its standard uncertainty; None if the blur is exact.
     """
 
     sensor: Sensor
@@ -56,24 +56,24 @@ class PrintModel:
 
     @classmethod
     def of(cls, sensor: Sensor, slicing: Slicing) -> "PrintModel":
-        """Model of a design that is sliced so.
+        """Model of a design with a slicing.
 
         Raises
         ------
         SpecError
-            If it is not printed flat as it is.
+            If it is not printed flat and unrotated.
         DataError
-            If the process or the printer cannot be.
+            If the process or the printer is invalid.
         """
         if slicing.orientation != "flat" or any(slicing.rotate_deg):
-            limit = "a lens is tuned that is printed flat, along the printer's X"
+            limit = "only a lens printed flat, along the printer's X, can be tuned"
             raise SpecError("--orientation or --rotate-deg", value=slicing.orientation, limit=limit, remedy="leave out")
         process, sources = process_of(PrintOptions(process=slicing.process, cure=slicing.cure, printer=slicing.printer))
         process = with_resin(process, sensor.design)
         if slicing.process is None:
             process = process.with_settings(**slicing.exposed(process.process))
         if others := slicing.otherwise(process.process):
-            limit = "the layers of a tuned lens are printed as its process has it"
+            limit = "a tuned lens is printed with the layers of its process"
             raise SpecError("--process", value=others[0], limit=limit, remedy="leave that option out, or change it")
         body = sensor.body()
         target = Target.of(lens_face(body).curve, FLAT_POINTS)
@@ -97,12 +97,12 @@ class PrintModel:
 
     @property
     def settings(self) -> Settings:
-        """Values of the process."""
+        """Settings of the process."""
         return self.plain.settings
 
     @property
     def phase_px(self) -> tuple[float, float]:
-        """Where the vertex stands in its pixel."""
+        """Position of the vertex in its pixel."""
         return self.plain.phase
 
     @property
@@ -111,13 +111,13 @@ class PrintModel:
         return Drawing(np.zeros(len(self.target.points_mm)))
 
     def effect(self, drawing: Drawing) -> tuple[FloatArray, FloatArray]:
-        """By how much a drawing's lens prints beyond the design's own print (N,), and more of it with a wider blur."""
+        """Change (N,) of the print by a drawing other than the design, and its increase with a wider blur."""
         plain = self._moved(self.plain, drawing)
         return plain, (np.zeros_like(plain) if self.wider is None else self._moved(self.wider, drawing) - plain)
 
     @cached_property
     def of_pixels_um(self) -> FloatArray:
-        """What the model may miss of the pixels of another drawing (N,), standard uncertainty along the lens."""
+        """Standard uncertainty (N,) along the lens of the model's pixel effects for another drawing."""
         step, (x, z) = float(np.mean(np.diff(self.target.along_mm))), self.phase_px
         squares = []
         for part in range(PLACES):
@@ -128,11 +128,11 @@ class PrintModel:
         return np.asarray(OWN_SHARE * np.sqrt(local))
 
     def is_designed(self, drawing: Drawing) -> bool:
-        """Whether a drawing is that of the design, whose own pixels are part of what its prints show."""
+        """Whether a drawing is the design's own, whose pixel effects are part of its measured prints."""
         return drawing.scale == 1.0 and not drawing.wall_um and not drawing.drawn_um.any()
 
     def on(self, rows: Rows, contour: Contour, drawing: Drawing) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """The effect of a drawing, with a wider blur, and what is missed of it, at the rows of a picture.
+        """The effect of a drawing, its change with a wider blur, and its model error, at the rows of a picture.
 
         A wall follows its own drawing.
         """
@@ -148,7 +148,7 @@ class PrintModel:
         return np.where(on_front, lens, wall), np.where(on_front, more, 0.0), np.where(on_front, missed, 0.0)
 
     def blurred(self, by: float) -> "PrintModel":
-        """The same with the printer's blur as it was learnt, wider by so many of its standard uncertainty."""
+        """The same with the learnt blur, wider by a multiple of its standard uncertainty."""
         if self.wider is None:
             return self
         u = _width(self.wider.settings) - _width(self.settings)
@@ -157,23 +157,23 @@ class PrintModel:
 
     @property
     def least_blur(self) -> float:
-        """By how many of its standard uncertainty the blur may be narrower: to half of itself."""
+        """Largest reduction of the blur, to half, in standard uncertainties."""
         if self.wider is None:
             return 0.0
         return -0.5 * _width(self.settings) / (_width(self.wider.settings) - _width(self.settings))
 
     def against(self, beyond_um: FloatArray, start: Drawing) -> Compensation:
-        """Drawing whose print is the designed lens where the design itself prints ``beyond_um`` (N,) beyond it."""
+        """Drawing that prints as the designed lens, given that the design prints ``beyond_um`` (N,) beyond it."""
         return self.plain.against(start, beyond_um - self._printed(self.plain, self.as_designed))
 
     def drawn(self, drawing: Drawing) -> Compensation:
-        """A drawing as it is, and its predicted print."""
+        """A drawing and its predicted print."""
         outlines = self.plain.outlines(drawing)
         printed = Deviation(self.target, self._printed(self.plain, drawing))
         return Compensation(outlines, drawing.drawn_um, drawing.wall_um, drawing.scale, printed, ())
 
     def sha256_of(self, path: Path) -> str | None:
-        """Hash of the outline that a design file draws; None if it is the original design itself."""
+        """Hash of the outline of a design file; None for the original design."""
         design = load(path)
         if label_of(design, "").sha256 == label_of(self.sensor.design, "").sha256:
             return None
@@ -184,7 +184,7 @@ class PrintModel:
         return self._printed(printing, drawing) - self._printed(printing, self.as_designed)
 
     def _printed(self, printing: Printing, drawing: Drawing) -> FloatArray:
-        """What a drawing prints, kept for the next time it is asked for."""
+        """Predicted print of a drawing, cached."""
         sizes = np.array([drawing.wall_um, drawing.scale, _width(printing.settings)])
         key = drawing.drawn_um.tobytes() + sizes.tobytes()
         if key not in self._known:
@@ -193,11 +193,11 @@ class PrintModel:
 
 
 def blurred(settings: Settings, more: float) -> Settings:
-    """Settings with a blur that is wider, in the unit of its key."""
+    """Settings with a wider blur."""
     wider = settings.model_copy(update={settings.blur_key: _width(settings) + more})
     return wider.model_copy(update={"halo_um": max(wider.halo_um, wider.blur_um)})
 
 
 def _width(settings: Settings) -> float:
-    """The number that the blur is varied by."""
+    """Key of the blur."""
     return float(getattr(settings, settings.blur_key))

@@ -1,15 +1,15 @@
-"""What a printer does to a lens each time, parted from what it did once: Gaussian processes along the outline.
+"""Systematic deviations of a printer, separated from those of single prints by Gaussian processes along the outline.
 
-The idea: the deviation of a print is what its drawing does (by the print model), what the printer does to every print
-(even overgrowth, size, and a form along the outline), what it did to this one alone, and what the picture adds: pose,
-error of the scale, shift of all edges, noise. All but the first are normal with a stated spread, so what every print
-has in common follows from all prints together by linear algebra (C. E. Rasmussen and C. K. I. Williams, Gaussian
-Processes for Machine Learning, 2006, chapter 2). How large and how smooth the forms are is not known: it is summed over
-a grid, each value weighted by how well it explains the pictures (their marginal likelihood). What is not resolved stays
-at its prior, 0, so a correction by the mean is damped by itself: by much where one picture shows little beside
-noise, and ever less as prints agree.
+The idea: the deviation of a print is the sum of the effect of its drawing (by the print model), deviations common to
+all prints (uniform overgrowth, size, and a form along the outline), individual deviations, and errors of the picture:
+pose, scale, shift of all edges, noise. All but the first are normal with a stated spread, so the common part follows
+from all prints jointly by linear algebra (C. E. Rasmussen and C. K. I. Williams, Gaussian Processes for Machine
+Learning, 2006, chapter 2). The size and correlation length of the forms are unknown: they are summed over a grid,
+weighted by the marginal likelihood of the pictures. Unresolved quantities stay at their prior, 0, so a correction by
+the mean is damped automatically: strongly if a single picture shows little beyond noise, and less and less as prints
+agree.
 
-The interface: `Known` is what is known before; `learnt` from `Print`s gives a `Systematic`.
+The interface: `Known` holds the priors; `learnt` from `Print`s returns a `Systematic`.
 """
 
 import math
@@ -24,29 +24,29 @@ from solen.explore.contour import Contour, Rows
 from solen.metrology.print_fit import U_SCALE
 
 FORMS_UM = np.geomspace(0.1, 30.0, 7)
-"""Sizes (standard deviations) that the common form may have."""
+"""Candidate standard deviations of the common form."""
 LENGTHS_MM = (0.12, 0.25, 0.5, 1.0)
-"""Lengths over which forms go together."""
+"""Candidate correlation lengths of forms."""
 PIXELS_MM = 0.1
-"""Length over which that goes together which pixels do to an edge."""
+"""Correlation length of pixel effects on an edge."""
 REPEATS = ((0.4, 0.25), (1.0, 0.5), (2.5, 0.25))
-"""Factors of the usual difference between prints, and their weights: known within a factor of 2."""
+"""Factors on the usual difference between prints, and their weights: known within a factor of 2."""
 MISSED = ((0.3, 0.4), (0.8, 0.4), (1.5, 0.2))
-"""Factors of what a model usually misses of pixels, and their weights."""
+"""Factors on the model's usual error of pixel effects, and their weights."""
 U_POSE = 0.1
-"""Prior of a turn (rad) and a shift (mm) beside those of the fit: as good as none."""
+"""Standard deviations of the priors of rotation (rad) and shift (mm), practically flat."""
 SLIGHT = 1e-4
-"""Weight below which a value of the grid is left out."""
+"""Grid points with a smaller weight are left out."""
 OVERGROWTH, SIZE, BLUR = -3, -2, -1
-"""Places of the overgrowth (µm), the size (factor less 1) and the blur (in u) behind the form in a state."""
+"""Indices of the overgrowth (µm), the size (factor − 1) and the blur (in u) after the form in a state."""
 
 
 @dataclass(frozen=True, eq=False)
 class Print:
-    """A measured print, and what its drawing does by the print model, on the rows of its picture, µm.
+    """A measured print, and the modelled effect of its drawing, on the rows of its picture, µm.
 
-    ``by_blur_um`` is what changes of that where the printer's blur is wider by its standard uncertainty, ``missed_um``
-    the standard uncertainty of what the model misses of it, the same in all prints of one ``drawing``.
+    ``by_blur_um`` is the change of that effect when the blur is wider by its standard uncertainty, ``missed_um``
+    the standard uncertainty of the model, common to all prints of one ``drawing``.
     """
 
     rows: Rows
@@ -58,7 +58,7 @@ class Print:
 
 @dataclass(frozen=True)
 class Known:
-    """What is known before a print is measured; ``blur`` is that of the process beside the model's, in its u."""
+    """Priors before a print is measured; ``blur`` is that of the process relative to the model's, in units of its u."""
 
     overgrowth_um: float
     u_overgrowth_um: float
@@ -70,10 +70,10 @@ class Known:
 
 @dataclass(frozen=True, eq=False)
 class Systematic:
-    """What every print of a design has in common, at lengths (n,) along its front.
+    """The common deviations of all prints of a design, at lengths (n,) along its front.
 
-    A state is the deviation (n,) in µm of prints of the drawing that came first, with its overgrowth and size in it,
-    then these two by themselves, then the blur. Normal distributions, each with its weight, hold what is known.
+    A state is the deviation (n,) in µm of prints of the first drawing, including overgrowth and size,
+    then these two separately, then the blur. It is described by a weighted mixture of normal distributions.
 
     Attributes
     ----------
@@ -82,13 +82,13 @@ class Systematic:
     weights, means, covariances
         Shapes (H,), (H, n + 3), (H, n + 3, n + 3).
     repeats_um
-        Standard deviation (H,) of the form that a print has for itself.
+        Standard deviation (H,) of the individual form of a print.
     lengths_mm
-        Length (H,) over which that goes together.
+        Correlation length (H,) of that form.
     missed
-        Factor (H,) of what the model usually misses of pixels.
+        Factor (H,) on the model's usual error of pixel effects.
     log_evidence
-        Logarithm of the marginal likelihood of all pictures, but for a constant.
+        Logarithm of the marginal likelihood of all pictures, up to a constant.
     """
 
     contour: Contour
@@ -114,13 +114,13 @@ class Systematic:
 
     @property
     def repeat_um(self) -> float:
-        """Form that a print has for itself, mean."""
+        """Mean size of the individual form of a print."""
         return float(self.weights @ self.repeats_um)
 
     def drawn(self, count: int, rng: np.random.Generator) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Some states (count, n + 3) within what is known, what a further print has for itself (count, n), and factors.
+        """Random states (count, n + 3), individual forms of a further print (count, n), and factors.
 
-        The factors (count,) are of what the model misses of pixels.
+        The factors (count,) scale the model's error of pixel effects.
         """
         which = rng.choice(len(self.weights), count, p=self.weights)
         states = np.empty((count, self.means.shape[1]))
@@ -134,7 +134,7 @@ class Systematic:
 
 
 def learnt(contour: Contour, prints: Sequence[Print], known: Known, arc_mm: FloatArray) -> Systematic:
-    """What prints of known drawings have in common, at lengths (n,) along the front."""
+    """The common deviations of prints of known drawings, at lengths (n,) along the front."""
     problem = _Problem(contour, prints, known, arc_mm)
     grid = [
         (form, length, factor * known.repeat_um, missed, weight * share)
@@ -186,7 +186,7 @@ class _Problem:
         self.same = {length: same * _alone(contour, self.arc, self.arc, length) for length in LENGTHS_MM}
 
     def _of_pictures(self, prints: Sequence[Print]) -> FloatArray:
-        """What each picture's pose adds (N, K), each scale's error and each microscope's shift of edges: one u each."""
+        """Effects (N, K) of each picture's pose, each scale's error and each microscope's edge shift: one u each."""
         rigid, columns = self.contour.by_rigid(self.arc), []
         for number in range(len(prints)):
             columns += [U_POSE * 1e3 * column * (self.which == number) for column in rigid.T]
@@ -204,7 +204,7 @@ class _Problem:
         return np.asarray(factor), lower
 
     def log_evidence(self, form: float, length: float, repeat: float, missed: float) -> float:
-        """Logarithm of the likelihood of all rows, but for a constant."""
+        """Logarithm of the likelihood of all rows, up to a constant."""
         factor = self._factor(form, length, repeat, missed)
         return float(-0.5 * self.off @ cho_solve(factor, self.off) - np.log(np.diag(factor[0])).sum())
 
@@ -232,7 +232,7 @@ class _Problem:
 
 
 def of_pixels(arc_mm: FloatArray, missed_um: FloatArray) -> FloatArray:
-    """Covariance of what a model misses of the pixels of a drawing, at lengths along the outline."""
+    """Covariance of the model's error of a drawing's pixel effects, at lengths along the outline."""
     return np.asarray(np.outer(missed_um, missed_um) * _matern(arc_mm, arc_mm, PIXELS_MM))
 
 
@@ -243,7 +243,7 @@ def _matern(one: FloatArray, other: FloatArray, length: float) -> FloatArray:
 
 
 def _alone(contour: Contour, one: FloatArray, other: FloatArray, length: float) -> FloatArray:
-    """Covariance of what a print has for itself, of unit size each: form, even growth, and size at the front's ends."""
+    """Covariance of individual deviations, of unit size each: form, uniform growth, size at the ends."""
     half_mm = 0.5 * contour.nominal.width_mm
     sizes = np.outer(contour.by_size(one), contour.by_size(other)) / half_mm**2
     return np.asarray(_matern(one, other, length) + 1.0 + sizes)

@@ -1,4 +1,4 @@
-"""Response of a sensor with a printed lens, as it is and as the next print is predicted.
+"""Response of a sensor with a printed lens, as measured and as predicted for the next print.
 
 The interface: `responses` of a sensor with its designed lens, and with lenses that were measured or predicted.
 """
@@ -20,7 +20,7 @@ from solen.sensor.practice import spread
 from solen.sensor.response import Response, contrast, powers
 
 MOST_ANGLES, NEAR_DEG, MOST_NULL_DEG = 5, 0.4, 1.0
-"""Angles over the motion, how far beside 0 the slope is taken, and how far from 0 it gives the null."""
+"""Angles over the motion, distance from 0 for the slope, and distance from 0 within which it gives the null."""
 
 
 def responses(
@@ -29,9 +29,9 @@ def responses(
     after: Sequence[MeasuredLens],
     progress: Progress | None = None,
 ) -> Responses:
-    """Responses with the lens as designed, as printed, and as predicted, in the plane or in space as the design has it.
+    """Responses with the lens as designed, as printed and as predicted, in the plane or in space.
 
-    Of the printed and the predicted lens the first is the best known one; further ones are what it may be as well.
+    For the printed and the predicted lens, the first profile is the best estimate; further ones are random draws.
 
     Raises
     ------
@@ -53,7 +53,7 @@ def responses(
 
 
 def _sampled(sensor: Sensor, angles: Sequence[float]) -> FloatArray:
-    """Contrasts (N,) by the same rays for each lens, so that what differs is the lens."""
+    """Contrasts (N,) with the same rays for each lens, so that only the lens differs."""
     scene = sensor.scene(angles[0])
     sampling: Literal["fan", "sobol"] = "sobol" if scene.is_random or scene.extrusion is not None else "fan"
     readings = [powers(sensor.trace(angle, "power", DRAWN_RAYS, sampling=sampling)) for angle in angles]
@@ -62,7 +62,7 @@ def _sampled(sensor: Sensor, angles: Sequence[float]) -> FloatArray:
 
 
 def _response(best: Response, away: Sequence[FloatArray]) -> LensResponse:
-    """A response, with what other lenses change of it as uncertainty."""
+    """A response, with the spread over other lenses as uncertainty."""
     if not np.isfinite([best.contrast, *away]).all():
         raise DesignError("response", limit="no light arrives at some angle", remedy="narrow the motion")
     u_lens = np.sqrt(np.mean(np.square(away), axis=0)) if away else np.zeros_like(best.contrast)

@@ -1,7 +1,7 @@
-"""The log of a tuning: one entry for each print, with its picture, what was measured, and what is drawn next.
+"""The log of a tuning: one entry for each print, with its picture, measurement and next drawing.
 
-The idea: the log holds what was measured and what was drawn, and nothing that follows from these, so every call reckons
-with all prints anew. A drawing is known by the hash of its outline, a picture by that of its file.
+The idea: the log holds measurements and drawings, but nothing derived from them, so every call evaluates
+all prints afresh. A drawing is identified by the hash of its outline, a picture by that of its file.
 
 The interface: `TuningLog`; `read_log` and `log_text`.
 """
@@ -26,16 +26,16 @@ AS_DESIGNED = "the design itself"
 
 
 class Correction(Result):
-    """A drawing: number 0 is the design itself, another that of the print after which it was made.
+    """A drawing: number 0 is the design itself, others have the number of the print they follow.
 
     Attributes
     ----------
     number, file, sha256
         Its number, the name of its design file, and the hash of its outline.
     lens_um
-        By how much the lens is drawn beyond the designed one, along its normals, evenly along it.
+        Displacement of the drawn lens from the designed one along its normals, at equidistant points.
     wall_um, scale
-        By how much other walls are drawn outwards, and by what all is enlarged.
+        Outward displacement of other walls, and the factor that enlarges everything.
     """
 
     number: int
@@ -58,7 +58,7 @@ class Correction(Result):
 
 
 class Picture(Result):
-    """What a picture says of a print, as `solen.explore.contour.Rows` holds it."""
+    """Measurement of a print from a picture, as in `solen.explore.contour.Rows`."""
 
     file: str
     sha256: str
@@ -79,7 +79,7 @@ class Picture(Result):
 
 @dataclass(frozen=True)
 class Residual:
-    """Deviation (rms) of the next print as it is predicted, its standard uncertainty and 95 % interval."""
+    """Predicted deviation (rms) of the next print, its standard uncertainty and 95 % interval."""
 
     rms_um: float
     u_rms_um: float
@@ -92,9 +92,9 @@ class LensResponse(Result):
     Attributes
     ----------
     angle_deg, contrast, u_contrast
-        Angles, contrast, and its standard uncertainty by what is known of the lens and by the trace.
+        Angles, contrast, and its standard uncertainty from the lens and the trace.
     null_deg, u_null_deg
-        Null by the contrast at 0 and the slope there; None if it is not near 0.
+        Null from the contrast at 0 and the slope there; None if it is not near 0.
     slope_per_deg, u_slope_per_deg
         Slope of the contrast about 0.
     """
@@ -109,7 +109,7 @@ class LensResponse(Result):
 
 
 class Responses(Result):
-    """Response as designed, of this print, and of the next one as it is predicted."""
+    """Response as designed, of this print, and as predicted for the next one."""
 
     dimension: str
     width_mm: float
@@ -124,17 +124,17 @@ class LoggedPrint(Result):
     Attributes
     ----------
     number, drawing
-        Its number, and that of the correction that it was drawn with.
+        Its number, and that of the correction it was drawn with.
     picture
         Its picture.
     rms_um, u_rms_um
         Its deviation, as `solen print inspect` measures it.
     correction
-        The drawing that follows from it and all prints before; that of before where it is kept.
+        The next drawing, from this and all earlier prints; the previous one if kept.
     predicted
         Deviation of the next print of that drawing.
     response
-        Response before and after; None if it was not traced.
+        Response before and after; None if not traced.
     """
 
     number: int
@@ -148,12 +148,12 @@ class LoggedPrint(Result):
 
     @property
     def keeps(self) -> bool:
-        """Whether no drawing followed, but the one of before was kept."""
+        """Whether the previous drawing was kept."""
         return self.correction.number != self.number
 
 
 class TuningLog(Result):
-    """Prints of one design on one printer; heights and place in the pixel are those that are drawn."""
+    """Prints of one design on one printer, with the drawn heights and position in the pixel."""
 
     design: str
     sha256: str
@@ -162,7 +162,7 @@ class TuningLog(Result):
     prints: tuple[LoggedPrint, ...] = ()
 
     def drawing(self, number: int, points: int) -> Drawing:
-        """Drawing of a correction by its number, with so many points along the lens."""
+        """Drawing of a correction by its number, with a number of points along the lens."""
         return Drawing(np.zeros(points)) if number == 0 else self.prints[number - 1].correction.drawing
 
     def name(self, number: int) -> str:
@@ -172,11 +172,11 @@ class TuningLog(Result):
 
     @property
     def last_drawing(self) -> int:
-        """Number of the drawing that the next print is to be made with."""
+        """Number of the drawing for the next print."""
         return self.prints[-1].correction.number if self.prints else 0
 
     def predicted_of(self, number: int) -> Residual | None:
-        """What was predicted last of a print, by its number: after a print before, of the drawing it is made with."""
+        """Latest prediction of a print, by its number: made after an earlier print, for its drawing."""
         drawing, before = self.prints[number - 1].drawing, self.prints[: number - 1]
         return next((one.predicted for one in reversed(before) if one.correction.number == drawing), None)
 
@@ -202,7 +202,7 @@ def read_log(path: Path) -> TuningLog:
     for number, one in enumerate(log.prints, start=1):
         columns = {len(column) for column in (one.picture.arc_mm, one.picture.deviation_um, one.picture.u_um)}
         if one.number != number or not 0 <= one.drawing < number or len(columns) != 1:
-            limit = "prints must be in order, with as many deviations as places, and drawn before they are measured"
+            limit = "prints must be in order, with as many deviations as points, and drawn before they are measured"
             raise DataError(f"{where}: prints[{number - 1}]", limit=limit, remedy="restore the file")
     return log
 

@@ -1,4 +1,4 @@
-"""The lens: a Cartesian oval, one that keeps its focus in space, one that was measured, or a flat face without one."""
+"""The lens: a Cartesian oval, a lens that keeps its focus in space, a measured lens, or a flat face."""
 
 from solen.lens.build import lens_of, measured_lens
 from solen.lens.fitted_profile import FittedProfile

@@ -23,10 +23,10 @@ DEFAULT_LAYER_MM = 0.025
 
 
 def lens_of(design: Design, index: float) -> Lens:
-    """Lens a design asks for in a material of ``index`` (at the emitter's wavelength); `DesignError` if it cannot work.
+    """Lens of a design in a material of ``index`` (at the emitter's wavelength); `DesignError` if it cannot work.
 
-    The oval is cut for ``lens.design_index`` where that is given, else for the material's own index; a measured lens
-    is its profile beside that oval, `DataError` if its file is none.
+    The oval is shaped for ``lens.design_index`` if given, else for the material's index; a measured lens
+    combines its profile with that oval, `DataError` if its file is not a profile.
     """
     spec, distance_mm = design.lens, design.emitter.distance_mm
     if spec.shape == "none":
@@ -44,7 +44,7 @@ def lens_of(design: Design, index: float) -> Lens:
 
 
 def _in_space(design: Design, index: float) -> LensInSpace:
-    """Lens whose walls are not upright."""
+    """Lens that is not a cylinder."""
     spec, thickness_mm = design.lens, design.body.thickness_mm
     cut = (design.emitter.distance_mm, spec.focus_mm, spec.half_width_mm, index)
     if spec.shape == "layered" and design.profile_file is not None:
@@ -73,18 +73,18 @@ def _line_focus(
 
 @lru_cache(maxsize=32)
 def measured_lens(designed: OvalLens, profile: MeasuredProfile) -> MeasuredLens:
-    """Lens of a profile that was to be an oval; of the same two it is one and the same, smoothed once.
+    """Lens of a measured profile and its designed oval, cached, so that it is smoothed once.
 
     Raises
     ------
     DesignError
-        If the profile lacks too much of the lens, or is none of it.
+        If the profile lacks too much of the lens, or belongs to another one.
     """
     return MeasuredLens(FittedProfile(designed, profile))
 
 
 def _of_file(path: Path, read: Callable[[Path], T]) -> T:
-    """Content of a profile's file, read once as long as the file stays the same."""
+    """Content of a profile's file, read again only if the file changes."""
     try:
         stamp = hashlib.sha256(path.read_bytes()).hexdigest()
     except (OSError, ValueError):

@@ -1,4 +1,4 @@
-"""A face whose walls are not upright, in numbers, as the tracer takes it."""
+"""Numbers of a face that is not an upright wall, for the tracer."""
 
 from typing import NamedTuple
 
@@ -10,7 +10,7 @@ class Face(NamedTuple):
 
     It is a surface |P − E| + n·D = const where ``profiles`` is empty, else layers between ``edges`` (L + 1,) with
     z (L, M) and dz/dx (L, M) at M places evenly from the axis to the half width. The last five numbers are bounds, by
-    which a search for it misses nothing.
+    which a search for intersections is complete.
     """
 
     distance: float

@@ -1,10 +1,10 @@
 """The deviation of a measured profile from the designed oval, smoothed as its uncertainty requires.
 
-The idea: what is smoothed is not the profile but its deviation from the design. The vertex of an oval is its sharpest
-place, and a curve that is smoothed as a whole is flattened there first; its deviation from the design is small and
-gentle, and no more of it is smoothed away than the uncertainty of the points (`solen.lens.smoothing`). A spline through
-the points of a picture would not do: half a micrometre of noise at points 2 µm apart makes normals that are off by some
-10 degrees, where a tenth of one already moves the focal spot by 10 µm.
+The idea: not the profile is smoothed but its deviation from the design. The vertex of an oval is its most curved
+point, which smoothing the whole profile would flatten first; the deviation from the design is small and
+gentle, and it is smoothed no more than the uncertainty of the points requires (`solen.lens.smoothing`). A spline
+through the points of a picture is unsuitable: half a micrometre of noise at points 2 µm apart makes normals wrong by
+about 10 degrees, where a tenth of one already moves the focal spot by 10 µm.
 
 Where the profile ends before the lens does, as in a cropped picture, the design continues at the distance of the last
 points; where more than `MOST_MISSING` of a half is missing, the profile is refused. Points beyond the lens belong to
@@ -28,17 +28,17 @@ from solen.lens.track import Track
 from solen.results import HIDDEN, Result, reported, reported_once
 
 MOST_MISSING, WARNED_MISSING = 0.25, 0.02
-"""Share of a half width that a profile may lack, and from which on it is warned of."""
+"""Missing shares of a half width that are an error, and that cause a warning."""
 FARTHEST = 0.5
-"""Deviation from the design, as a share of the half width, beyond which a profile is of another lens."""
+"""Deviation from the design, as a share of the half width, beyond which a profile counts as another lens."""
 NEAREST = 0.9
 """Share of the emitter's distance by which a profile may approach it."""
 LEAST_U_MM = 1e-6
-"""Standard uncertainty of points that are stated to be exact: 1 nm."""
+"""Standard uncertainty assumed for exact points: 1 nm."""
 ROUGH = 1.3
-"""Scatter of the points over their uncertainty that is warned of."""
+"""Ratio of scatter to uncertainty that causes a warning."""
 LONGEST_CORRELATION = 0.25
-"""Correlation length of errors that are drawn at most, as a share of the half width."""
+"""Largest correlation length of drawn errors, as a share of the half width."""
 NODES_PER_LENGTH = 3.0
 """Random numbers of a drawn outline per correlation length."""
 EASE_MM = 0.1
@@ -49,7 +49,7 @@ PLACES = 801
 
 @dataclass(frozen=True)
 class Deviation:
-    """How a profile deviates from the designed oval along its normal, in micrometres; above 0 is more material.
+    """Deviation of a profile from the designed oval along its normal, in micrometres; positive is more material.
 
     ``rms_um`` and ``max_um`` are of the whole deviation, ``max_um`` signed and at ``max_x_mm``. Without a shift by
     ``shift_um`` (x, z) and a rotation by ``turn_mrad``, counter-clockwise about the vertex, ``rest_um`` (rms) remains.
@@ -141,16 +141,16 @@ class FittedProfile(Result, eq=True):
 
     @reported
     def correlation_mm(self) -> float:
-        """Length over which the errors of a drawn outline go together: the standard deviation of a Gaussian.
+        """Correlation length of the errors of a drawn outline: the standard deviation of a Gaussian.
 
-        It is what the smoothed profile resolves: errors over shorter lengths have been smoothed away, over longer ones
+        It is the resolution of the smoothed profile: errors over shorter lengths are smoothed away, over longer ones
         they turn the normals less.
         """
         return min(self.smooth.resolution_mm, LONGEST_CORRELATION * self.designed.half_width_mm)
 
     @cached_property
     def errors(self) -> tuple[FloatArray, FloatArray]:
-        """Lengths (N,), and the matrix (N, N) that makes errors along z there, mm, of as many standard normal numbers.
+        """Lengths (N,), and the matrix (N, N) that converts standard normal numbers to errors along z there, mm.
 
         They have the size of `u_mm` and a Gaussian correlation.
         """
@@ -179,7 +179,7 @@ class FittedProfile(Result, eq=True):
 
     @reported
     def edge(self) -> str:
-        """Which edge of a part its points are of."""
+        """Edge of the part to which its points belong."""
         return self.profile.edge
 
     @reported
@@ -189,7 +189,7 @@ class FittedProfile(Result, eq=True):
 
     @reported
     def sources(self) -> tuple[object, ...]:
-        """Files that it comes from."""
+        """Source files."""
         return tuple(self.profile.sources)
 
     @reported
@@ -205,13 +205,13 @@ class FittedProfile(Result, eq=True):
 
     @property
     def missing(self) -> float:
-        """Share of a half width that is not measured, on the side where more is missing."""
+        """Missing share of a half width, on the worse side."""
         half_mm, (low, high) = self.designed.half_width_mm, self.reach_mm
         return max(low + half_mm, half_mm - high) / half_mm
 
     @property
     def unseen(self) -> float:
-        """Share of the angles which the lens accepts that meet no measured part."""
+        """Share of the accepted angles that hit no measured part."""
         x = np.array(self.reach_mm)
         low, high = np.degrees(np.arctan2(x, self.designed.z_mm(x) + self.designed.distance_mm))
         return float(1.0 - (high - low) / (2.0 * self.designed.acceptance_deg))
@@ -234,7 +234,7 @@ class FittedProfile(Result, eq=True):
         return (
             f"the profile covers x from {low:.3f} to {high:.3f} mm of a lens of ±{self.designed.half_width_mm:g} mm: "
             "beyond it the designed oval is assumed, at the distance of the last points; "
-            f"{self.unseen:.0%} of the accepted angles meet that part"
+            f"{self.unseen:.0%} of the accepted angles hit that part"
         )
 
     def _scatter_warning(self) -> str:
@@ -253,7 +253,7 @@ class FittedProfile(Result, eq=True):
 
     @cached_property
     def _point_u_mm(self) -> FloatArray:
-        """Uncertainty of each point of the profile: as stated, or by its scatter where that is more."""
+        """Uncertainty of each point of the profile: as stated, or from scatter if larger."""
         stated = np.maximum(self.profile.u_mm, LEAST_U_MM)
         return np.asarray(stated * max(1.0, 1e-3 * self.scatter_um / float(np.median(stated))))
 

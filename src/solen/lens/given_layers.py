@@ -1,7 +1,7 @@
-"""A layered lens of given profiles: as a print model predicts them, layer by layer, or as they are drawn for one.
+"""A layered lens with given profiles, predicted by a print model or drawn for printing.
 
-Its file is JSON that `layers_text` writes: heights of the borders between layers, and the depth z of each layer at
-places evenly from the axis to the half width. Profiles mirror themselves about the axis.
+Its file is JSON from `layers_text`: heights of the borders between layers, and the depth z of each layer at
+equidistant points from the axis to the half width. Profiles are symmetric about the axis.
 
 The interface: `GivenLayers`, `Profiles`, `read_layers`, `layers_text`.
 """
@@ -27,7 +27,7 @@ KIND, SCHEMA = "layers of a lens", 1
 FEWEST_PLACES, MOST_PLACES = 9, 4001
 DIGITS = 9
 CLOSE_MM = 1e-6
-"""How closely a file's half width and thickness must be those of the design."""
+"""Tolerance of a file's half width and thickness against the design."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,11 +41,11 @@ class Profiles:
     half_width_mm
         Half the width of the aperture.
     edges_mm
-        Heights y (L + 1,) of the borders between layers from the middle of the body, ascending.
+        Heights y (L + 1,) of the borders between layers, from mid-height of the body, ascending.
     z_mm
-        Depth (L, M) of each at M places evenly from the axis to the half width.
+        Depth (L, M) of each at M equidistant points from the axis to the half width.
     simulated
-        Whether they were computed as a print rather than measured, or stated to be printed.
+        Whether they were computed rather than measured.
     warnings
         Warnings about them.
     """
@@ -71,7 +71,7 @@ class Profiles:
 
 
 class GivenLayers(LayeredLens, eq=True):
-    """Layers of given profiles in place of a layered lens's own."""
+    """A layered lens with given profiles."""
 
     shape_name: ClassVar[str] = "layered"
 
@@ -135,7 +135,7 @@ def read_layers(path: Path) -> Profiles:
     """Profiles of a file; `DataError` if it cannot be read, or holds none."""
     data = parsed(read_text(path, DataError), str(path))
     if not isinstance(data, dict) or data.pop("solen", None) != KIND:
-        limit = f'holds no layers of a lens: it has no "solen": "{KIND}"'
+        limit = f'does not hold the layers of a lens: it has no "solen": "{KIND}"'
         raise DataError(str(path), limit=limit, remedy="solen print predict --out writes one")
     if (schema := data.pop("schema", None)) != SCHEMA:
         raise DataError(f"{path}: schema", value=schema, limit=f"this solen reads {SCHEMA}")

@@ -1,10 +1,10 @@
-"""Lenses whose walls are not upright: what a printer that draws every layer anew can make of the oval.
+"""Lenses that vary with height, which a printer can make because it draws every layer separately.
 
-A cylinder is a stronger lens for skew rays, and they cross the axis before the fork. A :class:`LensInSpace` has the
-oval for its middle section and another profile at every height, so that skew rays cross the same *line* (x = 0,
-z = s'). It has two leaves: :class:`~solen.lens.line_focus.LineFocusLens`, an exact smooth surface, and
-:class:`~solen.lens.layered.LayeredLens`, a stack of upright walls, one profile for each printed layer. Where nothing
-else is said, heights y count from the middle of the body.
+A cylinder is a stronger lens for skew rays, so they cross the axis before the fork. A :class:`LensInSpace` has the
+oval as its middle section and a different profile at every height, so that skew rays cross the same *line* (x = 0,
+z = s'). It has two subclasses: :class:`~solen.lens.line_focus.LineFocusLens`, an exact smooth surface, and
+:class:`~solen.lens.layered.LayeredLens`, a stack of upright walls, one profile for each printed layer. By
+default, heights y count from mid-height of the body.
 """
 
 import math
@@ -21,32 +21,32 @@ from solen.lens.optics import OvalLens
 from solen.results import reported
 
 PLACES_ACROSS, PLACES_UP = 65, 33
-"""Places, across half the aperture and over half the height, at which a surface is checked."""
+"""Points, across half the aperture and over half the height, at which a surface is checked."""
 SECTION_MM = 1e-6
-"""How far the curve of a section may be from the face."""
+"""Tolerance of the curve of a section."""
 NEAREST = 0.9
 """Share of the emitter's distance by which the face may approach it."""
 
 
 class LensInSpace(OvalLens, eq=True):
-    """A face whose middle section is the Cartesian oval, and that is another curve at other heights.
+    """A face whose middle section is the Cartesian oval, and which varies with height.
 
     Parameters
     ----------
     thickness_mm
-        Height of the body, which the face is cut for.
+        Height of the body for which the face is made.
 
     Raises
     ------
     DesignError
-        If there is no such face over the whole aperture, or light of the emitter grazes it.
+        If no such face exists over the whole aperture, or the emitter's light grazes it.
     """
 
     thickness_mm: float = 4.0
 
     @abstractmethod
     def z_at(self, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
-        """Face z(x, y) at lateral positions and heights of the same shape; NaN where there is none."""
+        """Face z(x, y) at lateral positions and heights of the same shape; NaN where it does not exist."""
 
     @abstractmethod
     def slope_at(self, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
@@ -76,7 +76,7 @@ class LensInSpace(OvalLens, eq=True):
 
     @property
     def remedy(self) -> str:
-        """Remedy where there is no such face."""
+        """Remedy if no such face exists."""
         return "narrow the lens, thin the body, focus farther away or move the emitter away"
 
     @property
@@ -86,7 +86,7 @@ class LensInSpace(OvalLens, eq=True):
 
     @cached_property
     def checked(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """x, y and z (N, M) of the face over a quarter of the aperture; it mirrors itself."""
+        """x, y and z (N, M) of the face over a quarter of the aperture; it is symmetric."""
         x, y = np.meshgrid(
             np.linspace(0.0, self.half_width_mm, PLACES_ACROSS), np.linspace(0.0, self.half_height_mm, PLACES_UP)
         )
@@ -109,12 +109,12 @@ class LensInSpace(OvalLens, eq=True):
 
     @reported
     def acceptance_y_deg(self) -> float:
-        """Largest angle out of the plane at which the emitter's light meets the face, above the axis."""
+        """Largest angle out of the plane at which the emitter's light hits the face, above the axis."""
         depth_mm = float(self.checked[2][-1, 0])
         return math.degrees(math.atan2(self.half_height_mm, self.distance_mm + depth_mm))
 
     def table(self, tolerance_mm: float = 1e-4) -> str:
-        """CSV of x, y and z of points of the face: sections at the heights that it is checked at, or of its layers."""
+        """CSV of x, y and z of points of the face: sections at the checked heights, or of its layers."""
         across = self.front.flattened(tolerance_mm)[:, 0]
         x, y = (part.ravel() for part in np.meshgrid(across, self.heights_mm))
         rows = (f"{a:.9g},{b:.9g},{c:.12g}" for a, b, c in zip(x, y, self.z_at(x, y), strict=True))
@@ -126,7 +126,7 @@ class LensInSpace(OvalLens, eq=True):
         return np.linspace(-self.half_height_mm, self.half_height_mm, 2 * PLACES_UP - 1)
 
     def _check_face(self) -> None:
-        """Refuse a face that is not there everywhere, or that comes too near to the emitter."""
+        """Reject a face that does not exist everywhere, or comes too near to the emitter."""
         check_range("body.thickness_mm", self.thickness_mm, above=0.0)
         x, y, z = self.checked
         if np.isnan(z).any():
@@ -134,7 +134,7 @@ class LensInSpace(OvalLens, eq=True):
             raise DesignError(
                 f"lens.shape {self.shape_name}",
                 value=f"no face from |x| = {x[bad].min():.3f} and |y| = {y[bad].min():.3f} mm on",
-                limit=f"the emitter's light must meet it over ±{self.half_width_mm:g} by ±{self.half_height_mm:g} mm",
+                limit=f"the emitter's light must hit it over ±{self.half_width_mm:g} by ±{self.half_height_mm:g} mm",
                 remedy=self.remedy,
             )
         if self.nearest_mm <= -NEAREST * self.distance_mm:

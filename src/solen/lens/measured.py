@@ -1,6 +1,6 @@
-"""The lens as it is: the designed oval plus the deviation of a measured profile.
+"""A measured lens: the designed oval plus the deviation of a measured profile.
 
-Its width, its depth and where the stem begins are those of the design, to which the profile is registered.
+Its width, depth and the start of the stem are those of the design, to which the profile is registered.
 Uncertainties come from drawn outlines: the smoothed one plus a random curve of the size of the points' uncertainty,
 correlated over `FittedProfile.correlation_mm`.
 """
@@ -20,19 +20,19 @@ from solen.lens.optics import Lens, OvalLens
 from solen.results import HIDDEN, reported
 
 CURVE_TOLERANCE_MM = 1e-6
-"""How far the curve that rays meet may be from the smoothed profile: 1 nm."""
+"""Tolerance of the traced curve against the smoothed profile: 1 nm."""
 DRAWN_CURVE_SHARE = 0.05
 """The same for an outline drawn within the uncertainty, as a share of that: it turns the normals by a tenth of what the
 uncertainty does at most, and half of the pieces are searched much faster."""
 SPOT_RAYS = 512
-"""Rays by which the smallest spot is found."""
+"""Rays used to find the smallest spot."""
 DRAWN_SPOTS = 24
-"""Outlines drawn for the uncertainty of the focus, which they give to a seventh of itself."""
+"""Outlines drawn for the uncertainty of the focus, which they determine to a seventh."""
 
 
 @dataclass(frozen=True)
 class Spot:
-    """Smallest spot of the light that a lens takes: where it lies, and the root of its mean square width, in mm."""
+    """Smallest spot of the light accepted by a lens: its position, and its rms width, in mm."""
 
     x_mm: float
     z_mm: float
@@ -40,10 +40,10 @@ class Spot:
 
 
 class MeasuredLens(Lens, eq=True):
-    """A lens whose profile was measured, or predicted by a print model.
+    """A lens with a profile that was measured, or predicted by a print model.
 
     ``drawn`` is 0 for the smoothed profile itself, else the number of an outline drawn within its uncertainty; a number
-    is the same outline each time.
+    always gives the same outline.
     """
 
     shape_name: ClassVar[str] = "measured"
@@ -53,7 +53,7 @@ class MeasuredLens(Lens, eq=True):
 
     @reported
     def designed(self) -> OvalLens:
-        """The oval that was asked for."""
+        """The designed oval."""
         return self.fit.designed
 
     @reported
@@ -129,12 +129,12 @@ class MeasuredLens(Lens, eq=True):
         return Spot(float(x.mean()), z, float(x.std())) if z > 0.0 else None
 
     def best_focus_mm(self, index: float) -> float | None:
-        """Where the light that the lens takes makes the smallest spot in a material of ``index``."""
+        """Position of the smallest spot of the accepted light in a material of ``index``."""
         spot = self.best_spot(index)
         return None if spot is None else spot.z_mm
 
     def u_best_focus_mm(self, index: float) -> float | None:
-        """Standard uncertainty of `best_focus_mm` by that of the points: `DRAWN_SPOTS` drawn outlines scatter so."""
+        """Standard uncertainty of `best_focus_mm`: the scatter of `DRAWN_SPOTS` drawn outlines."""
         return _u_best_focus_mm(self, index)
 
     def _rays(self, index: float) -> tuple[FloatArray, FloatArray]:

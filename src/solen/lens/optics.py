@@ -1,9 +1,9 @@
-"""The front of a sensor as an optical element: a Cartesian oval, or nothing but the flat face of the stem.
+"""The front of a sensor as an optical element: a Cartesian oval, or just the flat face of the stem.
 
 A :class:`Lens` is drawn in its own frame, the vertex at the origin and the axis along +z, from its left edge to its
 right one, so that the material lies on its left; the emitter is ``distance_mm`` before the vertex. It is an interface
-with two leaves: :class:`OvalLens` focuses the emitter to one point without aberration, :class:`FlatFace` is the sensor
-without a lens.
+with two subclasses: :class:`OvalLens` focuses the emitter to one point without aberration, :class:`FlatFace` is the
+sensor without a lens.
 """
 
 import math
@@ -25,14 +25,14 @@ BEST_RAYS = 512
 
 
 class LensSizes:
-    """Lengths that every lens has, stated or computed."""
+    """Lengths common to all lenses, stated or computed."""
 
     distance_mm: float
     half_width_mm: float
 
 
 class Lens(LensSizes, Result, ABC):
-    """The face that light enters by."""
+    """The face that light enters through."""
 
     @property
     @abstractmethod
@@ -43,7 +43,7 @@ class Lens(LensSizes, Result, ABC):
 
     @reported
     def shape(self) -> str:
-        """Kind of lens, as ``lens.shape`` names it."""
+        """Kind of lens, as named by ``lens.shape``."""
         return self.shape_name
 
     @reported
@@ -63,7 +63,7 @@ class Lens(LensSizes, Result, ABC):
 
     @reported
     def acceptance_deg(self) -> float:
-        """Largest angle from the axis at which the emitter's light meets the face."""
+        """Largest angle from the axis at which the emitter's light hits the face."""
         return math.degrees(math.atan2(self.half_width_mm, self.distance_mm + self.depth_mm))
 
 
@@ -90,7 +90,7 @@ class FlatFace(Lens, eq=True):
 
 
 class OvalLens(Lens, eq=True):
-    """Cartesian oval n1 |P − F1| + n2 |P − F2| = n1 s + n2 s': every ray from F1 that meets it goes to F2.
+    """Cartesian oval n1 |P − F1| + n2 |P − F2| = n1 s + n2 s': every ray from F1 that hits it is refracted to F2.
 
     The curve is from R. Descartes, La Géométrie (1637), book II; see O. N. Stavroudis, The Optics of Rays, Wave Fronts
     and Caustics (1972).
@@ -166,7 +166,7 @@ class OvalLens(Lens, eq=True):
 
     @reported
     def tangency_half_width_mm(self) -> float:
-        """Half width at which rays from the emitter graze the oval: the limit of a usable one."""
+        """Half width at which rays from the emitter graze the oval: the upper limit."""
         return tangency(self.outside_index, self.design_index, self.distance_mm, self.focus_mm)[1]
 
     @reported
@@ -208,7 +208,7 @@ class OvalLens(Lens, eq=True):
         return math.degrees(math.acos(dot(ray, self.front.normal_at(edge))))
 
     def paraxial_focus_mm(self, index: float) -> float | None:
-        """Where rays near the axis cross it in a material of ``index``, mm behind the vertex; None if they diverge.
+        """Paraxial focus in a material of ``index``, mm behind the vertex; None if rays diverge.
 
         n/s'' = (n − n1)/R − n1/s with R the vertex radius.
         """
@@ -217,7 +217,7 @@ class OvalLens(Lens, eq=True):
         return index / vergence if vergence > 0.0 else None
 
     def marginal_focus_mm(self, index: float) -> float | None:
-        """Where the edge ray crosses the axis in a material of ``index``, mm behind the vertex, if it does."""
+        """Crossing of the edge ray with the axis in a material of ``index``, mm behind the vertex; None without one."""
         edge: Point = (self.half_width_mm, self.depth_mm)
         ray = unit((edge[0], edge[1] + self.distance_mm))
         normal = self.front.normal_at(edge)
@@ -227,7 +227,7 @@ class OvalLens(Lens, eq=True):
         return edge[1] - edge[0] * inside[1] / inside[0]
 
     def best_focus_mm(self, index: float) -> float | None:
-        """Where the light that the lens takes makes the smallest spot in a material of ``index``, mm behind the vertex.
+        """Position of the smallest spot of the accepted light in a material of ``index``, mm behind the vertex.
 
         Rays go from the emitter at `BEST_RAYS` angles, evenly over one half of the acceptance; the other half mirrors
         them. A ray is x = a + t z, so Σ (a + t z)² is least at z = −Σ a t / Σ t². None if that is not behind the
@@ -278,7 +278,7 @@ class OvalLens(Lens, eq=True):
                 "lens.design_index",
                 value=self.design_index,
                 limit=f"must be above {self.outside_index:g}, the index outside",
-                remedy="a lens of the index that surrounds it bends no light",
+                remedy="a lens with the index of its surroundings bends no light",
             )
 
     def _refuse_width(self, limit_mm: float) -> None:
@@ -303,7 +303,7 @@ class OvalLens(Lens, eq=True):
 
 
 def _check_lengths(lens: Lens) -> None:
-    """Reject a distance or a width that is not a length."""
+    """Reject a distance or a width that is not a positive number."""
     for name, value in (("emitter.distance_mm", lens.distance_mm), ("lens.half_width_mm", lens.half_width_mm)):
         check_numbers(name, value)
         if not value > 0.0:

@@ -1,8 +1,8 @@
-"""The profile of a lens from a picture, a scan or a print model: points and their uncertainties.
+"""The profile of a lens from a picture, a scan or a print model: points with uncertainties.
 
-The idea: whatever measures a printed lens or predicts one gives the same thing, a :class:`MeasuredProfile` in the frame
+The idea: measurements and predictions of a printed lens have a common form, a :class:`MeasuredProfile` in the frame
 of the designed lens: x lateral, z into the body, the designed vertex at the origin. It is z as a function of x; a
-profile that folds back on itself cannot be compared with a designed lens. Its file is JSON that `profile_text` writes,
+profile that folds back on itself cannot be compared with a designed lens. Its file is JSON from `profile_text`,
 or any table with the columns x and z, and u if the uncertainty is known.
 
 The interface: `read_profile` a file, `profile_of` columns of numbers, `profile_text` for writing.
@@ -28,11 +28,11 @@ from solen.spec.strict import error_context
 KIND = "lens profile"
 SCHEMA = 1
 EDGES = ("top", "bottom", "mean", "predicted")
-"""Which edge of a part the points are of: a thick transparent one shows two; a print model predicts one."""
+"""Edge of the part to which points belong: a thick transparent part shows two; a print model predicts one."""
 
 LEAST_POINTS, MOST_POINTS = 16, 100_000
 NARROWEST_MM, WIDEST_MM = 0.02, 200.0
-"""Widths between which a profile can be a lens: beyond them its numbers are of another unit."""
+"""Plausible widths of a lens; others suggest a wrong unit."""
 LARGEST_U_MM = 1.0
 
 _GAUSS_MAD = 1.4826
@@ -40,14 +40,14 @@ _GAUSS_MAD = 1.4826
 
 
 class MeasuredProfile(Result):
-    """Profile of a lens as it is, in the sensor's frame: the vertex of the designed lens is the origin.
+    """Measured profile of a lens in the sensor's frame, with the designed vertex at the origin.
 
     Equality is identity: two measurements of one lens are two.
 
     Attributes
     ----------
     x_mm, z_mm
-        Places (N,), x strictly ascending; z grows into the body.
+        Points (N,), x strictly ascending; z increases into the body.
     u_mm
         Standard uncertainty of each along the profile's normal, (N,), without what all of them share (scale, place);
         0 for exact points.
@@ -56,9 +56,9 @@ class MeasuredProfile(Result):
     name
         Of the lens or the part.
     edge
-        Which edge of it: ``top``, ``bottom``, ``mean``, or ``predicted``.
+        Edge of the part: ``top``, ``bottom``, ``mean``, or ``predicted``.
     sources
-        Provenance of the files that it comes from, as plain data.
+        Provenance of the source files, as plain data.
     warnings
         Warnings about it.
     """
@@ -91,8 +91,8 @@ def read_profile(path: Path | str) -> MeasuredProfile:
     Raises
     ------
     DataError
-        If the file cannot be read, holds other keys or columns, or no profile: points that are not numbers, too few,
-        not in order or folded back, or of a size that no lens has.
+        If the file cannot be read, holds other keys or columns, or no valid profile: points that are not numbers, too
+        few, not in order or folded back, or of a size that no lens has.
     """
     path = Path(path)
     if _is_json(path):
@@ -112,8 +112,8 @@ def profile_of(
 ) -> MeasuredProfile:
     """Profile of columns of numbers (N,); those from right to left are reversed.
 
-    Where no uncertainty is given, that of a point is estimated from the scatter of neighbouring points, with a warning:
-    an error that all of them have in common is not in it.
+    Without a stated uncertainty, it is estimated from the scatter of neighbouring points, with a warning:
+    a common error of all points is not included.
     """
     x, z = _column("x_mm", x_mm), _column("z_mm", z_mm)
     if x.shape != z.shape:
@@ -124,8 +124,8 @@ def profile_of(
     if u_mm is None:
         u_each = scatter_mm(x, z)
         warnings = (
-            f"the profile states no uncertainty; {1e3 * u_each:.2g} µm is taken, the scatter of neighbouring points: "
-            "an error of scale or place that all points share is not in it",
+            f"the profile states no uncertainty; {1e3 * u_each:.2g} µm is assumed, the scatter of neighbouring "
+            "points: common errors of scale or position are not included",
         )
         u_mm = u_each
     u = np.full_like(x, u_mm) if np.ndim(u_mm) == 0 else _column("u_mm", u_mm)
@@ -141,7 +141,7 @@ def profile_text(profile: MeasuredProfile) -> str:
 
 
 def scatter_mm(x_mm: FloatArray, z_mm: FloatArray, slope: FloatArray | None = None) -> float:
-    """Standard deviation, along the normal, of what is not common to neighbouring points.
+    """Standard deviation, along the normal, of independent errors of neighbouring points.
 
     Each point is compared with the straight line through its neighbours; the median of the sizes of these deviations,
     0.6745 standard deviations if they are normal, is robust against outliers as at a step. Where z is not a profile but
@@ -166,7 +166,7 @@ def _running_median(values: FloatArray, reach: int = 10) -> FloatArray:
 
 
 def _is_json(path: Path) -> bool:
-    """Whether a file begins as a JSON object does; a file that cannot be opened is judged by its name."""
+    """Whether a file begins like a JSON object; a file that cannot be opened is judged by its name."""
     try:
         with path.open("rb") as file:
             return file.read(64).removeprefix(b"\xef\xbb\xbf").lstrip().startswith((b"{", b"["))
@@ -264,7 +264,7 @@ def _check_order(x: FloatArray) -> None:
         f"x_mm[{i + 1}]",
         value=float(x[i + 1]),
         limit=f"follows {x[i]:.9g}: x must ascend; the profile folds back or repeats a point there",
-        remedy="keep the face of the lens alone, one z for each x",
+        remedy="keep only the face of the lens, one z for each x",
     )
 
 

@@ -5,7 +5,7 @@ than are needed, and a penalty on the third differences of its coefficients. Its
 themselves by restricted maximum likelihood (S. N. Wood, J. R. Stat. Soc. B 73, 3, 2011), which takes for noise
 what differs from point to point. Correlated errors of neighbouring points, as those of a blurred edge, it would take
 for shape; so the curve is smoothed further until its residuals match the stated uncertainty (V. A. Morozov's
-discrepancy principle), where that is smoother.
+discrepancy principle), if that is smoother.
 
 The interface: `smoothed` returns a `Smooth`.
 """

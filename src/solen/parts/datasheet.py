@@ -1,13 +1,13 @@
-"""Datasheets of emitters, receivers and what reads them, as files, and a small library of them.
+"""Datasheets of emitters, receivers, converters and trimmers as files, with a small library.
 
-The idea: a part is data with a source, number by number. Its file is TOML with ``schema = 1``, a ``name``, a ``kind``,
-the ``document`` that it is taken from, and a table for every quantity: ``typical``, ``least`` and ``most``, what they
-rest on (``basis``: the part's own datasheet, a sibling's, the profile that a slicing program prints by, a measurement
-or an estimate) and where that is found
-(``source``). Nothing is stated that is not known: what a datasheet leaves open is left out.
+The idea: every number of a part has a source. Its file is TOML with ``schema = 1``, a ``name``, a ``kind``,
+the ``document`` it comes from, and a table for every quantity: ``typical``, ``least`` and ``most``, their
+``basis`` (the part's own datasheet, a sibling's, the profile of a slicing program, a measurement
+or an estimate) and its
+``source``. Unknown values are left out.
 
-The interface: `load_part`, `library`, `library_part`; `EmitterPart`, `ReceiverPart`, `AdcPart` and `TrimmerPart` are
-what they give.
+The interface: `load_part`, `library`, `library_part`, which return `EmitterPart`, `ReceiverPart`, `AdcPart` or
+`TrimmerPart`.
 """
 
 from importlib.resources import files
@@ -47,7 +47,7 @@ class Sourced(Strict):
 
 
 class Quantity(Sourced):
-    """A number above 0 with its spread, in the unit that its key ends in."""
+    """A positive number with its spread, in the unit at the end of its key."""
 
     typical: Positive | None = Field(None, description="Typical value.")
     least: Positive | None = Field(None, description="Least value.")
@@ -64,13 +64,13 @@ class Quantity(Sourced):
 
     @property
     def usual(self) -> float:
-        """Typical value; where only one or both ends are stated, their mean."""
+        """Typical value; if only limits are stated, their mean."""
         stated = [value for value in (self.least, self.most) if value is not None]
         return self.typical if self.typical is not None else sum(stated) / len(stated)
 
 
 class PatternPart(Sourced):
-    """Relative radiant intensity by the angle from the axis, the same all round it, linear between the angles."""
+    """Rotationally symmetric relative radiant intensity by the angle from the axis, linearly interpolated."""
 
     angle_deg: tuple[Angle, ...] = Field(description="angles from the axis in degrees, ascending from 0.")
     relative: tuple[NotNegative, ...] = Field(description="relative intensity at these angles.")
@@ -86,7 +86,7 @@ class PatternPart(Sourced):
 
 
 class SpectrumPart(Sourced):
-    """Relative sensitivity by wavelength, linear between the wavelengths; beyond the ends that of the end."""
+    """Relative sensitivity by wavelength, linearly interpolated; constant beyond the ends."""
 
     wavelength_nm: tuple[Positive, ...] = Field(description="wavelengths in nm, ascending.")
     relative: tuple[NotNegative, ...] = Field(description="relative sensitivity at these wavelengths.")
@@ -104,7 +104,7 @@ class SpectrumPart(Sourced):
 
 
 class AdcRange(Sourced):
-    """One input range of a converter, with the noise of its own input there."""
+    """One input range of a converter, with its input noise."""
 
     low_v: Number = Field(description="lowest voltage that it reads, in V.")
     high_v: Number = Field(description="highest voltage that it reads, in V.")
@@ -125,7 +125,7 @@ class Sheet(Strict):
     name: Text = Field(description="the part's name, one line.")
     maker: Text = Field(description="who makes it, one line.")
     document: Text = Field(description="the document that the numbers are taken from, one line.")
-    notes: str = Field("", description="Anything worth knowing.")
+    notes: str = Field("", description="Further remarks.")
 
     @property
     def estimates(self) -> tuple[str, ...]:
@@ -141,7 +141,7 @@ class Sheet(Strict):
 class Datasheet(Sheet):
     """Keys that emitters and receivers may state."""
 
-    half_angle_deg: Quantity | None = Field(None, description="Angle from the axis at which it is half as strong.")
+    half_angle_deg: Quantity | None = Field(None, description="Angle from the axis of half intensity or sensitivity.")
     package_width_mm: Quantity | None = Field(None, description="Longer side of the package.")
     package_height_mm: Quantity | None = Field(None, description="Shorter side of the package.")
     package_depth_mm: Quantity | None = Field(
@@ -150,7 +150,7 @@ class Datasheet(Sheet):
 
 
 class EmitterPart(Datasheet):
-    """A light source: its pattern, its spectrum, its power and what they spread by."""
+    """A light source: pattern, spectrum and power, with their spread."""
 
     kind: Literal["emitter"] = Field(description="emitter.")
     peak_nm: Quantity = Field(description="a table with the wavelength of the peak.")
@@ -160,10 +160,10 @@ class EmitterPart(Datasheet):
     height_mm: Quantity | None = Field(None, description="Height of the emitting chip.")
     intensity_mw_per_sr: Quantity | None = Field(None, description="Radiant intensity on the axis, in mW/sr.")
     power_mw: Quantity | None = Field(None, description="Radiant power, in mW.")
-    current_ma: Quantity | None = Field(None, description="Current of these, in mA.")
+    current_ma: Quantity | None = Field(None, description="Current at which power and intensity are stated, in mA.")
     rise_ns: Quantity | None = Field(None, description="Rise time in ns.")
     power_exponent: Quantity | None = Field(
-        None, description="Power of the current that the radiant power follows; 1 where it is proportional."
+        None, description="Exponent of the radiant power as a power of the current; 1 if proportional."
     )
     most_current_ma: Quantity | None = Field(None, description="Largest steady current allowed, in mA.")
     fall_percent_per_k: Quantity | None = Field(None, description="Fall of the radiant power per K, in percent.")
@@ -175,20 +175,18 @@ class ReceiverPart(Datasheet):
     kind: Literal["receiver"] = Field(description="receiver.")
     current_ua_per_mw_cm2: Quantity = Field(description="a table with the current in µA at 1 mW/cm².")
     sensitivity_nm: Quantity | None = Field(None, description="Wavelength of that irradiance.")
-    band_nm: Quantity | None = Field(
-        None, description="Wavelengths from which to which it is at least half as sensitive."
-    )
+    band_nm: Quantity | None = Field(None, description="Wavelength limits of half sensitivity.")
     most_current_ma: Quantity | None = Field(None, description="Largest current allowed, in mA.")
     supply_v: Quantity | None = Field(None, description="Voltage of the sensitivity, in V.")
     most_supply_v: Quantity | None = Field(None, description="Largest voltage allowed, in V.")
     spectrum: SpectrumPart | None = Field(None, description="A table with the relative sensitivity by wavelength.")
-    saturation_v: Quantity | None = Field(None, description="Voltage that it cannot pull below, in V.")
+    saturation_v: Quantity | None = Field(None, description="Saturation voltage, in V.")
     knee_v: Quantity | None = Field(
-        None, description="Voltage above that within which its current falls short by the factor e, in V."
+        None, description="Width of the knee above saturation in V: the shortfall of current decreases by the factor e."
     )
-    gain: Quantity | None = Field(None, description="Current for one of the photocurrent: the transistor's gain.")
-    dark_na: Quantity | None = Field(None, description="Current without light at 25 °C, in nA.")
-    dark_doubling_k: Quantity | None = Field(None, description="Warming that doubles the dark current, in K.")
+    gain: Quantity | None = Field(None, description="Collector current per photocurrent: the transistor's gain.")
+    dark_na: Quantity | None = Field(None, description="Dark current at 25 °C, in nA.")
+    dark_doubling_k: Quantity | None = Field(None, description="Temperature rise that doubles the dark current, in K.")
     rise_percent_per_k: Quantity | None = Field(None, description="Rise of the sensitivity per K, in percent.")
     rise_us: Quantity | None = Field(None, description="Rise time with a small load, in µs.")
     rise_us_per_kohm: Quantity | None = Field(None, description="Rise time that each kΩ of load adds, in µs.")
@@ -208,7 +206,7 @@ class TrimmerPart(Sheet):
 
     kind: Literal["trimmer"] = Field(description="trimmer.")
     resistance_ohm: Quantity = Field(description="a table with its whole resistance in ohm.")
-    end_ohm: Quantity | None = Field(None, description="What is left of it at its end, in ohm.")
+    end_ohm: Quantity | None = Field(None, description="Residual resistance at its end, in ohm.")
     turn_deg: Quantity | None = Field(None, description="Angle from one end to the other.")
     drift_ppm_per_k: Quantity | None = Field(None, description="Change of the resistance per K, in ppm, either way.")
     power_mw: Quantity | None = Field(None, description="Largest power allowed, in mW.")

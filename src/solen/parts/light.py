@@ -1,7 +1,7 @@
-"""Light of a design's emitter: from its own keys, and otherwise from the part that it names.
+"""Light of a design's emitter: from its own keys, or else from the named part.
 
-The idea: a design states what its author decided. What follows from a datasheet or a file is looked up here, once, and
-is plain numbers from then on: `Light`.
+The idea: a design states the author's choices. Values from a datasheet or a file are looked up here, once, and
+are plain numbers from then on: `Light`.
 """
 
 import math
@@ -19,9 +19,9 @@ FWHM_OF_SIGMA = 2.0 * math.sqrt(2.0 * math.log(2.0))
 HERMITE = ((0.0, 0.533333333333333333), (1.355626179974266, 0.222075922005612), (2.856970013872806, 0.011257411327720))
 """Gauss–Hermite nodes in standard deviations, from the middle outwards, and their weights."""
 FAR_NM = 40.0
-"""Difference of wavelengths beyond which an emitter is another one."""
+"""Difference of wavelengths beyond which an emitter counts as a different one."""
 CONES_DEG = {"fan": 120.0, "uniform": 180.0, "lambertian": 180.0, "table": 360.0}
-"""Full opening angle where a design states none."""
+"""Default full opening angles."""
 
 Kind = Literal["fan", "uniform", "lambertian", "table"]
 
@@ -33,9 +33,9 @@ class Light:
     Attributes
     ----------
     wavelength_nm
-        The one that the lens and the index are for.
+        Wavelength of the lens and the index.
     spectrum
-        Wavelengths in nm with their weights; empty if there is one wavelength alone.
+        Wavelengths in nm with their weights; empty for a single wavelength.
     pattern, exponent, table
         Kind of the pattern, m of cos^m, pairs of an angle in degrees and a relative intensity.
     cone_deg
@@ -43,11 +43,11 @@ class Light:
     width_mm, height_mm
         Size of the chip across the axis and along y.
     ray_file
-        Path of a file of rays that stands for all of these but the wavelength.
+        Path of a file of rays that replaces all of these but the wavelength.
     source
-        Where it comes from, in words.
+        Its source, in words.
     warnings
-        Warning where a stated wavelength contradicts the part.
+        Warning if a stated wavelength contradicts the part.
     """
 
     wavelength_nm: float
@@ -93,7 +93,7 @@ def light_of(design: Design) -> Light:
 
 
 def _doubts(part: EmitterPart | None, wavelength_nm: float) -> tuple[str, ...]:
-    """Warning of light that the part does not emit."""
+    """Warning if the part does not emit this light."""
     if part is None or abs(part.peak_nm.usual - wavelength_nm) <= FAR_NM:
         return ()
     return (
@@ -128,7 +128,7 @@ def _middle(emitter: Emitter) -> float | None:
 
 
 def _spectrum(emitter: Emitter, part: EmitterPart | None, peak_nm: float) -> tuple[tuple[float, float], ...]:
-    """Lines of a stated spectrum, or of a stated width or the part's about the wavelength."""
+    """Lines of a stated spectrum, or of a Gaussian of stated or the part's width."""
     if emitter.spectrum:
         return tuple(sorted(emitter.spectrum))
     fwhm_nm = emitter.fwhm_nm
@@ -138,7 +138,7 @@ def _spectrum(emitter: Emitter, part: EmitterPart | None, peak_nm: float) -> tup
 
 
 def _table(design: Design, part: EmitterPart | None) -> tuple[tuple[float, float], ...]:
-    """Pattern by angle: the design's table or file, or the part's where the design states no other pattern."""
+    """Pattern by angle: the design's table or file, or else the part's."""
     emitter = design.emitter
     path = design.file_of(emitter.pattern_file)
     if path is not None:
@@ -162,7 +162,7 @@ def read_pattern(path: Path) -> tuple[tuple[float, float], ...]:
     Raises
     ------
     DataError
-        If the file cannot be read, with the line that is none, or where the angles do not ascend from 0.
+        If the file cannot be read, naming the bad line, or the angles do not ascend from 0.
     """
     rows: list[tuple[float, float]] = []
     for number, line in enumerate(read_text(path, DataError).splitlines(), start=1):

@@ -1,8 +1,8 @@
-"""Printers that project one layer at a time, as files, and a small library of them.
+"""Printers that project whole layers, as files, with a small library.
 
-The idea: to cut a part into layers one needs little of a printer: its pixels, how high it builds, how thin and thick
-its layers may be; its wavelength, how its pictures are mirrored, how it lifts the plate and the time between exposures
-are optional. Each number states its basis, as in the datasheets of parts: `Printer.unconfirmed` names those that are
+The idea: slicing needs few properties of a printer: its pixels, build height and layer
+thickness limits; wavelength, mirroring of its pictures, lift of the plate and time between exposures
+are optional. Each number states its basis, as in datasheets of parts: `Printer.unconfirmed` names
 estimates.
 
 The interface: `load_printer` reads a TOML file with ``schema = 1``, `printers` lists the library, `library_printer`
@@ -38,13 +38,13 @@ class Pixels(Sourced):
 
 
 class Mirror(Sourced):
-    """Axis along which the printer needs its pictures flipped, as for a screen seen from below."""
+    """Axis along which pictures must be flipped for the printer, as for a screen seen from below."""
 
     axis: Axis = Field(description="x, y or none.")
 
 
 class Lift(Sourced):
-    """How the plate moves and waits between exposures, of the first (bottom) layers and of all others."""
+    """Movements and rests of the plate between exposures, for the bottom layers and for all others."""
 
     bottom_height_mm: NotNegative = Field(description="lift of the bottom layers in mm.")
     height_mm: NotNegative = Field(description="lift of the others in mm.")
@@ -68,13 +68,13 @@ class Lift(Sourced):
         return self.height_mm, self.speed_mm_per_min, self.wait_before_s, self.wait_after_s
 
     def pause_s(self, *, bottom: bool) -> float:
-        """Time from one exposure to the next: rests, and the way up and back at full speed."""
+        """Time between exposures: rests, and lift and return at full speed."""
         height, speed, before, after = self.moves(bottom=bottom)
         return before + after + 60.0 * height * (1.0 / speed + 1.0 / self.retract_mm_per_min)
 
 
 class Printer(Sheet):
-    """Properties of a printer that layers need."""
+    """Properties of a printer needed for slicing."""
 
     pitch_um: Quantity = Field(description="a table with the side of a pixel on the plate in µm, along X.")
     pitch_y_um: Quantity | None = Field(None, description="The same along Y, where pixels are not squares.")
@@ -87,7 +87,7 @@ class Printer(Sheet):
     mirror: Mirror | None = Field(None, description="How its pictures are flipped.")
     lift: Lift | None = Field(None, description="How its plate moves; a .goo file needs it.")
     layer_exposures: Sourced | None = Field(
-        None, description="Where it was proven that the printer keeps each layer's own exposure in its file."
+        None, description="Proof that the printer observes individual exposures of layers in its file."
     )
 
     @property
@@ -119,7 +119,7 @@ class Printer(Sheet):
 
     @property
     def layers_um(self) -> tuple[float, float]:
-        """Thinnest and thickest layer; 0 and inf where that is not known."""
+        """Thinnest and thickest layer; 0 and inf if unknown."""
         stated = self.layer_um
         if stated is None:
             return 0.0, math.inf
@@ -128,7 +128,7 @@ class Printer(Sheet):
 
     @property
     def unconfirmed(self) -> tuple[str, ...]:
-        """Names of the numbers that decide the layers and are estimates."""
+        """Names of numbers that determine the layers but are estimates."""
         deciding: dict[str, Sourced] = {
             "pixel pitch": self.pitch_um,
             "pixel counts": self.pixels,
@@ -163,13 +163,13 @@ def load_printer(path: Path | str) -> Printer:
 
 
 def printer_of(text: str) -> Printer:
-    """Printer of the library by its name, or of a file: then ``text`` ends in .toml or holds a slash."""
+    """Printer of the library by name, or of a file if ``text`` ends in .toml or contains a slash."""
     is_file = text.endswith(".toml") or "/" in text or "\\" in text
     return load_printer(text) if is_file else library_printer(text)
 
 
 class PrinterSummary(Result):
-    """Properties of a printer that layers need: pixels, build volume, and which of these numbers are estimates.
+    """Properties of a printer needed for slicing: pixels, build volume, and which numbers are estimates.
 
     ``pitch_um`` is a pixel's side along X, ``pitch_y_um`` along Y; the layers' limits are None if none are known.
     """

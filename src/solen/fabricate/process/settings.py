@@ -127,8 +127,8 @@ class Settings(Strict):
     @model_validator(mode="after")
     def _states_one_blur(self) -> Self:
         if (self.sigma_um is None) == (self.response is None):
-            limit = "stands beside process.response, and both state the light of a pixel: state one of them"
-            raise refused("sigma_um", limit, value=self.sigma_um, remedy="leave the other out")
+            limit = "cannot be combined with process.response, as both define the light of a pixel"
+            raise refused("sigma_um", limit, value=self.sigma_um, remedy="leave one out")
         if self.response is None and self.response_scale != 1.0:
             raise refused("response_scale", "is for a response, and none is stated", value=self.response_scale)
         return self
