@@ -433,3 +433,10 @@ def test_what_is_no_file_is_never_replaced(tmp_path: Path, capsys: pytest.Captur
     assert run_command(["lens", str(tmp_path / "sensor.toml"), "--csv", str(pipe), "--force"]) == 2
     assert "cannot be written: not an ordinary file" in capsys.readouterr().err
     assert stat.S_ISFIFO(pipe.stat().st_mode)
+
+
+def test_further_arguments_are_named(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command(["print", "inspect", "a.tif", "b.tif", "--design", "sensor.toml"]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("solen: b.tif; is an argument too many")
+    assert "--help" in error

@@ -220,6 +220,18 @@ def test_a_bad_table_is_refused_in_one_line(tmp_path: Path, case: str) -> None:
     assert "\n" not in str(refusal.value)
 
 
+def test_a_hot_sample_is_warned_of_and_a_sharp_pixel_is_not() -> None:
+    def told(light: NDArray[np.float64]) -> list[str]:
+        process = Process(name="p", process=measured(light))
+        return [line for line in process.warnings() if line.startswith("do not use: process.response")]
+
+    light = gaussian_pixel(pixel=8.0, sigma=4.0)
+    assert told(light) == told(gaussian_pixel()) == []
+    light[10, 12] = 60.0 * light.max()
+    (line,) = told(light)
+    assert "sample 13 of row 11" in line
+
+
 def test_samples_that_cannot_be_those_of_the_pixel_are_refused(tmp_path: Path) -> None:
     for table, named in (
         ({"centre_um": [600.0, 60.0]}, r"centre_um.*within the table"),

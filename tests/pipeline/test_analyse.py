@@ -56,6 +56,13 @@ def test_columns_by_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert any("states no unit; V is assumed" in warning for warning in found["warnings"])
 
 
+def test_an_unknown_unit_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    found = result(capsys, str(write(tmp_path / "one.csv", TRUTH, "time (s);angle (deg);left (foo);right (foo)", ",")))
+    assert any('"foo"' in warning and "V is assumed" in warning for warning in found["warnings"])
+    found = result(capsys, str(write(tmp_path / "one.csv", TRUTH, "time (s);angle (deg);left (foo);right [V]", ",")))
+    assert any('left (foo) is not used: "foo"' in warning for warning in found["warnings"])
+
+
 def test_german_headers_are_told_by_themselves(tmp_path: Path) -> None:
     path = write(tmp_path / "messung.csv", TRUTH, "Zeit (s);Winkel (°);PD links (V);PD rechts (V)", ",")
     found = study([path]).to_dict()

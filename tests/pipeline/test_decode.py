@@ -309,6 +309,22 @@ def test_calibrations_that_cannot_be_read(
     assert "no such file" in refused(capfd, "bench", "decode", str(tmp_path / "none.json"), str(folder / "S1.csv"))
 
 
+def test_a_calibration_not_to_be_used_marks_its_angles(
+    folder: Path, calibration: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    data = json.loads(calibration.read_text(encoding="utf-8"))
+    data["warnings"] = ["do not use: only 40 % lie within the bands", "two cycles"]
+    poor, out = tmp_path / "poor.json", tmp_path / "angles.csv"
+    poor.write_text(json.dumps(data), encoding="utf-8")
+    found = answered(capfd, "bench", "decode", str(poor), str(folder / "S1.csv"), "--out", str(out))
+    doubt = "calibration: do not use: only 40 % lie within the bands"
+    assert doubt in found["warnings"]
+    assert not any("two cycles" in line for line in found["warnings"])
+    lines = out.read_text(encoding="utf-8").splitlines()
+    assert lines[0] == f"# {doubt}"
+    assert lines[1].startswith("time_s,")
+
+
 def test_streams_that_cannot_be_decoded(
     folder: Path, calibration: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:

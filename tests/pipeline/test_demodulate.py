@@ -84,6 +84,9 @@ def test_a_waveform_is_demodulated_by_its_own_edges(tmp_path: Path) -> None:
         path, options=options, out=tmp_path / "r.csv", figure=FigureOptions(figure=tmp_path / "r.svg")
     ).result
     assert found.method == "waveform"
+    assert any("--on low" in line for line in found.warnings)
+    stated = outcome_of(path, options=DemodulationOptions(rate_hz=200.0, on="low")).result
+    assert not any("--on low" in line for line in stated.warnings)
     assert found.off_stated_ppm == pytest.approx(60.0, abs=30.0)
     assert found.readings_averaged is None
     assert found.flicker is not None

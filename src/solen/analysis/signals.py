@@ -7,6 +7,7 @@ The interface: `sampled` of a `Recording` gives `Waveforms` as they were recorde
 readings of them); `Signals` are those of one sensor.
 """
 
+import re
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -29,12 +30,16 @@ from solen.recording.column_roles import (
     existing,
     named_column,
     receiver_columns,
+    side_of,
 )
 from solen.recording.words import plain
 from solen.results import Result
 from solen.spec.strict import Finite, Options, refused
 from solen.units import factor
 
+_BRACKETED = re.compile(
+    r"[(\[]\s*([^()\[\]\d]+?)\s*[)\]]\s*$"
+)  # a word in brackets at the end, where a unit is written
 _SLOW_S = 1.0  # from this step on, a time without a unit may count samples or ms
 _HIGH_V = 100.0  # above what any receiver here shows
 _TURN_DEG = 360.0
@@ -264,6 +269,7 @@ def sampled(recording: Recording, options: SignalOptions, angle: AngleSource = "
     if angle_deg is None and angle == "required":
         refuse_without_angle(recording)
     channels = _receivers(recording, options, angle)
+    warnings += [] if options.channel else _passed_over(recording, channels)
     unit, file = _unit_of(channels.values()), _file(recording)
     flags = [_clipped_flags(recording, channel) for channel in channels.values()]
     samples = Waveforms(
@@ -427,6 +433,16 @@ def _receivers(recording: Recording, options: SignalOptions, angle: AngleSource)
     return {column.name: column for column in columns}
 
 
+def _passed_over(recording: Recording, channels: Iterable[str]) -> list[Caution]:
+    """Columns that are named like a receiver but have an unknown unit, beside others in V."""
+    rest = {one.name: _BRACKETED.search(one.name) for one in recording.channels if one.name not in channels}
+    return [
+        look_at(f'{name} is not used: "{unit[1]}" is not a known unit; --channel NAME=COLUMN uses it')
+        for name, unit in rest.items()
+        if unit and side_of(name)
+    ]
+
+
 def _unit_of(channels: Iterable[Channel]) -> str:
     """Unit of the receivers: V, unless one states another that cannot be converted to it."""
     units = [one.unit for one in channels if one.unit and one.unit != "1"]
@@ -445,5 +461,7 @@ def _values(channel: Channel, unit: str, file: str, warnings: list[Caution]) -> 
     if not ENDS_IN_V.search(channel.name):
         largest = float(np.nanmax(np.abs(channel.values), initial=0.0))
         doubt = f"; up to {largest:.4g} V is much: are they mV?" if largest > _HIGH_V else ""
-        warnings.append(look_at(f"{channel.name} states no unit; V is assumed{doubt}"))
+        unknown = _BRACKETED.search(channel.name)
+        states = f'states "{unknown[1]}", which is not a known unit' if unknown else "states no unit"
+        warnings.append(look_at(f"{channel.name} {states}; V is assumed{doubt}"))
     return channel.values

@@ -68,6 +68,10 @@ def _one_line(bad: cyclopts.CycloptsError, arguments: Sequence[str]) -> str:
         for option, value in pairwise(arguments):
             if option == bad.keyword and re.match(r"-[\d.]", value):  # read as an option, since it is not a number
                 return f"{option} = {value}; is not a number; write it without a unit"
+    if isinstance(bad, cyclopts.UnusedCliTokensError):
+        further = bad.unused_tokens or []
+        limit = "is an argument too many" if len(further) == 1 else "are arguments too many"
+        return f"{' '.join(further)}; {limit}; see the command's --help"
     if isinstance(bad.__cause__, ValueError) and hasattr(bad.__cause__, "errors"):
         from solen.spec.strict import option_refusal
 

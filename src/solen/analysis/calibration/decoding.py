@@ -18,7 +18,7 @@ from solen.analysis.calibration.heading import WINDOW_S, Headings, Tracker
 from solen.analysis.calibration.streams import Batch, Stream
 from solen.arrays import BoolArray, FloatArray
 from solen.errors import DataError, SpecError
-from solen.ranks import Caution, do_not_use, look_at, note
+from solen.ranks import DO_NOT_USE, Caution, do_not_use, look_at, note, of, rank_of
 from solen.recording import Provenance
 from solen.results import Result
 from solen.spec.strict import Finite
@@ -161,6 +161,12 @@ class StreamDecoder:
         self.counts = dict.fromkeys(("readings", "missing", *FLAGS), 0)
         self.warnings = (*stream.warnings, *_condition_warnings(known, stream, options))
 
+    @property
+    def heading(self) -> str:
+        """First lines of a file of angles: reasons not to use them as comments, then the header."""
+        doubts = dict.fromkeys(line for line in self.warnings if rank_of(line) == DO_NOT_USE)
+        return "".join(f"# {line}\n" for line in doubts) + HEADER
+
     def rows(self, batch: Batch) -> str:
         """Lines of CSV of a batch, as `COLUMNS`; `DataError` if its values are in another unit."""
         good = np.asarray(np.isfinite(batch.volts).all(axis=1))
@@ -239,7 +245,8 @@ class StreamDecoder:
 
 
 def _condition_warnings(known: CalibrationFile, stream: Stream, options: DecodeOptions) -> Iterator[Caution]:
-    """Whether the calibration fits the source: a sentence on differences, and one on conditions that are not stated."""
+    """Whether the calibration may be used, differs from the source, or cannot be compared with it."""
+    yield from (of("calibration", line) for line in known.warnings if rank_of(line) == DO_NOT_USE)
     motion, circuit = conditions(stream.sensor or known.sensor, stream.provenance, options, stream.ambient)
     other, unknown = differences(known, motion, circuit)
     moved = bool(other)

@@ -18,7 +18,7 @@ from solen.analysis.demodulation.rejection import gain, mean_gain, rejection_dB
 from solen.analysis.demodulation.samples import DemodulationOptions, Samples, other_columns, samples_of
 from solen.analysis.demodulation.subtract import Counts, Demodulated
 from solen.files import csv_cell
-from solen.ranks import Caution, look_at
+from solen.ranks import Caution, look_at, note
 from solen.recording import Provenance, Recording
 from solen.results import HIDDEN, Result
 
@@ -174,8 +174,16 @@ def demodulated(recording: Recording, options: DemodulationOptions | None = None
         rejection=_rejection(found, options),
         simulated=recording.provenance.simulated,
         sources=(recording.provenance,),
-        warnings=(*recording.warnings, *_warnings(found)),
+        warnings=(*recording.warnings, *_polarity(samples, options), *_warnings(found)),
     )
+
+
+def _polarity(samples: Samples, options: DemodulationOptions) -> list[Caution]:
+    if samples.clock is None or "on" in options.model_fields_set:
+        return []
+    return [
+        note("light is assumed to lower the readings (--on low), as at the paper's receivers; else state --on high")
+    ]
 
 
 def _off_stated_ppm(clock: Clock, options: DemodulationOptions) -> float:

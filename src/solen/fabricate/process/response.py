@@ -43,6 +43,8 @@ RIM = 0.01
 """Share of the brightest sample that each side of a table's rim may have, in the mean."""
 NOISE = 0.05
 """Share of the brightest sample by which others may lie below 0."""
+HOT = 8.0
+"""Ratio of a sample to its brightest neighbour above which it is probably a defect of the camera."""
 COARSEST = 4.0
 """Samples that a pixel must have, side by side."""
 _GREY = ("L", "F", "I", "I;16", "I;16B", "I;16L", "I;16N")  # kinds of pictures whose numbers are light
@@ -92,6 +94,19 @@ class PixelResponse(Strict):
             limit = f"must lie within the table, 0 to {sides[0]:g} and 0 to {sides[1]:g} µm"
             raise refused("centre_um", limit, value=list(self.centre_um), remedy="state it along x and y, in µm")
         return self
+
+    @property
+    def hot(self) -> tuple[int, int, float] | None:
+        """Row and column (from 1) of a sample far brighter than its neighbours, and their ratio; None without one."""
+        from scipy.ndimage import maximum_filter
+
+        light = np.array(self.light)
+        around = np.ones((3, 3), bool)
+        around[1, 1] = False
+        nearby = maximum_filter(light, footprint=around, mode="constant")
+        row, column = np.unravel_index(int(np.argmax(light)), light.shape)
+        ratio = float(light[row, column] / max(nearby[row, column], 1e-3 * light.max()))
+        return (int(row) + 1, int(column) + 1, ratio) if ratio > HOT else None
 
 
 @dataclass(frozen=True)

@@ -379,6 +379,15 @@ class Process(Strict):
                     "thinner"
                 )
             )
+        hot = None if s.response is None else s.response.hot
+        if hot is not None:
+            row, column, ratio = hot
+            messages.append(
+                do_not_use(
+                    f"process.response: sample {column} of row {row} is {ratio:.3g} times its brightest neighbour: "
+                    "probably a hot pixel of the camera; replace it by the mean of its neighbours"
+                )
+            )
         assumed = [key for key in self.assumptions if key in UNCERTAIN]
         if assumed:
             messages.append(

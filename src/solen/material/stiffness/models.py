@@ -39,7 +39,7 @@ class Model(ABC):
 
     @abstractmethod
     def gradient(self, parameters: ArrayLike, first: FloatArray, second: FloatArray) -> FloatArray:
-        """Derivatives of W by ln λ₁ and ln λ₂ (λ₃ = 1/λ₁λ₂), Kirchhoff stresses less the third: (stretches, 2) in MPa."""
+        """∂W/∂ln λ₁ and ∂W/∂ln λ₂ (λ₃ = 1/λ₁λ₂): Kirchhoff stresses minus the third, (stretches, 2) in MPa."""
 
     @abstractmethod
     def stress(self, parameters: ArrayLike, mode: Mode, stretch: FloatArray) -> FloatArray:

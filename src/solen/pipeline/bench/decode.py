@@ -91,7 +91,7 @@ def decode(
     ):
         live = source == STDIN or options.follow
         paced = sent if sent is None or live else Paced(sent, WallClock())
-        interrupted = _write_rows(decoder, stream, [one for one in (file, rows, paced) if one is not None])
+        interrupted = _write_rows(decoder, stream, file, [one for one in (file, rows, paced) if one is not None])
         result = decoder.result(interrupted=interrupted)
     return Outcome(result, {} if out is None else {"out": out})
 
@@ -109,10 +109,10 @@ def _stream(
     return recorded_stream(path, signals, options.sensor, known.sensor)
 
 
-def _write_rows(decoder: StreamDecoder, stream: Stream, targets: list[TextIO | Outlet]) -> bool:
+def _write_rows(decoder: StreamDecoder, stream: Stream, file: TextIO | None, targets: list[TextIO | Outlet]) -> bool:
     """Decode all batches; return whether Ctrl-C stopped the stream."""
     for target in targets:
-        print(HEADER, end="", file=target, flush=True)
+        print(decoder.heading if target is file else HEADER, end="", file=target, flush=True)
     try:
         for piece in (piece for batch in stream.batches for piece in batch.pieces(_PIECE)):
             rows = decoder.rows(piece)

@@ -120,7 +120,8 @@ def lens_table(practice: Practice | None) -> list[tuple[str, ...]]:
     places = sorted({0, by_size[0], len(first.angle_deg) - 1})
     angles = [f"contrast at {first.angle_deg[i]:+.3g}°" for i in places]
     off = f"at {first.off_deg:+.3g}°, {choice.y_off_mm:g} mm off in y"
-    heads = ("lens", *angles, off, "slope per degree", "light", "off a line")
+    slope = f"mean slope per degree within ±{first.within_deg:.2g}°"
+    heads = ("lens", *angles, off, slope, "light", "off a line")
     return [heads, *(_lens_row(lens, places, choice.own) for lens in choice.lenses)]
 
 
