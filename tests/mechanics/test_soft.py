@@ -291,3 +291,16 @@ def test_without_the_extra_the_command_that_installs_it_is_named(monkeypatch: py
     monkeypatch.setitem(sys.modules, "skfem", None)
     with pytest.raises(DesignError, match=r'scikit-fem, which is not installed; pip install "\.\[mechanics\]"$'):
         SoftBody(PLATE, RUBBER, FLOOR, 4.0)
+
+
+@pytest.mark.parametrize(("plane", "share"), [("stress", 1 / 2), ("strain", 2 / 3)])
+def test_walls_of_a_bent_strip_bulge_as_a_saddle(plane: Plane, share: float) -> None:
+    """A strip bent by κ takes ν κ across (anticlastic), ν κ t²/8 over its thickness; plane strain says a third more."""
+    length, turn_deg, thickness = 12.0, 2.0, 3.0
+    clamps = [
+        Turn((Stretch(face),), (0.5, z), sign * turn_deg, name=face)
+        for face, z, sign in (("bottom", 0.0, 1.0), ("top", length, -1.0))
+    ]
+    found = SoftBody(block(1.0, length), RUBBER, (), thickness, plane, MeshOptions(0.4)).state(clamps)
+    bend = 2.0 * math.radians(turn_deg) / length
+    assert found.bulge_mm == pytest.approx(share * bend * thickness**2 / 8.0, rel=0.1)

@@ -142,6 +142,9 @@ class Deformed:
         Mesh and strain.
     strain_largest
         Largest principal strain, ln λ, in magnitude.
+    bulge_mm
+        How far walls are from upright: by how much the wall of a body that is free along y lies further out, or in,
+        halfway up than at its faces, in nine tenths of the body. The walls that light meets are upright.
     warnings
         Sentences.
     """
@@ -152,6 +155,7 @@ class Deformed:
     contacts: tuple[Contact, ...]
     picture: Picture
     strain_largest: float
+    bulge_mm: float
     warnings: tuple[str, ...] = ()
 
     def wall(self, face: str) -> Wall:

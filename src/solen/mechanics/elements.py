@@ -153,6 +153,17 @@ class Elements:
         found = self._principal(f, _det(f))
         return np.where(np.abs(found.first) >= np.abs(found.second), found.first, found.second)
 
+    def thickness_strain(self, unknowns: FloatArray) -> FloatArray:
+        """Strain along y at the corners of the elements (N,); in plane strain what it would be, were it free.
+
+        There the stress along y is the pressure, to first order, and E = 3 μ.
+        """
+        if self.has_pressure:
+            return -unknowns[self.displacements :] / (3.0 * self.material.shear_modulus_MPa)
+        means = -np.log(_det(self.deformation(unknowns))).mean(axis=1)
+        corners = self.nodes[:, :3].ravel()
+        return np.asarray(np.bincount(corners, np.repeat(means, 3)) / np.bincount(corners))
+
     def forces(self, unknowns: FloatArray) -> FloatArray:
         """Derivative of the energy by every unknown: forces in N/mm, then area that is missing, mm²."""
         state = self._state(unknowns)

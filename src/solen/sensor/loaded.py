@@ -69,6 +69,8 @@ class Deformation(Result):
         Where fingers touch it.
     off_mm
         How far a wall of the light may lie from the finite elements between their nodes.
+    bulge_mm
+        How far walls would lie from upright at mid-height, were the body free along y; the light meets upright ones.
     warnings
         Reasons to doubt a value.
     simulated
@@ -88,6 +90,7 @@ class Deformation(Result):
     reactions: tuple[Reaction, ...]
     contacts: tuple[Contact, ...]
     off_mm: float
+    bulge_mm: float
     warnings: tuple[str, ...]
     simulated: bool = True
 
@@ -198,6 +201,7 @@ def deform(sensor: Sensor, value: float | None = None) -> Deformation:
         reactions=state.deformed.reactions,
         contacts=state.deformed.contacts,
         off_mm=state.displaced.off_mm,
+        bulge_mm=state.deformed.bulge_mm,
         warnings=tuple(_cautions([state])),
     )
 
@@ -281,8 +285,11 @@ def _number(state: LoadedState, what: str) -> float | None:
         return state.value
     if table == "hold" and what == "moment_Nmm":
         return next(one.moment_Nmm for one in state.deformed.reactions if one.name == name)
-    if table == "press" and what in ("depth_mm", "force_N"):
-        return next((float(getattr(one, what)) for one in state.deformed.contacts if one.name == name), 0.0)
+    touches = [one for one in state.deformed.contacts if one.name == name]
+    if table == "press" and what == "force_N":
+        return sum(one.force_N for one in touches)
+    if table == "press" and what == "depth_mm":
+        return max((one.depth_mm for one in touches), default=0.0)
     return None
 
 

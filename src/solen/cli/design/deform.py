@@ -16,7 +16,7 @@ def _(result: Deformation) -> Iterator[str]:
     x, z = result.shift_mm
     yield f"{result.name}, {result.drives} at {where(result)}"
     yield f"  emitter and lens turn by {result.turn_deg:+.4g} deg, move by {x:+.4g}, {z:+.4g} mm (x, z)"
-    yield f"  largest strain {result.strain_largest:.3g}"
+    yield f"  largest strain {result.strain_largest:.3g}; walls taken as upright, to {result.bulge_mm:.2g} mm"
     for reaction in result.reactions:
         fx, fz = reaction.force_N
         x, z = reaction.about_mm
