@@ -1,13 +1,13 @@
-"""Curves as drawings and CAD programs hold them: lines, arcs and B-splines.
+"""Curves in the form of drawings and CAD programs: lines, arcs and B-splines.
 
-A line and an arc stay what they are. A parabola is a B-spline of degree 2 and a chain of cubics one of degree 3, both
-the same curve to the last digit. A chain is one B-spline as far as it is smooth, its knots spaced so that the
-derivative goes on; at a corner it is divided.
+Lines and arcs are kept. A parabola is a B-spline of degree 2 and a chain of cubics one of degree 3, both
+exact. A chain is one B-spline as far as it is smooth, with knots spaced so that the
+derivative is continuous; at corners it is divided.
 
 Any other curve (the Cartesian oval, a conic) is interpolated by a cubic B-spline of continuous curvature within
-`FIT_TOLERANCE_MM`, through points of the curve and with its tangents at the ends, so that junctions stay as smooth as
-they were. Its parameter grows with the length, the turning and the curve's own parameter, a third each: CAD programs
-integrate by it with few nodes, and the sharp vertex of a lens is where they need them.
+`FIT_TOLERANCE_MM`, through points of the curve and with its tangents at the ends, so that junctions keep their
+smoothness. Its parameter grows with length, turning and the curve's own parameter, a third each: CAD programs
+integrate over it with few nodes, which are needed at the sharp vertex of a lens.
 """
 
 import math

@@ -1,7 +1,7 @@
 """Export of a design's body: the file formats, and the numbers of what is written.
 
-The idea: an `Export` holds everything that a format may need, the mesh made when one asks for it; `FORMATS` is the
-registry, in which adding a format is adding a line.
+The idea: an `Export` holds everything that a format may need, with the mesh made on demand; `FORMATS` is the
+registry: a new format is a new line.
 """
 
 from collections.abc import Callable, Sequence
@@ -40,7 +40,7 @@ class Export:
 
     @property
     def outline(self) -> Body:
-        """The body of one outline for all heights, which drawings hold; `DesignError` if there is none."""
+        """The body with one outline for all heights, for drawings; `DesignError` if there is none."""
         return self.body.upright('export --step or a mesh, or draw its middle section: lens.shape = "cartesian-oval"')
 
     @cached_property
@@ -79,7 +79,7 @@ FORMATS: dict[str, Format] = {
     "svg": Format(".svg", lambda export: as_svg(export.outline, export.label), flat=True),
 }
 USUAL = ("stl", "3mf")
-"""Formats where none is asked for: what a printer's program takes."""
+"""Default formats, for printers' software."""
 
 
 @dataclass(frozen=True)
@@ -176,11 +176,11 @@ def _warnings(export: Export, formats: Sequence[str]) -> list[Caution]:
             look_at('the lens is as it was measured; set lens.shape = "cartesian-oval" for the one to print')
         )
     if (pieces := _pieces(export.body)) > 1:
-        warnings.append(look_at(f"the outlines make {pieces} pieces, and nothing holds them together"))
+        warnings.append(look_at(f"the outlines make {pieces} separate pieces"))
     if export.body.apart:
         names = ", ".join(face.name for face in export.body.apart)
         warnings.append(
-            note(f"{names} stand apart in the air: they are in the DXF and SVG drawings and not part of the solid")
+            note(f"{names} are separate objects in the air: they are in the DXF and SVG drawings but not in the solid")
         )
     if export.part.cuts:
         warnings.append(look_at("light is traced without pockets and slots"))

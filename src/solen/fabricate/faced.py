@@ -33,7 +33,7 @@ GAUSS = 12
 
 
 def cut_for(design: Design, layer_um: float) -> Design:
-    """A design whose layered lens has a profile for each of a printer's layers, where it states no other."""
+    """A design whose layered lens has by default a profile for each of the printer's layers."""
     lens = design.lens
     if lens.shape != "layered" or lens.layer_mm is not None or lens.profile is not None:
         return design
@@ -42,7 +42,7 @@ def cut_for(design: Design, layer_um: float) -> Design:
 
 
 def lies_flat(part: Part, rotation: FloatArray, layer_um: float) -> tuple[str | None, list[Caution]]:
-    """How a part whose lens differs by height must lie, in words, and warnings where it does not; None for a prism."""
+    """Required orientation, in words, of a part whose lens varies with height, and warnings; None for a prism."""
     if not isinstance(part, StackedPart | FacedPart):
         return None, []
     words = "flat, the faces of the body parallel to the plate: each layer shows its own profile of the lens"
@@ -146,7 +146,7 @@ class Hollow:
         return np.stack([across, control, self.lens.half_height_mm - up], axis=-1)
 
     def _depth(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """The face; beyond its own edges it goes on level."""
+        """The face, extended level beyond its edges."""
         half, up = self._halves
         return self.lens.z_at(np.clip(x, -half, half), np.clip(y, -up, up))
 

@@ -1,9 +1,9 @@
 """A part in one piece: outlines of exact curves, extruded along the thickness and joined, minus cuts.
 
-A `Part` stands on the build plate: X and Y of its solid are x and z of the plane, Z is the height above the plate. A
-sensor's y counts from the middle of its thickness and away from who sees x to the right and z up, so that
-y = thickness / 2 − Z. `Prism` is the one building block; where prisms are joined they touch and never overlap, and a
-`Cut` has the outline of what it takes away, so volumes are those of the exact curves. Solids, meshes and drawings
+A `Part` lies on the build plate: X and Y of its solid are x and z of the plane, Z is the height above the plate. A
+sensor's y counts from mid-thickness, away from a viewer who sees x to the right and z up, so that
+y = thickness / 2 − Z. `Prism` is the only building block; joined prisms touch and never overlap, and a
+`Cut` has the outline of the removed material, so volumes are those of the exact curves. Solids, meshes and drawings
 are made from these; nothing here depends on a file or a CAD kernel.
 """
 
@@ -20,7 +20,7 @@ from solen.geometry.body import filled, polyline
 from solen.geometry.measures import area_mm2, perimeter_mm
 
 FLAT_MM = 1e-5
-"""How closely outlines are followed where it is checked what lies in what."""
+"""Tolerance of outlines in containment checks."""
 SLIVER = 1e-4
 """Share of an area, and of a mm² at least, that the checks may miss by following outlines so closely."""
 

@@ -1,9 +1,9 @@
 """Exact coverage of pixels by an area, from the corners of its outlines.
 
-The idea is that of font rasterisers. An edge is cut wherever it passes from one pixel to another; each piece then lies
-in one pixel, whose area it changes by what stands between it and the pixel's right side, and that of all pixels farther
-right in the row by the whole height that it climbs. Summed from left to right these changes are the covered areas.
-Nothing is sampled: an edge costs what it costs to find the pixels that it passes.
+The idea is that of font rasterisers. An edge is cut wherever it crosses pixel borders; each piece then lies
+in one pixel, whose area changes by the part between it and the pixel's right side, and that of all pixels farther
+right in the row by its full height. Summed from left to right these changes are the covered areas.
+Nothing is sampled; the cost of an edge is proportional to the pixels it crosses.
 
 The interface: `coverage` gives shares from 0 to 1, `coverage_bytes` the same as 0 to 255 in little memory, `rings_of`
 the rings of a shapely area. Rows count upwards with y and columns with x: [i, j] is the square whose lower left corner

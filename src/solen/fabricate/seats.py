@@ -115,7 +115,7 @@ def _mark(design: Design, body: Body) -> list[Cut]:
 
 
 def _package(design: Design) -> tuple[float, float, float]:
-    """Width, height and depth in mm of what a pocket holds: the receiver's package; the design may state the depth."""
+    """Width, height and depth of a pocket in mm: the receiver's package; the design may state the depth."""
     path, name = design.receiver_file, design.fabricate.receiver_part
     part = library_part(name) if path is None else load_part(path)
     if not isinstance(part, ReceiverPart):

@@ -1,4 +1,4 @@
-"""From a lens and a guide, or a drawing, to closed outlines of named exact curves, in any state of their motion."""
+"""Closed outlines of named exact curves, from a lens and a guide or from a drawing, in any state of motion."""
 
 from solen.geometry.bend import bend_of, bent
 from solen.geometry.body import Body, Face, Front, Pose, material

@@ -1,8 +1,8 @@
-"""A body: closed outlines of named exact curves, and where its emitter stands.
+"""A body: closed outlines of named exact curves, and the position of its emitter.
 
 Geometry is independent of optics. An outline is walked with the material on its left: the outer one
-counter-clockwise, a hole clockwise. :meth:`Body.check` proves that each is closed and simple, that none crosses another
-and that they are so oriented, and names the place where it is not.
+counter-clockwise, a hole clockwise. :meth:`Body.check` verifies that each is closed and simple, that none crosses
+another and that they are oriented in this way, and names the location of any fault.
 """
 
 import math
@@ -23,15 +23,15 @@ if TYPE_CHECKING:
     import shapely.geometry.base
 
 GAP_MM = END_TOLERANCE_MM
-"""Two faces share a corner when their ends are this near: curves reach that far beyond their ends."""
+"""Two faces share a corner if their ends are this close; curves extend this far beyond their ends."""
 REMEDY_OF_THE_Y = "check stem, arm and lens lengths, the arm's angle and width, and the motion's angles"
 NEAR_MM = 1e-2
-"""A face this near to where outlines cross is named as one that does."""
+"""Faces this close to a crossing of outlines are named in the error."""
 
 
 @dataclass(frozen=True)
 class Face:
-    """A named piece of an outline, or one that stands beside the body.
+    """A named piece of an outline, or of an object beside the body.
 
     ``wall`` is the number of the design's wall table that covers it. Lengths along a face count from its start, or
     with ``from_end`` from its end; ``begins_mm`` is the length there, where the face starts late.
@@ -110,7 +110,7 @@ class Body:
         raise DesignError(
             "lens.shape",
             value=self.front.lens.shape,
-            limit="a lens that differs by height: one outline for all heights does not describe this body",
+            limit="a lens that varies with height: a single outline does not describe this body",
             remedy=remedy,
         )
 
@@ -188,13 +188,13 @@ class Body:
             line = shapely.LineString(face.curve.flattened(1e-4))
             if solid.intersects(line):
                 place = solid.intersection(line).representative_point()
-                limit = f"must stand in the air, and meets the body at {place_text((place.x, place.y))}"
+                limit = f"must be in the air, but touches the body at {place_text((place.x, place.y))}"
                 raise DesignError(face.name, limit=limit, remedy="move it away, or turn by less")
         if not self.embedded and solid.intersects(shapely.Point(self.emitter.point)):
             raise DesignError(
                 "emitter",
                 value=f"inside the body at {place_text(self.emitter.point)}",
-                limit="must stand before the lens",
+                limit="must be before the lens",
                 remedy="raise emitter.distance_mm or turn by less",
             )
 
@@ -219,7 +219,7 @@ def polyline(outline: tuple[Face, ...], tolerance_mm: float) -> FloatArray:
 
 
 def material(body: Body, tolerance_mm: float) -> "shapely.geometry.base.BaseGeometry":
-    """Area that a body fills, as a shapely geometry within ``tolerance_mm``: holes left out."""
+    """Area of a body without its holes, as a shapely geometry within ``tolerance_mm``."""
     return filled([polyline(outline, tolerance_mm) for outline in body.outlines])
 
 
@@ -234,12 +234,12 @@ def filled(rings: list[FloatArray]) -> "shapely.geometry.base.BaseGeometry":
 
 
 def place_text(point: Point) -> str:
-    """A point as errors print it."""
+    """A point in words, for errors."""
     return f"x = {point[0]:.4g}, z = {point[1]:.4g} mm"
 
 
 def _words(name: str) -> tuple[str, str]:
-    """First word of a face's name and the rest, the number of a piece taken off."""
+    """First word of a face's name and the rest, without the number of a piece."""
     name = re.sub(r"\.\d+$", "", name)
     part = re.match(r"[^\W\d_]*", name)
     first = part.group() if part else ""

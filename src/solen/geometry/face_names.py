@@ -1,4 +1,4 @@
-"""Names with a meaning in a drawing, and their misspellings, which would turn a receiver into a bare wall."""
+"""Names with a meaning in a drawing, and detection of misspellings, which would turn a receiver into a bare wall."""
 
 import difflib
 
@@ -10,9 +10,9 @@ from solen.geometry.drawing.model import EMITTER, PIVOT
 WORDS = ("receiver", "mirror", "black", EMITTER, PIVOT)
 """Meaning of the first word of a name, beside ``lens``, which is a wall like any other."""
 ORDINARY = {"back", "blank", "block", "slack", "pilot"}
-"""Words of their own, however near."""
+"""Similar words that are not misspellings."""
 NEAR = 0.79
-"""Share of letters in common, by `difflib`, from which on a word is a slip."""
+"""Similarity, by `difflib`, above which a word counts as a misspelling."""
 
 
 def check_names(drawing: Drawing) -> None:
@@ -27,7 +27,7 @@ def check_names(drawing: Drawing) -> None:
 
 
 def _meant(name: str) -> str | None:
-    """The name that a misspelling stands for; None if its first word is a known one, or far from all of them."""
+    """The intended name of a misspelling; None if its first word is known, or unlike all known words."""
     word = Face.part_of(name)
     if word in WORDS or word in ORDINARY:
         return None

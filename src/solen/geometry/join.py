@@ -1,8 +1,8 @@
 """Strokes chained into closed outlines.
 
-Ends that lie within ``join_mm`` of one another are one corner, and the curves are made to meet there: a line, an arc
-and a free form bend by as little as that, any other curve stays as it is and the others come to it. What is left open,
-branches or is drawn twice is refused with its place. Receivers, mirrors and black faces may stand alone in the air.
+Ends within ``join_mm`` of each other form one corner, and the curves are made to meet there: a line, an arc
+and a free form are deformed by that little, other curves stay unchanged and attract the others. Open ends,
+branches and duplicates are errors with their location. Receivers, mirrors and black faces may be separate, in the air.
 """
 
 import cmath
@@ -22,7 +22,7 @@ from solen.geometry.walls import DARK
 from solen.plane import Point, minus
 
 SUPPLE = (Segment, Arc, Bezier, Spline)
-"""Curves that bend to meet others."""
+"""Curves that are deformed to meet others."""
 QUARTERS = (0.25, 0.5, 0.75)
 
 
@@ -96,12 +96,12 @@ def closed_outlines(strokes: Sequence[Stroke], join_mm: float) -> tuple[list[lis
 
 
 def _is_crumb(curve: Curve, join_mm: float) -> bool:
-    """Whether all of a curve would become one corner."""
+    """Whether a whole curve would collapse into one corner."""
     return math.dist(curve.start, curve.end) <= join_mm and Measure(curve).length_mm <= 2.0 * join_mm
 
 
 def _labels(ends: FloatArray, join_mm: float) -> NDArray[np.int32]:
-    """Numbers (N,), equal for ends that lie together."""
+    """Group numbers (N,), equal for coinciding ends."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial import KDTree
@@ -116,7 +116,7 @@ def _corners(joints: Joints, chain: list[int]) -> list[int]:
 
 
 def _check_twice(joints: Joints) -> None:
-    """`DesignError` if two strokes have the same ends and the same places between them."""
+    """`DesignError` if two strokes coincide."""
     seen: dict[tuple[int, ...], list[int]] = {}
     for i in range(len(joints.strokes)):
         key = tuple(sorted(int(label) for label in joints.label[2 * i : 2 * i + 2]))
@@ -165,8 +165,8 @@ def _fault(joints: Joints, faulty: list[int]) -> DesignError:
         return DesignError(
             "body outline",
             value=f"{len(members)} curves meet at {place_text(joints.point(faulty[0]))}",
-            limit=f"an outline continues by a single curve; here are {names}",
-            remedy="delete what does not belong to it, or draw notes on a layer that begins with _",
+            limit=f"an outline continues with a single curve; here are {names}",
+            remedy="delete extra curves, or draw notes on a layer whose name begins with _",
         )
     end = joints.members[single[0]][0]
     at = joints.ends[end]
@@ -199,7 +199,7 @@ def _between(curve: Curve, first: Point, last: Point) -> Curve:
         "body outline",
         value=f"a {type(curve).__name__} from {place_text(curve.start)}",
         limit=f"does not end where its neighbours do to {GAP_MM:g} mm",
-        remedy="make its ends exact: this kind of curve is not bent to fit",
+        remedy="make its ends exact: this kind of curve cannot be deformed",
     )
 
 

@@ -1,11 +1,11 @@
 """Kinds of bodies, by the name that a design gives them in ``body.kind``.
 
-A new kind is a function that builds its body from a design, or that makes a drawing from numbers, `drawn_kind`. Another
-package adds it by an entry point of ``solen.body_kinds``, a script by its name::
+A new kind is a function that builds a body from a design, or one that draws it from numbers, `drawn_kind`. Another
+package adds it by an entry point of ``solen.body_kinds``, a script by name::
 
     register("cross", BodyKind(cross_body, unused_keys={"body": ("file", "units", "join_mm")}))
 
-Everything that depends on the kind asks this registry: how the body is built, and whether solen cuts its lens.
+Everything that depends on the kind comes from this registry: building of the body, and whether solen computes its lens.
 """
 
 from collections.abc import Callable, Mapping
@@ -30,13 +30,13 @@ class BodyKind:
     ----------
     build
         Checked body of a design with its lens in the motion's state at an angle in degrees; `DesignError` if it
-        cannot be. The lens is None if it is drawn.
+        cannot be built. The lens is None if drawn.
     unused_keys
         Keys of the design that have no meaning for this kind, by table.
     lens_is_drawn
-        Whether the lens is part of the body's own drawing, so that solen computes none.
+        Whether the lens is part of the body's drawing, so that solen computes none.
     parameters
-        Names and defaults of the numbers that a design may state in ``[body.parameters]``.
+        Names and defaults of the parameters in ``[body.parameters]``.
     """
 
     build: Callable[[Design, Lens | None, float], Body]
@@ -55,9 +55,9 @@ class BodyKind:
 
 
 def drawn_kind(draw: Callable[[Mapping[str, float]], Drawing], parameters: Mapping[str, float]) -> BodyKind:
-    """Kind of body that a function draws from its parameters, in mm, its lens with it.
+    """Kind of body drawn by a function from its parameters, in mm, including the lens.
 
-    The drawing has closed strokes, one emitter and perhaps a pivot; names of strokes say what the faces are, as in a
+    The drawing has closed strokes, one emitter and optionally a pivot; names of strokes define the faces, as in a
     file: ``wall``, ``lens``, ``receiver-right``, ``receiver-left``.
     """
 
@@ -72,7 +72,7 @@ def drawn_kind(draw: Callable[[Mapping[str, float]], Drawing], parameters: Mappi
 
 def _y(design: Design, lens: Lens | None, angle_deg: float) -> Body:
     if lens is None:
-        raise AssertionError("a Y has a lens, if only a flat face")
+        raise AssertionError("a Y needs a lens, at least a flat face")
     return y_body(design, lens, angle_deg)
 
 
@@ -89,7 +89,7 @@ BODY_KINDS: registry.Registry[BodyKind] = registry.Registry(
 
 
 def register(name: str, kind: BodyKind) -> None:
-    """Make a kind of body known under a name, to designs as well."""
+    """Register a kind of body under a name."""
     BODY_KINDS.own[name] = kind
     UNUSED_KEYS[name] = kind.unused_keys
 

@@ -10,12 +10,12 @@ from solen.geometry.body import Face
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
 ACCURACY = 1e-13
-"""Relative to the box round a curve, what halving a panel may still change."""
+"""Tolerated change when halving a panel, relative to the curve's bounding box."""
 MOST_ROUNDS = 30
 
 
 def area_mm2(outlines: Sequence[Sequence[Face]]) -> float:
-    """Area in mm² that closed outlines enclose, to about 1e-12 of it: one walked clockwise, a hole, counts negative."""
+    """Area in mm² enclosed by outlines, to about 1e-12; clockwise outlines (holes) count as negative."""
     return sum(_enclosed(outline) for outline in outlines)
 
 
@@ -25,7 +25,7 @@ def perimeter_mm(outlines: Sequence[Sequence[Face]]) -> float:
 
 
 def _enclosed(outline: Sequence[Face]) -> float:
-    """Area of one outline, computed from its own first point: far from the origin no digits are lost."""
+    """Area of one outline, relative to its first point, so that no digits are lost far from the origin."""
     origin = np.asarray(outline[0].curve.start)
     return sum(_swept(face.curve, origin) for face in outline)
 

@@ -1,7 +1,7 @@
-"""Whether two bodies are mirror images of one another about the axis x = 0.
+"""Whether two bodies are mirror images about the axis x = 0.
 
-A sensor whose body at every angle is the mirror image of its body at the opposite one gives mirrored readings: it need
-be traced on one side only, and its numbers are as symmetric as it is.
+A sensor whose body at every angle is the mirror image of that at the opposite angle gives mirrored readings: it need
+be traced on one side only, and its results are exactly symmetric.
 """
 
 import re
@@ -12,7 +12,7 @@ from solen.geometry.body import Body, Face
 from solen.plane import Point
 
 SAME_MM, SAME_DEG = 1e-9, 1e-9
-"""How far places and directions of mirror images may differ."""
+"""Tolerance of positions and directions of mirror images."""
 PLACES = np.linspace(0.0, 1.0, 9)
 OTHER = {"right": "left", "left": "right"}
 
@@ -37,7 +37,7 @@ def _opposite(one: Point, other: Point) -> bool:
 
 
 def _reflects(face: Face, image: Face | None) -> bool:
-    """Whether a face lies where the mirror puts another, which runs the other way."""
+    """Whether a face is the mirror image of another, which runs in the opposite direction."""
     if image is None or face.wall != image.wall:
         return False
     apart = face.curve.points(PLACES) * (-1.0, 1.0) - image.curve.points(PLACES[::-1])

@@ -1,8 +1,8 @@
 """A drawn body: closed outlines read from a file, its emitter and receivers by name, in any state of motion.
 
-Faces have the names of their layers or elements, with a number where several have one name (``wall.2``). One that
-begins with ``receiver`` detects, ``mirror`` reflects, ``black`` absorbs; any other is a bare wall. Outlines inside
-others are holes, or bodies in holes. The axis that bends is x = 0.
+Faces have the names of their layers or elements, numbered if names repeat (``wall.2``). A name that
+begins with ``receiver`` detects, with ``mirror`` reflects, with ``black`` absorbs; any other is a bare wall. Outlines
+inside others are holes, or bodies in holes. The axis that bends is x = 0.
 """
 
 import math
@@ -23,7 +23,7 @@ from solen.spec import Design
 
 JOIN_MM = 1e-3
 PIVOTS = ("pivot", "stem-base")
-"""Names of a drawn point about which the motion turns; without one that is the drawing's origin."""
+"""Names of a drawn pivot of the motion; default: the drawing's origin."""
 FLAT_MM = 1e-4
 PARTS = {"lens": "lens", "receivers": "receiver", "mirrors": "mirror"}
 """First words of the faces of the parts that a motion may name."""
@@ -37,7 +37,7 @@ def outline_body(design: Design, angle_deg: float = 0.0) -> Body:
     DataError
         If the drawing cannot be read.
     DesignError
-        If its outlines are open or cross, there is no emitter, or the motion would tear them.
+        If outlines are open or cross, there is no emitter, or the motion would tear them.
     """
     if design.outline_file is None:
         raise DesignError("body.file", limit="missing")
@@ -70,7 +70,7 @@ def _rest(design: Design, drawing: Drawing) -> Body:
 
 
 def _oriented(outlines: list[list[Face]]) -> list[list[Face]]:
-    """Outlines with the material on their left, the largest first: of those round one, an even number or an odd one."""
+    """Outlines with the material on their left, the largest first, by the parity of surrounding outlines."""
     import shapely
 
     rings = [polyline(tuple(outline), FLAT_MM) for outline in outlines]
@@ -90,7 +90,7 @@ def _from_lens(outline: list[Face]) -> list[Face]:
 
 
 def _names(names: list[str]) -> Iterator[str]:
-    """Names in order, numbered where several are the same."""
+    """Names in order, numbered if repeated."""
     several, seen = Counter(names), Counter[str]()
     for name in names:
         seen[name] += 1
@@ -127,7 +127,7 @@ def _emitter(design: Design, drawing: Drawing, faces: tuple[Face, ...]) -> Pose:
 
 
 def _pose(lamp: Lamp, faces: tuple[Face, ...]) -> Pose:
-    """Pose of an emitter; a line looks along its normal to the side on which a face is nearer."""
+    """Pose of an emitter; a line points along its normal to the side of the nearer face."""
     if lamp.end is None:
         return Pose(lamp.point, lamp.axis_deg, lamp.width_mm)
     middle = (0.5 * (lamp.point[0] + lamp.end[0]), 0.5 * (lamp.point[1] + lamp.end[1]))
@@ -139,7 +139,7 @@ def _pose(lamp: Lamp, faces: tuple[Face, ...]) -> Pose:
     sees = {side: _nearest_mm(middle, side, faces) for side in (left, right)}
     ahead = min(sees, key=sees.__getitem__)
     if math.isinf(sees[ahead]):
-        limit = "looks past the body on both sides"
+        limit = "points past the body on both sides"
         raise DesignError("emitter", value=f"a line at {place_text(middle)}", limit=limit, remedy="turn or move it")
     return Pose(middle, math.degrees(math.atan2(-ahead[0], ahead[1])), math.hypot(*across))
 

@@ -1,7 +1,7 @@
-"""Sections of a body at a height: what one layer of a printer shows.
+"""Sections of a body at a height, as in one layer of a printer.
 
-A body whose lens differs by height is a prism from the stem's base on. Before it, a section is bounded by the lens's
-own curve at that height and by the straight sides of the aperture; where that curve ends beyond the base, the stem
+A body whose lens varies with height is a prism beyond the stem's base. Before it, a section is bounded by the lens's
+curve at that height and by the straight sides of the aperture; if that curve ends beyond the base, the stem
 begins there.
 """
 
@@ -33,7 +33,7 @@ def fronted(body: Body, front: Curve) -> Body:
 
 
 def _side(name: str, start: Point, end: Point) -> list[Face]:
-    """Straight face between two points, none where they are one."""
+    """Straight face between two points; none if they coincide."""
     apart = abs(start[0] - end[0]) + abs(start[1] - end[1])
     return [Face(name, Segment(start, end))] if apart > GAP_MM else []
 

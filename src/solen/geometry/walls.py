@@ -1,4 +1,4 @@
-"""Faces divided where the design's wall tables begin and end, and receivers set behind their gap."""
+"""Faces divided at the limits of the design's wall tables, and receivers behind their gap."""
 
 import re
 from collections.abc import Sequence
@@ -12,15 +12,15 @@ from solen.geometry.body import Face
 from solen.spec import Wall
 
 SHORTEST_MM = 1e-6
-"""A piece shorter than this is not cut off; a stretch shorter than this is none."""
+"""Shortest piece to cut off, and shortest stretch."""
 DARK = ("receiver", "mirror", "black")
-"""Parts whose faces are no walls."""
+"""Parts whose faces are not walls."""
 
 
 def behind_gap(faces: tuple[Face, ...], gap_mm: float | None) -> tuple[tuple[Face, ...], tuple[Face, ...]]:
-    """Faces with every receiver's place a bare ``end``, and the receivers ``gap_mm`` before them; as they are for None.
+    """Faces with a bare ``end`` for every receiver, and receivers ``gap_mm`` before them; None changes nothing.
 
-    A receiver's left, its face, looks at the end; it is as wide as the end.
+    A receiver's left side faces the end; it is as wide as the end.
     """
     if gap_mm is None:
         return faces, ()
@@ -69,7 +69,7 @@ def with_walls(
 
 
 def matches(face: Face, wall: Wall) -> bool:
-    """Whether a wall table names a face, with the number of several of one name or without; it must be a wall."""
+    """Whether a wall table names a face, with or without its number; it must be a wall."""
     return face.part not in DARK and called(face, wall.face)
 
 

@@ -1,14 +1,14 @@
-"""Layers of a print: a solid cut at the middle of each layer, as pictures of covered pixels with their exposure.
+"""Layers of a print: sections of a solid at the middle of each layer, as pictures of covered pixels with exposures.
 
-The idea: a `Solid` lies as it is printed, its lowest point on the plate; it is a `Plan` of exact outlines where a part
-is printed flat, and `Slices` of a closed mesh otherwise. A `Job` puts copies of it on a printer's plate and gives
-`Layer` after `Layer`, each made when it is asked for, so that a job of thousands needs the memory of a few. The value
-of a pixel is the share of it that the solid covers **at the middle of the layer's height**; a last layer that the solid
-fills by less than half is left out, by more is whole, so that the stack is on average as high as the solid.
+The idea: a `Solid` is oriented for printing, its lowest point on the plate; it is a `Plan` of exact outlines if a part
+is printed flat, and `Slices` of a closed mesh otherwise. A `Job` puts copies of it on a printer's plate and yields
+`Layer` after `Layer` on demand, so that a job of thousands needs the memory of a few. The value
+of a pixel is its share covered by the solid **at the middle of the layer's height**; a last layer that the solid
+fills to less than half is left out, otherwise whole, so that the stack is on average as high as the solid.
 
 The interface: `printable_design` and `printable_mesh` in an `orientation`, sliced by `Slicing`; `Job.layers`;
 `write_archive` for a ZIP of PNGs with a job.json, `write_goo` for a .goo file; `layered_print` for the numbers,
-`as_sheet` for the program of a printer that takes the STL.
+`as_sheet` for printers' software that takes the STL.
 """
 
 from solen.fabricate.layers.archive import Stack, as_png, write_archive

@@ -105,7 +105,7 @@ def as_png(image: NDArray[np.uint8], pitches_mm: tuple[float, float]) -> bytes:
 
 
 def _manifest(job: Job) -> bytes:
-    """Manifest by which UVtools knows the size of what it shows."""
+    """Manifest that tells UVtools the size of pixels and layers."""
     (rows, columns), (x, y, z) = job.printer.shape, job.printer.size_mm
     root = ET.Element("Manifest")
     about: dict[str, object] = {"CreatedBy": WRITER, "UpdatedBy": WRITER, "LayerHeight": job.layer_mm}

@@ -1,9 +1,9 @@
-"""A closed mesh cut by level planes, and its shells, in little more memory than the mesh itself.
+"""Horizontal sections of a closed mesh, and its shells, in little more memory than the mesh itself.
 
-The idea: a corner lies above a plane or it does not; one on the plane counts as above. Each triangle then crosses on no
-edge or on two, each crossing is shared by two triangles, and following them from one to the next gives closed rings,
-whatever corners or level faces the plane meets. Seen from above, a triangle's crossing leads from the edge that goes
-down to the one that goes up with the solid on its left, so holes come out clockwise.
+The idea: a corner is above a plane or not; on the plane counts as above. Each triangle then crosses on no
+edge or on two, each crossing is shared by two triangles, and following them gives closed rings,
+whatever corners or level faces the plane hits. Seen from above, a triangle's crossing leads from its descending
+to its ascending edge with the solid on the left, so holes are clockwise.
 
 The interface: `Cutter.rings` at a height; `Shells.of` a mesh.
 """

@@ -1,13 +1,13 @@
 """A stack of layers as a ``.goo`` file of version 3.0, the open format of Elegoo's printers.
 
 The format (github.com/elegooofficial/GOO): big-endian; a header of 195,477 bytes with the printer, the exposures of the
-bottom layers and of all others, and how the plate moves; then for each layer 70 bytes of the same of its own, and its
-grey values as runs with a checksum; an end mark. A printer follows the header alone unless the header says that each
-layer's own numbers count ("advance mode"). Printers were seen to stop, or to begin too high, where it did
-(github.com/sn4k3/UVtools, issues 997 and 1040), so burn-in is stated by the header's bottom layers, and exposures of
-single pictures only for a printer whose file says that it was proven to keep them.
+bottom layers and of all others, and the plate's movements; then for each layer 70 bytes of the same, and its
+grey values as runs with a checksum; an end mark. A printer follows only the header unless the header says that each
+layer's own numbers count ("advance mode"). Printers were reported to stop, or to begin too high, in that mode
+(github.com/sn4k3/UVtools, issues 997 and 1040), so burn-in is written as the header's bottom layers, and exposures of
+single pictures only for printers whose file states proof that they are observed.
 
-Nothing says when the file was made: the same part gives the same bytes.
+The file has no date: the same part gives the same bytes.
 """
 
 import struct

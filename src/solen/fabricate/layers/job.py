@@ -1,8 +1,8 @@
 """A print job: copies of a solid on a printer's plate, layer by layer.
 
-The part's own origin stands on a corner of four pixels, or at a stated place in its pixel, and copies are whole pixels
-apart: a sensor, whose origin is the lens' vertex, stays symmetric about its axis, what was drawn on a grid of pixels
-stays on it, and every copy is drawn by the same pixels in the same way. All of them together lie about the middle of
+The part's origin is on a corner of four pixels, or at a stated position in its pixel, and copies are whole pixels
+apart: a sensor, whose origin is the lens vertex, stays symmetric about its axis, drawings on a grid of pixels
+stay on it, and every copy has identical pixels. All copies are centred on
 the plate.
 """
 

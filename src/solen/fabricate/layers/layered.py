@@ -18,7 +18,7 @@ SMALLEST_MM, LARGEST_MM = 0.5, 1000.0
 NARROW = 0.1
 """A part that stands on less than this share of its largest layer needs something to stand on."""
 OTHER_VOLUME = 0.01
-"""Relative difference of volume from which on the layers are not those of the solid."""
+"""Relative difference of volume above which layers do not match the solid."""
 HEIGHT_UM = 1.0
 """Difference of height between stack and part that is not worth a warning."""
 APART_NM = 10.0

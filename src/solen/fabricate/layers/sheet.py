@@ -39,9 +39,9 @@ class PrintSettings(Result):
     solen_settings, writer
         Version of this table, and the solen that wrote it.
     part, stl, stl_unit
-        Name of the part, and of the STL that the program takes, already turned as it is to be printed.
+        Name of the part, and of the STL, already oriented for printing.
     material, printer, orientation, lies
-        A description; how the part must lie, None if that is free.
+        Descriptions; the required orientation, None if any will do.
     wavelength_nm, pixel_um, pixel_y_um
         Of the printer; sides of a pixel along X and Y.
     size_mm, copies
@@ -51,23 +51,23 @@ class PrintSettings(Result):
     burn_in_layers, burn_in_exposure_s, exposure_s
         Number and exposure of the first layers, and exposure of the others.
     pictures
-        Pictures that are shown one after the other at one height, each with its own exposure; empty for a stack.
+        Pictures shown in sequence at one height, each with its own exposure; empty for a stack.
     irradiance_mW_per_cm2, burn_in_dose_mJ_per_cm2, dose_mJ_per_cm2
         Irradiance and doses at the window.
     phase_px, anti_aliasing, process, greys
         Of the pictures, None without: where the part's origin stands in its pixel, whether edges are grey, the process
         file, and its pairs of grey and light by which edges are drawn.
     z_offset_um
-        Thickness of what lies between plate and window and is not printed: a film, a base that is there already.
+        Thickness of objects between plate and window that are not printed: a film, an existing base.
     volume_ml
         Resin in all parts.
     exposures_s, pause_s, estimated_time_s
-        All exposures together, the pause between two, and the whole print.
+        Total exposure, pause between exposures, and duration of the print.
     cure, cure_depth_um, burn_in_cure_depth_um
-        Working curve in words, and the depths that one exposure cures by it; None without one.
+        Working curve in words, and its cure depths of single exposures; None without one.
     layer_exposures_s, layer_doses_mJ_per_cm2, layer_received_mJ_per_cm2
-        Of each layer, the first printed first: its exposure, its dose at the window, and the mean dose that it gets
-        with what later layers let through, by the working curve; None without one.
+        For each layer in order of printing: exposure, dose at the window, and mean received dose
+        including light through later layers, by the working curve; None without one.
     """
 
     solen_settings: int

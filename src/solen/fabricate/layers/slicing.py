@@ -45,7 +45,7 @@ class Slicing(Options):
     mirror: Axis | None = None
     """Flip the pictures along x or y; default: as the printer's file says, else none."""
     phase_px: tuple[Phase, Phase] = (0.0, 0.0)
-    """Where the part's origin, a sensor's lens vertex, stands in its pixel along X and Y; 0 is on a corner."""
+    """Position of the part's origin (a sensor's lens vertex) in its pixel along X and Y; 0 is on a corner."""
     no_anti_aliasing: bool = False
     """Light pixels that are covered by half or more, and no others; without it, pixels at an edge are grey."""
     process: Path | None = None
@@ -60,7 +60,7 @@ class Slicing(Options):
     """Write STL and settings, no pictures."""
 
     def exposed_as(self, process: Settings) -> "Slicing":
-        """The same with what a process states of layers and exposures, where no option states it."""
+        """The same with layers and exposures of a process where no option states them."""
         stated = {key: getattr(process, key) for key in EXPOSED if key not in self.model_fields_set}
         return self.model_copy(update=stated)
 

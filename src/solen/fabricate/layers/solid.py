@@ -115,9 +115,9 @@ class Sections(Solid):
 
 @dataclass(frozen=True, eq=False)
 class Exposures(Solid):
-    """Pieces of one layer that are exposed in turn, each for its own time, without a lift in between.
+    """Pieces of one layer exposed in sequence, each for its own time, without a lift in between.
 
-    With ``greys``, one for each piece, 0 to 1, they are exposed together for the first time, each by its grey.
+    With ``greys``, 0 to 1 for each piece, they are exposed together for the first time, each with its grey.
     """
 
     names: tuple[str, ...]

@@ -1,16 +1,16 @@
-"""A process's numbers from measured coupons: the blur, the dose that sets an edge, the shrinkage.
+"""Calibration of a process from measured coupons: blur, critical dose of edges, shrinkage.
 
-The idea: least squares of printed sizes against measured ones (`solen.fabricate.process.coupon_fit`), each weighed by
-its uncertainty. What the process was taken to be before is a prior, three times as uncertain as stated, so that what
-coupons cannot determine stays where it was, with a warning. The scale of each picture is one more unknown
+The idea: least squares of modelled against measured sizes (`solen.fabricate.process.coupon_fit`), weighted by
+their uncertainties. The previous process is a prior, three times as uncertain as stated, so that parameters that
+coupons cannot determine stay unchanged, with a warning. The scale of each picture is a further unknown
 (`solen.fabricate.process.scales`): it and shrinkage multiply all sizes alike, so shrinkage is as uncertain as the
-scale. Large features show how far an edge grows and how sizes scale; only features about as small as the blur separate
-the blur from the critical dose; washing moves every edge as the critical dose does, and stays as stated.
+scale. Large features determine growth of edges and scaling; only features about as small as the blur separate
+the blur from the critical dose; washing moves edges like the critical dose, and stays as stated.
 
-The critical dose that comes out is effective: with the blur it places edges where they were measured. A working curve's
-is another number, and a better one for depths.
+The resulting critical dose is effective: with the blur it reproduces the measured edges. That of a working curve
+is a different number, better for depths.
 
-The interface: `calibrated` gives a `PrinterCalibration`.
+The interface: `calibrated` returns a `PrinterCalibration`.
 """
 
 import math
@@ -44,7 +44,7 @@ _DOUBT = 2.0
 class CalibratedNumber:
     """A number of the process with its standard uncertainty now and before; ``key`` ends in its unit.
 
-    ``growth_um`` stands for the critical dose: how far a straight wall grows beyond its image.
+    ``growth_um`` represents the critical dose: the growth of a straight wall beyond its image.
     """
 
     key: str
@@ -68,21 +68,21 @@ class PrinterCalibration(Result):
     simulated
         Whether sizes were computed rather than measured.
     numbers
-        Numbers that were sought.
+        Fitted numbers.
     covariance
         Of the numbers, (p, p).
     Ec_mJ_per_cm2, u_Ec_mJ_per_cm2
         Effective critical dose.
     given, features
-        Number of features that were given, and those that were used.
+        Number of given features, and the features used.
     scales
         Scale of each picture, measured over true.
     chi2, df
-        Sum of squared residuals over uncertainties, and measured values less numbers that they determine.
+        Chi-square, and number of measured values minus parameters they determine.
     scale
-        By what uncertainties were multiplied because features scatter more than they state; 1 where they do not.
+        Factor on uncertainties because features scatter more than stated; 1 if they do not.
     disagree
-        Features that the model prints and that were not found, or the other way round.
+        Features that are resolved only in the model or only in the measurement.
     sources, warnings
         Files of the features, and what cannot be concluded.
     """
@@ -193,7 +193,7 @@ def _calibration(problem: CouponFit, fit: Solution, coupons: Sequence[MeasuredCo
 def _process(
     problem: CouponFit, settings: Settings, covariance: FloatArray, u_of_Ec: float, name: str, simulated: bool
 ) -> Process:
-    """Process file of what was found."""
+    """Process file of the result."""
     before, count = problem.process, len(problem.used)
     data = before.model_dump()
     data["process"] = settings.model_dump()

@@ -16,7 +16,7 @@ from solen.fabricate.process.scales import Scales
 from solen.fabricate.process.settings import Process, Settings
 
 WEAK = 3.0
-"""By how much the stated uncertainty of the process of before is multiplied for the prior."""
+"""Factor on the previous process's stated uncertainty for the prior."""
 WIDEST_GROWTH = 10.0
 """Uncertainty of before of a wall's growth, in pixels: as good as none."""
 WIDE: dict[str, float] = {
@@ -26,7 +26,7 @@ WIDE: dict[str, float] = {
     "shrinkage_percent": 2.0,
     "shrinkage_z_percent": 2.0,
 }
-"""Uncertainty of before where a process states none."""
+"""Prior uncertainties if a process states none."""
 _LOST_UM = 200.0  # residual of a feature that the model does not print, in µm
 
 
@@ -115,7 +115,7 @@ class CouponFit:
         return with_growth(blurred.model_copy(update={"halo_um": halo_um}), growth)
 
     def _printed_um(self, settings: Settings) -> FloatArray:
-        """Sizes (n,) as they are printed; those of pictures of one coupon are the same."""
+        """Modelled sizes (n,); equal for pictures of the same coupon."""
         return np.asarray(1e3 * printed_mm(settings, self._distinct)[self._which])
 
     def _seen_um(self, settings: Settings, errors: FloatArray) -> FloatArray:

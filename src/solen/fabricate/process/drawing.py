@@ -36,7 +36,7 @@ class DrawnFace:
 
 
 def lens_face(body: Body) -> Face:
-    """The one face of a body that is its lens; `DesignError` if there is none, or several."""
+    """The lens face of a body; `DesignError` if there is none, or several."""
     faces = [face for face in body.all_faces if face.part == "lens"]
     if len(faces) != 1:
         limit = "a print is held against one face whose name begins with lens"
@@ -57,7 +57,7 @@ def redrawn(
     Raises
     ------
     DesignError
-        If a wall is shorter than what it would lose.
+        If a wall is shorter than its displacement allows.
     """
     outlines, middle = [], np.asarray(centre)
     for outline in body.outlines:
@@ -103,7 +103,7 @@ def _joined(faces: list[DrawnFace]) -> list[DrawnFace]:
 
 
 def _corner(before: FloatArray, after: FloatArray, name: str) -> FloatArray:
-    """Where the end of one polyline and the start of the next meet, along their tangents."""
+    """Intersection of the tangents at the end of one polyline and the start of the next."""
     a, b = before[-1], after[0]
     ta, tb = _unit(before[-1] - before[-2]), _unit(after[1] - after[0])
     sine = float(ta[0] * tb[1] - ta[1] * tb[0])

@@ -87,7 +87,7 @@ class FacePrint:
 
     @classmethod
     def of(cls, body: Body, settings: Settings, phase: tuple[float, float] = (0.0, 0.0)) -> "FacePrint":
-        """Print of a body as it is drawn.
+        """Print of a body as drawn.
 
         Raises
         ------

@@ -52,15 +52,15 @@ class MeasuredFeature:
     kind
         Pillar or hole (their diameter), gap (between the edges of two pillars) or step (a height).
     nominal_mm
-        As drawn.
+        Drawn size.
     measured_mm, u_measured_mm
-        As measured and its standard uncertainty; None if it is not there.
+        Measured size and its standard uncertainty; None if the feature is missing.
     resolved
         Whether the pillar stands, the hole and the gap are open, the step is seen.
     diameter_mm
         Diameter of the pillars beside a gap.
     u_own_mm
-        Standard uncertainty without that of the scale; None if the file does not state it apart.
+        Standard uncertainty without that of the scale; None if not stated separately.
     """
 
     kind: Kind
@@ -93,7 +93,7 @@ class PixelScale(Strict):
 
 
 class _File(Strict):
-    """A file of features; other keys, such as those that `solen print fidelity --out` adds, are left alone."""
+    """A file of features; other keys, such as those of `solen print fidelity --out`, are ignored."""
 
     model_config = ConfigDict(extra="ignore")
     error: ClassVar[type[SolenError]] = DataError

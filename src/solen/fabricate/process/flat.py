@@ -1,9 +1,10 @@
 """A lens printed flat: its profile lies in the plane of the pixels, and each height of the part has its own.
 
-The idea: all layers of a flat sensor show one image. What a height gets depends on how many layers come after it:
-inside, all heights are alike but for the place within their layer; the last layers get less and stand back, the burn-in
-layers get more and stand out. So the walls taper by dose alone, and ripple once a layer. Light goes through the lens at
-half its thickness, where the emitter is: that height's profile, mean over its layer, is the default.
+The idea: all layers of a flat sensor show the same image. The dose at a height depends on the number of later layers:
+inside, all heights are alike except for the position within their layer; the last layers receive less and recede, the
+burn-in layers receive more and protrude. So the walls taper by dose alone, with a ripple of one period per layer.
+Light passes the lens at half its thickness, where the emitter is: that height's profile, averaged over its layer, is
+the default.
 
 Shrinkage, washing and the taper beyond the dose's are applied to the set outline: everything shrinks about the middle
 of the lens, and washing and taper move a wall along its normal.

@@ -1,10 +1,10 @@
 """Light of grey pixels from discs of several greys that one exposure cured.
 
-The idea: a disc is as thick as its light cures, Dp ln(E/Ec) (Jacobs). Of two discs of one exposure the critical dose
-drops out: the light of a grey, as a share of the full one, is exp((C - C₁)/Dp) with the thicknesses C and, of the full
+The idea: a disc has the cure depth of its light, Dp ln(E/Ec) (Jacobs). For two discs of one exposure the critical dose
+cancels: the light of a grey, relative to the full one, is exp((C - C₁)/Dp) with the thicknesses C and, for the full
 grey, C₁. An error of Dp is an error of the exponent, so it is stated as that of `Settings.grey_power`, together with
-what the discs' own scatter leaves open. Light that falls where the grey rises is the scatter's: the shares are the
-nearest that ascend (isotonic regression, each thickness by its uncertainty).
+the discs' scatter. Light that falls with rising grey is due to scatter: the shares are the
+nearest ascending ones (isotonic regression, weighted by the uncertainties of thickness).
 
 The interface: `measured_greys` gives `MeasuredGreys`, whose ``process`` holds them.
 """
@@ -45,7 +45,7 @@ class GreyOptions(RowOptions):
     u_thickness_um: Finite | None = Field(None, gt=0.0)
     """Standard uncertainty of a disc's thickness, where the table has no column u_thickness_um and no repeats."""
     u_scale_percent: Annotated[Finite, Field(ge=0.0, le=50.0)] = 0.0
-    """Standard uncertainty of the gauge's scale, %: what all thicknesses share; it is not in those of the discs."""
+    """Standard uncertainty of the gauge's scale, %, common to all thicknesses; not included in those of the discs."""
 
 
 class MeasuredGreys(Measured, kw_only=True):
@@ -87,14 +87,14 @@ def measured_greys(recording: Recording, process: Process, options: GreyOptions 
     Parameters
     ----------
     recording
-        With a column of greys (shares, % or 255ths) and one of thicknesses, of discs that one exposure cured together.
+        Table with a column of greys (fractions, % or 0 to 255) and one of thicknesses, of discs cured in one exposure.
     process
-        Its Dp turns thickness into light; everything else of it is kept.
+        Its Dp converts thickness to light; the rest is kept.
 
     Raises
     ------
     DataError
-        If a column is missing, no disc is of the full grey, too few greys set, or light falls as grey rises.
+        If a column is missing, no disc has the full grey, too few greys set, or light falls with rising grey.
     """
     recording = chosen_rows(recording, options)
     thickness = recording.need(*THICKNESSES)
@@ -177,7 +177,7 @@ def _u_um(depth: FloatArray, which: NDArray[np.intp], stated: FloatArray | None,
     left = depth - (np.bincount(which, depth) / np.bincount(which))[which]
     free = len(depth) - len(np.unique(which))
     if free < 3:
-        limit = "is not stated, and the discs repeat too few greys to tell it"
+        limit = "is not stated, and too few greys are repeated to determine it"
         raise DataError("u_thickness_um", limit=limit, remedy="add --u-thickness-um or a column u_thickness_um")
     return np.full(len(depth), float(np.sqrt(np.sum(left**2) / free)))
 

@@ -1,11 +1,11 @@
 """Growth of straight edges, and the critical dose that causes it.
 
-The idea: seen from above a part is as wide as on the window side of a layer far inside, where all layers are alike. How
-far a long straight wall stands beyond its image there is the one number that coupons determine best: blur, scattering,
-critical dose, exposure and washing all go into it. So a calibrated process keeps it: when another number of it is
-varied within its uncertainty, the critical dose is varied with it so that walls still grow as measured.
+The idea: seen from above, the width of a part is that on the window side of a layer far inside, where all layers are
+alike. The growth of a long straight wall beyond its image there is the number that coupons determine best: blur,
+scattering, critical dose, exposure and washing all contribute. So a calibrated process keeps it: when another number
+is varied within its uncertainty, the critical dose is adjusted so that walls still grow as measured.
 
-The interface: `straight_edge_um` is how far a wall stands out at a height; `inside` is the light far inside,
+The interface: `straight_edge_um` is the growth of a wall at a height; `inside` is the light far inside,
 `growth_um` the growth there, `with_growth` gives settings of a given one.
 """
 

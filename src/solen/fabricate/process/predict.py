@@ -34,15 +34,15 @@ class Prediction:
     Attributes
     ----------
     deviation
-        From the designed face; of a lens that is made of layers, without the steps' ripple.
+        Deviation from the designed face; for a lens printed in steps, without their ripple.
     u_um
-        Standard uncertainty of that at each point, (N,).
+        Its standard uncertainty at each point, (N,).
     ripple_um
-        Steps of layers along the face, (N,); 0 everywhere where it lies flat.
+        Steps of layers along the face, (N,); 0 everywhere for a flat print.
     ripple_through_um
-        From valley to peak of a wall within a layer along the thickness, where the lens lies flat; 0 otherwise.
+        Peak to valley of a wall within a layer along the thickness, for a flat print; 0 otherwise.
     contributions_um
-        Root mean square along the face of what each uncertain number contributes, the largest first.
+        Contribution (rms along the face) of each uncertain number, the largest first.
     """
 
     deviation: Deviation

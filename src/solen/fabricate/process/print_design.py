@@ -58,7 +58,7 @@ class Walls:
     Attributes
     ----------
     height_um, beyond_um
-        Middle heights of the layers (n,), and how far a wall stands beyond its image there, shrinkage left out.
+        Middle heights of the layers (n,), and the growth of a wall beyond its image there, without shrinkage.
     """
 
     height_um: FloatArray = field(metadata=HIDDEN)
@@ -96,7 +96,7 @@ class Shape:
 
 @dataclass(frozen=True, eq=False)
 class PrintedPart:
-    """The whole part as it is printed flat, and its volume beside the designed one's."""
+    """The whole part as printed flat, and its volume compared with the designed one."""
 
     mesh: Mesh = field(metadata=HIDDEN)
     label: Label = field(metadata=HIDDEN)
@@ -196,7 +196,7 @@ def print_design(
     part: bool = False,
     progress: Progress | None = None,
 ) -> PrintedDesign:
-    """Predict what a printer makes of a design.
+    """Predict the print of a design.
 
     Parameters
     ----------
@@ -205,15 +205,15 @@ def print_design(
     options
         The process and the orientation.
     response, compensate, part
-        Whether the response is traced with both lenses, the drawing that prints as designed is found, and the whole
-        part is made.
+        Whether to trace the response with both lenses, compute a compensated drawing, and make the whole
+        part.
     progress
         Called with the completed share, up to 1.
 
     Raises
     ------
     SolenError
-        If the process is not possible, the lens cannot be printed by it, or what is asked for is of flat parts.
+        If the process is impossible, the lens cannot be printed by it, or an option requires a flat part.
     """
     _check_flat(options, compensate=compensate, part=part)
     process, sources = process_of(options)
@@ -274,14 +274,14 @@ class _Print:
 
     @cached_property
     def chosen(self) -> Phase | None:
-        """The best place in the pixel, where it is to be chosen."""
+        """The best position in the pixel, if requested."""
         if not self.options.choose_phase:
             return None
         return best_phase(self.rings, self.target, self.process.process, self.thickness_mm, self.height_um)
 
     @property
     def phase_px(self) -> tuple[float, float] | None:
-        """Where the lens stands in its pixel; None if nobody says."""
+        """Position of the lens in its pixel; None if not stated."""
         return self.options.phase_px if self.chosen is None else self.chosen.phase_px
 
     @property

@@ -35,7 +35,7 @@ ALIKE_UM = 1.0
 MIDDLE_PIXELS = (0.0, 0.5)
 """Places in a pixel across the axis at which left mirrors right."""
 ELSEWHERE = (0.5, 0.5)
-"""Place in the pixel that is farthest from a corner, where a lens stands if nothing is stated."""
+"""Position in the pixel farthest from a corner; the default is a corner."""
 WELL_KNOWN_UM = 3.0
 CYLINDER, DESIGNED, PRINTED, DRAWN = "cylinder", "designed", "printed", "compensated"
 
@@ -155,7 +155,7 @@ def print_layers(
     part: bool = False,
     progress: Progress | None = None,
 ) -> PrintedLayers:
-    """Predict what a printer makes of a design whose lens differs by height.
+    """Predict the print of a design whose lens varies with height.
 
     Parameters and errors are those of `solen.fabricate.process.print_design`.
     """

@@ -1,13 +1,13 @@
 """Light of one pixel at the window: its rectangle blurred by a Gaussian, or a response that was measured.
 
-The idea: an image's light is the sum of its pixels' lights, each at its place. Of a projector no more than a width may
-be known, and a Gaussian over the pixel's own rectangle has one. Where the light of a single lit pixel was measured,
-that picture takes the place of both: flat tops, tails and asymmetry print as they are. Between its samples runs a cubic
-spline, beyond them it is dark; its sum is the light of one pixel.
+The idea: an image's light is the sum of its pixels' light. Often only the width of a projector's blur is
+known, which a Gaussian over the pixel's rectangle describes. If the light of a single lit pixel was measured,
+that picture replaces both, with flat tops, tails and asymmetry. Samples are interpolated by a cubic
+spline and dark beyond; their sum is the light of one pixel.
 
 The interface: `PixelResponse` is the table of a process file and `light_of_file` what its file holds; `GaussianPixel`
 and `MeasuredPixel` give its spectrum on a grid, in the plane and summed along one axis, and its mean over directions as
-a sum of Gaussians, by which straight walls and round features are printed.
+a sum of Gaussians, used for straight walls and round features.
 """
 
 import math
@@ -128,7 +128,7 @@ class GaussianPixel:
 
     @property
     def fine(self) -> int:
-        """Points of a grid for each pixel that hold it to rounding; `DataError` if it is too sharp."""
+        """Grid points per pixel that represent it to rounding; `DataError` if it is too sharp."""
         width, pixel_um = math.sqrt(-2.0 * math.log(FAINTEST)), max(self.pixels_um)
         needed = math.ceil(width * pixel_um / (math.pi * self.blur_um))
         if needed > MOST_FINE:

@@ -1,12 +1,12 @@
-"""The process file: what a printer and a resin do to an image, each number with its uncertainty and its source.
+"""The process file: the properties of a printer and a resin, each number with its uncertainty and its source.
 
-The idea: a prediction is worth what its numbers are worth. So the file holds three tables of one set of keys: the value
-(``[process]``), its standard uncertainty (``[uncertainty]``) and where it comes from (``[source]``), and the covariance
-where a calibration found several at once. A number that is left out is the default's, with its source.
+The idea: a prediction is only as good as its inputs. So the file holds three tables with the same keys: the value
+(``[process]``), its standard uncertainty (``[uncertainty]``) and its source (``[source]``), and the covariance
+of jointly calibrated numbers. Missing numbers are those of the default, with its sources.
 
-The default is drawn from the publication that solen is built around (Cafiso et al., Methods) where that states a
-number: 13 mW/cm², layers of 25 µm, 2 s, six burn-in layers of 3 s. Of the working curve it states bounds alone, and of
-the projector nothing: those values are assumptions, marked as such in the file itself.
+The default follows the publication that solen is built around (Cafiso et al., Methods) where it states a
+number: 13 mW/cm², layers of 25 µm, 2 s, six burn-in layers of 3 s. It states only bounds of the working curve, and
+nothing about the projector: those values are assumptions, marked as such in the file.
 
 The interface: `read_process`, `default_process`, `process_text`; `Process` holds the three tables, `Settings` the
 values.
@@ -267,15 +267,15 @@ GROWTH = "growth_um"
 """Growth of a straight wall: what a calibration finds in place of the critical dose."""
 CRITICAL = "Ec_mJ_per_cm2"
 U_RESPONSE = 0.05
-"""Standard uncertainty of a response's scale where nothing is stated."""
+"""Default standard uncertainty of a response's scale."""
 _WHOLE = 1e-3
 _FAR = 10.0  # penetration depths
 
 
 class Calibration(Strict):
-    """Numbers fitted together, and their covariance in the units of their keys.
+    """Jointly fitted numbers, and their covariance in the units of their keys.
 
-    ``growth_um`` among them means that walls grow as measured, whatever other numbers turn out to be.
+    ``growth_um`` among them means that walls grow as measured, whatever the other numbers.
     """
 
     table: ClassVar[str] = "calibration"
@@ -311,7 +311,7 @@ class Process(Strict):
     process: Settings = Field(default_factory=Settings, description="The values.")
     uncertainty: dict[str, NotNegative] = Field(default_factory=dict, description="Standard uncertainties by key.")
     source: dict[str, str] = Field(default_factory=dict, description="Where each value comes from.")
-    calibration: Calibration | None = Field(None, description="Covariance of what was found together.")
+    calibration: Calibration | None = Field(None, description="Covariance of the calibrated numbers.")
 
     @model_validator(mode="after")
     def _keys_are_known(self) -> Self:
@@ -331,9 +331,9 @@ class Process(Strict):
         return self.calibration is not None and GROWTH in self.calibration.keys
 
     def covariance(self) -> tuple[tuple[str, ...], FloatArray]:
-        """Keys of the uncertain numbers and their covariance: that of the calibration, else diagonal.
+        """Keys of the uncertain numbers and their covariance: the calibration's, else diagonal.
 
-        Where the growth of walls is known, it stands for the critical dose.
+        If the growth of walls is known, it represents the critical dose.
         """
         together: tuple[str, ...] = () if self.calibration is None else self.calibration.keys
         alone = [key for key in UNCERTAIN if self.uncertainty.get(key, 0.0) > 0.0 and key not in together]
@@ -369,7 +369,7 @@ class Process(Strict):
         return tuple(key for key in stated if self.source.get(key, "assumption").lower().startswith("assum"))
 
     def warnings(self) -> list[Caution]:
-        """Limits of what a print modelled with these numbers shows."""
+        """Warnings about prints modelled with these numbers."""
         messages, s = [], self.process
         if s.cure_depth_um < s.layer_um:
             messages.append(

@@ -1,9 +1,9 @@
-"""The solid that the printer makes of a part printed flat: its outline, height by height.
+"""The printed solid of a flat part: its outline at every height.
 
-The idea: all layers show one image, and how far a wall stands out changes with the height only near the first layers
+The idea: all layers show the same image, and the growth of walls changes with height only near the first layers
 and the last. So the part is cut into slabs within which a straight wall moves by less than a tolerance; each slab gets
-the outline of its middle, where the dose is critical, shrunk and washed as a lens is, and all are put together. The
-ripple within a layer is left out: slabs are taken at the middle of a layer.
+the outline at its middle, where the dose is critical, shrunk and washed like a lens. The
+ripple within a layer is omitted: slabs are evaluated at the middle of a layer.
 
 The interface: `slabs` over the heights, `outlines` at one, `printed_solid` of drawn rings.
 """

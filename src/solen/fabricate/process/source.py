@@ -38,7 +38,7 @@ class PrintOptions(Options):
     orientation: Orientation = "flat"
     """How the part lies in the printer; upright makes the lens last."""
     phase_px: tuple[PixelShare, PixelShare] | None = None
-    """Where the lens vertex stands in its pixel along x and z, as in solen print layers; default: a corner."""
+    """Position of the lens vertex in its pixel along x and z, as in solen print layers; default: a corner."""
     choose_phase: bool = False
     """Choose the place in the pixel at which the lens comes out nearest to its shape (flat parts)."""
     at: str = "middle"
@@ -127,7 +127,7 @@ def with_printer(process: Process, name: str | None) -> Process:
 
 
 def curve_left_out(process: Process, design: Design) -> list[Caution]:
-    """Warning where the process keeps its lamp's curve though the design's resin has a measured one."""
+    """Warning if the process keeps its own working curve although the design's resin has a measured one."""
     resin = None if design.material.resin is None else resin_of(design.material.resin, design.resin_file)
     if resin is None or resin.cure is None or not process.process.lamp:
         return []
@@ -142,7 +142,7 @@ def curve_left_out(process: Process, design: Design) -> list[Caution]:
 
 
 def with_resin(process: Process, design: Design) -> Process:
-    """Process with the working curve of the design's resin, where it has one and the process only assumes its own."""
+    """Process with the working curve of the design's resin, if measured and the process only assumes its own."""
     resin = None if design.material.resin is None else resin_of(design.material.resin, design.resin_file)
     keys = ("Dp_um", "Ec_mJ_per_cm2")
     if resin is None or resin.cure is None or process.calibration is not None or process.process.lamp:

@@ -1,10 +1,10 @@
 """A lens printed flat whose layers show different images, near the lens.
 
-The idea: resin at a height sees its own layer's exposure and those of all later ones, each blurred and weakened by what
-lies between (`solen.fabricate.process.terms`). Where the layers show different images, a dose is a sum over them: light
-of a layer that stands out sets resin below it, and a layer beneath ones that stand back gets less. All of it is added
-up as spectra, as in `solen.fabricate.process.field`: the sharp light of all layers has one blur, so that its images
-are summed first; scattered light, whose width grows with depth, is summed in `GROUPS` groups of like widths.
+The idea: resin at a height receives its own layer's exposure and those of all later ones, each blurred and attenuated
+by the layers in between (`solen.fabricate.process.terms`). With different images per layer, a dose is a sum over
+them: light of a protruding layer sets resin below it, and a layer below receding ones receives less. All of it is
+summed as spectra, as in `solen.fabricate.process.field`: the sharp light of all layers has the same blur, so its
+images are summed first; scattered light, whose width grows with depth, is summed in `GROUPS` groups of similar width.
 
 The interface: `Stack.of` the outlines of all layers, with `offsets_um` of one layer's face.
 """

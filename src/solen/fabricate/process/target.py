@@ -1,10 +1,10 @@
-"""A target face to compare a print with: even points along it, normals, and exits of a field along these.
+"""A target face for comparison with a print: equidistant points, normals, and zeros of a field along them.
 
-The idea: a deviation is measured where it is meant, along the designed face's normal: above 0 there is more material
-than designed, below 0 less. What a print model computes at a place (a dose over the critical one) is followed along the
-normals from inside to outside, and the first place where it falls to 0 is the printed wall.
+The idea: a deviation is measured along the designed face's normal: positive means more material
+than designed, negative less. The field of a print model (dose above the critical dose) is followed along the
+normals from inside to outside, and its first zero is the printed wall.
 
-The interface: `Target.of` a face; `exits_um` of a field; `Deviation` of what was found.
+The interface: `Target.of` a face; `exits_um` of a field; `Deviation` of the result.
 """
 
 from collections.abc import Callable

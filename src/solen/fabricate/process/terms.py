@@ -1,8 +1,8 @@
-"""Light at a height of a part: from each later layer, the narrow and the wide light that the layers between transmit.
+"""Light at a height of a part: narrow and wide light from each later layer through the layers in between.
 
-The idea: resin at a height sees its own layer's exposure and those of all layers after it, each attenuated by
-e^(-depth/Dp) on its way from the window (Jacobs, Rapid Prototyping & Manufacturing, 1992), or by what is left of each
-line of a lamp, so a dose is a sum of
+The idea: resin at a height receives its own layer's exposure and those of all later layers, each attenuated by
+e^(-depth/Dp) from the window (Jacobs, Rapid Prototyping & Manufacturing, 1992), or line by line for a
+lamp with a spectrum, so a dose is a sum of
 blurred images. A share of the light is scattered: it makes a halo, whose width grows with depth. The halo is a Gaussian
 about the light of a pixel; one of standard deviation h at the window is sqrt(h² + (g d)²) wide at the depth d.
 

@@ -1,10 +1,10 @@
 """A lens printed upright or on edge: its profile lies along the direction of printing, and is made of layers.
 
-The idea: seen from the side, a layer is a row: lit where the drawn body is at half the layer's height, with grey at the
-ends. Sideways light blurs as anywhere. Along the printing direction it goes one way, from the window towards the
-platform: below an overhang it sets resin that no layer meant (print-through), above a layer nothing is there yet to be
-set. So a face that looks to the platform is drawn out and its steps are filled in, and a face that looks to the window
-keeps its steps. The body is taken to be thick along y, where nothing changes; shrinkage is stated for both directions.
+The idea: seen from the side, a layer is a row, lit where the drawn body is at half the layer's height, with grey at the
+ends. Sideways, light blurs as usual. Along the printing direction it travels one way, from the window towards the
+platform: behind an overhang it sets unintended resin (print-through), on the window side there is no later resin to
+set. So a face towards the platform grows and its steps are filled in, and a face towards the window
+keeps its steps. The body is assumed thick along y; shrinkage is stated for both directions.
 
 The interface: `SidePrint.of` drawn outlines; `profile_um` gives the offsets along a target's normals, `steps` splits
 them into what the steps' ripple is and what is left without it.

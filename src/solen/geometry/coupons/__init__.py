@@ -1,7 +1,7 @@
-"""Layouts of coupons: parts that are printed to be measured, as features of nominal places and sizes.
+"""Layouts of coupons, parts printed to be measured, as features with nominal positions and sizes.
 
-`COUPONS` names them; `layout` makes one. What the source leaves open or contradicts is an option of `CouponOptions`,
-and a coupon states in its ``readings`` what was taken.
+`COUPONS` names them; `layout` makes one. Ambiguities of the source are options of `CouponOptions`,
+and a coupon states the chosen interpretation in its ``readings``.
 """
 
 from collections.abc import Callable
@@ -29,7 +29,7 @@ COUPONS: dict[str, Callable[[CouponOptions], Coupon]] = {
 
 
 def layout(name: str, options: CouponOptions = CouponOptions()) -> Coupon:
-    """Coupon of a name; `SpecError` if there is none or it cannot be laid out."""
+    """Coupon by name; `SpecError` if there is none or it cannot be laid out."""
     if name not in COUPONS:
         raise SpecError("coupon", value=name, limit=f"must be one of {', '.join(COUPONS)}")
     return COUPONS[name](options)

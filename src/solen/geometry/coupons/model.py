@@ -1,11 +1,11 @@
 """A coupon: features of nominal position and size on a slab, and the interpretation of its source.
 
-A coupon lies on the build plate as seen from above: x to the right, y up, its middle at the origin; heights count from
+A coupon lies on the build plate as seen from above: x to the right, y up, its centre at the origin; heights count from
 the plate. A `Feature` is a round or rectangular column or hole; a `Gap` is the free distance between two columns, a
-`Step` the difference of height of two. A `Stage` is one run of the printer: most coupons have one. `Reading` is what
-the source prints and how it was read, where it contradicts itself or leaves something open.
+`Step` the difference of height of two. A `Stage` is one run of the printer: most coupons have one. `Reading` is a
+statement of the source and its interpretation, where it is ambiguous or contradictory.
 
-Everything is a frozen dataclass of plain numbers; solids are made of them in `solen.fabricate`, and measurements are
+Everything is a frozen dataclass of plain numbers; `solen.fabricate` makes solids of them, and measurements are
 matched to them in `solen.metrology`.
 """
 
@@ -25,7 +25,7 @@ from solen.spec.strict import option_refusal
 Kind = Literal["pillar", "hole", "mark", "disc", "layer", "cube", "guide", "ledge"]
 LARGEST_MM = 1e3
 TOUCH_MM = 1e-6
-"""Features nearer than this touch, up to rounding."""
+"""Features closer than this touch."""
 
 
 class _Table:
@@ -45,21 +45,21 @@ class Feature(_Table):
     kind
         Kind of feature; a ``mark`` orients an image and is not evaluated.
     x_mm, y_mm
-        Its middle.
+        Its centre.
     width_mm, depth_mm
-        Its extent along x and y; both are the diameter of a round one.
+        Its extent along x and y; both equal the diameter of a round feature.
     from_mm, to_mm
-        Heights above the plate, or above the zero of its stage; a hole's are those of what it goes through.
+        Heights above the plate, or above the zero of its stage; for a hole, those of the pierced material.
     round
-        Whether it is a circle, or a rectangle.
+        Whether it is a circle rather than a rectangle.
     bevel_mm
         Legs of the bevelled corner of a rectangle, at right and back (+x, +y); 0 for none.
     stage
         Name of the run in which it is printed.
     exposure_s
-        Its own exposure, where it differs from that of the layers.
+        Its exposure, if different from that of the layers.
     grey
-        The grey value that its pixels have, as a share of the full one, where they are not full.
+        Grey value of its pixels as a share of the full value, if not full.
     """
 
     name: str
@@ -78,12 +78,12 @@ class Feature(_Table):
 
     @property
     def height_mm(self) -> float:
-        """Its height; of a hole its depth."""
+        """Its height, or the depth of a hole."""
         return self.to_mm - self.from_mm
 
     @property
     def is_stacked(self) -> bool:
-        """Whether it is a layer of a bar that stands on another one."""
+        """Whether it is a layer of a bar that lies on another one."""
         return self.kind == "ledge" and self.from_mm > 0.0
 
     @property
@@ -92,7 +92,7 @@ class Feature(_Table):
         return self.width_mm
 
     def meets(self, other: "Feature") -> bool:
-        """Whether both may not share a place; layers of a bar may, where they have no heights in common."""
+        """Whether both must not overlap; layers of a bar may, at different heights."""
         if self.kind != "ledge" or other.kind != "ledge":
             return True
         return self.from_mm < other.to_mm - TOUCH_MM and other.from_mm < self.to_mm - TOUCH_MM
@@ -100,7 +100,7 @@ class Feature(_Table):
     def distance_mm(self, other: "Feature") -> float:
         """Free distance to another as seen from above; negative where they overlap.
 
-        Two circles' is exact. A circle counts as its square beside a rectangle.
+        Exact for two circles; next to a rectangle a circle counts as its square.
         """
         dx, dy = abs(self.x_mm - other.x_mm), abs(self.y_mm - other.y_mm)
         if self.round and other.round:
@@ -168,17 +168,17 @@ class Coupon(_Table):
     Attributes
     ----------
     name, title
-        ``group-a``, and what it is for in words.
+        ``group-a``, and its purpose in words.
     features
         Columns and holes.
     slab
-        The base that they stand on or go through; None for separate pieces.
+        The base that carries or contains them; None for separate pieces.
     gaps, steps
-        Differences that the coupon shows.
+        Gaps between and steps of features.
     stages
         Runs of the printer.
     readings
-        How the source was read.
+        Interpretations of the source.
     cautions
         Warnings before printing it.
 
@@ -262,16 +262,16 @@ def _check_sizes(what: str, *sizes_mm: float) -> None:
     for size in sizes_mm:
         if not 0.0 < size <= LARGEST_MM:
             limit = f"must be above 0 and at most {LARGEST_MM:g} mm"
-            raise SpecError(f"{what} size", value=size, limit=limit, remedy="check its measures")
+            raise SpecError(f"{what} size", value=size, limit=limit, remedy="check its dimensions")
 
 
 def coupon_of(data: Any, what: str) -> Coupon:
-    """Coupon of plain data, as JSON holds it; ``what`` is where it comes from, as errors name it.
+    """Coupon from plain data of JSON; ``what`` names its origin in errors.
 
     Raises
     ------
     DataError
-        If a key is missing or unknown, a value is of another kind, or the coupon cannot be.
+        If a key is missing or unknown, a value has another type, or the coupon is impossible.
     """
     try:
         return TypeAdapter(Coupon).validate_json(json.dumps(data), strict=True)

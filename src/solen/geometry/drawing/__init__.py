@@ -1,6 +1,6 @@
 """Drawings of outlines: DXF, SVG and JSON as named strokes in mm, x to the right and z up.
 
-A drawing is read without judgement of what its strokes form; `solen.geometry.join` chains them into closed outlines.
+Drawings are read as single strokes; `solen.geometry.join` chains them into closed outlines.
 The layer of a DXF file, the label, class or id of an SVG element, the name in a JSON file is the name of a face.
 """
 
@@ -24,7 +24,7 @@ def read_drawing(path: Path, units: str | None = None) -> Drawing:
     Raises
     ------
     DataError
-        If the file cannot be read, holds what is not understood, or does not say its unit.
+        If the file cannot be read, has unsupported content, or does not state its unit.
     """
     if path.suffix.lower() not in READERS:
         raise DataError(str(path), limit=f"an outline ends in {', '.join(READERS)}", remedy="export it as one of these")

@@ -1,4 +1,4 @@
-"""Drawings of CAD programs: DXF, whose layers name the faces and whose header states the unit.
+"""Drawings of CAD programs: DXF, with faces named by layers and the unit in the header.
 
 Lines, arcs, circles, ellipses, polylines with bulges, splines and blocks are understood. A spline without weights up
 to degree 3 is taken exactly, as its Bézier pieces; an ellipse, a rational spline or one of a higher degree becomes a
@@ -58,7 +58,7 @@ NOTES = frozenset(
 UPRIGHT = 1e-9
 JUST_INSIDE = 1.0 - 1e-12
 MOST_BLOCKS = 16
-"""How deep blocks may lie in one another."""
+"""Largest nesting depth of blocks."""
 
 
 def read_dxf(path: Path, units: str | None) -> Drawing:
@@ -94,7 +94,7 @@ class _Reader:
         self._points: list[tuple[str, Point]] = []
 
     def drawing(self) -> Drawing:
-        """Everything that is drawn."""
+        """All visible content."""
         for entity, layer in self._shown(self._document.modelspace(), "0", 0):
             self._take(entity, face_name(layer))
         return Drawing(tuple(self._strokes), tuple(self._lamps), tuple(self._points))
@@ -135,7 +135,7 @@ class _Reader:
             )
 
     def _curve(self, entity: Any) -> Curve | None:
-        """Curve of an entity, None if it has no length."""
+        """Curve of an entity; None if it has no length."""
         kind, dxf = entity.dxftype(), entity.dxf
         if kind == "LINE":
             a, b = self._at(dxf.start), self._at(dxf.end)
@@ -152,7 +152,7 @@ class _Reader:
         limit = "is not understood"
         where = f"{kind} {dxf.handle} on layer {dxf.layer}"
         raise DataError(
-            "drawing", value=where, limit=limit, remedy="make lines, arcs or splines of it, or hide its layer"
+            "drawing", value=where, limit=limit, remedy="convert it to lines, arcs or splines, or hide its layer"
         )
 
     def _arc(self, entity: Any) -> Arc:
@@ -170,7 +170,7 @@ class _Reader:
         return Arc(center, self._scale * dxf.radius, start, sweep)
 
     def _spline(self, tool: Any) -> Curve | None:
-        """Spline: its Bézier pieces where they are cubic at most and have no weights, else fitted between its knots."""
+        """Spline as its Bézier pieces if they are unweighted and at most cubic, else fitted between its knots."""
         if tool.degree <= 3 and not tool.is_rational and tool.is_clamped:
             return beziers([[self._at(point) for point in piece] for piece in tool.bezier_decomposition()])
         knots = sorted({knot for knot in tool.knots() if tool.knots()[tool.degree] <= knot <= tool.knots()[tool.count]})
