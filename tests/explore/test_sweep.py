@@ -13,7 +13,7 @@ import pytest
 from solen.errors import DataError, SpecError
 from solen.explore.axes import axis, check_axes, grid, sampled
 from solen.explore.machines import Cluster, Slurm
-from solen.explore.store import Store, Variant
+from solen.explore.store import Point, Store, Variant
 from solen.explore.sweep import SweepOptions, sweep
 from solen.sensor import Sensor
 from solen.spec import Design, save
@@ -117,6 +117,17 @@ def test_a_damaged_block_is_refused_by_name(tmp_path: Path) -> None:
     block.write_bytes(block.read_bytes()[:-200])
     with pytest.raises(DataError, match=block.name):
         Store(tmp_path)
+
+
+def test_many_small_blocks_become_one(tmp_path: Path) -> None:
+    nothing = np.empty(0)
+    point = Point(nothing, nothing, nothing, (0.0, 0.0), "none")
+    store = Store(tmp_path)
+    for number in range(257):
+        store.add({f"point {number}": point})
+    assert len(Store(tmp_path).points) == 257
+    assert len(list((tmp_path / "blocks").iterdir())) == 1
+    assert len(Store(tmp_path).points) == 257
 
 
 def _command(design: Path, out: Path) -> list[str]:

@@ -30,6 +30,8 @@ from solen.spec import Design, dumps
 
 BLOCKS = "blocks"
 """Folder of the blocks within that of the sweep."""
+MOST_BLOCKS = 256
+"""Blocks above which opening a folder makes one of all: a search writes many small ones."""
 SUFFIXES = (".py", ".toml", ".csv")
 
 
@@ -67,8 +69,13 @@ class Store:
         """Read what the folder holds; `DataError` where a block is damaged."""
         self.folder = None if folder is None else folder / BLOCKS
         self.points: dict[str, Point] = {}
-        for path in [] if self.folder is None else sorted(self.folder.glob("*.npz")):
+        blocks = [] if self.folder is None else sorted(self.folder.glob("*.npz"))
+        for path in blocks:
             self.points |= _read(path)
+        if len(blocks) > MOST_BLOCKS:
+            self.add(dict(self.points))
+            for path in blocks:
+                files.remove(path)
 
     def add(self, points: Mapping[str, Point]) -> None:
         """Keep points, as one block on disk."""
