@@ -74,6 +74,7 @@ def test_a_compressed_block_by_the_closed_form_of_every_model(kind: str, plane: 
     across = 1.0 / stretch if plane == "strain" else stretch**-0.5
     np.testing.assert_allclose(found.wall("right").displacement_mm[:, 0], width * (across - 1.0), atol=1e-7)
     assert found.strain_largest == pytest.approx(-math.log(stretch), abs=1e-7)
+    assert not found.warnings
     assert_balanced(found)
 
 
@@ -98,6 +99,7 @@ def test_a_guided_strip_is_timoshenkos(plane: Plane, young: float) -> None:
     wanted = force * length**3 / (12.0 * young * inertia) + 1.2 * force * length / area
     assert found.wall("top").displacement_mm[:, 0].mean() == pytest.approx(wanted, rel=0.02)
     assert_balanced(found)
+    assert "guide pulls" in found.warnings[0]  # a support that only pushes would let one side go
     floor = found.reactions[0]
     assert floor.force_N[0] == pytest.approx(-force, rel=1e-4)
     assert floor.moment_Nmm == pytest.approx(0.5 * force * length, rel=0.01)

@@ -15,6 +15,8 @@ from solen.mechanics.fingers import Touch, shares_of, touch_of
 from solen.mechanics.newton import Guess, Problem
 from solen.plane import Point
 
+PULLED = 0.02
+"""Share of its push that a sliding hold may pull without a warning."""
 MOST_OF_IT = 0.9
 """Share of the area in which walls bulge by no more than is stated: at sharp corners no bound holds."""
 FAINT = 1e-6
@@ -102,16 +104,20 @@ class Outcome:
         """Forces (M, 2) of the fingers on their pairs, N."""
         return np.asarray(self.thickness_mm * self.guess.force[:, None] * self._touch.normal)
 
-    def _held(self) -> Iterator[Reaction]:
-        """What holds and clamps exert: what the balance of forces lacks at their nodes."""
+    @cached_property
+    def _exerted(self) -> FloatArray:
+        """Forces (N, 2) of holds and clamps on the nodes, N: what the balance of forces lacks there."""
         elements = self.problem.elements
         inner = elements.forces(self.guess.unknowns)[: elements.displacements]
         exerted = self.thickness_mm * inner.reshape(-1, 2)
         np.subtract.at(exerted, self.problem.pairs.node, self._pushes)
         for forces in self.pulls.values():
             exerted = exerted - forces
+        return exerted
+
+    def _held(self) -> Iterator[Reaction]:
         for group in self.problem.supports.groups:
-            yield self._reaction(group.name, group.nodes, exerted[group.nodes], group.pivot)
+            yield self._reaction(group.name, group.nodes, self._exerted[group.nodes], group.pivot)
 
     def _pulled(self) -> Iterator[Reaction]:
         for name, forces in self.pulls.items():
@@ -173,6 +179,22 @@ class Outcome:
             if 0 < count < FEW:
                 nodes = f"{finger.press.name} touches {count} nodes only"
                 yield f"{nodes}: its contact is not resolved, mesh it finer there"
+        yield from self._pulling()
+
+    def _pulling(self) -> Iterator[str]:
+        """Warnings of sliding holds that the body would leave if it could."""
+        supports = self.problem.supports
+        x, z = supports.ways.T
+        push = np.zeros(len(self._points))
+        push[supports.sliding] = np.sum(self._exerted[supports.sliding] * np.column_stack([-z, x]), axis=1)
+        for group in supports.groups:
+            own = push[group.nodes]
+            pulled, pushed = -own[own < 0.0].sum(), own[own > 0.0].sum()
+            if pulled > PULLED * pushed and pulled > FAINT:
+                yield (
+                    f"{group.name} pulls at the body with {pulled:.2g} N where it would leave a support, and pushes "
+                    f"with {pushed:.2g} N: a support that only pushes is shorter"
+                )
 
 
 class _Stretch(TypedDict):
