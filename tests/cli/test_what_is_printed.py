@@ -27,6 +27,7 @@ HELPED = ("trace", "convergence", "sensitivity", "run")
 def few_effects(monkeypatch: pytest.MonkeyPatch) -> None:
     """A run compares one number of the design here: its lines are the same with more."""
     monkeypatch.setattr("solen.sensor.effects.KEYS", ("emitter.offset_mm",))
+    monkeypatch.setattr("solen.sensor.effects.HOLDS", {})
 
 
 @pytest.fixture(scope="module")

@@ -203,6 +203,7 @@ def answers(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Answ
         for name in ("HOME", "USERPROFILE"):
             patch.setenv(name, str(folder))
         patch.setattr("solen.sensor.effects.KEYS", ("emitter.offset_mm",))  # the others differ in their names alone
+        patch.setattr("solen.sensor.effects.HOLDS", {})
         closed_form = response()
         patch.setattr(Response, "of", lambda *_: closed_form)  # a traced one takes minutes
         for row, arguments in ROWS.items():

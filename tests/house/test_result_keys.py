@@ -25,8 +25,9 @@ covariance_ln sigma
 chance probability ln_likelihood_ratio p_form independent_values ratio snr clearness
 """
 _SHARES = """
-strain strain_largest peak_strain residual_strain strain_at_break strain_at_strength loss_fraction peak_stress stress_at_half
-work_in shift end low high length area overcure scatter_exponent halo_fraction halo_per_depth ln_Ec dose_below_over_Ec
+strain strain_largest peak_strain residual_strain strain_at_break strain_at_strength loss_fraction peak_stress
+stress_at_half work_in
+shift end low high length area overcure scatter_exponent halo_fraction halo_per_depth ln_Ec dose_below_over_Ec
 interior_over_single_layer interior_over_jacobs phr volume_error bridged outside share on_share between_share depth
 seen contrast apart visibility pitch_ratio factor load_factor scale_factor size_factor rms_um_per_percent_of_scale
 ambiguous within_68 within_95

@@ -28,10 +28,12 @@ EVERYTHING = PICTURES | {"results.json", "results.csv", "report.html"}
 
 
 FEW = "solen.sensor.effects.KEYS", ("emitter.offset_mm",)
+NO_HOLDS: tuple[str, dict[str, str]] = ("solen.sensor.effects.HOLDS", {})
 """A run compares one number of the design here: what it writes is the same with more."""
 IN_A_PROCESS = f"""
 import solen.cli, solen.sensor.effects
 solen.sensor.effects.KEYS = {FEW[1]}
+solen.sensor.effects.HOLDS = {NO_HOLDS[1]}
 solen.cli.main()
 """
 
@@ -40,6 +42,7 @@ solen.cli.main()
 def few_effects() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(*FEW)
+        patch.setattr(*NO_HOLDS)
         yield
 
 

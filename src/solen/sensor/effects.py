@@ -4,6 +4,7 @@ The idea: derivatives in different units cannot be ranked. Multiplied by toleran
 do to the sensor. Each number is changed to both sides while the lens keeps its designed shape, and
 the contrast is integrated near the null, at a third of the motion and at its ends; on one side for symmetric sensors.
 How a turned lens joins the stem is a choice of the model without a tolerance; there the other joins are compared.
+So is the body's rigidity: soft ones, held as parts usually are, are compared where the extra `mechanics` is installed.
 
 The interface: `effects` of a sensor and its response, which returns an `Effect` for each number, the largest first.
 """
@@ -24,7 +25,8 @@ from solen.results import Result, reported
 from solen.sensor.numbers import OF_THE_MATERIAL, inert, number, tolerance_of
 from solen.sensor.response import Response
 from solen.sensor.sensor import Sensor
-from solen.spec import Join, with_values
+from solen.spec import Join, Motion, with_values
+from solen.spec.soft import Hold, Mechanics
 from solen.trace import Slope
 
 KEYS = (
@@ -32,7 +34,10 @@ KEYS = (
     *("material.index", "material.absorption_per_mm", "body.arm_width_mm", "receivers.gap_mm"),
 )
 """Numbers that are compared; others affect the light less in designs like the shipped ones."""
-JOIN = "motion.join"
+JOIN, HOLD = "motion.join", "hold"
+HOLDS = {"outer-*": "the outer edges of the arms", "receiver-*": "the ends of the arms"}
+"""Faces that usual mounts hold, and what they are called."""
+HOLD_MESH_MM = 1.0
 TOLERANCE, STANDARD_ERROR = 3e-4, 1e-3
 """Tolerance of integrated powers, and standard error of sampled ones."""
 NEAR_SHARE = 1 / 3
@@ -48,9 +53,9 @@ class Effect(Result):
     Attributes
     ----------
     key, value
-        The number and its value; for ``motion.join`` the other join.
+        The number and its value; for ``motion.join`` the other join, for ``hold`` the faces that hold a soft body.
     tolerance, by_uncertainty
-        Its tolerance, and whether that is its standard uncertainty; None for a join.
+        Its tolerance, and whether that is its standard uncertainty; None for a join and a hold.
     angle_deg, contrast, u_contrast
         Angles (K,), the change of the contrast there and its uncertainty.
     received, u_received
@@ -105,6 +110,8 @@ def effects(
         else:
             asked.append((key, partial(_of_number, sensor, key, base, null)))
     asked += [(f"{JOIN} = {join}", partial(_of_join, sensor, join, base)) for join in _joins(sensor)]
+    if _turns(sensor):
+        asked += [(f"{HOLD} = {face}", partial(_of_hold, sensor, face, base)) for face in HOLDS]
     found: list[Effect] = []
     for done, (name, make) in enumerate(asked, start=1):
         try:
@@ -199,11 +206,37 @@ def _of_join(sensor: Sensor, join: str, base: Response) -> Effect:
     return _effect(JOIN, join, base.part([base.at(angle) for angle in found.angle_deg]), found, 1.0)
 
 
+def _of_hold(sensor: Sensor, face: str, base: Response) -> Effect:
+    """Effect of a soft body that is held by some faces, its lens in a clamp that turns."""
+    ends = {float(base.angle_deg[place]) for place in (0, -1)} - {0.0}
+    found = swept(soft(sensor, face), sorted(ends))
+    return _effect(HOLD, face, base.part([base.at(angle) for angle in found.angle_deg]), found, 1.0)
+
+
+def soft(sensor: Sensor, face: str) -> Sensor:
+    """The sensor on a soft body that some faces hold; driven by its clamp's angle, it asks for no modulus."""
+    design = sensor.design
+    motion = Motion(
+        kind="loaded",
+        drives="clamp.angle_deg",
+        emitter_on="lens" if "emitter" in design.motion.moves else "ground",
+        **{key: getattr(design.motion, key) for key in ("from_deg", "to_deg", "step_deg")},
+    )
+    holds = (Hold(name="mount", face=face), Hold(name="clamp", face="lens", kind="turning", about=design.motion.pivot))
+    mechanics = Mechanics(modulus_MPa=1.0, mesh_mm=HOLD_MESH_MM)
+    changed = design.model_copy(update={"motion": motion, "hold": holds, "mechanics": mechanics})
+    return replace(sensor, design=changed.in_folder(design.folder))
+
+
+def _turns(sensor: Sensor) -> bool:
+    """Whether its lens turns, cut by solen."""
+    motion = sensor.design.motion
+    return motion.kind == "rotation" and "lens" in motion.moves and sensor.has_lens and not sensor.is_drawn
+
+
 def _joins(sensor: Sensor) -> tuple[str, ...]:
     """Other joins of a lens that turns."""
-    motion = sensor.design.motion
-    turns = motion.kind == "rotation" and "lens" in motion.moves and sensor.has_lens and not sensor.is_drawn
-    return tuple(join for join in get_args(Join) if turns and join != motion.join)
+    return tuple(join for join in get_args(Join) if _turns(sensor) and join != sensor.design.motion.join)
 
 
 def _effect(key: str, value: float | str, low: Response, high: Response, half: float) -> Effect:

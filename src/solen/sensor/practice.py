@@ -18,7 +18,7 @@ from solen.arrays import Progress
 from solen.errors import SolenError
 from solen.results import Result, reported
 from solen.sensor.budget import Budget, budget
-from solen.sensor.effects import TOLERANCE, Effect, effects
+from solen.sensor.effects import HOLD, HOLDS, TOLERANCE, Effect, effects
 from solen.sensor.lens_choice import LensChoice, lens_choice
 from solen.sensor.response import Response
 from solen.sensor.sensor import OF_SPACE, Sensor
@@ -122,6 +122,23 @@ class Practice(Result):
     @reported
     def warnings(self) -> tuple[str, ...]:
         """Warnings before printing."""
+        return (*self._of_the_index(), *self._of_holds())
+
+    def _of_holds(self) -> tuple[str, ...]:
+        """Warning where it matters how a soft body is held."""
+        found = [effect for effect in self.effects if effect.key == HOLD]
+        most = max(found, key=lambda effect: effect.largest, default=None)
+        if most is None or most.largest < MOVED:
+            return ()
+        place = int(np.nanargmax(np.abs(most.contrast)))
+        return (
+            f"the body counts as rigid: a soft one held by {HOLDS[str(most.value)]} moves the contrast by "
+            f"{most.contrast[place]:+.2g} at {most.angle_deg[place]:+.3g}°; state what holds it by "
+            'motion.kind = "loaded"',
+        )
+
+    def _of_the_index(self) -> tuple[str, ...]:
+        """Warning where the index is known too badly."""
         index = self.effect("material.index")
         if index is None or not index.by_uncertainty or index.largest < MOVED:
             return ()

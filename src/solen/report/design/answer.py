@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from solen.sensor import SATURATED, DesignStudy, Effect, LensChoice, LensFigures, Practice, Response, Summary
-from solen.sensor.effects import JOIN
+from solen.sensor.effects import HOLD, HOLDS, JOIN
 from solen.sensor.lens_choice import CYLINDER, LAYERED
 
 NAMES = {
@@ -32,6 +32,7 @@ ADVICE = {
     "receivers.gap_mm": "Hold the gap before the receivers: {by} change the contrast by {change}.",
     JOIN: "Determine how the turned lens joins the stem, or blacken the joins (a [[wall]] on them): {by} changes the "
     "contrast by {change}.",
+    HOLD: "State how the body is held: one that is soft, held by {by}, changes the contrast by {change}.",
 }
 LENSES = {"cartesian-oval": "cylinder", "layered": "layered", "line-focus": "line focus"}
 WORTH = 0.005
@@ -232,6 +233,8 @@ def _matter(effect: Effect, angles: list[float]) -> Matter:
 
 
 def _name(effect: Effect) -> str:
+    if effect.key == HOLD:
+        return f"soft body held by {HOLDS[str(effect.value)]}"
     return (
         f"turned lens joined by a {effect.value}".replace("a smooth", "smooth sides")
         if effect.key == JOIN
@@ -256,6 +259,7 @@ def _advised(effect: Effect) -> str:
     change = f"{abs(effect.contrast[place]):.2g} at {effect.angle_deg[place]:+.3g}°"
     null = "nothing" if effect.null_deg is None else f"{abs(effect.null_deg):.2g}°"
     by = f"a {effect.value} join" if effect.key == JOIN else _by(effect)
+    by = HOLDS[str(effect.value)] if effect.key == HOLD else by
     text = ADVICE.get(effect.key, f"{effect.key}: {{by}} change the contrast by {{change}}.")
     return text.format(by=by, change=change, null=null, light=f"{abs(effect.received):.0%}")
 
