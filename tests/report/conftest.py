@@ -70,6 +70,7 @@ def studied(tmp_path_factory: pytest.TempPathFactory) -> Studies:
             with pytest.MonkeyPatch.context() as patch:
                 if name not in ALL_EFFECTS:
                     patch.setattr("solen.sensor.effects.KEYS", ("emitter.offset_mm", "material.index"))
+                if name != "paper":
                     patch.setattr("solen.sensor.effects.HOLDS", {})
                 kept[name] = study(design, practical=name in PRACTICAL)
         return kept[name]

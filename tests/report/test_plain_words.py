@@ -179,7 +179,8 @@ def test_what_matters_is_ranked_and_each_number_is_one_of_the_results(studied: S
 
 
 def test_the_advice_begins_with_what_matters_most(studied: Studies) -> None:
-    first, second, *_ = [one for one in advice(studied("paper")) if not one.startswith("Use it within")]
+    held, first, second, *_ = [one for one in advice(studied("paper")) if not one.startswith("Use it within")]
+    assert held.startswith("State how the body is held")
     assert first.startswith("Centre the emitter")
     assert "10 µm" in first
     assert second.startswith("Measure the chip")
