@@ -9,8 +9,8 @@ The interface: `mesh_of` a body, with `MeshOptions`.
 """
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -21,6 +21,7 @@ from solen.errors import DesignError
 from solen.geometry import Body, Face
 from solen.geometry.body import filled, place_text
 from solen.geometry.measures import area_mm2, perimeter_mm
+from solen.mechanics.filling import Sizes, triangulated
 
 ACROSS = 6.0
 """Elements across the mean width of a body, by default."""
@@ -28,15 +29,10 @@ AT_CORNER = 0.25
 """Size of elements at corners and ends of holds, relative to those elsewhere."""
 IN_NOTCH = 1 / 32
 """The same in corners that cut into the body, where the strain has no bound."""
-GROWTH = 0.35
-"""By how much elements grow per length away from where they are small."""
 SHARP_DEG = 15.0
 """Faces that meet at less are no corner."""
 PER_RADIUS = 0.4
 """Size of elements relative to the radius of a curved wall."""
-CLEAR = 0.65
-"""Least distance of an inner point from the outline and from others, in sizes."""
-SMOOTHINGS = 6
 ROUNDS = 8
 SAMPLES = 1025
 MOST_TRIANGLES = 200_000
@@ -89,27 +85,6 @@ class BodyMesh:
         return int(self.mesh.nvertices)
 
 
-@dataclass
-class _Sizes:
-    """Size of elements by place: the least over the sources, each growing with the distance."""
-
-    largest_mm: float
-    points: list[tuple[float, float]] = field(default_factory=list)
-    sizes: list[float] = field(default_factory=list)
-
-    def add(self, point: Iterable[float], size_mm: float) -> None:
-        x, z = point
-        self.points.append((float(x), float(z)))
-        self.sizes.append(min(size_mm, self.largest_mm))
-
-    def at(self, points: FloatArray) -> FloatArray:
-        """Sizes (N,) at points (N, 2)."""
-        found = np.full(len(points), self.largest_mm)
-        for source, size in zip(self.points, self.sizes, strict=True):
-            np.minimum(found, size + GROWTH * np.hypot(*(points - source).T), out=found)
-        return found
-
-
 def mesh_of(body: Body, options: MeshOptions, cuts: Mapping[str, Sequence[float]]) -> BodyMesh:
     """Mesh of a body at rest.
 
@@ -133,7 +108,7 @@ def mesh_of(body: Body, options: MeshOptions, cuts: Mapping[str, Sequence[float]
     rings = [[_parameters(face, sizes, cuts.get(face.name, ())) for face in outline] for outline in body.outlines]
     for _ in range(ROUNDS):
         outline = _Outline.of(body, rings)
-        points, triangles = _triangulated(outline, sizes)
+        points, triangles = triangulated(outline.points, outline.polygon(), sizes)
         missing = outline.missing(triangles)
         if not missing.any():
             return _quadratic(body, rings, outline, points, triangles)
@@ -144,12 +119,12 @@ def mesh_of(body: Body, options: MeshOptions, cuts: Mapping[str, Sequence[float]
     )
 
 
-def _sizes_of(body: Body, options: MeshOptions, cuts: Mapping[str, Sequence[float]]) -> _Sizes:
+def _sizes_of(body: Body, options: MeshOptions, cuts: Mapping[str, Sequence[float]]) -> Sizes:
     width_mm = 2.0 * area_mm2(body.outlines) / perimeter_mm(body.outlines)
     size_mm = options.size_mm or width_mm / ACROSS
     if not (math.isfinite(size_mm) and size_mm > 0.0):
         raise DesignError("mesh.size_mm", value=size_mm, limit="must be finite and above 0")
-    sizes = _Sizes(size_mm)
+    sizes = Sizes(size_mm)
     for outline in body.outlines:
         for before, face in pairwise((outline[-1], *outline)):
             corner_deg = _corner_deg(before, face)
@@ -169,7 +144,7 @@ def _corner_deg(before: Face, after: Face) -> float:
     return math.degrees(math.atan2(ax * bz - az * bx, ax * bx + az * bz))
 
 
-def _bound_by_radius(sizes: _Sizes, face: Face) -> None:
+def _bound_by_radius(sizes: Sizes, face: Face) -> None:
     """Finer elements where a wall is curved too much for the size elsewhere."""
     u = np.linspace(0.0, 1.0, 33)
     points, heading = face.curve.points(u), np.unwrap(np.arctan2(*face.curve.velocities(u).T))
@@ -179,7 +154,7 @@ def _bound_by_radius(sizes: _Sizes, face: Face) -> None:
             sizes.add(point, PER_RADIUS * length / turn)
 
 
-def _refuse_many(body: Body, sizes: _Sizes) -> None:
+def _refuse_many(body: Body, sizes: Sizes) -> None:
     """`DesignError` before a mesh too large to hold."""
     smallest = min(sizes.sizes, default=sizes.largest_mm)
     triangles = 2.3 * area_mm2(body.outlines) / sizes.largest_mm**2
@@ -188,14 +163,14 @@ def _refuse_many(body: Body, sizes: _Sizes) -> None:
         raise DesignError("mesh.size_mm", value=min(smallest, sizes.largest_mm), limit=limit, remedy="raise it")
 
 
-def _parameters(face: Face, sizes: _Sizes, cuts: Sequence[float]) -> FloatArray:
+def _parameters(face: Face, sizes: Sizes, cuts: Sequence[float]) -> FloatArray:
     """Parameters (N,) of the ends of edges along a face: at the cuts, and between them as the sizes say."""
     ends = np.unique([0.0, *cuts, 1.0])
     pieces = [_spaced(face, low, high, sizes)[:-1] for low, high in pairwise(ends)]
     return np.concatenate([*pieces, [1.0]])
 
 
-def _spaced(face: Face, low: float, high: float, sizes: _Sizes) -> FloatArray:
+def _spaced(face: Face, low: float, high: float, sizes: Sizes) -> FloatArray:
     u = np.linspace(low, high, SAMPLES)
     points = face.curve.points(u)
     steps = np.hypot(*np.diff(points, axis=0).T) / sizes.at(0.5 * (points[1:] + points[:-1]))
@@ -248,109 +223,6 @@ class _Outline:
                 middles = [0.5 * (a + b) for a, b in pairwise(u) if next(edges)]
                 made[-1].append(np.sort(np.concatenate([u, middles])))
         return made
-
-
-def _triangulated(outline: _Outline, sizes: _Sizes) -> tuple[FloatArray, IndexArray]:
-    """Points (N, 2), those of the outline first, and triangles (M, 3), counter-clockwise."""
-    import shapely
-
-    area = outline.polygon()
-    shapely.prepare(area)
-    own = outline.points
-    inner = _lattice(outline, area, sizes)
-    for _ in range(SMOOTHINGS):
-        points = np.vstack([own, inner])
-        inner = _smoothed(points, _within(points, area), len(own))
-    points = np.vstack([own, inner])
-    return points, _within(points, area)
-
-
-def _within(points: FloatArray, area: Any) -> IndexArray:
-    """Delaunay triangles (M, 3) whose middles lie in the area; slivers without area are left out."""
-    import shapely
-    from scipy.spatial import Delaunay
-
-    triangles = np.asarray(Delaunay(points).simplices, dtype=np.intp)
-    a, b, c = points[triangles].transpose(1, 0, 2)
-    (abx, abz), (acx, acz) = (b - a).T, (c - a).T
-    doubled = abx * acz - abz * acx
-    longest = np.maximum.reduce([np.sum((p - q) ** 2, axis=1) for p, q in ((a, b), (b, c), (c, a))])
-    middle = (a + b + c) / 3.0
-    kept = (np.abs(doubled) > 1e-9 * longest) & shapely.contains_xy(area, middle)
-    flipped = doubled < 0.0
-    triangles[flipped] = triangles[flipped][:, [0, 2, 1]]
-    return np.asarray(triangles[kept])
-
-
-def _smoothed(points: FloatArray, triangles: IndexArray, fixed: int) -> FloatArray:
-    """Inner points in the middle of their neighbours."""
-    pairs = np.vstack([triangles[:, [i, j]] for i in range(3) for j in range(3) if i != j])
-    n = len(points)
-    count = np.bincount(pairs[:, 0], minlength=n)
-    sums = [np.bincount(pairs[:, 0], weights=points[pairs[:, 1], k], minlength=n) for k in (0, 1)]
-    middles = np.column_stack(sums) / np.maximum(count, 1)[:, None]
-    return np.asarray(np.where(count[:, None] > 0, middles, points)[fixed:])
-
-
-def _lattice(outline: _Outline, area: Any, sizes: _Sizes) -> FloatArray:
-    """Inner points: triangular lattices of halved spacings, each where the sizes are nearest to its own."""
-    import shapely
-    from scipy.spatial import KDTree
-
-    x_low, z_low, x_high, z_high = area.bounds
-    smallest = min([sizes.largest_mm, *sizes.sizes])
-    found = []
-    for level in range(1 + math.ceil(math.log2(sizes.largest_mm / smallest))):
-        spacing = sizes.largest_mm * 0.5**level
-        for x0, z0, x1, z1 in _windows(sizes, level, spacing, (x_low, z_low, x_high, z_high)):
-            points = _hexagonal(x0, z0, x1, z1, spacing)
-            near = np.round(np.log2(sizes.largest_mm / sizes.at(points))) == level
-            found.append(points[near])
-    points = np.unique(np.vstack(found).round(9), axis=0)
-    points = points[shapely.contains_xy(area, points)]
-    size = sizes.at(points)
-    points, size = (a[KDTree(outline.points).query(points)[0] > CLEAR * size] for a in (points, size))
-    return points[_apart(points, size)]
-
-
-def _windows(
-    sizes: _Sizes, level: int, spacing: float, bounds: tuple[float, float, float, float]
-) -> list[tuple[float, float, float, float]]:
-    """Boxes that hold all places of a level: the whole for the coarsest, else one round each source."""
-    if level == 0:
-        return [bounds]
-    boxes = []
-    for (x, z), size in zip(sizes.points, sizes.sizes, strict=True):
-        reach = (spacing * math.sqrt(2.0) - size) / GROWTH
-        if reach > 0.0:
-            low = (max(bounds[0], x - reach), max(bounds[1], z - reach))
-            boxes.append((*low, min(bounds[2], x + reach), min(bounds[3], z + reach)))
-    return boxes
-
-
-def _hexagonal(x_low: float, z_low: float, x_high: float, z_high: float, spacing: float) -> FloatArray:
-    """Points (N, 2) of the lattice of a spacing about the axis x = 0, in a box."""
-    rise = spacing * math.sqrt(0.75)
-    rows = np.arange(math.floor(z_low / rise), math.ceil(z_high / rise) + 1)
-    columns = np.arange(math.floor(x_low / spacing) - 1, math.ceil(x_high / spacing) + 1)
-    x = spacing * (columns[None, :] + 0.5 * (rows[:, None] % 2))
-    z = np.broadcast_to(rise * rows[:, None], x.shape)
-    return np.column_stack([x.ravel(), z.ravel()])
-
-
-def _apart(points: FloatArray, size: FloatArray) -> BoolArray:
-    """Which points (N,) to keep so that none are nearer than they should be: the earlier of two stays."""
-    from scipy.spatial import KDTree
-
-    kept = np.ones(len(points), dtype=bool)
-    if len(points) < 2:
-        return kept
-    pairs = KDTree(points).query_pairs(CLEAR * float(size.max()), output_type="ndarray")
-    distance = np.hypot(*(points[pairs[:, 0]] - points[pairs[:, 1]]).T)
-    for a, b in pairs[distance < CLEAR * np.minimum(size[pairs[:, 0]], size[pairs[:, 1]])]:
-        if kept[a]:
-            kept[b] = False
-    return kept
 
 
 def _quadratic(
