@@ -306,3 +306,13 @@ def test_walls_of_a_bent_strip_bulge_as_a_saddle(plane: Plane, share: float) -> 
     found = SoftBody(block(1.0, length), RUBBER, (), thickness, plane, MeshOptions(0.4)).state(clamps)
     bend = 2.0 * math.radians(turn_deg) / length
     assert found.bulge_mm == pytest.approx(share * bend * thickness**2 / 8.0, rel=0.1)
+
+
+def test_a_strip_bent_far_by_a_dead_force_is_the_elastica() -> None:
+    """F L² / E'I = 2 moves the end by 0.4935 L across and 0.1606 L along (Bisshopp & Drucker 1945)."""
+    length, height = 24.0, 1.0
+    force = 2.0 * 4.0 * height**3 / 12.0 / length**2
+    soft = SoftBody(block(height, length), RUBBER, FLOOR, 1.0, mesh=MeshOptions(0.6))
+    across, along = soft.state([Pull((Stretch("top"),), (force, 0.0))]).wall("top").displacement_mm.mean(axis=0)
+    assert across == pytest.approx(0.4935 * length, rel=0.01)
+    assert along == pytest.approx(-0.1606 * length, rel=0.02)
