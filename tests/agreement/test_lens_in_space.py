@@ -15,7 +15,6 @@ from solen.scene import Monitor, Scene, dumps
 from solen.sensor import Sensor, inert
 from solen.sensor.budget import budget
 from solen.sensor.numbers import number
-from solen.spec import Design, with_values
 from solen.trace import Derivative, Trace, derivative, integrate, trace
 from solen.trace.kernel import entry
 from solen.trace.kernel.space import Vector
@@ -23,41 +22,7 @@ from solen.trace.nets import by_nets, with_rays
 from solen.trace.options import TraceOptions, trace_with
 from solen.trace.reference_front import FrontInSpace
 from solen.trace.reference_space import Reading, trace_space_reference
-
-CHIP = {
-    "emitter.pattern": "lambertian",
-    "emitter.cone_deg": 120.0,
-    "emitter.width_mm": 0.2,
-    "emitter.height_mm": 0.2,
-    "trace.dimension": "extruded",
-}
-LINE: dict[str, object] = {"lens.shape": "line-focus", "lens.y_focus_mm": 2.0}
-LAYERED: dict[str, object] = {"lens.shape": "layered"}
-RAYS = 2**16
-
-
-def sensor(lens: dict[str, object] | None = None, /, **values: object) -> Sensor:
-    """The paper's sensor in space with a chip, by its lens and by other keys of the design."""
-    plain = Design(name="a", material={"index": 1.44, "absorption_per_mm": values.pop("absorption_per_mm", 0.0)})
-    return Sensor.of(with_values(plain, CHIP | (lens or {}) | values))
-
-
-def sampled(of: Sensor | Scene, angle_deg: float = -1.0, rays: int = RAYS) -> Trace:
-    scene = of.scene(angle_deg, rays) if isinstance(of, Sensor) else of
-    return trace(scene, "power", sampling="sobol")
-
-
-def contrast(found: Trace) -> float:
-    right, left = (found.detectors[side].power for side in ("right", "left"))
-    return (right - left) / (right + left)
-
-
-def light(found: Trace) -> float:
-    return sum(reading.power for reading in found.detectors.values())
-
-
-def u_contrast(found: Trace) -> float:
-    return 2.0 * found.u_power / light(found)
+from tests.agreement.lens_support import LAYERED, LINE, PAPER, RAYS, contrast, light, sampled, sensor, u_contrast
 
 
 def behind_front(scene: Scene, lens: LensInSpace, angle_deg: float) -> Scene:
@@ -71,9 +36,6 @@ def given(edges_mm: list[float], bend_per_mm: float) -> GivenLayers:
     middles, x = 0.5 * (edges[1:] + edges[:-1]), np.linspace(0.0, 2.0, 81)
     z = 0.3 + 0.1 * middles[:, None] ** 2 + bend_per_mm * x**2
     return GivenLayers(**PAPER, layer_mm=0.1, given=Profiles("parabolas", 2.0, edges, z, simulated=True))
-
-
-PAPER = {"distance_mm": 1.0, "focus_mm": 20.0, "half_width_mm": 2.0, "design_index": 1.44}
 
 
 @pytest.mark.parametrize("values", [{}, {"absorption_per_mm": 0.01}, {"motion.kind": "bend"}, {"emitter.y_mm": 0.7}])
@@ -98,48 +60,6 @@ def test_in_a_thin_body_every_lens_is_the_cylinder(focus: object) -> None:
     assert contrast(smooth) == pytest.approx(contrast(cylinder), abs=1e-3 + 3.0 * u_contrast(cylinder))
 
 
-def test_a_point_is_taken_to_the_line() -> None:
-    point = {"emitter.width_mm": 0.0, "emitter.height_mm": 0.0}
-    assert contrast(sampled(sensor(LINE, **point))) >= 0.999
-    assert contrast(sampled(sensor(**point))) == pytest.approx(0.543, abs=0.01)
-
-
-@pytest.mark.parametrize(
-    ("lens", "contrasts", "received"),
-    [(LINE, (0.244, 0.474, 0.933), 0.657), (LAYERED, (0.229, 0.440, 0.906), 0.632)],
-    ids=["line-focus", "layered"],
-)
-def test_what_the_prototype_gave(lens: dict[str, object], contrasts: tuple[float, ...], received: float) -> None:
-    """A chip of 0.2 × 0.2 mm, found with another tracer."""
-    for angle_deg, value in zip((0.5, 1.0, 3.0), contrasts, strict=True):
-        found = sampled(sensor(lens), -angle_deg, 2**17)
-        assert contrast(found) == pytest.approx(value, abs=3e-3)
-    assert light(found) == pytest.approx(received, abs=6e-3)
-
-
-@pytest.mark.parametrize(
-    ("values", "value"),
-    [
-        ({"material.index": 1.45, "lens.design_index": 1.44}, 0.481),
-        ({"material.index": 1.43, "lens.design_index": 1.44}, 0.423),
-        ({"emitter.y_mm": 0.1}, 0.452),
-        ({"emitter.y_mm": -0.2}, 0.398),
-        ({"emitter.offset_mm": 0.02}, 0.299),
-    ],
-)
-def test_tolerances_of_a_line_focus(values: dict[str, object], value: float) -> None:
-    """Figures of another tracer, for the contrast at 1°."""
-    assert contrast(sampled(sensor(LINE, **values))) == pytest.approx(value, abs=5e-3)
-
-
-@pytest.mark.parametrize(("distance_mm", "value"), [(0.9, 0.425), (1.1, 0.503)])
-def test_an_emitter_nearer_or_farther(distance_mm: float, value: float) -> None:
-    """The lens is cut for 1 mm."""
-    cut = sensor(LINE)
-    other = replace(sensor(LINE, **{"emitter.distance_mm": distance_mm}), cut=cut.lens)
-    assert contrast(sampled(other)) == pytest.approx(value, abs=5e-3)
-
-
 def same(found: Trace, reading: Reading, errors: float = 3.0) -> None:
     """Whether both tracers agree within so many standard errors."""
     stated = {name: (part.power, part.u_power) for name, part in found.detectors.items()}
@@ -154,12 +74,11 @@ def same(found: Trace, reading: Reading, errors: float = 3.0) -> None:
 @pytest.mark.parametrize(
     ("lens", "values"),
     [
-        (LINE, {}),
         (LINE | {"lens.y_focus_mm": "collimated"}, {}),
         (LAYERED | {"lens.layer_mm": 0.5}, {"emitter.y_mm": 0.5}),
         (LAYERED, {"motion.kind": "bend", "absorption_per_mm": 0.01}),
     ],
-    ids=["line-focus", "collimated", "slabs off in y", "layers, bent, lossy"],
+    ids=["collimated", "slabs off in y", "layers, bent, lossy"],
 )
 def test_the_plain_tracer_agrees(lens: dict[str, object], values: dict[str, object]) -> None:
     made = sensor(lens, **values)
@@ -180,22 +99,6 @@ def test_the_plain_tracer_agrees_on_a_printed_lens() -> None:
     assert grown().nearest_mm < -0.05
     sampler, plain = (behind_front(sensor().scene(-2.0, rays), grown(), -2.0) for rays in (RAYS, 1000))
     same(sampled(sampler), trace_space_reference(plain, seed=5), errors=3.5)
-
-
-@pytest.mark.evidence
-@pytest.mark.parametrize("lens", [LINE, LAYERED], ids=["line-focus", "layered"])
-@pytest.mark.parametrize("angle_deg", [-0.5, -1.0, -3.0])
-def test_the_plain_tracer_agrees_closely(lens: dict[str, object], angle_deg: float) -> None:
-    """20,000 rays know a contrast of 0.44 to 0.008, and each share to 0.0035: minutes on one core for all six."""
-    made = sensor(lens)
-    found, plain = sampled(made, angle_deg, 2**19), trace_space_reference(made.scene(angle_deg, 20_000), seed=7)
-    same(found, plain)
-    (right, left), (u_right, u_left) = (
-        [each(side) for side in ("right", "left")] for each in (plain.mean, plain.error)
-    )
-    value, u = (right - left) / (right + left), 2.0 * math.hypot(left * u_right, right * u_left) / (right + left) ** 2
-    print(f"contrast at {-angle_deg:g}°: {contrast(found):.4f} ± {u_contrast(found):.4f}, plain {value:.4f} ± {u:.4f}")
-    assert contrast(found) == pytest.approx(value, abs=3.0 * math.hypot(u, u_contrast(found)))
 
 
 def test_the_plain_tracer_takes_one_slab_for_the_cylinder() -> None:
