@@ -15,10 +15,10 @@ from solen.scene import Monitor, Scene, dumps
 from solen.sensor import Sensor, inert
 from solen.sensor.budget import budget
 from solen.sensor.numbers import number
-from solen.trace import Derivative, Trace, derivative, integrate, trace
+from solen.trace import Derivative, Trace, derivative, integrate, integrate_many, trace
 from solen.trace.kernel import entry
 from solen.trace.kernel.space import Vector
-from solen.trace.nets import by_nets, with_rays
+from solen.trace.nets import by_nets
 from solen.trace.options import TraceOptions, trace_with
 from solen.trace.reference_front import FrontInSpace
 from solen.trace.reference_space import Reading, trace_space_reference
@@ -231,7 +231,12 @@ def test_it_is_integrated_by_nets_to_a_standard_error() -> None:
     assert fine.rays > rough.rays
     for name, reading in rough.detectors.items():
         assert reading.power == pytest.approx(fine.detectors[name].power, abs=4.0 * rough.u_power)
-    short = by_nets(with_rays(made.scene(-1.0)), 1e-6, most_rays=2**15)
+    again, cylinder = integrate_many([made.scene(-1.0), sensor().scene(-1.0)], tolerance=1e-3)
+    assert (again.method, cylinder.method) == ("sobol", "adaptive")
+    assert again.detectors["right"].power == pytest.approx(rough.detectors["right"].power, abs=1e-12)
+    few = integrate(made.scene(-1.0), tolerance=1e-5, most_legs=400_000)
+    assert (few.reached, few.rays) == (False, 2**15)
+    short = by_nets(made.scene(-1.0), 1e-6, most_rays=2**15)
     assert not short.reached
     assert "not 1e-06" in short.why
 
@@ -256,8 +261,6 @@ def test_the_stated_error_of_nets_covers(lens: dict[str, object]) -> None:
 
 def test_what_such_a_lens_cannot_do_is_refused() -> None:
     scene = sensor(LINE).scene(-1.0, 100)
-    with pytest.raises(DesignError, match=r"differs by height.*cartesian-oval"):
-        integrate(scene)
     with pytest.raises(DesignError, match=r"differs by height.*cartesian-oval"):
         sensor(LINE).body().upright()
     with pytest.raises(DesignError, match="no form in JSON"):

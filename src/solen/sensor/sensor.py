@@ -214,8 +214,6 @@ class Sensor:
         """
         scene = self.scene(angle_deg)
         tolerance = usual_tolerance(scene) if tolerance is None else tolerance
-        if self.is_sampled:
-            return by_nets(lambda rays: self.scene(angle_deg, rays), tolerance, mode)
         return integrate(scene, mode, tolerance)
 
     def derivative(self, key: str, angle_deg: float = 0.0, mode: Mode = "power") -> Derivative:
@@ -298,7 +296,7 @@ class Sensor:
         For light scattered at random, and wherever `integrate` fails. Returns the last trace and the largest
         error, above ``tolerance`` if `MOST_SAMPLED` rays do not reach it.
         """
-        found = by_nets(lambda rays: self.scene(angle_deg, rays), tolerance, most_rays=MOST_SAMPLED)
+        found = by_nets(self.scene(angle_deg), tolerance, most_rays=MOST_SAMPLED)
         return replace(found, reached=True, why=""), found.u_power
 
     @cached_property

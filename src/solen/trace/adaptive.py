@@ -29,6 +29,7 @@ from solen.trace.kernel.prism import MORE_COLUMNS, FamilyInSpace
 from solen.trace.kernel.step import Rules
 from solen.trace.kernel.surface import SPLITTING
 from solen.trace.kernel.tree import Family
+from solen.trace.nets import by_nets
 from solen.trace.result import Detected, Ledger, Limits, Mode, Trace, check_mode
 from solen.trace.space import LightInSpace, why_not_in_space
 from solen.trace.tables import Tables, compile_scene
@@ -72,6 +73,7 @@ def integrate(
     scene
         Its sources are made of points: fans, chips, emitters, ambient light; the numbers of rays that they name play no
         part. Nothing in it scatters. In an extruded scene emitters are integrated in space. Monitors are not read.
+        Light through a lens whose walls are not upright is integrated by nets, see `solen.trace.nets`.
     mode
         ``"count"`` or ``"power"``, as in `solen.trace.trace`; splitting and absorption included.
     tolerance
@@ -84,13 +86,14 @@ def integrate(
     most_legs
         After so many straight stretches of light from one point, and of samples, the integration ends, whatever its
         uncertainty; in space after five times as many where it is near the tolerance. By default their number grows as
-        the tolerance falls.
+        the tolerance falls. Nets end so, too, and after 2²¹ rays.
 
     Returns
     -------
     Trace
         With method ``"adaptive"``: values, one estimate of their error, and whether it is within the tolerance. Light
-        that is trapped for more than ``max_hits`` counts as truncated and is part of the uncertainty.
+        that is trapped for more than ``max_hits`` counts as truncated and is part of the uncertainty. By nets the
+        method is ``"sobol"``, and uncertainties are standard errors.
 
     Raises
     ------
@@ -98,7 +101,7 @@ def integrate(
         A beam or a list of rays, a cone without width, a scene that scatters, ambient light in space, or a tolerance
         out of range.
     """
-    return integrate_many((scene,), mode, tolerance, limits, most_legs=most_legs, threads=1)[0]
+    return integrate_many((scene,), mode, tolerance, limits, most_legs=most_legs)[0]
 
 
 def integrate_many(
@@ -119,12 +122,18 @@ def integrate_many(
         raise DesignError("mode", value=mode, limit="adaptive integration needs count or power")
     threads = (os.cpu_count() or 1) if threads is None else threads
     check_count("threads", threads, 1)
-    limits = limits or Limits(min_weight=LEAST_SHARE * tolerance)
-    lights = [Lights.of(scene, mode, limits) for scene in scenes]
-    if threads == 1 or len(lights) < 2:
-        return [light.trace(tolerance, most_legs) for light in lights]
+    exact = limits or Limits(min_weight=LEAST_SHARE * tolerance)
+    lights = [None if scene.front is not None else Lights.of(scene, mode, exact) for scene in scenes]
+    side_by_side = len(scenes) > 1
+
+    def settled(scene: Scene, light: Lights | None) -> Trace:
+        if light is not None:
+            return light.trace(tolerance, most_legs)
+        own = 1 if side_by_side else threads
+        return by_nets(scene, tolerance, mode, limits, most_legs=most_legs, threads=own)
+
     with ThreadPoolExecutor(threads) as pool:
-        return list(pool.map(lambda light: light.trace(tolerance, most_legs), lights))
+        return list((pool.map if side_by_side and threads > 1 else map)(settled, scenes, lights))
 
 
 class Points:
@@ -335,9 +344,7 @@ class Lights:
         """Lights of a scene; `DesignError` as in `integrate`."""
         if why := why_not(scene):
             limit = "needs one outline for all heights, a scene without chance, and sources that are made of points"
-            cylinder = ', or set lens.shape = "cartesian-oval"' if scene.front is not None else ""
-            remedy = f"trace it, with sampling sobol{cylinder}"
-            raise DesignError("adaptive integration", value=why, limit=limit, remedy=remedy)
+            raise DesignError("adaptive integration", value=why, limit=limit, remedy="trace it, with sampling sobol")
         rules = Rules(SPLITTING[mode], limits.min_weight, limits.max_hits, seed=0, first=0, step=1, turbid=False)
         tables = compile_scene(scene)
         in_space = scene.extrusion is not None

@@ -111,7 +111,9 @@ def _reference(scene: Scene, mode: Mode, limits: Limits | None, most_rays: int, 
 
 
 def _integrals(scene: Scene, mode: Mode, limits: Limits | None) -> Iterator[Trace]:
-    """Integrals to ever smaller tolerances, as long as these are reached; none of a scene that it does not know."""
+    """Integrals to ever smaller tolerances, as long as these are reached; none of a scene that can but be sampled."""
+    if scene.front is not None:
+        return
     for tolerance in (*TOLERANCES, TIGHT):
         try:
             found = integrate(scene, mode, tolerance, limits)

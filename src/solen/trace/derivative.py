@@ -223,7 +223,7 @@ def _of_samples(
     names = scene_at(value).receivers
 
     def difference(step: float) -> FloatArray:
-        scenes = [with_rays(scene_at(value + sign * step))(SAMPLES) for sign in (-1.0, 1.0)]
+        scenes = [with_rays(scene_at(value + sign * step), SAMPLES) for sign in (-1.0, 1.0)]
         low, high = (
             np.array([_powers(trace(scene, mode, limits, sampling="sobol", seed=seed)) for seed in range(SEEDS)])
             for scene in scenes

@@ -5,7 +5,6 @@ nothing of it can be integrated exactly, as the height can behind upright walls 
 of its own without bias, so that the standard error of their mean is what the integral may be off by.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 
 from solen.scene import Scene
@@ -17,36 +16,41 @@ FIRST_RAYS, MOST_RAYS, TIMES = 2**15, 2**21, 4
 
 
 def by_nets(
-    scene_of: Callable[[int], Scene],
+    scene: Scene,
     tolerance: float,
     mode: Mode = "power",
     limits: Limits | None = None,
+    *,
     most_rays: int = MOST_RAYS,
+    most_legs: int | None = None,
+    threads: int | None = None,
 ) -> Trace:
     """Power at every receiver by ever more rays, until every receiver's standard error is within the tolerance.
 
     Parameters
     ----------
-    scene_of
-        The scene with so many rays.
+    scene
+        The numbers of rays of its sources play no part.
     tolerance
         Of each power, as a fraction of the emitted power.
-    mode, limits
+    mode, limits, threads
         As in `solen.trace.trace`.
     most_rays
         Number of rays at which it ends, whatever the error: ``reached`` is False then, and ``why`` says so.
+    most_legs
+        Number of straight stretches of light beyond which no more rays follow.
     """
     rays = FIRST_RAYS
     while True:
-        found = trace(scene_of(rays), mode, limits, sampling="sobol")
+        found = trace(with_rays(scene, rays), mode, limits, sampling="sobol", threads=threads)
         if found.u_power <= tolerance:
             return found
-        if rays >= most_rays:
+        if rays >= most_rays or (most_legs is not None and TIMES * found.hits > most_legs):
             why = f"{found.rays} rays reach {found.u_power:.1e} and not {tolerance:g}: ask for a larger tolerance"
             return replace(found, reached=False, why=why)
         rays *= TIMES
 
 
-def with_rays(scene: Scene) -> Callable[[int], Scene]:
-    """A scene with other numbers of rays."""
-    return lambda rays: replace(scene, sources=tuple(source.with_rays(rays) for source in scene.sources))
+def with_rays(scene: Scene, rays: int) -> Scene:
+    """A scene each of whose sources has so many rays."""
+    return replace(scene, sources=tuple(source.with_rays(rays) for source in scene.sources))

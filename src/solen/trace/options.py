@@ -10,7 +10,6 @@ from solen.spec.strict import Finite, Options, refused
 from solen.trace.adaptive import LEAST_TOLERANCE, MOST_TOLERANCE, integrate, usual_tolerance
 from solen.trace.chunks import Digits
 from solen.trace.engine import trace
-from solen.trace.nets import by_nets, with_rays
 from solen.trace.result import Mode, Trace
 
 MOST_PATHS = 100_000
@@ -72,7 +71,7 @@ def trace_with(scene: Scene, options: TraceOptions, usual_mode: Mode = "power", 
     if options.sampling == "adaptive":
         _check_adaptive(scene, paths)
         tolerance = options.tolerance or usual_tolerance(scene)
-        return integrate(scene, mode, tolerance) if scene.front is None else by_nets(with_rays(scene), tolerance, mode)
+        return integrate(scene, mode, tolerance)
     draws = options.sampling == "sobol" or mode == "roulette" or scene.is_random
     if options.seed is not None and not draws:
         limit = f"mode {mode} with a fan draws no random numbers"
