@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from solen.arrays import FloatArray
-from solen.errors import DataError, SpecError
+from solen.errors import DataError, DesignError, SpecError
 from solen.explore import TunedPrint, TuneOptions, log_text, read_log, tune
 from solen.explore.print_model import PrintModel
 from solen.metrology import measure_lens, read_image
@@ -150,6 +150,15 @@ def test_a_drawing_that_no_correction_betters_is_kept(tmp_path: Path) -> None:
     log = read_log(out / "sensor-tuning.json")
     assert log.last_drawing == log.prints[0].correction.number == 0
     assert any("correction 0" in warning and "kept" in warning for warning in tuned.warnings)
+
+
+def test_a_lens_that_differs_by_height_is_not_tuned(tmp_path: Path) -> None:
+    """It is refused before the picture is asked for."""
+    design, out = tmp_path / "sensor.toml", tmp_path / "out"
+    design.write_text(template("solen-860"), encoding="utf-8")
+    with pytest.raises(DesignError, match=r"layered.*--compensate.*--bottom"):
+        tune_files(tmp_path / "none.tif", design=design, out=out, set_=["lens.shape=layered"])
+    assert not out.exists()
 
 
 def test_a_blurred_picture_and_another_lens_are_said(lab: Lab) -> None:

@@ -200,10 +200,10 @@ def test_a_body_of_no_whole_number_of_layers_has_the_lens_s_layers(tmp_path: Pat
     sensor = Sensor.of(small(lens__layer_mm=0.15))
     made = print_layers(sensor, PrintOptions(process=tmp_path / "process.toml"), response=False)
     assert isinstance(sensor.lens, LayeredLens)
-    assert made.layers == sensor.lens.layers == 4
+    assert made.layers == sensor.lens.layers == 3
     assert made.profile.edges_mm == pytest.approx(sensor.lens.edges_mm, abs=1e-12)
     assert made.model.wanted[::-1] == pytest.approx(sensor.lens.profiles[0], abs=1e-9)
-    assert "0.5 mm is 3 layers of 0.15 mm and one of 0.05 mm" in " ".join(made.warnings)
+    assert "0.5 mm is 2 layers of 0.15 mm and one of 0.2 mm" in " ".join(made.warnings)
 
 
 @pytest.mark.parametrize(

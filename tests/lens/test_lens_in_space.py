@@ -89,7 +89,19 @@ def test_layers_of_a_printer() -> None:
     assert lens.deepest_mm == pytest.approx(1.811, abs=1e-3)
     assert lens.edge_depth_at_top_mm == pytest.approx(1.168, abs=6e-3)  # of the last layer's middle
     assert lens.widest_ledge_um < 10.5
-    assert LayeredLens(**PAPER, layer_mm=0.03).edges_mm[:2] == pytest.approx([-2.0, -1.99])
+    assert not lens.warnings
+
+
+@pytest.mark.parametrize(("layer_mm", "layers", "last_mm"), [(0.03, 133, 0.04), (0.15, 27, 0.1), (0.16, 25, 0.16)])
+def test_a_lens_has_as_many_layers_as_a_printer_makes(layer_mm: float, layers: int, last_mm: float) -> None:
+    """Those whose middle lies in the body; the last one reaches to its face, and a note says so where it is uneven."""
+    lens = LayeredLens(**PAPER, layer_mm=layer_mm)
+    assert lens.layers == layers
+    assert np.diff(lens.edges_mm) == pytest.approx([last_mm, *[layer_mm] * (layers - 1)])
+    words = (
+        f"note: lens.layer_mm: a body of 4 mm has {layers - 1} layers of {layer_mm:g} mm and a last one of {last_mm:g}"
+    )
+    assert [words in warning for warning in lens.warnings] == [True] * (last_mm != layer_mm)
 
 
 def test_the_nearest_focus_that_keeps_light() -> None:

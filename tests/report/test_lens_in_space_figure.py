@@ -9,7 +9,7 @@ from solen.report.design.lens import profile_figure
 def test_the_figure_shows_the_face_and_its_profiles() -> None:
     lens = LayeredLens(1.0, 20.0, 2.0, 1.44, thickness_mm=4.0)
     solid, profiles = profile_figure(lens).axes
-    assert solid.name == "3d"
+    assert (solid.name, solid.get_zlabel()) == ("3d", "z (mm)")  # type: ignore[attr-defined]  # of three dimensions
     middle, *_, top = profiles.get_lines()
     x, z = np.asarray(middle.get_data())
     assert np.abs(z - lens.middle.z_mm(x)).max() < 1e-3

@@ -1,6 +1,7 @@
 """The report's answer and sentences: each follows from the study, and each of its numbers is one of the results."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -321,4 +322,17 @@ def test_when_layers_pay_is_told_plainly(practice: Practice, pays: str, straight
     assert pays in one
     assert straight in other
     assert len(asked) == ("is not" not in one)
-    assert all("centred within about 0.1 mm in y" in text for text in asked)
+    assert all("centred within about 0.1 mm in y. Nobody has printed one yet" in text for text in asked)
+
+
+def test_profiles_that_are_given_are_named() -> None:
+    """A print is beside a cylinder that is none."""
+    one = choice(0.44, 0.42)
+    assert one.lenses is not None
+    cylinder, layered = one.lenses.lenses
+    printed = replace(one, lenses=replace(one.lenses, own="layered", lenses=(cylinder, replace(layered, given=True))))
+    assert [row[0] for row in lens_table(printed)[1:]] == ["cylinder", "layered as given (this design)"]
+    gain, asked, _ = lens_words(printed)
+    assert gain.startswith("The layered lens as given is worthwhile")
+    assert gain.endswith("to the worse side; the cylinder is as designed.")
+    assert "Nobody" not in asked

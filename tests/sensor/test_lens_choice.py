@@ -2,12 +2,14 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from solen.errors import DesignError
+from solen.lens import LayeredLens, Profiles, layers_text
 from solen.sensor import LensChoice, LensFigures, Response, Sensor
 from solen.sensor.lens_choice import lens_choice
 from solen.spec import loads, template, with_values
@@ -135,3 +137,23 @@ def test_layers_pay_by_a_tenth_beyond_twice_the_uncertainty(
     found = with_layered(replace(straight, lenses=tuple(exact)), 0.1 * gain, u)
     assert found.u_gain == pytest.approx(u / 0.1)
     assert found.layers_pay == pays
+
+
+def test_given_profiles_are_put_off_to_their_worse_side(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A print does not mirror itself about the middle of the body."""
+    plain = LayeredLens(1.0, 20.0, 2.0, 1.44, layer_mm=0.5)
+    given = Profiles("a print", 2.0, plain.edges_mm, plain.profiles[0], simulated=True)
+    (tmp_path / "printed.json").write_text(layers_text(given))
+    printed = sensor(lens__shape="layered", lens__profile=str(tmp_path / "printed.json"))
+
+    def swept(one: Sensor, asked: Sequence[float], *_: object) -> Response:
+        lean = 2.0 * one.design.emitter.y_mm if one.design.lens.shape == "layered" else 0.0
+        return response([-0.1 * (1.0 + lean) * angle for angle in asked], asked)
+
+    monkeypatch.setattr("solen.sensor.lens_choice.swept", swept)
+    found = lens_choice(printed, swept(printed, (-3.0, 0.0, 3.0)), 0.0)
+    assert {lens.shape: lens.given for lens in found.lenses} == {shape: shape == "layered" for shape in SLOPES}
+    own = found.of("layered")
+    assert own is not None
+    assert own.off_contrast == pytest.approx(0.1 * 0.8)
+    assert found.gain == pytest.approx(0.8)

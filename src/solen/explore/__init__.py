@@ -9,7 +9,7 @@ from solen.explore.optimise import OptimiseOptions, Optimum, optimise
 from solen.explore.store import Store
 from solen.explore.sweep import Sweep, SweepOptions, sweep
 from solen.explore.tolerance import ToleranceOptions, Tolerances, tolerance
-from solen.explore.tuning import TunedPrint, TuneOptions, tune
+from solen.explore.tuning import TunedPrint, TuneOptions, check_tunable, tune
 from solen.explore.tuning_log import TuningLog, log_text, read_log
 
 __all__ = [
@@ -23,6 +23,7 @@ __all__ = [
     "TuneOptions",
     "TunedPrint",
     "TuningLog",
+    "check_tunable",
     "log_text",
     "optimise",
     "read_log",

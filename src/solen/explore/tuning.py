@@ -30,7 +30,7 @@ from solen.fabricate.label import label_of
 from solen.fabricate.layers import Slicing
 from solen.fabricate.process import Compensation, Deviation, Drawing, outline_text
 from solen.fabricate.process.print_design import profile_of_print
-from solen.lens import OvalLens
+from solen.lens import LensInSpace, OvalLens
 from solen.lens.build import measured_lens
 from solen.lens.profile import MeasuredProfile
 from solen.metrology import InspectOptions, LensInspection
@@ -205,15 +205,26 @@ def tune(
     SpecError, DesignError
         If what is asked for is not of parts printed flat, or the design has no one lens.
     """
-    if not isinstance(sensor.cut, OvalLens):
-        limit = "the designed lens must be a Cartesian oval"
-        raise DesignError("lens", value=sensor.design.lens.shape, limit=limit, remedy="name the design as it is wanted")
+    check_tunable(sensor)
     model = PrintModel.of(sensor, slicing)
     log = _checked(log, sensor, model, inspection)
     number = _drawing(log, model, options)
     problem = _Tuning(inspection, sensor, model, log, options, number)
     problem.check_likeness()
     return problem.settled().tuned(file, progress, response=response)
+
+
+def check_tunable(sensor: Sensor) -> None:
+    """`DesignError` where a design has no one outline that a picture of its print shows."""
+    if isinstance(sensor.cut, LensInSpace):
+        limit = "a lens that differs by height is not tuned: a picture shows one height of it"
+        remedy = (
+            "correct it by solen print predict --compensate, and measure both faces by solen print inspect --bottom"
+        )
+        raise DesignError("lens.shape", value=sensor.design.lens.shape, limit=limit, remedy=remedy)
+    if not isinstance(sensor.cut, OvalLens):
+        limit = "the designed lens must be a Cartesian oval"
+        raise DesignError("lens", value=sensor.design.lens.shape, limit=limit, remedy="name the design as it is wanted")
 
 
 def _checked(log: TuningLog | None, sensor: Sensor, model: PrintModel, inspection: LensInspection) -> TuningLog:

@@ -4,7 +4,7 @@ from solen.lens.build import lens_of, measured_lens
 from solen.lens.fitted_profile import FittedProfile
 from solen.lens.given_layers import GivenLayers, Profiles, layers_text, read_layers
 from solen.lens.in_space import LensInSpace
-from solen.lens.layered import LayeredLens, layer_edges_mm
+from solen.lens.layered import LayeredLens, layer_count, layer_edges_mm
 from solen.lens.line_focus import LineFocusLens
 from solen.lens.measured import MeasuredLens
 from solen.lens.optics import FlatFace, Lens, OvalLens, nearest_focus_mm, tangency
@@ -22,6 +22,7 @@ __all__ = [
     "MeasuredProfile",
     "OvalLens",
     "Profiles",
+    "layer_count",
     "layer_edges_mm",
     "layers_text",
     "lens_of",

@@ -22,11 +22,14 @@ from solen.curve import check_range
 from solen.errors import DesignError
 from solen.lens.face import Face
 from solen.lens.in_space import LensInSpace
+from solen.ranks import note
 from solen.results import reported
 
 PLACES, STEPS = 257, 4
 """Places of a profile from the axis to its edge, and steps of the fourth-order Runge–Kutta rule between two of them."""
 MOST_LAYERS = 4000
+EXACT = 1e-6
+"""Share of a layer that may be rounding."""
 
 
 class LayeredLens(LensInSpace, eq=True):
@@ -35,8 +38,8 @@ class LayeredLens(LensInSpace, eq=True):
     Parameters
     ----------
     layer_mm
-        Height of a layer; they are counted from the face that lies on the build plate, y = half the thickness, and the
-        last one may be lower.
+        Height of a layer; they are counted from the face that lies on the build plate, y = half the thickness. There
+        are as many as a printer makes of the body, and the last one reaches to its other face.
     """
 
     shape_name: ClassVar[str] = "layered"
@@ -55,7 +58,11 @@ class LayeredLens(LensInSpace, eq=True):
     def warnings(self) -> tuple[str, ...]:
         """See :attr:`solen.lens.optics.Lens.warnings`."""
         if self.layer_mm < self.half_height_mm:
-            return ()
+            last_mm = float(self.edges_mm[1] - self.edges_mm[0])
+            if abs(last_mm - self.layer_mm) <= EXACT * self.layer_mm:
+                return ()
+            count = f"{self.layers - 1} layers of {self.layer_mm:g} mm and a last one of {last_mm:.4g} mm"
+            return (note(f"lens.layer_mm: a body of {self.thickness_mm:g} mm has {count}"),)
         profiles = "one profile over the whole body: this is the cylinder"
         if self.layers > 1:
             profiles = f"only {self.layers} profiles over the whole body"
@@ -149,10 +156,14 @@ class LayeredLens(LensInSpace, eq=True):
 
 
 def layer_edges_mm(thickness_mm: float, layer_mm: float) -> FloatArray:
-    """Heights y (L + 1,) of the borders between layers of a body, ascending; the last printed may be lower."""
-    whole = round(thickness_mm / layer_mm, 9)
-    borders = 0.5 * thickness_mm - layer_mm * np.arange(math.ceil(whole))
+    """Heights y (L + 1,) of the borders between layers of a body, ascending; the last printed reaches to its face."""
+    borders = 0.5 * thickness_mm - layer_mm * np.arange(max(layer_count(thickness_mm, layer_mm), 1))
     return np.append(-0.5 * thickness_mm, borders[::-1])
+
+
+def layer_count(height_mm: float, layer_mm: float) -> int:
+    """Number of layers that a printer makes of a height: those whose middle lies in it."""
+    return math.ceil(height_mm / layer_mm + 0.5 - EXACT) - 1
 
 
 def _profiles(lens: LayeredLens, heights: FloatArray) -> tuple[FloatArray, FloatArray]:

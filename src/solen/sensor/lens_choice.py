@@ -15,6 +15,7 @@ import numpy as np
 
 from solen.arrays import FloatArray
 from solen.errors import DesignError, SolenError
+from solen.lens import GivenLayers
 from solen.plane import off_a_line
 from solen.results import Result, reported
 from solen.sensor.effects import off_by, swept
@@ -46,7 +47,10 @@ class LensFigures(Result):
     nonlinearity, u_nonlinearity
         Largest deviation of the contrast from the minimax straight line, relative to half its range.
     off_deg, off_contrast, u_off_contrast, off_received
-        Angle also traced with the emitter off in y, and the results there.
+        Angle also traced with the emitter off in y, and the results there; of given profiles, which are not symmetric
+        about the middle of the body, to the side of the smaller signal.
+    given
+        Whether its profiles are given: as printed, or drawn for a print.
     """
 
     shape: str
@@ -64,6 +68,7 @@ class LensFigures(Result):
     off_contrast: float
     u_off_contrast: float
     off_received: float
+    given: bool = False
 
     @property
     def there(self) -> tuple[float, float]:
@@ -205,8 +210,10 @@ def _figures(sensor: Sensor, null_deg: float, ends_deg: Sequence[float], known: 
     angles = sorted(null_deg + (end - null_deg) * n / max(SIXTHS) for end in ends_deg for n in SIXTHS)
     found = swept(sensor, angles, known)
     off_deg = null_deg + (ends_deg[0] - null_deg) * OFF_SIXTH / max(SIXTHS)
-    y_mm = sensor.design.emitter.y_mm
-    off = swept(off_by(sensor, "emitter.y_mm", math.copysign(Y_OFF_MM, y_mm)), [off_deg])
+    y_mm, given = sensor.design.emitter.y_mm, isinstance(sensor.lens, GivenLayers)
+    steps = (-Y_OFF_MM, Y_OFF_MM) if given else (math.copysign(Y_OFF_MM, y_mm),)
+    each = [swept(off_by(sensor, "emitter.y_mm", step), [off_deg]) for step in steps]
+    off = min(each, key=lambda one: abs(float(one.contrast[0])) * one.received_share)
     angle, contrast, u = found.angle_deg - null_deg, found.contrast, found.u_contrast
     if not (np.isfinite(contrast).all() and np.isfinite(off.contrast).all()):
         raise DesignError("contrast", value="none", limit="no light arrives at some angle")
@@ -236,4 +243,5 @@ def _figures(sensor: Sensor, null_deg: float, ends_deg: Sequence[float], known: 
         off_contrast=float(off.contrast[0]),
         u_off_contrast=float(off.u_contrast[0]),
         off_received=off.received_share,
+        given=given,
     )

@@ -21,6 +21,7 @@ from solen.fabricate.layers.slicing import Slicing
 from solen.fabricate.layers.solid import Exposures, Rings, Solid
 from solen.fabricate.process import Process
 from solen.fabricate.raster import coverage_bytes
+from solen.lens import layer_count
 from solen.parts.printer import Axis, Printer, library_printer, printers
 
 Bytes = NDArray[np.uint8]
@@ -97,7 +98,7 @@ class Job:
         """Number of layers, those whose middle lies in the solid; of pieces with own exposures, of pictures."""
         if self.solid.exposures_s:
             return len(self.solid.exposures_s)
-        return math.ceil(self.solid.size_mm[2] / self.layer_mm + 0.5 - EXACT) - 1
+        return layer_count(self.solid.size_mm[2], self.layer_mm)
 
     @property
     def height_mm(self) -> float:

@@ -7,7 +7,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from solen import fabricate, files
-from solen.explore import TunedPrint, TuneOptions, TuningLog, log_text, read_log
+from solen.explore import TunedPrint, TuneOptions, TuningLog, check_tunable, log_text, read_log
 from solen.explore import tune as tune_print
 from solen.fabricate.layers import Slicing, printable_design
 from solen.fabricate.process import compensation_files
@@ -59,12 +59,13 @@ def tune(
     figure.check()
     check_ending(log, "a log", ".json")
     wanted = open_design(design, set_)
+    sensor = Sensor.of(wanted)
+    check_tunable(sensor)
     log = out / f"{stem_of(design)}-tuning.json" if log is None else log
     before = read_log(log) if log.exists() else None
     slicing = exposed_as_printed(slicing)
     image = read_image(picture, options=options)
     measured = measure_lens(image, wanted, edge=options.edge, priors=options, seen_from=options.seen_from)
-    sensor = Sensor.of(wanted)
     name = f"{stem_of(design)}-tuned-{_next(before)}"
     tuned = tune_print(
         measured, sensor, slicing, options, before, file=f"{name}.toml", response=response, progress=progress

@@ -185,7 +185,7 @@ def _range(summary: Summary) -> str:
 def _lens_row(lens: LensFigures, places: list[int], own: str) -> tuple[str, ...]:
     contrasts = [measured(float(lens.contrast[i]), float(lens.u_contrast[i])) for i in places]
     return (
-        f"{LENSES[lens.shape]}{' (this design)' if lens.shape == own else ''}",
+        f"{LENSES[lens.shape]}{' as given' if lens.given else ''}{' (this design)' if lens.shape == own else ''}",
         *contrasts,
         measured(lens.off_contrast, lens.u_off_contrast),
         measured(lens.slope_per_deg, lens.u_slope_per_deg),
@@ -200,11 +200,14 @@ def _pays(choice: LensChoice, layered: LensFigures, cylinder: LensFigures) -> li
     values = f"contrast {abs(layered.off_contrast):.2f} in place of {abs(cylinder.off_contrast):.2f}"
     there = f"signal {gain} times the cylinder's ({values})"
     there += f" at {layered.off_deg:+.3g}° with the emitter {choice.y_off_mm:g} mm off in y"
+    name = "layered lens as given" if layered.given else "layered lens"
+    if layered.given:
+        there += ", to the worse side; the cylinder is as designed"
     if not choice.layers_pay:
-        return [f"The layered lens is not worthwhile here: {there}."]
-    asked = f"It requires a known chip, centred within about {choice.y_off_mm:g} mm in y. Nobody has printed one yet"
-    asked += "; solen print predict says what a printer leaves of it."
-    return [f"The layered lens is worthwhile for small angles: {there}.", asked]
+        return [f"The {name} is not worthwhile here: {there}."]
+    asked = f"It requires a known chip, centred within about {choice.y_off_mm:g} mm in y."
+    printed = " Nobody has printed one yet; solen print predict says what a printer leaves of it."
+    return [f"The {name} is worthwhile for small angles: {there}.", asked if layered.given else asked + printed]
 
 
 def _straight(layered: LensFigures, cylinder: LensFigures) -> str:

@@ -5,9 +5,11 @@ from collections.abc import Callable
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
+from solen.arrays import FloatArray
 from solen.errors import DesignError
-from solen.lens import Lens, LensInSpace, MeasuredLens, OvalLens
+from solen.lens import LayeredLens, Lens, LensInSpace, MeasuredLens, OvalLens
 from solen.report.canvas import HIGHER, INK, LOST, LOWER, SOFT
 from solen.sensor import LensCheck, Sensor, tolerance_of
 from solen.sensor.effects import index_steps
@@ -47,14 +49,19 @@ def profile_figure(lens: Lens) -> Figure:
 
 def _figure_in_space(lens: LensInSpace) -> Figure:
     """The face of a lens that is not a cylinder, in three dimensions, and its profiles at some heights."""
-    figure = Figure(figsize=(7.2, 3.2))
-    solid = figure.add_subplot(1, 2, 1, projection="3d")
+    figure = Figure(figsize=(7.6, 3.2))
+    grid = figure.add_gridspec(1, 3, width_ratios=(1.0, 0.06, 1.0))
+    solid = figure.add_subplot(grid[0], projection="3d")
     x = np.linspace(-lens.half_width_mm, lens.half_width_mm, ACROSS)
-    across, up = np.meshgrid(x, np.linspace(-1.0, 1.0, UP) * lens.half_height_mm * (1.0 - 1e-9))
-    solid.plot_surface(across, up, lens.z_at(across, up), color=SOFT, edgecolor=LOST, linewidth=0.3)
-    solid.set(xlabel="x (mm)", ylabel="y (mm)", zticks=[0.0, 1.0])
-    solid.set_box_aspect((lens.half_width_mm, lens.half_height_mm, 0.5 * lens.deepest_mm))
-    axes = figure.add_subplot(1, 2, 2)
+    heights, inside = _heights(lens)
+    across, up = np.meshgrid(x, heights)
+    z = lens.z_at(across, np.meshgrid(x, inside)[1])
+    solid.plot_surface(across, up, z, color=SOFT, edgecolor=LOST, linewidth=0.3, rstride=1, cstride=1)
+    solid.set(xlabel="x (mm)", ylabel="y (mm)", zlabel="z (mm)")
+    solid.zaxis.labelpad = 0.0
+    solid.zaxis.set_major_locator(MaxNLocator(2))
+    solid.set_box_aspect((lens.half_width_mm, lens.half_height_mm, 0.5 * lens.deepest_mm), zoom=0.82)
+    axes = figure.add_subplot(grid[2])
     for share, color in zip((0.0, 0.5, 1.0), (INK, LOWER, HIGHER), strict=True):
         y_mm = share * lens.half_height_mm * (1.0 - 1e-9)
         axes.plot(x, lens.z_at(x, np.full_like(x, y_mm)), color=color, lw=1.8, label=f"y = {y_mm:.3g} mm")
@@ -62,6 +69,14 @@ def _figure_in_space(lens: LensInSpace) -> Figure:
     axes.set_aspect("equal")
     axes.legend()
     return figure
+
+
+def _heights(lens: LensInSpace) -> tuple[FloatArray, FloatArray]:
+    """Heights at which a face is drawn, and heights of the sections there: both sides of a border between slabs."""
+    if isinstance(lens, LayeredLens) and lens.layers < UP:
+        return np.repeat(lens.edges_mm, 2)[1:-1], np.repeat(lens.middles_mm, 2)
+    heights = np.linspace(-1.0, 1.0, UP) * lens.half_height_mm * (1.0 - 1e-9)
+    return heights, heights
 
 
 def focus_figure(sensor: Sensor) -> Figure:
