@@ -130,9 +130,9 @@ def test_step_read_back(chosen: Design, solids: int, tmp_path: Path) -> None:
 
 
 def test_layers_count_from_the_plate() -> None:
-    """Where the last layer is lower, it is the one farthest from the plate, y = −thickness / 2."""
+    """Where the last layer is higher, it is the one farthest from the plate, y = −thickness / 2."""
     part = part_of(layered(lens__layer_mm=0.3))
-    assert [prism.height_mm for prism in part.prisms] == pytest.approx([0.3, 0.3, 0.3, 0.1])
+    assert [prism.height_mm for prism in part.prisms] == pytest.approx([0.3, 0.3, 0.4])
 
 
 def test_a_drawing_is_refused_and_says_what_to_take(tmp_path: Path) -> None:
