@@ -12,3 +12,8 @@ BoolArray = NDArray[np.bool_]
 
 Progress = Callable[[float], None]
 """Called with the share of the work that is done, from 0 to 1."""
+
+
+def part_of(progress: Progress | None, first: float, parts: float = 1.0, length: float = 1.0) -> Progress | None:
+    """Progress of a part of some work: where it begins and its length, of a whole of ``parts``."""
+    return None if progress is None else lambda done: progress((first + length * done) / parts)

@@ -11,7 +11,7 @@ import numpy as np
 
 from solen.arrays import FloatArray, Progress
 from solen.errors import DesignError
-from solen.explore.tuning_log import LensResponse, Responses
+from solen.explore.tuning_log import Responses, TunedResponse
 from solen.lens import MeasuredLens
 from solen.sensor import Sensor
 from solen.sensor.as_printed import DRAWN_RAYS
@@ -61,7 +61,7 @@ def _sampled(sensor: Sensor, angles: Sequence[float]) -> FloatArray:
     return np.array(values, float)
 
 
-def _response(best: Response, away: Sequence[FloatArray]) -> LensResponse:
+def _response(best: Response, away: Sequence[FloatArray]) -> TunedResponse:
     """A response, with the spread over other lenses as uncertainty."""
     if not np.isfinite([best.contrast, *away]).all():
         raise DesignError("response", limit="no light arrives at some angle", remedy="narrow the motion")
@@ -73,7 +73,7 @@ def _response(best: Response, away: Sequence[FloatArray]) -> LensResponse:
     u_slope = float(np.hypot(np.sqrt(np.mean(np.square(bent))), best.u_contrast[here] / (np.sqrt(2.0) * NEAR_DEG)))
     null = -float(best.contrast[here]) / slope if slope else np.inf
     has_null = abs(null) <= MOST_NULL_DEG
-    return LensResponse(
+    return TunedResponse(
         tuple(best.angle_deg.tolist()),
         tuple(np.round(best.contrast, 6).tolist()),
         tuple(np.round(u, 6).tolist()),

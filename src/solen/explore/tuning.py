@@ -1,22 +1,19 @@
-"""Tuning a lens print by print: what a picture shows, the drawing against it, and what the next print will be.
+"""Tuning of a lens print by print: measurement of a picture, corrected drawing, and prediction of the next print.
 
-The idea: a print model knows well what a change of the drawing does, and badly where the print stands at first; a
-picture is the other way round. So what prints have in common (`solen.explore.systematic`) is taken from the pictures,
-and the drawing that cancels it from the model. Corrected is the mean of what is known of even overgrowth, size (with a
-stated scale only) and form: where pictures resolve little, that is near to what was known before. The next print is
-then predicted with all that is not known: of the printer, the pictures, the model, and of what a print has for itself.
+The idea: a print model predicts the effect of a change of the drawing well, but the absolute print poorly; a
+picture shows the reverse. So common deviations of prints (`solen.explore.systematic`) are taken from the pictures,
+and the drawing that cancels them from the model. Means of uniform overgrowth, size (with a
+stated scale only) and form are corrected: where pictures resolve little, they stay near their priors. The next print is
+then predicted with all uncertainties: of the printer, the pictures, the model, and of individual prints.
 
-The interface: `tune` gives a `TunedPrint`, whose `log` the next call takes.
+The interface: `tune` returns a `TunedPrint`, whose `log` is the input of the next call.
 """
 
 import hashlib
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
-from typing import Annotated
 
 import numpy as np
-from pydantic import Field
 
 from solen.arrays import BoolArray, FloatArray, Progress
 from solen.errors import DataError, DesignError, SolenError, SpecError
@@ -24,6 +21,7 @@ from solen.explore.contour import Contour, Rows
 from solen.explore.doubts import of_picture, of_prediction
 from solen.explore.print_model import PrintModel
 from solen.explore.systematic import BLUR, OVERGROWTH, SIZE, Known, Print, Systematic, learnt, of_pixels
+from solen.explore.tuned_print import Common, TunedPrint, TunedStep, TuneOptions
 from solen.explore.tuned_response import responses
 from solen.explore.tuning_log import AS_DESIGNED, Correction, LoggedPrint, Picture, Residual, Responses, TuningLog
 from solen.fabricate.label import label_of
@@ -33,137 +31,22 @@ from solen.fabricate.process.print_design import profile_of_print
 from solen.lens import LensInSpace, OvalLens
 from solen.lens.build import measured_lens
 from solen.lens.profile import MeasuredProfile
-from solen.metrology import InspectOptions, LensInspection
+from solen.metrology import LensInspection
 from solen.metrology.nominal import END_MM
 from solen.ranks import Caution, look_at
-from solen.recording import Provenance
-from solen.results import HIDDEN, Result, reported
 from solen.sensor import Sensor
 from solen.sensor.as_printed import DRAWS
-from solen.spec.strict import Finite
 
 SAMPLES, SEED = 2000, 1
 EVERY = 3
-"""Step between the lens's points that enter the fit."""
+"""Every so many of the lens's points enter the fit."""
 MOST_BLUR = 3.0
-"""By how many of its standard uncertainties the printer's blur may be wider."""
+"""Largest increase of the printer's blur, in standard uncertainties."""
 UNLIKE = 20.0
-"""Logarithm of a likelihood ratio from which on a print is one of another drawing."""
+"""Logarithm of a likelihood ratio above which a print has another drawing."""
 NO_DRAWING = -1
 EXACT = 1e-3
-"""Uncertainty in % of a shrinkage that a scale's error is taken for."""
-
-
-class TuneOptions(InspectOptions):
-    """How a picture is measured, and what is known of prints."""
-
-    repeat_um: Annotated[Finite, Field(gt=0, le=100)] = 1.0
-    """Usual difference (rms) of two prints of one drawing, known within a factor of 2, µm."""
-    drawn: Path | None = None
-    """Design file that this print was drawn by; default: the design at first, then the log's last correction."""
-    another_copy: bool = False
-    """The picture shows another print of the drawing that the print before was made with."""
-
-
-@dataclass(frozen=True)
-class Common:
-    """What prints of a design have in common, and what each has for itself.
-
-    Attributes
-    ----------
-    overgrowth_um, u_overgrowth_um
-        By how much every wall stands out evenly.
-    size_percent, u_size_percent
-        By how much prints are larger beside that.
-    form_um
-        Form (rms, after registration) beside both, as far as it is resolved.
-    repeat_um
-        Size of the form that a print has for itself.
-    prints
-        Number of prints that this rests on.
-    """
-
-    overgrowth_um: float
-    u_overgrowth_um: float
-    size_percent: float
-    u_size_percent: float
-    form_um: float
-    repeat_um: float
-    prints: int
-
-
-@dataclass(frozen=True)
-class TunedStep:
-    """One print of a tuning: its drawing, its deviation, and what was predicted of it before."""
-
-    number: int
-    drawing: int
-    rms_um: float
-    u_rms_um: float
-    predicted: Residual | None
-
-
-class TunedPrint(Result):
-    """A print of a tuning, the drawing that follows from it, and the next print as it is predicted.
-
-    Attributes
-    ----------
-    design, simulated, process
-        Names, and whether any picture was computed.
-    number, drawn_by
-        Number of the print, and the drawing that it was made with.
-    rms_um, u_rms_um
-        Its deviation, as `solen print inspect` measures it.
-    common
-        What prints have in common.
-    corrected
-        What of that the drawing is changed by beyond its uncertainty; the rest is corrected by its mean all the same.
-    kept
-        Whether the drawing of before is kept, as no corrected one is predicted to be better: nothing new is drawn.
-    wall_um, scale
-        By how much walls are drawn outwards, and by what all is enlarged.
-    unchanged
-        Deviation of a further print of the same drawing.
-    predicted
-        Deviation of the next print: of the corrected drawing, or of the kept one.
-    response
-        Response as designed, of this print and of the next; None if it was not traced.
-    history
-        All prints of the log.
-    x_mm, measured_um, predicted_um, u_predicted_um
-        Along the front (N,): deviation of this print, NaN where it was not measured, and of the next one.
-    """
-
-    design: str
-    simulated: bool
-    process: str
-    number: int
-    drawn_by: str
-    rms_um: float
-    u_rms_um: float
-    common: Common
-    corrected: tuple[str, ...]
-    kept: bool
-    wall_um: float
-    scale: float
-    unchanged: Residual
-    predicted: Residual
-    response: Responses | None
-    history: tuple[TunedStep, ...]
-    x_mm: FloatArray
-    measured_um: FloatArray
-    predicted_um: FloatArray
-    u_predicted_um: FloatArray
-    sources: tuple[Provenance, ...]
-    warnings: tuple[Caution, ...]
-    made: Compensation = field(metadata=HIDDEN)
-    profile: MeasuredProfile = field(metadata=HIDDEN)
-    log: TuningLog = field(metadata=HIDDEN)
-
-    @reported
-    def drawn_range_um(self) -> tuple[float, float]:
-        """Least and most that the lens is drawn beyond the designed one."""
-        return self.made.drawn_range_um
+"""Uncertainty in % of a shrinkage that absorbs the scale's error."""
 
 
 def tune(
@@ -177,7 +60,7 @@ def tune(
     response: bool = True,
     progress: Progress | None = None,
 ) -> TunedPrint:
-    """Drawing that follows from a print and those of the log, and the next print.
+    """Next drawing from a print and those of the log, with the prediction of its print.
 
     Parameters
     ----------
@@ -186,11 +69,11 @@ def tune(
     sensor
         The original design.
     slicing
-        How it is printed: the process, the printer's pixels, and the lens's place in its pixel.
+        Process, printer's pixels, and the lens's position in its pixel.
     options
-        What is known of prints, and by which drawing this one was made.
+        Priors of prints, and the drawing of this one.
     log
-        Prints before; None at first.
+        Earlier prints; None at first.
     file
         Name of the design file that will hold the drawing.
     response
@@ -203,7 +86,7 @@ def tune(
     DataError
         If the log is of another design or printer, or the print of another drawing.
     SpecError, DesignError
-        If what is asked for is not of parts printed flat, or the design has no one lens.
+        If the part is not printed flat, or the design does not have a single lens.
     """
     check_tunable(sensor)
     model = PrintModel.of(sensor, slicing)
@@ -234,7 +117,7 @@ def _checked(log: TuningLog | None, sensor: Sensor, model: PrintModel, inspectio
     if log is None:
         return new
     if log.sha256 != new.sha256:
-        limit = f"is not the design of the log, {log.design}, or was changed since"
+        limit = f"is not the design of the log, {log.design}, or has changed since"
         raise DataError("--design", value=design.name, limit=limit, remedy="name that design, or begin another --log")
     if (log.pixels_um, log.phase_px) != (new.pixels_um, new.phase_px):
         value = f"pixels of {new.pixels_um[0]:g} x {new.pixels_um[1]:g} µm, vertex at {new.phase_px}"
@@ -249,11 +132,13 @@ def _checked(log: TuningLog | None, sensor: Sensor, model: PrintModel, inspectio
 
 
 def _drawing(log: TuningLog, model: PrintModel, options: TuneOptions) -> int:
-    """Number of the correction that the print was made with; `DataError` if the file of it is another."""
+    """Number of the correction of the print; `DataError` if its file is another."""
     last = log.last_drawing
     if options.another_copy:
         if not log.prints:
-            raise SpecError("--another-copy", limit="needs a print before, and the log has none", remedy="leave it out")
+            raise SpecError(
+                "--another-copy", limit="needs an earlier print, but the log has none", remedy="leave it out"
+            )
         last = log.prints[-1].drawing
     if options.drawn is None:
         return last
@@ -269,7 +154,7 @@ def _drawing(log: TuningLog, model: PrintModel, options: TuneOptions) -> int:
 
 @dataclass(frozen=True, eq=False)
 class _Tuning:
-    """A print and those before it."""
+    """A print and the earlier ones."""
 
     inspection: LensInspection
     sensor: Sensor
@@ -280,7 +165,7 @@ class _Tuning:
     blur: float = 0.0
 
     def settled(self) -> "_Tuning":
-        """The same about the printer's blur that the prints show: what it does to pixels is not linear."""
+        """The same with the blur that the prints show, as its effect on pixels is not linear."""
         somewhere = np.array([0.5 * self.contour.length_mm])
         blur = float(np.clip(self._learnt(self.number, somewhere).mean[BLUR], self.model.least_blur, MOST_BLUR))
         return replace(self, model=self.model.blurred(blur), blur=blur)
@@ -310,9 +195,9 @@ class _Tuning:
         return self.log.drawing(number, len(self.model.target.points_mm))
 
     def _learnt(self, number: int, arc_mm: FloatArray, pixels_of: int | None = None, **otherwise: float) -> Systematic:
-        """What all prints have in common where this one was drawn by a correction.
+        """Common deviations of all prints, given the correction of this one.
 
-        What the model misses of its pixels is that of another drawing where ``pixels_of`` names one.
+        Pixel effects are those of another drawing if ``pixels_of`` names one.
         """
         every = [(one.picture.rows, one.drawing, one.drawing) for one in self.log.prints]
         every.append((self.rows, number, number if pixels_of is None else pixels_of))
@@ -322,7 +207,7 @@ class _Tuning:
         return learnt(self.contour, prints, known, arc_mm)
 
     def check_likeness(self) -> None:
-        """`DataError` if the print looks like one of another drawing, and nobody states its own."""
+        """`DataError` if the print looks like one of another drawing, and its drawing is not stated."""
         if not self.log.prints or self.options.drawn is not None:
             return
         somewhere = np.array([0.5 * self.contour.length_mm])
@@ -330,7 +215,7 @@ class _Tuning:
         logs = {number: self._learnt(number, somewhere, NO_DRAWING).log_evidence for number in every}
         best = max(logs, key=lambda number: logs[number])
         if logs[best] - logs[self.number] > UNLIKE:
-            limit = f"looks like a print of {self.log.name(best)}, and is to be one of {self.log.name(self.number)}"
+            limit = f"looks like a print of {self.log.name(best)}, but should be one of {self.log.name(self.number)}"
             remedy = "photograph a print of the latter, or state by --drawn which drawing it was made with"
             raise DataError(self.inspection.sources[0].file, limit=limit, remedy=remedy)
 
@@ -342,9 +227,9 @@ class _Tuning:
 
     @cached_property
     def taken(self) -> tuple[FloatArray, float, float, tuple[str, ...]]:
-        """What is corrected: deviation (n,) of the front, overgrowth in µm and size in it, and these in words.
+        """Corrections: deviation (n,) of the front, overgrowth in µm and size within it, and their names.
 
-        Each as far as it is resolved: the mean of what is known is damped towards what was known before.
+        Each as far as resolved: means are damped towards the priors.
         """
         common = self.common if self.scale_stated else self._learnt(self.number, self.arc_mm, u_shrinkage_percent=EXACT)
         front = common.mean[: len(self.arc_mm)]
@@ -352,7 +237,7 @@ class _Tuning:
         words = ["overgrowth"] if abs(grown) > common.u[OVERGROWTH] else []
         words += ["size"] if self.scale_stated and abs(size) > common.u[SIZE] else []
         if self.inspection.mirrored is None:
-            return 0.5 * (front + front[::-1]), grown, size, ("form, as far as it is alike left and right", *words)
+            return 0.5 * (front + front[::-1]), grown, size, ("symmetric form", *words)
         return front, grown, size, ("form", *words)
 
     @cached_property
@@ -362,12 +247,12 @@ class _Tuning:
 
     @cached_property
     def kept(self) -> bool:
-        """Whether the drawing against it is no better, in form or in its walls, than the one before."""
+        """Whether the corrected drawing is no better, in form or walls, than the previous one."""
         return not self._moved and self._corrected.rms_um >= self._unchanged.rms_um
 
     @cached_property
     def _moved(self) -> bool:
-        """Whether walls move by more than is unknown of them, which a deviation without its shift does not show."""
+        """Whether walls move by more than their uncertainty, which a registered deviation does not show."""
         return bool(abs(self._against.wall_um - self.drawing.wall_um) > self.common.u[OVERGROWTH])
 
     @cached_property
@@ -380,7 +265,7 @@ class _Tuning:
 
     @cached_property
     def _against(self) -> Compensation:
-        """The drawing against what prints have in common."""
+        """The drawing that cancels the common deviations."""
         front, grown, size, _ = self.taken
         along = self.inspection.nominal.nearest(self.model.target.points_mm).arc_mm
         start = replace(self.drawing, wall_um=-grown, scale=1.0 / (1.0 + size))
@@ -388,19 +273,19 @@ class _Tuning:
 
     @cached_property
     def draws(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """States within what is known, what a further print has for itself, and how much of pixels is missed."""
+        """Random states, individual forms of a further print, and factors of pixel effects."""
         return self.common.drawn(SAMPLES, np.random.default_rng(SEED))
 
     @cached_property
     def _registered(self) -> FloatArray:
-        """Projection (n, n) of deviations on what a rotation and a shift leave of them, as a picture is registered."""
+        """Projection (n, n) that removes rotation and shift from deviations, as in registration."""
         rigid = self.contour.by_rigid(self.arc_mm) * self.measured_part[:, None]
         basis = self.contour.by_rigid(self.arc_mm) @ np.linalg.pinv(rigid)
         return np.asarray(np.eye(len(self.arc_mm)) - basis)
 
     @cached_property
     def measured_part(self) -> BoolArray:
-        """Which points are no corners."""
+        """Mask of points that are not corners."""
         return np.asarray((self.arc_mm > END_MM) & (self.arc_mm < self.contour.length_mm - END_MM))
 
     def future(self, drawing: Drawing) -> FloatArray:
@@ -416,13 +301,13 @@ class _Tuning:
         return np.asarray(truth @ self._registered.T)
 
     def residual(self, prints: FloatArray) -> Residual:
-        """Root mean squares of some prints in numbers."""
+        """Statistics of the root mean squares of prints."""
         rms = np.sqrt(np.mean(prints[:, self.measured_part] ** 2, axis=1))
         low, high = np.quantile(rms, [0.025, 0.975]).tolist()
         return Residual(float(rms.mean()), float(rms.std()), (low, high))
 
     def tuned(self, file: str, progress: Progress | None, *, response: bool) -> TunedPrint:
-        """The answer."""
+        """The result."""
         made, inspection = self.made, self.inspection
         prints = self.future(made.drawing)
         predicted = self.residual(prints)
@@ -481,14 +366,14 @@ class _Tuning:
         return np.asarray(um)
 
     def _profile(self, um: FloatArray, u_um: float) -> MeasuredProfile:
-        """Profile of a lens that deviates so."""
+        """Profile of a lens with a deviation."""
         target = self.model.target
         along = self.inspection.nominal.nearest(target.points_mm).arc_mm
         deviation = Deviation(target, np.interp(along, self.arc_mm, um))
         return profile_of_print(deviation, self.sensor.design.name, self.model.process.name, u_um, self.model.sources)
 
     def _responses(self, prints: FloatArray, progress: Progress | None) -> tuple[Responses | None, list[Caution]]:
-        """Responses before and after, or why there are none."""
+        """Responses before and after, or the reason why there are none."""
         designed = self.sensor.lens
         assert isinstance(designed, OvalLens)  # noqa: S101  checked before
         try:

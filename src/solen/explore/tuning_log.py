@@ -86,7 +86,7 @@ class Residual:
     interval95_rms_um: tuple[float, float]
 
 
-class LensResponse(Result):
+class TunedResponse(Result):
     """Contrast of a sensor with a printed lens over N angles, and its null.
 
     Attributes
@@ -113,9 +113,9 @@ class Responses(Result):
 
     dimension: str
     width_mm: float
-    designed: LensResponse
-    before: LensResponse
-    after: LensResponse
+    designed: TunedResponse
+    before: TunedResponse
+    after: TunedResponse
 
 
 class LoggedPrint(Result):

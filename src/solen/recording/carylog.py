@@ -21,7 +21,7 @@ _WIDE = re.compile(r"(\S.*?)\s{2,}(\S.*)")
 _ANGLED = re.compile(r"([<\[].+?[>\]])\s*[,;\t]\s*(.+)")
 _COLON = re.compile(r"([^:]{2,40}?)\s*:\s+(.+)")
 _LONGEST = 500  # letters of a line that is a setting
-_COLLECTED, _STAMPED = "Collection Time", "Date/Time stamp"
+_COLLECTED = "Collection Time"
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from solen.arrays import FloatArray, Progress
+from solen.arrays import FloatArray, Progress, part_of
 from solen.errors import DesignError
 from solen.lens import MeasuredLens
 from solen.results import HIDDEN, Result, reported
@@ -160,14 +160,11 @@ def as_printed(
     is_point = sensor.light.width_mm == 0.0 and sensor.light.ray_file is None
     parts = 2 if is_point else 1
 
-    def part(first: int) -> Progress | None:
-        return None if progress is None else lambda done: progress((first + done) / parts)
-
-    mine = _comparison(sensor, sensor.as_designed, angles, draws, part(0), (own, designed))
+    mine = _comparison(sensor, sensor.as_designed, angles, draws, part_of(progress, 0, parts), (own, designed))
     chip = None
     if is_point:
         wide, wide_designed = _with_chip(sensor), _with_chip(sensor.as_designed)
-        chip = _comparison(wide, wide_designed, angles, draws, part(1), (None, None))
+        chip = _comparison(wide, wide_designed, angles, draws, part_of(progress, 1, parts), (None, None))
     return AsPrinted(sensor.cut, mine, chip, draws)
 
 

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass, field, replace
 
 import solen
-from solen.arrays import Progress
+from solen.arrays import Progress, part_of
 from solen.errors import DesignError
 from solen.lens import Lens
 from solen.material import Optical
@@ -232,8 +232,8 @@ def study(design: Design, progress: Progress | None = None, *, practical: bool =
     if not practical:
         return _study(design, progress)
     parts = 7 if design.lens.shape == "measured" else 5
-    found = _beside_design(_study(design, _part(progress, 0, parts, 3)), _part(progress, 3, parts, 2))
-    rest, case = _part(progress, parts - 2, parts, 2), found.case
+    found = _beside_design(_study(design, part_of(progress, 0, parts, 3)), part_of(progress, 3, parts, 2))
+    rest, case = part_of(progress, parts - 2, parts, 2), found.case
     known = case.slope_per_deg is not None and case.u_slope_per_deg is not None
     slope = Slope(case.slope_per_deg or 0.0, case.u_slope_per_deg or 0.0) if known else None
     return replace(found, practice=practice(case.sensor, case.power, rest, slope=slope))
@@ -260,8 +260,8 @@ def _study(design: Design, progress: Progress | None) -> DesignStudy:
         return DesignStudy(design, _case(sensor, progress), None, refused)
     return DesignStudy(
         design,
-        _case(sensor, _part(progress, 0, 2)),
-        _case(flat, _part(progress, 1, 2), FLAT_TOLERANCE if _in_space(design) else None),
+        _case(sensor, part_of(progress, 0, 2)),
+        _case(flat, part_of(progress, 1, 2), FLAT_TOLERANCE if _in_space(design) else None),
     )
 
 
@@ -277,8 +277,8 @@ def _comparison(sensor: Sensor) -> tuple[Sensor | None, str | None]:
 
 
 def _case(sensor: Sensor, progress: Progress | None, tolerance: float | None = None) -> Case:
-    counted = None if _in_space(sensor.design) else sensor.count(progress=_part(progress, 0, 10))
-    power = sensor.power(progress=_part(progress, 1, 10, 8), tolerance=tolerance)
+    counted = None if _in_space(sensor.design) else sensor.count(progress=part_of(progress, 0, 10))
+    power = sensor.power(progress=part_of(progress, 1, 10, 8), tolerance=tolerance)
     curve = sensor.smooth(power, tolerance)
     null = curve.null_deg()
     slope = None if null is None else sensor.slope_per_deg(null, tolerance)
@@ -307,8 +307,3 @@ def _in_space(design: Design) -> bool:
 
 def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
-
-
-def _part(progress: Progress | None, first: int, parts: int, length: int = 1) -> Progress | None:
-    """Progress of ``length`` of so many equal parts, as the share of the whole."""
-    return None if progress is None else lambda done: progress((first + length * done) / parts)

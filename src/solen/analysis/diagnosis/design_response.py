@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from solen.analysis.diagnosis.response_table import STEP_DEG, STEP_IN_SPACE_DEG, Table, angles_deg
-from solen.arrays import FloatArray, Progress
+from solen.arrays import FloatArray, Progress, part_of
 from solen.errors import SolenError, SpecError
 from solen.sensor import Sensor, inert
 from solen.spec import value_at, with_values
@@ -121,18 +121,19 @@ class Response:
         in_space = sensor.design.trace.dimension == "extruded"
         fine = angles_deg(low_deg, high_deg, STEP_IN_SPACE_DEG if in_space else STEP_DEG)
 
-        def part(begin: float, share: float) -> Progress | None:
-            return None if progress is None else lambda done: progress((begin + share * done) / parts)
-
-        base = Table.of(sensor, fine, progress=part(0.0, 2.0))
+        base = Table.of(sensor, fine, progress=part_of(progress, 0.0, parts, 2.0))
         changes = {}
         for n, (key, u) in enumerate(spreads.items()):
             step = STEP_U * u
-            up = Table.of(_moved(sensor, key, step), fine, base, part(2.0 + 2 * n, 1.0)).less(base)
-            down = Table.of(_moved(sensor, key, -step), fine, base, part(3.0 + 2 * n, 1.0)).less(base)
+            up = Table.of(_moved(sensor, key, step), fine, base, part_of(progress, 2.0 + 2 * n, parts, 1.0)).less(base)
+            down = Table.of(_moved(sensor, key, -step), fine, base, part_of(progress, 3.0 + 2 * n, parts, 1.0)).less(
+                base
+            )
             changes[key] = Change(step, up, down)
         dark = Sensor.of(with_values(sensor.design, {LOSS: sensor.material.absorption_per_mm + LOSS_STEP}))
-        lossy = Table.of(_same_lens(dark, sensor), fine[::4], base, part(parts - 1.0, 1.0)).less(base)
+        lossy = Table.of(_same_lens(dark, sensor), fine[::4], base, part_of(progress, parts - 1.0, parts, 1.0)).less(
+            base
+        )
         return cls(base, changes, lossy, sensor.light.width_mm, sensor.design.emitter.offset_mm)
 
     @property

@@ -29,7 +29,7 @@ from solen.analysis.diagnosis.least_squares import Misfit
 from solen.analysis.diagnosis.summary import advice, words
 from solen.analysis.sensor_response import SensorResponse
 from solen.analysis.study import Study
-from solen.arrays import FloatArray, Progress
+from solen.arrays import FloatArray, Progress, part_of
 from solen.errors import DataError, SpecError
 from solen.ranks import Caution, look_at, of
 from solen.readout import circuit_of, face_areas_mm2
@@ -202,7 +202,7 @@ def diagnosed_sensors(
     kinds = [(design, one.lens is not False) for one, design in zip(sensors, designs, strict=True)]
     distinct = [kind for n, kind in enumerate(kinds) if kind not in kinds[:n]]
     responses = [
-        _response(*kind, low, high, options.spreads, _share(progress, n, len(distinct)))
+        _response(*kind, low, high, options.spreads, part_of(progress, n, len(distinct)))
         for n, kind in enumerate(distinct)
     ]
     made = {
@@ -257,10 +257,6 @@ def _design(sensor: SensorResponse, stated: Design | None, own: Design | None) -
 
 def _text(value: object) -> str:
     return ", ".join(map(str, value)) if isinstance(value, tuple) else str(value)
-
-
-def _share(progress: Progress | None, done: int, count: int) -> Progress | None:
-    return None if progress is None else lambda share: progress((done + share) / count)
 
 
 def _response(

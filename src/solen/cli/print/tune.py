@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from solen.cli.app import lines
 from solen.explore import TunedPrint
-from solen.explore.tuning_log import LensResponse, Residual
+from solen.explore.tuning_log import Residual, TunedResponse
 from solen.pipeline.print.tune import tune as tune
 
 
@@ -40,7 +40,7 @@ def _residual(residual: Residual) -> str:
     return f"{residual.rms_um:.3g} ± {residual.u_rms_um:.2g} µm rms predicted, {low:.2g} to {high:.2g} in 95 %"
 
 
-def _response(response: LensResponse) -> str:
+def _response(response: TunedResponse) -> str:
     slope = f"{response.slope_per_deg:+.3g} ± {response.u_slope_per_deg:.1g} of contrast per degree about 0"
     if response.null_deg is None or response.u_null_deg is None:
         return f"{slope}, no null"

@@ -19,17 +19,18 @@ from solen.fabricate.process.flat import FlatPrint, walls_um
 from solen.fabricate.process.grey_steps import GreyOptions, MeasuredGreys, measured_greys
 from solen.fabricate.process.growth import straight_edge_um
 from solen.fabricate.process.predict import Orientation, predicted
-from solen.fabricate.process.print_design import PrintedDesign, print_design
+from solen.fabricate.process.print_design import print_design
+from solen.fabricate.process.printed_design import PrintedDesign
 from solen.fabricate.process.printed_layers import PrintedLayers, layer_files, print_layers
-from solen.fabricate.process.settings import (
+from solen.fabricate.process.process_file import (
     Calibration,
     Process,
-    Settings,
     default_process,
     parsed_process,
     process_text,
     read_process,
 )
+from solen.fabricate.process.settings import Settings
 from solen.fabricate.process.solid import printed_solid
 from solen.fabricate.process.source import PrintOptions, files_read, process_of, with_cure, with_resin
 from solen.fabricate.process.target import Deviation, Target, exits_um

@@ -24,8 +24,9 @@ from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.fabricate.process.coupon_fit import CouponFit, FittedFeature, Solution
 from solen.fabricate.process.features import MeasuredCoupon, MeasuredFeature, printed_mm
+from solen.fabricate.process.process_file import Calibration, Process
 from solen.fabricate.process.scales import U_SCALE, FittedScale, Scales
-from solen.fabricate.process.settings import Calibration, Process, Settings
+from solen.fabricate.process.settings import Settings
 from solen.ranks import Caution, look_at, note
 from solen.recording import Provenance
 from solen.results import HIDDEN, Result, reported

@@ -12,8 +12,9 @@ from scipy.optimize import least_squares
 from solen.arrays import FloatArray
 from solen.fabricate.process.features import Kind, MeasuredFeature, printed_mm
 from solen.fabricate.process.growth import growth_um, with_growth
+from solen.fabricate.process.process_file import Process
 from solen.fabricate.process.scales import Scales
-from solen.fabricate.process.settings import Process, Settings
+from solen.fabricate.process.settings import Settings
 
 WEAK = 3.0
 """Factor on the previous process's stated uncertainty for the prior."""

@@ -19,8 +19,8 @@ from pydantic import Field
 from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.fabricate.grey import FULL
-from solen.fabricate.process.settings import Process
-from solen.material.cure.discs import THICKNESSES
+from solen.fabricate.process.process_file import Process
+from solen.material.cure.disc_table import THICKNESSES
 from solen.material.rows import REPEATS, RowOptions, chosen_rows, refuse_unused
 from solen.ranks import Caution, look_at
 from solen.recording import Measured, Recording

@@ -18,7 +18,8 @@ from solen.arrays import FloatArray, Progress
 from solen.errors import DataError
 from solen.fabricate.process.flat import FlatPrint
 from solen.fabricate.process.growth import growth_um, with_growth
-from solen.fabricate.process.settings import GROWTH, Process, Settings
+from solen.fabricate.process.process_file import GROWTH, Process
+from solen.fabricate.process.settings import Settings
 from solen.fabricate.process.target import Deviation, Target
 from solen.fabricate.process.upright import Side, SidePrint
 

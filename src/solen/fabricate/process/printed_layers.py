@@ -12,14 +12,15 @@ from pathlib import Path
 import numpy as np
 
 from solen import files
-from solen.arrays import FloatArray, Progress
+from solen.arrays import FloatArray, Progress, part_of
 from solen.errors import SpecError
 from solen.fabricate.faced import cut_for
 from solen.fabricate.process.compensation_files import LABEL, targets_of
 from solen.fabricate.process.face_print import FacePrint, PrintedFace
 from solen.fabricate.process.growth import uneven_um
 from solen.fabricate.process.predict import half_difference
-from solen.fabricate.process.settings import Process, Settings
+from solen.fabricate.process.process_file import Process
+from solen.fabricate.process.settings import Settings
 from solen.fabricate.process.source import PrintOptions, curve_left_out, process_of, with_resin
 from solen.lens import LensInSpace, Profiles, layers_text
 from solen.ranks import Caution, do_not_use, look_at, note
@@ -167,8 +168,8 @@ def print_layers(
     sensor = sensor if cut is sensor.design else Sensor.of(cut)
     _check_halves(process.process)
     model = FacePrint.of(sensor.body(), process.process, options.phase_px or (0.0, 0.0))
-    face = model.printed(_part(progress, 0.0, 0.3))
-    made = model.compensated(face, _part(progress, 0.3, 0.8)) if compensate else None
+    face = model.printed(part_of(progress, 0, 10, 3))
+    made = model.compensated(face, part_of(progress, 3, 10, 5)) if compensate else None
     by_process = _u_um(model, process)
     by_place = _u_by_place_um(model, face) if options.phase_px is None else dict.fromkeys(by_process, 0.0)
     u_um = {layer: float(np.hypot(u, by_place[layer])) for layer, u in by_process.items()}
@@ -189,7 +190,7 @@ def print_layers(
         compensated_deviations=() if made is None else _deviations(model, made, u_um),
         rounds_um=None if made is None else made.rounds_um,
         drawn_range_um=None if drawn is None else (float(drawn.min()), float(drawn.max())),
-        responses=_responses(sensor, model, face, made, process.name, _part(progress, 0.8, 1.0)) if response else (),
+        responses=_responses(sensor, model, face, made, process.name, part_of(progress, 8, 10, 2)) if response else (),
         sources=sources,
         warnings=warnings,
         sensor=sensor,
@@ -265,10 +266,6 @@ def _check_halves(settings: Settings) -> None:
             limit=f"must move all sides alike, within {ALIKE_UM:g} µm, for a lens that differs by height",
             remedy="state a symmetric response, or its sigma_um",
         )
-
-
-def _part(progress: Progress | None, first: float, last: float) -> Progress | None:
-    return None if progress is None else lambda done: progress(first + (last - first) * done)
 
 
 def _shown(layers: int) -> list[int]:

@@ -14,7 +14,7 @@ from pydantic import Field
 
 from solen.errors import DataError
 from solen.fabricate.process.predict import Orientation
-from solen.fabricate.process.settings import Calibration, Process, default_process, read_process, response_of_file
+from solen.fabricate.process.process_file import Calibration, Process, default_process, read_process, response_of_file
 from solen.material.cure.law import read_law
 from solen.material.resin import resin_of
 from solen.parts import printer_of

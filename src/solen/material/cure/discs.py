@@ -1,7 +1,7 @@
-"""The working curve of a table of discs, and what it means for a print.
+"""The working curve of a table of discs, and its consequences for a print.
 
-The interface: `curve_of_discs` takes a recording and `CureOptions`, and gives a `MeasuredCurve`; `curves_of_discs`
-takes several and puts the others beside the first; `discs` finds the columns of dose, time and thickness.
+The interface: `curve_of_discs` of a recording and `CureOptions` returns a `MeasuredCurve`; `curves_of_discs` takes
+several recordings and compares the others with the first.
 """
 
 import dataclasses
@@ -13,29 +13,20 @@ from typing import Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from solen.arrays import FloatArray
-from solen.errors import DataError
 from solen.material.cure.cautions import cautions
 from solen.material.cure.curve import Scatter, WorkingCurve, working_curve
+from solen.material.cure.disc_table import DISCS, REPLICATES, THICKNESSES, discs
 from solen.material.cure.layers import StackDose, dose_below, stack_dose, stack_print_through_um
 from solen.material.cure.spectral import InLamp
-from solen.material.regression import group_means
 from solen.material.rows import REPEATS, RowOptions, below_each_other, chosen_rows, refuse_unused, stated_once
-from solen.ranks import Caution, do_not_use, look_at, note, of
-from solen.recording import Channel, Measured, Recording
+from solen.ranks import Caution, do_not_use, look_at, of
+from solen.recording import Measured, Recording
 from solen.results import reported
 from solen.spec.strict import Finite, Wavelength, refused
-from solen.units import factor
 
-THICKNESSES = ("thickness", "cure depth", "cured depth", "depth", "Dc", "cured thickness")
-DOSES = ("dose", "energy", "exposure", "exposure dose", "fluence", "E")
-TIMES = ("time", "exposure time", "exposure", "cure time", "t")
-DISCS, REPLICATES = ("disc", "disk", "sample", "specimen", "id"), ("replicate", "repeat", "wiederholung")
-DOSE = "mJ/cm2"
 MOST_LAYERS = 100_000
 """More than any printer prints: a metre of layers of 10 µm."""
 _APART = 0.2  # of a penetration depth by discs from that by absorbance
-_ROUNDED_DOSE = 0.05  # how far a stated dose may be from time times irradiance
 USUAL_DP_UM = (1.0, 1e4)
 """Far beyond both ends of printable resins' penetration depths: outside, a unit is wrong."""
 
@@ -286,78 +277,6 @@ def with_lamp(curve: MeasuredCurve, fit: InLamp) -> MeasuredCurve:
             )
         )
     return dataclasses.replace(curve, in_lamp=fit, in_lamp_exposure=exposure, warnings=(*curve.warnings, *notes))
-
-
-@dataclass(frozen=True, eq=False)
-class Table:
-    """Discs of a table: dose in mJ/cm², thickness in µm, first row of each, names of the columns used, and warnings."""
-
-    dose: FloatArray
-    thickness_um: FloatArray
-    rows: list[int]
-    columns: list[str]
-    warnings: list[Caution]
-
-
-def discs(recording: Recording, irradiance_mW_per_cm2: float | None) -> Table:
-    """Discs of a table. Rows of one dose and one disc are readings of it, and averaged."""
-    thickness = recording.need(*THICKNESSES)
-    thickness_um = thickness.to("um")
-    dose, used = _doses(recording, irradiance_mW_per_cm2)
-    used = [thickness.name, *used]
-    columns = [texts for name in DISCS if (texts := recording.label(name)) is not None and len(set(texts)) > 1]
-    if not columns:
-        return Table(dose, thickness_um, list(range(1, len(dose) + 1)), used, [])
-    columns += [texts for name in REPLICATES if (texts := recording.label(name)) is not None]
-    used += [name for name, texts in recording.texts.items() if texts in columns]
-    names = (" ".join(texts).strip() for texts in zip(*columns, strict=True))
-    keys = [(value, name or f"row {row}") for row, (value, name) in enumerate(zip(dose.tolist(), names, strict=True))]
-    means = group_means(keys, thickness_um)
-    warnings = []
-    if len(means) < len(keys):
-        warnings = [note(f"{len(keys)} rows are readings of {len(means)} discs: those of one disc are averaged")]
-    doses = np.array([value for value, _ in means])
-    return Table(doses, np.array(list(means.values())), [keys.index(key) + 1 for key in means], used, warnings)
-
-
-def _doses(recording: Recording, irradiance_mW_per_cm2: float | None) -> tuple[FloatArray, list[str]]:
-    """Doses in mJ/cm², as stated or from times, and the columns that they are from."""
-    dose, time = _with_unit(recording, DOSES, DOSE), _with_unit(recording, TIMES, "s")
-    rate = _with_unit(recording, ("irradiance", "intensity"), "mW/cm2")
-    if dose is not None:
-        agree = [] if time is None or rate is None else _agreeing(recording, dose, time, rate)
-        return dose.to(DOSE), [dose.name, *agree]
-    if time is None:
-        unknown = recording.find(*DOSES, *TIMES) or recording.need("dose", "energy", "time")
-        return unknown.to(DOSE), []  # raises, with the remedy
-    if rate is not None:
-        return time.to("s") * rate.to("mW/cm2"), [time.name, rate.name]
-    if irradiance_mW_per_cm2 is not None:
-        return time.to("s") * irradiance_mW_per_cm2, [time.name]
-    limit = "states exposure times, and the curve is of dose"
-    raise DataError(recording.provenance.file, value=time.name, limit=limit, remedy="add --irradiance-mW-per-cm2")
-
-
-def _agreeing(recording: Recording, dose: Channel, time: Channel, rate: Channel) -> list[str]:
-    """Names of time and irradiance, whose product must equal the stated doses; `DataError` if not."""
-    product, stated = time.to("s") * rate.to("mW/cm2"), dose.to(DOSE)
-    off = np.abs(product - stated) > _ROUNDED_DOSE * stated
-    if off.any():
-        row = int(np.flatnonzero(off)[0])
-        limit = f"is not {time.name} times {rate.name}, {product[row]:.4g} mJ/cm²"
-        raise DataError(
-            f"{recording.provenance.file}: {dose.name} in row {row + 1}", value=f"{stated[row]:.4g}", limit=limit
-        )
-    return [time.name, rate.name]
-
-
-def _with_unit(recording: Recording, names: tuple[str, ...], unit: str) -> Channel | None:
-    """First channel of these names that converts to a unit."""
-    for name in names:
-        channel = recording.find(name)
-        if channel is not None and channel.unit and factor(channel.unit, unit) is not None:
-            return channel
-    return None
 
 
 def _need(curve: WorkingCurve, options: CureOptions) -> LayerNeed | None:

@@ -5,7 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from solen.explore import TunedPrint
-from solen.explore.tuning_log import LensResponse, Responses
+from solen.explore.tuning_log import Responses, TunedResponse
 from solen.report.canvas import INK, LEFT, RIGHT
 
 BAND = 1.96
@@ -75,7 +75,7 @@ def _changes(axes: Axes, traced: Responses) -> None:
     axes.legend()
 
 
-def _change(one: LensResponse, designed: LensResponse) -> tuple[np.ndarray, np.ndarray]:
+def _change(one: TunedResponse, designed: TunedResponse) -> tuple[np.ndarray, np.ndarray]:
     """Contrast minus the designed one, with its 95 % band."""
     change = np.array(one.contrast) - np.array(designed.contrast)
     return change, BAND * np.hypot(one.u_contrast, designed.u_contrast)

@@ -1,0 +1,129 @@
+"""Options and result of a tuning: a measured print, the next drawing, and the prediction of its print."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field
+
+from solen.arrays import FloatArray
+from solen.explore.tuning_log import Residual, Responses, TuningLog
+from solen.fabricate.process import Compensation
+from solen.lens.profile import MeasuredProfile
+from solen.metrology import InspectOptions
+from solen.ranks import Caution
+from solen.recording import Provenance
+from solen.results import HIDDEN, Result, reported
+from solen.spec.strict import Finite
+
+
+class TuneOptions(InspectOptions):
+    """How a picture is measured, and priors of prints."""
+
+    repeat_um: Annotated[Finite, Field(gt=0, le=100)] = 1.0
+    """Usual difference (rms) of two prints of one drawing, known within a factor of 2, µm."""
+    drawn: Path | None = None
+    """Design file of this print; default: the design at first, then the log's last correction."""
+    another_copy: bool = False
+    """The picture shows another print of the previous drawing."""
+
+
+@dataclass(frozen=True)
+class Common:
+    """Deviations common to all prints of a design, and individual ones.
+
+    Attributes
+    ----------
+    overgrowth_um, u_overgrowth_um
+        Uniform displacement of all walls outwards.
+    size_percent, u_size_percent
+        Relative excess of size apart from that.
+    form_um
+        Form (rms, after registration) apart from both, as far as resolved.
+    repeat_um
+        Size of the individual form of a print.
+    prints
+        Number of prints evaluated.
+    """
+
+    overgrowth_um: float
+    u_overgrowth_um: float
+    size_percent: float
+    u_size_percent: float
+    form_um: float
+    repeat_um: float
+    prints: int
+
+
+@dataclass(frozen=True)
+class TunedStep:
+    """One print of a tuning: its drawing, its deviation, and its prediction."""
+
+    number: int
+    drawing: int
+    rms_um: float
+    u_rms_um: float
+    predicted: Residual | None
+
+
+class TunedPrint(Result):
+    """A print of a tuning, the next drawing, and the prediction of its print.
+
+    Attributes
+    ----------
+    design, simulated, process
+        Names, and whether any picture was computed.
+    number, drawn_by
+        Number of the print, and its drawing.
+    rms_um, u_rms_um
+        Its deviation, as `solen print inspect` measures it.
+    common
+        Deviations common to all prints.
+    corrected
+        Common deviations corrected beyond their uncertainty; the rest is also corrected by its mean.
+    kept
+        Whether the previous drawing is kept, as no correction is predicted to be better.
+    wall_um, scale
+        Outward displacement of drawn walls, and the factor that enlarges everything.
+    unchanged
+        Deviation of a further print of the same drawing.
+    predicted
+        Deviation of the next print, of the corrected or the kept drawing.
+    response
+        Response as designed, of this print and of the next; None if not traced.
+    history
+        All prints of the log.
+    x_mm, measured_um, predicted_um, u_predicted_um
+        Along the front (N,): deviation of this print, NaN where it was not measured, and of the next one.
+    """
+
+    design: str
+    simulated: bool
+    process: str
+    number: int
+    drawn_by: str
+    rms_um: float
+    u_rms_um: float
+    common: Common
+    corrected: tuple[str, ...]
+    kept: bool
+    wall_um: float
+    scale: float
+    unchanged: Residual
+    predicted: Residual
+    response: Responses | None
+    history: tuple[TunedStep, ...]
+    x_mm: FloatArray
+    measured_um: FloatArray
+    predicted_um: FloatArray
+    u_predicted_um: FloatArray
+    sources: tuple[Provenance, ...]
+    warnings: tuple[Caution, ...]
+    made: Compensation = field(metadata=HIDDEN)
+    profile: MeasuredProfile = field(metadata=HIDDEN)
+    log: TuningLog = field(metadata=HIDDEN)
+
+    @reported
+    def drawn_range_um(self) -> tuple[float, float]:
+        """Smallest and largest displacement of the drawn lens from the designed one."""
+        return self.made.drawn_range_um

@@ -1,0 +1,203 @@
+"""Result of a predicted print: the printed lens, its walls, the whole part, and its profile for a trace."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from solen.arrays import FloatArray
+from solen.fabricate.label import Label
+from solen.fabricate.mesh import Mesh
+from solen.fabricate.process.compensate import Compensation
+from solen.fabricate.process.predict import Orientation, Phase, Prediction
+from solen.fabricate.process.settings import Settings
+from solen.fabricate.process.target import Deviation
+from solen.lens.profile import MeasuredProfile, profile_of
+from solen.ranks import Caution, look_at
+from solen.recording import Provenance
+from solen.results import HIDDEN, Result, plain, reported
+from solen.sensor.print_loss import PrintLoss
+
+PROFILE_POINTS = 401
+NUMERICAL_UM = 0.1
+"""Numerical error of the model from point to point."""
+
+
+@dataclass(frozen=True)
+class Ripple:
+    """Ripple of the layers, along the thickness of a flat part and else along the profile."""
+
+    along: str
+    peak_to_valley_um: float
+    rms_um: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class Walls:
+    """Straight walls of a flat part, layer by layer.
+
+    Attributes
+    ----------
+    height_um, beyond_um
+        Middle heights of the layers (n,), and the growth of a wall beyond its image there, without shrinkage.
+    """
+
+    height_um: FloatArray = field(metadata=HIDDEN)
+    beyond_um: FloatArray = field(metadata=HIDDEN)
+
+    @reported
+    def layers(self) -> int:
+        """Number of layers."""
+        return len(self.beyond_um)
+
+    @reported
+    def first_um(self) -> float:
+        """How far a wall stands beyond its image at the first layer."""
+        return float(self.beyond_um[0])
+
+    @reported
+    def middle_um(self) -> float:
+        """The same in the middle of the thickness."""
+        return float(self.beyond_um[self.layers // 2])
+
+    @reported
+    def last_um(self) -> float:
+        """The same at the last layer."""
+        return float(self.beyond_um[-1])
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Deviation left after the best shift along z."""
+
+    shift_z_um: float
+    rms_um: float
+    largest_um: float
+
+
+@dataclass(frozen=True, eq=False)
+class PrintedPart:
+    """The whole part as printed flat, and its volume compared with the designed one."""
+
+    mesh: Mesh = field(metadata=HIDDEN)
+    label: Label = field(metadata=HIDDEN)
+    printed_mm3: float
+    designed_mm3: float
+    triangles: int
+    slabs: int
+
+
+class PrintedDesign(Result):
+    """A design as a process prints it; simulated.
+
+    Attributes
+    ----------
+    name, simulated
+        Name of the design; a prediction is always simulated.
+    orientation, profile_at
+        How the part lies, and the height of the profile in words.
+    process, settings
+        Name and values of the process.
+    lens
+        The printed lens.
+    phase
+        Where in its pixel the lens was chosen to stand, and what that buys; None if it was not chosen.
+    deviation
+        From the designed lens, along its normal; above 0 there is more material.
+    u_rms_um, u_max_um
+        Standard uncertainty of the deviation along the lens.
+    shape
+        The deviation after the best shift along z.
+    ripple, walls
+        Ripple of the layers, and straight walls of a flat part.
+    contributions_um
+        Contribution of each uncertain number to the uncertainty, root mean square along the lens, the largest first.
+    response
+        The response that is lost; None if it was not traced.
+    compensation, compensated_response
+        The drawing that prints as designed, and the response with the lens that it prints.
+    part
+        The whole printed part; None if it was not asked for.
+    sources, warnings
+        The process's file, and what cannot be concluded.
+    """
+
+    name: str
+    simulated: bool
+    orientation: Orientation
+    profile_at: str
+    process: str
+    settings: Settings
+    lens: Prediction = field(metadata=HIDDEN)
+    phase: Phase | None
+    deviation: Deviation
+    u_rms_um: float
+    u_max_um: float
+    shape: Shape
+    ripple: Ripple
+    walls: Walls | None
+    contributions_um: dict[str, float]
+    response: PrintLoss | None
+    compensation: Compensation | None
+    compensated_response: PrintLoss | None
+    part: PrintedPart | None
+    sources: tuple[Provenance, ...]
+    warnings: tuple[Caution, ...]
+
+    @reported
+    def cure_depth_um(self) -> float:
+        """How deep one ordinary layer's exposure sets resin."""
+        return self.settings.cure_depth_um
+
+    @reported
+    def inside_mJ_per_cm2(self) -> float:
+        """Mean dose far inside the part."""
+        return self.settings.inside_mJ_per_cm2()
+
+    @property
+    def profile(self) -> MeasuredProfile:
+        """Profile of the printed lens, as `[lens] profile` of a design takes it."""
+        return self._profile(self.deviation)
+
+    @property
+    def compensated_profile(self) -> MeasuredProfile | None:
+        """Profile of the lens that the compensated drawing prints."""
+        return None if self.compensation is None else self._profile(self.compensation.printed)
+
+    def _profile(self, deviation: Deviation) -> MeasuredProfile:
+        return profile_of_print(deviation, self.name, self.process, self.u_rms_um, self.sources)
+
+
+def profile_of_print(
+    deviation: Deviation, name: str, process: str, u_um: float, sources: tuple[Provenance, ...] = ()
+) -> MeasuredProfile:
+    """Profile of a printed lens, marked as simulated.
+
+    Its ``u_mm`` is what may differ from point to point. What the process leaves open, ``u_um``, moves all points
+    together and is a warning: taken for noise of single points it would have the profile smoothed away.
+    """
+    points = deviation.points_mm
+    chosen = np.unique(np.linspace(0, len(points) - 1, PROFILE_POINTS).round().astype(int))
+    x, z = _forwards(points[chosen]).T
+    profile = profile_of(
+        x,
+        z,
+        1e-3 * NUMERICAL_UM,
+        name=f"{name}, printed by the model",
+        simulated=True,
+        edge="predicted",
+        sources=tuple(plain(source) for source in sources),
+    )
+    warnings = (
+        look_at(f"predicted by a print model ({process}), not measured"),
+        look_at(
+            f"the uncertainty of the process, {u_um:.2g} µm root mean square along the lens, moves all points together "
+            "and is not in u_mm"
+        ),
+    )
+    return replace(profile, warnings=warnings)
+
+
+def _forwards(points: FloatArray) -> FloatArray:
+    """Points (N, 2) of which each lies farther right than all before it."""
+    highest = np.concatenate([[-np.inf], np.maximum.accumulate(points[:-1, 0])])
+    return points[points[:, 0] > highest + 1e-9]

@@ -1,0 +1,253 @@
+"""The process file: the properties of a printer and a resin, each number with its uncertainty and its source.
+
+The idea: a prediction is only as good as its inputs. So the file holds three tables with the same keys: the value
+(``[process]``), its standard uncertainty (``[uncertainty]``) and its source (``[source]``), and the covariance
+of jointly calibrated numbers. Missing numbers are those of the default, with its sources.
+
+The default follows the publication that solen is built around (Cafiso et al., Methods) where it states a
+number: 13 mW/cm², layers of 25 µm, 2 s, six burn-in layers of 3 s. It states only bounds of the working curve, and
+nothing about the projector: those values are assumptions, marked as such in the file.
+
+The interface: `read_process`, `default_process`, `process_text`; `Process` holds the three tables.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from importlib.resources import files
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Self
+
+import numpy as np
+import tomli_w
+from pydantic import Field, model_validator
+
+from solen.arrays import FloatArray
+from solen.errors import DataError, SolenError
+from solen.fabricate.grey import Greys
+from solen.fabricate.process.response import light_of_file
+from solen.fabricate.process.settings import KEYS, UNCERTAIN, Settings
+from solen.files import read_text
+from solen.ranks import Caution, do_not_use, look_at
+from solen.spec.strict import (
+    Document,
+    Migrations,
+    NotNegative,
+    Number,
+    Strict,
+    Text,
+    error_context,
+    migrated,
+    parse_toml,
+    refused,
+)
+
+SCHEMA = 1
+MIGRATIONS: Migrations = {}
+GROWTH = "growth_um"
+"""Growth of a straight wall: what a calibration finds in place of the critical dose."""
+CRITICAL = "Ec_mJ_per_cm2"
+U_RESPONSE = 0.05
+"""Default standard uncertainty of a response's scale."""
+
+
+class Calibration(Strict):
+    """Jointly fitted numbers, and their covariance in the units of their keys.
+
+    ``growth_um`` among them means that walls grow as measured, whatever the other numbers.
+    """
+
+    table: ClassVar[str] = "calibration"
+    error: ClassVar[type[SolenError]] = DataError
+
+    keys: tuple[Text, ...] = Field(description="names of the numbers.")
+    covariance: tuple[tuple[Number, ...], ...] = Field(description="covariance, a row for each.")
+    features: Annotated[int, Field(strict=True, ge=0)] = Field(0, description="How many features it rests on.")
+    simulated: Annotated[bool, Field(strict=True)] = Field(False, description="Whether these were computed.")
+
+    @model_validator(mode="after")
+    def _is_sound(self) -> Self:
+        allowed = (GROWTH, *UNCERTAIN)
+        unknown = next((key for key in self.keys if key not in allowed), None)
+        if unknown is not None:
+            raise refused("keys", f"must be some of {', '.join(allowed)}", value=unknown)
+        matrix = np.array(self.covariance, dtype=float) if self._is_square() else np.full((1, 1), -1.0)
+        if not np.allclose(matrix, matrix.T) or np.linalg.eigvalsh(matrix).min() < -1e-9 * abs(np.trace(matrix)):
+            count = len(self.keys)
+            raise refused("covariance", f"must be a covariance of {count} numbers: {count} rows of {count}, symmetric")
+        return self
+
+    def _is_square(self) -> bool:
+        return bool(self.keys) and [len(row) for row in self.covariance] == [len(self.keys)] * len(self.keys)
+
+
+class Process(Strict):
+    """A process file: a name, and values, uncertainties and sources by key."""
+
+    error: ClassVar[type[SolenError]] = DataError
+
+    name: Text = Field(description="the process's name, one line.")
+    process: Settings = Field(default_factory=Settings, description="The values.")
+    uncertainty: dict[str, NotNegative] = Field(default_factory=dict, description="Standard uncertainties by key.")
+    source: dict[str, str] = Field(default_factory=dict, description="Where each value comes from.")
+    calibration: Calibration | None = Field(None, description="Covariance of the calibrated numbers.")
+
+    @model_validator(mode="after")
+    def _keys_are_known(self) -> Self:
+        for table, allowed in (("uncertainty", UNCERTAIN), ("source", KEYS)):
+            for key in getattr(self, table):
+                if key not in allowed:
+                    raise refused(table, f"must be one of {', '.join(allowed)}", value=key)
+        unused = "response_scale" if self.process.response is None else "sigma_um"
+        if unused in self.uncertainty:
+            limit = f"is of no number here: the process states {'no' if unused != 'sigma_um' else 'a'} response"
+            raise refused(f"uncertainty.{unused}", limit, value=self.uncertainty[unused], remedy="leave it out")
+        return self
+
+    @property
+    def keeps_growth(self) -> bool:
+        """Whether the growth of walls is known, and is kept when other numbers are varied."""
+        return self.calibration is not None and GROWTH in self.calibration.keys
+
+    def covariance(self) -> tuple[tuple[str, ...], FloatArray]:
+        """Keys of the uncertain numbers and their covariance: the calibration's, else diagonal.
+
+        If the growth of walls is known, it represents the critical dose.
+        """
+        together: tuple[str, ...] = () if self.calibration is None else self.calibration.keys
+        alone = [key for key in UNCERTAIN if self.uncertainty.get(key, 0.0) > 0.0 and key not in together]
+        if self.keeps_growth and CRITICAL in alone:
+            alone.remove(CRITICAL)
+        matrix = np.diag([0.0] * len(together) + [self.uncertainty[key] ** 2 for key in alone])
+        if self.calibration is not None:
+            matrix[: len(together), : len(together)] = self.calibration.covariance
+        return (*together, *alone), matrix
+
+    def with_settings(self, **values: Any) -> "Process":
+        """Return the same with some values set; their uncertainty and source go, as those are of the old ones."""
+        data = self.model_dump(exclude_unset=False)
+        data["process"] |= values
+        for key in values:
+            data["uncertainty"].pop(key, None)
+            data["source"].pop(key, None)
+        if set(values) - {"pixel_um", "pixel_y_um"}:
+            data["calibration"] = None
+        return Process(**data)
+
+    @property
+    def greys(self) -> Greys:
+        """Light of grey pixels; they are those of its pixels where these are not assumed."""
+        assumed = self.source.get("pixel_um", "").lower().startswith("assum")
+        return replace(self.process.greys, pixels_um=None) if assumed else self.process.greys
+
+    @property
+    def assumptions(self) -> tuple[str, ...]:
+        """Keys whose value is an assumption, as the first word of its source says or because it has none."""
+        unused = {"sigma_um"} if self.process.response is not None else {"response", "response_scale"}
+        stated = [key for key in KEYS if key not in unused]
+        return tuple(key for key in stated if self.source.get(key, "assumption").lower().startswith("assum"))
+
+    def warnings(self) -> list[Caution]:
+        """Warnings about prints modelled with these numbers."""
+        messages, s = [], self.process
+        if s.cure_depth_um < s.layer_um:
+            messages.append(
+                do_not_use(
+                    f"the layers do not hold: {s.exposure_s:g} s ({s.dose_mJ_per_cm2:.3g} mJ/cm2) cure "
+                    f"{s.cure_depth_um:.3g} µm, less than a layer of {s.layer_um:g} µm; expose for longer or slice "
+                    "thinner"
+                )
+            )
+        hot = None if s.response is None else s.response.hot
+        if hot is not None:
+            row, column, ratio = hot
+            messages.append(
+                do_not_use(
+                    f"process.response: sample {column} of row {row} is {ratio:.3g} times its brightest neighbour: "
+                    "probably a hot pixel of the camera; replace it by the mean of its neighbours"
+                )
+            )
+        assumed = [key for key in self.assumptions if key in UNCERTAIN]
+        if assumed:
+            messages.append(
+                look_at(
+                    f"assumed, not measured: {', '.join(assumed)}; calibrate them with coupons: solen print calibrate"
+                )
+            )
+        if self.calibration is not None and self.calibration.simulated:
+            messages.append(
+                look_at(
+                    "numbers of the process rest on simulated coupons or a simulated working curve, not on measured "
+                    "ones"
+                )
+            )
+        return messages
+
+
+def default_process() -> Process:
+    """Process that solen ships, each number with its source in the file."""
+    text = (files("solen.fabricate.process") / "default.toml").read_text(encoding="utf-8")
+    return parsed_process(text, "default process")
+
+
+def read_process(path: Path) -> Process:
+    """Process of a file; `DataError` if it cannot be read or a value is not possible."""
+    return parsed_process(read_text(path, DataError), str(path), path.parent)
+
+
+def response_of_file(path: Path) -> Path | None:
+    """File of the measured light that a process file names; None if it names none."""
+    data: Any = parse_toml(read_text(path, DataError), str(path), DataError)
+    for key in ("process", "response", "file"):
+        data = data.get(key) if isinstance(data, dict) else None
+    return path.parent / data if isinstance(data, str) else None
+
+
+def parsed_process(text: str, what: str, folder: Path = Path()) -> Process:
+    """Process of a TOML text; what it leaves out is the default's, with the default's uncertainty and source.
+
+    A response's file is one of the folder.
+    """
+    data = migrated(parse_toml(text, what, DataError), what, current=SCHEMA, migrations=MIGRATIONS, error=DataError)
+    _read_response(data, what, folder)
+    with error_context(what):
+        process = Process(**data)
+        return process if what == "default process" else _completed(process)
+
+
+def _read_response(data: Document, what: str, folder: Path) -> None:
+    """Put the light of a response's file in its place, and the file into the sources."""
+    table = data.get("process", {}).get("response") if isinstance(data.get("process"), dict) else None
+    if not isinstance(table, dict) or "file" not in table:
+        return
+    file = table.pop("file")
+    if not isinstance(file, str) or "light" in table:
+        limit = "must be the name of a file, and the only statement of the light, without light"
+        raise DataError(f"{what}: process.response.file", value=file, limit=limit)
+    table["light"] = light_of_file(folder / file)
+    if isinstance(source := data.setdefault("source", {}), dict):
+        source.setdefault("response", f"measured: {file}")
+
+
+def _completed(process: Process) -> Process:
+    """Process with uncertainty and source of the default for the keys that it leaves out."""
+    default = default_process()
+    if process.process.response is not None and "response_scale" not in process.uncertainty:
+        source = {"response_scale": f"assumption: the picture's scale and focus known to {100 * U_RESPONSE:g} %"}
+        stated = "response_scale" in process.process.model_fields_set
+        u = process.uncertainty | ({} if stated else {"response_scale": U_RESPONSE})
+        process = process.model_copy(update={"source": source | process.source, "uncertainty": u})
+    left_out = [key for key in KEYS if key not in process.process.model_fields_set]
+    values = {key: getattr(default.process, key) for key in left_out}
+    u = {key: default.uncertainty[key] for key in left_out if key in default.uncertainty}
+    source = {key: default.source[key] for key in left_out if key in default.source}
+    data = process.model_dump()
+    data["process"] |= values
+    data["uncertainty"] = u | data["uncertainty"]
+    data["source"] = source | data["source"]
+    return Process(**data)
+
+
+def process_text(process: Process) -> str:
+    """TOML text of a process, all of its values stated; `read_process` gives the process back."""
+    data: Mapping[str, Any] = process.model_dump(exclude_none=True)
+    return tomli_w.dumps({"schema": SCHEMA, **{key: value for key, value in data.items() if value or key == "name"}})
