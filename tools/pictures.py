@@ -23,9 +23,11 @@ from solen.readout import circuit_of, settled, volts
 from solen.recording import Channel, Provenance, Recording
 from solen.report.bench.demodulate import demodulation_figure
 from solen.report.canvas import INK, LEFT, LINES, LOST, RIGHT, drawn, encoded, series
+from solen.report.design.loaded import deformation_figure
 from solen.report.design.readout import readout_figure
 from solen.report.resin.index import index_figure
 from solen.sensor import Sensor
+from solen.sensor.loaded import deform
 from solen.sensor.readings import design_readings
 from solen.spec import loads, template, with_values
 from tools.wiring import wiring
@@ -176,6 +178,11 @@ def lens_in_space() -> Figure:
     return figure
 
 
+def soft_body() -> Figure:
+    """The shipped press at 0.3 N: strain, forces and light."""
+    return deformation_figure(deform(Sensor.of(loads(template("press-860"))), 0.3))
+
+
 def main() -> None:
     """Draw them all."""
     photograph = io.BytesIO(encoded(drawn(coins), ".png", "coins"))  # a PNG of it would have 700 kB
@@ -188,6 +195,7 @@ def main() -> None:
     (IMAGES / "ambient-light.svg").write_bytes(encoded(drawn(ambient_light), ".svg", "ambient light"))
     (IMAGES / "board-wiring.svg").write_bytes(encoded(drawn(wiring), ".svg", "board wiring"))
     (IMAGES / "lens-in-space.png").write_bytes(encoded(drawn(lens_in_space), ".png", "lens in space"))
+    (IMAGES / "soft-body.png").write_bytes(encoded(drawn(soft_body), ".png", "soft body", 130))
     (IMAGES / "four-motions.svg").write_bytes(encoded(drawn(four_motions), ".svg", "four motions"))
 
 

@@ -152,6 +152,21 @@ def test_solid_has_the_volume_of_lens_stem_and_arms() -> None:
         assert volume == pytest.approx(seated, abs=560.0 * tolerance_mm), "the walls are some 555 mm²"
 
 
+def test_the_fingertip_is_in_equilibrium_and_its_volts_are_its_light() -> None:
+    """Forces balance; light that pulls a voltage down in proportion gives the contrast back from the volts."""
+    for study in result("fingertip").values():
+        for force_N, reactions in zip((0.0, 0.15, 0.3), study.reactions, strict=True):
+            total = np.sum([one.force_N for one in reactions], axis=0)
+            finger = next(one for one in reactions if one.name == "finger")
+            assert total == pytest.approx([0.0, 0.0], abs=1e-6)
+            assert math.hypot(*finger.force_N) == pytest.approx(force_N, rel=1e-3)
+        right, left = (5.0 - study.voltage_V).T
+        assert (right - left) / (right + left) == pytest.approx(study.contrast, abs=0.01)
+    arms, ends = (study.contrast for study in result("fingertip").values())
+    assert abs(arms[-1]) < 0.01
+    assert ends == pytest.approx([0.0, 0.24, 0.415], abs=0.03)
+
+
 def test_own_outline_agrees_with_the_reference() -> None:
     sampled, u, even = result("own_outline")
     assert abs(sampled - even) < 4 * u

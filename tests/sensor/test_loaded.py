@@ -10,6 +10,7 @@ from solen.errors import DesignError, SpecError
 from solen.sensor import OPTICAL_KEYS, Sensor, tolerance_of
 from solen.sensor.loaded import deform, loaded_study
 from solen.sensor.numbers import usual_keys
+from solen.sensor.readings import design_readings
 from solen.sensor.traced import sensitivities, trace_design, value_asked
 from solen.spec import Design, loads
 
@@ -166,6 +167,16 @@ def test_what_cannot_be_is_refused_in_one_line(design: Design, says: str) -> Non
 def test_a_rigid_design_has_no_soft_body() -> None:
     with pytest.raises(DesignError, match=r"motion\.kind = 'rotation'; is no load"):
         deform(Sensor.of(Design(name="x", material={"index": 1.44})))
+
+
+def test_what_reads_angles_refuses_a_depth() -> None:
+    """A depth must never stand in a column of degrees."""
+    sensor = coarse(pressed(FORK + LENS))
+    for ask in (sensor.power, sensor.count, sensor.design.motion.angles_deg, lambda: design_readings(sensor)):
+        with pytest.raises(SpecError, match=r"motion\.drives = 'finger\.depth_mm'; is no angle, which this reads"):
+            ask()
+    with pytest.raises(SpecError, match=r"motion\.from_deg"):
+        sensor.set({"motion.from_deg": -1.0})
 
 
 def test_values_are_asked_for_in_their_own_unit() -> None:

@@ -95,4 +95,4 @@ def test_what_does_not_fit_is_refused_with_its_place(text: str, what: str, says:
 def test_the_shipped_example_is_driven_by_force() -> None:
     design = loads(template("press-860"))
     assert isinstance(design, Design)
-    assert (design.motion.unit, design.motion.values()[-1]) == ("N", 1.0)
+    assert (design.motion.unit, design.motion.values()[-1]) == ("N", 0.4)

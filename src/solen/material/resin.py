@@ -100,6 +100,7 @@ class Stiffness(Strict):
 
     table: ClassVar[str] = "stiffness"
     error: ClassVar[type[SolenError]] = DataError
+    reserved: ClassVar[frozenset[str]] = frozenset({"prony"})
 
     modulus_MPa: Positive = Field(description="modulus in MPa.")
     u_modulus_MPa: NotNegative | None = Field(None, description="Its standard uncertainty.")

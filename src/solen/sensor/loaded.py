@@ -19,6 +19,7 @@ from solen.mechanics.deformed import Contact, Reaction
 from solen.mechanics.design import LoadedState
 from solen.ranks import Caution, look_at
 from solen.results import HIDDEN, Result, reported
+from solen.sensor.readings import readings_from
 from solen.sensor.response import Response
 from solen.sensor.sensor import Sensor
 from solen.sensor.traced import check_value
@@ -112,8 +113,10 @@ class LoadedStudy(Result):
         Turn of what carries the emitter.
     rigid_contrast, rigid_refused
         Contrast of the rigid sensor whose lens has turned by as much; None where it cannot be, and why.
+    receivers, voltage_V
+        Names of the receivers, and what the circuit of ``[readout]`` gives at each (N, 2).
     strain_largest, off_mm
-        As of a `Deformation`.
+        Largest principal strain, and how far a wall of the light may lie from the finite elements.
     planes
         Contrast in both planes at some values; None where one of them has no solution.
     reactions
@@ -136,6 +139,8 @@ class LoadedStudy(Result):
     turn_deg: FloatArray
     rigid_contrast: FloatArray | None
     rigid_refused: str | None
+    receivers: tuple[str, ...]
+    voltage_V: FloatArray
     strain_largest: FloatArray
     off_mm: FloatArray
     planes: PlaneSpread | None
@@ -215,6 +220,7 @@ def loaded_study(sensor: Sensor, progress: Progress | None = None) -> LoadedStud
     turns = np.array([state.turn_deg for state in states])
     rigid, refused = _rigid(sensor, turns)
     planes = _planes(sensor, response)
+    volts = readings_from(sensor, response)
     warnings = [*sensor.warnings, *keys_without_effect(sensor), *_cautions(states), *_of_planes(sensor, planes)]
     return LoadedStudy(
         sensor=sensor,
@@ -229,6 +235,8 @@ def loaded_study(sensor: Sensor, progress: Progress | None = None) -> LoadedStud
         turn_deg=turns,
         rigid_contrast=rigid,
         rigid_refused=refused,
+        receivers=volts.circuit.names,
+        voltage_V=volts.voltage_V,
         strain_largest=np.array([state.deformed.strain_largest for state in states]),
         off_mm=np.array([state.displaced.off_mm for state in states]),
         planes=planes,

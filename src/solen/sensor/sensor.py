@@ -411,4 +411,7 @@ class Sensor:
     def _angles(self, angles_deg: Sequence[float] | None) -> Sequence[float]:
         """Angles of a response; default: the design's."""
         self.check_pair()
-        return self.design.motion.values() if angles_deg is None else angles_deg
+        angles = self.design.motion.angles_deg() if angles_deg is None else angles_deg
+        if self.is_loaded:
+            self.loaded.states(angles)  # all of them by one mesh
+        return angles

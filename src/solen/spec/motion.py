@@ -6,6 +6,7 @@ from typing import Annotated, ClassVar, Literal, Self, TypedDict
 
 from pydantic import AfterValidator, Field, model_validator
 
+from solen.errors import SpecError
 from solen.spec.quantities import Place, Point
 from solen.spec.strict import Number, Positive, Strict, Text, or_refuse, refused
 
@@ -132,7 +133,7 @@ class Motion(Strict):
 
     def values(self) -> tuple[float, ...]:
         """Values of what the motion drives, ascending: angles, or the depths or forces of a loaded body."""
-        return self.depths_mm or self.forces_N or self.angles_deg()
+        return self.angles_deg() if self.key == "angle_deg" else self.depths_mm or self.forces_N or ()
 
     def angles_deg(self) -> tuple[float, ...]:
         """Angles from `from_deg` to `to_deg` by `step_deg`, both ends included where the step meets them.
@@ -143,7 +144,15 @@ class Motion(Strict):
         -------
         tuple of float
             Ascending, in degrees; none exceeds `to_deg`.
+
+        Raises
+        ------
+        SpecError
+            Where the motion drives a depth or a force.
         """
+        if self.key != "angle_deg":
+            limit = "is no angle, which this reads"
+            raise SpecError("motion.drives", value=self.drives, limit=limit, remedy="use solen run, deform or trace")
         first, last, step = (Decimal(repr(value)) for value in (self.from_deg, self.to_deg, self.step_deg))
         steps = int((last - first) / step + _SAME_ANGLE)
         return tuple(_snapped(first + i * step, last, step * _SAME_ANGLE) for i in range(steps + 1))

@@ -40,6 +40,7 @@ def _(study: LoadedStudy) -> Iterator[str]:
         "contrast": study.contrast,
         "u": study.u_contrast,
         "rigid": study.rigid_contrast,
+        **{f"{name} V": study.voltage_V[:, i] for i, name in enumerate(study.receivers)},
     }
     shown = {name: values for name, values in columns.items() if values is not None}
     yield f"{study.design.name}, against {study.drives}"

@@ -115,6 +115,7 @@ def csv_table(study: LoadedStudy) -> str:
     }
     if study.rigid_contrast is not None:
         columns["rigid_contrast"] = study.rigid_contrast
+    columns |= {f"{name}_V": study.voltage_V[:, i] for i, name in enumerate(study.receivers)}
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)
