@@ -70,7 +70,10 @@ def test_a_file_holds_an_index_of_each_kind(index: str, kind: type, at_500_nm: f
             "cure.covariance = -1.0; must have no negative eigenvalue",
         ),
         (f"{HEAD}{N}[stiffness]\nmodulus_MPa = true", "stiffness.modulus_MPa = True; must be a number"),
-        (f"{HEAD}{N}[stiffness]\nmodulus_MPa = 1\nprony = [[0.1, 2.0]]", "stiffness.prony; not yet supported"),
+        (
+            f"{HEAD}{N}[stiffness]\nmodulus_MPa = 1\nprony = [[0.1, 2.0]]",
+            "stiffness.prony; a modulus that falls with time is not computed",
+        ),
         (
             f'{HEAD}{N}[stiffness]\nmodulus_MPa = 1\n[stiffness.parameters]\nmu = "1"',
             "stiffness.parameters.mu = '1'; mu",

@@ -100,7 +100,6 @@ class Stiffness(Strict):
 
     table: ClassVar[str] = "stiffness"
     error: ClassVar[type[SolenError]] = DataError
-    reserved: ClassVar[frozenset[str]] = frozenset({"prony"})
 
     modulus_MPa: Positive = Field(description="modulus in MPa.")
     u_modulus_MPa: NotNegative | None = Field(None, description="Its standard uncertainty.")
@@ -111,6 +110,14 @@ class Stiffness(Strict):
     parameters: dict[str, Number] = Field(default_factory=dict, description="Parameters of the model, by name.")
     u_parameters: dict[str, NotNegative] = Field(default_factory=dict, description="Their standard uncertainties.")
     warnings: tuple[Text, ...] = Field((), description="What must be known of it, a sentence each.")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _without_time(cls, data: Any) -> Any:
+        if isinstance(data, dict) and "prony" in data:
+            limit = "a modulus that falls with time is not computed: a soft body follows every load at once"
+            raise refused("prony", limit, remedy="leave it out")
+        return data
 
 
 class Part(Strict):
