@@ -1,15 +1,16 @@
-"""Searches with all stages together: sweeps, tolerances, inverse design, and drawings tuned print by print.
+"""Searches over all stages: sweeps, tolerances, inverse design, and drawings tuned print by print.
 
-`sweep` traces a design over values of its numbers, `tolerance` prints whose numbers vary, and `optimise` searches for
-numbers; all judge by `solen.explore.merits` and keep what they traced in a `Store`. `tune` takes a measured print and
-the log of those before, and gives a `TunedPrint`: the drawing that follows, and the next print as it is predicted.
+`sweep` traces a design over values of its numbers, `tolerance` traces prints with varying numbers, and `optimise`
+searches for numbers; all use the merits of `solen.explore.merits` and cache traces in a `Store`. `tune` takes a measured
+print and the log of earlier ones, and returns a `TunedPrint`: the next drawing, and the prediction of its print.
 """
 
 from solen.explore.optimise import OptimiseOptions, Optimum, optimise
 from solen.explore.store import Store
 from solen.explore.sweep import Sweep, SweepOptions, sweep
 from solen.explore.tolerance import ToleranceOptions, Tolerances, tolerance
-from solen.explore.tuning import TunedPrint, TuneOptions, check_tunable, tune
+from solen.explore.tuned_print import TunedPrint, TuneOptions
+from solen.explore.tuning import check_tunable, tune
 from solen.explore.tuning_log import TuningLog, log_text, read_log
 
 __all__ = [

@@ -27,7 +27,7 @@ from solen.explore.tuning_log import AS_DESIGNED, Correction, LoggedPrint, Pictu
 from solen.fabricate.label import label_of
 from solen.fabricate.layers import Slicing
 from solen.fabricate.process import Compensation, Deviation, Drawing, outline_text
-from solen.fabricate.process.print_design import profile_of_print
+from solen.fabricate.process.printed_design import profile_of_print
 from solen.lens import LensInSpace, OvalLens
 from solen.lens.build import measured_lens
 from solen.lens.profile import MeasuredProfile
