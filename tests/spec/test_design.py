@@ -119,7 +119,7 @@ def test_rays_are_a_whole_number(value: float) -> None:
 @pytest.mark.parametrize(
     ("table", "key", "value", "choices"),
     [
-        ("lens", "shape", "oval", "'cartesian-oval', 'line-focus', 'layered', 'measured' or 'none'"),
+        ("lens", "shape", "oval", "'cartesian-oval', 'spline', 'line-focus', 'layered', 'measured' or 'none'"),
         ("receivers", "coupling", "air", "'matched' or 'air-gap'"),
         ("trace", "mode", "counts", "'count', 'power' or 'roulette'"),
         ("body", "kind", "x", "'y'"),

@@ -28,7 +28,7 @@ from solen.fabricate.label import label_of
 from solen.fabricate.layers import Slicing
 from solen.fabricate.process import Compensation, Deviation, Drawing, outline_text
 from solen.fabricate.process.printed_design import profile_of_print
-from solen.lens import LensInSpace, OvalLens
+from solen.lens import DesignedLens, LensInSpace
 from solen.lens.build import measured_lens
 from solen.lens.profile import MeasuredProfile
 from solen.metrology import LensInspection
@@ -105,8 +105,8 @@ def check_tunable(sensor: Sensor) -> None:
             "correct it by solen print predict --compensate, and measure both faces by solen print inspect --bottom"
         )
         raise DesignError("lens.shape", value=sensor.design.lens.shape, limit=limit, remedy=remedy)
-    if not isinstance(sensor.cut, OvalLens):
-        limit = "the designed lens must be a Cartesian oval"
+    if not isinstance(sensor.cut, DesignedLens):
+        limit = "the designed lens must be a Cartesian oval or a spline"
         raise DesignError("lens", value=sensor.design.lens.shape, limit=limit, remedy="name the design as it is wanted")
 
 
@@ -375,7 +375,7 @@ class _Tuning:
     def _responses(self, prints: FloatArray, progress: Progress | None) -> tuple[Responses | None, list[Caution]]:
         """Responses before and after, or the reason why there are none."""
         designed = self.sensor.lens
-        assert isinstance(designed, OvalLens)  # noqa: S101  checked before
+        assert isinstance(designed, DesignedLens)  # noqa: S101  checked before
         try:
             seen = measured_lens(designed, self.inspection.profile())
             before = [seen, *(seen.drawn_within(number) for number in range(1, DRAWS + 1))]

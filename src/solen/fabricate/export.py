@@ -173,7 +173,10 @@ def _warnings(export: Export, formats: Sequence[str]) -> list[Caution]:
     warnings = []
     if export.design.lens.shape == "measured":
         warnings.append(
-            look_at('the lens is as it was measured; set lens.shape = "cartesian-oval" for the one to print')
+            look_at(
+                "the lens is as it was measured; "
+                f'set lens.shape = "{export.design.lens.designed_shape}" for the one to print'
+            )
         )
     if (pieces := _pieces(export.body)) > 1:
         warnings.append(look_at(f"the outlines make {pieces} separate pieces"))

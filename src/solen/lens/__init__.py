@@ -1,5 +1,6 @@
-"""The lens: a Cartesian oval, a lens that keeps its focus in space, a measured lens, or a flat face."""
+"""The lens: a Cartesian oval, a free form, a lens that keeps its focus in space, a measured lens, or a flat face."""
 
+from solen.lens.base import CurvedLens, Lens
 from solen.lens.build import lens_of, measured_lens
 from solen.lens.fitted_profile import FittedProfile
 from solen.lens.given_layers import GivenLayers, Profiles, layers_text, read_layers
@@ -7,10 +8,13 @@ from solen.lens.in_space import LensInSpace
 from solen.lens.layered import LayeredLens, layer_count, layer_edges_mm
 from solen.lens.line_focus import LineFocusLens
 from solen.lens.measured import MeasuredLens
-from solen.lens.optics import FlatFace, Lens, OvalLens, nearest_focus_mm, tangency
+from solen.lens.optics import FlatFace, OvalLens, nearest_focus_mm, tangency
 from solen.lens.profile import MeasuredProfile, profile_of, profile_text, read_profile
+from solen.lens.spline import DesignedLens, SplineLens
 
 __all__ = [
+    "CurvedLens",
+    "DesignedLens",
     "FittedProfile",
     "FlatFace",
     "GivenLayers",
@@ -22,6 +26,7 @@ __all__ = [
     "MeasuredProfile",
     "OvalLens",
     "Profiles",
+    "SplineLens",
     "layer_count",
     "layer_edges_mm",
     "layers_text",

@@ -7,14 +7,16 @@ from pathlib import Path
 from typing import TypeVar, cast
 
 from solen.errors import DataError, DesignError
+from solen.lens.base import Lens
 from solen.lens.fitted_profile import FittedProfile
 from solen.lens.given_layers import GivenLayers, read_layers
 from solen.lens.in_space import LensInSpace
 from solen.lens.layered import LayeredLens
 from solen.lens.line_focus import LineFocusLens
 from solen.lens.measured import MeasuredLens
-from solen.lens.optics import FlatFace, Lens, OvalLens
+from solen.lens.optics import FlatFace, OvalLens
 from solen.lens.profile import MeasuredProfile, read_profile
+from solen.lens.spline import DEFAULT_LEAST_FEATURE_UM, DesignedLens, SplineLens
 from solen.spec import Design
 
 T = TypeVar("T")
@@ -25,8 +27,8 @@ DEFAULT_LAYER_MM = 0.025
 def lens_of(design: Design, index: float) -> Lens:
     """Lens of a design in a material of ``index`` (at the emitter's wavelength); `DesignError` if it cannot work.
 
-    The oval is shaped for ``lens.design_index`` if given, else for the material's index; a measured lens
-    combines its profile with that oval, `DataError` if its file is not a profile.
+    The oval is shaped for ``lens.design_index`` if given, else for the material's index; a spline deviates from it, and
+    a measured lens combines its profile with either, `DataError` if its file is not a profile.
     """
     spec, distance_mm = design.lens, design.emitter.distance_mm
     if spec.shape == "none":
@@ -38,9 +40,15 @@ def lens_of(design: Design, index: float) -> Lens:
     if spec.in_space:
         return _in_space(design, spec.design_index or index)
     oval = OvalLens(distance_mm, spec.focus_mm, spec.half_width_mm, spec.design_index or index)
+    designed = oval if spec.knots_um is None else _spline(oval, spec.knots_um, spec.least_feature_um)
     if design.profile_file is None or spec.shape != "measured":
-        return oval
-    return measured_lens(oval, _of_file(design.profile_file, read_profile))
+        return designed
+    return measured_lens(designed, _of_file(design.profile_file, read_profile))
+
+
+@lru_cache(maxsize=32)
+def _spline(oval: OvalLens, knots_um: tuple[float, ...], least_feature_um: float | None) -> SplineLens:
+    return SplineLens(oval, knots_um, DEFAULT_LEAST_FEATURE_UM if least_feature_um is None else least_feature_um)
 
 
 def _in_space(design: Design, index: float) -> LensInSpace:
@@ -72,8 +80,8 @@ def _line_focus(
 
 
 @lru_cache(maxsize=32)
-def measured_lens(designed: OvalLens, profile: MeasuredProfile) -> MeasuredLens:
-    """Lens of a measured profile and its designed oval, cached, so that it is smoothed once.
+def measured_lens(designed: DesignedLens, profile: MeasuredProfile) -> MeasuredLens:
+    """Lens of a measured profile and its designed lens, cached, so that it is smoothed once.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The deviation of a measured profile from the designed oval, smoothed as its uncertainty requires.
+"""The deviation of a measured profile from the designed lens, smoothed as its uncertainty requires.
 
 The idea: not the profile is smoothed but its deviation from the design. The vertex of an oval is its most curved
 point, which smoothing the whole profile would flatten first; the deviation from the design is small and
@@ -21,9 +21,9 @@ import numpy as np
 
 from solen.arrays import FloatArray
 from solen.errors import DesignError
-from solen.lens.optics import OvalLens
 from solen.lens.profile import LEAST_POINTS, MeasuredProfile, scatter_mm
 from solen.lens.smoothing import Smooth, smoothed
+from solen.lens.spline import DesignedLens
 from solen.lens.track import Track
 from solen.results import HIDDEN, Result, reported, reported_once
 
@@ -49,7 +49,7 @@ PLACES = 801
 
 @dataclass(frozen=True)
 class Deviation:
-    """Deviation of a profile from the designed oval along its normal, in micrometres; positive is more material.
+    """Deviation of a profile from the designed lens along its normal, in micrometres; positive is more material.
 
     ``rms_um`` and ``max_um`` are of the whole deviation, ``max_um`` signed and at ``max_x_mm``. Without a shift by
     ``shift_um`` (x, z) and a rotation by ``turn_mrad``, counter-clockwise about the vertex, ``rest_um`` (rms) remains.
@@ -64,7 +64,7 @@ class Deviation:
 
 
 class FittedProfile(Result, eq=True):
-    """A measured profile beside the designed oval.
+    """A measured profile beside the designed lens.
 
     Raises
     ------
@@ -72,7 +72,7 @@ class FittedProfile(Result, eq=True):
         If the profile lacks too much of the lens, or is of another one.
     """
 
-    designed: OvalLens = field(metadata=HIDDEN)
+    designed: DesignedLens = field(metadata=HIDDEN)
     profile: MeasuredProfile = field(metadata=HIDDEN)
 
     def __post_init__(self) -> None:
@@ -101,7 +101,7 @@ class FittedProfile(Result, eq=True):
 
     @reported_once
     def smooth(self) -> Smooth:
-        """The smoothed deviation along z, over the length of the designed oval from its left edge."""
+        """The smoothed deviation along z, over the length of the designed lens from its left edge."""
         x, deviation = self.points
         u = np.interp(x, self.profile.x_mm, self._point_u_mm) * np.hypot(1.0, self.designed.slope(x))
         return smoothed(self.track.length_at(x), deviation, u)
@@ -115,7 +115,7 @@ class FittedProfile(Result, eq=True):
 
     @cached_property
     def track(self) -> Track:
-        """Length along the designed oval."""
+        """Length along the designed lens."""
         return Track.along(self.designed)
 
     @reported_once
@@ -233,7 +233,7 @@ class FittedProfile(Result, eq=True):
         low, high = self.reach_mm
         return (
             f"the profile covers x from {low:.3f} to {high:.3f} mm of a lens of ±{self.designed.half_width_mm:g} mm: "
-            "beyond it the designed oval is assumed, at the distance of the last points; "
+            "beyond it the designed lens is assumed, at the distance of the last points; "
             f"{self.unseen:.0%} of the accepted angles hit that part"
         )
 
@@ -259,7 +259,7 @@ class FittedProfile(Result, eq=True):
 
     @cached_property
     def _ends(self) -> tuple[float, float]:
-        """Lengths along the oval at the first and the last point."""
+        """Lengths along the lens at the first and the last point."""
         first, last = self.track.length_at(np.array(self.reach_mm))
         return float(first), float(last)
 

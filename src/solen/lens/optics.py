@@ -1,70 +1,21 @@
-"""The front of a sensor as an optical element: a Cartesian oval, or just the flat face of the stem.
+"""Lenses that a formula gives: the Cartesian oval, and the flat face of the stem.
 
-A :class:`Lens` is drawn in its own frame, the vertex at the origin and the axis along +z, from its left edge to its
-right one, so that the material lies on its left; the emitter is ``distance_mm`` before the vertex. It is an interface
-with two subclasses: :class:`OvalLens` focuses the emitter to one point without aberration, :class:`FlatFace` is the
-sensor without a lens.
+:class:`OvalLens` focuses the emitter to one point without aberration, :class:`FlatFace` is the sensor without a lens.
 """
 
 import math
-from abc import ABC, abstractmethod
 from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from solen.curve import CartesianOval, Curve, Segment, check_numbers
+from solen.curve import CartesianOval, Segment, check_numbers
 from solen.errors import DesignError
 from solen.interface import refracted
-from solen.plane import Point, dot, unit
-from solen.results import Result, reported
-
-BEST_RAYS = 512
-"""Rays by which the smallest spot is found; twice as many move it by less than 2e-5 of itself."""
-
-
-class LensSizes:
-    """Lengths common to all lenses, stated or computed."""
-
-    distance_mm: float
-    half_width_mm: float
-
-
-class Lens(LensSizes, Result, ABC):
-    """The face that light enters through."""
-
-    @property
-    @abstractmethod
-    def front(self) -> Curve:
-        """The face from its left edge to its right one, vertex at the origin, material on its left."""
-
-    shape_name: ClassVar[str] = ""
-
-    @reported
-    def shape(self) -> str:
-        """Kind of lens, as named by ``lens.shape``."""
-        return self.shape_name
-
-    @reported
-    @abstractmethod
-    def depth_mm(self) -> float:
-        """From the vertex to the plane of the edges, where the stem begins."""
-
-    def table(self, tolerance_mm: float = 1e-4) -> str:
-        """CSV of x and z of points whose polyline stays within ``tolerance_mm`` of the face."""
-        rows = (f"{round(float(x), 14)},{round(float(z), 14)}" for x, z in self.front.flattened(tolerance_mm))
-        return "\n".join(["x_mm,z_mm", *rows, ""])
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """Warnings that concern the lens's response."""
-        return ()
-
-    @reported
-    def acceptance_deg(self) -> float:
-        """Largest angle from the axis at which the emitter's light hits the face."""
-        return math.degrees(math.atan2(self.half_width_mm, self.distance_mm + self.depth_mm))
+from solen.lens.base import CurvedLens, Lens
+from solen.plane import Point, unit
+from solen.results import reported
 
 
 class FlatFace(Lens, eq=True):
@@ -89,7 +40,7 @@ class FlatFace(Lens, eq=True):
         return 0.0
 
 
-class OvalLens(Lens, eq=True):
+class OvalLens(CurvedLens, eq=True):
     """Cartesian oval n1 |P − F1| + n2 |P − F2| = n1 s + n2 s': every ray from F1 that hits it is refracted to F2.
 
     The curve is from R. Descartes, La Géométrie (1637), book II; see O. N. Stavroudis, The Optics of Rays, Wave Fronts
@@ -200,13 +151,6 @@ class OvalLens(Lens, eq=True):
         """Curvature of the profile at its edges."""
         return float(self.curvature_per_mm(self.half_width_mm))
 
-    @reported
-    def edge_incidence_deg(self) -> float:
-        """Angle of incidence of the emitter's ray on the lens's edge."""
-        edge: Point = (self.half_width_mm, self.depth_mm)
-        ray = unit((edge[0], edge[1] + self.distance_mm))
-        return math.degrees(math.acos(dot(ray, self.front.normal_at(edge))))
-
     def paraxial_focus_mm(self, index: float) -> float | None:
         """Paraxial focus in a material of ``index``, mm behind the vertex; None if rays diverge.
 
@@ -225,24 +169,6 @@ class OvalLens(Lens, eq=True):
         if inside is None or inside[0] >= 0.0:
             return None
         return edge[1] - edge[0] * inside[1] / inside[0]
-
-    def best_focus_mm(self, index: float) -> float | None:
-        """Position of the smallest spot of the accepted light in a material of ``index``, mm behind the vertex.
-
-        Rays go from the emitter at `BEST_RAYS` angles, evenly over one half of the acceptance; the other half mirrors
-        them. A ray is x = a + t z, so Σ (a + t z)² is least at z = −Σ a t / Σ t². None if that is not behind the
-        vertex.
-        """
-        angle = np.radians(self.acceptance_deg) * (np.arange(BEST_RAYS) + 0.5) / BEST_RAYS
-        radius = self.front.radius_from_object(np.degrees(angle))
-        x, z = radius * np.sin(angle), radius * np.cos(angle) - self.distance_mm
-        lean = np.arctan(self.slope(x))  # by how much the profile's normal leans towards the axis
-        sin_inside = self.outside_index / index * np.sin(angle + lean)
-        bent = np.abs(sin_inside) < 1.0
-        t = np.tan(np.arcsin(sin_inside[bent]) - lean[bent])
-        spread = float(t @ t)
-        best = -float((x[bent] - t * z[bent]) @ t) / spread if spread > 0.0 else -1.0
-        return best if best > 0.0 else None
 
     def _oval(self, from_deg: float, to_deg: float) -> CartesianOval:
         return CartesianOval(

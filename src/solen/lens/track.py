@@ -1,4 +1,4 @@
-"""Lengths along a designed oval, from its left edge, by lateral position and back."""
+"""Lengths along a designed lens, from its left edge, by lateral position and back."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solen.arrays import FloatArray
-from solen.lens.optics import OvalLens
+from solen.lens.spline import DesignedLens
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
@@ -19,17 +19,17 @@ GRID = 4001
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """Table of the length along an oval; make it with `Track.along`."""
+    """Table of the length along a lens; make it with `Track.along`."""
 
     x_mm: FloatArray
     length_mm: FloatArray
 
     @classmethod
-    def along(cls, oval: OvalLens) -> "Track":
-        """Table of an oval, by Simpson's rule."""
-        x = np.linspace(-oval.half_width_mm, oval.half_width_mm, GRID)
+    def along(cls, lens: DesignedLens) -> "Track":
+        """Table of a lens, by Simpson's rule."""
+        x = np.linspace(-lens.half_width_mm, lens.half_width_mm, GRID)
         middle = 0.5 * (x[:-1] + x[1:])
-        before, between, behind = (np.hypot(1.0, oval.slope(at)) for at in (x[:-1], middle, x[1:]))
+        before, between, behind = (np.hypot(1.0, lens.slope(at)) for at in (x[:-1], middle, x[1:]))
         steps = np.diff(x) * (before + 4.0 * between + behind) / 6.0
         return cls(x, np.concatenate([[0.0], np.cumsum(steps)]))
 

@@ -9,7 +9,7 @@ from typing import Annotated
 from pydantic import Field
 
 from solen.geometry import arm_angle_deg
-from solen.lens import Lens, MeasuredLens, OvalLens
+from solen.lens import CurvedLens, Lens, MeasuredLens, OvalLens
 from solen.material import Optical
 from solen.results import Result
 from solen.sensor.effects import index_steps
@@ -30,13 +30,13 @@ class Focus:
     by_uncertainty
         Whether the step is the standard uncertainty of the index.
     paraxial_focus_mm, marginal_focus_mm
-        Of rays near the axis and of those at the edge; None for a measured lens.
+        Of rays near the axis and of those at the edge; None unless the lens is an oval.
     best_focus_mm, u_best_focus_mm
         Position of the smallest spot of all rays; its uncertainty is due to the measured profile.
     spot_rms_mm, spot_x_mm
-        Size of that spot and its distance from the axis, for a measured lens.
+        Size of that spot, unless the lens is an oval, and its distance from the axis, for a measured lens.
     designed_best_focus_mm
-        The same focus of the designed oval, for a measured lens.
+        The same focus of the designed lens, for a measured lens.
     """
 
     material_index: float
@@ -172,30 +172,28 @@ def lens_check(sensor: Sensor) -> LensCheck:
 
 
 def foci_of(sensor: Sensor) -> tuple[Focus, ...]:
-    """Foci in the sensor's material; for an oval also at a lower and a higher index, none for a flat face."""
+    """Foci in the sensor's material; of a designed lens also at a lower and a higher index, none for a flat face."""
     lens, index = sensor.cut, sensor.material.index
     if isinstance(lens, MeasuredLens):
-        spot, designed_mm = lens.best_spot(index), lens.designed.best_focus_mm(index)
-        if spot is None:
-            return (Focus(index, designed_best_focus_mm=designed_mm),)
-        focus = Focus(
-            index,
-            best_focus_mm=spot.z_mm,
-            u_best_focus_mm=lens.u_best_focus_mm(index),
-            spot_rms_mm=spot.rms_mm,
-            spot_x_mm=spot.x_mm,
-            designed_best_focus_mm=designed_mm,
-        )
-        return (focus,)
-    if not isinstance(lens, OvalLens):
+        designed_mm, u_mm = lens.designed.best_focus_mm(index), lens.u_best_focus_mm(index)
+        focus, spot = _focus(lens, index), lens.best_spot(index)
+        x_mm = None if spot is None else spot.x_mm
+        return (replace(focus, spot_x_mm=x_mm, designed_best_focus_mm=designed_mm, u_best_focus_mm=u_mm),)
+    if not isinstance(lens, CurvedLens):
         return ()
-    return tuple(
-        Focus(n, step, stated, lens.paraxial_focus_mm(n), lens.marginal_focus_mm(n), lens.best_focus_mm(n))
-        for n, step, stated in (
-            (index + step, step, stated)
-            for step, stated in index_steps(sensor.material, tolerance_of(sensor, "material.index")[0])
-        )
-    )
+    steps = index_steps(sensor.material, tolerance_of(sensor, "material.index")[0])
+    return tuple(replace(_focus(lens, index + step), step=step, by_uncertainty=stated) for step, stated in steps)
+
+
+def _focus(lens: CurvedLens, index: float) -> Focus:
+    """Foci in a material of ``index``; of the smallest spot its size too where the lens is no oval."""
+    if isinstance(lens, OvalLens):
+        paraxial_mm, marginal_mm = lens.paraxial_focus_mm(index), lens.marginal_focus_mm(index)
+        return Focus(index, 0.0, False, paraxial_mm, marginal_mm, lens.best_focus_mm(index))
+    spot = lens.best_spot(index)
+    if spot is None:
+        return Focus(index)
+    return Focus(index, best_focus_mm=spot.z_mm, spot_rms_mm=spot.rms_mm)
 
 
 def body_sizes(sensor: Sensor) -> BodySizes:

@@ -20,7 +20,7 @@ from solen.plane import off_a_line
 from solen.results import Result, reported
 from solen.sensor.effects import off_by, swept
 from solen.sensor.response import Response
-from solen.sensor.sensor import OF_SPACE, Sensor
+from solen.sensor.sensor import OF_SHAPES, Sensor
 from solen.spec import with_values
 
 SHAPES = CYLINDER, LAYERED, _ = ("cartesian-oval", "layered", "line-focus")
@@ -165,7 +165,7 @@ def lens_choice(sensor: Sensor, known: Response, null_deg: float | None) -> Lens
     for shape in SHAPES:
         own = shape == sensor.design.lens.shape
         try:
-            other = sensor if own else Sensor.of(with_values(sensor.design, OF_SPACE | {"lens.shape": shape}))
+            other = sensor if own else Sensor.of(with_values(sensor.design, OF_SHAPES | {"lens.shape": shape}))
             found.append(_figures(other, middle, ends, known if own else None))
         except SolenError as bad:
             skipped[shape] = str(bad)

@@ -118,8 +118,9 @@ def _is_matched(sensor: "Sensor") -> bool:
 
 def usual_keys(sensor: "Sensor") -> tuple[str, ...]:
     """Numbers that a sensor's light depends on, inert ones included."""
-    keys = (*OPTICAL_KEYS, *OF_A_LENS_IN_SPACE) if sensor.is_sampled else OPTICAL_KEYS
-    return (*keys, *_of_loads(sensor)) if sensor.is_loaded else keys
+    knots = (f"lens.knots_um[{place}]" for place in range(len(sensor.design.lens.knots_um or ())))
+    in_space = OF_A_LENS_IN_SPACE if sensor.is_sampled else ()
+    return (*OPTICAL_KEYS, *in_space, *knots, *(_of_loads(sensor) if sensor.is_loaded else ()))
 
 
 def _of_loads(sensor: "Sensor") -> Iterator[str]:

@@ -21,7 +21,7 @@ from solen.sensor.budget import Budget, budget
 from solen.sensor.effects import HOLD, HOLDS, TOLERANCE, Effect, effects
 from solen.sensor.lens_choice import LensChoice, lens_choice
 from solen.sensor.response import Response
-from solen.sensor.sensor import OF_SPACE, Sensor
+from solen.sensor.sensor import OF_SHAPES, Sensor
 from solen.spec import with_values
 from solen.trace import Slope
 
@@ -212,7 +212,7 @@ def _as_in_paper(sensor: Sensor, own: Response) -> Response:
     light = sensor.light
     values = PAPER | {"emitter.wavelength_nm": light.wavelength_nm}
     if sensor.design.lens.in_space:  # in the plane it is the oval
-        values |= OF_SPACE | {"lens.shape": "cartesian-oval"}
+        values |= OF_SHAPES | {"lens.shape": "cartesian-oval"}
     paper = _with(sensor, values)
     if paper.light == light and sensor.scene().extrusion is None:
         raise _NoMeaning("the design is a point in the plane")

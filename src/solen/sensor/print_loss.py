@@ -12,7 +12,7 @@ import numpy as np
 
 from solen.arrays import FloatArray, Progress
 from solen.errors import DesignError
-from solen.lens import OvalLens
+from solen.lens import DesignedLens
 from solen.lens.build import measured_lens
 from solen.lens.profile import MeasuredProfile
 from solen.results import reported
@@ -104,7 +104,7 @@ def print_loss(sensor: Sensor, profile: MeasuredProfile, progress: Progress | No
     Raises
     ------
     DesignError
-        If the lens is not a Cartesian oval of a Y, or a body cannot be built.
+        If the lens is not a designed one of a Y, or a body cannot be built.
     """
     sensor.check_pair()
     own = _compared(sensor, profile)
@@ -116,8 +116,8 @@ def print_loss(sensor: Sensor, profile: MeasuredProfile, progress: Progress | No
 
 
 def _compared(sensor: Sensor, profile: MeasuredProfile) -> EmitterLoss:
-    if not isinstance(sensor.cut, OvalLens):
-        limit = "only a Cartesian oval of a Y can be replaced by a printed profile"
+    if not isinstance(sensor.cut, DesignedLens):
+        limit = "only a designed lens of a Y can be replaced by a printed profile"
         raise DesignError("lens", value=sensor.design.lens.shape, limit=limit, remedy="leave the response out")
     printed = Sensor(sensor.design, sensor.material, measured_lens(sensor.cut, profile))
     angles = spread(sensor.design.motion.angles_deg(), MOST_ANGLES)

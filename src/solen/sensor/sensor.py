@@ -25,6 +25,7 @@ from solen.sensor.numbers import inert, number, tolerance_of, usual_keys
 from solen.sensor.response import Response, Sensitivity, contrast_slope, powers
 from solen.sensor.sweep import MOST_ANGLES, Reading, balanced, between, mirrored, readings_at, sweep
 from solen.spec import Design, load, with_values
+from solen.spec.body import OF_SHAPES as KEYS_OF_SHAPES
 from solen.trace import Derivative, Mode, Slope, Trace, derivative, integrate, trace
 from solen.trace.adaptive import POINT_TOLERANCE, is_extended, usual_tolerance, why_not
 from solen.trace.derivative import EXTENDED_TOLERANCE, MOST_LEGS, SPACE_TOLERANCE
@@ -33,8 +34,8 @@ from solen.trace.nets import by_nets
 
 SAMPLED_TOLERANCE, MOST_SAMPLED = 2e-4, 2**19
 """Required standard error of sampled light (in space, scattered), and the largest number of samples."""
-OF_SPACE = {"lens.y_focus_mm": None, "lens.layer_mm": None}
-"""Keys that apply only to lenses for space."""
+OF_SHAPES: dict[str, Any] = {f"lens.{key}": None for key, *_ in KEYS_OF_SHAPES}
+"""Keys that lenses of another shape do not have, as `solen.spec.with_values` takes them away."""
 RECENT_SCENES = 64
 """Number of scenes that a sensor caches."""
 BUILDING = RLock()
@@ -121,12 +122,12 @@ class Sensor:
     @cached_property
     def as_designed(self) -> "Sensor":
         """The same sensor with the designed lens, if this one is measured."""
-        return Sensor.of(with_values(self.design, {"lens.shape": "cartesian-oval"}))
+        return Sensor.of(with_values(self.design, {"lens.shape": self.design.lens.designed_shape}))
 
     @cached_property
     def without_lens(self) -> "Sensor":
         """The same sensor with the stem's flat face in place of a lens."""
-        return Sensor.of(with_values(self.design, OF_SPACE | {"lens.shape": "none"}))
+        return Sensor.of(with_values(self.design, OF_SHAPES | {"lens.shape": "none"}))
 
     def body(self, angle_deg: float | None = None) -> Body:
         """Body with its moving parts turned by ``angle_deg``, by default at rest; `DesignError` where it cannot be.
@@ -232,8 +233,14 @@ class Sensor:
             other = Sensor.of(with_values(self.design, {key: value}))
             return (replace(other, cut=self.cut) if self.is_measured else other).scene(angle_deg)  # it is as it is
 
-        step = 0.5 * tolerance_of(self, key)[0] if self.is_loaded else None  # well above the noise of a mesh
+        wide = self.is_loaded or self._is_knot_of_smooth_light(key, angle_deg)
+        step = 0.5 * tolerance_of(self, key)[0] if wide else None  # well above the noise of a mesh, of an integral
         return derivative(scene_at, value, mode=mode, step=step)
+
+    def _is_knot_of_smooth_light(self, key: str, angle_deg: float) -> bool:
+        """Whether a number is a lens's knot, which may be 0, and light comes from more than a point in the plane."""
+        scene = self.scene(angle_deg)
+        return key.startswith("lens.knots_um") and (is_extended(scene) or scene.extrusion is not None)
 
     def sensitivity(
         self, keys: Sequence[str] | None = None, angle_deg: float = 0.0, progress: Progress | None = None

@@ -19,7 +19,17 @@ UNUSED_KEYS: dict[str, Keys] = {
     },
     "outline": {
         "body": ("parameters", "stem_length_mm", "stem_curve_per_mm", "arm_length_mm", "arm_width_mm", "arm_angle_deg"),
-        "lens": ("shape", "profile", "y_focus_mm", "layer_mm", "focus_mm", "half_width_mm", "design_index"),
+        "lens": (
+            "shape",
+            "profile",
+            "y_focus_mm",
+            "layer_mm",
+            "knots_um",
+            "least_feature_um",
+            "focus_mm",
+            "half_width_mm",
+            "design_index",
+        ),
         "emitter": ("distance_mm",),
         "motion": ("join",),
     },
@@ -91,23 +101,40 @@ YFocus = Annotated[
 ]
 
 
+OF_SHAPES = (
+    ("y_focus_mm", "line-focus"),
+    ("layer_mm", "layered"),
+    ("knots_um", "spline", "measured"),
+    ("least_feature_um", "spline", "measured"),
+)
+"""Keys of a lens, and the shapes that have them."""
+Deviation = Annotated[Number, Field(ge=-1e4, le=1e4)]
+"""From the oval, in µm."""
+
+
 class Lens(Strict):
     """The lens at the base of the stem."""
 
     model_config = ConfigDict(
         json_schema_extra={
-            "if": {"properties": {"shape": {"const": "measured"}}, "required": ["shape"]},
-            "then": {"required": ["profile"]},
+            "allOf": [
+                {
+                    "if": {"properties": {"shape": {"const": shape}}, "required": ["shape"]},
+                    "then": {"required": [key]},
+                }
+                for shape, key in (("measured", "profile"), ("spline", "knots_um"))
+            ]
         }
     )
     table: ClassVar[str] = "lens"
     reserved: ClassVar[frozenset[str]] = frozenset({"outline"})
 
-    shape: Literal["cartesian-oval", "line-focus", "layered", "measured", "none"] = Field(
+    shape: Literal["cartesian-oval", "spline", "line-focus", "layered", "measured", "none"] = Field(
         "cartesian-oval",
-        description="A Cartesian oval; line-focus: a smooth surface that focuses rays in space on one line; "
-        "layered: upright walls with a profile for each layer that does so; measured: the printed oval, by "
-        "its profile; or none: a flat face at the stem's base, the emitter distance_mm before it.",
+        description="A Cartesian oval; spline: a free form, the oval with a deviation at knots_um; line-focus: a "
+        "smooth surface that focuses rays in space on one line; layered: upright walls with a profile for each layer "
+        "that does so; measured: the printed lens, by its profile; or none: a flat face at the stem's base, the "
+        "emitter distance_mm before it.",
     )
     y_focus_mm: YFocus | None = Field(
         None,
@@ -118,6 +145,16 @@ class Lens(Strict):
     layer_mm: Length | None = Field(
         None,
         description="With layered: height of the layers in mm, one or several printed layers each; default: 0.025.",
+    )
+    knots_um: Annotated[tuple[Deviation, ...], Field(min_length=1, max_length=64)] | None = Field(
+        None,
+        description="With spline, and with measured where a spline was printed: deviation from the oval along z in µm "
+        "at evenly spaced lateral positions, from the axis towards the edge, where it is 0; below 0 is more material.",
+    )
+    least_feature_um: Annotated[Number, Field(gt=0, le=1e4)] | None = Field(
+        None,
+        description="Width in µm of a bump or dimple of knots_um, and radius of curvature, below which is warned that "
+        "a printer rounds it off; default: 130.",
     )
     profile: Text | None = Field(
         None,
@@ -133,18 +170,29 @@ class Lens(Strict):
     )
 
     @model_validator(mode="after")
-    def _profile_of_a_measured_one(self) -> Self:
+    def _keys_of_its_shape(self) -> Self:
         if self.shape == "measured" and self.profile is None:
             raise refused("profile", 'missing: shape = "measured" needs it', remedy='add profile = "lens.json"')
+        if self.shape == "spline" and self.knots_um is None:
+            remedy = "add knots_um = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]"
+            raise refused("knots_um", 'missing: shape = "spline" needs it', remedy=remedy)
+        if self.least_feature_um is not None and self.knots_um is None:
+            limit = "has no meaning without knots_um"
+            raise refused("least_feature_um", limit, value=self.least_feature_um, remedy="leave it out")
         if self.layer_mm is not None and self.profile is not None:
             raise refused(
                 "layer_mm", "has no meaning with profile", value=self.layer_mm, remedy="leave one of them out"
             )
-        for key, shape in (("y_focus_mm", "line-focus"), ("layer_mm", "layered")):
-            if getattr(self, key) is not None and self.shape != shape:
-                limit, remedy = f'has no meaning with shape = "{self.shape}"', f'set shape = "{shape}"'
+        for key, *shapes in OF_SHAPES:
+            if getattr(self, key) is not None and self.shape not in shapes:
+                limit, remedy = f'has no meaning with shape = "{self.shape}"', f'set shape = "{shapes[0]}"'
                 raise refused(key, limit, value=getattr(self, key), remedy=remedy)
         return self
+
+    @property
+    def designed_shape(self) -> str:
+        """Shape of the lens that was designed, where this one is measured."""
+        return "cartesian-oval" if self.knots_um is None else "spline"
 
     @property
     def in_space(self) -> bool:

@@ -10,7 +10,7 @@ from solen.spec.strict import Positive, Strict
 class Tolerance(Strict):
     """Tolerance of each number of the design, by which `solen run` and `solen sensitivity` rank effects.
 
-    Keys are those of the numbers, with the dot replaced by an underscore.
+    Keys are those of the numbers, with the dot replaced by an underscore; entries of a list share one.
     """
 
     table: ClassVar[str] = "tolerance"
@@ -31,6 +31,7 @@ class Tolerance(Strict):
     )
     lens_focus_mm: Positive = Field(0.2, description="Of lens.focus_mm, in mm.")
     lens_half_width_mm: Positive = Field(0.05, description="Of lens.half_width_mm, in mm.")
+    lens_knots_um: Positive = Field(2.0, description="Of each of lens.knots_um, in µm: the form of a print.")
     lens_design_index: Positive = Field(0.002, description="Of lens.design_index.")
     body_stem_length_mm: Positive = Field(0.05, description="Of body.stem_length_mm, in mm.")
     body_stem_curve_per_mm: Positive = Field(1e-4, description="Of body.stem_curve_per_mm, in 1/mm.")
@@ -42,5 +43,5 @@ class Tolerance(Strict):
 
     def of(self, key: str) -> float | None:
         """Tolerance of a number by its dotted key; None if neither stated nor known by default."""
-        value: float | None = getattr(self, key.replace(".", "_"), None)
+        value: float | None = getattr(self, key.partition("[")[0].replace(".", "_"), None)
         return value

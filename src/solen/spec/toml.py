@@ -10,12 +10,13 @@ The interface: `load`, `loads`, `dumps`, `save`; `with_values` and `parse_assign
 import os
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
 import tomli_w
+from pydantic import BaseModel
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import core_schema
 
@@ -137,8 +138,9 @@ def with_values(design: Design, values: Mapping[str, Any]) -> Design:
     design
         The design to start from, unchanged.
     values
-        By dotted key (``"lens.focus_mm"``, ``"wall[0].index"``) the value, as TOML would hold it; None returns an
-        optional key to its default. Setting ``material.index`` takes a resin away and the other way round.
+        By dotted key (``"lens.focus_mm"``, ``"wall[0].index"``, ``"lens.knots_um[0]"``) the value, as TOML would hold
+        it; None returns an optional key to its default. Setting ``material.index`` takes a resin away and the other way
+        round.
 
     Raises
     ------
@@ -155,38 +157,57 @@ def with_values(design: Design, values: Mapping[str, Any]) -> Design:
 
 
 def value_at(design: Design, key: str) -> Any:
-    """Value of a dotted key (``"hold[1].to_mm"``), stated or by default; `SpecError` for an unknown key."""
-    table, _, name = key.partition(".")
-    of_several = _ROW.fullmatch(table)
-    owner = getattr(design, of_several[1] if of_several else table, None)
-    if of_several and isinstance(owner, tuple):
-        owner = owner[_row(key, owner)]
-    if name not in getattr(type(owner), "model_fields", {}):
-        raise SpecError(key, limit="unknown key", remedy="solen schema lists them")
-    return getattr(owner, name)
+    """Value of a dotted key (``"lens.focus_mm"``, ``"hold[1].to_mm"``, ``"lens.knots_um[0]"``), stated or by default.
+
+    Raises
+    ------
+    SpecError
+        If the key is unknown, or a list has no such entry.
+    """
+    path = _path(key)
+    value: Any = design if len(path) > 1 else None
+    for name in path:
+        if isinstance(value, tuple):
+            value = value[_place(key, name, len(value))]
+        elif isinstance(value, BaseModel) and name in type(value).model_fields:
+            value = getattr(value, name)
+        else:
+            raise SpecError(key, limit="unknown key", remedy="solen schema lists them")
+    return value
 
 
-_ROW = re.compile(r"(\w+)\[(\d+)\]")
-"""One of several tables of a name, counted from 0: ``hold[1]``."""
+def _path(key: str) -> list[str]:
+    """Parts of a dotted key; an entry of a list, counted from 0, is one: ``lens``, ``knots_um``, ``[0]``."""
+    return re.split(r"\.|(?=\[)", key)
 
 
-def _row(key: str, rows: Sequence[Any]) -> int:
-    """Number of the row that a key names; `SpecError` where there are fewer."""
-    number = int(re.split(r"[\[\]]", key)[1])
-    if number >= len(rows):
-        raise SpecError(key, limit=f"the design has {len(rows)} of these tables, counted from 0")
-    return number
+def _place(key: str, name: str, size: int) -> int:
+    """Place of a list's entry; `SpecError` where there are fewer."""
+    entry = re.fullmatch(r"\[(\d+)\]", name)
+    if entry and int(entry[1]) < size:
+        return int(entry[1])
+    raise SpecError(key, limit=f"the design has {size} of these, counted from 0", remedy="set the whole list")
 
 
 def _set(data: Document, key: str, value: Any) -> None:
-    *tables, last = key.split(".")
-    for name in tables:
-        of_several = _ROW.fullmatch(name)
-        rows = data.get(of_several[1], []) if of_several else None
-        data = rows[_row(key, rows)] if isinstance(rows, list) else data.setdefault(name, {})
-        if not isinstance(data, dict):
-            raise SpecError(key, limit="unknown key", remedy=f"{name} holds a value, not keys")
-    data[last] = value
+    holder: Any = data
+    *path, last = _path(key)
+    for before, name in zip(["", *path], path, strict=False):
+        inside = _inside(holder, key, before, name)
+        inner = holder[inside] if isinstance(holder, list) else holder.setdefault(inside, {})
+        if isinstance(inner, tuple):
+            inner = holder[inside] = list(inner)
+        holder = inner
+    holder[_inside(holder, key, path[-1] if path else "", last)] = value
+
+
+def _inside(holder: Any, key: str, before: str, name: str) -> Any:
+    """Key of a table or place in a list; `SpecError` where there is neither."""
+    if isinstance(holder, list) or (name.startswith("[") and not holder):
+        return _place(key, name, len(holder))
+    if name.startswith("[") or not isinstance(holder, dict):
+        raise SpecError(key, limit="unknown key", remedy=f"{before} holds a value, not keys")
+    return name
 
 
 def parse_assignment(text: str) -> tuple[str, Any]:

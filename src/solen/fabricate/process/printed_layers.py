@@ -28,7 +28,7 @@ from solen.recording import Provenance
 from solen.results import HIDDEN, Result, reported
 from solen.sensor import Sensor
 from solen.sensor.lens_responses import LensResponse, lens_responses
-from solen.sensor.sensor import OF_SPACE
+from solen.sensor.sensor import OF_SHAPES
 from solen.spec import Design, dumps, with_values
 
 ALIKE_UM = 1.0
@@ -346,7 +346,7 @@ def _responses(
 
 def _upright(sensor: Sensor) -> dict[str, object]:
     """Values of the same design with one profile over the whole body: the cylinder."""
-    values = OF_SPACE | {"lens.shape": "layered", "lens.profile": None}
+    values = OF_SHAPES | {"lens.shape": "layered", "lens.profile": None}
     return values | {"lens.layer_mm": sensor.design.body.thickness_mm}
 
 

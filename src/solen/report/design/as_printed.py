@@ -14,7 +14,7 @@ def printed_sentences(as_printed: AsPrinted) -> list[str]:
     deviation, fit = as_printed.lens.fit.deviation, as_printed.lens.fit
     more = "more" if deviation.max_um > 0.0 else "less"
     lines = [
-        f"The lens {as_printed.label} lies {deviation.rms_um:.3g} µm (root mean square) from the designed oval, at "
+        f"The lens {as_printed.label} lies {deviation.rms_um:.3g} µm (root mean square) from the designed one, at "
         f"most {abs(deviation.max_um):.3g} µm ({more} material, at x = {deviation.max_x_mm:.2f} mm); its points are "
         f"known to {fit.u_rms_um:.2g} µm and were smoothed over {fit.smooth.resolution_mm:.2g} mm."
     ]

@@ -12,7 +12,7 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 import solen
-from solen.lens import OvalLens
+from solen.lens import DesignedLens, OvalLens
 from solen.report import canvas
 from solen.report.design.answer import advice, emitter_words, expected, lens_table, lens_words, matters
 from solen.report.design.as_printed import printed_sentences
@@ -58,7 +58,7 @@ def figures(study: DesignStudy) -> dict[str, str]:
         draws["matters"] = lambda: matters_figure(practice)
     if study.practice is not None and isinstance(case.sensor.cut, OvalLens):
         draws["focus"] = lambda: focus_figure(case.sensor)
-    if isinstance(case.sensor.cut, OvalLens):
+    if isinstance(case.sensor.cut, DesignedLens):
         cut = case.sensor.cut
         draws["lens-profile"] = lambda: profile_figure(cut)
     views = [sensor_view(case.sensor, angle, rays) for angle in angles]

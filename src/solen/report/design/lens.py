@@ -9,7 +9,7 @@ from matplotlib.ticker import MaxNLocator
 
 from solen.arrays import FloatArray
 from solen.errors import DesignError
-from solen.lens import LayeredLens, Lens, LensInSpace, MeasuredLens, OvalLens
+from solen.lens import LayeredLens, Lens, LensInSpace, MeasuredLens, OvalLens, SplineLens
 from solen.report.canvas import HIGHER, INK, LOST, LOWER, SOFT
 from solen.sensor import LensCheck, Sensor, tolerance_of
 from solen.sensor.effects import index_steps
@@ -29,9 +29,11 @@ def lens_figure(check: LensCheck) -> Figure:
 
 
 def profile_figure(lens: Lens) -> Figure:
-    """The lens's profile, with ovals for the paper's indices, or with the designed oval of a measured lens."""
+    """The lens's profile, with ovals for the paper's indices, or with the designed one of a measured lens."""
     if isinstance(lens, LensInSpace):
         return _figure_in_space(lens)
+    if isinstance(lens, SplineLens):
+        return _figure_of_spline(lens)
     figure = Figure(figsize=(5.2, 2.7))
     axes = figure.add_subplot()
     if isinstance(lens, OvalLens):
@@ -44,6 +46,25 @@ def profile_figure(lens: Lens) -> Figure:
     axes.set(xlabel="x (mm)", ylabel="z (mm), from the vertex")
     axes.set_aspect("equal")
     axes.legend()
+    return figure
+
+
+def _figure_of_spline(lens: SplineLens) -> Figure:
+    """The face beside the oval, and by how much it deviates, with the knots."""
+    figure = Figure(figsize=(7.2, 2.9))
+    axes, beyond = figure.subplots(1, 2)
+    x = np.linspace(-lens.half_width_mm, lens.half_width_mm, 401)
+    axes.plot(x, lens.oval.z_mm(x), color=LOST, lw=1.2, ls="--", label="oval")
+    axes.plot(x, lens.z_mm(x), color=INK, lw=2, label="spline")
+    axes.set(xlabel="x (mm)", ylabel="z (mm), from the oval's vertex")
+    axes.set_aspect("equal")
+    axes.legend()
+    beyond.axhline(0.0, color=LOST, lw=1.2, ls="--")
+    beyond.plot(x, 1e3 * lens.deviation_mm(x), color=INK, lw=1.8)
+    at = lens.knots_at_mm[:-1]
+    for side in (-at, at):
+        beyond.plot(side, lens.knots_um, "o", color=HIGHER, ms=4)
+    beyond.set(xlabel="x (mm)", ylabel="deviation along z (µm)")
     return figure
 
 

@@ -3,7 +3,7 @@
 Every sentence is computed from the study; none is printed when the study does not support it.
 """
 
-from solen.lens import OvalLens
+from solen.lens import DesignedLens, OvalLens
 from solen.material import Optical
 from solen.report.design.answer import measured
 from solen.report.design.as_printed import printed_sentences
@@ -66,7 +66,7 @@ def _light(study: DesignStudy) -> str:
             f" In the plane the face accepts ±{lens.acceptance_deg:.1f}° of the emitter's ±{half_cone_deg:g}°; "
             "the rest passes beside it."
         )
-    if isinstance(lens, OvalLens) and lens.acceptance_deg <= half_cone_deg:
+    if isinstance(lens, DesignedLens) and lens.acceptance_deg <= half_cone_deg:
         text += (
             f" At the lens's edge light arrives at {lens.edge_incidence_deg:.1f}° to the normal: "
             "a rounded or rough edge costs light there first."

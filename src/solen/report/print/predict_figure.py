@@ -33,7 +33,7 @@ def printed_figure(as_printed: AsPrinted) -> Figure:
 
 
 def draw_deviation(axes: Axes, lens: MeasuredLens) -> None:
-    """Deviation of a profile from the designed oval along its normal, in µm: points, smoothed, with its uncertainty."""
+    """Deviation of a profile from the designed lens along its normal, in µm: points, smoothed, with its uncertainty."""
     fit, half_mm = lens.fit, lens.half_width_mm
     x = np.linspace(-half_mm, half_mm, PLACES)
     more = -1e3 * fit.deviation_mm(x) / np.hypot(1.0, lens.designed.slope(x))

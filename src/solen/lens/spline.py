@@ -1,0 +1,220 @@
+"""The free-form lens: a Cartesian oval and a smooth deviation from it, stated at a few knots.
+
+The deviation along z is a cubic spline in |x| with continuous curvature: even in x, level on the axis, without
+curvature of its own at the edge, where it is 0. So width, depth and where the stem begins are the oval's, and z still
+counts from the vertex of the oval. What light cannot use is refused: a face that reaches the emitter, or on which its
+rays graze. What printers may not make, narrow bumps and small radii of curvature, is warned of.
+
+The interface: `SplineLens`; `DesignedLens` is any lens that is printed as one profile.
+"""
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import pairwise
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from solen.arrays import FloatArray
+from solen.curve import Curve, check_numbers
+from solen.errors import DesignError
+from solen.lens.base import DeviatingLens
+from solen.lens.optics import OvalLens
+from solen.results import HIDDEN, reported_once
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
+
+PLACES = 401
+"""Places across half the aperture at which incidence and curvature are computed."""
+NEAREST = 0.9
+"""Share of the emitter's distance by which the face may approach it."""
+LEAST_HEIGHT_UM = 0.1
+"""Bumps and dimples below this are none."""
+DEFAULT_LEAST_FEATURE_UM = 130.0
+"""Least width that is printed well: of a wave of twice that, an edge blurred by 19 µm keeps 90 %."""
+
+
+@dataclass(frozen=True)
+class Feature:
+    """Bump (above 0) or dimple of a deviation, between two places where the sign of its curvature changes."""
+
+    x_mm: float
+    width_um: float
+    height_um: float
+
+
+class SplineLens(DeviatingLens, eq=True):
+    """A Cartesian oval with a deviation along z, given at knots.
+
+    Parameters
+    ----------
+    oval
+        The lens without the deviation.
+    knots_um
+        Deviation along z at N evenly spaced |x|, the first on the axis; below 0 is more material. The one at the edge,
+        which would be the next, is 0.
+    least_feature_um
+        Width of a bump or dimple, and radius of curvature, below which `warnings` doubt that it can be printed.
+
+    Raises
+    ------
+    DesignError
+        Where rays from the emitter graze the face, or it reaches the emitter.
+    """
+
+    shape_name: ClassVar[str] = "spline"
+
+    oval: OvalLens
+    knots_um: tuple[float, ...]
+    least_feature_um: float = field(default=DEFAULT_LEAST_FEATURE_UM, metadata=HIDDEN)
+
+    def __post_init__(self) -> None:
+        check_numbers("lens.knots_um", *self.knots_um)
+        if not self.knots_um:
+            raise DesignError("lens.knots_um", value="[]", limit="needs a knot at least", remedy="add one on the axis")
+        self._check_place()
+        self._check_incidence()
+
+    @property
+    def plain(self) -> OvalLens:
+        """See :attr:`DeviatingLens.plain`."""
+        return self.oval
+
+    @cached_property
+    def front(self) -> Curve:
+        """See :attr:`Lens.front`: that of the oval itself where all knots are 0."""
+        return super().front if any(self.knots_um) else self.oval.front
+
+    @property
+    def breaks_mm(self) -> tuple[float, ...]:
+        """See :attr:`DeviatingLens.breaks_mm`: the knots, so that the curve's error is that of the oval alone."""
+        at = self.knots_at_mm.tolist()
+        return (*(-x for x in reversed(at[1:])), *at)
+
+    @property
+    def knots_at_mm(self) -> FloatArray:
+        """Lateral positions (N + 1,) of the knots and of the edge."""
+        return np.linspace(0.0, self.half_width_mm, len(self.knots_um) + 1)
+
+    def deviation_mm(self, x_mm: FloatArray) -> FloatArray:
+        """See :meth:`DeviatingLens.deviation_mm`."""
+        return np.asarray(self._spline(np.abs(x_mm)))
+
+    def deviation_slope(self, x_mm: FloatArray) -> FloatArray:
+        """See :meth:`DeviatingLens.deviation_slope`."""
+        return np.asarray(np.sign(x_mm) * self._spline(np.abs(x_mm), 1))
+
+    def curvature_per_mm(self, x_mm: FloatArray) -> FloatArray:
+        """Signed curvature (N,) of the profile: positive where the front bulges towards the emitter."""
+        oval_bend = self.oval.curvature_per_mm(x_mm) * np.hypot(1.0, self.oval.slope(x_mm)) ** 3
+        bend = oval_bend + self._spline(np.abs(x_mm), 2)
+        return np.asarray(bend / np.hypot(1.0, self.slope(x_mm)) ** 3)
+
+    @reported_once
+    def most_deviation_um(self) -> float:
+        """Largest deviation from the oval along z, with its sign."""
+        deviation = 1e3 * self.deviation_mm(self._places)
+        return float(deviation[np.argmax(np.abs(deviation))])
+
+    @reported_once
+    def most_incidence_deg(self) -> float:
+        """Largest angle of incidence of the emitter's rays on the face; at 90 they graze it."""
+        return math.degrees(math.acos(float(self._cosines.min())))
+
+    @reported_once
+    def least_radius_um(self) -> float:
+        """Least radius of curvature of the face, bulging or hollow."""
+        return 1e3 / float(np.abs(self.curvature_per_mm(self._places)).max())
+
+    @reported_once
+    def narrowest_um(self) -> float | None:
+        """Width of the narrowest of the `features`; None where there is none."""
+        return min((feature.width_um for feature in self.features), default=None)
+
+    @cached_property
+    def features(self) -> tuple[Feature, ...]:
+        """Bumps and dimples of the deviation with x of 0 and more, from the axis out; below `LEAST_HEIGHT_UM` none."""
+        at = self.knots_at_mm
+        bend = self._spline(at, 2)
+        at, bend = at[bend != 0.0], bend[bend != 0.0]
+        turns = np.flatnonzero(bend[1:] * bend[:-1] < 0.0)
+        inner = at[turns] - bend[turns] * (at[turns + 1] - at[turns]) / (bend[turns + 1] - bend[turns])
+        ends = [-float(inner[0]) if inner.size else -self.half_width_mm, *inner.tolist(), self.half_width_mm]
+        found = (self._feature(low, high) for low, high in pairwise(ends))
+        return tuple(feature for feature in found if abs(feature.height_um) >= LEAST_HEIGHT_UM)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """See :attr:`Lens.warnings`."""
+        return self.too_fine(self.least_feature_um, "lens.least_feature_um")
+
+    def too_fine(self, least_um: float, limit: str) -> tuple[str, ...]:
+        """Warnings of what is narrower or bent more sharply than a least feature, which ``limit`` names."""
+        warnings = []
+        narrow = min(self.features, key=lambda feature: feature.width_um, default=None)
+        if narrow is not None and narrow.width_um < least_um:
+            kind = "bump" if narrow.height_um > 0.0 else "dimple"
+            warnings.append(
+                f"the lens has a {kind} of {abs(narrow.height_um):.2g} µm at x = {narrow.x_mm:.2g} mm that is "
+                f"{narrow.width_um:.3g} µm wide, narrower than {limit}, {least_um:.3g} µm: prints round it off"
+            )
+        if self.least_radius_um < least_um:
+            worst = float(self._places[np.argmax(np.abs(self.curvature_per_mm(self._places)))])
+            warnings.append(
+                f"the lens has a radius of curvature of {self.least_radius_um:.3g} µm at x = {worst:.2g} mm, below "
+                f"{limit}, {least_um:.3g} µm: prints round it off"
+            )
+        return tuple(warnings)
+
+    @cached_property
+    def _spline(self) -> "CubicSpline":
+        """Deviation in mm by |x| in mm."""
+        from scipy.interpolate import CubicSpline
+
+        values_mm = 1e-3 * np.array([*self.knots_um, 0.0])
+        return CubicSpline(self.knots_at_mm, values_mm, bc_type=("clamped", "natural"))
+
+    @cached_property
+    def _places(self) -> FloatArray:
+        return np.linspace(0.0, self.half_width_mm, PLACES)
+
+    @cached_property
+    def _cosines(self) -> FloatArray:
+        """Cosines of the angles of incidence at the places."""
+        x, slope = self._places, self.slope(self._places)
+        ahead = self.z_mm(x) + self.distance_mm
+        return np.asarray((ahead - x * slope) / (np.hypot(x, ahead) * np.hypot(1.0, slope)))
+
+    def _feature(self, low_mm: float, high_mm: float) -> Feature:
+        x = np.linspace(low_mm, high_mm, 33)
+        beyond = np.interp(x, x[[0, -1]], self.deviation_mm(x[[0, -1]])) - self.deviation_mm(x)
+        height_mm = float(beyond[np.argmax(np.abs(beyond))])
+        return Feature(0.5 * (low_mm + high_mm), 1e3 * (high_mm - low_mm), 1e3 * height_mm)
+
+    def _check_place(self) -> None:
+        z = self.z_mm(self._places)
+        nearest = int(np.argmin(z))
+        if z[nearest] <= -NEAREST * self.distance_mm:
+            raise DesignError(
+                "lens.knots_um",
+                value=f"the face reaches z = {z[nearest]:.4g} mm at x = {self._places[nearest]:.3g} mm",
+                limit=f"must stay behind z = {-NEAREST * self.distance_mm:.4g} mm: the emitter stands at "
+                f"{-self.distance_mm:g} mm",
+                remedy="raise the knots there",
+            )
+
+    def _check_incidence(self) -> None:
+        worst = int(np.argmin(self._cosines))
+        if self._cosines[worst] <= 0.0:
+            raise DesignError(
+                "lens.knots_um",
+                value=f"{self.most_incidence_deg:.3g} deg of incidence at x = {self._places[worst]:.3g} mm",
+                limit="must stay below 90 deg: rays from the emitter graze the face there, and it hides what is behind",
+                remedy="let the knots there rise less towards the edge, or narrow lens.half_width_mm",
+            )
+
+
+DesignedLens = OvalLens | SplineLens
+"""A lens that is printed as one profile, the same at every height or in the middle."""
