@@ -9,11 +9,13 @@ designed lens.
 
 from solen.sensor.acceptance import Acceptance
 from solen.sensor.as_printed import AsPrinted, Comparison, as_printed
+from solen.sensor.batched import Responses, respond
 from solen.sensor.budget import Budget, budget
 from solen.sensor.check import BodySizes, Check, Focus, LensCheck, LensOptions, check, lens_check
 from solen.sensor.effects import Effect
 from solen.sensor.lens_choice import LensChoice, LensFigures
 from solen.sensor.numbers import OPTICAL_KEYS, inert, tolerance_of
+from solen.sensor.numbers_of_y import numbers_of, why_not_batched
 from solen.sensor.practice import Built, Extent, Practice, practice
 from solen.sensor.readings import readings, received
 from solen.sensor.response import SATURATED, Response, Sensitivity, Shift
@@ -43,6 +45,7 @@ __all__ = [
     "LensOptions",
     "Practice",
     "Response",
+    "Responses",
     "Sensitivity",
     "Sensor",
     "Shift",
@@ -54,9 +57,12 @@ __all__ = [
     "inert",
     "keys_without_effect",
     "lens_check",
+    "numbers_of",
     "practice",
     "readings",
     "received",
+    "respond",
     "study",
     "tolerance_of",
+    "why_not_batched",
 ]

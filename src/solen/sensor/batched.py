@@ -1,0 +1,191 @@
+"""Responses of many sensors at once, of any chip before them: the compiled batch as a plain call."""
+
+import math
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from threading import local
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from solen.arrays import FloatArray, Progress
+from solen.curve import check_count, check_numbers
+from solen.errors import DesignError
+from solen.sensor.numbers_of_y import numbers_of
+from solen.sensor.sensor import Sensor
+from solen.trace import Limits, Mode, batch
+from solen.trace.batch import places
+from solen.trace.batch.places import Chips, Places
+
+RAYS = 2**12
+"""Rays at an angle: with a chip of 0.2 mm the contrast is then good to some 1e-3."""
+FEWEST_RAYS = 16
+"""Of one lattice."""
+
+
+class Responses(NamedTuple):
+    """Powers of D sensors with K chips at A angles, as fractions of what each chip emits.
+
+    ``u_power`` is the standard error of either receiver's power, which the rays' places make; ``truncated`` the largest
+    share of the light that was followed no further.
+    """
+
+    right: FloatArray
+    left: FloatArray
+    u_power: FloatArray
+    truncated: FloatArray
+
+    @property
+    def contrast(self) -> FloatArray:
+        """(R − L)/(R + L), NaN where no light arrives."""
+        whole = self.right + self.left
+        return np.divide(self.right - self.left, whole, out=np.full_like(whole, math.nan), where=whole > 0.0)
+
+    @property
+    def u_contrast(self) -> FloatArray:
+        """Its uncertainty, as `solen.sensor.Response` states it."""
+        whole = self.right + self.left
+        return np.divide(2.0 * self.u_power, whole, out=np.full_like(whole, math.nan), where=whole > 0.0)
+
+
+def respond(
+    sensors: Sequence[Sensor],
+    angles_deg: Sequence[float],
+    widths_mm: ArrayLike | None = None,
+    offsets_mm: ArrayLike | None = None,
+    *,
+    rays: int = RAYS,
+    mode: Mode = "power",
+    seed: int = 0,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> Responses:
+    """Responses of sensors to an emitter at their own places, or of several widths and decentres.
+
+    Every sensor is traced once over all places that its chips reach, and each chip is a weighted sum of that; a sensor
+    that is its own mirror image is traced on one side only.
+
+    Parameters
+    ----------
+    sensors
+        D sensors that `why_not_batched` has nothing against, all of the plane or all of space.
+    angles_deg
+        Angles (A,) of the motion.
+    widths_mm, offsets_mm
+        Width of the chip and decentre, broadcast to (K,) for all sensors or (D, K); None: each sensor's own. Widths of
+        one call are all 0 or all above.
+    rays
+        Rays at each angle, over all places together.
+    mode
+        ``"power"`` or ``"count"``.
+    seed
+        Of the lattices' shifts. They are the same for all sensors, so that differences are less noisy than responses.
+    threads
+        By default one per core.
+    progress
+        Called with the share done, up to 1.
+
+    Raises
+    ------
+    DesignError
+        Where a sensor is none for the batch, or its body cannot be at some angle.
+    """
+    check_count("rays", rays, 1)
+    check_count("seed", seed, 0)
+    threads = (os.cpu_count() or 1) if threads is None else threads
+    check_count("threads", threads, 1)
+    check_numbers("angles_deg", *angles_deg)
+    batched = _Batch(sensors, angles_deg, widths_mm, offsets_mm, rays, mode, seed)
+    done = 0
+    with ThreadPoolExecutor(threads) as pool:
+        try:
+            for _ in pool.map(batched.trace, range(len(sensors))):
+                done += 1
+                if progress is not None:
+                    progress(done / len(sensors))
+        finally:
+            pool.shutdown(cancel_futures=True)
+    return batched.responses
+
+
+class _Batch:
+    """What all sensors of a call share."""
+
+    def __init__(
+        self,
+        sensors: Sequence[Sensor],
+        angles_deg: Sequence[float],
+        widths_mm: ArrayLike | None,
+        offsets_mm: ArrayLike | None,
+        rays: int,
+        mode: Mode,
+        seed: int,
+    ) -> None:
+        self.sensors, self.seed = sensors, seed
+        self.numbers = numbers_of(sensors)
+        self.angle_deg = np.asarray(angles_deg, dtype=float)
+        self.width = _of_each(widths_mm, [sensor.light.width_mm for sensor in sensors])
+        self.offset = _of_each(offsets_mm, [sensor.design.emitter.offset_mm for sensor in sensors])
+        self.width, self.offset = np.broadcast_arrays(self.width, self.offset)
+        self.both = self._mirrors()
+        opposite = places.are_symmetric(self.angle_deg) if self.both else np.zeros(len(self.angle_deg), bool)
+        self.traced = np.flatnonzero(~opposite)
+        lattices = places.lattices_for(self.width, self.offset, self.both)
+        in_space = bool(self.numbers.thickness[:1].any())
+        each, most = max(math.ceil(rays / lattices), FEWEST_RAYS), int(self.numbers.body[:, -1].max(initial=0))
+        self.lattices, self.lots = lattices, local()
+        self.new_lot = partial(batch.Lot, self.angle_deg[self.traced], lattices, each, most, mode, in_space, Limits())
+        shape = (len(sensors), self.width.shape[1], len(self.angle_deg))
+        self.responses = Responses(np.empty(shape), np.empty(shape), np.empty(shape), np.empty(len(sensors)))
+
+    def _mirrors(self) -> bool:
+        """Whether one side of every response gives the other, and tracing it is less than tracing both."""
+        numbers = self.numbers.body
+        symmetric = all(_is_symmetric(batch.Y(*row)) for row in numbers.tolist())
+        low, high = self.offset - 0.5 * self.width, self.offset + 0.5 * self.width
+        reach = np.maximum(np.abs(low), np.abs(high)).max(axis=1)
+        return symmetric and bool(np.all(high.max(axis=1) - low.min(axis=1) >= reach))
+
+    def trace(self, d: int) -> None:
+        """Trace a sensor and write its response."""
+        if not hasattr(self.lots, "mine"):
+            self.lots.mine = self.new_lot()
+        where = Places.of(Chips(self.width[d], self.offset[d]), self.lattices, self.both)
+        found = self.lots.mine.traced(self.numbers, d, where.bins, self.seed)
+        for angle in self.angle_deg[self.traced[found.sound != batch.SOUND]].tolist():
+            self.sensors[d].scene(angle, 1)  # which knows, and refuses what cannot be
+        by_bin = np.moveaxis(self._all_angles(found.power), -1, 0)
+        right, left = where.powers(by_bin)
+        u = where.u_powers(by_bin).max(axis=0)
+        out = self.responses
+        out.right[d], out.left[d], out.u_power[d] = right.T, left.T, u.T
+        out.truncated[d] = found.truncated.max(initial=0.0)
+
+    def _all_angles(self, power: FloatArray) -> FloatArray:
+        """Powers (A, B, 2) at all angles from those that were traced."""
+        if not self.both:
+            return power
+        place = {angle: i for i, angle in enumerate(self.angle_deg[self.traced].tolist())}
+        rows = []
+        for angle in self.angle_deg.tolist():
+            own = power[place[angle]] if angle in place else places.mirrored(power[place[-angle]])
+            rows.append(0.5 * (own + places.mirrored(own)) if angle == 0.0 else own)
+        return np.stack(rows)
+
+
+def _is_symmetric(y: batch.Y) -> bool:
+    """Whether a sensor is at every angle the mirror image of itself at the opposite one."""
+    return y.lens != batch.PIECES and not (y.pivot == batch.AT_POINT and y.pivot_x != 0.0)
+
+
+def _of_each(given: ArrayLike | None, own: Sequence[float]) -> FloatArray:
+    """Numbers (D, K) of each sensor."""
+    if given is None:
+        return np.array(own, dtype=float)[:, None]
+    values = np.atleast_1d(np.asarray(given, dtype=float))
+    if values.ndim > 2 or (values.ndim == 2 and len(values) != len(own)) or not np.all(np.isfinite(values)):
+        raise DesignError("widths_mm, offsets_mm", limit=f"must be finite, (K,) or ({len(own)}, K)")
+    return np.broadcast_to(values, (len(own), values.shape[-1]))

@@ -1,0 +1,147 @@
+"""Sensors as the numbers that `solen.trace.batch` makes their tables of, and why some have none."""
+
+import math
+from collections.abc import Sequence
+from functools import lru_cache
+
+import numpy as np
+
+from solen.arrays import FloatArray, IntArray
+from solen.errors import DesignError
+from solen.geometry import arm_angle_deg
+from solen.lens import FlatFace, LensInSpace, OvalLens
+from solen.material import Dispersion
+from solen.parts import Light
+from solen.scene.sources import CosinePower, Isotropic, Pattern, PatternTable
+from solen.sensor.sensor import Sensor
+from solen.trace import batch
+from solen.trace.tables import compile_curve
+
+PIVOTS = {"stem-base": batch.AT_BASE, "emitter": batch.AT_EMITTER}
+KINDS: tuple[tuple[type, int], ...] = ((FlatFace, batch.FLAT), (OvalLens, batch.WHOLE_OVAL))
+NAN = math.nan
+
+
+def why_not_batched(sensor: Sensor) -> str | None:
+    """Reason why a sensor is traced scene by scene alone; None where the batch knows it."""
+    design, light = sensor.design, sensor.light
+    reasons = (
+        (design.body.kind != "y", "the batch knows the Y alone"),
+        (isinstance(sensor.cut, LensInSpace), "its lens is no cylinder"),
+        (design.motion.kind != "rotation", "its stem bends"),
+        (design.motion.join == "smooth", "its lens joins the stem smoothly"),
+        (bool(design.wall), "it has wall tables"),
+        (light.ray_file is not None, "its light is a file of rays"),
+        (len(light.spectrum) > 1 and isinstance(sensor.material.dispersion, Dispersion), "its index disperses"),
+    )
+    return next((reason for wrong, reason in reasons if wrong), None)
+
+
+def numbers_of(sensors: Sequence[Sensor]) -> batch.Sensors:
+    """Numbers of sensors that are all traced in the plane, or all in space.
+
+    Raises
+    ------
+    DesignError
+        Where `why_not_batched` has a reason, or some are of the plane and some of space.
+    """
+    bodies, lights, pieces, before, patterns = [], [], [np.zeros((0, 12))], [np.zeros(0, np.int64)], []
+    first_piece, first_row = 0, 0
+    for sensor in sensors:
+        if why := why_not_batched(sensor):
+            raise DesignError("batch", value=sensor.design.name, limit=why, remedy="use Sensor.power")
+        its_pieces, its_before = _pieces_of(sensor)
+        bodies.append(_body(sensor, first_piece, len(its_pieces)))
+        light, table = _light(sensor, first_row)
+        lights.append(light)
+        first_piece, first_row = first_piece + len(its_pieces), first_row + len(table)
+        pieces.append(its_pieces)
+        before.append(its_before)
+        patterns.append(table)
+    thickness = [_thickness(sensor) for sensor in sensors]
+    if len({value > 0.0 for value in thickness}) > 1:
+        raise DesignError("trace.dimension", value="2d and extruded", limit="must be the same for all of a batch")
+    return batch.Sensors(
+        np.array(bodies),
+        np.array(lights),
+        np.array(thickness),
+        np.vstack(pieces),
+        np.concatenate(before),
+        np.vstack(patterns),
+    )
+
+
+def _thickness(sensor: Sensor) -> float:
+    return sensor.design.body.thickness_mm if sensor.design.trace.dimension == "extruded" else 0.0
+
+
+def _body(sensor: Sensor, first: int, many: int) -> tuple[float, ...]:
+    design, lens = sensor.design, sensor.lens
+    body, motion, moves = design.body, design.motion, design.motion.moves
+    oval = lens if isinstance(lens, OvalLens) else None
+    point = motion.pivot if isinstance(motion.pivot, tuple) else (NAN, NAN)
+    height, gap = design.receivers.height_mm, design.receivers.gap_mm
+    return batch.Y(
+        lens=next((kind for cls, kind in KINDS if isinstance(lens, cls)), batch.PIECES),
+        distance=design.emitter.distance_mm,
+        focus=NAN if oval is None else oval.focus_mm,
+        half_width=lens.half_width_mm,
+        cut_index=NAN if oval is None else oval.design_index,
+        depth=lens.depth_mm if many else NAN,
+        refractive_index=sensor.material.index,
+        absorption=sensor.material.absorption_per_mm,
+        stem_length=body.stem_length_mm,
+        stem_curve=body.stem_curve_per_mm,
+        arm_length=body.arm_length_mm,
+        arm_width=body.arm_width_mm,
+        arm_angle=math.radians(arm_angle_deg(design)),
+        pivot=batch.AT_POINT if isinstance(motion.pivot, tuple) else PIVOTS[motion.pivot],
+        pivot_x=point[0],
+        pivot_z=point[1],
+        turns_lens="lens" in moves,
+        turns_emitter="emitter" in moves,
+        turns_receivers="receivers" in moves,
+        seam=motion.join == "seam",
+        gap=NAN if gap is None else gap,
+        receiver_height=math.inf if height is None else height,
+        first_piece=first,
+        pieces=many,
+    )
+
+
+def _pieces_of(sensor: Sensor) -> tuple[FloatArray, IntArray]:
+    """Rows of the lens's cubics in its own frame, and which each continues."""
+    if isinstance(sensor.lens, (FlatFace, OvalLens)):
+        return np.zeros((0, 12)), np.zeros(0, np.int64)
+    return compile_curve(sensor.lens.front)
+
+
+def _light(sensor: Sensor, first: int) -> tuple[tuple[float, ...], FloatArray]:
+    light, in_space = sensor.light, sensor.design.trace.dimension == "extruded"
+    pattern, half = _pattern(light), 0.5 * math.radians(light.cone_deg)
+    table = np.zeros((0, 2))
+    exponent = 0.0
+    if isinstance(pattern, CosinePower):
+        exponent = pattern.exponent
+    elif isinstance(pattern, PatternTable):
+        exponent, table = -1.0, np.column_stack([np.radians(pattern.angle_deg), pattern.relative])
+    flat = light.pattern == "fan" or not in_space
+    whole = _whole(pattern, half, flat)
+    row = batch.Light(
+        half, exponent, whole, light.height_mm, sensor.design.emitter.y_mm, float(first), float(len(table)), float(flat)
+    )
+    return row, table
+
+
+def _pattern(light: Light) -> Pattern:
+    if light.pattern == "lambertian":
+        return CosinePower(light.exponent)
+    if light.pattern == "table":
+        return PatternTable(tuple(angle for angle, _ in light.table), tuple(value for _, value in light.table))
+    return Isotropic()
+
+
+@lru_cache(maxsize=256)
+def _whole(pattern: Pattern, half: float, flat: bool) -> float:
+    """Integral of the intensity over angles in the plane, or over directions in space."""
+    return pattern.plane_angle(half) if flat else pattern.space_integral_sr(half)

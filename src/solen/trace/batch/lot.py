@@ -1,0 +1,233 @@
+"""One design at all its angles and bins of places, as one call of compiled code.
+
+A `Lot` is the room for it: tables, rays and sums of every angle and bin, one after the other. `Lot.traced` fills it by
+compiled code and gives the power at both receivers for every angle and bin. Without Python between the poses a design
+takes some milliseconds.
+"""
+
+import math
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from solen.arrays import FloatArray, IntArray
+from solen.trace.batch.launch import launch, launch_in_space, light_row
+from solen.trace.batch.made import made
+from solen.trace.batch.space import trace_tasks_in_space
+from solen.trace.batch.y import WALLS, Pose, front_of, y_row, y_tables
+from solen.trace.kernel import tally
+from solen.trace.kernel.batch import Starts, Tasks, trace_tasks
+from solen.trace.kernel.extruded import RowsInSpace, Slab, room_in_space
+from solen.trace.kernel.room import BLOCK, Rows, room
+from solen.trace.kernel.rows import Precision, Treatment
+from solen.trace.kernel.step import Rules
+from solen.trace.kernel.surface import SPLITTING
+from solen.trace.result import KEPT_PLACES, TRUNCATED, Limits, Mode
+from solen.trace.tables import LISTED, WIDTH, Tables
+
+DOUBLE = Precision.of(np.float64)
+REGIONS, RECEIVERS = 2, 2
+
+
+class Sensors(NamedTuple):
+    """Sensors as numbers."""
+
+    body: FloatArray
+    """(D, 24) rows of `Y`"""
+    light: FloatArray
+    """(D, 8) rows of `Light`"""
+    thickness: FloatArray
+    """(D,) mm; 0 in the plane"""
+    pieces: FloatArray
+    """(N, 12) pieces of lenses that are splines, in their own frames"""
+    before: IntArray
+    """(N,)"""
+    pattern: FloatArray
+    """(T, 2) rows of tabulated patterns: angle in radians, relative intensity"""
+
+
+class Bins(NamedTuple):
+    """Places before the lens (B,), from ``low`` to ``high`` in mm to the right of the axis."""
+
+    low: FloatArray
+    high: FloatArray
+
+
+class Found(NamedTuple):
+    """What became of the light of a design, by angle and bin."""
+
+    power: FloatArray
+    """(A, B, 2) of right and left"""
+    truncated: FloatArray
+    """(A, B)"""
+    sound: IntArray
+    """(A,) as `solen.trace.batch.y.y_tables` says"""
+
+
+@made
+def prepare(
+    sensors: Sensors, d: int, angle_deg: FloatArray, tables: Tables, starts: Starts, poses: FloatArray, sound: IntArray
+) -> None:
+    """Write the tables of a design at every angle, and the emitter's poses (A, 3)."""
+    y, first = y_row(sensors.body, d), 0
+    front = front_of(y)
+    for a in range(len(angle_deg)):
+        starts.piece[a] = first
+        last, good, pose = y_tables(tables, sensors.pieces, sensors.before, y, front, angle_deg[a], first)
+        poses[a, 0], poses[a, 1], poses[a, 2] = pose
+        sound[a] = good
+        tables.refractive_index[a, 1], tables.absorption[a, 1] = y.refractive_index, y.absorption
+        first = last
+    starts.piece[len(angle_deg)] = first
+
+
+@made
+def launch_all(
+    sensors: Sensors, d: int, tables: Tables, starts: Starts, poses: FloatArray, bins: Bins, seed: int, rays: Rows,
+    each: int,
+) -> None:  # fmt: skip
+    """Write the rays of every angle and bin."""
+    light = light_row(sensors.light, d)
+    for a in range(len(poses)):
+        pose = Pose(poses[a, 0], poses[a, 1], poses[a, 2])
+        for b in range(len(bins.low)):
+            launch(
+                tables, starts.piece[a], starts.piece[a + 1], pose, light, sensors.pattern, bins.low[b], bins.high[b],
+                seed, a, b, rays, (a * len(bins.low) + b) * each, each,
+            )  # fmt: skip
+
+
+@made
+def launch_all_in_space(
+    sensors: Sensors, d: int, tables: Tables, starts: Starts, poses: FloatArray, bins: Bins, seed: int,
+    rays: RowsInSpace, each: int,
+) -> None:  # fmt: skip
+    """As `launch_all`."""
+    light, half = light_row(sensors.light, d), 0.5 * sensors.thickness[d]
+    for a in range(len(poses)):
+        pose = Pose(poses[a, 0], poses[a, 1], poses[a, 2])
+        for b in range(len(bins.low)):
+            launch_in_space(
+                tables, starts.piece[a], starts.piece[a + 1], pose, light, sensors.pattern, half, bins.low[b],
+                bins.high[b], seed, a, b, rays, (a * len(bins.low) + b) * each, each,
+            )  # fmt: skip
+
+
+@dataclass
+class Lot:
+    """Room for a design at A angles, B bins and so many rays of ``each``."""
+
+    angle_deg: FloatArray
+    bins: int
+    each: int
+    most_pieces: int
+    mode: Mode
+    in_space: bool
+    limits: Limits = field(default_factory=Limits)
+
+    def __post_init__(self) -> None:
+        angles = len(self.angle_deg)
+        tasks, many = angles * self.bins, angles * (self.most_pieces + WALLS)
+        self.tables = _empty_tables(angles, many)
+        nothing = np.zeros(angles + 1, np.int64)
+        self.starts = Starts(
+            piece=np.zeros(angles + 1, np.int64),
+            wavelength=np.arange(angles + 1),
+            monitor=nothing,
+            cell=2 * np.arange(angles + 1),
+            item=nothing,
+            treatment=nothing,
+            layer=nothing,
+        )
+        ends = np.arange(tasks + 1)
+        self.tasks = Tasks(
+            scene=np.repeat(np.arange(angles), self.bins),
+            first=np.zeros(tasks, np.int64),
+            step=np.ones(tasks, np.int64),
+            ray=self.each * ends,
+            receiver=RECEIVERS * ends,
+            monitor=np.zeros(tasks + 1, np.int64),
+            bin=np.zeros(tasks + 1, np.int64),
+        )
+        self.sums = empty_sums(tasks)
+        self.poses, self.sound = np.zeros((angles, 3)), np.zeros(angles, np.int64)
+        columns = [np.zeros(tasks * self.each) for _ in range(11 if self.in_space else 6)]
+        kind: Any = RowsInSpace if self.in_space else Rows
+        self.rays = kind(*columns, np.zeros(tasks * self.each, np.int64))
+        self.rules = Rules(
+            SPLITTING[self.mode], np.float64(self.limits.min_weight), self.limits.max_hits, 0, 0, 1, False
+        )
+        self.waiting = 64 * BLOCK
+        self._make_room()
+
+    def traced(self, sensors: Sensors, d: int, bins: Bins, seed: int) -> Found:
+        """Powers of design number ``d``; those of an unsound body are nothing."""
+        self.prepare(sensors, d, bins, seed)
+        while not self._trace(sensors, d):
+            self.waiting *= 2
+            self._make_room()
+        power = self.sums.detected.reshape(len(self.angle_deg), self.bins, RECEIVERS).copy()
+        truncated = self.sums.fate[:, TRUNCATED].reshape(len(self.angle_deg), self.bins).copy()
+        return Found(power, truncated, self.sound.copy())
+
+    def prepare(self, sensors: Sensors, d: int, bins: Bins, seed: int) -> None:
+        """Make tables and rays of design number ``d``."""
+        prepare(sensors, d, self.angle_deg, self.tables, self.starts, self.poses, self.sound)
+        fill: Any = launch_all_in_space if self.in_space else launch_all
+        fill(sensors, d, self.tables, self.starts, self.poses, bins, seed, self.rays, self.each)
+
+    def _trace(self, sensors: Sensors, d: int) -> bool:
+        for column in (self.sums.fate, self.sums.detected, self.sums.arrived, self.sums.optical, self.sums.counts):
+            column[...] = 0
+        if np.any(self.sound < 0):
+            return True
+        if self.in_space:
+            slab = Slab(0.5 * float(sensors.thickness[d]), 1.0, 1.0)
+            return trace_tasks_in_space(
+                DOUBLE, self.tables, self.starts, self.tasks, self.sums, self.rays, self.rules, slab, self.room
+            )
+        return trace_tasks(
+            DOUBLE, self.tables, self.starts, self.tasks, self.sums, self.rays, self.rules, self.room, None, 0,
+            len(self.tasks.scene),
+        )  # fmt: skip
+
+    def _make_room(self) -> None:
+        self.room: Any = room_in_space(self.waiting) if self.in_space else room(self.each, np.float64, self.waiting)
+
+
+def _empty_tables(scenes: int, pieces: int) -> Tables:
+    """Room for the tables of so many scenes of two media and one wavelength, with so many pieces together."""
+
+    def whole(many: int) -> IntArray:
+        return np.zeros(many, np.int64)
+
+    return Tables(
+        kind=whole(pieces), shape=np.zeros((pieces, WIDTH)), middle=np.zeros((pieces, 2)), box=np.zeros((pieces, 4)),
+        owner=whole(pieces), before=whole(pieces), behaviour=whole(pieces), treatment=whole(pieces), left=whole(pieces),
+        right=whole(pieces), receiver=whole(pieces), height=np.zeros((pieces, 2)),
+        refractive_index=np.ones((scenes, REGIONS)), absorption=np.zeros((scenes, REGIONS)),
+        scattering=np.zeros((scenes, REGIONS)), anisotropy=np.zeros((scenes, REGIONS)),
+        wavelength=np.full(scenes, math.nan), treatments=np.zeros((0, len(Treatment._fields))),
+        layers=np.zeros((0, LISTED)), monitor=np.zeros((0, 5)), bins=whole(0), first_bin=whole(0),
+        grid_low=np.zeros(2 * scenes), grid_cell=np.ones(2 * scenes), grid_many=np.ones(2 * scenes, np.int64),
+        grid_first=whole(2 * scenes), grid_item=whole(0),
+    )  # fmt: skip
+
+
+def empty_sums(tasks: int) -> tally.Sums:
+    """Sums of nothing for so many tasks."""
+    return tally.Sums(
+        fate=np.zeros((tasks, tally.LEAKED + 2)),
+        detected=np.zeros(RECEIVERS * tasks),
+        arrived=np.zeros(RECEIVERS * tasks, np.int64),
+        optical=np.zeros(RECEIVERS * tasks),
+        position=np.zeros((0, 0)),
+        angle=np.zeros((0, 0)),
+        crossed=np.zeros(0),
+        crossings=np.zeros(0, np.int64),
+        maps=np.zeros(0),
+        counts=np.zeros((tasks, 4), np.int64),
+        place=np.full((tasks, 2, KEPT_PLACES, 2), math.nan),
+        legs=np.empty((0, tally.LEG_WIDTH)),
+    )

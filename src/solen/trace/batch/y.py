@@ -1,0 +1,429 @@
+"""The tables of a Y at an angle, made from a design's numbers alone by compiled code.
+
+`solen.geometry.y`, `solen.scene.sensor` and `solen.trace.tables`, which make them together, stay the truth; the
+formulas here are theirs, and tests compare the rays through both.
+"""
+
+import math
+from typing import NamedTuple
+
+from solen.arrays import FloatArray, IntArray
+from solen.geometry.body import GAP_MM
+from solen.geometry.y import SHORTEST_MM, STEP_MM
+from solen.trace.batch.made import inlined, made
+from solen.trace.kernel.rows import CONIC, CUBIC, OVAL, RECEIVER, REFRACTING, SEGMENT, Floats
+from solen.trace.tables import BOX_MARGIN, BOX_MARGIN_MM, Tables
+
+FLAT, WHOLE_OVAL, PIECES = range(3)
+"""Kinds of lens: the stem's flat face, an oval, pieces of a spline."""
+AT_BASE, AT_EMITTER, AT_POINT = range(3)
+"""Pivots."""
+AIR, BODY = range(2)
+"""Regions."""
+WALLS = 13
+"""Pieces beside those of a spline at most: a lens, five on either side, and a receiver behind a gap on each."""
+FIT_POINTS = 17
+MOST_TURN, MOST_GAP = 0.3, 0.25
+"""Turn in radians, and gap between lens and stem as a share of the half width, up to which joints need no search."""
+LEAST_MM = 0.01
+"""Lengths and gaps below which it is left to `solen.scene` whether things lie apart."""
+SOUND, UNSURE = 1, 0
+NO_JOIN, TOO_WIDE = -1, -2
+
+
+class Y(NamedTuple):
+    """A design, as numbers; lengths in mm."""
+
+    lens: float
+    distance: float
+    focus: float
+    half_width: float
+    cut_index: float
+    depth: float
+    """of a lens made of pieces"""
+    refractive_index: float
+    absorption: float
+    stem_length: float
+    stem_curve: float
+    arm_length: float
+    arm_width: float
+    arm_angle: float
+    """radians"""
+    pivot: float
+    pivot_x: float
+    pivot_z: float
+    turns_lens: float
+    turns_emitter: float
+    turns_receivers: float
+    seam: float
+    gap: float
+    """NaN for receivers on the arms' ends"""
+    receiver_height: float
+    """infinite where it is the body's"""
+    first_piece: float
+    pieces: float
+
+
+class Front(NamedTuple):
+    """What only depends on the lens: in its own frame, vertex at the origin."""
+
+    depth: float
+    corner: float
+    """where the tangents at the edges meet the one at the vertex"""
+    p0: float
+    p1: float
+    p2: float
+
+
+class Turn(NamedTuple):
+    """A turn and a shift."""
+
+    cos: float
+    sin: float
+    x: float
+    z: float
+
+
+@inlined
+def y_row(numbers: FloatArray, d: int) -> Y:
+    """Row of a design."""
+    n = numbers[d]
+    return Y(
+        n[0], n[1], n[2], n[3], n[4], n[5], n[6], n[7], n[8], n[9], n[10], n[11], n[12], n[13], n[14], n[15], n[16],
+        n[17], n[18], n[19], n[20], n[21], n[22], n[23],
+    )  # fmt: skip
+
+
+@inlined
+def turn_about(x: float, z: float, angle_deg: float) -> Turn:
+    """Turn about a point; the exact identity for 0."""
+    if angle_deg == 0.0:
+        return Turn(1.0, 0.0, 0.0, 0.0)
+    c, s = math.cos(math.radians(angle_deg)), math.sin(math.radians(angle_deg))
+    return Turn(c, s, x - (c * x - s * z), z - (s * x + c * z))
+
+
+@inlined
+def moved(t: Turn, x: float, z: float) -> tuple[float, float]:
+    """Where a point goes."""
+    return t.cos * x - t.sin * z + t.x, t.sin * x + t.cos * z + t.z
+
+
+@inlined
+def oval_depth(y: Y, x: float) -> tuple[float, float]:
+    """Depth z of the oval at x, and its slope there; see `solen.lens.OvalLens.z_mm`."""
+    n2, s, f, z = y.cut_index, y.distance, y.focus, 0.0
+    for _ in range(60):
+        before, behind = math.hypot(z + s, x), math.hypot(f - z, x)
+        square = x * x + z * z
+        value = (square + 2.0 * s * z) / (before + s) + n2 * (square - 2.0 * f * z) / (behind + f)
+        step = value / ((z + s) / before - n2 * (f - z) / behind)
+        z -= step
+        if abs(step) <= 1e-15 * (1.0 + z):
+            break
+    before, behind = math.hypot(z + s, x), math.hypot(f - z, x)
+    return z, -(x / before + n2 * x / behind) / ((z + s) / before - n2 * (f - z) / behind)
+
+
+@inlined
+def fitted(y: Y, depth: float) -> tuple[float, float, float]:
+    """Conic r² = p0 + p1 w + p2 w² by least squares at points evenly spaced in angle: where Newton's method starts."""
+    edge = math.atan2(y.half_width, y.distance + depth)
+    a, c = y.cut_index * y.cut_index - 1.0, y.distance + y.cut_index * y.focus
+    d = y.distance + y.focus
+    rest = (y.cut_index - 1.0) * y.distance * (y.cut_index * d + c)
+    m1, m2, m3, m4, b0, b1, b2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(FIT_POINTS):
+        angle = edge * i / (FIT_POINTS - 1)
+        half_b = y.cut_index * y.cut_index * d * math.cos(angle) - c
+        radius = rest / (half_b + math.sqrt(max(half_b * half_b - a * rest, 0.0)))
+        w, r = (radius * math.cos(angle) - y.distance) / depth, radius * math.sin(angle)
+        m1, m2, m3, m4 = m1 + w, m2 + w * w, m3 + w * w * w, m4 + w * w * w * w
+        b0, b1, b2 = b0 + r * r, b1 + w * r * r, b2 + w * w * r * r
+    m0 = float(FIT_POINTS)
+    c00, c01, c02 = m2 * m4 - m3 * m3, m2 * m3 - m1 * m4, m1 * m3 - m2 * m2
+    c11, c12, c22 = m0 * m4 - m2 * m2, m1 * m2 - m0 * m3, m0 * m2 - m1 * m1
+    whole = m0 * c00 + m1 * c01 + m2 * c02
+    p0 = (c00 * b0 + c01 * b1 + c02 * b2) / whole
+    p1 = (c01 * b0 + c11 * b1 + c12 * b2) / whole
+    p2 = (c02 * b0 + c12 * b1 + c22 * b2) / whole
+    return p0, p1 / depth, p2 / (depth * depth)
+
+
+@inlined
+def front_of(y: Y) -> Front:
+    """What only depends on the lens."""
+    if y.lens != WHOLE_OVAL:
+        return Front(y.depth if y.lens == PIECES else 0.0, 0.0, 0.0, 0.0, 0.0)
+    depth, slope = oval_depth(y, y.half_width)
+    p0, p1, p2 = fitted(y, depth)
+    return Front(depth, y.half_width - depth / slope, p0, p1, p2)
+
+
+@inlined
+def put_box(t: Tables, p: int, low_x: float, high_x: float, low_z: float, high_z: float) -> None:
+    """Write a box with its margin."""
+    margin = BOX_MARGIN_MM + BOX_MARGIN * max(max(abs(low_x), abs(high_x)), max(abs(low_z), abs(high_z)))
+    t.box[p, 0], t.box[p, 1], t.box[p, 2], t.box[p, 3] = (
+        low_x - margin,
+        high_x + margin,
+        low_z - margin,
+        high_z + margin,
+    )
+
+
+@inlined
+def put_segment(t: Tables, p: int, ax: float, az: float, bx: float, bz: float) -> None:
+    """Write a segment."""
+    length = math.hypot(bx - ax, bz - az)
+    t.kind[p] = SEGMENT
+    t.shape[p, 0], t.shape[p, 1], t.shape[p, 4] = ax, az, length
+    t.shape[p, 2], t.shape[p, 3] = (bx - ax) / length, (bz - az) / length
+    t.middle[p, 0], t.middle[p, 1] = ax + 0.5 * (bx - ax), az + 0.5 * (bz - az)
+    put_box(t, p, min(ax, bx), max(ax, bx), min(az, bz), max(az, bz))
+
+
+@inlined
+def put_stem(t: Tables, p: int, side: float, x: float, z: float, c: float, begin: float, end: float) -> None:
+    """Write a side of the stem, from a height above its base up to the fork: a parabola from the corner (x, z)."""
+    t.kind[p] = CONIC
+    row = t.shape[p]
+    row[0], row[1], row[2], row[3], row[4], row[5] = x, z, 0.0, -1.0, 2.0 * side * c, 0.0
+    row[6], row[7], row[8] = -end, -begin, -side
+    half = 0.5 * (begin + end)
+    t.middle[p, 0], t.middle[p, 1] = x + side * c * half * half, z + half
+    a, b = x + side * c * begin * begin, x + side * c * end * end
+    m, n = x + side * c * begin * half, x + side * c * half * end  # where tangents meet
+    put_box(t, p, min(min(a, b), min(m, n)), max(max(a, b), max(m, n)), z + begin, z + end)
+
+
+@inlined
+def put_oval(t: Tables, p: int, y: Y, front: Front, turn: Turn) -> None:
+    """Write the front of an oval."""
+    wx, wz = -turn.sin, turn.cos
+    vx, vz = turn.x, turn.z
+    row = t.shape[p]
+    t.kind[p] = OVAL
+    row[0], row[1] = vx - y.distance * wx, vz - y.distance * wz
+    row[2], row[3] = vx + y.focus * wx, vz + y.focus * wz
+    row[4], row[5], row[6], row[7], row[8], row[9], row[10], row[11] = (
+        1.0, y.cut_index, y.distance, y.focus, vx, vz, wx, wz,
+    )  # fmt: skip
+    row[12], row[13] = -1.0, (y.distance + y.cut_index * y.focus) / y.cut_index
+    edge = math.hypot(y.half_width, y.distance + front.depth)
+    s, c = y.half_width / edge, (y.distance + front.depth) / edge
+    row[14], row[15] = c * wx + s * wz, c * wz - s * wx
+    row[16], row[17] = c * wx - s * wz, c * wz + s * wx
+    row[18], row[19] = moved(turn, -y.half_width, front.depth)
+    row[20], row[21] = moved(turn, -front.corner, 0.0)
+    row[22], row[23] = moved(turn, front.corner, 0.0)
+    row[24], row[25] = moved(turn, y.half_width, front.depth)
+    row[26], row[27], row[28], row[29], row[30] = wz, -wx, front.p0, front.p1, front.p2
+    t.middle[p, 0], t.middle[p, 1] = vx, vz
+    low_x, high_x = min(min(row[18], row[20]), min(row[22], row[24])), max(max(row[18], row[20]), max(row[22], row[24]))
+    low_z, high_z = min(min(row[19], row[21]), min(row[23], row[25])), max(max(row[19], row[21]), max(row[23], row[25]))
+    put_box(t, p, low_x, high_x, low_z, high_z)
+
+
+@inlined
+def put_cubic(t: Tables, p: int, piece: Floats, turn: Turn) -> None:
+    """Write a cubic piece, a row of a table of the lens's own frame."""
+    row = t.shape[p]
+    t.kind[p] = CUBIC
+    for i in range(4):
+        row[2 * i], row[2 * i + 1] = moved(turn, piece[2 * i], piece[2 * i + 1])
+    for i in range(8, 12):
+        row[i] = piece[i]
+    for axis in range(2):
+        a, b, c, d = row[axis], row[axis + 2], row[axis + 4], row[axis + 6]
+        t.middle[p, axis] = 0.125 * (a + d) + 0.375 * (b + c)
+    put_box(
+        t,
+        p,
+        min(min(row[0], row[2]), min(row[4], row[6])),
+        max(max(row[0], row[2]), max(row[4], row[6])),
+        min(min(row[1], row[3]), min(row[5], row[7])),
+        max(max(row[1], row[3]), max(row[5], row[7])),
+    )
+
+
+@inlined
+def dress(t: Tables, p: int, owner: int, receiver: int, left: int, height: float) -> None:
+    """Write what piece ``p`` does to light."""
+    t.owner[p], t.before[p], t.treatment[p] = owner, -1, -1
+    t.behaviour[p], t.receiver[p] = RECEIVER if receiver >= 0 else REFRACTING, receiver
+    t.left[p], t.right[p] = left, AIR
+    reach = 0.5 * height if receiver >= 0 else math.inf
+    t.height[p, 0], t.height[p, 1] = -reach, reach
+
+
+@inlined
+def wall_start(y: Y, depth: float, edge_x: float, edge_z: float, side: float) -> tuple[float, float]:
+    """Height above its base at which a side of the stem begins, and how far the lens's edge is from there.
+
+    See `solen.geometry.y`; below 0 where there is no such stem.
+    """
+    apart = math.hypot(edge_x - side * y.half_width, edge_z - depth)
+    if apart <= GAP_MM:
+        return 0.0, apart
+    risen = 0.0 if y.seam == 1.0 else max(0.0, edge_z - depth)
+    if risen >= y.stem_length:
+        return -1.0, 0.0
+    start = side * (y.half_width + y.stem_curve * risen * risen)
+    away = math.hypot(edge_x - start, edge_z - depth - risen)
+    if GAP_MM < away < SHORTEST_MM:
+        risen += STEP_MM
+        start = side * (y.half_width + y.stem_curve * risen * risen)
+        away = math.hypot(edge_x - start, edge_z - depth - risen)
+    return risen, min(apart, away)
+
+
+class Pose(NamedTuple):
+    """Where an emitter stands: its place without decentre, its axis in radians."""
+
+    x: float
+    z: float
+    axis: float
+
+
+@inlined
+def put_lens(t: Tables, pieces: Floats, before: IntArray, y: Y, front: Front, turn: Turn, first: int) -> int:
+    """Write the rows of a lens from row ``first`` on; the row behind them."""
+    p = first
+    if y.lens == FLAT:
+        put_segment(t, p, -y.half_width, 0.0, y.half_width, 0.0)
+        dress(t, p, 0, -1, BODY, 0.0)
+        p += 1
+    elif y.lens == WHOLE_OVAL:
+        put_oval(t, p, y, front, turn)
+        dress(t, p, 0, -1, BODY, 0.0)
+        p += 1
+    else:
+        for i in range(int(y.pieces)):
+            put_cubic(t, p, pieces[int(y.first_piece) + i], turn)
+            dress(t, p, 0, -1, BODY, 0.0)
+            its = before[int(y.first_piece) + i]
+            t.before[p] = p - 1 - first if its >= 0 else -1
+            p += 1
+    return p
+
+
+@inlined
+def put_receivers(
+    t: Tables, y: Y, turn: Turn, p: int, owner: int, outer_x: float, outer_z: float, inner_x: float, inner_z: float
+) -> int:
+    """Write receivers behind a gap before the ends of the arms; the row behind them."""
+    nx, nz = y.gap * math.sin(y.arm_angle), y.gap * math.cos(y.arm_angle)
+    for half in range(2):
+        side = 1.0 if half == 0 else -1.0
+        ax, az = moved(turn, side * (outer_x + nx), outer_z + nz)
+        bx, bz = moved(turn, side * (inner_x + nx), inner_z + nz)
+        if half == 0:
+            put_segment(t, p, ax, az, bx, bz)
+        else:
+            put_segment(t, p, bx, bz, ax, az)
+        dress(t, p, owner + half, half, AIR, y.receiver_height)
+        p += 1
+    return p
+
+
+@made
+def y_tables(
+    t: Tables, pieces: Floats, before: IntArray, y: Y, front: Front, angle_deg: float, first: int
+) -> tuple[int, int, Pose]:
+    """Write the rows of a Y at an angle from row ``first`` on; the row behind them, whether it is sound, the emitter.
+
+    ``pieces`` (N, 12) are rows of cubics of all lenses in their own frames, ``before`` (N,) which of a lens's each
+    continues. `UNSURE` is a body whose outline might cross itself or hold its emitter: `solen.geometry` knows;
+    `NO_JOIN` and `TOO_WIDE` are what it refuses.
+    """
+    pivot_x = y.pivot_x if y.pivot == AT_POINT else 0.0
+    pivot_z = front.depth if y.pivot == AT_BASE else (-y.distance if y.pivot == AT_EMITTER else y.pivot_z)
+    turn, still = turn_about(pivot_x, pivot_z, angle_deg), Turn(1.0, 0.0, 0.0, 0.0)
+    of_lens = turn if y.turns_lens == 1.0 and y.lens != FLAT else still
+    p = put_lens(t, pieces, before, y, front, of_lens, first)
+    sin, cos, owner = math.sin(y.arm_angle), math.cos(y.arm_angle), 1
+    fork_x = y.half_width + y.stem_curve * y.stem_length * y.stem_length
+    fork_z = front.depth + y.stem_length
+    outer_x, outer_z = fork_x + y.arm_length * sin, fork_z + y.arm_length * cos
+    inner_x, inner_z = outer_x - y.arm_width * cos, outer_z + y.arm_width * sin
+    crotch = inner_z - inner_x / math.tan(y.arm_angle)
+    right_x, right_z = moved(of_lens, y.half_width, front.depth)
+    left_x, left_z = moved(of_lens, -y.half_width, front.depth)
+    r_from, r_gap = wall_start(y, front.depth, right_x, right_z, 1.0)
+    l_from, l_gap = wall_start(y, front.depth, left_x, left_z, -1.0)
+    pose = still_pose(y)
+    if y.turns_emitter == 1.0:
+        x, z = moved(turn, 0.0, -y.distance)
+        pose = Pose(x, z, math.radians(angle_deg))
+    if r_from < 0.0 or l_from < 0.0 or r_gap > y.half_width or l_gap > y.half_width:
+        return p, NO_JOIN, pose
+    if not (y.arm_angle > 0.0 and inner_x > 0.0):
+        return p, TOO_WIDE, pose
+    gapped = y.gap == y.gap
+    if r_gap > GAP_MM:
+        put_segment(t, p, right_x, right_z, y.half_width + y.stem_curve * r_from * r_from, front.depth + r_from)
+        dress(t, p, owner, -1, BODY, 0.0)
+        p, owner = p + 1, owner + 1
+    for half in range(2):
+        side = 1.0 if half == 0 else -1.0
+        for step in range(4):
+            which = step if half == 0 else 3 - step
+            if which == 0:
+                begin = r_from if half == 0 else l_from
+                put_stem(t, p, side, side * y.half_width, front.depth, y.stem_curve, begin, y.stem_length)
+            elif which == 1:
+                put_side(t, p, side, fork_x, fork_z, outer_x, outer_z)
+            elif which == 2:
+                put_side(t, p, side, outer_x, outer_z, inner_x, inner_z)
+            else:
+                put_side(t, p, side, inner_x, inner_z, 0.0, crotch)
+            dress(t, p, owner, half if which == 2 and not gapped else -1, BODY, y.receiver_height)
+            p, owner = p + 1, owner + 1
+    if l_gap > GAP_MM:
+        put_segment(t, p, -(y.half_width + y.stem_curve * l_from * l_from), front.depth + l_from, left_x, left_z)
+        dress(t, p, owner, -1, BODY, 0.0)
+        p, owner = p + 1, owner + 1
+    if gapped:
+        of_receivers = turn if y.turns_receivers == 1.0 else still
+        p = put_receivers(t, y, of_receivers, p, owner, outer_x, outer_z, inner_x, inner_z)
+    sound = is_sound(t, first, y, front, turn, pose, crotch, max(right_z, left_z), max(r_gap, l_gap), inner_x, inner_z)
+    return p, sound, pose
+
+
+@inlined
+def still_pose(y: Y) -> Pose:
+    """Emitter that does not turn."""
+    return Pose(0.0, -y.distance, 0.0)
+
+
+@inlined
+def put_side(t: Tables, p: int, side: float, ax: float, az: float, bx: float, bz: float) -> None:
+    """Write a segment of the right half, or its mirror image, which runs the other way."""
+    if side > 0.0:
+        put_segment(t, p, ax, az, bx, bz)
+    else:
+        put_segment(t, p, -bx, bz, -ax, az)
+
+
+@inlined
+def is_sound(
+    t: Tables, first: int, y: Y, front: Front, turn: Turn, pose: Pose, crotch: float, edge_z: float, gap: float,
+    inner_x: float, inner_z: float,
+) -> int:  # fmt: skip
+    """Whether an outline is simple for certain and its emitter stands before the lens."""
+    lowest = math.inf
+    for p in range(first, first + (int(y.pieces) if y.lens == PIECES else 1)):
+        lowest = min(lowest, t.box[p, 2])
+    before_lens = pose.z < lowest
+    near = abs(turn.sin) <= MOST_TURN and gap <= MOST_GAP * y.half_width
+    above = crotch > max(edge_z, front.depth) + 0.1 * y.half_width
+    slant, c = inner_x / (inner_z - crotch), y.stem_curve
+    flares = c >= 0.0 and y.arm_angle < 1.5
+    # the inner edges pass the stem's sides inside: half_width + c u² − slant (u − low) > 0 up to the fork
+    low = crotch - front.depth
+    at = min(max(slant / (2.0 * c), max(low, 0.0)), y.stem_length) if c > 0.0 else y.stem_length
+    inside = low >= y.stem_length or y.half_width + c * at * at - slant * (at - low) > 1e-3
+    held = y.gap != y.gap or (y.turns_receivers == 0.0 and y.gap > LEAST_MM)
+    sized = min(min(y.half_width, y.stem_length), min(y.arm_length, y.arm_width)) > LEAST_MM
+    return SOUND if before_lens and near and above and flares and inside and held and sized else UNSURE
