@@ -1,18 +1,20 @@
 """The batch makes the tables of scenes: rays meet the same curves, and its numbers are those of integration."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from solen.curve import END_TOLERANCE_MM
-from solen.errors import SolenError
-from solen.sensor import Sensor, numbers_of
+from solen.errors import DesignError, SolenError
+from solen.sensor import Responses, Sensor, numbers_of, respond, why_not_batched
 from solen.spec import Design
 from solen.trace import batch
 from solen.trace.kernel import loop, tally
 from solen.trace.kernel.room import BLOCK, Rows, room
 from solen.trace.tables import Tables, compile_scene
+from tests.lens.measured_support import X, lens, profile
 
 ANGLES = np.array([-2.5, 0.0, 1.25])
 BASE = Design.model_validate({"name": "paper", "material": {"index": 1.44}, "emitter": {"width_mm": 0.2}})
@@ -168,3 +170,132 @@ def test_rays_of_500_random_designs_go_as_those_of_scenes_do() -> None:
     print(f"{many} rays, {others} of other ways or powers; those of the same ways agree within {most:.1e}")
     assert others <= 1e-5 * many
     assert most < 1e-11
+
+
+FEW_ANGLES = (-2.5, -0.75, 0.75)
+CHIPS = ((0.2, 0.0), (0.15, 0.04), (0.25, -0.03))
+IN_SPACE = {"trace.dimension": "extruded", "emitter.pattern": "lambertian", "emitter.height_mm": 0.2}
+
+
+def off_by(found: Responses, sensor: Sensor, angles: tuple[float, ...], tolerance: float) -> list[float]:
+    """Errors of a batch's powers over what they are known to, against integration at some angles."""
+    ratios = []
+    for k, (width, offset) in enumerate(CHIPS):
+        chip = sensor.set({"emitter.width_mm": width, "emitter.offset_mm": offset})
+        for a, angle in enumerate(angles):
+            exact = chip.integrate(angle, tolerance=tolerance)
+            u = math.hypot(found.u_power[0, k, a], exact.u_power)
+            ratios += [(found.right[0, k, a] - exact.detectors["right"].power) / u]
+            ratios += [(found.left[0, k, a] - exact.detectors["left"].power) / u]
+    return ratios
+
+
+def responded(sensor: Sensor, angles: tuple[float, ...], rays: int, seed: int = 0) -> Responses:
+    width, offset = zip(*CHIPS, strict=True)
+    return respond([sensor], angles, width, offset, rays=rays, seed=seed)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"material.absorption_per_mm": 0.01},
+        {"lens.shape": "none", "receivers.coupling": "air-gap", "receivers.gap_mm": 0.5},
+        {"motion.moves": ("emitter",), "motion.pivot": (0.1, 3.0), "emitter.pattern": "lambertian"},
+    ],
+    ids=["loss", "flat and gap", "emitter alone"],
+)
+def test_powers_are_those_of_integration_within_their_uncertainty(values: dict[str, object]) -> None:
+    sensor = Sensor.of(BASE.set(values))
+    found = responded(sensor, FEW_ANGLES[1:], 2**12)
+    assert found.u_power.max() < 6e-3
+    assert max(map(abs, off_by(found, sensor, FEW_ANGLES[1:], 2e-4))) < 4.0
+    assert found.truncated.max() < 1e-4
+
+
+@pytest.mark.evidence
+@pytest.mark.parametrize("values", [{}, IN_SPACE], ids=["plane", "space"])
+def test_two_uncertainties_hold_95_percent(values: dict[str, object]) -> None:
+    rng, ratios = np.random.default_rng(3), []
+    for number in range(12):
+        numbers = {"lens.focus_mm": rng.uniform(12, 30), "material.index": rng.uniform(1.4, 1.5)}
+        sensor = Sensor.of(BASE.set(numbers | values))
+        found = responded(sensor, FEW_ANGLES, 2 ** int(rng.integers(11, 14)), number)
+        ratios += off_by(found, sensor, FEW_ANGLES, 2e-4)
+    within = float(np.mean(np.abs(ratios) < 2.0))
+    print(f"{within:.3f} of {len(ratios)} powers within 2 u, {np.mean(np.abs(ratios) < 1.0):.3f} within 1")
+    assert within > 0.93
+
+
+def test_powers_in_space_are_those_of_integration() -> None:
+    sensor = Sensor.of(BASE.set(IN_SPACE))
+    found = responded(sensor, (0.75,), 2**13)
+    assert found.u_power.max() < 3e-3
+    assert max(map(abs, off_by(found, sensor, (0.75,), 1e-3))) < 4.0
+
+
+def test_many_chips_are_interpolated_within_their_uncertainty() -> None:
+    sensor = Sensor.of(BASE)
+    offset, width = (grid.ravel() for grid in np.meshgrid(np.linspace(-0.06, 0.06, 20), [0.16, 0.2, 0.24]))
+    found = respond([sensor], FEW_ANGLES, width, offset, rays=2**14)
+    for k in (7, 31):
+        alone = respond([sensor], FEW_ANGLES, width[k], offset[k], rays=2**14, seed=1)
+        apart = np.abs(found.right[0, k] - alone.right[0, 0]) / np.hypot(found.u_power[0, k], alone.u_power[0, 0])
+        assert apart.max() < 4.0
+
+
+def test_points_are_counted_as_integration_counts_them() -> None:
+    sensor = Sensor.of(BASE.set({"emitter.width_mm": 0.0}))
+    found = respond([sensor], FEW_ANGLES, rays=2**12, mode="count")
+    for a, angle in enumerate(FEW_ANGLES):
+        exact = sensor.integrate(angle, "count").detectors["right"].power
+        assert found.right[0, 0, a] == pytest.approx(exact, abs=4.0 * found.u_power[0, 0, a])
+    assert 0.0 < found.u_power.max() < 2e-3
+
+
+def test_a_symmetric_sensor_has_mirrored_powers_and_each_sensor_its_own_chip() -> None:
+    one, other = (Sensor.of(BASE.set({"emitter.width_mm": width})) for width in (0.2, 0.1))
+    both = respond([one, other], (-2.0, 0.0, 2.0), rays=512)
+    assert both.right == pytest.approx(both.left[..., ::-1], abs=1e-12)
+    assert both.contrast[..., 1] == pytest.approx(0.0, abs=1e-12)
+    alone = respond([other], (-2.0, 0.0, 2.0), 0.1, rays=512)
+    assert both.right[1] == pytest.approx(alone.right[0], abs=0.01)
+    threads = respond([one, other], (-2.0, 0.0, 2.0), rays=512, threads=1)
+    assert np.array_equal(both.right, threads.right)
+
+
+def test_a_measured_lens_has_the_powers_of_its_scenes() -> None:
+    designed = Sensor.of(BASE)
+    measured = replace(designed, cut=lens(profile(3.0 * np.cos(X))))
+    found = respond([measured], (1.0,), rays=2**12)
+    exact = measured.integrate(1.0, tolerance=1e-3)
+    for name, power in (("right", found.right), ("left", found.left)):
+        u = math.hypot(found.u_power[0, 0, 0], exact.u_power)
+        assert abs(power[0, 0, 0] - exact.detectors[name].power) < 4.0 * u
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"motion.kind": "bend"},
+        {"motion.join": "smooth"},
+        {"wall": [{"face": "outer-right", "finish": "black"}]},
+        IN_SPACE | {"lens.shape": "line-focus"},
+    ],
+)
+def test_what_the_batch_does_not_know_is_refused_by_name(values: dict[str, object]) -> None:
+    sensor = Sensor.of(BASE.set(values))
+    assert why_not_batched(sensor)
+    with pytest.raises(DesignError, match="paper"):
+        respond([sensor], (0.0,), rays=64)
+
+
+def test_what_cannot_be_is_refused() -> None:
+    sensor = Sensor.of(BASE)
+    with pytest.raises(DesignError, match=r"motion|crosses"):
+        respond([sensor], (80.0,), rays=64)
+    with pytest.raises(DesignError, match="extruded"):
+        respond([sensor, Sensor.of(BASE.set(IN_SPACE))], (0.0,), rays=64)
+    with pytest.raises(DesignError, match="widths_mm"):
+        respond([sensor], (0.0,), (0.0, 0.1), rays=64)
+    with pytest.raises(DesignError, match="offsets_mm"):
+        respond([sensor], (0.0,), ((0.1,), (0.2,)), rays=64)

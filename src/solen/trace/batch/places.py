@@ -9,6 +9,7 @@ A bin has two lattices of rays, a point eight, each shifted by chance, by itself
 standard deviation, and that of a chip follows by its weights.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -56,15 +57,15 @@ def lattices_for(width: FloatArray, offset: FloatArray, both: bool) -> int:
     low, high = (offset - 0.5 * width).min(axis=1), (offset + 0.5 * width).max(axis=1)
     whole = 2.0 * np.maximum(np.abs(low), np.abs(high)) if both else high - low
     needed = np.ceil(BINS_OF_A_CHIP * whole / width.min(axis=1)).max()
-    stretches = (2 * width.shape[1] * (1 + both)) - 1
-    least = max(FEWEST_BINS, stretches if stretches < MOST_ENDS else 0)
-    return SHIFTS * int(np.clip(needed, least, MOST_BINS))
+    ends = 2 * width.shape[1] * (1 + both) + both
+    least = max(FEWEST_BINS, ends if ends <= MOST_ENDS else 0)
+    return 2 * SHIFTS * math.ceil(np.clip(needed, least, MOST_BINS) / 2)
 
 
 def ends_of(chips: Chips, both: bool) -> FloatArray:
-    """Places, ascending, where chips or their mirror images begin or end."""
+    """Places, ascending, where chips begin or end; with ``both`` their mirror images too, and the axis."""
     ends = np.concatenate([chips.offset - 0.5 * chips.width, chips.offset + 0.5 * chips.width])
-    ends = np.sort(np.concatenate([ends, -ends]) if both else ends)
+    ends = np.sort(np.concatenate([ends, [0.0], -ends]) if both else ends)
     return np.asarray(ends[np.append(True, np.diff(ends) > SAME_MM)])
 
 
@@ -95,9 +96,10 @@ class Places(NamedTuple):
             own = np.eye(len(chips.offset), len(at))
             return cls._repeated(Bins(at, at), own, np.zeros_like(own), SHIFTS_OF_A_POINT)
         many, ends = lattices // SHIFTS, ends_of(chips, both)
-        if len(ends) - 1 > min(many, MOST_ENDS):
+        if len(ends) > min(many + 1, MOST_ENDS):
             return cls._interpolated(chips, many, ends)
-        shares = shared_out(np.diff(ends), many)
+        shares = shared_out(np.diff(ends[len(ends) // 2 :] if both else ends), many // 2 if both else many)
+        shares = np.concatenate([shares[::-1], shares]) if both else shares
         pieces = [np.linspace(ends[i], ends[i + 1], n, endpoint=False) for i, n in enumerate(shares.tolist())]
         edges = np.append(np.concatenate(pieces), ends[-1])
         low, high = (chips.offset + side * 0.5 * chips.width for side in (-1.0, 1.0))
