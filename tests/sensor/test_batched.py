@@ -2,10 +2,12 @@
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from solen.arrays import FloatArray
 from solen.curve import END_TOLERANCE_MM
 from solen.errors import DesignError, SolenError
 from solen.sensor import Responses, Sensor, numbers_of, respond, why_not_batched
@@ -26,7 +28,8 @@ EDGE = 1e-12
 
 def random_sensors(many: int, seed: int) -> list[Sensor]:
     """Designs drawn at random that can be built at `ANGLES`."""
-    draw, found = np.random.default_rng(seed), []
+    draw = np.random.default_rng(seed)
+    found: list[Sensor] = []
     while len(found) < many:
         flat, gapped = draw.random() < 0.2, draw.random() < 0.3
         values = {
@@ -89,21 +92,22 @@ class Legs:
             number = [kept.index(face.name) if face.name in kept else -2 for face in faces] + [-1]
             self.rows[:, 4] = np.array(number)[self.rows[:, 4].astype(int)]
 
-    def of_ray(self, ray: int) -> np.ndarray:
-        return self.rows[self.rows[:, 0] == ray]
+    def of_ray(self, ray: int) -> FloatArray:
+        own: FloatArray = self.rows[self.rows[:, 0] == ray]
+        return own
 
 
 def tables_of(lot: batch.Lot, a: int) -> Tables:
     """Tables that a lot has made of a scene."""
     p, q = lot.starts.piece[a : a + 2]
-    by_piece = {name: getattr(lot.tables, name)[p:q] for name in Tables._fields[:12]}
-    by_colour = {name: getattr(lot.tables, name)[a : a + 1] for name in Tables._fields[12:17]}
-    whole = {name: getattr(lot.tables, name) for name in Tables._fields[17:22]}
-    grid = {name: getattr(lot.tables, name)[2 * a : 2 * a + 2] for name in Tables._fields[22:26]}
-    return Tables(**by_piece, **by_colour, **whole, **grid, grid_item=lot.tables.grid_item)
+    parts: list[Any] = list(lot.tables)
+    parts[:12] = [column[p:q] for column in parts[:12]]
+    parts[12:17] = [column[a : a + 1] for column in parts[12:17]]
+    parts[22:26] = [column[2 * a : 2 * a + 2] for column in parts[22:26]]
+    return Tables(*parts)
 
 
-def from_an_edge(sensor: Sensor, angle: float, here: np.ndarray, there: np.ndarray) -> float:
+def from_an_edge(sensor: Sensor, angle: float, here: FloatArray, there: FloatArray) -> float:
     """How far from an edge two rays of one launch pass where they part, beyond what they are apart by themselves.
 
     An edge is an end of a curve, in mm, or the critical angle, as a cosine.
@@ -265,7 +269,13 @@ def test_a_symmetric_sensor_has_mirrored_powers_and_each_sensor_its_own_chip() -
 
 def test_a_measured_lens_has_the_powers_of_its_scenes() -> None:
     designed = Sensor.of(BASE)
-    measured = replace(designed, cut=lens(profile(3.0 * np.cos(X))))
+    measured = replace(designed, cut=lens(profile(5.0 * np.cos(X + 0.5))))
+    numbers = numbers_of([measured])
+    lot = batch.Lot(np.array([1.0]), 1, 16, int(numbers.body[0, -1]), "power", False)
+    lot.prepare(numbers, 0, batch.Bins(np.zeros(1), np.zeros(1)), 0)
+    mine, its = tables_of(lot, 0), compile_scene(measured.scene(1.0))
+    assert mine.shape == pytest.approx(its.shape, abs=1e-12)
+    assert np.array_equal(mine.before, its.before)
     found = respond([measured], (1.0,), rays=2**12)
     exact = measured.integrate(1.0, tolerance=1e-3)
     for name, power in (("right", found.right), ("left", found.left)):

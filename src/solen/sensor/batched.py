@@ -137,6 +137,7 @@ class _Batch:
         in_space = bool(self.numbers.thickness[:1].any())
         each, most = max(math.ceil(rays / lattices), FEWEST_RAYS), int(self.numbers.body[:, -1].max(initial=0))
         self.lattices, self.lots = lattices, local()
+        self.places: dict[tuple[bytes, bytes], Places] = {}
         self.new_lot = partial(batch.Lot, self.angle_deg[self.traced], lattices, each, most, mode, in_space, Limits())
         shape = (len(sensors), self.width.shape[1], len(self.angle_deg))
         self.responses = Responses(np.empty(shape), np.empty(shape), np.empty(shape), np.empty(len(sensors)))
@@ -153,7 +154,7 @@ class _Batch:
         """Trace a sensor and write its response."""
         if not hasattr(self.lots, "mine"):
             self.lots.mine = self.new_lot()
-        where = Places.of(Chips(self.width[d], self.offset[d]), self.lattices, self.both)
+        where = self._places(d)
         found = self.lots.mine.traced(self.numbers, d, where.bins, self.seed)
         for angle in self.angle_deg[self.traced[found.sound != batch.SOUND]].tolist():
             self.sensors[d].scene(angle, 1)  # which knows, and refuses what cannot be
@@ -163,6 +164,15 @@ class _Batch:
         out = self.responses
         out.right[d], out.left[d], out.u_power[d] = right.T, left.T, u.T
         out.truncated[d] = found.truncated.max(initial=0.0)
+
+    def _places(self, d: int) -> Places:
+        """Places of a sensor's chips; made once for all that have the same."""
+        key = (self.width[d].tobytes(), self.offset[d].tobytes())
+        where = self.places.get(key)
+        if where is None:
+            where = Places.of(Chips(self.width[d], self.offset[d]), self.lattices, self.both)
+            self.places = {key: where}
+        return where
 
     def _all_angles(self, power: FloatArray) -> FloatArray:
         """Powers (A, B, 2) at all angles from those that were traced."""

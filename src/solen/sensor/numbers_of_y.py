@@ -7,6 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from solen.arrays import FloatArray, IntArray
+from solen.curve import Bezier, Spline
 from solen.errors import DesignError
 from solen.geometry import arm_angle_deg
 from solen.lens import FlatFace, LensInSpace, OvalLens
@@ -28,6 +29,7 @@ def why_not_batched(sensor: Sensor) -> str | None:
     reasons = (
         (design.body.kind != "y", "the batch knows the Y alone"),
         (isinstance(sensor.cut, LensInSpace), "its lens is no cylinder"),
+        (not isinstance(sensor.cut, (FlatFace, OvalLens)) and not _is_spline(sensor), "its lens is no spline"),
         (design.motion.kind != "rotation", "its stem bends"),
         (design.motion.join == "smooth", "its lens joins the stem smoothly"),
         (bool(design.wall), "it has wall tables"),
@@ -35,6 +37,10 @@ def why_not_batched(sensor: Sensor) -> str | None:
         (len(light.spectrum) > 1 and isinstance(sensor.material.dispersion, Dispersion), "its index disperses"),
     )
     return next((reason for wrong, reason in reasons if wrong), None)
+
+
+def _is_spline(sensor: Sensor) -> bool:
+    return sensor.cut is not None and isinstance(sensor.cut.front, (Bezier, Spline))
 
 
 def numbers_of(sensors: Sequence[Sensor]) -> batch.Sensors:
@@ -88,6 +94,8 @@ def _body(sensor: Sensor, first: int, many: int) -> tuple[float, ...]:
         half_width=lens.half_width_mm,
         cut_index=NAN if oval is None else oval.design_index,
         depth=lens.depth_mm if many else NAN,
+        left_edge=lens.front.start[1] if many else NAN,
+        right_edge=lens.front.end[1] if many else NAN,
         refractive_index=sensor.material.index,
         absorption=sensor.material.absorption_per_mm,
         stem_length=body.stem_length_mm,

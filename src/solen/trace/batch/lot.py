@@ -12,46 +12,21 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from solen.arrays import FloatArray, IntArray
-from solen.trace.batch.launch import launch, launch_in_space, light_row
-from solen.trace.batch.made import made
-from solen.trace.batch.space import trace_tasks_in_space
-from solen.trace.batch.y import WALLS, Pose, front_of, y_row, y_tables
 from solen.trace.kernel import tally
 from solen.trace.kernel.batch import Starts, Tasks, trace_tasks
+from solen.trace.kernel.batch_space import trace_tasks_in_space
 from solen.trace.kernel.extruded import RowsInSpace, Slab, room_in_space
+from solen.trace.kernel.lots import Bins, Sensors, launch_all, launch_all_in_space, prepare
 from solen.trace.kernel.room import BLOCK, Rows, room
 from solen.trace.kernel.rows import Precision, Treatment
 from solen.trace.kernel.step import Rules
 from solen.trace.kernel.surface import SPLITTING
+from solen.trace.kernel.y_tables import WALLS
 from solen.trace.result import KEPT_PLACES, TRUNCATED, Limits, Mode
 from solen.trace.tables import LISTED, WIDTH, Tables
 
 DOUBLE = Precision.of(np.float64)
 REGIONS, RECEIVERS = 2, 2
-
-
-class Sensors(NamedTuple):
-    """Sensors as numbers."""
-
-    body: FloatArray
-    """(D, 24) rows of `Y`"""
-    light: FloatArray
-    """(D, 8) rows of `Light`"""
-    thickness: FloatArray
-    """(D,) mm; 0 in the plane"""
-    pieces: FloatArray
-    """(N, 12) pieces of lenses that are splines, in their own frames"""
-    before: IntArray
-    """(N,)"""
-    pattern: FloatArray
-    """(T, 2) rows of tabulated patterns: angle in radians, relative intensity"""
-
-
-class Bins(NamedTuple):
-    """Places before the lens (B,), from ``low`` to ``high`` in mm to the right of the axis."""
-
-    low: FloatArray
-    high: FloatArray
 
 
 class Found(NamedTuple):
@@ -63,55 +38,6 @@ class Found(NamedTuple):
     """(A, B)"""
     sound: IntArray
     """(A,) as `solen.trace.batch.y.y_tables` says"""
-
-
-@made
-def prepare(
-    sensors: Sensors, d: int, angle_deg: FloatArray, tables: Tables, starts: Starts, poses: FloatArray, sound: IntArray
-) -> None:
-    """Write the tables of a design at every angle, and the emitter's poses (A, 3)."""
-    y, first = y_row(sensors.body, d), 0
-    front = front_of(y)
-    for a in range(len(angle_deg)):
-        starts.piece[a] = first
-        last, good, pose = y_tables(tables, sensors.pieces, sensors.before, y, front, angle_deg[a], first)
-        poses[a, 0], poses[a, 1], poses[a, 2] = pose
-        sound[a] = good
-        tables.refractive_index[a, 1], tables.absorption[a, 1] = y.refractive_index, y.absorption
-        first = last
-    starts.piece[len(angle_deg)] = first
-
-
-@made
-def launch_all(
-    sensors: Sensors, d: int, tables: Tables, starts: Starts, poses: FloatArray, bins: Bins, seed: int, rays: Rows,
-    each: int,
-) -> None:  # fmt: skip
-    """Write the rays of every angle and bin."""
-    light = light_row(sensors.light, d)
-    for a in range(len(poses)):
-        pose = Pose(poses[a, 0], poses[a, 1], poses[a, 2])
-        for b in range(len(bins.low)):
-            launch(
-                tables, starts.piece[a], starts.piece[a + 1], pose, light, sensors.pattern, bins.low[b], bins.high[b],
-                seed, a, b, rays, (a * len(bins.low) + b) * each, each,
-            )  # fmt: skip
-
-
-@made
-def launch_all_in_space(
-    sensors: Sensors, d: int, tables: Tables, starts: Starts, poses: FloatArray, bins: Bins, seed: int,
-    rays: RowsInSpace, each: int,
-) -> None:  # fmt: skip
-    """As `launch_all`."""
-    light, half = light_row(sensors.light, d), 0.5 * sensors.thickness[d]
-    for a in range(len(poses)):
-        pose = Pose(poses[a, 0], poses[a, 1], poses[a, 2])
-        for b in range(len(bins.low)):
-            launch_in_space(
-                tables, starts.piece[a], starts.piece[a + 1], pose, light, sensors.pattern, half, bins.low[b],
-                bins.high[b], seed, a, b, rays, (a * len(bins.low) + b) * each, each,
-            )  # fmt: skip
 
 
 @dataclass

@@ -16,7 +16,7 @@ import numpy as np
 
 from solen.arrays import BoolArray, FloatArray, IntArray
 from solen.errors import DesignError
-from solen.trace.batch.lot import Bins
+from solen.trace.kernel.lots import Bins
 
 FEWEST_BINS, MOST_BINS = 16, 128
 BINS_OF_A_CHIP = 16
@@ -59,7 +59,7 @@ def lattices_for(width: FloatArray, offset: FloatArray, both: bool) -> int:
     needed = np.ceil(BINS_OF_A_CHIP * whole / width.min(axis=1)).max()
     ends = 2 * width.shape[1] * (1 + both) + both
     least = max(FEWEST_BINS, ends if ends <= MOST_ENDS else 0)
-    return 2 * SHIFTS * math.ceil(np.clip(needed, least, MOST_BINS) / 2)
+    return 2 * SHIFTS * math.ceil(float(np.clip(needed, least, MOST_BINS)) / 2)
 
 
 def ends_of(chips: Chips, both: bool) -> FloatArray:

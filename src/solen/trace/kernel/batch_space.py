@@ -1,7 +1,7 @@
 """Many tasks in space in one call; as `solen.trace.kernel.batch` does in the plane."""
 
-from solen.trace.batch.made import made
 from solen.trace.kernel.batch import Starts, Tasks
+from solen.trace.kernel.compiled import called
 from solen.trace.kernel.extruded import RoomInSpace, RowsInSpace, Slab, trace_in_space
 from solen.trace.kernel.rows import Precision
 from solen.trace.kernel.step import Rules
@@ -9,7 +9,7 @@ from solen.trace.kernel.tally import Sums
 from solen.trace.tables import Tables
 
 
-@made
+@called
 def trace_tasks_in_space(
     k: Precision, tables: Tables, starts: Starts, tasks: Tasks, sums: Sums, rays: RowsInSpace, rules: Rules, slab: Slab,
     room: RoomInSpace,

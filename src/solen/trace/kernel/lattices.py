@@ -12,12 +12,12 @@ from typing import NamedTuple
 import numpy as np
 
 from solen.arrays import FloatArray
-from solen.trace.batch.made import inlined, made
-from solen.trace.batch.y import Pose
+from solen.trace.kernel.compiled import called, compiled
 from solen.trace.kernel.extruded import RowsInSpace
 from solen.trace.kernel.room import Rows
 from solen.trace.kernel.rows import CONIC, OVAL, SEGMENT
 from solen.trace.kernel.surface import scrambled
+from solen.trace.kernel.y_tables import Pose
 from solen.trace.tables import Tables
 
 GOLDEN = 0.6180339887498949
@@ -47,14 +47,14 @@ class Light(NamedTuple):
     """1 where it emits in the plane alone, or is traced there"""
 
 
-@inlined
+@compiled
 def light_row(numbers: FloatArray, d: int) -> Light:
     """Row of an emitter."""
     n = numbers[d]
     return Light(n[0], n[1], n[2], n[3], n[4], n[5], n[6], n[7])
 
 
-@inlined
+@compiled
 def chance(seed: int, angle: int, place: int, which: int) -> float:
     """A number in [0, 1) that belongs to a bin of an angle."""
     key = scrambled(np.uint64(seed) ^ scrambled(np.uint64(angle) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(1)))
@@ -62,7 +62,7 @@ def chance(seed: int, angle: int, place: int, which: int) -> float:
     return float(key >> np.uint64(11)) * 2.0**-53
 
 
-@inlined
+@compiled
 def intensity(light: Light, table: FloatArray, cos: float) -> float:
     """Relative intensity at an angle whose cosine is given."""
     if light.exponent == 0.0:
@@ -95,7 +95,7 @@ class Ahead(NamedTuple):
     near: float
 
 
-@inlined
+@compiled
 def widened(a: Ahead, x: float, z: float, sin: float, cos: float, px: float, pz: float) -> Ahead:
     """With one more point."""
     forward, left = -sin * (px - x) + cos * (pz - z), -cos * (px - x) - sin * (pz - z)
@@ -105,7 +105,7 @@ def widened(a: Ahead, x: float, z: float, sin: float, cos: float, px: float, pz:
     return Ahead(min(a.low, angle), max(a.high, angle), min(a.near, forward))
 
 
-@inlined
+@compiled
 def ahead_of(t: Tables, first: int, last: int, pose: Pose, x: float, z: float) -> Ahead:
     """Where the curves from row ``first`` to ``last`` lie, seen from a point."""
     sin, cos = math.sin(pose.axis), math.cos(pose.axis)
@@ -128,7 +128,7 @@ def ahead_of(t: Tables, first: int, last: int, pose: Pose, x: float, z: float) -
     return a
 
 
-@inlined
+@compiled
 def range_of(t: Tables, first: int, last: int, pose: Pose, light: Light, low: float, high: float) -> Ahead:
     """Angles at which the sensor lies for some place of a bin, within the cone."""
     sin, cos = math.sin(pose.axis), math.cos(pose.axis)
@@ -141,7 +141,7 @@ def range_of(t: Tables, first: int, last: int, pose: Pose, light: Light, low: fl
     return Ahead(max(least, -around), min(most, around), min(a.near, b.near))
 
 
-@made
+@called
 def launch(
     t: Tables, first: int, last: int, pose: Pose, light: Light, table: FloatArray, low: float, high: float, seed: int,
     angle: int, place: int, rays: Rows, begin: int, many: int,
@@ -166,7 +166,7 @@ def launch(
         rays.s[i], rays.p[i], rays.colour[i] = power, power, 0
 
 
-@made
+@called
 def launch_in_space(
     t: Tables, first: int, last: int, pose: Pose, light: Light, table: FloatArray, half: float, low: float, high: float,
     seed: int, angle: int, place: int, rays: RowsInSpace, begin: int, many: int,
@@ -200,7 +200,7 @@ def launch_in_space(
         rays.colour[i] = 0
 
 
-@inlined
+@compiled
 def steepest(room: float, near: float) -> float:
     """Largest slope out of the plane, as a sine, at which a ray rises by no more than ``room`` over ``near``."""
     if room <= 0.0:

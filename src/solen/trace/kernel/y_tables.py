@@ -10,7 +10,7 @@ from typing import NamedTuple
 from solen.arrays import FloatArray, IntArray
 from solen.geometry.body import GAP_MM
 from solen.geometry.y import SHORTEST_MM, STEP_MM
-from solen.trace.batch.made import inlined, made
+from solen.trace.kernel.compiled import called, compiled
 from solen.trace.kernel.rows import CONIC, CUBIC, OVAL, RECEIVER, REFRACTING, SEGMENT, Floats
 from solen.trace.tables import BOX_MARGIN, BOX_MARGIN_MM, Tables
 
@@ -41,6 +41,9 @@ class Y(NamedTuple):
     cut_index: float
     depth: float
     """of a lens made of pieces"""
+    left_edge: float
+    """depths of its edges; they may be off the design's"""
+    right_edge: float
     refractive_index: float
     absorption: float
     stem_length: float
@@ -84,17 +87,17 @@ class Turn(NamedTuple):
     z: float
 
 
-@inlined
+@compiled
 def y_row(numbers: FloatArray, d: int) -> Y:
     """Row of a design."""
     n = numbers[d]
     return Y(
         n[0], n[1], n[2], n[3], n[4], n[5], n[6], n[7], n[8], n[9], n[10], n[11], n[12], n[13], n[14], n[15], n[16],
-        n[17], n[18], n[19], n[20], n[21], n[22], n[23],
+        n[17], n[18], n[19], n[20], n[21], n[22], n[23], n[24], n[25],
     )  # fmt: skip
 
 
-@inlined
+@compiled
 def turn_about(x: float, z: float, angle_deg: float) -> Turn:
     """Turn about a point; the exact identity for 0."""
     if angle_deg == 0.0:
@@ -103,13 +106,13 @@ def turn_about(x: float, z: float, angle_deg: float) -> Turn:
     return Turn(c, s, x - (c * x - s * z), z - (s * x + c * z))
 
 
-@inlined
+@compiled
 def moved(t: Turn, x: float, z: float) -> tuple[float, float]:
     """Where a point goes."""
     return t.cos * x - t.sin * z + t.x, t.sin * x + t.cos * z + t.z
 
 
-@inlined
+@compiled
 def oval_depth(y: Y, x: float) -> tuple[float, float]:
     """Depth z of the oval at x, and its slope there; see `solen.lens.OvalLens.z_mm`."""
     n2, s, f, z = y.cut_index, y.distance, y.focus, 0.0
@@ -125,7 +128,7 @@ def oval_depth(y: Y, x: float) -> tuple[float, float]:
     return z, -(x / before + n2 * x / behind) / ((z + s) / before - n2 * (f - z) / behind)
 
 
-@inlined
+@compiled
 def fitted(y: Y, depth: float) -> tuple[float, float, float]:
     """Conic r² = p0 + p1 w + p2 w² by least squares at points evenly spaced in angle: where Newton's method starts."""
     edge = math.atan2(y.half_width, y.distance + depth)
@@ -150,7 +153,7 @@ def fitted(y: Y, depth: float) -> tuple[float, float, float]:
     return p0, p1 / depth, p2 / (depth * depth)
 
 
-@inlined
+@compiled
 def front_of(y: Y) -> Front:
     """What only depends on the lens."""
     if y.lens != WHOLE_OVAL:
@@ -160,7 +163,7 @@ def front_of(y: Y) -> Front:
     return Front(depth, y.half_width - depth / slope, p0, p1, p2)
 
 
-@inlined
+@compiled
 def put_box(t: Tables, p: int, low_x: float, high_x: float, low_z: float, high_z: float) -> None:
     """Write a box with its margin."""
     margin = BOX_MARGIN_MM + BOX_MARGIN * max(max(abs(low_x), abs(high_x)), max(abs(low_z), abs(high_z)))
@@ -172,7 +175,7 @@ def put_box(t: Tables, p: int, low_x: float, high_x: float, low_z: float, high_z
     )
 
 
-@inlined
+@compiled
 def put_segment(t: Tables, p: int, ax: float, az: float, bx: float, bz: float) -> None:
     """Write a segment."""
     length = math.hypot(bx - ax, bz - az)
@@ -183,7 +186,7 @@ def put_segment(t: Tables, p: int, ax: float, az: float, bx: float, bz: float) -
     put_box(t, p, min(ax, bx), max(ax, bx), min(az, bz), max(az, bz))
 
 
-@inlined
+@compiled
 def put_stem(t: Tables, p: int, side: float, x: float, z: float, c: float, begin: float, end: float) -> None:
     """Write a side of the stem, from a height above its base up to the fork: a parabola from the corner (x, z)."""
     t.kind[p] = CONIC
@@ -197,7 +200,7 @@ def put_stem(t: Tables, p: int, side: float, x: float, z: float, c: float, begin
     put_box(t, p, min(min(a, b), min(m, n)), max(max(a, b), max(m, n)), z + begin, z + end)
 
 
-@inlined
+@compiled
 def put_oval(t: Tables, p: int, y: Y, front: Front, turn: Turn) -> None:
     """Write the front of an oval."""
     wx, wz = -turn.sin, turn.cos
@@ -225,7 +228,7 @@ def put_oval(t: Tables, p: int, y: Y, front: Front, turn: Turn) -> None:
     put_box(t, p, low_x, high_x, low_z, high_z)
 
 
-@inlined
+@compiled
 def put_cubic(t: Tables, p: int, piece: Floats, turn: Turn) -> None:
     """Write a cubic piece, a row of a table of the lens's own frame."""
     row = t.shape[p]
@@ -247,7 +250,7 @@ def put_cubic(t: Tables, p: int, piece: Floats, turn: Turn) -> None:
     )
 
 
-@inlined
+@compiled
 def dress(t: Tables, p: int, owner: int, receiver: int, left: int, height: float) -> None:
     """Write what piece ``p`` does to light."""
     t.owner[p], t.before[p], t.treatment[p] = owner, -1, -1
@@ -257,7 +260,7 @@ def dress(t: Tables, p: int, owner: int, receiver: int, left: int, height: float
     t.height[p, 0], t.height[p, 1] = -reach, reach
 
 
-@inlined
+@compiled
 def wall_start(y: Y, depth: float, edge_x: float, edge_z: float, side: float) -> tuple[float, float]:
     """Height above its base at which a side of the stem begins, and how far the lens's edge is from there.
 
@@ -286,7 +289,7 @@ class Pose(NamedTuple):
     axis: float
 
 
-@inlined
+@compiled
 def put_lens(t: Tables, pieces: Floats, before: IntArray, y: Y, front: Front, turn: Turn, first: int) -> int:
     """Write the rows of a lens from row ``first`` on; the row behind them."""
     p = first
@@ -308,7 +311,7 @@ def put_lens(t: Tables, pieces: Floats, before: IntArray, y: Y, front: Front, tu
     return p
 
 
-@inlined
+@compiled
 def put_receivers(
     t: Tables, y: Y, turn: Turn, p: int, owner: int, outer_x: float, outer_z: float, inner_x: float, inner_z: float
 ) -> int:
@@ -327,7 +330,7 @@ def put_receivers(
     return p
 
 
-@made
+@called
 def y_tables(
     t: Tables, pieces: Floats, before: IntArray, y: Y, front: Front, angle_deg: float, first: int
 ) -> tuple[int, int, Pose]:
@@ -348,8 +351,8 @@ def y_tables(
     outer_x, outer_z = fork_x + y.arm_length * sin, fork_z + y.arm_length * cos
     inner_x, inner_z = outer_x - y.arm_width * cos, outer_z + y.arm_width * sin
     crotch = inner_z - inner_x / math.tan(y.arm_angle)
-    right_x, right_z = moved(of_lens, y.half_width, front.depth)
-    left_x, left_z = moved(of_lens, -y.half_width, front.depth)
+    right_x, right_z = moved(of_lens, y.half_width, y.right_edge if y.lens == PIECES else front.depth)
+    left_x, left_z = moved(of_lens, -y.half_width, y.left_edge if y.lens == PIECES else front.depth)
     r_from, r_gap = wall_start(y, front.depth, right_x, right_z, 1.0)
     l_from, l_gap = wall_start(y, front.depth, left_x, left_z, -1.0)
     pose = still_pose(y)
@@ -391,13 +394,13 @@ def y_tables(
     return p, sound, pose
 
 
-@inlined
+@compiled
 def still_pose(y: Y) -> Pose:
     """Emitter that does not turn."""
     return Pose(0.0, -y.distance, 0.0)
 
 
-@inlined
+@compiled
 def put_side(t: Tables, p: int, side: float, ax: float, az: float, bx: float, bz: float) -> None:
     """Write a segment of the right half, or its mirror image, which runs the other way."""
     if side > 0.0:
@@ -406,7 +409,7 @@ def put_side(t: Tables, p: int, side: float, ax: float, az: float, bx: float, bz
         put_segment(t, p, -bx, bz, -ax, az)
 
 
-@inlined
+@compiled
 def is_sound(
     t: Tables, first: int, y: Y, front: Front, turn: Turn, pose: Pose, crotch: float, edge_z: float, gap: float,
     inner_x: float, inner_z: float,

@@ -1,0 +1,85 @@
+"""Designs as arrays, and what is made of one at every angle and place: tables and rays, one after the other."""
+
+from typing import NamedTuple
+
+from solen.arrays import FloatArray, IntArray
+from solen.trace.kernel.batch import Starts
+from solen.trace.kernel.compiled import called
+from solen.trace.kernel.extruded import RowsInSpace
+from solen.trace.kernel.lattices import launch, launch_in_space, light_row
+from solen.trace.kernel.room import Rows
+from solen.trace.kernel.y_tables import Pose, front_of, y_row, y_tables
+from solen.trace.tables import Tables
+
+
+class Sensors(NamedTuple):
+    """Sensors as numbers."""
+
+    body: FloatArray
+    """(D, 26) rows of `Y`"""
+    light: FloatArray
+    """(D, 8) rows of `Light`"""
+    thickness: FloatArray
+    """(D,) mm; 0 in the plane"""
+    pieces: FloatArray
+    """(N, 12) pieces of lenses that are splines, in their own frames"""
+    before: IntArray
+    """(N,)"""
+    pattern: FloatArray
+    """(T, 2) rows of tabulated patterns: angle in radians, relative intensity"""
+
+
+class Bins(NamedTuple):
+    """Places before the lens (B,), from ``low`` to ``high`` in mm to the right of the axis."""
+
+    low: FloatArray
+    high: FloatArray
+
+
+@called
+def prepare(
+    sensors: Sensors, d: int, angle_deg: FloatArray, tables: Tables, starts: Starts, poses: FloatArray, sound: IntArray
+) -> None:
+    """Write the tables of a design at every angle, and the emitter's poses (A, 3)."""
+    y, first = y_row(sensors.body, d), 0
+    front = front_of(y)
+    for a in range(len(angle_deg)):
+        starts.piece[a] = first
+        last, good, pose = y_tables(tables, sensors.pieces, sensors.before, y, front, angle_deg[a], first)
+        poses[a, 0], poses[a, 1], poses[a, 2] = pose
+        sound[a] = good
+        tables.refractive_index[a, 1], tables.absorption[a, 1] = y.refractive_index, y.absorption
+        first = last
+    starts.piece[len(angle_deg)] = first
+
+
+@called
+def launch_all(
+    sensors: Sensors, d: int, tables: Tables, starts: Starts, poses: FloatArray, bins: Bins, seed: int, rays: Rows,
+    each: int,
+) -> None:  # fmt: skip
+    """Write the rays of every angle and bin."""
+    light = light_row(sensors.light, d)
+    for a in range(len(poses)):
+        pose = Pose(poses[a, 0], poses[a, 1], poses[a, 2])
+        for b in range(len(bins.low)):
+            launch(
+                tables, starts.piece[a], starts.piece[a + 1], pose, light, sensors.pattern, bins.low[b], bins.high[b],
+                seed, a, b, rays, (a * len(bins.low) + b) * each, each,
+            )  # fmt: skip
+
+
+@called
+def launch_all_in_space(
+    sensors: Sensors, d: int, tables: Tables, starts: Starts, poses: FloatArray, bins: Bins, seed: int,
+    rays: RowsInSpace, each: int,
+) -> None:  # fmt: skip
+    """As `launch_all`."""
+    light, half = light_row(sensors.light, d), 0.5 * sensors.thickness[d]
+    for a in range(len(poses)):
+        pose = Pose(poses[a, 0], poses[a, 1], poses[a, 2])
+        for b in range(len(bins.low)):
+            launch_in_space(
+                tables, starts.piece[a], starts.piece[a + 1], pose, light, sensors.pattern, half, bins.low[b],
+                bins.high[b], seed, a, b, rays, (a * len(bins.low) + b) * each, each,
+            )  # fmt: skip
