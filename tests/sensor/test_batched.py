@@ -301,8 +301,10 @@ def test_what_the_batch_does_not_know_is_refused_by_name(values: dict[str, objec
 
 def test_what_cannot_be_is_refused() -> None:
     sensor = Sensor.of(BASE)
-    with pytest.raises(DesignError, match=r"motion|crosses"):
-        respond([sensor], (80.0,), rays=64)
+    found = respond([sensor, Sensor.of(BASE.set({"body.arm_width_mm": 9.0}))], (1.0, 80.0), rays=64)
+    assert "motion" in found.why[0]
+    assert "body.arm_width_mm" in found.why[1]
+    assert np.isnan(found.right).all()
     with pytest.raises(DesignError, match="extruded"):
         respond([sensor, Sensor.of(BASE.set(IN_SPACE))], (0.0,), rays=64)
     with pytest.raises(DesignError, match="widths_mm"):

@@ -30,13 +30,15 @@ class Responses(NamedTuple):
     """Powers of D sensors with K chips at A angles, as fractions of what each chip emits.
 
     ``u_power`` is the standard error of either receiver's power, which the rays' places make; ``truncated`` the largest
-    share of the light that was followed no further.
+    share of the light that was followed no further. ``why`` says of each sensor why it cannot be at some angle, its
+    powers being NaN; it is empty where it can.
     """
 
     right: FloatArray
     left: FloatArray
     u_power: FloatArray
     truncated: FloatArray
+    why: list[str]
 
     @property
     def contrast(self) -> FloatArray:
@@ -91,7 +93,7 @@ def respond(
     Raises
     ------
     DesignError
-        Where a sensor is none for the batch, or its body cannot be at some angle.
+        Where a sensor is none for the batch, or the numbers do not fit together.
     """
     check_count("rays", rays, 1)
     check_count("seed", seed, 0)
@@ -140,7 +142,8 @@ class _Batch:
         self.places: dict[tuple[bytes, bytes], Places] = {}
         self.new_lot = partial(batch.Lot, self.angle_deg[self.traced], lattices, each, most, mode, in_space, Limits())
         shape = (len(sensors), self.width.shape[1], len(self.angle_deg))
-        self.responses = Responses(np.empty(shape), np.empty(shape), np.empty(shape), np.empty(len(sensors)))
+        right, left, u = (np.full(shape, math.nan) for _ in range(3))
+        self.responses = Responses(right, left, u, np.full(len(sensors), math.nan), [""] * len(sensors))
 
     def _mirrors(self) -> bool:
         """Whether one side of every response gives the other, and tracing it is less than tracing both."""
@@ -156,14 +159,26 @@ class _Batch:
             self.lots.mine = self.new_lot()
         where = self._places(d)
         found = self.lots.mine.traced(self.numbers, d, where.bins, self.seed)
-        for angle in self.angle_deg[self.traced[found.sound != batch.SOUND]].tolist():
-            self.sensors[d].scene(angle, 1)  # which knows, and refuses what cannot be
+        out = self.responses
+        out.why[d] = self._why_not(d, self.angle_deg[self.traced[found.sound != batch.SOUND]])
+        if out.why[d]:
+            return
+        if np.any(found.sound < batch.UNSURE):
+            raise AssertionError("a body that the batch refuses is a scene")
         by_bin = np.moveaxis(self._all_angles(found.power), -1, 0)
         right, left = where.powers(by_bin)
         u = where.u_powers(by_bin).max(axis=0)
-        out = self.responses
         out.right[d], out.left[d], out.u_power[d] = right.T, left.T, u.T
         out.truncated[d] = found.truncated.max(initial=0.0)
+
+    def _why_not(self, d: int, angle_deg: FloatArray) -> str:
+        """Why a body cannot be at one of some angles: a scene knows."""
+        try:
+            for angle in angle_deg.tolist():
+                self.sensors[d].scene(angle, 1)
+        except DesignError as bad:
+            return str(bad)
+        return ""
 
     def _places(self, d: int) -> Places:
         """Places of a sensor's chips; made once for all that have the same."""

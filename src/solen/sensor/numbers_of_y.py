@@ -13,10 +13,11 @@ from solen.geometry import arm_angle_deg
 from solen.lens import FlatFace, LensInSpace, OvalLens
 from solen.material import Dispersion
 from solen.parts import Light
-from solen.scene.sources import CosinePower, Isotropic, Pattern, PatternTable
+from solen.scene import Interface, Region, Scene
+from solen.scene.sources import CosinePower, Fan, Isotropic, Pattern, PatternTable
 from solen.sensor.sensor import Sensor
 from solen.trace import batch
-from solen.trace.tables import compile_curve
+from solen.trace.tables import compile_scene
 
 PIVOTS = {"stem-base": batch.AT_BASE, "emitter": batch.AT_EMITTER}
 KINDS: tuple[tuple[type, int], ...] = ((FlatFace, batch.FLAT), (OvalLens, batch.WHOLE_OVAL))
@@ -33,6 +34,7 @@ def why_not_batched(sensor: Sensor) -> str | None:
         (design.motion.kind != "rotation", "its stem bends"),
         (design.motion.join == "smooth", "its lens joins the stem smoothly"),
         (bool(design.wall), "it has wall tables"),
+        (design.ambient.power > 0.0 or design.ambient.irradiance_per_mm > 0.0, "it stands in ambient light"),
         (light.ray_file is not None, "its light is a file of rays"),
         (len(light.spectrum) > 1 and isinstance(sensor.material.dispersion, Dispersion), "its index disperses"),
     )
@@ -121,7 +123,10 @@ def _pieces_of(sensor: Sensor) -> tuple[FloatArray, IntArray]:
     """Rows of the lens's cubics in its own frame, and which each continues."""
     if isinstance(sensor.lens, (FlatFace, OvalLens)):
         return np.zeros((0, 12)), np.zeros(0, np.int64)
-    return compile_curve(sensor.lens.front)
+    lens = Interface("lens", sensor.lens.front, "body", "air")
+    alone = Scene((Region("air", 1.0), Region("body", 1.0)), (lens,), (Fan((0.0, 0.0), 0.0, 1.0, 1),), open_media=True)
+    tables = compile_scene(alone)
+    return np.asarray(tables.shape[:, :12], dtype=float), tables.before
 
 
 def _light(sensor: Sensor, first: int) -> tuple[tuple[float, ...], FloatArray]:

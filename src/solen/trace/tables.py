@@ -255,14 +255,6 @@ def _smooth(first: Curve, second: Curve) -> bool:
     return dot(arriving, leaving) > 0.0 and abs(cross(arriving, leaving)) < CORNER_RAD
 
 
-def compile_curve(curve: Curve) -> tuple[NDArray[np.float64], IntArray]:
-    """Rows (P, 12) of a curve made of cubics, and the piece that each continues smoothly, −1 where it begins."""
-    pieces = _pieces(curve)
-    interface = Interface("curve", curve, "", "")
-    before = _before((interface,), [0] * len(pieces), [piece.curve for piece in pieces])
-    return np.array([piece.row[: len(rows.Cubic._fields)] for piece in pieces]), before
-
-
 class _Piece(NamedTuple):
     """A row of the table of curves."""
 

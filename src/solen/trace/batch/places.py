@@ -29,9 +29,9 @@ NOT_STRAIGHT = 0.3
 """What cubics may be off by, as a share of how far they are from straight lines."""
 SHIFTS, SHIFTS_OF_A_POINT = 2, 8
 """Lattices of a bin, and of a point."""
-
 STUDENT = 1.35
 """Student's quantile of 97.5 % is that of the normal distribution times 1 + 1.35 over the degrees of freedom."""
+TINY = 1e-300
 
 
 class Chips(NamedTuple):
@@ -134,11 +134,12 @@ class Places(NamedTuple):
         They are widened for their few degrees of freedom (Welch and Satterthwaite's), so that two of them hold 95 %.
         """
         freedom = self.shifts - 1
-        of_bin = found.reshape(*found.shape[:-1], -1, self.shifts).var(axis=-1, ddof=1)
+        lattices = [found[..., i :: self.shifts] for i in range(self.shifts)]
+        mean = sum(lattices) / self.shifts
+        of_bin = sum((lattice - mean) ** 2 for lattice in lattices) / freedom
         squares = self.shifts * self.weights[:, :: self.shifts].T ** 2
         variance = of_bin @ squares
-        with np.errstate(invalid="ignore", divide="ignore"):
-            lacking = np.nan_to_num((of_bin**2 @ squares**2) / (freedom * variance**2), nan=1.0)
+        lacking = (of_bin**2 @ squares**2) / np.maximum(freedom * variance**2, TINY)
         return np.asarray(np.hypot(np.sqrt(variance) * (1.0 + STUDENT * lacking), found @ self.doubt.T))
 
 
