@@ -11,7 +11,7 @@ from solen.analysis.diagnosis import Diagnosis, Response, diagnosed
 from solen.analysis.diagnosis.design_response import INDEX
 from solen.analysis.diagnosis.emitter_places import light_by_place
 from solen.sensor import Sensor
-from solen.spec import with_values
+from solen.spec import loads, template, with_values
 from tests.analysis.made_support import made
 from tests.analysis.space_support import CHIPS, DESIGN, LitInSpace, shares, traced
 from tests.analysis.space_tracer_support import powers
@@ -33,6 +33,24 @@ def test_strips_of_one_angle_give_every_chip() -> None:
         ends = chip.offset_mm + 0.5 * chip.width_mm * np.array([-1.0, 1.0])
         low, high = found.upto(ends)
         assert (high - low) / chip.width_mm == pytest.approx(shares(number, np.ones(1))[0], abs=2.0e-4)
+
+
+@pytest.mark.parametrize(
+    ("shape", "reach_mm", "chips"),
+    [
+        ("line-focus", 0.05, ((0.01, 0.08),)),
+        pytest.param("layered", 0.2, ((0.0, 0.2), (0.03, 0.24), (-0.05, 0.1)), marks=pytest.mark.evidence),
+    ],
+)
+def test_strips_serve_lenses_for_space(shape: str, reach_mm: float, chips: tuple[tuple[float, float], ...]) -> None:
+    """Their light is integrated by nets, to a standard error."""
+    lens = with_values(loads(template()), {"lens.shape": shape})
+    found = light_by_place(Sensor.of(with_values(lens, {"emitter.width_mm": 2.0 * reach_mm})), -1.0, reach_mm)
+    for offset_mm, width_mm in chips:
+        low, high = found.upto(offset_mm + 0.5 * width_mm * np.array([-1.0, 1.0]))
+        chip = Sensor.of(with_values(lens, {"emitter.offset_mm": offset_mm, "emitter.width_mm": width_mm}))
+        whole = chip.integrate(-1.0, tolerance=6e-4).detectors
+        assert (high - low) / width_mm == pytest.approx([whole[side].power for side in ("right", "left")], abs=1.5e-3)
 
 
 @pytest.mark.evidence

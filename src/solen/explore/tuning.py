@@ -100,7 +100,7 @@ def tune(
 def check_tunable(sensor: Sensor) -> None:
     """`DesignError` where a design has no one outline that a picture of its print shows."""
     if isinstance(sensor.cut, LensInSpace):
-        limit = "a lens that differs by height is not tuned: a picture shows one height of it"
+        limit = "a lens that varies with height is not tuned: a picture shows one height of it"
         remedy = (
             "correct it by solen print predict --compensate, and measure both faces by solen print inspect --bottom"
         )

@@ -27,6 +27,8 @@ FARTHEST_MM, CLOSENESS_MM = 1e4, 1e-3
 """How far before the vertex a virtual focus is sought, and how closely."""
 LEAST_MM = 0.02
 """Least distance from the virtual focus at which the face is looked for with care."""
+ZERO_MM = 1e-15
+"""Depth that is rounding alone."""
 END_MM = 1e-9
 """Difference of optical lengths that may be rounding alone."""
 
@@ -90,6 +92,7 @@ class LineFocusLens(LensInSpace, eq=True):
         for _ in range(STEPS):
             z = np.clip(z - self.residual_mm(x, y, z) / self._gradient(x, y, z)[1], low, high)
         reached = np.abs(self.residual_mm(x, y, z)) < END_MM  # or else the length jumps there, at the virtual focus
+        z = np.where(np.abs(z) < ZERO_MM, 0.0, z)
         return np.where((first > 0) & reached & (self._faces(x, y, z) < 0.0), z, np.nan)
 
     def slope_at(self, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
