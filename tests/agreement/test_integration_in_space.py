@@ -328,7 +328,14 @@ def test_the_tail_takes_up_all_that_is_left(hits: int, height_mm: tuple[float, f
     assert left[-1] > 0.1, "something is left"
 
 
-@pytest.mark.parametrize("key", ["emitter.offset_mm", "lens.half_width_mm", "body.arm_width_mm"])
+@pytest.mark.parametrize(
+    "key",
+    [
+        "lens.half_width_mm",
+        pytest.param("emitter.offset_mm", marks=pytest.mark.evidence),
+        pytest.param("body.arm_width_mm", marks=pytest.mark.evidence),
+    ],
+)
 def test_derivatives_in_space_are_those_of_close_integrals(key: str) -> None:
     """Of moving edges too: what a lens edge gains at its rim is nothing anywhere else."""
     design = sensor()
@@ -342,7 +349,7 @@ def test_derivatives_in_space_are_those_of_close_integrals(key: str) -> None:
         difference = (ends[1].detectors[name].power - ends[0].detectors[name].power) / (2.0 * step)
         u = math.hypot(ends[0].u_power, ends[1].u_power) / (2.0 * step)
         assert slope.value == pytest.approx(difference, abs=3.0 * math.hypot(u, slope.u_value) + 0.01 * abs(difference))
-        assert slope.u_value < 0.08 * max(abs(slope.value) for slope in found.detectors.values())
+        assert slope.u_value < 0.005 * max(abs(slope.value) for slope in found.detectors.values())
 
 
 @pytest.mark.evidence

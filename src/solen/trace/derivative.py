@@ -33,9 +33,9 @@ from solen.trace.result import Limits, Mode, Trace
 from solen.trace.space import LightInSpace
 
 TOLERANCE, EXTENDED_TOLERANCE, SPACE_TOLERANCE = 1e-9, 1e-6, 1e-4
-RELATIVE_STEP, EXTENDED_STEP, POINT_STEP_IN_SPACE = 2e-4, 1e-2, 1e-3
+RELATIVE_STEP, EXTENDED_STEP, SPACE_STEP, POINT_STEP_IN_SPACE = 2e-4, 1e-2, 5e-3, 1e-3
 MOST_HALVINGS = 6
-MOST_LEGS, SPACE_LEGS = 400_000, 4_000_000
+MOST_LEGS, SPACE_LEGS = 400_000, 20_000_000
 SEEDS, SAMPLES, MOST_DOUBLINGS = 8, 2**15, 4
 """Independent differences of sampled light, the rays of each end of one, and how often a step is doubled at most."""
 CAUTION = 1.25
@@ -88,9 +88,9 @@ def derivative(
         Where the derivative is taken.
     step
         Largest change of the parameter; by default 2e-4 of ``value`` or, at 0, 2e-4; for sources with a size or several
-        colours 1e-2, and for a point in space 1e-3; where light is trapped in space it is widened until powers change
-        by some hundredths. For a point source in the plane it is halved, up to six times, where the light's ways
-        change within it.
+        colours 1e-2, in space 5e-3, and for a point there 1e-3. Where light is trapped in space it is widened until
+        powers change by some hundredths. For a point source in the plane it is halved, up to six times, where the
+        light's ways change within it.
     mode, tolerance, limits
         As in `solen.trace.integrate`, for the integral at ``value``; by default a tolerance of 1e-9, of 1e-6 for
         sources with a size or several colours, and in space of 1e-4, or 3e-4 where light is trapped.
@@ -110,7 +110,8 @@ def derivative(
     point = not is_extended(scene) and scene.extrusion is None
     given = step is not None
     if step is None:
-        small = POINT_STEP_IN_SPACE if not is_extended(scene) else EXTENDED_STEP
+        cylinder = scene.extrusion is not None and scene.front is None
+        small = POINT_STEP_IN_SPACE if not is_extended(scene) else SPACE_STEP if cylinder else EXTENDED_STEP
         step = (RELATIVE_STEP if point else small) * (abs(value) or 1.0)
     check_range("step", step, above=0.0)
     trapped = TRAPPED_TOLERANCE if tolerance is None else tolerance
@@ -190,7 +191,7 @@ def _in_space(at: At, value: float, step: float, tolerance: float, given: bool) 
     for (low, half_low, half_high, high), weight in zip(each, weights, strict=True):
         lights = [light for light in (low, half_low, half_high, high) if isinstance(light, LightInSpace)]
         if len(lights) < 4 or lights[3].integral(ROUGH, rules, MOST_LEGS).u > ROUGH:
-            wide_step = step if given else _widened(at, value, step)
+            wide_step = step if given else _widened(at, value, WIDENING * step)
             return _of_integrals(at, value, wide_step, tolerance)
         slopes = lights[3].slopes(lights[0], step, rules, SPACE_LEGS)
         wide += weight * slopes.value[: len(names)]

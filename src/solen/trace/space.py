@@ -42,7 +42,7 @@ FIRST_FACE = (0.5, 1)
 """Least weight and most hits of what is followed exactly where following all of it does not do: light that is trapped
 comes through strips too narrow to be seen."""
 CHIP_TOLERANCE = 1e-4
-DIFFERENCE_CLOSENESS, DIFFERENCE_SHARE, DIFFERENCE_FLOOR = 0.003, 3e-4, 1e-6
+DIFFERENCE_CLOSENESS, DIFFERENCE_SHARE, DIFFERENCE_FLOOR = 0.003, 3e-4, 1e-7
 """Of derivatives: how much closer paths are followed; what an error may be, as a share of the largest one, and as a
 change of a power over the step."""
 PATH_SHARE, ROUGHEST_PATH, SOFT = 30.0, 0.03, 0.1
@@ -208,10 +208,8 @@ class LightInSpace:
             begun, _ = divided(plain, self.first_cells, CHIP_TOLERANCE, most_legs, room.counts)
             first = over([cell.bounds for cell in begun] if begun else self.first_cells)
             for cells, u in refined(over, first):
-                if (
-                    u <= max(DIFFERENCE_SHARE * float(np.max(np.abs(cells.value))), floor)
-                    or room.counts[1] >= most_legs
-                ):
+                enough = max(DIFFERENCE_SHARE * float(np.max(np.abs(cells.value))), floor)
+                if u <= enough or room.counts[1] >= most_legs:
                     break
             value += weight * cells.value
             squares += (weight * u) ** 2
