@@ -113,6 +113,9 @@ def test_the_nearest_focus_that_keeps_light() -> None:
     ]
     kept = math.sqrt(1.0 - 1.0 / 1.44**2)
     assert steepest[0] <= kept < steepest[1]
+    assert not lens.warnings
+    (leaks,) = LineFocusLens(**PAPER, y_focus_mm=lens.y_focus_mm - 0.01).warnings
+    assert all(word in leaks for word in ("lens.y_focus_mm = 1.908", "leaks", '"body"'))
 
 
 def test_numbers_of_a_lens_are_those_of_its_file() -> None:

@@ -19,6 +19,7 @@ from solen.curve import check_range
 from solen.errors import DesignError
 from solen.lens.face import Face
 from solen.lens.in_space import LensInSpace
+from solen.ranks import look_at
 from solen.results import reported
 
 SCAN, HALVINGS, STEPS = 64, 14, 5
@@ -111,6 +112,16 @@ class LineFocusLens(LensInSpace, eq=True):
             along = np.where(from_line < ring, self.y_focus_mm - np.hypot(from_line - ring, y), np.inf)
         from_emitter = np.sqrt(x * x + y * y + (z + self.distance_mm) ** 2)
         return np.asarray(from_emitter - self.distance_mm + self.design_index * along)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """See :attr:`solen.lens.optics.Lens.warnings`."""
+        if self.design_index <= math.sqrt(2.0) or self._steepest <= _most(self.design_index):
+            return ()
+        limit = "light of the emitter's middle is too steep for top and bottom, and leaks there"
+        return (
+            look_at(f'lens.y_focus_mm = {self.y_focus_mm:.4g}: {limit}; "body" is the nearest focus that keeps it'),
+        )
 
     @reported
     def y_focus(self) -> str:
