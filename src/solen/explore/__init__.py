@@ -1,8 +1,9 @@
 """Searches over all stages: sweeps, tolerances, inverse design, and drawings tuned print by print.
 
 `sweep` traces a design over values of its numbers, `tolerance` traces prints with varying numbers, and `optimise`
-searches for numbers; all use the merits of `solen.explore.merits` and cache traces in a `Store`. `tune` takes a measured
-print and the log of earlier ones, and returns a `TunedPrint`: the next drawing, and the prediction of its print.
+searches for numbers; all use the merits of `solen.explore.merits` and cache traces in a `Store`. `tune` takes a
+measured print and the log of earlier ones, and returns a `TunedPrint`: the next drawing, and the prediction of its
+print.
 """
 
 from solen.explore.optimise import OptimiseOptions, Optimum, optimise
