@@ -8,7 +8,9 @@ import pytest
 
 from solen.arrays import FloatArray
 from solen.errors import DesignError, SpecError
+from solen.fabricate.process import Settings
 from solen.lens import MeasuredLens, OvalLens, SplineLens, profile_of
+from solen.lens.spline import DEFAULT_LEAST_FEATURE_UM
 from solen.sensor import Sensor, check
 from solen.sensor.check import foci_of
 from solen.sensor.numbers import tolerance_of, usual_keys
@@ -210,6 +212,16 @@ def test_what_a_printer_rounds_off_is_warned_of() -> None:
     wave = SplineLens(OVAL, tuple(2.0 * math.cos(math.pi * place / 4) for place in range(12)))
     assert [feature.width_um for feature in wave.features[:3]] == pytest.approx([2e3 / 3] * 3, rel=0.05)
     assert [round(feature.height_um) for feature in wave.features[:3]] == [-2, 2, -2]
+
+
+def test_the_least_feature_of_a_printer_keeps_nine_tenths_of_a_wave() -> None:
+    settings = Settings()
+    wave_um = 2.0 * settings.least_feature_um
+    x = np.linspace(0.0, wave_um, 4001)
+    blur = np.exp(-0.5 * ((x - 0.5 * wave_um) / settings.edge_um) ** 2)
+    kept = (blur * np.cos(2.0 * np.pi * (x / wave_um - 0.5))).sum() / blur.sum()
+    assert kept == pytest.approx(0.9, abs=1e-4)
+    assert settings.least_feature_um == pytest.approx(DEFAULT_LEAST_FEATURE_UM, rel=0.05)
 
 
 def test_a_printed_free_form_is_measured_beside_its_design(tmp_path: Path) -> None:

@@ -22,10 +22,12 @@ from solen.fabricate.process.growth import uneven_um
 from solen.fabricate.process.predict import Orientation, Phase, Prediction, best_phase, points_for, predicted
 from solen.fabricate.process.printed_design import PrintedDesign, PrintedPart, Ripple, Shape, Walls
 from solen.fabricate.process.process_file import Process
+from solen.fabricate.process.settings import Settings
 from solen.fabricate.process.solid import printed_solid
 from solen.fabricate.process.source import PrintOptions, curve_left_out, process_of, with_resin
 from solen.fabricate.process.target import Deviation, Target
 from solen.geometry.measures import area_mm2
+from solen.lens import SplineLens
 from solen.ranks import Caution, do_not_use, look_at
 from solen.sensor import Sensor
 from solen.sensor.print_loss import print_loss
@@ -97,6 +99,7 @@ def print_design(
         warnings=(
             *made.process.warnings(),
             *left_out,
+            *_of_features(sensor, made.process.process),
             *_of_layers(prediction),
             *_of_response(prediction),
             *_of_compensation(prediction),
@@ -237,6 +240,14 @@ def _ripple(lens: Prediction, orientation: Orientation) -> Ripple:
         return Ripple("thickness", lens.ripple_through_um, None)
     low, high = np.percentile(lens.ripple_um, _MOST)
     return Ripple("profile", float(high - low), _rms(lens.ripple_um))
+
+
+def _of_features(sensor: Sensor, settings: Settings) -> list[Caution]:
+    """Bumps and bends of a free-form lens that are finer than what the process prints."""
+    if not isinstance(sensor.cut, SplineLens):
+        return []
+    fine = sensor.cut.too_fine(settings.least_feature_um, "what the process prints to 90 %")
+    return [look_at(text) for text in fine]
 
 
 def _of_layers(prediction: PrintedDesign) -> list[Caution]:

@@ -227,7 +227,14 @@ class Settings(Strict):
         """Standard deviation of a straight edge's blur: by covered shares, by the pixel's rectangle, and its blur."""
         return math.hypot(self.blur_um, math.sqrt(2.0) * self.covered_um)
 
+    @property
+    def least_feature_um(self) -> float:
+        """Half a wave of a wall that keeps `KEPT` of its height: blurred by σ, exp(−2 (π σ / wave)²) of it are left."""
+        return self.edge_um * math.pi / math.sqrt(-2.0 * math.log(KEPT))
 
+
+KEPT = 0.9
+"""Share of the height of a bump that a printer with features of `Settings.least_feature_um` keeps."""
 KEYS: tuple[str, ...] = tuple(Settings.model_fields)
 UNCERTAIN: tuple[str, ...] = tuple(
     key
