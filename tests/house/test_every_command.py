@@ -53,6 +53,8 @@ DESIGN = "part/sensor.toml"
 
 ROWS = {
     "new": "part",
+    "new #soft": "soft --example press-860",
+    "deform": "soft/sensor.toml --set trace.dimension=2d --figure shape.svg",
     "check": DESIGN,
     "lens": f"{DESIGN} --csv profile.csv --figure lens.svg",
     "trace": f"{DESIGN} --rays 50 --mode power --figure trace.svg",
