@@ -78,6 +78,15 @@ def test_without_a_load_the_light_is_that_of_the_rigid_sensor_at_rest() -> None:
     assert (state.turn_deg, state.displaced.off_mm) == (0.0, 0.0)
 
 
+def test_a_lens_for_space_turns_in_its_clamp_and_is_refused_where_it_is_deformed() -> None:
+    space = {"lens.shape": "line-focus", "emitter.pattern": "lambertian", "trace.dimension": "extruded"}
+    front = coarse(turned(ENDS).set(space)).body(-3.0).front
+    assert front is not None
+    assert front.motion.angle_deg == pytest.approx(-3.0, abs=1e-9)
+    with pytest.raises(DesignError, match=r"lens\.shape = 'line-focus'; is deformed by 0\.\d+ mm"):
+        coarse(pressed(FORK, values="[0.5]").set({**space, "press[0].at_mm": 1.0})).body(0.5)
+
+
 def test_a_study_holds_forces_and_the_rigid_answer() -> None:
     study = loaded_study(coarse(turned(ENDS)))
     assert study.contrast == pytest.approx([0.757, 0.0, -0.757], abs=0.01)

@@ -9,7 +9,7 @@ The interface: `LoadedBody.of` a design and its lens; `LoadedBody.state` at a va
 
 import threading
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from solen.errors import DesignError
@@ -88,7 +88,7 @@ class LoadedBody:
         """
         rest = body_of(design, lens)
         soft = SoftBody(
-            rest,
+            replace(rest, front=None),  # of a lens for space the middle section, which stays rigid
             material_of(design),
             (*_holds(design, rest), *_backings(design)),
             design.body.thickness_mm,

@@ -83,11 +83,11 @@ def response_figure(study: LoadedStudy) -> Figure:
     if study.planes is not None:
         other = study.planes.stress if study.design.mechanics.plane == "strain" else study.planes.strain
         name = "stress" if study.design.mechanics.plane == "strain" else "strain"
-        axes[1].plot(study.planes.values, other, "o", color=SPACE, ms=4, label=f"plane {name}")
+        axes[1].plot(study.planes.values, other, "o:", color=SPACE, lw=1.0, ms=4, label=f"plane {name}")
     for bound in (-SATURATED, SATURATED):
         axes[1].axhline(bound, color=LOST, lw=0.8, ls=":")
     axes[1].set(xlabel=LABELS[key], ylabel="contrast (R − L)/(R + L)", ylim=(-1.05, 1.05))
-    axes[1].legend()
+    axes[1].legend(loc="lower right" if study.contrast[-1] > study.contrast[0] else "lower left")
     if forces is not None:
         across, along, label_x, label_y = forces
         axes[2].plot(across, along, color=INK, lw=2.0)
