@@ -27,7 +27,7 @@ class LoggedAngle:
     Attributes
     ----------
     time_s, angle_deg
-        Nodes between which the angle is straight, (k,).
+        Nodes between which the angle is linear, (k,).
     corners_s
         Start and end of each time in which a corner lies, ascending, (c, 2).
     """

@@ -1,9 +1,9 @@
-"""Present readings of a rig's receivers, without a run: each input with each emitter on, and off.
+"""Live readings of a rig's receivers, without a run: each input with each emitter on and off.
 
-The idea: before a run nobody knows yet whether every wire is where the rig file has it, so that nothing is left out:
-all inputs are read with every emitter. Of a data acquisition the phases are found as after a run.
+The idea: before a run the wiring may differ from the rig file, so
+all inputs are read with every emitter. Phases of a data acquisition are determined as after a run.
 
-The interface: `sampler_of` a rig, started; `Glances`, of which `read` gives a `Glance`; `stage_of` a rig.
+The interface: `sampler_of` a rig, started; `Glances`, whose `read` returns a `Glance`; `stage_of` a rig.
 """
 
 from collections.abc import Iterator, Sequence

@@ -64,16 +64,16 @@ class Instruments:
 
 @dataclass(frozen=True, eq=False)
 class Tick:
-    """State of a run as a watcher sees it.
+    """State of a run for display.
 
     Attributes
     ----------
     t_s
         Time of the run.
     cycle, cycles
-        The cycle, from 1, and how many there are.
+        Number of the cycle, from 1, and of all cycles.
     position
-        Of the stage, in its unit.
+        Position of the stage, in its unit.
     counts
         The last period, shape (emitters, 2, receivers), or its lowest and highest samples, shape (1, 2, channels); None
         before the first.

@@ -83,12 +83,12 @@ class Cut:
 
 @dataclass(frozen=True)
 class Part:
-    """Prisms joined into one piece, less cuts; it is checked as it is made.
+    """Prisms joined into one piece, minus cuts; checked on creation.
 
     Raises
     ------
     DesignError
-        If prisms overlap, a cut leaves the part or reaches where it should not, or two cuts meet.
+        If prisms overlap, a cut extends beyond the part or its allowed range, or two cuts touch.
     """
 
     name: str

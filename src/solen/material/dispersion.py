@@ -73,7 +73,7 @@ class Dispersion(Strict, ABC):
         None, description="Wavelengths from and to which the index holds, in nm."
     )
     mode: str = Field("", description=f"How it was found: {', '.join(MODES)}.")
-    warnings: tuple[Text, ...] = Field((), description="What must be known of it, a sentence each.")
+    warnings: tuple[Text, ...] = Field((), description="Warnings, one sentence each.")
 
     @model_validator(mode="after")
     def _says_how_it_was_found(self) -> Self:

@@ -93,7 +93,7 @@ def of_pixels(image: Image, nominal: NominalFront) -> list[Caution]:
     return [
         look_at(
             f"the lens is {across:.0f} pixels wide: edges of its two faces less than {near_um:.2g} µm apart are "
-            f"measured as one, which stands between them; magnify to {RESOLVED_PX} pixels or more, or light it from "
+            f"measured as one between them; magnify to {RESOLVED_PX} pixels or more, or light it from "
             "above"
         )
     ]

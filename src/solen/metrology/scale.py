@@ -100,7 +100,7 @@ class ScaleOptions(Options):
                 raise SpecError(
                     f"--{key.replace('_', '-')}",
                     value=data[key],
-                    limit="is in the file of --scale",
+                    limit="is stated in the file of --scale",
                     remedy="leave one out",
                 )
         found = read_scale(Path(data["scale"]))

@@ -152,11 +152,11 @@ def readings_of(
     Parameters
     ----------
     circuit
-        With typical parts, of R receivers.
+        Circuit with typical parts, for R receivers.
     angle_deg, power_fraction, u_power
         Shapes (A,), (A, R), (A,).
     trimmer
-        What the loads are set with.
+        The trimmer that sets the loads.
     ambient_mW_cm2, temperature_C
         As in `Circuit.current_mA`.
     """

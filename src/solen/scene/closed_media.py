@@ -134,10 +134,10 @@ def _vertices(interfaces: Sequence["Interface"], ends: FloatArray, tolerance_mm:
 
 
 def _labels(points: FloatArray, tolerance_mm: float) -> IndexArray:
-    """Numbers (N,), equal for points that lie together.
+    """Group numbers (N,), equal for coinciding points.
 
-    Sorted along x, points are parted wherever two neighbours are further apart than the tolerance; each part then
-    along z, and so on until nothing is parted any more. That takes N log N, whatever lies on one line.
+    Points sorted along x are split wherever neighbours are further apart than the tolerance; each group then
+    along z, and so on until nothing splits. This takes N log N even for collinear points.
     """
     labels = np.zeros(len(points), dtype=np.intp)
     parts = 0

@@ -54,7 +54,7 @@ class DesignTrace(Trace, kw_only=True):
 
 
 class DesignConvergence(Convergence, kw_only=True):
-    """Error against rays of a design at an angle, or under a load, with what must be known of it."""
+    """Error against rays of a design at an angle, or under a load, with warnings."""
 
     name: str
     angle_deg: float | None

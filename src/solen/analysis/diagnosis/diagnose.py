@@ -155,20 +155,20 @@ def diagnosed(
     Parameters
     ----------
     sensor
-        SensorResponse, with receivers whose names tell right from left.
+        Response of a sensor whose receivers are named left and right.
     response
-        Of its design, over its angles and `BEYOND_DEG` more to both sides.
+        Response of its design, over its angles and `BEYOND_DEG` more on both sides.
     known
-        Standard uncertainties of what is known beforehand: ``angle.zero_deg``, and the keys of the response's changes.
+        Standard uncertainties of priors: ``angle.zero_deg``, and the keys of the response's changes.
     bend
-        Load line of the receivers in the order right, left, where their circuit is known.
+        Load line of the receivers in the order right, left, if their circuit is known.
     rising
-        Whether a brighter light is a higher voltage.
+        Whether brighter light gives a higher voltage.
 
     Raises
     ------
     DataError
-        If too few angles are left, or a receiver does not answer as the design does.
+        If too few angles remain, or a receiver does not respond like the design.
     """
     places = sides_of(sensor.receivers)
     cycles = cycles_of(sensor.passes, list(places.values()))

@@ -29,7 +29,7 @@ TOLERANCE = 1e-5
 FIRST_MM, FIRST_CHANGE_MM, LEAST_MM = 0.05, 0.1, 0.0001
 """Distance of places to begin with, also for changes in space, and the least that it is halved to in the plane."""
 BEND_MM = 3e-6
-"""Where a place departs from the straight line between its neighbours by so much, over their distance, it is parted."""
+"""Points are refined where they deviate by more from the line between their neighbours, per distance."""
 STRIP_MM, LEAST_STRIP_MM = 2e-5, 0.002
 """Within what a strip's integral over its places is known, the emitted power being 1; the least width of a strip."""
 STRIP_BEND_MM, CHANGE_BEND_MM = 4e-5, 2e-5

@@ -51,7 +51,7 @@ class Hardware:
     Attributes
     ----------
     most_steps_per_s
-        Of its motor; 0 for none.
+        Highest step rate of its motor; 0 without one.
     """
 
     most_steps_per_s = 0

@@ -54,7 +54,7 @@ class CouponPart:
 class CouponSummary:
     """A coupon in numbers: its size, its counts of features, gaps and steps, and assumptions about its source.
 
-    ``parts`` are those that were written; ``warnings`` what the printer cannot make of it.
+    ``parts`` are the written parts; ``warnings`` state what the printer cannot reproduce.
     """
 
     name: str

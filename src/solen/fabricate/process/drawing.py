@@ -40,7 +40,7 @@ def lens_face(body: Body) -> Face:
     faces = [face for face in body.all_faces if face.part == "lens"]
     if len(faces) != 1:
         limit = "a print is held against one face whose name begins with lens"
-        raise DesignError("lens", value=f"{len(faces)} faces", limit=limit, remedy="name or join the faces so")
+        raise DesignError("lens", value=f"{len(faces)} faces", limit=limit, remedy="name or join the faces accordingly")
     return faces[0]
 
 

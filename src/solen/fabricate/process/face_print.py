@@ -138,7 +138,7 @@ class FacePrint:
         return stack.offsets_um(layer, self._layers(self.body)[layer].target, VERTEX)
 
     def moved_um(self, face: PrintedFace, layers: Sequence[int], phase: tuple[float, float]) -> list[FloatArray]:
-        """Change of some layers' deviations (N,) from an uncompensated face where it stands elsewhere in the pixel."""
+        """Change of some layers' deviations (N,) for an uncompensated face at another position in the pixel."""
         stack, alike = replace(self, phase=phase)._plain, self._alike
         return [stack.offsets_um(alike[one], self._targets[alike[one]], VERTEX) - face.um[one] for one in layers]
 
@@ -260,10 +260,10 @@ class FacePrint:
         return 1e3 * float(np.sqrt(np.mean((z - self.wanted)[:, : self._inner] ** 2)))
 
     def _blamed(self, face: PrintedFace) -> FloatArray:
-        """Deviations (L, M) along z by the layers whose light makes them, rather than by those that show them.
+        """Deviations (L, M) along z assigned to the layers whose light causes them, not to those where they appear.
 
-        A wall moves with the edge of an image as much as that edge's light counts there. Where a layer hangs over, the
-        wall below it is drawn by its light; to move what is drawn there would do nothing.
+        A wall moves with the edge of an image in proportion to that edge's light there. Below an overhang, the
+        wall is set by the overhanging layer's light; moving its own edge has no effect.
         """
         off = face.printed - self.wanted
         lean = np.hypot(1.0, np.gradient(self.wanted, self.places_mm, axis=1))

@@ -50,7 +50,7 @@ class SidePrint:
     settings
         The process.
     side
-        Which way it stands: the lens last and away from the platform, first and on it, or to one side.
+        Orientation: the lens last and away from the platform, first and on it, or to one side.
     rows
         Share of light (layers, columns) of the layers from ``first`` on.
     first

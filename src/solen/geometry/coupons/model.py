@@ -143,8 +143,8 @@ class Slab(_Table):
 class Stage(_Table):
     """One run of the printer.
 
-    ``z_offset_mm`` is how much farther from the vat's floor than usual the build platform must stand at its first
-    layer; ``note`` is what is done before.
+    ``z_offset_mm`` is the additional distance of the build platform from the vat's floor at its first
+    layer; ``note`` states the preparation.
     """
 
     name: str = ""

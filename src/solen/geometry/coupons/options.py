@@ -36,7 +36,7 @@ class CouponOptions(Options):
     layer_um: Size = 25.0
     """Layer thickness, for heights in layers and for the single layer."""
     pitch_um: Size | None = None
-    """Pixel of the printer; with it, the middles of all features lie on its corners, so that all are drawn alike."""
+    """Pixel of the printer; the centres of all features are then on pixel corners, so that all are drawn alike."""
     exposure_s: Size = 2.0
     """Exposure of a layer."""
     burn_in_layers: Annotated[int, Field(ge=0, le=1000)] = 6
@@ -52,7 +52,7 @@ class CouponOptions(Options):
     grey_exposure_s: Size = 6.0
     """Exposure of the grey steps; long enough for the darkest to set."""
     ledges_um: Sizes = (5.0, 10.0, 20.0)
-    """By how much each layer of a bar of ledges stands back from the one below, then out again."""
+    """Step between layers of a bar of ledges, first inwards, then outwards."""
     ledge_layers: Annotated[int, Field(ge=4, le=400)] = 40
     """Number of layers of a bar of ledges; an odd one is lowered by one."""
     film_mm: Size = 0.1

@@ -51,7 +51,9 @@ def grey_steps(options: CouponOptions = CouponOptions()) -> Coupon:
         "the thicknesses belong beside their greys in a table for solen print grey; measure Dp on the same day, with "
         "the cure discs",
     )
-    readings = (Reading("greys", "none", "solen's own: the light of an edge's pixels decides where a wall stands"),)
+    readings = (
+        Reading("greys", "none", "solen's own: the light of an edge's pixels determines the position of a wall"),
+    )
     return Coupon("grey-steps", "discs of several greys", tuple(discs), readings=readings, cautions=cautions)
 
 

@@ -82,7 +82,7 @@ def held(number: float, where: str) -> float:
 
 
 class _Pen:
-    """Where the path is, where its part began, and the handle that S and T mirror."""
+    """Current position of the path, start of its subpath, and the handle mirrored by S and T."""
 
     def __init__(self) -> None:
         self._at: Point = (0.0, 0.0)

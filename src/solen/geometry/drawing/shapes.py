@@ -10,7 +10,7 @@ from solen.curve import Arc, Bezier, Curve, Segment, Spline, cut, fitted
 from solen.plane import Point, cross, dot, minus
 
 SHAPE_TOLERANCE_MM = 1e-8
-"""How far an ellipse, or a spline that is rational or of a degree above 3, may be from the one that stands for it."""
+"""Tolerance of the spline that replaces an ellipse, or a spline that is rational or of a degree above 3."""
 ROUND = 1e-9
 """Half axes this near in length and this square to each other, relative to their length, are those of a circle."""
 STILL = 1e-9

@@ -21,7 +21,7 @@ _FRACTION = 0.0105  # of T as 1.05 %: a fraction of 1 with noise
 
 
 def refuse_mixups(rows: Mapping[str, FloatArray], names: Mapping[str, tuple[str, ...]]) -> None:
-    """Raise where T and R make sense only under each other's names, or only as percentages that are fractions.
+    """Raise an error if T and R make sense only when exchanged, or only as fractions in place of percentages.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def refuse_mixups(rows: Mapping[str, FloatArray], names: Mapping[str, tuple[str,
     Raises
     ------
     DataError
-        With the index as it is and as it would be.
+        Stating the index without and with the correction.
     """
     if "T" not in rows:
         return

@@ -114,7 +114,7 @@ class _Search:
         return [self._refined(pose) for pose in self._rough()]
 
     def _rough(self) -> list[Pose]:
-        """Poses from pairs of blobs, best first by how many features they explain."""
+        """Poses from pairs of blobs, those that explain most features first."""
         at, seen = self.places_mm, self.blobs.places_px
         extent = float(np.ptp(at, axis=0).max())
         order = np.argsort(-self.sizes_mm, kind="stable")[:LARGEST]

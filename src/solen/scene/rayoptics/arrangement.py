@@ -1,12 +1,13 @@
 """Overlapping glasses as separate regions: ray-optics lets glasses overlap, scenes of solen do not.
 
-In ray-optics a glass multiplies the index of whatever it lies in, and where surfaces coincide they act as one. Here all
-curves are divided where they end on or cross one another; stretches that coincide become one; and on either side of
-each stretch the glasses are counted that hold a point just beside it. Each set of glasses is a region, whose index is
-the product of theirs. A stretch with the same set on both sides is not a surface, unless something else stands there.
+In ray-optics a glass multiplies the index of its surroundings, and coinciding surfaces act as one. Here all
+curves are divided where they end on or cross each other; coinciding stretches become one; and on either side of
+each stretch the glasses that contain a point just beside it are determined. Each set of glasses is a region, whose
+index is the product of theirs. A stretch with the same set on both sides is not a surface, unless something else is
+there.
 
-A glass without orientation holds what an odd number of its outlines surround. One with an orientation, drawn by a
-formula, counts how often its outline goes round a point, so that walked the wrong way it is glass outside.
+A glass without orientation contains points surrounded by an odd number of its outlines. One with an orientation,
+drawn by a formula, uses the winding number of its outline, so that with the wrong orientation the outside is glass.
 """
 
 import math

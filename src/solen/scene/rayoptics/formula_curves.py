@@ -2,8 +2,8 @@
 
 A formula gives points only. Where `CHECKED` of them lie on one line, one circle or one cubic of the parameter, to
 rounding, the curve is that one. Otherwise its range is halved until cubics through four of its points pass all others
-within `TOLERANCE` of its size. A place that halving does not mend is a jump, which ray-optics bridges by a straight
-line, or the end of a range in which the formula has no value, which is an error.
+within `TOLERANCE` of its size. Where halving does not help there is a jump, which ray-optics bridges by a straight
+line, or the end of the formula's domain, which is an error.
 """
 
 import math
@@ -31,7 +31,7 @@ MOST_PIECES = 2000
 
 
 def fitted(at: At, start: float, end: float, what: str) -> list[Curve]:
-    """Curves that follow the point ``at`` a parameter from ``start`` to ``end``, each beginning where one ends.
+    """Connected curves that follow the point ``at`` a parameter from ``start`` to ``end``.
 
     `DataError`, about ``what``, where the formula has no value, stands still, or would take too many pieces.
     """
@@ -78,7 +78,7 @@ def _off_line(points: FloatArray, a: Point, b: Point) -> float:
 
 
 def _arc(points: FloatArray, a: Point, middle: Point, b: Point, size: float) -> Arc | None:
-    """Arc that all points lie on, one after the other."""
+    """Arc through all points in order."""
     third = _point(points[len(points) // 3])
     try:
         circle = Arc.through(a, third, middle)

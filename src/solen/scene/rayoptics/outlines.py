@@ -20,7 +20,7 @@ FAR = 1e4
 HALF_ELLIPSE = "0.5\\cdot\\sqrt{1-x^2}"
 CIRCLE: dict[str, Any] = {"eqnX": "50\\cos(t)", "eqnY": "50\\sin(t)", "tMin": 0.0, "tMax": math.tau, "tStep": 0.01}
 CHECKED, ROUNDING = 200, 1e-9
-"""Places at which two curves of a glass are compared, and by how much of its length they may be wrong."""
+"""Number of points at which two curves of a glass are compared, and their tolerance relative to its length."""
 SKIN = 1e-6
 """Length from a surface, in length scales of the file, within which a ray that leaves it does not meet it again."""
 Outline = Callable[[Fields, "World"], Sequence[Curve]]

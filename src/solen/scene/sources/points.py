@@ -1,9 +1,9 @@
-"""Points that fill the unit cube evenly, by their number, or by chance.
+"""Points that fill the unit cube evenly, by number or at random.
 
 One or two coordinates: a rank-1 lattice whose first coordinate has equal steps, so that one dimension is the midpoint
-rule. Three and more: ``COPIES`` Sobol' nets, dealt in turn, each with its digits shifted by numbers that are drawn once
-and for all. A lattice of many dimensions can be poor in a direction that matters, and its halves are then wrong alike;
-independent copies are not, so how far they are apart says how far their mean can be trusted (decision 31).
+rule. Three and more: ``COPIES`` Sobol' nets, used in turn, each with digits shifted by numbers that are drawn once
+for all. A lattice of many dimensions can be poor in a direction that matters, and its halves then have the same error;
+independent copies do not, so their spread gives the uncertainty of their mean (decision 31).
 
 Scrambled nets are those of `scipy.stats.qmc.Sobol` with the same generator, number for number; they are made here
 because importing scipy's takes longer than tracing with them, and so that they stay what they are.
