@@ -313,4 +313,4 @@ def point_warnings(points: Sequence[Point], failures: Mapping[str, int]) -> Iter
         yield f"{many} of {len(points)} points have no response; {why[1]} of them: {why[0]}"
     rough = [point.why for point in points if point.right.size and point.why]
     if rough:
-        yield f"{len(rough)} of {len(points)} points did not reach the tolerance; their u states what was reached: {rough[0]}"
+        yield f"{len(rough)} of {len(points)} points missed the tolerance; their u states what was reached: {rough[0]}"
