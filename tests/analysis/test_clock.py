@@ -128,7 +128,7 @@ def test_a_sine_lies_between_on_and_off_for_a_third() -> None:
 @pytest.mark.parametrize(
     ("seconds", "sampled_hz", "depth", "words"),
     [
-        (2.0, 10_000.0, 0.0, "no modulation stands out"),
+        (2.0, 10_000.0, 0.0, "no clear modulation"),
         (0.03, 10_000.0, 1.0, "must hold at least 8 periods"),
         (4.0, 1000.0, 1.0, "samples in a period of 200 Hz: at least 6"),
     ],

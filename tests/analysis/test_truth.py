@@ -99,9 +99,9 @@ def test_drift_comes_back_and_is_no_hysteresis() -> None:
 def test_a_drift_that_looks_like_a_hysteresis_is_said() -> None:
     """0.6 V/min is 12 mV in half a cycle of 2.4 s: at 0° falling ways come that much later than rising ones."""
     found = found_of(replace(NOISY, drift_V_per_min=0.6))
-    assert any("parts rising and falling ways by up to 0.012 V" in warning for warning in found.warnings)
+    assert any("separates rising and falling half-cycles by up to 0.012 V" in warning for warning in found.warnings)
     larger = found_of(replace(NOISY, drift_V_per_min=0.6, hysteresis_V=0.2))
-    assert not any("parts rising and falling ways" in warning for warning in larger.warnings)
+    assert not any("separates rising and falling half-cycles" in warning for warning in larger.warnings)
 
 
 @pytest.mark.parametrize("noise_deg", [0.05, 0.1, 0.2])
@@ -122,7 +122,7 @@ def test_a_noisy_angle_shows_its_cycles(noise_deg: float) -> None:
 def test_ways_of_unlike_length_are_said() -> None:
     found = found_of(Truth(Protocol(levels_deg=(0.0, 1.0, 0.0, -1.0, 0.0, 3.0, 0.0, -3.0), cycles=3)))
     assert any("only from -1° to 1°" in warning for warning in found.warnings)
-    assert not any("of that part" in warning for warning in found_of(NOISY).warnings)
+    assert not any("refer to that range" in warning for warning in found_of(NOISY).warnings)
 
 
 def test_linearity_of_a_parabola_in_both_definitions() -> None:

@@ -101,7 +101,7 @@ def test_it_is_homed_when_allowed_moved_and_stopped(kind: dict[str, object]) -> 
     here = stage.position()
     clock.sleep(1.0)
     assert -3.0 < stage.position() == here < 3.0
-    with pytest.raises(BenchError, match="from where it was sent"):
+    with pytest.raises(BenchError, match="from its target"):
         stage.on_target()
     with pytest.raises(BenchError, match=rf"takes {controller.highest:g} deg/s for 60 deg/s"):
         stage.begin_move(0.0, 60.0)

@@ -241,7 +241,7 @@ def test_levels_where_a_converter_is_not_straight_are_warned_of(bench: Path) -> 
     rig = changed(bench, ("[board]\n", "[board]\nstraight_v = [0.5, 4.9]\n"))
     found = check(rig, CheckOptions(seconds=0.5))
     assert len(found.faults) == 4  # in the dark they stand near 5 V
-    assert all("beyond 0.5 to 4.9, where the converter is not straight" in line for line in found.faults)
+    assert all("beyond 0.5 to 4.9, where the converter is not linear" in line for line in found.faults)
     done = record(bench / "protocol.toml", rig, bench / "out")
     assert any("A: 100 % of the readings" in line and "not straight" in line for line in done.warnings)
 

@@ -160,7 +160,7 @@ def test_what_a_stop_leaves_can_be_closed(bench: Path, monkeypatch: pytest.Monke
     periods = len(read_journal(bench / "out" / "protocol.journal").streams["board"])
     found = recover(bench / "out" / "protocol.journal")
     assert (found.outcome, found.cycles, found.periods) == ("stopped", 2, periods)
-    assert "the run ended before its end: KeyboardInterrupt" in found.warnings
+    assert "the run ended early: KeyboardInterrupt" in found.warnings
     (row,) = list_recordings(bench / "out").recordings
     assert (row.outcome, row.sensors, row.there) == ("stopped", ("A", "B"), True)
 

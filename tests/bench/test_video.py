@@ -108,7 +108,7 @@ def test_a_marker_that_is_hidden_doubled_or_one_of_several(tmp_path: Path) -> No
         return np.concatenate([first[:, 100:260], second[:, 100:260]], axis=1)
 
     write_avi(path, (both() for _ in range(20)), RATE_HZ)
-    with pytest.raises(DataError, match="shows markers 7, 12; name the one that turns with --marker"):
+    with pytest.raises(DataError, match="shows markers 7, 12; choose the rotating one with --marker"):
         motion_of(path)
 
 

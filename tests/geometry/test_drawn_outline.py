@@ -402,7 +402,7 @@ def test_an_svg_without_units_is_asked_for_them(tmp_path: Path) -> None:
     assert "does not state its unit" in refused(file)
     assert built(file, body={"units": "um"}).area_mm2() > 0.0
     file.write_text(SVG.format(z=0).replace('"80mm"', '"160mm"'), encoding="utf-8")
-    assert "stretches the drawing" in refused(file)
+    assert "distorts the drawing" in refused(file)
 
 
 def test_json_holds_any_curve_and_is_taken_as_it_is(tmp_path: Path) -> None:

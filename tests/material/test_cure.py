@@ -185,7 +185,7 @@ def test_what_did_not_set_and_what_was_not_measured_is_left_out_and_said() -> No
         (26, "nothing set"),
         (27, "no thickness"),
     ]
-    assert any("nothing set at 30 mJ/cm², where the line has 159 µm" in told for told in cautions(found))
+    assert any("nothing set at 30 mJ/cm², but the line predicts 159 µm" in told for told in cautions(found))
 
 
 def test_doses_that_are_off_together_count_once() -> None:

@@ -87,7 +87,7 @@ def test_a_range_without_an_index_is_told() -> None:
     n: list[float | None] = [1.5] * 100
     n[40:70] = [None] * 30
     kept = IndexResult(**spectrum(n)).as_table()
-    assert kept.warnings == ("no index from 478 to 540 nm: a straight line stands for it there",)
+    assert kept.warnings == ("no index from 478 to 540 nm: it is interpolated linearly there",)
     assert gaps([450.0, 500.0, 860.0]) == ()  # as wide as the others, or seen at a glance
 
 

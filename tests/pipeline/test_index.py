@@ -192,7 +192,7 @@ def test_repeats_make_an_uncertainty_and_tell_their_drift(tmp_path: Path) -> Non
     assert first > last
     assert f"{first:.3f} … {last:.3f}" in warned(found, "lossless n(900 nm) of the 5 repeats")
     assert "drift in one direction" in warned(found, "5 repeats of T")
-    assert "state it with --u-T" in warned(found, "the instrument's own accuracy")
+    assert "state it with --u-T" in warned(found, "the instrument's accuracy")
     assert found["u_common_n"][0] > 5 * found["u_random_n"][0]
 
 

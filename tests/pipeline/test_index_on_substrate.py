@@ -80,7 +80,7 @@ def test_a_substrate_is_a_file_or_a_number_too(tmp_path: Path) -> None:
         assert result["n"] == pytest.approx(N.tolist(), abs=1e-9)
         assert result["u_n"][0] == pytest.approx(0.02 * 1.0, rel=0.2)
     exact = found(tmp_path, {"T": t}, **{**ON_PET, "substrate": "1.6"})
-    assert warned(exact, "taken as exact")
+    assert warned(exact, "assumed exact")
 
 
 def test_loss_read_as_index_is_warned_of(tmp_path: Path) -> None:

@@ -308,7 +308,7 @@ def test_what_is_no_wavelength_is_refused(tmp_path: Path, wave: str) -> None:
 
 
 def test_a_column_without_a_name_is_refused_if_it_holds_anything(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match="line 1; stands without a name above column 2"):
+    with pytest.raises(DataError, match="line 1; is unnamed, above column 2"):
         read(saved(tmp_path, "film,,dye\n1,2,3\n"))
     assert read(saved(tmp_path, "film,,dye\n1,,3\n")).names == ("film", "dye")
     assert read(saved(tmp_path, ",T,R\n5,0.9,0.1\n6,0.9,0.1\n")).names == ("column 1", "T", "R")

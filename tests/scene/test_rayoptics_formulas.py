@@ -71,7 +71,7 @@ def test_where_there_is_no_value_there_is_none(text: str) -> None:
         ("lambda: x", "at character 7"),
         ("y+1", "there are x"),
         ("(x", "its end'; must be )"),
-        ("x)", "cannot stand here"),
+        ("x)", "is not allowed here"),
         ("sin()", "must be a number, a name or a bracket"),
         ("sin(x, x)", "sin takes one argument, not 2"),
         ("atan2(x)", "atan2 takes two arguments, not 1"),

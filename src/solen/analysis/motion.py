@@ -362,7 +362,7 @@ def _cycles(
         if not ok
     ]
     if abs(ramps[0].start_deg - rest) > far:
-        begun = f"the recording begins on the way: what is before {time_s[starts[0][0]]:.6g} s is left out"
+        begun = f"the recording begins during a motion: data before {time_s[starts[0][0]]:.6g} s are left out"
         warnings.insert(0, look_at(begun))
     return cycles, tuple(warnings)
 

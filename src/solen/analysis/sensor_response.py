@@ -204,7 +204,9 @@ def sensor_response(
             raise DataError(f"{other.source} ({other.label})", limit=limit, remedy="analyse them apart")
         if other.receivers != first.receivers:
             limit = f"has receivers {', '.join(other.receivers)}; {first.source} has {', '.join(first.receivers)}"
-            raise DataError(f"{other.source} ({other.label})", limit=limit, remedy="name them alike with --channel")
+            raise DataError(
+                f"{other.source} ({other.label})", limit=limit, remedy="give them the same names with --channel"
+            )
     known = {} if motions is None else motions
     runs = tuple(_run(signals, options, known) for signals in recordings)
     every = _pooled_passes(runs, options.step_deg, first.label)
@@ -365,7 +367,7 @@ def _reach_warnings(ways: Passes, runs: Sequence[Run]) -> list[Caution]:
         return []
     part = (
         f"the angle goes from {low:.3g}° to {high:.3g}°, but all used half-cycles cover only {first:.3g}° to "
-        f"{last:.3g}°: curves and numbers are of that part"
+        f"{last:.3g}°: curves and numbers refer to that range"
     )
     return [look_at(part)]
 
@@ -378,8 +380,8 @@ def _drift_warnings(name: str, own: ReceiverResponse, runs: Sequence[Run]) -> li
     if not (abs(drift) > 3.0 * own.u_drift_V_per_min and apart > 0.5 * own.hysteresis_V > 0.5 * _ROUNDING_V):
         return []
     part = (
-        f"a drift of {drift:+.2g} {unit}/min parts rising and falling ways by up to {apart:.2g} {unit}, "
-        f"which is in the hysteresis of {own.hysteresis_V:.2g} {unit}"
+        f"a drift of {drift:+.2g} {unit}/min separates rising and falling half-cycles by up to {apart:.2g} "
+        f"{unit}, included in the hysteresis of {own.hysteresis_V:.2g} {unit}"
     )
     return [of(name, look_at(part))]
 

@@ -169,7 +169,7 @@ def study(files: Sequence[Path], options: AnalysisOptions | None = None) -> Stud
     units = {one.unit for signals in sensors.values() for one in signals}
     if len(units) > 1:
         limit = f"hold receivers in {' and in '.join(sorted(units))}"
-        raise DataError("recordings", limit=limit, remedy="analyse those of each unit separately")
+        raise DataError("recordings", limit=limit, remedy="analyse each unit separately")
     used = options.model_copy(update={"dark_V": 0.0}) if options.dark_V is None and bare else options
     motions: dict[int, Motion] = {}
     responses = {label: _response(signals, used, motions) for label, signals in sensors.items()}
@@ -407,7 +407,7 @@ def _group_warnings(groups: Sequence[SensorGroup | None], sensors: int) -> list[
     warnings = []
     for group, what in zip(groups, ("with a lens", "without a lens"), strict=True):
         if group is not None and group.n == 1 and sensors > 1:
-            warnings.append(note(f"one sensor {what}: how far prints differ cannot be judged from it"))
+            warnings.append(note(f"one sensor {what}: it does not show the variation between prints"))
     if groups[0] is not None and sensors == 1:
-        warnings.append(note("one sensor: its cycles show how it repeats, not how far prints differ"))
+        warnings.append(note("one sensor: its cycles show repeatability, not variation between prints"))
     return warnings

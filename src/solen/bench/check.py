@@ -207,7 +207,7 @@ def _faults(
         mine = answers[:, own.input - 1]
         strongest = int(np.argmax(np.where(mine, np.abs(mean[:, own.input - 1]), 0.0))) + 1
         if circuit and own.on_V < short_V and own.off_V < short_V:
-            yield of(what, do_not_use("stands near 0 V, lit or not; a short, or far too much light"))
+            yield of(what, do_not_use("is near 0 V, lit or not: a short circuit, or far too much light"))
         elif not mine.any():
             yield of(what, do_not_use("answers to no emitter; check its wire and its receiver"))
         elif strongest != sensor.emitter:
@@ -231,7 +231,7 @@ def _settings(own: InputCheck, glance: Glance, emitter: int, rig: Rig) -> Iterat
         )
     ends = None if rig.daq is not None else rig.board.straight_v
     if ends is not None and not ends[0] <= own.on_V <= own.off_V <= ends[1]:
-        yield look_at(f"its levels reach beyond {ends[0]:g} to {ends[1]:g}, where the converter is not straight")
+        yield look_at(f"its levels reach beyond {ends[0]:g} to {ends[1]:g}, where the converter is not linear")
     if rig.unit == "V" and own.on_V < BOTTOM * own.off_V:
         yield look_at("is saturated with its emitter on; turn its trimmer to less load")
     elif own.load_factor is not None and own.load_factor < 1.0:

@@ -161,7 +161,7 @@ class KinesisStage(LineStage):
         if abs(away) <= max(NEAR if begun else 0.0, CLOSE / self._per_unit):
             return True
         if begun:
-            raise self._refusal(f"rests {away:g} {self.unit} from where it was sent", "did a limit switch stop it?")
+            raise self._refusal(f"rests {away:g} {self.unit} from its target", "did a limit switch stop it?")
         return False
 
     def stop(self) -> None:

@@ -33,7 +33,7 @@ def locked(path: Path) -> Iterator[None]:
             leftover.callback(_remove, file)
         except sqlite3.Error as bad:
             if getattr(bad, "sqlite_errorname", "").startswith("SQLITE_BUSY"):
-                limit, remedy = "is in use by a run that goes on", "let it end first"
+                limit, remedy = "is in use by another run", "let it end first"
                 raise BenchError(str(path), limit=limit, remedy=remedy) from None
         yield
 

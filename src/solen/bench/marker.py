@@ -35,7 +35,7 @@ DICTIONARIES: dict[Dictionary, str] = {
 SQUARE = np.array([[-0.5, 0.5], [0.5, 0.5], [0.5, -0.5], [-0.5, -0.5]])
 """Corners of the marker in its plane, y up, in the order in which they are found."""
 MARGIN, PLACES, STEP_PX = 0.12, 40, 0.5
-"""Share of a side left out at each end; places along it, at the most; and from sample to sample across it."""
+"""Share of a side left out at each end, most points along it, and spacing of samples across it."""
 REACH = 0.09
 """How far across a side one looks, as a share of it: less than the black border and the white one are wide."""
 LEAST_PX = 24.0

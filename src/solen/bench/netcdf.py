@@ -162,7 +162,7 @@ def _bent(name: str, parts: Sequence[Columns], ends: Sequence[float] | None) -> 
         levels = [part[f"{side}_ambient"] + more for side in ("right", "left") for more in (0.0, part[side])]
         outside.append(np.any([(level < ends[0]) | (level > ends[1]) for level in levels], axis=0))
     share = float(np.concatenate(outside).mean())
-    beyond = f"levels beyond {ends[0]:g} to {ends[1]:g}, where the converter is not straight"
+    beyond = f"levels beyond {ends[0]:g} to {ends[1]:g}, where the converter is not linear"
     return [of(name, look_at(f"{100 * share:.3g} % of the readings rest on {beyond}"))] if share > 0.0 else []
 
 
@@ -299,7 +299,7 @@ def _positions(file: Any, journaled: JournalContent) -> None:
     stage, looks = journaled.streams["stage"], looks_of(journaled)
     file.dimensions["look"] = len(stage)
     for name, values, unit, text in (
-        ("stage_time_s", looks.time_s, "s", "when the stage was where it was: the middle of question and answer"),
+        ("stage_time_s", looks.time_s, "s", "time of the position: the middle of query and answer"),
         ("stage_bound_s", looks.bound_s, "s", "how far that may be off, to either side"),
         ("stage_answer_s", stage["t_s"], "s", "when its answer had come, by the run's clock as it was read"),
         ("stage_position", looks.position, journaled.header["unit"], "where it was"),
@@ -312,7 +312,7 @@ def _ended(journaled: JournalContent) -> list[Caution]:
     ends = [event for event in journaled.events if event["what"] in {"stopped", "fault"}]
     if not ends or journaled.outcome == "done":
         return []
-    return [look_at(f"the run ended before its end: {ends[-1]['reason']}")]
+    return [look_at(f"the run ended early: {ends[-1]['reason']}")]
 
 
 def _damage(journaled: JournalContent) -> list[Caution]:

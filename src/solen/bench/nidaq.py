@@ -265,7 +265,7 @@ class NiDaq:
         with self._translated("switch the emitters"):
             ended = any(task.is_task_done() for task in self._tasks[:-1])
         if ended:
-            limit = "switches its emitters no more: one of its tasks has ended"
+            limit = "has stopped switching its emitters: one of its tasks has ended"
             raise BenchError(self.name, limit=limit, remedy="check its cable and power, then run again")
 
     def _off(self) -> BenchError | None:

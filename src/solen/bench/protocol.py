@@ -76,7 +76,7 @@ class Protocol(BenchTable):
         None, description="Velocity of the slow cycles, as a share of that of the others; default: a third."
     )
     position_rate_hz: Annotated[Number, Field(gt=0, le=1000)] = Field(
-        50.0, description="How often the stage is asked where it is, per second."
+        50.0, description="Position queries of the stage per second."
     )
     step: Annotated[tuple[Step, ...], Field(min_length=1, max_length=1000)] = Field(description="the steps, [[step]].")
 

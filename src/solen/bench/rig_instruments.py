@@ -179,15 +179,14 @@ class DaqOf(BenchTable):
     rate_hz: Annotated[Number, Field(ge=100, le=2_000_000)] = Field(
         10_000.0, description="Samples of each input per second."
     )
-    range_v: Positive = Field(10.0, description="Its range, ± V: one that goes beyond the circuit's supply.")
+    range_v: Positive = Field(10.0, description="Its range, ± V; it must include the circuit's supply.")
     terminal: Literal["rse", "nrse", "differential"] = Field("rse", description="How inputs are wired.")
     channels: Annotated[tuple[Text, ...], Field(min_length=1, max_length=64)] | None = Field(
         None, description="Its analog inputs for the rig's inputs 1, 2, …; default: ai0, ai1, …"
     )
     switching: Literal["external", "counter", "lines"] = Field(
         "external",
-        description="What switches the emitters: something outside, the instrument's counters, or its lines where they "
-        "follow a clock.",
+        description="Source of the switching: external, the instrument's counters, or its clocked digital lines.",
     )
     lines: tuple[Text, ...] = Field((), description="Digital outputs that light emitters 1, 2, …: port0/line0.")
     switch_hz: Annotated[Number, Field(ge=1, le=2000)] = Field(
@@ -258,7 +257,7 @@ class MeterOf(BenchTable):
         None, description="Of an oscilloscope: channel that is high while emitters are on; default: they are always on."
     )
     switch_hz: Positive = Field(
-        200.0, description="Of an oscilloscope with a sync: how often emitters are lit per second."
+        200.0, description="For an oscilloscope with a sync: switching frequency of the emitters in Hz."
     )
     settle_us: NotNegative = Field(300.0, description="Of an oscilloscope: left out after each switch, in µs.")
 

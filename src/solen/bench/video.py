@@ -181,7 +181,7 @@ def motion_of(path: Path, options: VideoOptions = VideoOptions()) -> VideoMotion
 
 def _check(options: VideoOptions) -> None:
     if options.glow is not None and options.offset_s is not None:
-        raise SpecError("--offset-s", limit="is known already by --glow", remedy="give one of both")
+        raise SpecError("--offset-s", limit="is already determined by --glow", remedy="give one of both")
     if options.recording is not None and options.glow is None:
         raise SpecError("--recording", limit="needs --glow, which shows when it began", remedy="or give --offset-s")
 
@@ -235,7 +235,7 @@ def _looked(path: Path, options: VideoOptions) -> tuple[int, _Seen]:
 def _only(path: Path, numbers: list[int]) -> int:
     if len(set(numbers)) > 1:
         limit = f"shows markers {', '.join(map(str, sorted(set(numbers))))}"
-        raise DataError(str(path), limit=limit, remedy="name the one that turns with --marker")
+        raise DataError(str(path), limit=limit, remedy="choose the rotating one with --marker")
     return numbers[0]
 
 

@@ -84,8 +84,8 @@ def _face(model: PrintModel) -> list[Caution]:
         return []
     return [
         note(
-            f"by the model walls stand {ends[0]:+.2g} µm at the first layer and {ends[1]:+.2g} µm at the last beyond "
-            "those at half the thickness, where the emitter is: the face in the picture is corrected"
+            f"by the model walls stand {ends[0]:+.2g} µm at the first layer and {ends[1]:+.2g} µm at the last "
+            "relative to half the thickness, where the emitter is: the face in the picture is corrected"
         )
     ]
 

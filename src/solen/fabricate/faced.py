@@ -49,7 +49,7 @@ def lies_flat(part: Part, rotation: FloatArray, layer_um: float) -> tuple[str | 
     warnings = []
     if rotation[2, 2] != 1.0:
         limit = "the lens differs by height, and its layers must be parallel to the faces of the body"
-        warnings.append(do_not_use(f"{limit}: as it is turned here they cut across it; print it flat"))
+        warnings.append(do_not_use(f"{limit}: in this orientation they cut across it; print it flat"))
     if isinstance(part, StackedPart):
         own_um = 1e3 * part.prisms[0].height_mm
         say = note if math.isclose(own_um, layer_um, rel_tol=1e-6) else look_at

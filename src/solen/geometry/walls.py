@@ -38,7 +38,7 @@ def behind_gap(faces: tuple[Face, ...], gap_mm: float | None) -> tuple[tuple[Fac
 def _before(face: Face, gap_mm: float) -> Segment:
     end = face.curve
     if not isinstance(end, Segment):
-        limit = "only a straight receiver can stand behind an air gap"
+        limit = "only a straight receiver can be behind an air gap"
         remedy = 'draw it in the air, beside the outline, and set receivers.coupling = "matched"'
         raise DesignError("receivers.coupling", value=f"air-gap before {face.name}", limit=limit, remedy=remedy)
     nx, nz = end.normal_at(end.start)
@@ -93,7 +93,7 @@ def _check_named(faces: tuple[Face, ...], number: int, wall: Wall) -> None:
     if wall.to_mm is not None and wall.to_mm > longest_mm + SHORTEST_MM:
         limit = f"must be at most {longest_mm:.4g} mm, the length of {wall.face}"
         raise DesignError(
-            f"wall[{number}].to_mm", value=wall.to_mm, limit=limit, remedy="leave it out for all the rest"
+            f"wall[{number}].to_mm", value=wall.to_mm, limit=limit, remedy="leave it out to reach the end"
         )
 
 

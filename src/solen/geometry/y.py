@@ -177,7 +177,7 @@ def _crotch(body: BodyTable, right: _Half) -> Point:
         raise DesignError(
             "body.stem_curve_per_mm",
             value=body.stem_curve_per_mm,
-            limit="must be above 0 where the arms continue the stem's edge, or they never part",
+            limit="must be above 0 if the arms continue the stem's edge, or they never separate",
             remedy="raise it or give body.arm_angle_deg",
         )
     x, z = right.inner_end

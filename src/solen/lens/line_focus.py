@@ -61,7 +61,7 @@ class LineFocusLens(LensInSpace, eq=True):
         """
         index = lens.design_index
         if index <= math.sqrt(2.0):
-            limit = "light within the body is kept by its top and bottom above √2 alone, whatever its slope"
+            limit = "only above √2 do top and bottom totally reflect all light in the body"
             raise DesignError(
                 "lens.y_focus_mm", value="body", limit=f"index {index:g}: {limit}", remedy='use "collimated"'
             )

@@ -40,7 +40,7 @@ def loss_apart(rows: Sequence[Row], loss: Loss) -> list[Caution]:
         return [look_at("the cut-back states no wavelength, so the layer's k is not compared with it")]
     near = [row for row in rows if abs(row[0] - nm) <= NEAR_NM]
     guide, u_guide = (_DB_PER_CM * value for value in (loss.absorption_per_mm, loss.u_absorption_per_mm))
-    measured = f"the cut-back says {guide:.2g} ± {u_guide:.1g} dB/cm at {nm:g} nm"
+    measured = f"the cut-back gives {guide:.2g} ± {u_guide:.1g} dB/cm at {nm:g} nm"
     known = np.array([_levels(row) for row in near if row[1] is not None])
     if known.size:
         layer, u_layer = (float(value) for value in known.mean(axis=0))

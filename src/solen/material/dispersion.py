@@ -204,7 +204,7 @@ class Tabulated(Dispersion):
     n: tuple[Number, ...] = Field(min_length=2, description="the index at each wavelength.")
     covariance: Covariance | None = Field(None, description="Covariance of the entries of n.")
     u_n: tuple[NotNegative, ...] | None = Field(
-        None, description="Standard uncertainty of each n, taken as wholly correlated; in place of covariance."
+        None, description="Standard uncertainty of each n, assumed fully correlated; instead of a covariance."
     )
 
     @model_validator(mode="after")

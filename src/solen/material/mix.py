@@ -54,7 +54,7 @@ class MixOptions(Options):
 
 @dataclass(frozen=True)
 class Component:
-    """A component: its share in per cent, and what is known of it; density in g/mL, index of the liquid."""
+    """A component: its share in per cent, and if known its density in g/mL and index as a liquid."""
 
     name: str
     percent: float

@@ -149,7 +149,7 @@ class Resin(Strict):
     error: ClassVar[type[SolenError]] = DataError
 
     name: Text = Field(description="the resin's name, one line.")
-    source: str = Field("", description="Where the numbers come from.")
+    source: str = Field("", description="Source of the numbers.")
     notes: str = Field("", description="Anything worth knowing.")
     index: Dispersion = Field(default_factory=Unknown, description="A table [index] with its kind.")
     loss: Loss = Field(default_factory=Loss, description="What it takes from the light.")

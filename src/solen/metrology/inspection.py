@@ -410,8 +410,8 @@ def _size_warnings(scale: Scale, chosen: NamedEdge) -> list[Caution]:
         warnings.append(
             look_at(
                 "no uncertainty of the scale is stated (--u-um-per-px): deviations exclude it, and 1 % of scale "
-                f"changes them by {chosen.registration.um_per_percent_of_scale:.2g} µm (rms); scale and shrinkage are "
-                f"parted as if it were {100.0 * U_SCALE:g} %"
+                f"changes them by {chosen.registration.um_per_percent_of_scale:.2g} µm (rms); scale and "
+                f"shrinkage are separated as if it were {100.0 * U_SCALE:g} %"
             )
         )
     off = size.size_factor - 1.0

@@ -158,7 +158,7 @@ def measure_outline(
     pose, band, traced = _traced(image, match.pose, nominal)
     check_seen(image, band.share_seen)
     if not traced:
-        raise no_lens(image, nominal, "no edge runs along where its front would be")
+        raise no_lens(image, nominal, "there is no edge along its expected front")
     edges = edges_along(image, pose, nominal, band, traced)
     walls = wall_edges(image, pose, nominal, 1 if len(edges) == 1 else MOST_EDGES)
     traced_side = pose.mirrored

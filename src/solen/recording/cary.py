@@ -106,7 +106,7 @@ def _heads(grid: Grid, start: int) -> list[tuple[str, str]]:
         name = names[column] if column < len(names) else ""
         below = modes[column] if column < count else ""
         if column % 2 and name:
-            raise grid.refused(start, column, "stands above values; names stand above the wavelengths")
+            raise grid.refused(start, column, "is above values; names belong above the wavelengths")
         if column % 2 == 0 and not name:
             raise grid.refused(start, column if column < len(names) else None, "the name of a trace is missing")
         if not (_is_mode(below) if column % 2 else _is_wave(below)):
@@ -120,7 +120,7 @@ def _parted(grid: Grid, first: int, traces: int) -> tuple[list[int], list[int]]:
     end = next((row for row in range(first, len(grid.rows)) if grid.is_blank(row)), len(grid.rows))
     body, after = list(range(first, end)), list(range(end, len(grid.rows)))
     if not body:
-        raise grid.source.refused(grid.place(first - 1), "no numbers stand below the header", "export it again")
+        raise grid.source.refused(grid.place(first - 1), "no numbers follow the header", "export it again")
     for row in after:
         if len(grid.rows[row]) > 1 and all(map(is_number, grid.rows[row][:2])):
             raise grid.refused(row, None, f"holds numbers after the empty line {grid.lines[end]}", "join the two parts")
@@ -163,7 +163,7 @@ def _traces(grid: Grid, heads: list[tuple[str, str]], body: list[int]) -> list[_
         held = [row for row in body if column < widths[row] and any(grid.rows[row][column : column + 2])]
         if held and held != body[: len(held)]:
             hole = next(row for row, there in zip(body, held, strict=False) if row != there)
-            limit = "is empty, and the trace goes on below"
+            limit = "is empty, but the trace continues below"
             raise grid.refused(hole, column, limit, "restore the wavelength; a value alone may be empty")
         for row in held:
             if is_missing(grid.rows[row][column]):

@@ -182,7 +182,7 @@ def read_netcdf3(source: Source) -> Recording:
             ends = [(one.data[-1:] if one.isrec else one.data).tobytes() for one in file.variables.values()]
             whole = len(source.data)
             if not any(source.data[: whole - pad].endswith(end) for end in ends for pad in {0, -len(end) % 4}):
-                raise ValueError("bytes were added: no array ends where the file does")
+                raise ValueError("extra bytes at the end: no array ends with the file")
     except Exception:  # scipy raises whatever fits what it stumbled over
         limit = "is a damaged netCDF file"
         raise source.refused("", limit, "export it again") from None

@@ -73,7 +73,7 @@ def _records(source: Source) -> Iterator[tuple[str, Lines]]:
         record = _RECORD.match(text)
         if record is None:
             if text.strip() and not label:
-                raise source.refused(f"line {number}", "stands before any record", "export the file again")
+                raise source.refused(f"line {number}", "precedes any record", "export the file again")
             held.append((number, text))
             continue
         if label:
@@ -160,7 +160,7 @@ def _last_digit(text: str) -> float:
 def _tokens(source: Source, number: int, text: str) -> list[str]:
     """Numbers and compressed numbers of a line, which must hold nothing else."""
     if _TOKEN.sub("", text).strip(" \t,;"):
-        limit = "holds what is neither a number nor a compressed one"
+        limit = "holds something other than plain or compressed numbers"
         raise source.refused(f"line {number}", limit, "export the file again", text[:40])
     return _TOKEN.findall(text)
 

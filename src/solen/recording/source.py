@@ -98,7 +98,7 @@ class Source:
         """Error of bytes that are neither text nor of the format that the name promises."""
         kind = _NAMED.get(self.path.suffix.lower())
         if kind is not None:
-            return self.refused("", f"is neither {kind} file nor text", "export it again, or copy it once more")
+            return self.refused("", f"is neither {kind} file nor text", "export or copy it again")
         return self.refused(f"line {line}", limit, remedy)
 
     def text(self) -> str:

@@ -188,7 +188,7 @@ def _of_each(grid: Grid, rows: Sequence[int], names: Sequence[str], *, by_name: 
         return dict(enumerate(rows))
     left = next(row for row in rows if row not in found.values())
     limit = f"is of none of the {len(names)} specimens, and {len(rows)} are listed: which is which is open"
-    raise grid.refused(left, None, limit, "name them alike, or delete its line")
+    raise grid.refused(left, None, limit, "use the same name, or delete its line")
 
 
 def _number(name: str) -> str:

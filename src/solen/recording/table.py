@@ -62,7 +62,7 @@ def check_rows(grid: Grid, place: Layout) -> None:
     expected = len(place.names)
     unnamed = next((n for n, name in enumerate(place.names) if n and not name), None)  # an index may be, a column not
     if unnamed is not None and any(any(grid.rows[row][unnamed : unnamed + 1]) for row in place.body):
-        limit = f"stands without a name above column {unnamed + 1}"
+        limit = f"is unnamed, above column {unnamed + 1}"
         raise grid.refused(place.header, None, limit, "name every column that holds something")
     if not place.body:
         raise grid.source.refused("", "has a header and no rows", "export it again")
@@ -83,7 +83,7 @@ def _begins_another(grid: Grid, place: Layout, row: int) -> bool:
 
 
 def columns(grid: Grid, place: Layout, *, machine: bool = False) -> list[Column]:
-    """Columns of the table, numbers or words as their cells are; ``machine`` if no hand wrote them."""
+    """Columns of the table, of numbers or words according to their cells; ``machine`` if a program wrote them."""
     held = [n for n, name in enumerate(place.names) if name or n == 0]
     cells = {column: grid.cells(column, place.body) for column in held}
     kinds = {column: _kind(cells[column], place.names[column]) for column in held}
@@ -283,9 +283,7 @@ def _ending(grid: Grid, place: Layout, column: Column) -> str:
     """Note on the last number, which may be truncated if the file's last line has no line break."""
     cells = [grid.rows[row][column.place] for row in place.body]
     if grid.source.padding and column.place == len(place.names) - 1:
-        return (
-            f"{grid.source.padding} NUL bytes stand behind the last row: the recorder may have stopped without warning"
-        )
+        return f"{grid.source.padding} NUL bytes follow the last row: the recorder may have stopped without warning"
     last = column.place == len(place.names) - 1 and grid.lines[place.body[-1]] == grid.lines[-1]
     if grid.ends or not last or len(cells) < 3 or len(cells[-1]) >= min(map(len, cells[:-1])):
         return ""

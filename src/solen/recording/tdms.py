@@ -58,7 +58,7 @@ def _check_segments(data: bytes) -> None:
     place = 0
     while place < len(data):
         if data[place : place + len(_MAGIC)] != _MAGIC:
-            raise ValueError("a segment does not begin where the one before it ends")
+            raise ValueError("a segment does not begin at the end of the previous one")
         place += _LEAD_IN + int.from_bytes(data[place + 12 : place + 20], "little")
     if place != len(data):
         raise ValueError("its last segment ends elsewhere than the file")

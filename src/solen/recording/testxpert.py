@@ -108,7 +108,7 @@ def _check_whole(grid: Grid, place: Layout) -> None:
     if hole is not None:
         raise grid.refused(hole + 1, None, "is empty, and numbers follow", "export each test to a file of its own")
     if place.after:
-        raise grid.refused(place.after[0], None, "stands after the numbers", "export one test alone")
+        raise grid.refused(place.after[0], None, "follows the numbers", "export one test alone")
 
 
 def _check(grid: Grid, place: Layout, column: table.Column, values: FloatArray) -> None:
@@ -143,4 +143,4 @@ def _check_repeats(grid: Grid, place: Layout) -> None:
         return
     for before, row in zip(place.body, place.body[1:], strict=False):
         if grid.rows[row] == grid.rows[before]:
-            raise grid.refused(row, None, "is the line before it once more", "remove one of them")
+            raise grid.refused(row, None, "repeats the previous line", "remove one of them")

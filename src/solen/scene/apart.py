@@ -142,5 +142,5 @@ def chords_meet(p: FloatArray, q: FloatArray) -> tuple[FloatArray, FloatArray, F
 
 
 def _error(first: "Interface", second: "Interface", value: str, limit: str) -> DesignError:
-    remedy = "end bodies where others begin, with one interface between both media, or leave a gap"
+    remedy = "let bodies share a single interface between both media, or leave a gap"
     return DesignError(f"interfaces {first.name} and {second.name}", value=value, limit=limit, remedy=remedy)

@@ -262,7 +262,7 @@ def _nearest_side(branch: _Branch, interfaces: Sequence["Interface"]) -> tuple[f
 def _misfit(vertex: list[_Branch], through: list["Interface"]) -> DesignError:
     """The error for media that do not fit."""
     a, b = next((a, b) for a, b in _neighbours(vertex) if a.after != b.before)
-    remedy = "swap left and right of the one that is wrong, or walk its curve the other way"
+    remedy = "swap left and right of the wrong one, or reverse its curve"
     if through:  # it has the same two media before and behind this point
         remedy = f"divide {' and '.join(interface.name for interface in through)} at this place, or {remedy}"
     return DesignError(

@@ -256,7 +256,7 @@ class Scene:
         if self.extrusion is None:
             raise DesignError(what, value="in the plane", limit="is a face in space", remedy="state an extrusion")
         if wall is None or wall.behaviour != "refracting" or wall.surface is not None:
-            limit = "must stand for an interface that is refracting, smooth and bare"
+            limit = "must replace a refracting, smooth and bare interface"
             raise DesignError(what, value=self.front.interface, limit=limit)
         if self.extrusion.thickness_mm != self.front.lens.thickness_mm:
             limit = f"is cut for a body of {self.front.lens.thickness_mm:g} mm"

@@ -145,7 +145,7 @@ class AngleTable:
         for angle_deg, reflected_s, reflected_p, transmitted_s, transmitted_p in self.rows:
             most = max(reflected_s + transmitted_s, reflected_p + transmitted_p)
             if most > 1.0 + SHARES:
-                limit = f"reflected and transmitted together are at most 1, at {angle_deg:g} deg too"
+                limit = f"the sum of reflected and transmitted must be at most 1, also at {angle_deg:g} deg"
                 raise DesignError("surface table", value=most, limit=limit)
 
     @property

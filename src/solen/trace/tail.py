@@ -38,9 +38,9 @@ class Tail(NamedTuple):
     family_of: Callable[[int], FamilyInSpace]
 
     def added(self, found: Integral, tolerance: float, most_hits: int, most_legs: int) -> Integral:
-        """What was found with what it left unfinished, to an uncertainty of the ``tolerance`` or after so many legs.
+        """Integration result completed by its sampled tail, to an uncertainty of ``tolerance`` or a number of legs.
 
-        Where these will not do, a tenth of them is all that is spent.
+        If these cannot suffice, only a tenth of them is used.
         """
         room = paths.path_room(self.columns)
         dimensions = self.source.dimensions(self.in_space)

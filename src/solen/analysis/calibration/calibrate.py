@@ -166,8 +166,8 @@ def _sentence(check: Check, left_out: str) -> str:
     one = check.whole
     return (
         f"angles of a {left_out} left out are decoded to {one.rms_deg:.2g}° (rms; mean error {one.bias_deg:+.1g}°, "
-        f"worst {one.worst_deg:.2g}°); {100 * one.within_68:.0f} % lie within the bands of 68 %, "
-        f"{100 * one.within_95:.0f} % within those of 95 %"
+        f"worst {one.worst_deg:.2g}°); {100 * one.within_68:.0f} % lie within the 68 % bands, "
+        f"{100 * one.within_95:.0f} % within the 95 % bands"
     )
 
 

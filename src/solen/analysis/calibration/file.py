@@ -38,7 +38,7 @@ class Motion(Strict):
     table: ClassVar[str] = "motion"
     error: ClassVar[type[DataError]] = DataError
 
-    kind: Literal["rotation", "bend"] | None = Field(None, description="rotation or bend; null where it is not stated.")
+    kind: Literal["rotation", "bend"] | None = Field(None, description="rotation or bend; null if not stated.")
     pivot: Text | None = Field(None, description="Centre of the rotation: stem-base, emitter, or x z in mm.")
     parts: tuple[Text, ...] | None = Field(None, description="Parts that move: lens, emitter, receivers, mirrors.")
     low_deg: Number | None = Field(None, description="Lowest angle that was gone to.")
@@ -130,8 +130,8 @@ class CalibrationFile(Strict):
     rails_V: tuple[tuple[Number | None, Number | None], tuple[Number | None, Number | None]] = Field(
         description="Lowest and highest voltage of left and right at which readings were clipped; null for none."
     )
-    dark_V: Number | None = Field(None, description="Voltage without light, where it is known.")
-    motion: Motion = Field(description="What was moved, and how far.")
+    dark_V: Number | None = Field(None, description="Voltage without light, if known.")
+    motion: Motion = Field(description="The moving part and its range.")
     circuit: Circuit = Field(description="What the voltages are.")
     curves: Curves = Field(exclude=True, description="Voltages over the angles, and their covariances.")
     leave_one_cycle_out: Checked | None = Field(description="Each cycle decoded by the others; null with two cycles.")

@@ -202,4 +202,4 @@ class DecodingTable(Result):
         """Warnings if the table is too coarse."""
         if self.sigma <= MOST_OFF:
             return ()
-        return (look_at(f"the table lies up to {self.off_deg:.2g}° beside the whole decoder; take more --points"),)
+        return (look_at(f"the table lies up to {self.off_deg:.2g}° from the full decoder; use more --points"),)

@@ -125,7 +125,7 @@ def find_clock(time_s: FloatArray, values: FloatArray, rate_hz: float, *, on: On
     near = _strongest(start, signal, stated)
     middle, turns, clearness, level = _followed(start, signal, near)
     if clearness < CLEAR:
-        limit = f"no modulation stands out near it: {clearness:.1f} times its noise, where {CLEAR:g} are needed"
+        limit = f"no clear modulation near it: {clearness:.1f} times its noise, but {CLEAR:g} are needed"
         raise DataError(
             "rate_hz", value=rate_hz, limit=limit, remedy="state the rate, or record the switch state in a column"
         )

@@ -250,7 +250,7 @@ def _count_warnings(readings: Demodulated) -> list[Caution]:
     if counts.clipped:
         clipped = (
             f"{counts.clipped} of {len(readings.time_s)} readings hold samples at a limit of their channel: light "
-            "beyond it is not seen, neither the emitter's nor the ambient's (--low, --high)"
+            "beyond it, of the emitter or the room, is not recorded (--low, --high)"
         )
         warnings.append(look_at(clipped))
     return warnings

@@ -210,7 +210,7 @@ def _check_signs(sensor: SensorResponse, fitted: Fitted, places: Mapping[str, in
     for side in places:
         value, half = fitted.value(f"gain {side}"), fitted.half_width(f"gain {side}")
         if value + half < 0.0:
-            limit = "responds opposite to the design: its voltage rises where the design gets brighter"
+            limit = "responds opposite to the design: its voltage rises where the design predicts more light"
             remedy = "turn the angle with --flip-angle, or state --brighter higher"
             raise DataError(f"{sensor.label}: {side} receiver", limit=limit, remedy=remedy)
 

@@ -94,7 +94,7 @@ def light_by_place(wide: Sensor, angle_deg: float, reach_mm: float, like: Places
 def check_light(scene: Scene) -> None:
     """`DesignError` if a scene's emitter cannot be resolved by position."""
     if scene.is_random:
-        limit = "diagnosis needs light that nothing scatters by chance"
+        limit = "diagnosis needs light without random scatter"
         raise DesignError("diagnosis", value="scattered light", limit=limit, remedy="leave the scatter out")
     if scene.sources[0].emission() is None:
         raise DesignError("emitter", limit="a file of rays has no points to fit", remedy="state a pattern")

@@ -158,7 +158,7 @@ def _trim(diagnosis: Diagnosis) -> Iterator[str]:
     if one is None or one.value is None or abs(one.value - 1.0) < ALIKE:
         return
     side, ratio = ("right", one.value) if one.value > 1.0 else ("left", 1.0 / one.value)
-    yield f"the {side} receiver's load divided by {ratio:.3g} would make both gains alike"
+    yield f"the {side} receiver's load divided by {ratio:.3g} would make both gains equal"
 
 
 def _record(diagnosis: Diagnosis) -> Iterator[str]:

@@ -75,7 +75,7 @@ class Job:
 
     def __post_init__(self) -> None:
         if self.greys.answer and isinstance(self.solid, Exposures) and self.solid.greys:
-            limit = "is for parts: grey steps show the greys themselves, as they are measured"
+            limit = "applies to parts: grey steps show the greys themselves, to be measured"
             raise SpecError("--process", limit=limit, remedy="leave it out")
         self._check_pictures()
         least, most = self.printer.layers_um

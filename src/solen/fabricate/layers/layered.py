@@ -219,7 +219,7 @@ def _of_stack(job: Job, stack: Stack) -> list[Caution]:
     if stack.first_mm2 < NARROW * stack.largest_mm2:
         first, largest = (area / job.slicing.copies for area in (stack.first_mm2, stack.largest_mm2))
         areas = f"{first:.3g} mm² where its largest layer has {largest:.3g} mm²"
-        warnings.append(look_at(f"the part stands on {areas}: give it a base or supports, or turn it"))
+        warnings.append(look_at(f"the part rests on {areas}: add a base or supports, or turn it"))
     off = stack.volume_mm3 / job.volume_mm3 - 1.0
     if abs(off) > OTHER_VOLUME:
         warnings.append(

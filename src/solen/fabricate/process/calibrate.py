@@ -248,8 +248,8 @@ def _inseparable(fit: PrinterCalibration) -> list[Caution]:
     warnings = [
         note(
             "washing, critical dose, exposure and scattering move edges alike and cannot be separated here: "
-            f"Ec_mJ_per_cm2 is an effective one, for edges at wash_um = {fit.settings.wash_um:g} and not for depths; "
-            "what is known is the growth of walls, and it is kept"
+            f"Ec_mJ_per_cm2 is an effective one, for edges at wash_um = {fit.settings.wash_um:g} and not for "
+            "depths; the growth of walls is what is known and kept"
         )
     ]
     for i, j in combinations(range(len(fit.numbers)), 2):

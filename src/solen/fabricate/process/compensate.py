@@ -63,7 +63,7 @@ class Compensation:
 
     @property
     def drawing(self) -> "Drawing":
-        """How it is drawn."""
+        """Its drawing."""
         return Drawing(self.drawn_um, self.wall_um, self.scale)
 
     @reported

@@ -126,7 +126,7 @@ def measured_greys(recording: Recording, process: Process, options: GreyOptions 
     u_log = np.hypot(u_mean * per_um, u_mean[-1] * per_um[-1])[:-1]
     u_light = np.append(light[:-1] * u_log, 0.0)
     if not log_light[0] < 0.0:
-        raise DataError("thickness", limit="all discs are as thick as those of the full grey: was one picture shown?")
+        raise DataError("thickness", limit="all discs are as thick as those of full grey: was a single picture used?")
     u_own = _u_of_exponent(log_light[:-1], u_mean * per_um)
     u_power = float(np.hypot(np.hypot(u_Dp / Dp, 0.01 * options.u_scale_percent), u_own))
     pairs = tuple((float(grey), float(share)) for grey, share in zip(greys, light, strict=True))

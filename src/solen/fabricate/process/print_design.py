@@ -207,7 +207,7 @@ def _check_flat(options: PrintOptions, *, compensate: bool, part: bool) -> None:
     """`SpecError` if something that only a flat part has is asked for of another."""
     if options.choose_phase and options.phase_px is not None:
         raise SpecError(
-            "--phase-px", value=options.phase_px, limit="goes before --choose-phase", remedy="leave one out"
+            "--phase-px", value=options.phase_px, limit="cannot be combined with --choose-phase", remedy="leave one out"
         )
     if options.orientation == "flat":
         return
@@ -266,7 +266,7 @@ def _of_layers(prediction: PrintedDesign) -> list[Caution]:
     return [
         look_at(
             f"walls stand {first:+.3g} µm beyond their image at the first layer, {middle:+.3g} in the middle and "
-            f"{last:+.3g} at the last: light at another height meets another lens"
+            f"{last:+.3g} at the last: light at another height sees another lens"
         )
     ]
 

@@ -190,8 +190,8 @@ def profile_of_print(
     warnings = (
         look_at(f"predicted by a print model ({process}), not measured"),
         look_at(
-            f"the uncertainty of the process, {u_um:.2g} µm root mean square along the lens, moves all points together "
-            "and is not in u_mm"
+            f"the uncertainty of the process, {u_um:.2g} µm root mean square along the lens, is common to all "
+            "points and not included in u_mm"
         ),
     )
     return replace(profile, warnings=warnings)

@@ -252,7 +252,7 @@ def _check(options: PrintOptions, *, part: bool) -> None:
     if options.at != "middle":
         raise SpecError("--at", value=options.at, limit=f"{why}: all heights are predicted", remedy="leave it out")
     if options.phase_px is not None and options.phase_px[0] not in MIDDLE_PIXELS:
-        limit = "must be 0 or 0.5 across the axis for a lens that differs by height: its halves must print alike"
+        limit = "must be 0 or 0.5 across the axis for a lens that varies with height: its halves must print alike"
         raise SpecError("--phase-px", value=options.phase_px, limit=limit)
 
 
@@ -263,7 +263,7 @@ def _check_halves(settings: Settings) -> None:
         raise SpecError(
             "process.response",
             value=f"walls at {least:+.3g} to {most:+.3g} µm by the side they face",
-            limit=f"must move all sides alike, within {ALIKE_UM:g} µm, for a lens that differs by height",
+            limit=f"must move all sides alike, within {ALIKE_UM:g} µm, for a lens that varies with height",
             remedy="state a symmetric response, or its sigma_um",
         )
 

@@ -68,7 +68,7 @@ class Settings(Strict):
         60.0, description="Standard deviation of the scattered light at the window."
     )
     halo_per_depth: Annotated[Number, Field(ge=0, le=3)] = Field(
-        0.3, description="By how much that grows with depth, µm per µm (added in squares)."
+        0.3, description="Its growth with depth, µm per µm (added in squares)."
     )
     halo_fraction: Share = Field(0.05, description="Share of the light that is scattered.")
     shrinkage_percent: Percent = Field(1.0, description="Linear shrinkage in the plane, about the lens's vertex.")

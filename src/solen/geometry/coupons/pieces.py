@@ -148,6 +148,6 @@ def guides(options: CouponOptions = CouponOptions()) -> Coupon:
     )
     cautions = (
         "print the guides along the sensor's own direction, and another set across it: layers scatter differently",
-        "a mark would scatter: no guide has one; label them as they are taken off the plate",
+        "a mark would scatter, so guides have none; label them when taking them off the plate",
     )
     return Coupon("guides", "guides for the cut-back", tuple(pieces), readings=readings, cautions=cautions)

@@ -43,7 +43,7 @@ def group_b(
     """Cylinders of one diameter at falling gaps: the smallest gap that stays open."""
     pairs = options.gap_reading == "pairs"
     rows, gaps = (_pairs if pairs else _chain)(gaps_mm, diameter_mm, options)
-    taken = "pairs, each gap alone, so that a merged pair leaves the others as they are"
+    taken = "separate pairs, so that a merged pair does not affect the others"
     readings = (
         Reading(
             "arrangement",
@@ -104,7 +104,7 @@ def z_reference(options: CouponOptions = CouponOptions()) -> Coupon:
     }
     readings = (Reading("third pillar", printed, taken[options.reference_reading]),)
     slab = Slab(width, depth, BASE_MM)
-    cautions = ("the pillars leave no room for a mark: they stand in the order in which they are named, along +x",)
+    cautions = ("the pillars leave no room for a mark: they are in the order of their names along +x",)
     return Coupon(
         "z-reference", "reference of height", pillars, slab, steps=steps, readings=readings, cautions=cautions
     )

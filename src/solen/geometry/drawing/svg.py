@@ -78,7 +78,7 @@ def _scale(path: Path, root: ET.Element, units: str | None) -> float:
         limit = "does not state its unit: its width and height are not in mm, cm, in or pt"
         raise DataError(f"{path}: width", value=root.get("width"), limit=limit, remedy=NO_UNITS_REMEDY)
     if abs(scale[0] - scale[-1]) > 1e-3 * scale[0]:
-        limit = "stretches the drawing: width and height over those of the view box differ"
+        limit = "distorts the drawing: width and height are scaled differently from the view box"
         raise DataError(f"{path}: viewBox", value=root.get("viewBox"), limit=limit, remedy="make them fit")
     return scale[0]
 

@@ -117,5 +117,5 @@ def _of_threshold(curve: WorkingCurve) -> list[Caution]:
     liquid = [left.disc.dose_mJ_per_cm2 for left in curve.left_out if left.disc.thickness_um == 0.0]
     if liquid and max(liquid) > curve.Ec_mJ_per_cm2:
         depth = float(curve.depth_um(max(liquid)))
-        warnings.append(look_at(f"nothing set at {max(liquid):.3g} mJ/cm², where the line has {depth:.3g} µm"))
+        warnings.append(look_at(f"nothing set at {max(liquid):.3g} mJ/cm², but the line predicts {depth:.3g} µm"))
     return warnings

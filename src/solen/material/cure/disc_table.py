@@ -46,7 +46,7 @@ def discs(recording: Recording, irradiance_mW_per_cm2: float | None) -> Table:
     means = group_means(keys, thickness_um)
     warnings = []
     if len(means) < len(keys):
-        warnings = [note(f"{len(keys)} rows are readings of {len(means)} discs: those of one disc are averaged")]
+        warnings = [note(f"{len(keys)} rows are readings of {len(means)} discs: readings of one disc are averaged")]
     doses = np.array([value for value, _ in means])
     return Table(doses, np.array(list(means.values())), [keys.index(key) + 1 for key in means], used, warnings)
 

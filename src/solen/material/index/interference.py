@@ -215,7 +215,7 @@ def _remarks(measured: Measured, mode: str, dispersion: str, *, by_levels: bool)
         )
     if mode == JOINT:
         found = [
-            note("layer and bare sheet are fitted together, k at least 0 in each, with one error of the photometer")
+            note("layer and bare substrate are fitted jointly, with k at least 0 in each and a common photometer error")
         ]
     elif measured.slit_nm is None:
         found.append(

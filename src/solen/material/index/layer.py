@@ -260,7 +260,7 @@ def _bare(recording: Recording, spectra: OpticalSpectra, options: IndexOptions) 
     sheet, nm = optical_spectra(recording, chosen), spectra.wavelength_nm
     if sheet.wavelength_nm.shape != nm.shape or not np.allclose(sheet.wavelength_nm, nm):
         limit = "must be at the wavelengths of the layer's"
-        raise DataError("traces of the bare sheet", limit=limit, remedy="measure both alike")
+        raise DataError("traces of the bare sheet", limit=limit, remedy="measure both in the same way")
     bare = {kind: _reading(sheet, options, kind) for kind in ("T", "R")}
     thickness_um = options.substrate_thickness_um or 0.0
     n = invert(bare["R"].value, bare["T"].value, thickness_um, nm).n
@@ -285,7 +285,7 @@ def _routed(spectra: OpticalSpectra, options: IndexOptions) -> IndexSpectrum:
             return routes.measured(nm, t, _reading(spectra, options, "R"), options.thickness, setup)
         if setup is None:
             raise routes.no_reflectance("T alone,", nm, t)
-        limit, remedy = "needs R of layer and substrate together, measured", "name its trace; or take --mode lossless"
+        limit, remedy = "needs a measured R of layer and substrate combined", "name its trace; or take --mode lossless"
         raise SpecError("--mode measured", limit=limit, remedy=remedy)
     if "A" not in spectra.rows or options.absorbance_kind != "absorptance":
         remedy = "name its trace with --absorbance and state --absorbance-kind absorptance"
@@ -414,7 +414,10 @@ def _about_instrument(
         warnings += fringe_warnings(spectrum.wavelength_nm, n, options.thickness_um, bandwidth_nm)
         if options.u_thickness_um is None and spectrum.k.known.any():
             warnings.append(
-                look_at("the uncertainty of the thickness is not stated and not in u_k: k goes with 1/thickness")
+                look_at(
+                    "the uncertainty of the thickness is not stated and not included in u_k: k is "
+                    "proportional to 1/thickness"
+                )
             )
     known = {*options.ignore, *options.bare_transmittance, *options.bare_reflectance}
     if others := [name for name in spectra.unused if name not in known]:

@@ -60,7 +60,8 @@ def unstated(read: Mapping[str, Reading]) -> list[Caution]:
     alone = [name for name, one in read.items() if one.repeats > 1 and not one.u_common[1].any()]
     return [
         look_at(
-            f"the instrument's own accuracy is not in the uncertainty: only the repeats of {' and '.join(alone)} are; "
+            "the instrument's accuracy is not included in the uncertainty: only the repeats of "
+            f"{' and '.join(alone)} are; "
             f"state it with {_options(alone)}"
         )
     ] * bool(alone)
@@ -83,9 +84,7 @@ def about_substrate(inverse: Inverse, n: Estimate, read: Mapping[str, Reading], 
         warnings.append(look_at(f"{unknown}: state it with {_options(names)}, or give repeats"))
     u_sheet = np.broadcast_to(np.asarray(setup.substrate.u_n), n.value.shape)
     if not (u_sheet > 0).any():
-        warnings.append(
-            look_at("the substrate's index is taken as exact: an error of it goes over into n nearly one to one")
-        )
+        warnings.append(look_at("the substrate's index is assumed exact: an error of it enters n nearly one to one"))
     if i is not None and (part := abs(float(inverse.n_by["sheet_n"][i] * u_sheet[i]))) ** 2 > float(n.u[i]) ** 2 / 2:
         warnings.append(
             look_at(

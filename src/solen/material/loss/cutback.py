@@ -402,7 +402,7 @@ def _of_shape(loss: GuideLoss) -> list[Caution]:
     return [
         look_at(
             f"the line {'flattens' if flattens else 'steepens'} with length (by chance {chance(loss.p_curved)}): "
-            f"{why}; one loss does not describe it"
+            f"{why}; a single loss does not describe it"
         )
     ]
 
@@ -418,8 +418,8 @@ def _of_orientation(loss: GuideLoss) -> list[Caution]:
     if loss.p_orientation < SIGNIFICANCE:
         warnings.append(
             look_at(
-                f"the loss depends on the build orientation (dB/cm: {values}; by chance {chance(loss.p_orientation)}): "
-                "use the value of your orientation, not the common one"
+                f"the loss depends on the build orientation (dB/cm: {values}; by chance "
+                f"{chance(loss.p_orientation)}): use the value of your orientation, not the overall one"
             )
         )
     else:

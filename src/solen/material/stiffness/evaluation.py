@@ -254,8 +254,8 @@ def _of_points(modulus: Young) -> Caution | None:
     if modulus.effective_points >= _WORTH:
         return None
     return look_at(
-        f"the {modulus.points} points of the modulus are worth {modulus.effective_points:.1f} independent ones, as "
-        "neighbouring residuals are alike; below 8 its interval is too narrow"
+        f"the {modulus.points} points of the modulus count as {modulus.effective_points:.1f} independent ones, as "
+        "neighbouring residuals correlate; below 8 its interval is too narrow"
     )
 
 

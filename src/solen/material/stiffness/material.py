@@ -279,7 +279,7 @@ def _of_machine(specimen: _Specimen) -> list[Caution]:
 
 def _of_count(specimens: int) -> list[Caution]:
     if specimens == 1:
-        return [look_at("one specimen: how far specimens of this material differ is not known")]
+        return [look_at("one specimen: the variation between specimens of this material is unknown")]
     return [look_at("two specimens: their standard deviation is itself uncertain by 76 %")] if specimens == 2 else []
 
 

@@ -238,7 +238,7 @@ def _check_clear(best: _Guess, guesses: list[_Guess], measured_mm: FloatArray, w
             return
         elsewhere = np.hypot(*(here - other.pose.to_px(measured_mm)).T).max() > NEAR_MM * best.pose.px_per_mm
         if elsewhere and other.cost - best.cost + _farther(other, best) < CLEAR:
-            limit = f"the {name} could lie in two ways: its marks or largest features are not visible"
+            limit = f"the {name} has an ambiguous pose: its marks or largest features are not visible"
             raise DataError(what, limit=limit, remedy="take a picture with the marks in it")
 
 
@@ -294,7 +294,7 @@ def locate_slab(z_mm: FloatArray, coupon: Coupon, px_per_mm: float, what: str) -
             both = [Pose(angle + turn, (x, y), 1e3 / px_per_mm) for turn in (0.0, 180.0)]
             best = max(both, key=lambda pose: _covariance(z_mm, coupon, pose))
             return Location(best, True, tuple(feature.name for feature in coupon.features), True, 0.0)
-    limit = f"shows no {coupon.name}: no slab of {slab.width_mm:g} x {slab.depth_mm:g} mm stands out"
+    limit = f"shows no {coupon.name}: no slab of {slab.width_mm:g} x {slab.depth_mm:g} mm is visible"
     raise DataError(what, limit=limit, remedy="check --um-per-px and --z-um; the whole slab must be in the map")
 
 

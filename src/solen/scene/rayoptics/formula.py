@@ -167,7 +167,7 @@ class _Reader:
     def whole(self) -> Node:
         node = self.binary()
         if self.token.kind != "end":
-            self.refuse("cannot stand here")
+            self.refuse("is not allowed here")
         return node
 
     @property
@@ -257,7 +257,7 @@ class _Reader:
             self.refuse("must be a bracket")
         self.depth += 1
         if self.depth > DEEPEST:
-            self.refuse(f"stands in more than {DEEPEST} brackets")
+            self.refuse(f"is nested in more than {DEEPEST} brackets")
         node = self.binary()
         self.depth -= 1
         self.expect(CLOSING[opened])
