@@ -243,7 +243,7 @@ def test_levels_where_a_converter_is_not_straight_are_warned_of(bench: Path) -> 
     assert len(found.faults) == 4  # in the dark they stand near 5 V
     assert all("beyond 0.5 to 4.9, where the converter is not linear" in line for line in found.faults)
     done = record(bench / "protocol.toml", rig, bench / "out")
-    assert any("A: 100 % of the readings" in line and "not straight" in line for line in done.warnings)
+    assert any("A: 100 % of the readings" in line and "not linear" in line for line in done.warnings)
 
 
 @pytest.mark.parametrize("seconds", [0.05, 0.001])

@@ -390,7 +390,7 @@ def test_a_device_says_what_it_can_and_is_used_so(
         (
             "USB-6009",
             {"switching": "counter"},
-            "USB-6009 has no counters that put out pulses, .*; light them by something",
+            "USB-6009 has no counters that put out pulses, .*; switch them externally",
         ),
         (
             "USB-6009",

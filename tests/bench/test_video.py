@@ -156,7 +156,7 @@ def test_glow_that_is_not_seen_or_always_on_and_options_that_do_not_go_together(
         motion_of(path, VideoOptions(glow=GLOW))
     with pytest.raises(SpecError, match=r"--glow = '310 210 20 20'; must lie within the picture, of 320 by 240"):
         motion_of(path, VideoOptions(glow=(310, 210, 20, 20)))
-    with pytest.raises(SpecError, match="--offset-s; is known already"):
+    with pytest.raises(SpecError, match="--offset-s; is already determined"):
         motion_of(path, VideoOptions(glow=GLOW, offset_s=1.0))
     with pytest.raises(SpecError, match="--recording; needs --glow"):
         motion_of(path, VideoOptions(recording=path))

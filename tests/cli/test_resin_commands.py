@@ -138,7 +138,7 @@ def test_a_layers_k_is_compared_with_the_cutback(layer: float | None, guide: flo
     for name, data in (("index", index), ("cutback", cutback)):
         Path(f"{name}.json").write_text(json.dumps(data), encoding="utf-8")
     found = shell.json("resin", "build", "r.toml", *WHO, "--index", "index.json", "--cutback", "cutback.json")
-    told = [text for text in found["warnings"] if "cut-back says 1.8 ± 0.2 dB/cm" in text]
+    told = [text for text in found["warnings"] if "cut-back gives 1.8 ± 0.2 dB/cm" in text]
     assert bool(told) is differ
     assert all("13 ± 1" in text for text in told)
     assert load_resin("r.toml").loss.absorption_per_mm == pytest.approx(per_mm)

@@ -308,7 +308,7 @@ def test_receivers_and_mirrors_may_stand_in_the_air(tmp_path: Path) -> None:
     )
     assert turned.face("receiver-far") == body.face("receiver-far")
     inside = dxf(tmp_path / "inside.dxf", lens, *SIDES, line("mirror", (0.0, 5.0), (9.0, 5.0)), LAMP)
-    assert refused(inside).startswith("mirror; must stand in the air, and meets the body")
+    assert refused(inside).startswith("mirror; must be in the air, but touches the body")
 
 
 def test_the_emitter_turns_alone_and_a_lens_that_is_part_of_the_outline_cannot(sensor_dxf: Path) -> None:

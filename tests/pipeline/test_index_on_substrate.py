@@ -101,7 +101,7 @@ def test_loss_read_as_index_is_warned_of(tmp_path: Path) -> None:
         ({"side": "layer"}, "side; is of a layer on a substrate"),
         ({"u_substrate_n": 0.1}, "u_substrate_n; is of a layer on a substrate"),
         ({**ON_PET, "mode": "as-published"}, "mode = 'as-published'; cannot take a substrate"),
-        ({**ON_PET, "mode": "measured"}, "--mode measured; needs R of layer and substrate together"),
+        ({**ON_PET, "mode": "measured"}, "--mode measured; needs a measured R"),
         ({**ON_PET, "substrate": "5"}, "--substrate = 5.0; must be a name, a file, or an index above 1"),
         ({**ON_PET, "substrate": "pet"}, "is two materials: drawn film, 1.636 at 633 nm, and pressed plates, 1.565"),
         ({**ON_PET, "substrate": "pett-drawn"}, "did you mean pet"),

@@ -80,7 +80,7 @@ def test_what_rests_on_estimates_is_told(found: dict[str, Any]) -> None:
 @pytest.mark.parametrize(
     ("assignments", "words"),
     [
-        (("emitter.wavelength_nm=450",), "sees light of 450 nm with 1.2 % of the sensitivity"),
+        (("emitter.wavelength_nm=450",), "detects light of 450 nm with 1.2 % of its stated sensitivity"),
         (("emitter.wavelength_nm=450",), "VSMY1850, which emits at 850 nm"),
         (("readout.emitter_current_ma=20",), "typical parts saturate: 0.16 V"),
         (("readout.emitter_current_ma=1",), "the brightest parts saturate at 2000 ohm, typical ones do not"),

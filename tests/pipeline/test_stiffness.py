@@ -184,7 +184,7 @@ def test_what_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     told = capsys.readouterr().out
     assert told.startswith("modulus 1.1")
     assert "MPa (compression, 2 to 10 % strain)" in told
-    assert "of the work lost, " in told
+    assert "of the energy lost, " in told
     assert "  * " in told
     arguments = [
         "--cube-mm",

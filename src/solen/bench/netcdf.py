@@ -154,7 +154,7 @@ def _periods(file: Any, journaled: JournalContent) -> Content:
 
 
 def _bent(name: str, parts: Sequence[Columns], ends: Sequence[float] | None) -> list[Caution]:
-    """Readings that rest on levels where the converter is not straight."""
+    """Readings that rest on levels where the converter is not linear."""
     if ends is None or not parts:
         return []
     outside = []
