@@ -404,7 +404,7 @@ def test_without_counters_or_a_sync_the_signal_tells_when_its_emitter_is_on(made
         (("[daq]", '[daq]\nmodel = "USB-1"'), "model = 'USB-1'; must be one of USB-6218"),
         (("[daq]", "[daq]\nrate_hz = 80000.0"), r"other\.toml: daq\.rate_hz = 80000\.0; of 4 inputs are 320000"),
         (("[daq]", '[daq]\nchannels = ["ai0"]'), "names 1 inputs; the sensors are on 4"),
-        (('switching = "counter"', 'switching = "external"'), "sync; is needed with 2 emitters in turn"),
+        (('switching = "counter"', 'switching = "external"'), "sync; is needed with 2 alternating emitters"),
         (("[daq]", '[daq]\nsync = "ai9"'), "sync = 'ai9'; has no use beside what runs by the clock"),
         (("[daq]", '[daq]\ndriver = "nidaqmx"\ndevice = "Dev1"'), "ambient; is for a simulated rig"),
     ],

@@ -322,7 +322,7 @@ def test_without_the_driver_one_line_says_so(monkeypatch: pytest.MonkeyPatch) ->
             lambda: setup(emitters=3),
             "take turns; USB-6218 has 2 counters that put out pulses, and its other outputs are not timed",
         ),
-        (lambda: setup(emitters=2, switching="external"), "sync; is needed with 2 emitters in turn"),
+        (lambda: setup(emitters=2, switching="external"), "sync; is needed with 2 alternating emitters"),
         (lambda: setup(enable="port0/line0"), "static outputs, port1/line0 to port1/line7"),
         (lambda: setup(alive="port0/line0"), r"daq\.alive = 'port0/line0'; .*static outputs"),
         (lambda: setup(enable="port1/line7", alive="port1/line7"), r"daq\.alive = 'port1/line7'; .*daq\.enable"),

@@ -79,7 +79,7 @@ def test_two_materials_of_two_cubes_each(tmp_path: Path) -> None:
         lost = [each.softening.peak_stress for each in group.specimens if each.softening is not None]
         assert lost == pytest.approx([0.1, 0.1], abs=0.003)
     assert found.modulus_MPa == stiff.modulus_MPa
-    assert any("those of a-PU alone" in w for w in found.warnings)
+    assert any("those of a-PU only" in w for w in found.warnings)
     assert any(w.startswith("ma-PU: shape factor 0.25") for w in found.warnings)
     assert any("standard deviation is itself uncertain by 76 %" in w for w in found.warnings)
     assert len(found.sources) == 4
