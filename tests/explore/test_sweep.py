@@ -13,7 +13,7 @@ import pytest
 from solen.errors import DataError, SpecError
 from solen.explore.axes import axis, check_axes, grid, sampled
 from solen.explore.machines import Cluster, Slurm
-from solen.explore.store import Point, Store, Variant
+from solen.explore.store import Accuracy, Point, Store, Variant
 from solen.explore.sweep import SweepOptions, sweep
 from solen.sensor import Sensor
 from solen.spec import Design, save
@@ -97,18 +97,31 @@ def test_a_design_that_cannot_be_built_is_a_point_without_a_response(tmp_path: P
 
 def test_a_point_is_named_by_all_that_it_depends_on(tmp_path: Path) -> None:
     base = Variant(DESIGN)
-    assert base.name(None) == Variant(DESIGN.set(name="other")).name(None)
+    assert base.name(Accuracy()) == Variant(DESIGN.set(name="other")).name(Accuracy())
     others = [
-        Variant(DESIGN.set(focus_mm=21)).name(None),
-        Variant(DESIGN, {"emitter.offset_mm": 0.01}).name(None),
-        base.name(1e-3),
+        Variant(DESIGN.set(focus_mm=21)).name(Accuracy()),
+        Variant(DESIGN, {"emitter.offset_mm": 0.01}).name(Accuracy()),
+        base.name(Accuracy(1e-3)),
+        base.name(Accuracy(None, 4096)),
     ]
     profile = tmp_path / "a.txt"
     for content in ("1", "2"):
         profile.write_text(content, encoding="utf-8")
         in_folder = DESIGN.set({"emitter.ray_file": "a.txt"}).in_folder(tmp_path)
-        others.append(Variant(in_folder).name(None))
-    assert len({base.name(None), *others}) == 6
+        others.append(Variant(in_folder).name(Accuracy()))
+    assert len({base.name(Accuracy()), *others}) == 7
+
+
+def test_the_compiled_batch_gives_the_same_table_within_its_uncertainty(tmp_path: Path) -> None:
+    chip = DESIGN.set({"emitter.width_mm": 0.2, "emitter.pattern": "lambertian", "emitter.cone_deg": 120.0})
+    over = ("lens.focus_mm=18,22", "emitter.offset_mm=0,0.02,30")
+    rough = sweep(chip, SweepOptions(over=over, rays=4096), Store(tmp_path))
+    sure = sweep(chip, SweepOptions(over=over, tolerance=1e-3))
+    assert rough.traced == sure.traced == 6
+    u = np.hypot(rough.u_power, sure.u_power)
+    off = np.abs(rough.right - sure.right) / u
+    assert np.sqrt(np.nanmean(off**2)) < 1.5
+    assert 0 < np.nanmax(rough.u_power) < 5e-3
 
 
 def test_a_damaged_block_is_refused_by_name(tmp_path: Path) -> None:

@@ -11,19 +11,22 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
+import numpy as np
 from pydantic import Field
 
 from solen.errors import DataError, SolenError, SpecError
 from solen.explore.merits import worst_resolution_deg
-from solen.explore.store import Point, Variant, no_response
+from solen.explore.store import Accuracy, Point, Variant, no_response
 from solen.extras import need
 from solen.files import read_text
+from solen.sensor import Response, Sensor, respond, why_not_batched
 from solen.sensor.readings import readings_from
 from solen.spec.strict import Strict, Text, error_context, parse_toml
 
 ALLOWED_FAILURES = 10
 """Workers that may die under a task before it counts as the task's fault."""
-CHUNK_POINTS = 16
+CHUNK_POINTS, BATCH = 16, 256
+"""Points of a task, and of a call of the compiled batch."""
 WAIT_S = 30.0
 """How long an address may take to answer, in s."""
 
@@ -31,34 +34,72 @@ WAIT_S = 30.0
 class Machine(Protocol):
     """What traces variants."""
 
-    def traced(self, variants: Mapping[str, Variant], tolerance: float | None) -> Iterator[dict[str, Point]]:
+    def traced(self, variants: Mapping[str, Variant], accuracy: Accuracy) -> Iterator[dict[str, Point]]:
         """Responses of variants by their names, some at a time, in the order in which they are ready."""
 
 
 class Here:
     """The process itself."""
 
-    def traced(self, variants: Mapping[str, Variant], tolerance: float | None) -> Iterator[dict[str, Point]]:
+    def traced(self, variants: Mapping[str, Variant], accuracy: Accuracy) -> Iterator[dict[str, Point]]:
         """See `Machine`."""
-        for name, variant in variants.items():
-            yield {name: response_of(variant, tolerance)}
+        listed = list(variants.items())
+        size = 1 if accuracy.rays is None else BATCH
+        for first in range(0, len(listed), size):
+            yield responses_of(listed[first : first + size], accuracy)
 
 
-def response_of(variant: Variant, tolerance: float | None) -> Point:
-    """Response of a design over its motion, and its resolution."""
+def responses_of(variants: Sequence[tuple[str, Variant]], accuracy: Accuracy) -> dict[str, Point]:
+    """Responses of designs over their motions, and their resolutions, by name."""
+    if accuracy.rays is None:
+        return {name: _integrated(variant, accuracy.tolerance) for name, variant in variants}
+    found: dict[str, Point] = {}
+    groups: dict[tuple[bool, bool, tuple[float, ...]], list[tuple[str, Sensor]]] = {}
+    for name, variant in variants:
+        try:
+            sensor = variant.sensor()
+        except SolenError as bad:
+            found[name] = no_response(bad)
+            continue
+        if why_not_batched(sensor):
+            found[name] = _integrated(variant, accuracy.tolerance)
+            continue
+        design = sensor.design
+        alike = (design.trace.dimension == "2d", sensor.light.width_mm > 0.0, design.motion.angles_deg())
+        groups.setdefault(alike, []).append((name, sensor))
+    for (*_, angles_deg), group in groups.items():
+        found |= _batched(group, angles_deg, accuracy.rays)
+    return found
+
+
+def _integrated(variant: Variant, tolerance: float | None) -> Point:
     try:
         sensor = variant.sensor()
         response = sensor.power(tolerance=tolerance)
+    except SolenError as bad:
+        return no_response(bad)
+    return _point(sensor, response, next((trace.why for trace in response.traces if not trace.reached), ""))
+
+
+def _batched(group: Sequence[tuple[str, Sensor]], angles_deg: Sequence[float], rays: int) -> dict[str, Point]:
+    """Responses of sensors by the compiled batch."""
+    traced = respond([sensor for _, sensor in group], angles_deg, rays=rays)
+    found = {}
+    for place, (name, sensor) in enumerate(group):
+        if why := traced.why[place]:
+            found[name] = no_response(SolenError(why))
+            continue
+        powers = (traced.right[place, 0], traced.left[place, 0], traced.u_power[place, 0])
+        found[name] = _point(sensor, Response("power", np.array(angles_deg), *powers, ()), "")
+    return found
+
+
+def _point(sensor: Sensor, response: Response, why: str) -> Point:
+    try:
         resolution_deg = worst_resolution_deg(readings_from(sensor, response))
     except SolenError as bad:
         return no_response(bad)
-    why = next((trace.why for trace in response.traces if not trace.reached), "")
     return Point(response.right, response.left, response.u_power, resolution_deg, why)
-
-
-def _chunk(variants: Sequence[tuple[str, Variant]], tolerance: float | None) -> dict[str, Point]:
-    """Task of a worker."""
-    return {name: response_of(variant, tolerance) for name, variant in variants}
 
 
 class Cluster:
@@ -67,14 +108,14 @@ class Cluster:
     def __init__(self, client: Any, chunk_points: int = CHUNK_POINTS) -> None:
         self.client, self.chunk_points = client, chunk_points
 
-    def traced(self, variants: Mapping[str, Variant], tolerance: float | None) -> Iterator[dict[str, Point]]:
+    def traced(self, variants: Mapping[str, Variant], accuracy: Accuracy) -> Iterator[dict[str, Point]]:
         """See `Machine`; `DataError` where the cluster gives a chunk up."""
         from distributed import as_completed
 
         listed = list(variants.items())
         chunks = [listed[first : first + self.chunk_points] for first in range(0, len(listed), self.chunk_points)]
         futures = [
-            self.client.submit(_chunk, chunk, tolerance, key=f"solen-{chunk[0][0]}", retries=1) for chunk in chunks
+            self.client.submit(responses_of, chunk, accuracy, key=f"solen-{chunk[0][0]}", retries=1) for chunk in chunks
         ]
         try:
             for future in as_completed(futures):

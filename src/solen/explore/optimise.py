@@ -23,7 +23,7 @@ from solen.explore.axes import Axis, axis
 from solen.explore.merits import NAMES
 from solen.explore.requirement import Goal, Limit
 from solen.explore.search import Tried, search
-from solen.explore.store import Point, Store, Variant
+from solen.explore.store import Accuracy, Point, Store, Variant
 from solen.explore.sweep import OF_THE_MOTION, check_angles, merits_of_points, responses
 from solen.results import HIDDEN, Result
 from solen.sensor import Sensor
@@ -259,7 +259,7 @@ class _Judge:
     def points(self, design: Design) -> list[Point]:
         """Responses of a design in all cases."""
         variants = [partial(Variant, design, case) for case in self.task.cases]
-        return responses(variants, self.tolerance, self.store)
+        return responses(variants, Accuracy(self.tolerance), self.store)
 
     def judged(self, merits: Mapping[str, FloatArray]) -> Judged:
         """Judgement by the merits (C,) of all cases."""

@@ -17,6 +17,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -86,6 +87,13 @@ class Store:
         self.points |= points
 
 
+class Accuracy(NamedTuple):
+    """How closely responses are traced: integrated to a tolerance, or by so many rays of the compiled batch."""
+
+    tolerance: float | None = None
+    rays: int | None = None
+
+
 @dataclass(frozen=True)
 class Variant:
     """A design to be traced, and how far the built part is off some of its numbers, by their keys."""
@@ -93,11 +101,11 @@ class Variant:
     design: Design
     off: Mapping[str, float] = field(default_factory=dict)
 
-    def name(self, tolerance: float | None) -> str:
+    def name(self, accuracy: Accuracy) -> str:
         """Name of its response: equal for equal inputs, different for any other."""
         design = self.design.set(name="point")
         named = {key: hashlib.sha256(_bytes(path)).hexdigest() for key, path in sorted(design.files.items())}
-        stated = json.dumps([_engine(), dumps(design), named, sorted(self.off.items()), tolerance])
+        stated = json.dumps([_engine(), dumps(design), named, sorted(self.off.items()), accuracy])
         return hashlib.sha256(stated.encode()).hexdigest()
 
     def sensor(self) -> Sensor:

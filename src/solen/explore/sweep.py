@@ -20,7 +20,7 @@ from solen.errors import SolenError, SpecError
 from solen.explore.axes import Axis, axis, check_axes, grid, sampled
 from solen.explore.machines import Here, Machine
 from solen.explore.merits import LEAST_ANGLES, NAMES, merits_of
-from solen.explore.store import Point, Store, Variant, no_response
+from solen.explore.store import Accuracy, Point, Store, Variant, no_response
 from solen.extras import need
 from solen.results import HIDDEN, Result, reported
 from solen.sensor import Response
@@ -35,8 +35,24 @@ BLOCK_S, BLOCK_POINTS = 5.0, 256
 OF_THE_MOTION = ("motion.from_deg", "motion.to_deg", "motion.step_deg")
 
 
-class SweepOptions(Options):
-    """Axes of a sweep, and how closely it is traced."""
+class AccuracyOptions(Options):
+    """How closely responses are traced."""
+
+    tolerance: Finite | None = Field(None, ge=1e-6, le=1e-2)
+    """Largest uncertainty of a power, as a share of the emitted power; default: 1e-6 for a point in one colour, 1e-4
+    for any other source."""
+    rays: int | None = Field(None, ge=256, le=10_000_000)
+    """Trace so many rays at each angle by the compiled batch in place of integrating, which is quicker for very many
+    designs with a chip in the plane. Designs that the batch does not know are integrated."""
+
+    @property
+    def accuracy(self) -> Accuracy:
+        """The same for the machine that traces."""
+        return Accuracy(self.tolerance, self.rays)
+
+
+class SweepOptions(AccuracyOptions):
+    """Axes of a sweep."""
 
     over: tuple[str, ...] = ()
     """A key of the design and its values, KEY=FROM:TO:NUMBER or KEY=VALUE,VALUE,...; with --samples, KEY=FROM:TO;
@@ -45,9 +61,6 @@ class SweepOptions(Options):
     """Draw so many points of a scrambled Sobol' sequence in place of the grid of all values."""
     seed: int = Field(0, ge=0)
     """Seed of the samples."""
-    tolerance: Finite | None = Field(None, ge=1e-6, le=1e-2)
-    """Largest uncertainty of a power, as a share of the emitted power; default: 1e-6 for a point in one colour, 1e-4
-    for any other source."""
 
 
 class Sweep(Result):
@@ -179,7 +192,7 @@ def sweep(
     points = list(grid(axes) if options.samples is None else sampled(axes, options.samples, options.seed))
     known = len(store.points)
     variants = (partial(_set_in, design, point) for point in points)
-    traced = responses(variants, options.tolerance, store, progress, machine)
+    traced = responses(variants, options.accuracy, store, progress, machine)
     values = {one.key: [point[one.key] for point in points] for one in axes}
     shape = tuple(len(one.values) for one in axes) if options.samples is None else (len(points),)
     seed = None if options.samples is None else options.seed
@@ -208,7 +221,7 @@ def check_angles(design: Design) -> None:
 
 def responses(
     variants: Iterable[Callable[[], Variant]],
-    tolerance: float | None,
+    accuracy: Accuracy,
     store: Store,
     progress: Progress | None = None,
     machine: Machine | None = None,
@@ -223,19 +236,19 @@ def responses(
     for make in variants:
         try:
             variant = make()
-            named.append(name := variant.name(tolerance))
+            named.append(name := variant.name(accuracy))
         except SolenError as bad:  # the same at any time, and quickly
             named.append(no_response(bad))
             continue
         if name not in store.points:
             missing[name] = variant
-    _trace(missing, tolerance, store, machine or Here(), progress)
+    _trace(missing, accuracy, store, machine or Here(), progress)
     return [store.points[one] if isinstance(one, str) else one for one in named]
 
 
 def _trace(
     missing: Mapping[str, Variant],
-    tolerance: float | None,
+    accuracy: Accuracy,
     store: Store,
     machine: Machine,
     progress: Progress | None,
@@ -244,7 +257,7 @@ def _trace(
     fresh: dict[str, Point] = {}
     written, done = time.monotonic(), 0
     try:
-        for points in machine.traced(missing, tolerance):
+        for points in machine.traced(missing, accuracy):
             fresh |= points
             done += len(points)
             if len(fresh) >= BLOCK_POINTS or time.monotonic() - written > BLOCK_S:

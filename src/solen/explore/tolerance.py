@@ -21,20 +21,20 @@ from solen.explore.merits import MERITS, NAMES
 from solen.explore.requirement import Requirement
 from solen.explore.store import Store, Variant
 from solen.explore.surrogate import FOLDS, Surrogate, fit, parts
-from solen.explore.sweep import check_angles, failures_of, merits_of_points, point_warnings, responses
+from solen.explore.sweep import AccuracyOptions, check_angles, failures_of, merits_of_points, point_warnings, responses
 from solen.explore.variations import Variation, drawn, offs, together, variations_of
 from solen.results import HIDDEN, Result
 from solen.sensor import Sensor
 from solen.sensor.numbers import number
 from solen.spec import Design
-from solen.spec.strict import Finite, Options
+from solen.spec.strict import Finite
 
 MODELLED = 2**14
 """Samples of the surrogates."""
 WANTED_YIELD = 0.95
 
 
-class ToleranceOptions(Options):
+class ToleranceOptions(AccuracyOptions):
     """What varies between prints, and what they must do."""
 
     vary: tuple[str, ...] = ()
@@ -48,7 +48,7 @@ class ToleranceOptions(Options):
     """Number of prints that are traced."""
     seed: int = Field(0, ge=0)
     """Seed of the prints."""
-    tolerance: Finite = Field(1e-3, ge=1e-6, le=1e-2)
+    tolerance: Finite | None = Field(1e-3, ge=1e-6, le=1e-2)
     """Largest uncertainty of a power, as a share of the emitted power."""
     print_number: int | None = Field(None, ge=1)
     """Write the design of the print of this number as well, NAME-print-NUMBER.toml."""
@@ -203,7 +203,7 @@ def tolerance(
     every = [{}, *(offs(variations, row) for row in deviations.tolist())]
     known = len(store.points)
     variants = (partial(Variant, design, off) for off in every)
-    points = responses(variants, options.tolerance, store, progress, machine)
+    points = responses(variants, options.accuracy, store, progress, machine)
     failures = failures_of(points[1:])
     if not points[0].right.size:
         raise SpecError("design", limit=f"has no response: {points[0].why}")
