@@ -69,6 +69,9 @@ def test_a_file_holds_an_index_of_each_kind(index: str, kind: type, at_500_nm: f
             f"{HEAD}{N}[cure]\nDp_um = 80\nEc_mJ_per_cm2 = 8\ncovariance = [[1, 2], [2, 1]]",
             "cure.covariance = -1.0; must have no negative eigenvalue",
         ),
+        (f"{HEAD}{N}[cure]\nqqq = 1", "cure.qqq; unknown key; the keys here are Dp_um, Ec_mJ_per_cm2"),
+        (f"{HEAD}{N}[stiffness]\nmodulus = 1", "stiffness.modulus; unknown key; did you mean stiffness.modulus_MPa?"),
+        (f"{HEAD}{N}[loss]\nmodulus_MPa = 1", "loss.modulus_MPa; unknown key; did you mean stiffness.modulus_MPa?"),
         (f"{HEAD}{N}[stiffness]\nmodulus_MPa = true", "stiffness.modulus_MPa = True; must be a number"),
         (
             f"{HEAD}{N}[stiffness]\nmodulus_MPa = 1\nprony = [[0.1, 2.0]]",

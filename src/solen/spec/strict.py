@@ -13,7 +13,8 @@ import difflib
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import Annotated, Any, ClassVar, get_args
+from types import UnionType
+from typing import Annotated, Any, ClassVar, Union, get_args, get_origin
 
 from annotated_types import Ge, Le
 from pydantic import (
@@ -217,15 +218,30 @@ def _dotted(prefix: str, parts: Iterable[int | str]) -> str:
 
 
 def _tables(model: type[Strict]) -> dict[str, type[Strict]]:
-    """Tables directly inside a table, by their key."""
-    kinds = {key: field.annotation for key, field in model.model_fields.items()}
-    return {key: kind for key, kind in kinds.items() if isinstance(kind, type) and issubclass(kind, Strict)}
+    """Tables directly inside a table, optional ones among them, by their key."""
+    kinds = {key: _table(_alternatives(field.annotation)) for key, field in model.model_fields.items()}
+    return {key: table for key, table in kinds.items() if table}
 
 
 def _lists(model: type[Strict]) -> dict[str, type[Strict]]:
     """Tables of the lists of tables directly inside a table, by their key."""
-    kinds = {key: get_args(field.annotation) for key, field in model.model_fields.items()}
-    return {key: of[0] for key, of in kinds.items() if of and isinstance(of[0], type) and issubclass(of[0], Strict)}
+    kinds = {
+        key: _table(get_args(kind))
+        for key, field in model.model_fields.items()
+        for kind in _alternatives(field.annotation)
+        if get_origin(kind) is tuple
+    }
+    return {key: table for key, table in kinds.items() if table}
+
+
+def _alternatives(annotation: Any) -> tuple[Any, ...]:
+    """The types that a field takes: those of a union, else the one."""
+    return get_args(annotation) if get_origin(annotation) in (Union, UnionType) else (annotation,)
+
+
+def _table(kinds: Iterable[Any]) -> type[Strict] | None:
+    """The table among types; None where there is none."""
+    return next((kind for kind in kinds if isinstance(kind, type) and issubclass(kind, Strict)), None)
 
 
 def _owner(model: type[Strict], loc: tuple[int | str, ...]) -> tuple[type[Strict], tuple[int | str, ...]]:

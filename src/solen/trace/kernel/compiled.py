@@ -101,16 +101,8 @@ def cached(decorator: Callable[..., Any], function: Callable[..., Any]) -> Any:
     index = getattr(cache, "_cache_file", None)  # numba offers no public way to name more files
     if index is not None:
         index._source_stamp = stamp(Path(function.__code__.co_filename).resolve())
-        index._load_index = partial(_known, index._load_index)
+        index._version = f"{numba.__version__} {index._source_stamp}"  # another's may name classes that are no more
     return dispatcher
-
-
-def _known(load: Callable[[], dict[Any, str]]) -> dict[Any, str]:
-    """What an index holds: nothing where it names a class of another version of solen that is no more."""
-    try:
-        return load()
-    except (AttributeError, ImportError):
-        return {}
 
 
 def cache_folder() -> Path | None:
