@@ -105,8 +105,9 @@ def test_a_trace_has_the_keys_it_is_asked_for(told: Told, design: str, mode: str
     assert found["branches"] is None
 
 
-TRACED = {
-    *("name", "angle_deg", "lens", "mode", "method", "rays", "detectors", "ledger", "hits", "undefined", "truncated"),
+AT = {"angle_deg", "depth_mm", "force_N"}
+TRACED = AT | {
+    *("name", "lens", "mode", "method", "rays", "detectors", "ledger", "hits", "undefined", "truncated"),
     *("undefined_at_mm", "truncated_at_mm", "single_error", "pieces", "reached", "why", "warnings", "monitors"),
     *(
         "missed",
@@ -219,7 +220,7 @@ def test_convergence_says_the_same_in_lines_in_json_and_draws_it(
     figure = tmp_path / "convergence.svg"
     how = ("convergence", design, "--angle-deg", "0.2", "--figure", str(figure))
     found, lines = told.json(*how, "--json"), told.lines(*how)
-    assert set(found) == {"name", "angle_deg", "mode", "reference", "series", "warnings", "files"}
+    assert set(found) == AT | {"name", "mode", "reference", "series", "warnings", "files"}
     assert (found["mode"], found["angle_deg"], found["files"]) == ("power", 0.2, {"figure": str(figure)})
     assert set(found["reference"]["detectors"]) == {"left", "right"}
     assert [series["method"] for series in found["series"]] == ["fan", "sobol", "adaptive"]
@@ -237,7 +238,7 @@ def test_convergence_says_the_same_in_lines_in_json_and_draws_it(
 def test_sensitivity_says_the_same_in_lines_and_in_json(told: Told, design: str) -> None:
     how = ("sensitivity", design, "--angle-deg", "0.2")
     found, lines = told.json(*how, "--json"), told.lines(*how)
-    assert set(found) == {"name", "angle_deg", "sensitivities", "skipped", "warnings", "simulated", "files"}
+    assert set(found) == AT | {"name", "sensitivities", "skipped", "warnings", "simulated", "files"}
     rows = {line.split()[0]: line.split()[1:] for line in lines[2:]}
     for row in found["sensitivities"]:
         assert set(row) == {"key", "value", "right", "left", "contrast", "why", "tolerance", "effect"}
