@@ -175,6 +175,7 @@ def test_states_on_the_way_are_those_from_rest() -> None:
 
 
 def test_halving_the_mesh_changes_little() -> None:
+    """0.4 µm and 0.2 %: elements are refined at the crotch, where strain is singular; 1.4 µm where they are not."""
     turn = Turn((Stretch("lens"),), (0.0, 1.7), -3.0, name="clamp")
     moments, moves = [], []
     for size in (1.0, 0.5):
@@ -182,8 +183,8 @@ def test_halving_the_mesh_changes_little() -> None:
         found = soft.state([turn])
         moments.append(found.reactions[0].moment_Nmm)
         moves.append(found.wall("stem-right").displacement_mm[-1])
-    assert moments[0] == pytest.approx(moments[1], rel=1e-2)
-    np.testing.assert_allclose(moves[0], moves[1], atol=2e-3)
+    assert moments[0] == pytest.approx(moments[1], rel=5e-3)
+    np.testing.assert_allclose(moves[0], moves[1], atol=1e-3)
 
 
 def test_a_hinge_turns_freely_and_bears_no_moment() -> None:

@@ -2,12 +2,14 @@
 
 import csv
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from solen.cli import run_command
 from tests.command_support import answered
+from tests.report.test_html_page import Page
 
 DESIGN = """
 schema = 1
@@ -53,14 +55,40 @@ def test_deform_says_what_holds_the_body(capfd: pytest.CaptureFixture[str], desi
 
 
 def test_run_writes_the_response_under_load(capfd: pytest.CaptureFixture[str], design: Path, tmp_path: Path) -> None:
-    found = answered(capfd, "run", str(design), "--out", str(tmp_path / "out"))
-    names = {path.name for path in (tmp_path / "out").iterdir()}
-    assert names == {"results.json", "results.csv", "response.svg", "shape.svg", "rays.svg"}
-    with (tmp_path / "out" / "results.csv").open(encoding="utf-8") as file:
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "focus.svg").write_text("of an earlier design", encoding="utf-8")
+    found = answered(capfd, "run", str(design), "--out", str(out))
+    assert found["files"] == {"report": str(out / "report.html")}
+    names = {path.name for path in out.iterdir()}
+    assert names == {"report.html", "results.json", "results.csv", "response.svg", "shape.svg", "rays.svg"}
+    with (out / "results.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert [float(row["contrast"]) for row in rows] == found["contrast"]
     assert [float(row["rigid_contrast"]) for row in rows] == pytest.approx([0.895, 0.0, -0.895], abs=2e-3)
-    assert "moment of the clamp (N mm)" in (tmp_path / "out" / "response.svg").read_text(encoding="utf-8")
+    assert "moment of the clamp (N mm)" in (out / "response.svg").read_text(encoding="utf-8")
+    check_report(Page((out / "report.html").read_text(encoding="utf-8")), found)
+
+
+def check_report(page: Page, found: dict[str, Any]) -> None:
+    """The report shows the numbers of the result, what holds the body, and loads nothing."""
+    assert page.texts["h1"] == ["clamped"]
+    assert page.texts["h2"] == ["What to expect", "Response", "Shape", "Rays", "What is assumed"]
+    assert page.tags["svg"] == page.tags["figcaption"] == 3
+    assert max(page.ids.values()) == 1
+    assert all(target.startswith(("#", "data:")) for _, target in page.loads)
+    terms = dict(zip(page.texts["dt"], page.texts["dd"], strict=True))
+    assert terms["Contrast"].startswith(f"{found['contrast'][0]:+.3f}"[:5])
+    assert "clamp (lens, turning)" in terms["Holds"]
+    assert "Fingers" not in terms
+    for sentence in found["warnings"]:
+        assert any(sentence[1:-1] in shown for shown in page.texts["li"])
+    cells = page.texts["td"]
+    for row in found["reactions"][-1]:
+        at = cells.index(row["name"])
+        assert [float(text) for text in cells[at + 1 : at + 4]] == pytest.approx(
+            [*row["force_N"], row["moment_Nmm"]], abs=1e-3
+        )
 
 
 @pytest.mark.parametrize(

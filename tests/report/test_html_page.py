@@ -110,7 +110,8 @@ def test_warnings_stand_at_the_top_of_the_page(studied: Studies, drawn: Drawn, t
         "Index: as published, and perhaps no",
         "Index: as published, n falls by 0.1",
     ]
-    assert 'class="warnings"' not in text
+    assert Page(text).texts["li"][0].startswith("The body counts as rigid")
+    assert 'class="warnings"' not in html(studied("odd name"), drawn("odd name"))
 
 
 def test_what_matters_stands_before_the_response(studied: Studies, text: str) -> None:

@@ -2,14 +2,16 @@
 
 import json
 from pathlib import Path
+from typing import TypeVar
 
 from solen import files
-from solen.pipeline.design.deform import run_loaded
 from solen.pipeline.design.designs import open_design
 from solen.pipeline.options import ProgressBar, Set
 from solen.results import Outcome
-from solen.sensor import DesignStudy, study
-from solen.sensor.loaded import LoadedStudy
+from solen.sensor import DesignStudy, Sensor, study
+from solen.sensor.loaded import LoadedStudy, loaded_study
+
+R = TypeVar("R", DesignStudy, LoadedStudy)
 
 
 def run(
@@ -22,24 +24,30 @@ def run(
     file
         The design file.
     out
-        Folder for report.html, results.json, results.csv and the figures; made if need be. Of a soft body under load
-        there is no report, and a figure of its shape.
+        Folder for report.html, results.json, results.csv and the figures; made if need be.
     """
-    from solen.report.design import html
-    from solen.report.design.table import csv_table
+    from solen.report.design import html, loaded, loaded_page, table
 
     design = open_design(file, set_)
     with files.output_folder(out):
         if design.motion.kind == "loaded":
-            return run_loaded(design, out, progress)
+            soft = loaded_study(Sensor.of(design), progress)
+            drawn = loaded.figures(soft)
+            return _written(soft, out, drawn, loaded_page.html(soft, drawn), loaded.csv_table(soft))
         result = study(design, progress, practical=True)
         drawn = html.figures(result)
-        texts = {f"{name}.svg": text for name, text in drawn.items()}
-        texts["results.json"] = json.dumps(result.to_dict(), indent=1, allow_nan=False) + "\n"
-        texts["results.csv"] = csv_table(result)
-        texts["report.html"] = html.html(result, drawn)
-        files.write_all({out / name: text.encode("utf-8") for name, text in texts.items()})
-        for name in html.FIGURES:
-            if name not in drawn:  # of an earlier design
-                files.remove(out / f"{name}.svg")
+        return _written(result, out, drawn, html.html(result, drawn), table.csv_table(result))
+
+
+def _written(result: R, out: Path, drawn: dict[str, str], report: str, csv: str) -> Outcome[R]:
+    """Write all files of a run; figures of an earlier design are removed."""
+    from solen.report.design.html import FIGURES
+
+    texts = {f"{name}.svg": text for name, text in drawn.items()}
+    texts["results.json"] = json.dumps(result.to_dict(), indent=1, allow_nan=False) + "\n"
+    texts |= {"results.csv": csv, "report.html": report}
+    files.write_all({out / name: text.encode("utf-8") for name, text in texts.items()})
+    for name in FIGURES:
+        if name not in drawn:
+            files.remove(out / f"{name}.svg")
     return Outcome(result, {"report": out / "report.html"})

@@ -28,11 +28,12 @@ from solen.report.design.words import budget_rows, findings, warnings
 from solen.report.print.predict_figure import printed_figure
 from solen.results import scalars
 from solen.sensor import Case, DesignStudy
-from solen.spec import dumps
+from solen.spec import Design, dumps
 
 FIGURES = (
     "lens-profile",
     "response",
+    "shape",
     "matters",
     "as-printed",
     "focus",
@@ -40,7 +41,7 @@ FIGURES = (
     "rays-at-the-lens",
     "rays-without-lens",
 )
-"""Names of all figures that a study may have."""
+"""Names of all figures that a report may have; ``shape`` is of a soft body."""
 
 
 def figures(study: DesignStudy) -> dict[str, str]:
@@ -73,31 +74,55 @@ def figures(study: DesignStudy) -> dict[str, str]:
 
 def html(study: DesignStudy, drawn: dict[str, str]) -> str:
     """HTML text of the report; ``drawn`` are its figures as `figures` returns them."""
-    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True)
-    environment.filters["shown"] = shown
-    template = environment.from_string((files("solen.report") / "report.html").read_text(encoding="utf-8"))
+    in_plane = study.design.trace.dimension == "2d"
     case = study.case
-    return template.render(
-        study=study,
+    return page(
+        "report.html",
+        study.design,
+        drawn,
+        lead="simulated with the emitter as it is stated" if in_plane else emitter_words(study),
+        warnings=warnings(study),
         expected=expected(study),
+        study=study,
         matters=matters(study.practice),
         lenses=lens_table(study.practice),
         lens_words=lens_words(study.practice),
         advice=advice(study),
-        emitter=emitter_words(study),
         findings=findings(study),
-        figures={name: _inline(text, name) for name, text in drawn.items()},
         parts=_parts(study),
         summaries=[(label, vars(case.summary)) for label, case in _cases(study)],
         rows=range(len(case.power.angle_deg)),
         cases=_cases(study),
-        design=dumps(study.design),
         budget=budget_rows(study),
-        warnings=warnings(study),
         printed=[] if study.as_printed is None else printed_sentences(study.as_printed),
         rays=None if case.count is None else study.design.emitter.rays,
+    )
+
+
+def page(
+    template: str,
+    design: Design,
+    drawn: dict[str, str],
+    *,
+    lead: str,
+    warnings: list[str],
+    expected: list[tuple[str, str]],
+    **content: Any,
+) -> str:
+    """HTML text of a report: what ``page.html`` shows of every design, and the content of its own template."""
+    loader = jinja2.FunctionLoader(lambda name: (files("solen.report") / name).read_text(encoding="utf-8"))
+    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, loader=loader)
+    environment.filters["shown"] = shown
+    return environment.get_template(template).render(
+        name=design.name,
+        design=dumps(design),
+        figures={name: _inline(text, name) for name, text in drawn.items()},
+        lead=lead,
+        warnings=warnings,
+        expected=expected,
         version=solen.__version__,
         python=platform.python_version(),
+        **content,
     )
 
 

@@ -13,6 +13,7 @@ from matplotlib.tri import Triangulation
 
 from solen.arrays import FloatArray
 from solen.mechanics.design import LoadedState
+from solen.report import canvas
 from solen.report.canvas import INK, LOST, SPACE, receiver
 from solen.report.design.figures import SHOWN_RAYS, rays_figure, sensor_view
 from solen.sensor import SATURATED, Sensor
@@ -28,15 +29,16 @@ FORCE_MM = 6.0
 """Length of the longest arrow of a force."""
 
 
-def figures(study: LoadedStudy) -> dict[str, Callable[[], Figure]]:
-    """Functions that draw the figures of a study, by name."""
+def figures(study: LoadedStudy) -> dict[str, str]:
+    """Figures of a study as SVG text, by name."""
     ends = sorted({float(study.values[0]), float(study.values[-1])})
     rays = min(study.design.emitter.rays, SHOWN_RAYS)
-    return {
+    draws: dict[str, Callable[[], Figure]] = {
         "response": partial(response_figure, study),
-        "shape": lambda: shape_figure(study.sensor, study.states[-1], study.drives),
+        "shape": lambda: shape_figure(study.sensor, study.states[-1], f"{study.drives} at {ends_of(study)[-1]}"),
         "rays": lambda: rays_figure([sensor_view(study.sensor, value, rays) for value in ends]),
     }
+    return {name: canvas.svg(canvas.drawn(draw), name) for name, draw in draws.items()}
 
 
 def deformation_figure(result: Deformation) -> Figure:
@@ -61,16 +63,18 @@ def shape_figure(sensor: Sensor, state: LoadedState, title: str) -> Figure:
             title=name, xlabel="x (mm)", ylabel="z (mm)", xlim=(-wide, wide), ylim=(low - 1.0, high + FORCE_MM / 2)
         )
         each.set_aspect("equal")
-    figure.colorbar(drawn, ax=[axes, light], label="largest principal strain (%)", location="bottom", shrink=0.5)
+    figure.colorbar(
+        drawn, ax=[axes, light], label="largest principal strain (%)", location="bottom", shrink=0.5, extend="max"
+    )
     return figure
 
 
 def response_figure(study: LoadedStudy) -> Figure:
     """Receivers and contrast against what is driven, with the rigid answer; a force against its depth or angle."""
     key = study.design.motion.key
-    forces = _forces(study)
-    figure = Figure(figsize=(8.2 if forces is None else 10.8, 3.5))
-    axes = figure.subplots(1, 2 if forces is None else 3)
+    driven = forces(study)
+    figure = Figure(figsize=(8.2 if driven is None else 10.8, 3.5))
+    axes = figure.subplots(1, 2 if driven is None else 3)
     values = study.values
     for side in ("right", "left"):
         axes[0].plot(values, getattr(study, side), **receiver(side), lw=2.0, label=side)
@@ -88,43 +92,37 @@ def response_figure(study: LoadedStudy) -> Figure:
         axes[1].axhline(bound, color=LOST, lw=0.8, ls=":")
     axes[1].set(xlabel=LABELS[key], ylabel="contrast (R − L)/(R + L)", ylim=(-1.05, 1.05))
     axes[1].legend(loc="lower right" if study.contrast[-1] > study.contrast[0] else "lower left")
-    if forces is not None:
-        across, along, label_x, label_y = forces
+    if driven is not None:
+        across, along, label_x, label_y = driven
         axes[2].plot(across, along, color=INK, lw=2.0)
         axes[2].set(xlabel=label_x, ylabel=label_y)
     figure.suptitle(f"simulated: {study.design.name}")
     return figure
 
 
+def ends_of(study: LoadedStudy) -> list[str]:
+    """First and last value of what is driven, with its unit."""
+    return [f"{study.values[i]:g} {study.design.motion.unit}" for i in (0, -1)]
+
+
+def columns(study: LoadedStudy) -> dict[str, FloatArray]:
+    """What is driven and what follows (N,), by name; without what the motion does not have."""
+    known = {name: values for name in COLUMNS if (values := getattr(study, name)) is not None}
+    return known | {f"{name}_V": study.voltage_V[:, i] for i, name in enumerate(study.receivers)}
+
+
 def csv_table(study: LoadedStudy) -> str:
-    """One row a value: what is driven and what follows."""
-    columns = {
-        name: values
-        for name in (
-            "angle_deg",
-            "depth_mm",
-            "force_N",
-            "moment_Nmm",
-            "turn_deg",
-            "right",
-            "left",
-            "u_power",
-            "contrast",
-        )
-        if (values := getattr(study, name)) is not None
-    }
-    if study.rigid_contrast is not None:
-        columns["rigid_contrast"] = study.rigid_contrast
-    columns |= {f"{name}_V": study.voltage_V[:, i] for i, name in enumerate(study.receivers)}
+    """One row a value."""
+    table = columns(study)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(columns)
-    for row in np.column_stack(list(columns.values())).tolist():
+    writer.writerow(table)
+    for row in np.column_stack(list(table.values())).tolist():
         writer.writerow("" if value != value else repr(value) for value in row)
     return text.getvalue()
 
 
-def _forces(study: LoadedStudy) -> tuple[FloatArray, FloatArray, str, str] | None:
+def forces(study: LoadedStudy) -> tuple[FloatArray, FloatArray, str, str] | None:
     """Moment of a clamp against its angle, or force of a finger against its depth."""
     if study.angle_deg is not None and study.moment_Nmm is not None:
         return study.angle_deg, study.moment_Nmm, LABELS["angle_deg"], "moment of the clamp (N mm)"

@@ -1,0 +1,107 @@
+"""The report of a soft body under load: its response, its shape, and what is assumed of it."""
+
+from solen.geometry.displaced import GROUND
+from solen.mechanics.design import LoadedState, material_of
+from solen.report.design.answer import measured
+from solen.report.design.html import page
+from solen.report.design.loaded import columns, ends_of, forces
+from solen.report.design.words import warnings
+from solen.sensor.loaded import LoadedStudy
+from solen.spec import Design
+from solen.spec.soft import Press
+
+ENDS = (0, -1)
+REACTIONS = ("on the body", "force x (N)", "force z (N)", "moment (N mm)", "about x (mm)", "z (mm)")
+ALWAYS = [
+    ("Time", "None: the body springs back at once and follows every load without delay."),
+    ("Rest", "The body at rest is the drawn one, free of stress; no weight, no shrinkage."),
+    ("Index", "Strain leaves it as it is."),
+    ("Touching itself", "Where walls of the body would meet, the design is refused."),
+]
+"""What is assumed of every soft body."""
+
+
+def html(study: LoadedStudy, drawn: dict[str, str]) -> str:
+    """HTML text of the report; ``drawn`` are its figures as `solen.report.design.loaded.figures` returns them."""
+    table = columns(study)
+    first, last = ends_of(study)
+    return page(
+        "loaded.html",
+        study.design,
+        drawn,
+        lead=f"a soft body under load, from {study.drives} = {first} to {last}",
+        warnings=warnings(study),
+        expected=expected(study),
+        has_forces=forces(study) is not None,
+        last=f"{study.drives} = {last}",
+        reactions=[REACTIONS, *_reactions(study.states[-1])],
+        assumed=assumed(study.design),
+        table=table,
+        rows=list(zip(*(values.tolist() for values in table.values()), strict=True)),
+    )
+
+
+def expected(study: LoadedStudy) -> list[tuple[str, str]]:
+    """The response in words, by heading."""
+    contrasts = [measured(float(study.contrast[i]), float(study.u_contrast[i])) for i in ENDS]
+    rows = [("contrast", _at_ends(study, contrasts)), ("were it rigid", _rigid(study))]
+    if study.planes is not None:
+        spread = f"plane strain and plane stress differ by up to {study.planes.apart:.3f} in the contrast"
+        rows.append(("model", f"{spread}; a real part lies between"))
+    if (driven := forces(study)) is not None:
+        across, along, label_x, label_y = driven
+        rows.append(("load", "; ".join(f"{label_y} {along[i]:.3g} at {label_x} {across[i]:.3g}" for i in ENDS)))
+    for name, volts in zip(study.receivers, study.voltage_V.T, strict=True):
+        rows.append((f"{name} receiver", _at_ends(study, [f"{volts[i]:.3f} V" for i in ENDS])))
+    return [*rows, ("shape", _shape(study))]
+
+
+def assumed(design: Design) -> list[tuple[str, str]]:
+    """What is assumed of the body of a design, by heading."""
+    material, plane, emitter_on = material_of(design), design.mechanics.plane, design.motion.emitter_on
+    along_y = "nothing moves along y" if plane == "strain" else "the body is free to move along y"
+    model = f"{material.kind}, shear modulus {material.shear_modulus_MPa:.3g} MPa, Poisson's ratio {material.poisson:g}"
+    held = dict.fromkeys(f"{hold.name} ({hold.face}, {hold.kind})" for hold in design.hold)
+    rows = [
+        ("Plane", f"Plane {plane}: {along_y}, and walls stay upright. {design.body.thickness_mm:g} mm thick."),
+        ("Material", f"{model}, the same everywhere."),
+        ("Holds", f"{', '.join(held)}, and nothing else."),
+        ("Emitter", "Stands still." if emitter_on == GROUND else f"Goes with {emitter_on}."),
+    ]
+    if design.press:
+        rows.append(("Fingers", f"Rigid, round and without friction: {', '.join(map(_finger, design.press))}."))
+    if design.pull:
+        rows.append(("Pulls", "Keep their direction while the body turns away under them."))
+    return rows + ALWAYS
+
+
+def _at_ends(study: LoadedStudy, texts: list[str]) -> str:
+    pairs = zip(texts, ends_of(study), strict=True)
+    return ", ".join(dict.fromkeys(f"{text if text != 'none' else 'no light'} at {where}" for text, where in pairs))
+
+
+def _rigid(study: LoadedStudy) -> str:
+    if study.rigid_contrast is None:
+        return f"there is no answer: {study.rigid_refused}"
+    texts = [measured(round(float(study.rigid_contrast[i]), 3), None) for i in ENDS]
+    return f"{_at_ends(study, texts)}: the lens turned by as much, on a body that stays as it is"
+
+
+def _shape(study: LoadedStudy) -> str:
+    bulge_mm = max(state.deformed.bulge_mm for state in study.states)
+    strain = 100.0 * float(abs(study.strain_largest).max())
+    return (
+        f"strains up to {strain:.2g} %, turns up to {float(abs(study.turn_deg).max()):.2g}°; walls taken as "
+        f"upright, to {bulge_mm:.1g} mm, and within about {float(study.off_mm.max()):.1g} mm of the elements"
+    )
+
+
+def _finger(press: Press) -> str:
+    """A finger with what light meets where it touches."""
+    skin = "dry" if press.index is None else f"of index {press.index:g}"
+    back = "its back free" if press.backing is None else f"backed at {press.backing}"
+    return f"{press.name} ({press.face}, radius {press.radius_mm:g} mm, {skin}, {back})"
+
+
+def _reactions(state: LoadedState) -> list[tuple[str | float, ...]]:
+    return [(one.name, *one.force_N, one.moment_Nmm, *one.about_mm) for one in state.deformed.reactions]
