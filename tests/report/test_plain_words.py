@@ -170,6 +170,7 @@ def test_what_matters_is_ranked_and_each_number_is_one_of_the_results(studied: S
     effects = study.to_dict()["practice"]["effects"]
     angles, rows = matters(study.practice)
     assert len(rows) == len(effects) > 0
+    assert {angle for one in effects for angle in one["angle_deg"]} - {0.0} <= set(angles)
     assert [one["largest"] for one in effects] == sorted((one["largest"] for one in effects), reverse=True)
     for row, one in zip(rows, effects, strict=True):
         for angle, text in zip(angles, row.contrast, strict=True):

@@ -91,7 +91,7 @@ def matters(practice: Practice | None) -> tuple[list[float], list[Matter]]:
     """Angles, and the effect there of each number that is off by its tolerance, the largest first."""
     if practice is None or not practice.effects:
         return [], []
-    angles = [float(angle) for angle in practice.effects[0].angle_deg]
+    angles = sorted({float(angle) for effect in practice.effects for angle in effect.angle_deg})
     angles = [angle for angle in angles if angle != 0.0 or len(angles) == 1]
     return angles, [_matter(effect, angles) for effect in practice.effects]
 
