@@ -118,6 +118,15 @@ def test_paper_sensor_gives_the_share_that_the_lens_accepts() -> None:
     assert shares[0.0] == pytest.approx((accepted / 2, accepted / 2), abs=1e-5)
 
 
+def test_a_free_form_is_four_times_straighter_than_the_paper_s_lens() -> None:
+    paper, straight = result("straight_response").values()
+    assert paper.linearity_percent - paper.u_linearity_percent > 4.0 * (
+        straight.linearity_percent + straight.u_linearity_percent
+    )
+    assert straight.span > 1.29
+    assert straight.light > 0.9 * paper.light
+
+
 def test_three_wavelengths_agree_with_a_quadrature() -> None:
     rows = result("three_wavelengths")
     assert [row.refractive_index for row in rows] == [1.44, 1.49, 1.54]
