@@ -155,6 +155,6 @@ def _draw_forces(axes: Axes, state: LoadedState) -> None:
         at, scale = reaction.about_mm, FORCE_MM / largest
         tip = (at[0] + scale * reaction.force_N[0], at[1] + scale * reaction.force_N[1])
         axes.annotate("", tip, at, arrowprops={"arrowstyle": "-|>", "color": INK, "lw": 1.2})
-        axes.annotate(
-            f"{reaction.name}\n{size:.2g} N", at, xytext=(4, 4), textcoords="offset points", fontsize="small", color=INK
-        )
+        aside, aligned = (-4, "top") if reaction.force_N[1] > 0.0 else (4, "bottom")  # beside the arrow
+        label = f"{reaction.name}\n{size:.2g} N"
+        axes.annotate(label, at, xytext=(4, aside), textcoords="offset points", fontsize="small", color=INK, va=aligned)

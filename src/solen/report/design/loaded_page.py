@@ -50,7 +50,8 @@ def expected(study: LoadedStudy) -> list[tuple[str, str]]:
         rows.append(("model", f"{spread}; a real part lies between"))
     if (driven := forces(study)) is not None:
         across, along, label_x, label_y = driven
-        rows.append(("load", "; ".join(f"{label_y} {along[i]:.3g} at {label_x} {across[i]:.3g}" for i in ENDS)))
+        unit = label_x.partition("(")[2].rstrip(")")
+        rows.append(("load", f"{label_y}: " + ", ".join(f"{along[i]:+.3g} at {across[i]:.3g} {unit}" for i in ENDS)))
     for name, volts in zip(study.receivers, study.voltage_V.T, strict=True):
         rows.append((f"{name} receiver", _at_ends(study, [f"{volts[i]:.3f} V" for i in ENDS])))
     return [*rows, ("shape", _shape(study))]
