@@ -250,6 +250,8 @@ def print_design(design: Design, options: ToleranceOptions) -> Design | None:
         raise SpecError("--print-number", value=place, limit=limit, remedy="hold it, by --vary of the others")
     if sensor.has_lens and not sensor.is_measured and {"material.index", "emitter.wavelength_nm"} & values.keys():
         values = {"lens.design_index": sensor.design.lens.design_index or sensor.material.index} | values
+    if "material.index" in values:  # takes the resin away, and its loss with it
+        values = {"material.absorption_per_mm": sensor.material.absorption_per_mm} | values
     return design.set(values)
 
 

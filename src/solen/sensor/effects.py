@@ -137,7 +137,7 @@ def as_built(sensor: Sensor, steps: Mapping[str, float]) -> Sensor:
     material = other.material if OF_MATERIAL & values.keys() else sensor.material
     return replace(
         other,
-        material=_offset(material, index, sensor.light) if index else material,
+        material=_offset(material, index, other.light) if index else material,
         cut=Sensor.of(with_values(sensor.design, drawn)).cut if drawn else sensor.cut,
     )
 

@@ -45,8 +45,8 @@ def number(sensor: "Sensor", key: str) -> float:
         value = getattr(sensor.light, name)
     if value is None and key == "body.arm_angle_deg":
         value = arm_angle_deg(sensor.design)
-    if key in OF_THE_MATERIAL and value is None:
-        value = getattr(sensor.material, name)
+    if key == "material.absorption_per_mm" or (key == "material.index" and value is None):
+        value = getattr(sensor.material, name)  # the design's own absorption where stated, else the resin's
     if isinstance(value, bool | int) or not isinstance(value, float):
         raise SpecError(
             key, value=value, limit="must be a real number stated in the design", remedy="set it in the design"
@@ -88,8 +88,10 @@ def inert(sensor: "Sensor", key: str) -> str:
         ),
         "emitter.y_mm": (flat, in_plane),
         "emitter.wavelength_nm": (
-            not resin and not sensor.scene().wavelengths_nm,
-            "the index is stated, independent of the wavelength",
+            bool(design.emitter.spectrum) or (not resin and not sensor.scene().wavelengths_nm),
+            "emitter.spectrum states the wavelengths"
+            if design.emitter.spectrum
+            else "the index is stated, independent of the wavelength",
         ),
         "emitter.width_mm": (sensor.light.width_mm == 0.0, "the emitter is a point"),
         "emitter.height_mm": (flat or sensor.light.height_mm == 0.0, in_plane if flat else "the emitter is a line"),

@@ -216,8 +216,8 @@ def _as_in_paper(sensor: Sensor, own: Response) -> Response:
     paper = _with(sensor, values)
     if paper.light == light and sensor.scene().extrusion is None:
         raise _NoMeaning("the design is a point in the plane")
-    found = paper.power(own.angle_deg.tolist(), tolerance=PAPER_TOLERANCE)
-    return paper.smooth(found, PAPER_TOLERANCE)
+    tolerance = None if paper.scene().is_random else PAPER_TOLERANCE
+    return paper.smooth(paper.power(own.angle_deg.tolist(), tolerance=tolerance), tolerance)
 
 
 def _as_built(sensor: Sensor) -> Sensor:

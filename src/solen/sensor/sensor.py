@@ -228,9 +228,11 @@ class Sensor:
             If the key is not that of a real number stated in the design.
         """
         value = number(self, key)
+        loss = {"material.absorption_per_mm": self.material.absorption_per_mm}
+        kept = loss if key == "material.index" else {}  # a stated index takes the resin away, and its loss with it
 
         def scene_at(value: float) -> Scene:
-            other = Sensor.of(with_values(self.design, {key: value}))
+            other = Sensor.of(with_values(self.design, kept | {key: value}))
             return (replace(other, cut=self.cut) if self.is_measured else other).scene(angle_deg)  # it is as it is
 
         wide = self.is_loaded or self._is_knot_of_smooth_light(key, angle_deg)
@@ -301,10 +303,10 @@ class Sensor:
         """Power from more and more Sobol' samples, until all standard errors are within ``tolerance``.
 
         For light scattered at random, and wherever `integrate` fails. Returns the last trace and the largest
-        error, above ``tolerance`` if `MOST_SAMPLED` rays do not reach it.
+        error, above ``tolerance`` if `MOST_SAMPLED` rays do not reach it; ``reached`` is False then.
         """
         found = by_nets(self.scene(angle_deg), tolerance, most_rays=MOST_SAMPLED)
-        return replace(found, reached=True, why=""), found.u_power
+        return found, found.u_power
 
     @cached_property
     def is_symmetric(self) -> bool:
@@ -356,13 +358,13 @@ class Sensor:
         angles_deg: Sequence[float] | None = None,
         progress: Progress | None = None,
         *,
-        standard_error: float = SAMPLED_TOLERANCE,
+        standard_error: float | None = None,
         tolerance: float | None = None,
     ) -> Response:
         """Response in power, integrated at every angle, or sampled if integration does not reach its tolerance.
 
-        The tolerance is that of `integrate`; scattered light is sampled to that standard error. For symmetric sensors
-        one of two opposite angles is traced.
+        The tolerance is that of `integrate`; scattered light is sampled to the standard error, by default the
+        tolerance where one is stated. For symmetric sensors one of two opposite angles is traced.
         """
         angles = self._angles(angles_deg)
 
@@ -400,17 +402,19 @@ class Sensor:
         *,
         integrates: bool = True,
         tolerance: float | None = None,
-        standard_error: float = SAMPLED_TOLERANCE,
+        standard_error: float | None = None,
     ) -> Reading:
         """Powers at an angle with their uncertainty: integrated, or sampled if that is better.
 
         Random scatter is sampled.
         """
-        integrates = integrates and not why_not(self.scene(angle_deg))
+        scattered = why_not(self.scene(angle_deg))
+        asked = standard_error or (tolerance if scattered else None) or SAMPLED_TOLERANCE
+        integrates = integrates and not scattered
         whole = self.integrate(angle_deg, tolerance=tolerance) if integrates else None
-        if whole is not None and (whole.reached or whole.u_power <= standard_error):
+        if whole is not None and (whole.reached or whole.u_power <= (standard_error or SAMPLED_TOLERANCE)):
             return whole, powers(whole), whole.u_power
-        sampled, u = self.sampled(angle_deg, standard_error)
+        sampled, u = self.sampled(angle_deg, asked)
         if whole is not None and whole.u_power <= u:
             return whole, powers(whole), whole.u_power
         return sampled, powers(sampled), u
