@@ -107,9 +107,11 @@ def test_the_worst_deviation_counts_and_conditions_hold() -> None:
         ({"free": ()}, "--free"),
         ({"free": ("emitter.offset_mm=1,2",)}, "range"),
         ({"free": ("emitter.offset_mm=1:1",)}, "empty range"),
-        ({"free": ("motion.step_deg=1:2",)}, "angles"),
+        ({"free": ("motion.step_deg=1:2",)}, "motion.step_deg"),
         ({"free": ("emitter.height_mm=0:1",)}, "emitter.height_mm"),
         ({"robust": ("emitter.offset_mm=-1",)}, "-1"),
+        ({"robust": ("body.thickness_mm=1",)}, "body.thickness_mm"),
+        ({"free": ("fabricate.film_mm=0.1:1",)}, "fabricate.film_mm"),
         ({"subject_to": ("light > 2",)}, "light > 2"),
     ],
 )

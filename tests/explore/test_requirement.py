@@ -21,6 +21,8 @@ BASE = dict.fromkeys(NAMES, 1.5)
         ("-0.3 < null_deg <= 0.5", [True, True, True]),
         ("min(span, light) ** 2 > 3 or null_deg < 0", [True, True, False]),
         ("span > 0", [True, True, False]),
+        ("null_deg < 1/0", [True, True, True]),
+        ("null_deg * (1 / (base - 1.5)) < 1", [True, False, False]),
     ],
 )
 def test_a_requirement_is_met_where_it_holds_and_its_merits_exist(text: str, met: list[bool]) -> None:
@@ -47,6 +49,10 @@ def test_a_requirement_is_met_where_it_holds_and_its_merits_exist(text: str, met
         ("abs(" * 40 + "span" + ")" * 40 + " < 1", "brackets"),
         ("span < " + "1+" * 300 + "1", "500"),
         ("", "expression"),
+        ("(not null_deg) < 0.3", "condition"),
+        ("-(null_deg < 3) < 1", "values"),
+        ("not null_deg or span > 1", "condition"),
+        ("null_deg < 10**400 and span < 1e400", "large"),
     ],
 )
 def test_anything_else_is_refused_by_name(text: str, named: str) -> None:

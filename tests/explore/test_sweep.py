@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from solen.errors import DataError, SpecError
+from solen.errors import DataError, OutputError, SpecError
 from solen.explore.axes import axis, check_axes, grid, sampled
 from solen.explore.machines import Cluster, Slurm
 from solen.explore.store import Accuracy, Point, Store, Variant
@@ -45,6 +45,8 @@ def test_samples_fill_ranges_and_lists_evenly() -> None:
         (["lens.focus_mm=15:25:1"], None, "at least 2"),
         (["lens.focus_mm=15:25:2.5"], None, "whole"),
         (["lens.focus_mm=15:x:3"], None, "numbers"),
+        (["lens.focus_mm=15:25:inf"], None, "whole"),
+        (["lens.focus_mm=15:25:nan"], None, "whole"),
         (["lens.focus_mm=15:25:1000000000000"], None, "1,000,000,000,000"),
         (["lens.focus_mm=15:25:2000", "emitter.offset_mm=0:1:2000"], None, "4,000,000"),
         (["lens.focus_mm=15:25"], None, "--samples"),
@@ -124,6 +126,23 @@ def test_the_compiled_batch_gives_the_same_table_within_its_uncertainty(tmp_path
     assert 0 < np.nanmax(rough.u_power) < 5e-3
 
 
+def test_a_point_of_the_batch_does_not_depend_on_its_neighbours() -> None:
+    chip = DESIGN.set({"emitter.width_mm": 0.2})
+    alone = sweep(chip, SweepOptions(over=("emitter.offset_mm=0,0.01",), rays=1024))
+    others = sweep(chip, SweepOptions(over=("emitter.offset_mm=0,0.3",), rays=1024))
+    assert np.array_equal(alone.right[0], others.right[0])
+
+
+def test_a_failure_of_the_machine_is_not_kept_as_a_response(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def missing(_: Variant) -> Sensor:
+        raise OutputError("extra", limit="is not installed")
+
+    monkeypatch.setattr(Variant, "sensor", missing)
+    with pytest.raises(OutputError):
+        sweep(DESIGN, SweepOptions(over=("lens.focus_mm=18,20",)), Store(tmp_path))
+    assert Store(tmp_path).points == {}
+
+
 def test_a_damaged_block_is_refused_by_name(tmp_path: Path) -> None:
     sweep(DESIGN, SweepOptions(over=("lens.focus_mm=18,20",)), Store(tmp_path))
     block = next((tmp_path / "blocks").glob("*.npz"))
@@ -139,8 +158,15 @@ def test_many_small_blocks_become_one(tmp_path: Path) -> None:
     for number in range(257):
         store.add({f"point {number}": point})
     assert len(Store(tmp_path).points) == 257
-    assert len(list((tmp_path / "blocks").iterdir())) == 1
+    whole = list((tmp_path / "blocks").iterdir())
+    assert len(whole) == 1
+    for number in range(257):  # as if the program had been killed before it removed them
+        other = Store(tmp_path / "other")
+        other.add({f"point {number}": point})
+    for block in (tmp_path / "other" / "blocks").iterdir():
+        block.rename(tmp_path / "blocks" / block.name)
     assert len(Store(tmp_path).points) == 257
+    assert list((tmp_path / "blocks").iterdir()) == whole
 
 
 def _command(design: Path, out: Path) -> list[str]:

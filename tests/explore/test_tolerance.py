@@ -12,7 +12,7 @@ from solen.explore.requirement import Requirement
 from solen.explore.store import Store
 from solen.explore.surrogate import fit
 from solen.explore.tolerance import Prints, ToleranceOptions, print_design, tolerance
-from solen.explore.variations import Variation, drawn, together, variation
+from solen.explore.variations import Variation, drawn, offs, together, variation, variations_of
 from solen.sensor import Sensor
 from solen.spec import Design
 
@@ -120,6 +120,28 @@ def test_the_print_of_a_number_is_a_design_with_its_null(folder: Store) -> None:
     assert null == pytest.approx(found.merits["null_deg"][6], abs=3.0 * found.merits["u_null_deg"][6] + 0.02)
 
 
+def test_usual_prints_can_be_built() -> None:
+    """An absorption of 0 is not off to below 0; knots of a free form are numbers like others."""
+    knots = {"lens.shape": "spline", "lens.knots_um": [0.0, 5.0]}
+    for design in (DESIGN, DESIGN.set(knots)):
+        sensor = Sensor.of(design)
+        usual = {one.key: one for one in variations_of(sensor, ())}
+        assert usual["material.absorption_per_mm"].first == 0.0
+        assert usual["emitter.offset_mm"].first < 0.0
+        assert ("lens.knots_um[1]" in usual) is (design is not DESIGN)
+        assert offs(list(usual.values()), [0.0] * len(usual)).keys() == usual.keys()
+
+
+def test_what_surrogates_do_not_know_is_not_told() -> None:
+    x = drawn(VARIATIONS, 64, 3)
+    merits = merits_of(x)
+    merits["null_deg"][5] = np.nan
+    rows = Prints([Variation("emitter.offset_mm", "normal", 0.0, 1.0)], x[:, :1], merits, BASE).varied(
+        Sensor.of(DESIGN), REQUIREMENTS
+    )
+    assert (rows[0].share_if_exact, rows[0].factor_alone) == (None, None)
+
+
 def test_numbers_move_together_by_their_weights(folder: Store) -> None:
     assert together("a.x_mm") == {"a.x_mm": 1.0}
     assert together("a.x_mm + 0.5*b.y_mm-2e-1 * c.z") == {"a.x_mm": 1.0, "b.y_mm": 0.5, "c.z": -0.2}
@@ -139,6 +161,9 @@ def test_numbers_move_together_by_their_weights(folder: Store) -> None:
         ("emitter.offset_mm=cauchy:0:1", "cauchy"),
         ("emitter.ofset_mm=normal:0:1", "ofset"),
         ("emitter.height_mm=normal:0:1", "plane"),
+        ("motion.step_deg=normal:0:0.1", "motion.step_deg"),
+        ("fabricate.film_mm=normal:0:0.1", "fabricate.film_mm"),
+        ("1.2.3*emitter.offset_mm=normal:0:1", "1.2.3"),
         ("emitter.offset_mm*2=normal:0:1", "emitter.offset_mm*2"),
         ("emitter.offset_mm+emitter.height_mm=normal:0:1", "emitter.height_mm"),
     ],

@@ -64,7 +64,7 @@ def _spaced(what: str, key: str, text: str) -> Axis:
         raise SpecError(what, value=text, limit="is an empty range", remedy="name two different ends, or one value")
     if not number:
         return Axis(key, (low, high), "range")
-    if number[0] != int(number[0]) or number[0] < 2:
+    if not math.isfinite(number[0]) or number[0] != int(number[0]) or number[0] < 2:
         raise SpecError(what, value=f"{number[0]:g}", limit="the number of values must be whole, at least 2")
     _check_number(int(number[0]))
     return Axis(key, tuple(np.linspace(low, high, int(number[0])).tolist()), "spaced")

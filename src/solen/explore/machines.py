@@ -7,16 +7,20 @@ The interface: `Here` and `Cluster` take variants and give responses by their na
 one.
 """
 
+import hashlib
+import os
 from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 from pydantic import Field
 
-from solen.errors import DataError, SolenError, SpecError
+from solen.errors import DataError, DesignError, SpecError
 from solen.explore.merits import worst_resolution_deg
-from solen.explore.store import Accuracy, Point, Variant, no_response
+from solen.explore.store import Accuracy, Point, Variant, engine, no_response
 from solen.extras import need
 from solen.files import read_text
 from solen.sensor import Response, Sensor, respond, why_not_batched
@@ -54,52 +58,56 @@ def responses_of(variants: Sequence[tuple[str, Variant]], accuracy: Accuracy) ->
     if accuracy.rays is None:
         return {name: _integrated(variant, accuracy.tolerance) for name, variant in variants}
     found: dict[str, Point] = {}
-    groups: dict[tuple[bool, bool, tuple[float, ...]], list[tuple[str, Sensor]]] = {}
+    batched: dict[str, Sensor] = {}
     for name, variant in variants:
         try:
             sensor = variant.sensor()
-        except SolenError as bad:
+        except (SpecError, DesignError) as bad:  # of the design; whatever else fails is not kept as its response
             found[name] = no_response(bad)
             continue
         if why_not_batched(sensor):
             found[name] = _integrated(variant, accuracy.tolerance)
-            continue
-        design = sensor.design
-        alike = (design.trace.dimension == "2d", sensor.light.width_mm > 0.0, design.motion.angles_deg())
-        groups.setdefault(alike, []).append((name, sensor))
-    for (*_, angles_deg), group in groups.items():
-        found |= _batched(group, angles_deg, accuracy.rays)
-    return found
+        else:
+            batched[name] = sensor
+    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+        points = pool.map(partial(_batched, rays=accuracy.rays), batched.values())
+        return found | dict(zip(batched, points, strict=True))
 
 
 def _integrated(variant: Variant, tolerance: float | None) -> Point:
     try:
         sensor = variant.sensor()
         response = sensor.power(tolerance=tolerance)
-    except SolenError as bad:
+    except (SpecError, DesignError) as bad:
         return no_response(bad)
     return _point(sensor, response, next((trace.why for trace in response.traces if not trace.reached), ""))
 
 
-def _batched(group: Sequence[tuple[str, Sensor]], angles_deg: Sequence[float], rays: int) -> dict[str, Point]:
-    """Responses of sensors by the compiled batch."""
-    traced = respond([sensor for _, sensor in group], angles_deg, rays=rays)
-    found = {}
-    for place, (name, sensor) in enumerate(group):
-        if why := traced.why[place]:
-            found[name] = no_response(SolenError(why))
-            continue
-        powers = (traced.right[place, 0], traced.left[place, 0], traced.u_power[place, 0])
-        found[name] = _point(sensor, Response("power", np.array(angles_deg), *powers, ()), "")
-    return found
+def _batched(sensor: Sensor, rays: int) -> Point:
+    """Response by the compiled batch; alone, as the lattices of a call are made for all its sensors."""
+    angle_deg = np.array(sensor.design.motion.angles_deg())
+    traced = respond([sensor], angle_deg.tolist(), rays=rays, threads=1)
+    if traced.why[0]:
+        return no_response(SpecError(traced.why[0]))
+    powers = (traced.right[0, 0], traced.left[0, 0], traced.u_power[0, 0])
+    return _point(sensor, Response("power", angle_deg, *powers, ()), "")
 
 
 def _point(sensor: Sensor, response: Response, why: str) -> Point:
-    try:
-        resolution_deg = worst_resolution_deg(readings_from(sensor, response))
-    except SolenError as bad:
-        return no_response(bad)
+    resolution_deg = worst_resolution_deg(readings_from(sensor, response))
     return Point(response.right, response.left, response.u_power, resolution_deg, why)
+
+
+def _chunk(digest: str, variants: Sequence[tuple[str, Variant]], accuracy: Accuracy) -> dict[str, Point]:
+    """Task of a worker, which must have the same solen."""
+    if digest != engine():
+        raise DataError("worker", limit="has another version of solen", remedy="install the same on all workers")
+    return responses_of(variants, accuracy)
+
+
+def _key(variants: Sequence[tuple[str, Variant]]) -> str:
+    """Name of a task: the same for the same points."""
+    return f"solen-{hashlib.sha256(''.join(name for name, _ in variants).encode()).hexdigest()}"
 
 
 class Cluster:
@@ -115,7 +123,7 @@ class Cluster:
         listed = list(variants.items())
         chunks = [listed[first : first + self.chunk_points] for first in range(0, len(listed), self.chunk_points)]
         futures = [
-            self.client.submit(responses_of, chunk, accuracy, key=f"solen-{chunk[0][0]}", retries=1) for chunk in chunks
+            self.client.submit(_chunk, engine(), chunk, accuracy, key=_key(chunk), retries=1) for chunk in chunks
         ]
         try:
             for future in as_completed(futures):

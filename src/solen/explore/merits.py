@@ -15,6 +15,7 @@ from scipy.interpolate import CubicSpline, PchipInterpolator
 from solen.arrays import FloatArray, IntArray
 from solen.plane import off_a_line
 from solen.readout import Readings
+from solen.readout.advice import slopes_V_per_deg
 from solen.results import Result
 from solen.sensor.response import Response
 
@@ -42,7 +43,7 @@ class Merits(Result, eq=True):
         Least share of the emitted power at both receivers together.
     resolution_deg, u_resolution_deg
         Standard deviation of an angle from one reading of both receivers, where it is worst; infinite where nothing
-        moves, NaN where the design has no readout.
+        moves.
     """
 
     null_deg: float
@@ -178,7 +179,7 @@ def worst_resolution_deg(readings: Readings) -> tuple[float, float]:
     place = int(np.argmax(worst))
     if not np.isfinite(worst[place]):
         return math.inf, math.nan
-    wide = np.gradient(readings.voltage_V[::2], angle[::2], axis=0)[place // 2]
+    wide = slopes_V_per_deg(angle[::2], readings.voltage_V[::2])[place // 2]
     width = angle[min(place + 1, angle.size - 1)] - angle[max(place - 1, 0)]
     u_slope = math.sqrt(2.0) * readings.u_trace_V[place] / width + COARSE_SHARE * np.abs(wide - slope[place])
     weight = np.abs(slope[place]) / sd[place] ** 2

@@ -24,10 +24,11 @@ from solen.explore.merits import NAMES
 from solen.explore.requirement import Goal, Limit
 from solen.explore.search import Tried, search
 from solen.explore.store import Accuracy, Point, Store, Variant
-from solen.explore.sweep import OF_THE_MOTION, check_angles, merits_of_points, responses
+from solen.explore.sweep import check_angles, merits_of_points, responses
+from solen.explore.variations import check_key
 from solen.results import HIDDEN, Result
 from solen.sensor import Sensor
-from solen.sensor.numbers import inert, number
+from solen.sensor.numbers import number
 from solen.spec import Design, with_values
 from solen.spec.strict import Finite, Options
 
@@ -199,25 +200,24 @@ def optimise(
     task = _task(design, options)
     known = len(store.points)
     judge = _Judge(task, store, options.tolerance, Sensor.of(design))
-    first = judge.of(design)
-    if first is None:
-        raise SpecError("design", limit=f"has no response: {judge.why}")
-    judge.base = {name: first.merits[name] for name in NAMES}
-    scale = abs(judge.of(design).goal) or 1.0  # type: ignore[union-attr]  # it has a response, as above
+    scale = _begun(judge, design)
     history: list[float] = []
-    best = math.inf
+    best, best_point = math.inf, np.empty(0)
 
     def value(point: FloatArray) -> float:
-        nonlocal best
+        nonlocal best, best_point
         try:
             candidate = _at(design, task, point)
         except SolenError:
             judged = None
         else:
             judged = judge.of(candidate)
-        total = UNMET if judged is None else task.sign * judged.goal / scale + PENALTY * judge.violation
+        if judged is None or math.isnan(judged.goal):
+            total = UNMET
+        else:
+            total = task.sign * judged.goal / scale + PENALTY * judge.violation
         if judged is not None and judge.violation == 0.0 and total < best:
-            best = total
+            best, best_point = total, point
             if keep is not None:
                 keep(candidate)
         history.append(task.sign * best * scale if best < math.inf else math.nan)
@@ -236,8 +236,22 @@ def optimise(
         interrupted = True
     if not best < math.inf:
         raise SpecError("--subject-to", limit=_nearest(judge, design, task, tried), remedy="loosen it, or free more")
-    found = _at(design, task, tried.best)
+    found = _at(design, task, best_point)
     return _optimum(design, found, task, options, judge, history, interrupted, len(store.points) - known)
+
+
+def _begun(judge: "_Judge", design: Design) -> float:
+    """Size of the goal of the design that the search begins with, whose merits conditions refer to."""
+    first = judge.of(design)
+    if first is None:
+        raise SpecError("design", limit=f"has no response: {judge.why}")
+    judge.base = {name: first.merits[name] for name in NAMES}
+    begun = judge.of(design)
+    goal = judge.task.goal
+    if begun is None or math.isnan(begun.goal):
+        limit = f"{goal.text} does not exist for the design, or not with a number off"
+        raise SpecError(goal.option, limit=limit, remedy="begin with a design that has it")
+    return abs(begun.goal) or 1.0
 
 
 class _Judge:
@@ -421,22 +435,20 @@ def _task(design: Design, options: OptimiseOptions) -> _Task:
     for one in free:
         if one.kind != "range":
             raise SpecError(f"--free {one.key}", limit="is not a range", remedy=FORMS)
-        if one.key in OF_THE_MOTION:
-            raise SpecError(f"--free {one.key}", limit="all designs of a search have the same angles")
-        number(sensor, one.key)
-        if why := inert(sensor, one.key):
-            raise SpecError(f"--free {one.key}", limit=why, remedy="leave it out")
+        check_key(sensor, one.key, "--free")
     keys = [one.key for one in free]
     twice = next((key for key in keys if keys.count(key) > 1), None)
     if twice:
         raise SpecError(f"--free {twice}", limit="is stated twice", remedy="leave one out")
     goal = Goal.parse(options.maximise or options.minimise or "")
     limits = [Limit.parse(text) for text in options.subject_to]
-    return _Task(goal, -1.0 if options.maximise else 1.0, limits, free, list(_cases(sensor, options.robust)))
+    motion, named = design.motion, {name for one in (goal, *limits) for name in one.merits}
+    mirrors = motion.from_deg == -motion.to_deg and "null_deg" not in named and "emitter.offset_mm" not in keys
+    return _Task(goal, -1.0 if options.maximise else 1.0, limits, free, list(_cases(sensor, options.robust, mirrors)))
 
 
-def _cases(sensor: Sensor, robust: Sequence[str]) -> Iterator[dict[str, float]]:
-    """The design as it is, and all combinations of its deviations; of mirror images one."""
+def _cases(sensor: Sensor, robust: Sequence[str], mirrors: bool) -> Iterator[dict[str, float]]:
+    """The design as it is, and all combinations of its deviations; with ``mirrors`` one of two mirror images."""
     deviations = dict(_deviation(text, sensor) for text in robust)
     if len(deviations) < len(robust) or len(deviations) > MOST_BORNE:
         limit = f"takes each number once, and {MOST_BORNE} at most"
@@ -444,7 +456,7 @@ def _cases(sensor: Sensor, robust: Sequence[str]) -> Iterator[dict[str, float]]:
     yield {}
     for signs in product((1.0, -1.0), repeat=len(deviations)):
         case = {key: sign * size for sign, (key, size) in zip(signs, deviations.items(), strict=True)}
-        mirrored = case.get("emitter.offset_mm", 1.0) < 0.0 and sensor.is_symmetric
+        mirrored = mirrors and case.get("emitter.offset_mm", 1.0) < 0.0 and sensor.is_symmetric
         if case and not mirrored:
             yield case
 
@@ -458,5 +470,5 @@ def _deviation(text: str, sensor: Sensor) -> tuple[str, float]:
     if not 0.0 < deviation < math.inf:
         limit, remedy = "must be a number greater than 0", "write KEY=DEVIATION, as in emitter.offset_mm=0.03"
         raise SpecError(f"--robust {key}", value=size, limit=limit, remedy=remedy)
-    number(sensor, key)
+    check_key(sensor, key, "--robust", material=True)
     return key, deviation

@@ -21,7 +21,7 @@ from solen.errors import SpecError
 from solen.explore.merits import MERITS
 from solen.spec.strict import nearest
 
-LONGEST, DEEPEST = 500, 20
+LONGEST, DEEPEST, LARGEST = 500, 20, 1e100
 _BASE = "base"
 _ARITHMETIC: Mapping[type, Callable[..., Any]] = {
     ast.Add: operator.add,
@@ -82,7 +82,8 @@ class Expression:
 
     def _values(self, merits: Mapping[str, FloatArray], base: Mapping[str, float]) -> dict[str, Any]:
         named = {f"{_BASE}_{name}": value for name, value in base.items()}
-        return {**merits, **named, _BASE: base[self.merits[0]]}
+        numbers = named | {_BASE: base[self.merits[0]]}
+        return {**merits, **{name: np.float64(value) for name, value in numbers.items()}}
 
 
 @dataclass(frozen=True)
@@ -151,8 +152,8 @@ def _names(node: ast.AST, kind: type[Expression], text: str, depth: int = 0) -> 
         raise kind.refusal(text, "has too many brackets")
     if isinstance(node, ast.Name):
         return [_merit(node.id, kind, text)]
-    if isinstance(node, ast.Constant) and isinstance(node.value, int | float) and not isinstance(node.value, bool):
-        return []
+    if isinstance(node, ast.Constant):
+        return _no_names(node, kind, text)
     if isinstance(node, ast.Call):
         if not (isinstance(node.func, ast.Name) and node.func.id in _FUNCTIONS and node.args and not node.keywords):
             raise kind.refusal(text, f"functions are {', '.join(_FUNCTIONS)}")
@@ -168,8 +169,20 @@ def _names(node: ast.AST, kind: type[Expression], text: str, depth: int = 0) -> 
     elif isinstance(node, ast.BoolOp):
         parts = list(node.values)
     else:
-        raise kind.refusal(text, f"{ast.unparse(node)} is not allowed in a requirement")
+        raise kind.refusal(text, f"{ast.unparse(node)} is not allowed in an expression of merits")
+    within = isinstance(node, ast.BoolOp) or (isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not))
+    if any(isinstance(part, ast.expr) and _is_condition(part) is not within for part in parts):
+        raise kind.refusal(text, f"{ast.unparse(node)} takes {'conditions' if within else 'values'}")
     return [name for part in parts for name in _names(part, kind, text, depth + 1)]
+
+
+def _no_names(node: ast.Constant, kind: type[Expression], text: str) -> list[str]:
+    """None, where a constant is a number of a size that can be."""
+    if isinstance(node.value, bool) or not isinstance(node.value, int | float):
+        raise kind.refusal(text, f"{ast.unparse(node)} is not allowed in an expression of merits")
+    if not abs(node.value) < LARGEST:
+        raise kind.refusal(text, "has too large a number")
+    return []
 
 
 def _merit(name: str, kind: type[Expression], text: str) -> str:
@@ -187,7 +200,7 @@ def _value(node: ast.expr, values: Mapping[str, Any]) -> Any:
         case ast.Name():
             return values[node.id]
         case ast.Constant():
-            return float(node.value)  # type: ignore[arg-type]  # numbers alone pass the check
+            return np.float64(node.value)  # type: ignore[arg-type]  # numbers alone pass the check
         case ast.Call():
             return _FUNCTIONS[node.func.id](*(_value(part, values) for part in node.args))  # type: ignore[attr-defined]  # a name, as checked
         case ast.BinOp():

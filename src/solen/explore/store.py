@@ -74,17 +74,19 @@ class Store:
         for path in blocks:
             self.points |= _read(path)
         if len(blocks) > MOST_BLOCKS:
-            self.add(dict(self.points))
+            kept = self.add(dict(self.points))
             for path in blocks:
-                files.remove(path)
+                if path != kept:
+                    files.remove(path)
 
-    def add(self, points: Mapping[str, Point]) -> None:
-        """Keep points, as one block on disk."""
-        if points and self.folder is not None:
-            with files.output_folder(self.folder):
-                name = hashlib.sha256("".join(points).encode()).hexdigest()[:32]
-                files.write_bytes(self.folder / f"{name}.npz", _block(points))
+    def add(self, points: Mapping[str, Point]) -> Path | None:
+        """Keep points, as one block on disk, and return that."""
         self.points |= points
+        if not points or self.folder is None:
+            return None
+        with files.output_folder(self.folder):
+            name = hashlib.sha256("".join(points).encode()).hexdigest()[:32]
+            return files.write_bytes(self.folder / f"{name}.npz", _block(points))
 
 
 class Accuracy(NamedTuple):
@@ -105,7 +107,7 @@ class Variant:
         """Name of its response: equal for equal inputs, different for any other."""
         design = self.design.set(name="point")
         named = {key: hashlib.sha256(_bytes(path)).hexdigest() for key, path in sorted(design.files.items())}
-        stated = json.dumps([_engine(), dumps(design), named, sorted(self.off.items()), accuracy])
+        stated = json.dumps([engine(), dumps(design), named, sorted(self.off.items()), accuracy])
         return hashlib.sha256(stated.encode()).hexdigest()
 
     def sensor(self) -> Sensor:
@@ -121,7 +123,7 @@ def _bytes(path: Path) -> bytes:
 
 
 @cache
-def _engine() -> str:
+def engine() -> str:
     """Digest of solen's version, code and data."""
     digest = hashlib.sha256(solen.__version__.encode())
     root = Path(solen.__file__).parent

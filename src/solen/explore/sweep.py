@@ -16,7 +16,7 @@ from pydantic import Field
 
 import solen
 from solen.arrays import FloatArray, Progress
-from solen.errors import SolenError, SpecError
+from solen.errors import DesignError, SpecError
 from solen.explore.axes import Axis, axis, check_axes, grid, sampled
 from solen.explore.machines import Here, Machine
 from solen.explore.merits import LEAST_ANGLES, NAMES, merits_of
@@ -237,7 +237,7 @@ def responses(
         try:
             variant = make()
             named.append(name := variant.name(accuracy))
-        except SolenError as bad:  # the same at any time, and quickly
+        except (SpecError, DesignError) as bad:  # the same at any time, and quickly
             named.append(no_response(bad))
             continue
         if name not in store.points:

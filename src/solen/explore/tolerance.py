@@ -248,6 +248,11 @@ def print_design(design: Design, options: ToleranceOptions) -> Design | None:
     if "emitter.distance_mm" in values and sensor.has_lens:
         limit = "emitter.distance_mm varies, and the lens of a design file is cut for the distance that it states"
         raise SpecError("--print-number", value=place, limit=limit, remedy="hold it, by --vary of the others")
+    if "material.index" in values and design.material.resin is not None:
+        if sensor.is_loaded or sensor.light.spectrum:
+            limit = "material.index varies, and a design without its resin has neither its stiffness nor its dispersion"
+            raise SpecError("--print-number", value=place, limit=limit, remedy="hold it, by --vary of the others")
+        values = {"material.absorption_per_mm": sensor.material.absorption_per_mm} | values
     if sensor.has_lens and not sensor.is_measured and {"material.index", "emitter.wavelength_nm"} & values.keys():
         values = {"lens.design_index": sensor.design.lens.design_index or sensor.material.index} | values
     if "material.index" in values:  # takes the resin away, and its loss with it
@@ -324,6 +329,9 @@ class Prints:
 
     def varied(self, sensor: Sensor, requirements: Sequence[Requirement]) -> list[VariedNumber]:
         """What varies and what it costs, the costliest first."""
+        named = {name for one in requirements for name in one.merits}
+        if not all(np.isfinite(self.merits[name]).all() for name in named):
+            requirements = []  # surrogates do not know which prints lack a merit
         of_all = self._factor(requirements, range(len(self.variations)))
         rows = [
             VariedNumber(

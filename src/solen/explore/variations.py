@@ -13,12 +13,15 @@ import numpy as np
 from scipy.special import eval_hermitenorm, eval_legendre, ndtri
 
 from solen.arrays import FloatArray
-from solen.errors import SpecError
+from solen.errors import DesignError, SpecError
 from solen.sensor import Sensor
+from solen.sensor.effects import as_built
 from solen.sensor.numbers import OF_THE_MATERIAL, inert, number, tolerance_of, usual_keys
 
 FORMS = "write KEY=normal:MEAN:SD or KEY=uniform:LOW:HIGH, as deviations from the design"
-_TERM = re.compile(r"\s*([+-]?)\s*(?:([0-9.]+(?:[eE][+-]?[0-9]+)?)\s*\*\s*)?([a-z_]+\.[A-Za-z_0-9.]+)\s*")
+_TERM = re.compile(r"\s*([+-]?)\s*(?:([0-9.]+(?:[eE][+-]?[0-9]+)?)\s*\*\s*)?([a-z_]+[A-Za-z_0-9.\[\]]+)\s*")
+UNSEEN = ("fabricate", "tolerance", "trace", "motion")
+"""Tables whose numbers light and readout do not depend on, or that all designs of a table have in common."""
 
 
 @dataclass(frozen=True)
@@ -85,10 +88,21 @@ def variation(text: str, sensor: Sensor) -> Variation:
     if kind == "uniform" and not first < second:
         raise SpecError(what, value=stated, limit="is an empty range", remedy="write the lower end first")
     for each in together(key):
-        number(sensor, each)
-        if why := "" if each in OF_THE_MATERIAL else inert(sensor, each):
-            raise SpecError(f"--vary {each}", limit=why, remedy="leave it out")
+        check_key(sensor, each, "--vary", material=True)
     return Variation(key, "normal" if kind == "normal" else "uniform", first, second)
+
+
+def check_key(sensor: Sensor, key: str, option: str, *, material: bool = False) -> None:
+    """`SpecError` where a key is not one of a number that the response depends on.
+
+    With ``material`` its numbers may be off even where they follow from a resin.
+    """
+    if key.partition(".")[0] in UNSEEN:
+        limit = "is not a number that a response depends on, or the same for all designs"
+        raise SpecError(f"{option} {key}", limit=limit, remedy="leave it out")
+    number(sensor, key)
+    if why := "" if material and key in OF_THE_MATERIAL else inert(sensor, key):
+        raise SpecError(f"{option} {key}", limit=why, remedy="leave it out")
 
 
 def together(text: str) -> dict[str, float]:
@@ -96,7 +110,11 @@ def together(text: str) -> dict[str, float]:
     weights: dict[str, float] = {}
     place = 0
     while place < len(text) and (term := _TERM.match(text, place)) and bool(term[1]) == bool(place):
-        weights[term[3]] = weights.get(term[3], 0.0) + float(term[2] or 1.0) * (-1.0 if term[1] == "-" else 1.0)
+        try:
+            weight = float(term[2] or 1.0)
+        except ValueError:
+            break
+        weights[term[3]] = weights.get(term[3], 0.0) + (-weight if term[1] == "-" else weight)
         place = term.end()
     if place < len(text) or not weights:
         remedy = "write KEY, or KEY+0.5*KEY for numbers that move together"
@@ -119,7 +137,20 @@ def usual_variations(sensor: Sensor) -> Iterator[Variation]:
         if key not in OF_THE_MATERIAL and inert(sensor, key):
             continue
         size, is_standard = tolerance_of(sensor, key)
-        yield Variation(key, "normal", 0.0, size) if is_standard else Variation(key, "uniform", -size, size)
+        if is_standard and _is_possible(sensor, key, -3.0 * size):
+            yield Variation(key, "normal", 0.0, size)
+            continue
+        size *= math.sqrt(3.0) if is_standard else 1.0
+        yield Variation(key, "uniform", -size if _is_possible(sensor, key, -size) else 0.0, size)
+
+
+def _is_possible(sensor: Sensor, key: str, step: float) -> bool:
+    """Whether a number may be off by a step: an absorption is not below 0."""
+    try:
+        as_built(sensor, {key: step})
+    except (SpecError, DesignError):
+        return False
+    return True
 
 
 def drawn(variations: Sequence[Variation], prints: int, seed: int) -> FloatArray:

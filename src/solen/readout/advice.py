@@ -154,7 +154,7 @@ def _target_mA(circuit: Circuit, target_V: float) -> float:
 
 
 def slopes_V_per_deg(angle_deg: FloatArray, volts: FloatArray) -> FloatArray:
-    """Slope of voltages (A, R) per degree over ascending angles (A,), by central differences; 0 for a single angle."""
+    """Slope of voltages (A, R) per degree over ascending angles (A,), to second order; 0 for a single angle."""
     if len(angle_deg) < 2:
         return np.zeros_like(volts)
-    return np.asarray(np.gradient(volts, angle_deg, axis=0))
+    return np.asarray(np.gradient(volts, angle_deg, axis=0, edge_order=2 if len(angle_deg) > 2 else 1))
