@@ -14,6 +14,7 @@ from typing import Any, ClassVar, Self
 from pydantic import ConfigDict, Field, field_validator, model_validator
 
 from solen.errors import DataError, SolenError
+from solen.material.beginnings import BY_ORIENTATION, NOT_KEPT
 from solen.material.cross_checks import Row
 from solen.material.dispersion import KINDS, Dispersion, Tabulated
 from solen.material.index_table import gaps, thinned, without_u
@@ -22,14 +23,6 @@ from solen.ranks import Caution, look_at, unranked
 from solen.spec.objects import parsed
 from solen.spec.strict import NotNegative, Number, Options, Positive, Strict, Text, Wavelength, refused
 
-NOT_KEPT = (
-    "k is masked",
-    "the uncertainty of the thickness is not stated and not in u_k",
-    "what was launched is not known",
-)
-"""Beginnings of warnings about what a resin does not keep: the extinction coefficient, the coupling loss."""
-DEPENDS = "the loss depends on the build orientation"
-"""Beginning of a warning that is settled where an orientation is chosen."""
 PER_MM_OF_DB_PER_CM = math.log(10.0) / 100.0
 SAME_LOSS = 1e-6
 """How far a loss in dB/cm and the absorption beside it may be apart, relative and per mm."""
@@ -204,7 +197,7 @@ class CutbackResult(_Line):
             limit = f"not in the result, whose orientations are {', '.join(lines) or 'none'}"
             raise DataError("--orientation", value=orientation, limit=limit)
         numbers, warnings = (lines[orientation] if orientation else self).numbers()
-        kept = tuple(text for text in self.remarks if not (orientation and unranked(text).startswith(DEPENDS)))
+        kept = tuple(text for text in self.remarks if not (orientation and unranked(text).startswith(BY_ORIENTATION)))
         if wavelength_nm is None:
             warnings.append(look_at("the wavelength that it was measured at is not stated"))
         return Loss(

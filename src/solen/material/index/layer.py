@@ -14,6 +14,7 @@ import numpy as np
 
 from solen.arrays import FloatArray
 from solen.errors import DataError, SpecError
+from solen.material.beginnings import THICKNESS_NOT_IN_K
 from solen.material.index import routes
 from solen.material.index.fit import Fit
 from solen.material.index.formula import formula_through, smoothed_scatter
@@ -413,12 +414,7 @@ def _about_instrument(
         n = spectrum.lossless.value
         warnings += fringe_warnings(spectrum.wavelength_nm, n, options.thickness_um, bandwidth_nm)
         if options.u_thickness_um is None and spectrum.k.known.any():
-            warnings.append(
-                look_at(
-                    "the uncertainty of the thickness is not stated and not included in u_k: k is "
-                    "proportional to 1/thickness"
-                )
-            )
+            warnings.append(look_at(f"{THICKNESS_NOT_IN_K} and not included in u_k: k is proportional to 1/thickness"))
     known = {*options.ignore, *options.bare_transmittance, *options.bare_reflectance}
     if others := [name for name in spectra.unused if name not in known]:
         more = len(others) - _MOST_UNUSED

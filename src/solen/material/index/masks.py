@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.special import pdtrik
 
 from solen.arrays import BoolArray, FloatArray
+from solen.material.beginnings import K_MASKED
 from solen.material.index.inversion import Inverted
 from solen.material.index.reading import Combined, student
 from solen.ranks import Caution, look_at
@@ -146,10 +147,8 @@ def counted(name: str, why: Codes, beside: Codes | None = None) -> list[Caution]
     """How many points are masked, by reason; those masked for the same reason ``beside`` are left out."""
     codes = why if beside is None else np.where(why == beside, Why.FINE, why)
     counts = Counter(Why(code) for code in codes.tolist() if code != Why.FINE)
-    return [
-        look_at(f"{name} is masked at {count} of {codes.size} wavelengths: {one.words}")
-        for one, count in counts.items()
-    ]
+    begins = K_MASKED if name == "k" else f"{name} is masked"
+    return [look_at(f"{begins} at {count} of {codes.size} wavelengths: {one.words}") for one, count in counts.items()]
 
 
 def _beyond(excess: FloatArray, u_sum: Combined) -> BoolArray:

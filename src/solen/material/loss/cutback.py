@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from solen.arrays import BoolArray, FloatArray
+from solen.material.beginnings import BY_ORIENTATION
 from solen.material.loss.levels import MM_PER_CM, absorption_per_mm, smallest_loss_dB_per_cm
 from solen.material.loss.pieces import Piece, Table, pieces_of
 from solen.material.regression import LinearFit, bad_points, chance, f_tail, t_quantile, t_tail
@@ -418,7 +419,7 @@ def _of_orientation(loss: GuideLoss) -> list[Caution]:
     if loss.p_orientation < SIGNIFICANCE:
         warnings.append(
             look_at(
-                f"the loss depends on the build orientation (dB/cm: {values}; by chance "
+                f"{BY_ORIENTATION} (dB/cm: {values}; by chance "
                 f"{chance(loss.p_orientation)}): use the value of your orientation, not the overall one"
             )
         )

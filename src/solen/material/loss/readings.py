@@ -11,6 +11,7 @@ import numpy as np
 
 from solen.arrays import BoolArray, FloatArray
 from solen.errors import DataError
+from solen.material.beginnings import LAUNCHED
 from solen.material.loss.cutback import GuideLoss, cut_back
 from solen.material.loss.levels import full_level_dB, levels_dB, pulls_down
 from solen.material.rows import REPEATS, RowOptions, below_each_other, chosen_rows, refuse_unused, stated_once
@@ -187,12 +188,7 @@ def _texts(recording: Recording, complete: BoolArray, names: Sequence[str]) -> t
 def _launch_unknown(launched_dB: float | None) -> list[Caution]:
     if launched_dB is not None:
         return []
-    return [
-        note(
-            "what was launched is not known (--launched), so the coupling loss is not either; the loss per cm needs "
-            "neither"
-        )
-    ]
+    return [note(f"{LAUNCHED} (--launched), so the coupling loss is not either; the loss per cm needs neither")]
 
 
 def _refuse_rising(loss: GuideLoss, rows: Readings, dark: float | None) -> None:
