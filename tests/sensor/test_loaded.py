@@ -24,6 +24,7 @@ mechanics = {modulus_MPa = 3.0}
 FORK = '[[hold]]\nname = "mount"\nface = "outer-*"\n'
 ENDS = '[[hold]]\nname = "mount"\nface = "receiver-*"\n'
 LENS = '[[hold]]\nname = "clamp"\nface = "lens"\n'
+MOVES_LENS = {"moves": ("lens",)}
 AT_10_MM = 8.195002
 """Length along the stem at which z = 10 mm."""
 
@@ -131,6 +132,47 @@ def test_a_finger_that_is_not_dry_is_a_wall_where_it_touches() -> None:
     assert powers[1] < powers[0]
     assert damp.integrate(0.5).ledger.absorbed > 0.0
     assert [i.name for i in damp.scene(0.0).interfaces if i.right == "finger"] == []
+
+
+WALL = '[[wall]]\nface = "stem-*"\n'
+DAMP = "index = 1.40\nabsorption_per_mm = 50\n"
+
+
+@pytest.mark.parametrize("finish", ["mirror", "black"])
+def test_light_does_not_reach_a_finger_behind_a_mirror_or_black(finish: str) -> None:
+    """A damp finger leaves the wall what a dry one leaves it."""
+    wall = f'{WALL}finish = "{finish}"\n'
+    dry, damp = (coarse(pressed(ENDS + LENS + wall, finger)).scene(0.5).interfaces for finger in ("", DAMP))
+    assert [i.right for i in damp] == [i.right for i in dry]
+    assert {i.behaviour for i in damp if i.name.startswith("stem")} == {i.behaviour for i in dry if "stem" in i.name}
+    assert "refracting" not in {i.behaviour for i in damp if i.name.startswith("stem")}
+
+
+def test_a_wall_keeps_its_coating_and_scatter_under_a_damp_finger() -> None:
+    kept = 'scatter = "gaussian"\nsigma = 0.1\ncoating = [{index = 1.38, thickness_nm = 150}]\n'
+    scene = coarse(pressed(ENDS + LENS + WALL + kept, DAMP)).scene(0.5)
+    (touched,) = [one for one in scene.interfaces if one.right == "finger"]
+    (beside, *_) = [one for one in scene.interfaces if one.name == "stem-left"]
+    assert touched.surface == beside.surface
+    assert touched.surface is not None
+    assert touched.surface.coating is not None
+
+
+def test_a_damp_finger_on_what_lies_on_a_wall_is_refused() -> None:
+    glued = f'{WALL}outside = "tape"\nindex = 1.5\n'
+    with pytest.raises(DesignError, match=r'finger\.index = 1\.4; touches stem-right.*wall\[0\].*"tape"'):
+        coarse(pressed(ENDS + LENS + glued, DAMP)).scene(0.5)
+    coarse(pressed(ENDS + LENS + glued)).scene(0.5)
+
+
+def test_the_rigid_lens_turns_with_the_lens_where_the_emitter_stands_still() -> None:
+    study = loaded_study(coarse(turned(ENDS).set({"motion.emitter_on": "ground"})))
+    assert list(study.turn_deg) == [0.0, 0.0, 0.0]
+    assert study.lens_turn_deg == pytest.approx([-3.0, 0.0, 3.0], abs=1e-9)
+    assert study.rigid_contrast is not None
+    lens_alone = Sensor.of(Design(name="x", material={"index": 1.44}, emitter={"width_mm": 0.2}, motion=MOVES_LENS))
+    assert study.rigid_contrast[0] == pytest.approx(contrast(lens_alone, -3.0), abs=1e-3)
+    assert abs(study.rigid_contrast[0]) > 0.05
 
 
 def test_the_numbers_of_holds_and_fingers_are_usual_ones() -> None:

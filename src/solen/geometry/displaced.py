@@ -33,16 +33,21 @@ RIGID_MM = 2e-12
 """A face that a rigid motion describes this well stays the curve that it was."""
 FRONT_MM = 1e-4
 """How far a lens that is no cylinder may be from rigid: its surface in space is kept and moved."""
+LENS = "lens"
+"""Faces of the lens, and what carries the emitter where nothing else is stated."""
 GROUND = "ground"
 """What carries an emitter that stands still."""
 NEAR = 1e-6
 """Share of a curve by which a place must lie inside it to be a joint of its own."""
-ORDER = 16.0
-"""Share of an interpolation's error that is left with twice as many knots: of cubic splines."""
+QUARTERS = np.array([[3.0, 6.0, -1.0], [-1.0, 6.0, 3.0]]) / 8.0
+"""Shares of an edge's first, middle and last node in a quadratic at a quarter and three quarters of the edge."""
 
 
 class Moves(Protocol):
-    """Displacement of one face: parameters (N,) on its curve, ascending from 0 to 1, and displacements (N, 2) in mm."""
+    """Displacement of one face: parameters (N,) on its curve, ascending from 0 to 1, and displacements (N, 2) in mm.
+
+    Places are the nodes of quadratic elements: every second one is the middle of an edge.
+    """
 
     @property
     def u(self) -> FloatArray: ...  # noqa: D102
@@ -71,17 +76,20 @@ class Displaced:
         The body, checked.
     carried
         Rigid motion of the emitter: that nearest to the motion of the faces that carry it.
+    lens
+        That nearest to the motion of the faces named ``lens``; None where the body has none.
     off_mm
-        Estimate of how far a wall may lie from where its points go between the places that it passes.
+        How far a wall lies from the displacement of its elements between the nodes that it passes.
     """
 
     body: Body
     carried: Rigid
+    lens: Rigid | None
     off_mm: float
 
 
 def displaced(
-    body: Body, moves: Mapping[str, Moves], emitter_on: str = "lens", touches: Sequence[Touch] = ()
+    body: Body, moves: Mapping[str, Moves], emitter_on: str = LENS, touches: Sequence[Touch] = ()
 ) -> Displaced:
     """Body at rest in the state that displacements bring it to.
 
@@ -115,7 +123,9 @@ def displaced(
         apart=tuple(_beside(face, body, walls) for face in body.apart),
         front=front,
     )
-    return Displaced(moved.check(), motion, max(wall.off_mm for wall in walls.values()))
+    has_lens = any(called(face, LENS) for face in body.all_faces)
+    lens = motion_of(body, walls, LENS, "lens") if has_lens else None
+    return Displaced(moved.check(), motion, lens, max(wall.off_mm for wall in walls.values()))
 
 
 class Followed:
@@ -140,12 +150,15 @@ class Followed:
 
     @cached_property
     def off_mm(self) -> float:
-        """How far the displacement may be off between its places, from how far every second one is off the others."""
-        if self.rigid is not None or len(self.u) < 5:
+        """How far the spline lies from the elements' quadratics, a quarter and three quarters along every edge."""
+        if self.rigid is not None:
             return 0.0
-        coarse = self._spline(self.u[::2], self.moves_mm[::2])
-        left_out = coarse(self.measure.lengths_at(self.u[1::2])) - self.moves_mm[1::2]
-        return float(np.hypot(*left_out.T).max()) / ORDER
+        ends, moves = self.measure.lengths_at(self.u[::2]), self.moves_mm
+        edges = np.stack([moves[:-2:2], moves[1::2], moves[2::2]])
+        spline = self._spline(self.u, moves)
+        places = [ends[:-1] + share * np.diff(ends) for share in (0.25, 0.75)]
+        off = spline(np.array(places)) - np.tensordot(QUARTERS, edges, 1)
+        return float(np.hypot(off[..., 0], off[..., 1]).max())
 
     def between(self, first: Point, last: Point, cuts: FloatArray) -> list[Curve]:
         """The displaced curve between two corners, cut at places of the curve at rest."""

@@ -15,10 +15,11 @@ from typing import Any
 from solen.errors import DesignError
 from solen.geometry import Body, Displaced, Touch, body_of, displaced
 from solen.geometry.outline import undecentred
+from solen.geometry.walls import DARK
 from solen.lens import Lens
 from solen.material.resin import resin_of
 from solen.material.stiffness.models import model
-from solen.mechanics.deformed import Deformed
+from solen.mechanics.deformed import Contact, Deformed
 from solen.mechanics.load import Hold, Load, Press, Pull, Stretch, Turn
 from solen.mechanics.material import Material
 from solen.mechanics.mesh import MeshOptions
@@ -63,6 +64,11 @@ class LoadedState:
     def turn_deg(self) -> float:
         """Angle by which what carries the emitter has turned."""
         return self.displaced.carried.angle_deg
+
+    @property
+    def lens_turn_deg(self) -> float:
+        """Angle by which the lens has turned; that of what carries the emitter where the body has no face ``lens``."""
+        return (self.displaced.lens or self.displaced.carried).angle_deg
 
 
 @dataclass(frozen=True)
@@ -124,13 +130,29 @@ class LoadedBody:
         touches: list[Touch] = []
         fingers = {press.name: press for press in self.design.press}
         for contact in deformed.contacts:
-            finger = fingers[contact.name]
-            if finger.index is not None and contact.u_from < contact.u_to:
+            wall = self._touched(fingers[contact.name], contact)
+            if wall is not None:
                 touches.append(Touch(contact.face, contact.u_from, contact.u_to, len(self.design.wall) + len(walls)))
-                walls.append(_touched(finger, contact.face))
+                walls.append(wall)
         design = self.design.model_copy(update={"wall": (*self.design.wall, *walls)}) if walls else self.design
         moved = displaced(self.rest, deformed.walls, self.design.motion.emitter_on, touches)
         return LoadedState(value, deformed, moved, design.in_folder(self.design.folder))
+
+    def _touched(self, finger: tables.Press, contact: Contact) -> Wall | None:
+        """Wall table of what a finger touches; None where light does not reach the finger."""
+        face = self.rest.face(contact.face)
+        own = Wall(face=face.name) if face.wall is None else self.design.wall[face.wall]
+        reflects = face.part in DARK or own.finish in ("mirror", "black")
+        if finger.index is None or reflects or not contact.u_from < contact.u_to:
+            return None
+        if own.finish_is_added or own.outside != "air":
+            there = f'finish = "{own.finish}"' if own.finish_is_added else f'outside = "{own.outside}"'
+            limit = f"touches {face.name}, whose wall[{face.wall}] states {there}: what light meets there is not known"
+            remedy = "leave the index out, or move the finger or the wall's stretch"
+            raise DesignError(f"{finger.name}.index", value=finger.index, limit=limit, remedy=remedy)
+        medium = {"outside": finger.name, "index": finger.index, "absorption_per_mm": finger.absorption_per_mm}
+        depth_mm = min(FINGER_MM, OF_RADIUS * finger.radius_mm)
+        return own.model_copy(update={**medium, "face": face.name, "depth_mm": depth_mm, "beyond": "black"})
 
 
 def material_of(design: Design) -> Material:
@@ -224,13 +246,3 @@ def _pivot(design: Design, rest: Body, about: str | Point) -> Point:
         return rest.marks["stem-base"]
     return undecentred(design, rest.emitter) if isinstance(about, str) else about
 
-
-def _touched(finger: tables.Press, face: str) -> Wall:
-    """Wall table of a stretch that a finger touches."""
-    return Wall(
-        face=face,
-        outside=finger.name,
-        index=finger.index,
-        absorption_per_mm=finger.absorption_per_mm,
-        depth_mm=min(FINGER_MM, OF_RADIUS * finger.radius_mm),
-    )

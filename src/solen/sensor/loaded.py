@@ -109,8 +109,8 @@ class LoadedStudy(Result):
         Values of an angle, a depth and a force; of a finger both of the latter, None where the motion has none.
     moment_Nmm
         Of a driven clamp, about its pivot; None otherwise.
-    turn_deg
-        Turn of what carries the emitter.
+    turn_deg, lens_turn_deg
+        Turn of what carries the emitter, 0 where that is the ground, and of the lens.
     rigid_contrast, rigid_refused
         Contrast of the rigid sensor whose lens has turned by as much; None where it cannot be, and why.
     receivers, voltage_V
@@ -137,6 +137,7 @@ class LoadedStudy(Result):
     force_N: FloatArray | None
     moment_Nmm: FloatArray | None
     turn_deg: FloatArray
+    lens_turn_deg: FloatArray
     rigid_contrast: FloatArray | None
     rigid_refused: str | None
     receivers: tuple[str, ...]
@@ -217,8 +218,7 @@ def loaded_study(sensor: Sensor, progress: Progress | None = None) -> LoadedStud
     values = sensor.design.motion.values()
     states = tuple(sensor.loaded.states(values))
     response = sensor.power(values, progress)
-    turns = np.array([state.turn_deg for state in states])
-    rigid, refused = _rigid(sensor, turns)
+    rigid, refused = _rigid(sensor, [state.lens_turn_deg for state in states])
     planes = _planes(sensor, response)
     volts = readings_from(sensor, response)
     warnings = [*sensor.warnings, *keys_without_effect(sensor), *_cautions(states), *_of_planes(sensor, planes)]
@@ -232,7 +232,8 @@ def loaded_study(sensor: Sensor, progress: Progress | None = None) -> LoadedStud
         depth_mm=_array(states, "depth_mm"),
         force_N=_array(states, "force_N"),
         moment_Nmm=_array(states, "moment_Nmm"),
-        turn_deg=turns,
+        turn_deg=np.array([state.turn_deg for state in states]),
+        lens_turn_deg=np.array([state.lens_turn_deg for state in states]),
         rigid_contrast=rigid,
         rigid_refused=refused,
         receivers=volts.circuit.names,
@@ -254,13 +255,13 @@ def rigid_design(design: Design) -> Design:
     return design.model_copy(update=plain).in_folder(design.folder)
 
 
-def _rigid(sensor: Sensor, turns_deg: FloatArray) -> tuple[FloatArray | None, str | None]:
+def _rigid(sensor: Sensor, turns_deg: Sequence[float]) -> tuple[FloatArray | None, str | None]:
     """Contrast of the rigid sensor at turns of its lens, or why there is none."""
     if sensor.is_drawn:
         return None, "the body is drawn: its lens is part of it and does not turn by itself"
     rigid = replace(sensor, design=rigid_design(sensor.design))
     try:
-        return rigid.power(turns_deg.tolist()).contrast, None
+        return rigid.power(turns_deg).contrast, None
     except SolenError as bad:
         return None, str(bad)
 

@@ -21,7 +21,7 @@ from solen.sensor.loaded import Deformation, LoadedStudy
 from solen.sensor.traced import where
 
 COLUMNS = (
-    *("angle_deg", "depth_mm", "force_N", "moment_Nmm", "turn_deg"),
+    *("angle_deg", "depth_mm", "force_N", "moment_Nmm", "turn_deg", "lens_turn_deg"),
     *("right", "left", "u_power", "contrast", "rigid_contrast"),
 )
 LABELS = {"angle_deg": "angle (deg)", "depth_mm": "depth (mm)", "force_N": "force (N)"}

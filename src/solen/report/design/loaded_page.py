@@ -92,7 +92,7 @@ def _shape(study: LoadedStudy) -> str:
     bulge_mm = max(state.deformed.bulge_mm for state in study.states)
     strain = 100.0 * float(abs(study.strain_largest).max())
     return (
-        f"strains up to {strain:.2g} %, turns up to {float(abs(study.turn_deg).max()):.2g}°; walls taken as "
+        f"strains up to {strain:.2g} %, turns up to {float(abs(study.lens_turn_deg).max()):.2g}°; walls taken as "
         f"upright, to {bulge_mm:.1g} mm, and within about {float(study.off_mm.max()):.1g} mm of the elements"
     )
 
