@@ -245,4 +245,3 @@ def _pivot(design: Design, rest: Body, about: str | Point) -> Point:
     if about == "stem-base":
         return rest.marks["stem-base"]
     return undecentred(design, rest.emitter) if isinstance(about, str) else about
-
