@@ -49,11 +49,15 @@ def test_the_derivative_by_the_index_keeps_the_loss_of_the_resin() -> None:
 
 
 def test_a_print_of_another_index_keeps_the_loss_of_the_resin() -> None:
-    options = ToleranceOptions(vary=("material.index=normal:0:0.001",), prints=32, print_number=2)
-    of_resin = design(material__resin="pet-pressed")
-    printed = print_design(of_resin, options)
+    """Its index is that of the resin at the wavelength of the print."""
+    vary = ("material.index=uniform:0.0009999:0.0010001", "emitter.wavelength_nm=uniform:-40.01:-39.99")
+    of_resin = design(material__resin="pet-pressed", emitter__wavelength_nm=700.0)
+    printed = print_design(of_resin, ToleranceOptions(vary=vary, prints=32, print_number=2))
     assert printed is not None
     assert body_loss_per_mm(Sensor.of(printed)) == Sensor.of(of_resin).material.absorption_per_mm
+    there = Sensor.of(with_values(of_resin, {WAVELENGTH: 660.0})).material.index
+    assert printed.material.index == pytest.approx(there + 0.001, abs=1e-5)
+    assert there - Sensor.of(of_resin).material.index > 1e-4
 
 
 def test_wavelength_and_index_are_off_together() -> None:

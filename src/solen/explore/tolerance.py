@@ -25,6 +25,7 @@ from solen.explore.sweep import AccuracyOptions, check_angles, failures_of, meri
 from solen.explore.variations import Variation, drawn, offs, together, variations_of
 from solen.results import HIDDEN, Result
 from solen.sensor import Sensor
+from solen.sensor.effects import as_built
 from solen.sensor.numbers import number
 from solen.spec import Design
 from solen.spec.strict import Finite
@@ -244,7 +245,8 @@ def print_design(design: Design, options: ToleranceOptions) -> Design | None:
     sensor = Sensor.of(design)
     variations = variations_of(sensor, options.vary)
     row = drawn(variations, options.prints, options.seed)[place - 1]
-    values = {key: number(sensor, key) + off for key, off in offs(variations, row.tolist()).items()}
+    off = offs(variations, row.tolist())
+    values = {key: number(sensor, key) + step for key, step in off.items()}
     if "emitter.distance_mm" in values and sensor.has_lens:
         limit = "emitter.distance_mm varies, and the lens of a design file is cut for the distance that it states"
         raise SpecError("--print-number", value=place, limit=limit, remedy="hold it, by --vary of the others")
@@ -255,8 +257,9 @@ def print_design(design: Design, options: ToleranceOptions) -> Design | None:
         values = {"material.absorption_per_mm": sensor.material.absorption_per_mm} | values
     if sensor.has_lens and not sensor.is_measured and {"material.index", "emitter.wavelength_nm"} & values.keys():
         values = {"lens.design_index": sensor.design.lens.design_index or sensor.material.index} | values
-    if "material.index" in values:  # takes the resin away, and its loss with it
-        values = {"material.absorption_per_mm": sensor.material.absorption_per_mm} | values
+    if "material.index" in values:  # takes the resin away, with its loss and its dispersion
+        built = as_built(sensor, off).material
+        values |= {"material.index": built.index, "material.absorption_per_mm": built.absorption_per_mm}
     return design.set(values)
 
 
