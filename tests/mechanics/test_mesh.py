@@ -78,8 +78,14 @@ def test_walls_nearer_to_each_other_than_elements_are_wide() -> None:
 
 @pytest.mark.parametrize("size", [1e-4, -1.0, math.inf])
 def test_sizes_that_make_no_mesh_are_refused(size: float) -> None:
-    with pytest.raises(DesignError, match=r"mesh\.size_mm"):
+    with pytest.raises(DesignError, match=r"mechanics\.mesh_mm"):
         mesh_of(block(4.0, 4.0), MeshOptions(size), {})
+
+
+def test_a_size_that_nobody_wrote_is_not_said_to_be_one() -> None:
+    with pytest.raises(DesignError, match=r"mechanics\.mesh_mm; elements of 1e-06 to") as caught:
+        mesh_of(block(4.0, 4.0), MeshOptions(finer=((0.0, 0.0, 1e-6),)), {})
+    assert caught.value.value is None
 
 
 def worst_quality(mesh: BodyMesh) -> float:

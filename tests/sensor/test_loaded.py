@@ -7,9 +7,9 @@ import pytest
 
 from solen.curve import Spline
 from solen.errors import DesignError, SpecError
-from solen.sensor import OPTICAL_KEYS, Sensor, tolerance_of
-from solen.sensor.loaded import deform, loaded_study
-from solen.sensor.numbers import usual_keys
+from solen.sensor import OPTICAL_KEYS, Sensor, tolerance_of, why_not_batched
+from solen.sensor.loaded import PlaneSpread, deform, loaded_study
+from solen.sensor.numbers import inert, usual_keys
 from solen.sensor.readings import design_readings
 from solen.sensor.traced import sensitivities, trace_design, value_asked
 from solen.spec import Design, loads
@@ -73,6 +73,7 @@ def test_a_body_turned_by_its_arms_alone_gives_the_light_of_the_body_at_rest(dim
 
 def test_without_a_load_the_light_is_that_of_the_rigid_sensor_at_rest() -> None:
     sensor = coarse(turned(ENDS))
+    assert why_not_batched(sensor) == "a load deforms its body"
     assert sensor.body(0.0) == sensor.body()
     state = sensor.loaded.state(0.0)
     assert state.deformed.strain_largest == 0.0
@@ -98,7 +99,7 @@ def test_a_study_holds_forces_and_the_rigid_answer() -> None:
     for row in study.reactions:
         assert np.sum([one.force_N for one in row], axis=0) == pytest.approx([0.0, 0.0], abs=1e-9)
     assert study.planes is not None
-    assert study.planes.apart < 0.01
+    assert (study.planes.apart or 0.0) < 0.01
     assert (study.force_N, study.depth_mm) == (None, None)
     data = study.to_dict()
     assert data["contrast"][0] == study.contrast[0]
@@ -175,6 +176,18 @@ def test_the_rigid_lens_turns_with_the_lens_where_the_emitter_stands_still() -> 
     assert abs(study.rigid_contrast[0]) > 0.05
 
 
+def test_the_thickness_matters_in_the_plane_where_a_force_spreads_over_it() -> None:
+    assert inert(coarse(pressed(ENDS + LENS, key="force_N")), "body.thickness_mm") == ""
+    assert inert(Sensor.of(Design(name="x", material={"index": 1.44})), "body.thickness_mm")
+
+
+def test_planes_are_compared_where_both_have_light() -> None:
+    dark = np.full(2, np.nan)
+    half = PlaneSpread(np.arange(2.0), np.array([0.5, np.nan]), np.array([0.25, 0.0]))
+    assert half.apart == 0.25
+    assert PlaneSpread(np.arange(2.0), dark, np.zeros(2)).apart is None
+
+
 def test_the_numbers_of_holds_and_fingers_are_usual_ones() -> None:
     sensor = coarse(pressed(ENDS + "from_mm = 0.5\n" + LENS))
     keys = set(usual_keys(sensor)) - set(OPTICAL_KEYS)
@@ -199,6 +212,11 @@ def test_the_numbers_of_holds_and_fingers_have_derivatives() -> None:
     [
         (turned(ENDS.replace("receiver", "reciever")), r"mount\.face = 'reciever-\*'; names no face; there are lens"),
         (turned(ENDS + "from_mm = 30\n"), r"mount\.from_mm = 30\.0; covers nothing"),
+        (
+            turned(ENDS + "to_mm = 1000\n"),
+            r"mount\.to_mm = 1000\.0; must be at most \d\.?\d* mm, the length of receiver-\*; leave it out",
+        ),
+        (turned(ENDS).set({"mechanics.plane": "stress", "mechanics.poisson": 0.45}), r"mechanics\.poisson = 0\.45"),
         (pressed(LENS + FORK, values="[9]"), r"finger.* = 9"),
         (pressed(LENS + FORK).set({"press[0].at_mm": 99.0}), r"finger\.at_mm = 99\.0; must be from 0"),
         (turned(ENDS).set({"motion.emitter_on": "lamp"}), r"motion\.emitter_on = 'lamp'; names no face"),

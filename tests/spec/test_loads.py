@@ -81,6 +81,13 @@ def test_a_key_of_one_of_several_tables_is_read_and_set_by_its_number() -> None:
             "one",
         ),
         (TURNED + HOLD + CLAMP + FINGER.replace("finger", "fork"), "press[0].name = 'fork'; is the name of", "another"),
+        (PRESSED + HOLD + FINGER.replace('"finger"', '"air"'), "press[0].name = 'air'; is the name of", "another"),
+        (PRESSED + HOLD + FINGER.replace('"finger"', '"body"'), "press[0].name = 'body'; is the name of", "another"),
+        (
+            PRESSED + HOLD + FINGER + 'index = 1.4\n[[wall]]\nface = "outer-*"\noutside = "finger"\nindex = 1.5\n',
+            "press[0].name = 'finger'; is the name of another medium",
+            "another",
+        ),
         (TURNED + HOLD.replace("fork", "f.1") + CLAMP, "hold[0].name = 'f.1'; must have no dot", ""),
         (TURNED + HOLD + "from_mm = 2\nto_mm = 1\n" + CLAMP, "hold[0].from_mm = 2.0; must be less than", ""),
         (TURNED + HOLD + CLAMP + "[mechanics]\npoisson = 0.3\n", "mechanics.poisson = 0.3; must be at least 0.4", ""),

@@ -1,7 +1,7 @@
 """Soft bodies under load, by finite elements: body, material, what holds it and what loads it -> the deformed body.
 
-The idea: the exact outline is meshed once; every load is a state of one soft body. The room knows neither light nor
-design files.
+The idea: the exact outline is meshed once; every load is a state of one soft body. `solen.mechanics.design` alone knows
+design files, and the walls that light meets.
 
 The interface::
 

@@ -49,7 +49,7 @@ class Material:
             raise DesignError("material.parameters", value=self.parameters, limit=f"{self.kind} takes {len(names)}")
         if not LEAST_POISSON <= self.poisson <= 0.5:
             limit = f"must be from {LEAST_POISSON} to 0.5: the models are those of rubbers, which keep their volume"
-            raise DesignError("material.poisson", value=self.poisson, limit=limit)
+            raise DesignError("mechanics.poisson", value=self.poisson, limit=limit)
         if not self.shear_modulus_MPa > 0.0:
             raise DesignError("material.shear_modulus_MPa", value=self.shear_modulus_MPa, limit="must be above 0")
 

@@ -104,7 +104,7 @@ def mesh_of(body: Body, options: MeshOptions, cuts: Mapping[str, Sequence[float]
     """
     body.upright()
     sizes = _sizes_of(body, options, cuts)
-    _refuse_many(body, sizes)
+    _refuse_many(body, sizes, options.size_mm)
     rings = [[_parameters(face, sizes, cuts.get(face.name, ())) for face in outline] for outline in body.outlines]
     for _ in range(ROUNDS):
         outline = _Outline.of(body, rings)
@@ -123,7 +123,7 @@ def _sizes_of(body: Body, options: MeshOptions, cuts: Mapping[str, Sequence[floa
     width_mm = 2.0 * area_mm2(body.outlines) / perimeter_mm(body.outlines)
     size_mm = options.size_mm or width_mm / ACROSS
     if not (math.isfinite(size_mm) and size_mm > 0.0):
-        raise DesignError("mesh.size_mm", value=size_mm, limit="must be finite and above 0")
+        raise DesignError("mechanics.mesh_mm", value=size_mm, limit="must be finite and above 0")
     sizes = Sizes(size_mm)
     for outline in body.outlines:
         for before, face in pairwise((outline[-1], *outline)):
@@ -154,13 +154,15 @@ def _bound_by_radius(sizes: Sizes, face: Face) -> None:
             sizes.add(point, PER_RADIUS * length / turn)
 
 
-def _refuse_many(body: Body, sizes: Sizes) -> None:
+def _refuse_many(body: Body, sizes: Sizes, stated_mm: float | None) -> None:
     """`DesignError` before a mesh too large to hold."""
     smallest = min(sizes.sizes, default=sizes.largest_mm)
     triangles = 2.3 * area_mm2(body.outlines) / sizes.largest_mm**2
     if triangles > MOST_TRIANGLES or smallest < 1e-4 * sizes.largest_mm:
-        limit = f"would take more than {MOST_TRIANGLES} triangles"
-        raise DesignError("mesh.size_mm", value=min(smallest, sizes.largest_mm), limit=limit, remedy="raise it")
+        sized = f"elements of {min(smallest, sizes.largest_mm):.2g} to {sizes.largest_mm:.2g} mm"
+        limit = f"{sized} would take more than {MOST_TRIANGLES} triangles"
+        remedy = "raise it" if triangles > MOST_TRIANGLES else "make the smallest radius of a wall or finger larger"
+        raise DesignError("mechanics.mesh_mm", value=stated_mm, limit=limit, remedy=remedy)
 
 
 def _parameters(face: Face, sizes: Sizes, cuts: Sequence[float]) -> FloatArray:

@@ -75,7 +75,7 @@ class SoftBody:
             raise DesignError("body.thickness_mm", value=self.thickness_mm, limit="must be above 0")
         if self.plane == "stress" and self.material.poisson != 0.5:
             limit = "must be 0.5 in plane stress, where the thickness keeps the volume"
-            raise DesignError("material.poisson", value=self.material.poisson, limit=limit)
+            raise DesignError("mechanics.poisson", value=self.material.poisson, limit=limit)
 
     def state(self, loads: Sequence[Load]) -> Deformed:
         """The body under some loads, brought there from rest; errors as of `states`."""

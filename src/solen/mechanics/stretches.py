@@ -32,14 +32,17 @@ def parts_of(body: Body, stretch: Stretch, what: str) -> list[Part]:
     Raises
     ------
     DesignError
-        Where it names no face of an outline, or lies beyond the end of all that it names.
+        Where it names no face of an outline, or reaches beyond the end of all that it names.
     """
     named = [face for face in body.all_faces if called(face, stretch.face)]
     if not named:
         raise _unknown(body, stretch.face, what)
+    longest_mm = max(face.begins_mm + Measure(face.curve).length_mm for face in named)
+    if stretch.to_mm is not None and stretch.to_mm > longest_mm + SHORTEST_MM:
+        limit = f"must be at most {longest_mm:.4g} mm, the length of {stretch.face}"
+        raise DesignError(f"{what}.to_mm", value=stretch.to_mm, limit=limit, remedy="leave it out to reach the end")
     parts = [part for face in named if (part := _covered(face, stretch)) is not None]
     if not parts:
-        longest_mm = max(face.begins_mm + Measure(face.curve).length_mm for face in named)
         limit = f"covers nothing of {stretch.face}, which is {longest_mm:.4g} mm long"
         raise DesignError(f"{what}.from_mm", value=stretch.from_mm, limit=limit)
     return parts

@@ -46,9 +46,10 @@ class PlaneSpread:
     stress: FloatArray
 
     @reported
-    def apart(self) -> float:
-        """Largest difference."""
-        return float(np.abs(self.strain - self.stress).max())
+    def apart(self) -> float | None:
+        """Largest difference; None where every value is dark in one of the planes."""
+        off = np.abs(self.strain - self.stress)
+        return float(np.nanmax(off)) if np.isfinite(off).any() else None
 
 
 class Deformation(Result):
@@ -316,7 +317,7 @@ def _cautions(states: Sequence[LoadedState]) -> list[Caution | str]:
 
 
 def _of_planes(sensor: Sensor, planes: PlaneSpread | None) -> list[Caution]:
-    if planes is None or planes.apart <= APART:
+    if planes is None or planes.apart is None or planes.apart <= APART:
         return []
     return [
         look_at(

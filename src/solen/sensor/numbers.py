@@ -95,7 +95,7 @@ def inert(sensor: "Sensor", key: str) -> str:
         ),
         "emitter.width_mm": (sensor.light.width_mm == 0.0, "the emitter is a point"),
         "emitter.height_mm": (flat or sensor.light.height_mm == 0.0, in_plane if flat else "the emitter is a line"),
-        "body.thickness_mm": (flat, in_plane),
+        "body.thickness_mm": (flat and not sensor.is_loaded, in_plane),  # a force spreads over it
         "material.index": (
             resin or _is_matched(sensor),
             "follows from the resin and the wavelength" if resin else MATCHED,

@@ -148,10 +148,14 @@ def driven(design: "Design") -> tuple[str, str, str]:
 def _check_names(design: "Design") -> None:
     """Tables of one name must be one support; fingers and pulls have names of their own."""
     seen: dict[str, tuple[str, Strict]] = {}
+    outsides = {wall.outside for wall in design.wall}
     for table in DRIVEN:
         for number, row in enumerate(getattr(design, table)):
             if "." in row.name:
                 raise refused(f"{table}[{number}].name", "must have no dot", value=row.name)
+            if table == "press" and row.name in ("air", "body", *(outsides if row.index is not None else ())):
+                limit = "is the name of another medium"
+                raise refused(f"{table}[{number}].name", limit, value=row.name, remedy="use another name")
             other, first = seen.setdefault(row.name, (table, row))
             if first is row:
                 continue

@@ -45,7 +45,7 @@ def expected(study: LoadedStudy) -> list[tuple[str, str]]:
     """The response in words, by heading."""
     contrasts = [measured(float(study.contrast[i]), float(study.u_contrast[i])) for i in ENDS]
     rows = [("contrast", _at_ends(study, contrasts)), ("were it rigid", _rigid(study))]
-    if study.planes is not None:
+    if study.planes is not None and study.planes.apart is not None:
         spread = f"plane strain and plane stress differ by up to {study.planes.apart:.3f} in the contrast"
         rows.append(("model", f"{spread}; a real part lies between"))
     if (driven := forces(study)) is not None:
