@@ -52,6 +52,7 @@ def test_samples_fill_ranges_and_lists_evenly() -> None:
         (["lens.focus_mm=15:25"], None, "--samples"),
         (["lens.focus_mm=15:25:3"], 8, "15:25"),
         (["lens.focus_mm=15,15"], None, "twice"),
+        (["lens.focus_mm=15,a"], None, "not a number"),
         (["lens.focus_mm=15,20", "lens.focus_mm=25,30"], None, "twice"),
         (["lens.fokus_mm=15,20"], None, "fokus"),
         ([], None, "axis"),

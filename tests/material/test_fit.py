@@ -124,7 +124,7 @@ def test_scatter_beyond_the_stated_uncertainty_widens_the_covariance() -> None:
     found, told = fit("cauchy", NM, n, 1e-3, terms=2), fit("cauchy", NM, n, 5e-3, terms=2)
     assert found.chi2_reduced == pytest.approx(25, rel=0.4)
     assert found.widened == pytest.approx(5, rel=0.2)
-    assert "multiplied with" in found.warnings[0]
+    assert "multiplied by" in found.warnings[0]
     assert told.widened == 1
     assert told.warnings == ()
     assert found.model.u_index(650) == pytest.approx(told.model.u_index(650), rel=0.2)

@@ -70,7 +70,7 @@ def test_layer_and_sheet_are_fitted_together(side: Side) -> None:
     low, high = result.interval95_k.T
     assert ((low >= 0.0) & (high >= 0.0)).all()
     assert np.median(high) > 3e-5 > np.median(low)
-    assert "fitted together" in result.warnings[0]
+    assert "fitted jointly" in result.warnings[0]
 
 
 def test_a_clear_layer_has_no_extinction_and_its_index_is_sharper_than_from_pointwise_readings() -> None:

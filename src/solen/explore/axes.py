@@ -40,11 +40,12 @@ def axis(text: str, design: Design, option: str = "--over") -> Axis:
     key, equals, values = (part.strip() for part in text.partition("="))
     if not (equals and key and values):
         raise SpecError(option, value=text, limit="is not a key with its values", remedy=FORMS)
-    if key != "name":
-        value_at(design, key)  # refuses an unknown key
+    now = None if key == "name" else value_at(design, key)  # refuses an unknown key
     if ":" in values:
         return _spaced(f"{option} {key}", key, values)
     listed = tuple(parse_assignment(f"{key}={part}")[1] for part in values.split(","))
+    if isinstance(now, float) and any(isinstance(part, str) for part in listed):
+        raise SpecError(f"{option} {key}", value=values, limit="has a value that is not a number", remedy=FORMS)
     if any(part == "" for part in listed):
         raise SpecError(f"{option} {key}", value=values, limit="has an empty value", remedy=FORMS)
     if len(set(map(str, listed))) < len(listed):

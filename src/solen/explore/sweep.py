@@ -322,8 +322,9 @@ def _swept(
 def point_warnings(points: Sequence[Point], failures: Mapping[str, int]) -> Iterator[str]:
     """Warnings about points without a response, and about those that did not reach the tolerance."""
     if failures:
-        why, many = next(iter(failures.items())), sum(failures.values())
-        yield f"{many} of {len(points)} points have no response; {why[1]} of them: {why[0]}"
+        many, first = sum(failures.values()), next(iter(failures))
+        others = "" if len(failures) == 1 else f" (and {len(failures) - 1} further reasons, under failures in the JSON)"
+        yield f"{many} of {len(points)} points have no response: {first}{others}"
     rough = [point.why for point in points if point.right.size and point.why]
     if rough:
         yield f"{len(rough)} of {len(points)} points missed the tolerance; their u states what was reached: {rough[0]}"

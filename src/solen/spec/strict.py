@@ -153,6 +153,7 @@ class Options(BaseModel):
     def __pydantic_init_subclass__(cls, **_: Any) -> None:
         """Add the limits of each field to its description."""
         for field in cls.model_fields.values():
+            field.description = " ".join((field.description or "").split()) or None
             limits = _limits_in_words((field.annotation, *field.metadata))
             if limits and field.description and not field.description.endswith(limits):
                 field.description = f"{field.description} {limits}"

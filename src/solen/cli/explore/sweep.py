@@ -14,9 +14,11 @@ MOST_ROWS = 40
 
 @lines.register
 def _(result: Sweep) -> Iterator[str]:
-    how = " x ".join(map(str, result.shape)) if result.is_grid else f"{result.points} samples"
-    known = result.points - result.traced
-    yield f"simulated: {result.name}, {how}, {result.traced} points traced, {known} known or without a response"
+    how = f"a grid of {' x '.join(map(str, result.shape))}" if result.is_grid else "samples"
+    failed = sum(result.failures.values())
+    known = result.points - result.traced - failed
+    traced = f"{result.traced} traced, {known} known, {failed} failed"
+    yield f"simulated: {result.name}, {result.points} points ({how}): {traced}"
     heads = [*result.values, *MERITS]
     widths = [max(12, len(head)) for head in heads]
     yield "  ".join(f"{head:>{width}}" for head, width in zip(heads, widths, strict=True))
