@@ -1,6 +1,8 @@
 """A soft sensor under load: rigid where it moves as one, and what an independent prototype gave where not."""
 
+import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -99,7 +101,7 @@ def test_a_study_holds_forces_and_the_rigid_answer() -> None:
     for row in study.reactions:
         assert np.sum([one.force_N for one in row], axis=0) == pytest.approx([0.0, 0.0], abs=1e-9)
     assert study.planes is not None
-    assert (study.planes.apart or 0.0) < 0.01
+    assert study.planes.apart == pytest.approx(0.0, abs=0.01)
     assert (study.force_N, study.depth_mm) == (None, None)
     data = study.to_dict()
     assert data["contrast"][0] == study.contrast[0]
@@ -147,6 +149,23 @@ def test_light_does_not_reach_a_finger_behind_a_mirror_or_black(finish: str) -> 
     assert [i.right for i in damp] == [i.right for i in dry]
     assert {i.behaviour for i in damp if i.name.startswith("stem")} == {i.behaviour for i in dry if "stem" in i.name}
     assert "refracting" not in {i.behaviour for i in damp if i.name.startswith("stem")}
+
+
+def test_a_drawn_mirror_stays_one_under_a_damp_finger(tmp_path: Path) -> None:
+    corners = ((0.0, 0.0), (4.0, 0.0), (4.0, 10.0), (2.0, 10.0), (0.0, 10.0))
+    names = ("base", "mirror", "receiver-right", "receiver-left", "side")
+    segments = zip(names, corners, (*corners[1:], corners[0]), strict=True)
+    faces = [{"name": name, "curve": {"kind": "segment", "a": a, "b": b}} for name, a, b in segments]
+    drawing = {"solen_outline": 1, "faces": faces, "emitters": [{"point": [2.0, -1.0], "width_mm": 0.3}]}
+    file = tmp_path / "block.json"
+    file.write_text(json.dumps(drawing), encoding="utf-8")
+    made = pressed('[[hold]]\nname = "back"\nface = "side"\n', DAMP, "[0, 0.1]")
+    made = made.set({"press[0].face": "mirror", "press[0].at_mm": 5.0, "motion.emitter_on": "base"})
+    tables = made.model_dump(exclude_unset=True) | {"body": {"kind": "outline", "file": str(file)}}
+    tables["emitter"] = {}
+    interfaces = coarse(Design.model_validate(tables)).scene(0.1).interfaces
+    assert {i.behaviour for i in interfaces if i.name.startswith("mirror")} == {"mirror"}
+    assert "finger" not in {i.right for i in interfaces}
 
 
 def test_a_wall_keeps_its_coating_and_scatter_under_a_damp_finger() -> None:

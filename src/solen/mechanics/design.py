@@ -142,8 +142,8 @@ class LoadedBody:
         """Wall table of what a finger touches; None where light does not reach the finger."""
         face = self.rest.face(contact.face)
         own = Wall(face=face.name) if face.wall is None else self.design.wall[face.wall]
-        reflects = face.part in DARK or own.finish in ("mirror", "black")
-        if finger.index is None or reflects or not contact.u_from < contact.u_to:
+        is_dark = face.part in DARK or own.finish in ("mirror", "black")
+        if finger.index is None or is_dark or not contact.u_from < contact.u_to:
             return None
         if own.finish_is_added or own.outside != "air":
             there = f'finish = "{own.finish}"' if own.finish_is_added else f'outside = "{own.outside}"'
