@@ -290,6 +290,7 @@ def test_an_extruded_design_runs_to_its_report_with_pictures_of_the_plane(design
         design, out=tmp_path / "out", set_=[*chosen, "emitter.pattern=lambertian", "emitter.cone_deg=60"]
     )
     assert (tmp_path / "out" / "rays.svg").is_file()
+    assert isinstance(found.result, DesignStudy)
     assert 0.0 < (found.result.summary["lens"].contrast_from or 0.0) < 1.0
 
 
