@@ -14,6 +14,7 @@ ROOMS = {
     "material": ("Material", ("material",)),
     "lens": ("Lens", ("lens",)),
     "geometry": ("Geometry", ("geometry",)),
+    "mechanics": ("Mechanics of soft bodies", ("mechanics",)),
     "scene": ("Scene", ("scene",)),
     "trace": ("Trace", ("trace",)),
     "readout": ("Readout", ("readout",)),
@@ -22,7 +23,7 @@ ROOMS = {
     "fabricate": ("Solids, layers and the print process", ("fabricate",)),
     "metrology": ("Metrology", ("metrology",)),
     "bench": ("Bench", ("bench",)),
-    "explore": ("Tuning prints", ("explore",)),
+    "explore": ("Exploring designs, and tuning prints", ("explore",)),
     "report": ("Figures", ("report",)),
 }
 """Pages in the order of the stages: file, title, modules."""

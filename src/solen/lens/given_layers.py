@@ -90,7 +90,7 @@ class GivenLayers(LayeredLens, eq=True):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """See :attr:`solen.lens.optics.Lens.warnings`."""
+        """See :attr:`solen.lens.base.Lens.warnings`."""
         return self.given.warnings
 
     @reported

@@ -56,7 +56,7 @@ class LayeredLens(LensInSpace, eq=True):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """See :attr:`solen.lens.optics.Lens.warnings`."""
+        """See :attr:`solen.lens.base.Lens.warnings`."""
         if self.layer_mm < self.half_height_mm:
             last_mm = float(self.edges_mm[1] - self.edges_mm[0])
             if abs(last_mm - self.layer_mm) <= EXACT * self.layer_mm:

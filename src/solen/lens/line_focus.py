@@ -115,7 +115,7 @@ class LineFocusLens(LensInSpace, eq=True):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """See :attr:`solen.lens.optics.Lens.warnings`."""
+        """See :attr:`solen.lens.base.Lens.warnings`."""
         if self.design_index <= math.sqrt(2.0) or self._steepest <= _most(self.design_index):
             return ()
         limit = "light of the emitter's middle is too steep for top and bottom, and leaks there"

@@ -44,28 +44,28 @@ class MeasuredLens(DeviatingLens, eq=True):
 
     @property
     def plain(self) -> DesignedLens:
-        """See :attr:`DeviatingLens.plain`."""
+        """See :attr:`solen.lens.base.DeviatingLens.plain`."""
         return self.designed
 
     def deviation_mm(self, x_mm: FloatArray) -> FloatArray:
-        """See :meth:`DeviatingLens.deviation_mm`."""
+        """See :meth:`solen.lens.base.DeviatingLens.deviation_mm`."""
         error = self._error(x_mm, 0) if self.drawn else 0.0
         return np.asarray(self.fit.deviation_mm(x_mm) + error)
 
     def deviation_slope(self, x_mm: FloatArray) -> FloatArray:
-        """See :meth:`DeviatingLens.deviation_slope`."""
+        """See :meth:`solen.lens.base.DeviatingLens.deviation_slope`."""
         error = self._error(x_mm, 1) if self.drawn else 0.0
         return np.asarray(self.fit.deviation_slope(x_mm) + error)
 
     @property
     def curve_within_mm(self) -> float:
-        """See :attr:`DeviatingLens.curve_within_mm`; a drawn outline has a curve within `DRAWN_CURVE_SHARE`."""
+        """See :attr:`solen.lens.base.DeviatingLens.curve_within_mm`; of a drawn outline `DRAWN_CURVE_SHARE` of its u."""
         within_mm = 1e-3 * DRAWN_CURVE_SHARE * self.fit.u_rms_um if self.drawn else 0.0
         return max(within_mm, super().curve_within_mm)
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """See :attr:`solen.lens.optics.Lens.warnings`."""
+        """See :attr:`solen.lens.base.Lens.warnings`."""
         return self.fit.warnings
 
     def drawn_within(self, number: int) -> "MeasuredLens":

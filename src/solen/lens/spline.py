@@ -79,17 +79,17 @@ class SplineLens(DeviatingLens, eq=True):
 
     @property
     def plain(self) -> OvalLens:
-        """See :attr:`DeviatingLens.plain`."""
+        """See :attr:`solen.lens.base.DeviatingLens.plain`."""
         return self.oval
 
     @cached_property
     def front(self) -> Curve:
-        """See :attr:`Lens.front`: that of the oval itself where all knots are 0."""
+        """See :attr:`solen.lens.base.Lens.front`: that of the oval itself where all knots are 0."""
         return super().front if any(self.knots_um) else self.oval.front
 
     @property
     def breaks_mm(self) -> tuple[float, ...]:
-        """See :attr:`DeviatingLens.breaks_mm`: the knots, so that the curve's error is that of the oval alone."""
+        """See :attr:`solen.lens.base.DeviatingLens.breaks_mm`: the knots; the curve is then as exact as the oval's."""
         at = self.knots_at_mm.tolist()
         return (*(-x for x in reversed(at[1:])), *at)
 
@@ -99,11 +99,11 @@ class SplineLens(DeviatingLens, eq=True):
         return np.linspace(0.0, self.half_width_mm, len(self.knots_um) + 1)
 
     def deviation_mm(self, x_mm: FloatArray) -> FloatArray:
-        """See :meth:`DeviatingLens.deviation_mm`."""
+        """See :meth:`solen.lens.base.DeviatingLens.deviation_mm`."""
         return np.asarray(self._spline(np.abs(x_mm)))
 
     def deviation_slope(self, x_mm: FloatArray) -> FloatArray:
-        """See :meth:`DeviatingLens.deviation_slope`."""
+        """See :meth:`solen.lens.base.DeviatingLens.deviation_slope`."""
         return np.asarray(np.sign(x_mm) * self._spline(np.abs(x_mm), 1))
 
     def curvature_per_mm(self, x_mm: FloatArray) -> FloatArray:
@@ -147,7 +147,7 @@ class SplineLens(DeviatingLens, eq=True):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """See :attr:`Lens.warnings`."""
+        """See :attr:`solen.lens.base.Lens.warnings`."""
         return self.too_fine(self.least_feature_um, "lens.least_feature_um")
 
     def too_fine(self, least_um: float, limit: str) -> tuple[str, ...]:
