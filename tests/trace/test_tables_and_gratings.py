@@ -233,7 +233,7 @@ def test_tables_that_are_none_are_refused() -> None:
     ):
         with pytest.raises(DesignError, match=limit):
             AngleTable(angles, shares)
-    with pytest.raises(DesignError, match=r"at most 1, at 90 deg"):
+    with pytest.raises(DesignError, match=r"at most 1, also at 90 deg"):
         AngleTable((0.0, 90.0), (0.5, 0.6), (0.5, 0.5))
     with pytest.raises(DesignError, match="table of the left"):
         Surface(table_right=flat(0.5))

@@ -59,7 +59,7 @@ class MeasuredLens(DeviatingLens, eq=True):
 
     @property
     def curve_within_mm(self) -> float:
-        """See :attr:`solen.lens.base.DeviatingLens.curve_within_mm`; of a drawn outline `DRAWN_CURVE_SHARE` of its u."""
+        """See :attr:`solen.lens.base.DeviatingLens.curve_within_mm`; of a drawn one `DRAWN_CURVE_SHARE` of its u."""
         within_mm = 1e-3 * DRAWN_CURVE_SHARE * self.fit.u_rms_um if self.drawn else 0.0
         return max(within_mm, super().curve_within_mm)
 
