@@ -152,21 +152,22 @@ def test_a_damaged_block_is_refused_by_name(tmp_path: Path) -> None:
         Store(tmp_path)
 
 
-def test_many_small_blocks_become_one(tmp_path: Path) -> None:
+def test_many_small_blocks_become_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("solen.explore.store.MOST_BLOCKS", 8)
     nothing = np.empty(0)
     point = Point(nothing, nothing, nothing, (0.0, 0.0), "none")
     store = Store(tmp_path)
-    for number in range(257):
+    for number in range(9):
         store.add({f"point {number}": point})
-    assert len(Store(tmp_path).points) == 257
+    assert len(Store(tmp_path).points) == 9
     whole = list((tmp_path / "blocks").iterdir())
     assert len(whole) == 1
-    for number in range(257):  # as if the program had been killed before it removed them
+    for number in range(9):  # as if the program had been killed before it removed them
         other = Store(tmp_path / "other")
         other.add({f"point {number}": point})
     for block in (tmp_path / "other" / "blocks").iterdir():
         block.rename(tmp_path / "blocks" / block.name)
-    assert len(Store(tmp_path).points) == 257
+    assert len(Store(tmp_path).points) == 9
     assert list((tmp_path / "blocks").iterdir()) == whole
 
 

@@ -89,7 +89,7 @@ class LoadedBody:
         ------
         DesignError
             Where no stiffness is known.
-        MissingExtraError
+        OutputError
             Where the finite elements are not installed.
         """
         rest = body_of(design, lens)
