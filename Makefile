@@ -28,7 +28,9 @@ test: $(VENV)/.dev-ready
 	$(BIN)/python -m pytest -n auto --dist loadfile $(PYTEST_ARGS)
 
 # Tests side by side in a fresh clone would each compile the tracer's kernels; these few do it beforehand, once.
-KERNELS = tests/agreement/test_colours_and_histograms.py tests/agreement/test_space.py tests/trace/test_many.py
+KERNELS = tests/agreement/test_colours_and_histograms.py tests/agreement/test_space.py tests/trace/test_many.py \
+  tests/explore/test_sweep.py::test_a_point_of_the_batch_does_not_depend_on_its_neighbours \
+  tests/sensor/test_batched.py::test_powers_in_space_are_those_of_integration
 kernels: $(VENV)/.dev-ready
 	@$(BIN)/python -m pytest -q --no-header -p no:cacheprovider $(KERNELS) > /dev/null
 
