@@ -93,7 +93,10 @@ OPTIONS = ToleranceOptions(
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Store:
-    return Store(tmp_path_factory.mktemp("prints"))
+    """Prints that are traced once, whichever test comes first."""
+    store = Store(tmp_path_factory.mktemp("prints"))
+    tolerance(DESIGN, OPTIONS, store)
+    return store
 
 
 def test_the_null_is_due_to_the_decentre_and_its_yield_that_of_a_normal_distribution(folder: Store) -> None:

@@ -13,6 +13,7 @@ from typing import Any, Literal
 import numpy as np
 
 from solen.errors import SpecError
+from solen.explore.sobol import sobol
 from solen.spec import Design, parse_assignment, value_at
 
 MOST_POINTS = 1_000_000
@@ -104,9 +105,5 @@ def grid(axes: Sequence[Axis]) -> Iterator[dict[str, Any]]:
 
 def sampled(axes: Sequence[Axis], samples: int, seed: int) -> Iterator[dict[str, Any]]:
     """Points of a scrambled Sobol' sequence; a list of values is drawn from evenly."""
-    from scipy.stats import qmc
-
-    sequence = qmc.Sobol(len(axes), rng=np.random.default_rng(seed))
-    shares = sequence.random_base2(max(0, math.ceil(math.log2(samples))))[:samples]
-    for row in shares.tolist():
+    for row in sobol(len(axes), samples, np.random.default_rng(seed)).tolist():
         yield {one.key: one.at(share) for one, share in zip(axes, row, strict=True)}

@@ -189,7 +189,7 @@ def optimise(
     progress
         Called with the share done, up to 1.
     keep
-        Called with the best design whenever there is a better one.
+        Called with each better design; the last is the result.
 
     Raises
     ------

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from solen.arrays import FloatArray
+from solen.explore.sobol import sobol
 from solen.extras import need
 
 STARTS_A_NUMBER, STARTS_SHARE = 4, 0.25
@@ -66,14 +67,12 @@ def search(tried: Tried, first: FloatArray, seed: int) -> None:
     """
     need("cma", what="solen explore optimise", doing="the search")
     import cma
-    from scipy.stats import qmc
 
     rng = np.random.default_rng(seed)
     tried(first.tolist())
     starts = min(STARTS_A_NUMBER * first.size, int(STARTS_SHARE * tried.most))
     if starts > 0:
-        samples = qmc.Sobol(first.size, rng=rng).random_base2(max(0, starts - 1).bit_length())[:starts]
-        for point in samples.tolist():
+        for point in sobol(first.size, starts, rng).tolist():
             tried(point)
     size = 4 + int(3 * np.log(first.size))
     while tried.left >= size:

@@ -235,7 +235,7 @@ def print_design(design: Design, options: ToleranceOptions) -> Design | None:
     Raises
     ------
     SpecError
-        Where there is no print of that number, or a design cannot state it.
+        If the study has no such print, or a design file cannot describe it.
     """
     place = options.print_number
     if place is None:

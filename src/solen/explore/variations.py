@@ -14,6 +14,7 @@ from scipy.special import eval_hermitenorm, eval_legendre, ndtri
 
 from solen.arrays import FloatArray
 from solen.errors import DesignError, SpecError
+from solen.explore.sobol import sobol
 from solen.sensor import Sensor
 from solen.sensor.effects import as_built
 from solen.sensor.numbers import OF_THE_MATERIAL, inert, number, tolerance_of, usual_keys
@@ -155,8 +156,5 @@ def _is_possible(sensor: Sensor, key: str, step: float) -> bool:
 
 def drawn(variations: Sequence[Variation], prints: int, seed: int) -> FloatArray:
     """Deviations (P, D) of prints, by a scrambled Sobol' sequence."""
-    from scipy.stats import qmc
-
-    sequence = qmc.Sobol(len(variations), rng=np.random.default_rng(seed))
-    shares = sequence.random_base2(math.ceil(math.log2(prints)))[:prints]
+    shares = sobol(len(variations), prints, np.random.default_rng(seed))
     return np.column_stack([one.deviation(column) for one, column in zip(variations, shares.T, strict=True)])

@@ -44,5 +44,4 @@ def optimise(
         best = out / f"{stem_of(file)}-best.toml"
         result = optimise_design(design, options, Store(out), progress, lambda found: save(best, found))
         files.write_all(drawn(result, figure, "optimise"))
-        save(best, result.design)
     return Outcome(result, named(figure=figure.figure, best=best))
