@@ -12,7 +12,7 @@ import pytest
 
 from solen.errors import DataError, OutputError, SpecError
 from solen.explore.axes import axis, check_axes, grid, sampled
-from solen.explore.machines import Cluster, Slurm
+from solen.explore.machines import Cluster, Slurm, check_job
 from solen.explore.store import Accuracy, Point, Store, Variant
 from solen.explore.sweep import SweepOptions, sweep
 from solen.sensor import Sensor
@@ -188,7 +188,7 @@ def test_workers_of_a_cluster_give_the_same_table(tmp_path: Path) -> None:
     assert len(Store(tmp_path).points) == 3
 
 
-def test_a_file_of_a_slurm_cluster_makes_its_job_script(tmp_path: Path) -> None:
+def test_a_file_of_a_slurm_cluster_makes_its_job_script(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("dask_jobqueue")
     path = tmp_path / "slurm.toml"
     path.write_text(
@@ -205,6 +205,9 @@ def test_a_file_of_a_slurm_cluster_makes_its_job_script(tmp_path: Path) -> None:
     assert "--nthreads 4" in script
     assert "module load python" in script
     assert slurm.jobs == 4
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(DataError, match="sbatch"):
+        check_job(script)
 
 
 @pytest.mark.parametrize(

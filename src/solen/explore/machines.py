@@ -9,6 +9,8 @@ one.
 
 import hashlib
 import os
+import shutil
+import subprocess
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -154,6 +156,7 @@ class Slurm(Strict):
     memory: Text = Field("4GB", description="Memory of a job.")
     walltime: Text = Field("01:00:00", description="Longest time of a job.")
     interface: Text | None = Field(None, description="Network interface, as in ib0.")
+    log_directory: Text | None = Field(None, description="Folder of what jobs print; default: the working folder.")
     job_extra_directives: tuple[Text, ...] = Field((), description="Further lines of #SBATCH.")
     job_script_prologue: tuple[Text, ...] = Field((), description="Lines before the worker begins: modules, folders.")
     python: Text | None = Field(None, description="Python of the workers; default: this one.")
@@ -166,13 +169,29 @@ class Slurm(Strict):
             return cls(**tables)
 
     def cluster(self) -> Any:
-        """A `dask_jobqueue.SLURMCluster`, no job of which is submitted yet."""
+        """A `dask_jobqueue.SLURMCluster`, no job of which is submitted yet; `DataError` where it cannot be made."""
         import dask_jobqueue
 
         given = self.model_dump(exclude={"jobs", "processes"}, exclude_none=True)
         lists = {key: list(given.pop(key)) for key in ("job_extra_directives", "job_script_prologue")}
         made: Any = dask_jobqueue.SLURMCluster
-        return made(**given, **lists, processes=self.processes or 1)
+        try:
+            return made(**given, **lists, processes=self.processes or 1)
+        except (ValueError, RuntimeError) as bad:  # of its memory or its interface
+            raise DataError("--cluster", limit=str(bad), remedy="change the file of the cluster") from None
+
+
+def check_job(script: str) -> None:
+    """`DataError` where SLURM would refuse a job script, as Dask would wait for its workers for ever."""
+    submit = shutil.which("sbatch")
+    if submit is None:
+        limit, remedy = "sbatch is not installed here", "call from a machine that submits jobs"
+        raise DataError("--cluster", limit=limit, remedy=remedy)
+    test = [submit, "--test-only"]
+    asked = subprocess.run(test, input=script, text=True, capture_output=True, check=False)  # noqa: S603  sbatch's own options
+    if asked.returncode:
+        limit = f"SLURM refuses its jobs: {'; '.join(asked.stderr.splitlines())}"
+        raise DataError("--cluster", limit=limit, remedy="change the file of the cluster")
 
 
 def machine_at(where: str | None) -> Machine:
@@ -199,6 +218,7 @@ def cluster_at(where: str) -> Cluster:
     if where.endswith(".toml"):
         slurm = Slurm.read(Path(where))
         cluster = slurm.cluster()
+        check_job(cluster.job_script())
         cluster.scale(jobs=slurm.jobs)
         return Cluster(connect(cluster))
     try:

@@ -10,6 +10,7 @@ The interface: `load_part`, `library`, `library_part`, which return `EmitterPart
 `TrimmerPart`.
 """
 
+from functools import cache
 from importlib.resources import files
 from itertools import pairwise
 from pathlib import Path
@@ -237,6 +238,7 @@ def library() -> tuple[str, ...]:
     return _LIBRARY.names()
 
 
+@cache
 def library_part(name: str) -> Part:
     """Part of the library; `DataError` with the nearest name where there is none of that name."""
     return _LIBRARY.shipped(name)
