@@ -11,7 +11,7 @@ PIP = $(BIN)/python -m pip --disable-pip-version-check -q
 DEMO = src/solen/spec/examples/solen-860.toml
 DEMO_OUT = demo-out
 
-.PHONY: help demo test kernels lint types contracts docs pins check evidence setup clean distclean
+.PHONY: help demo test kernels page lint types contracts docs pins check evidence setup clean distclean
 
 help:
 	@echo "make demo       design, trace and report the example sensor: $(DEMO_OUT)/report.html"
@@ -19,6 +19,7 @@ help:
 	@echo "make check      lint, types, contracts, docs, pins and test"
 	@echo "make evidence   the long demonstrations, with what they print"
 	@echo "make setup      only .venv, with everything for development"
+	@echo "make page       build the studio's page anew (Node), and fail where that makes a difference"
 	@echo "make clean      remove what was built; make distclean removes .venv too"
 
 demo: $(VENV)/.run-ready
@@ -41,6 +42,13 @@ lint: $(VENV)/.dev-ready
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 
+# The studio's page is committed as built; without Node it stays so.
+page:
+	@if ! command -v npm >/dev/null 2>&1; then echo "no npm: the studio's page is not built anew"; exit 0; fi; \
+	set -e; cd web; npm ci --silent; npm run --silent types; npm run --silent build; cd ..; \
+	changed=$$(git status --porcelain -- src/solen/studio/page); \
+	if [ -n "$$changed" ]; then echo "$$changed"; echo "the built page differs: commit it" >&2; exit 1; fi
+
 types: $(VENV)/.dev-ready
 	$(BIN)/mypy
 
@@ -53,7 +61,7 @@ docs: $(VENV)/.dev-ready
 pins: $(VENV)/.dev-ready
 	$(BIN)/python tools/pins.py --wheels
 
-check: lint types contracts docs pins test
+check: lint types contracts docs pins page test
 
 setup: $(VENV)/.dev-ready
 

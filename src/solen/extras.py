@@ -48,6 +48,7 @@ PACKAGES = {
     "dask_jobqueue": Package("dask-jobqueue", "cluster"),
     "distributed": Package("distributed", "cluster"),
     "ezdxf": Package("ezdxf", "dxf"),
+    "fastapi": Package("fastapi", "studio"),
     "h5netcdf": Package("h5netcdf", "netcdf"),
     "h5py": Package("h5py", "netcdf"),
     "nidaqmx": Package("nidaqmx", "bench"),
@@ -63,6 +64,9 @@ PACKAGES = {
     "skfem": Package("scikit-fem", "mechanics"),
     "skimage": Package("scikit-image", "vision"),
     "tifffile": Package("tifffile", "vision"),
+    "tomlkit": Package("tomlkit", "studio"),
+    "uvicorn": Package("uvicorn", "studio"),
+    "websockets": Package("websockets", "studio"),
     "xarray": Package("xarray", "netcdf"),
     "xlrd": Package("xlrd", "xls"),
 }

@@ -28,6 +28,7 @@ COMMANDS: dict[str, tuple[tuple[str, str, str], ...]] = {
         ("sensitivity", "design.sensitivity:sensitivity", "Rank the numbers of a design by their effect."),
         ("convergence", "design.sensitivity:convergence", "Show how the error falls with the number of rays."),
         ("readout", "design.readout:readout", "Show receiver voltages over the motion, noise, and load advice."),
+        ("studio", "design.studio:studio", "Show a design in the browser: drag its parts, see rays and response."),
         ("export", "design.export:export", "Write the solid and drawings of a sensor: STL, 3MF, STEP, DXF, SVG."),
         ("schema", "design.schema:schema", "Print the JSON Schema of the design file, or of the result of a command."),
         ("doctor", "design.doctor:doctor", "Check the installation; prints what a bug report needs."),

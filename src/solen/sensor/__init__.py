@@ -16,7 +16,8 @@ from solen.sensor.effects import Effect
 from solen.sensor.lens_choice import LensChoice, LensFigures
 from solen.sensor.numbers import OPTICAL_KEYS, inert, tolerance_of
 from solen.sensor.numbers_of_y import numbers_of, why_not_batched
-from solen.sensor.practice import Built, Extent, Practice, practice
+from solen.sensor.picture import Picture, dragged, in_plane, picture
+from solen.sensor.practice import Built, Extent, Practice, as_built, practice
 from solen.sensor.readings import readings, received
 from solen.sensor.response import SATURATED, Response, Sensitivity, Shift
 from solen.sensor.sensor import SLOPE_DEG, Sensor, TraceKeywords
@@ -43,6 +44,7 @@ __all__ = [
     "LensChoice",
     "LensFigures",
     "LensOptions",
+    "Picture",
     "Practice",
     "Response",
     "Responses",
@@ -51,13 +53,17 @@ __all__ = [
     "Shift",
     "Summary",
     "TraceKeywords",
+    "as_built",
     "as_printed",
     "budget",
     "check",
+    "dragged",
+    "in_plane",
     "inert",
     "keys_without_effect",
     "lens_check",
     "numbers_of",
+    "picture",
     "practice",
     "readings",
     "received",

@@ -182,7 +182,7 @@ def practice(
         return made
 
     paper = part("paper", lambda: _as_in_paper(sensor, own), 0.05)
-    real = part("built", lambda: _as_built(sensor), 0.1)
+    real = part("built", lambda: as_built(sensor), 0.1)
     built = None if real is None else part("built", lambda: _built(sensor, real, own, slope), 0.4)
     found: tuple[Effect, ...] = ()
     if real is not None and built is not None:
@@ -220,8 +220,8 @@ def _as_in_paper(sensor: Sensor, own: Response) -> Response:
     return paper.smooth(paper.power(own.angle_deg.tolist(), tolerance=tolerance), tolerance)
 
 
-def _as_built(sensor: Sensor) -> Sensor:
-    """The sensor with its LED in space."""
+def as_built(sensor: Sensor) -> Sensor:
+    """The sensor with its LED in space: a chip that emits into space in place of a point or a fan."""
     changes: dict[str, Any] = DARK | {"trace.dimension": "extruded"}
     extent, light = extent_of(sensor), sensor.light
     if extent.kind != "file":

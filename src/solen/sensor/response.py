@@ -81,7 +81,7 @@ class Response(Result):
         """The same at some of the angles, by index."""
         chosen = list(places)
         arrays = (self.angle_deg[chosen], self.right[chosen], self.left[chosen], self.u_power[chosen])
-        return Response(self.mode, *arrays, tuple(self.traces[i] for i in chosen))
+        return Response(self.mode, *arrays, tuple(self.traces[i] for i in chosen if self.traces))
 
     def joined(self, other: "Response") -> "Response":
         """Merge two responses in the order of the angles."""

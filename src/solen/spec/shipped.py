@@ -1,7 +1,7 @@
 """Libraries of TOML files: shipped ones by name (resins, parts, printers), a user's own by path."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
@@ -34,6 +34,8 @@ class Library(Generic[T]):
     schema: int
     migrations: Migrations
     group: str = ""
+    _kept: dict[str, tuple[str, T]] = field(default_factory=dict, init=False, repr=False, compare=False)
+    """Objects that were made, by name, with the text that they are of."""
 
     @property
     def _added(self) -> Registry[ModuleType]:
@@ -63,7 +65,10 @@ class Library(Generic[T]):
 
     def shipped(self, name: str) -> T:
         """Object by its name; `DataError` suggests the nearest name if there is none."""
-        return self._made(self.text(name), f"{self.what} {name}")
+        text, kept = self.text(name), self._kept.get(name)
+        if kept is None or kept[0] != text:
+            kept = self._kept[name] = (text, self._made(text, f"{self.what} {name}"))
+        return kept[1]
 
     def load(self, path: Path | str) -> T:
         """Object of a file; `DataError` if it cannot be read, is not TOML, has another schema, or is invalid."""

@@ -31,7 +31,7 @@ SCHEMA = 1
 MIGRATIONS: Migrations = {}  # old version -> tables of that version into those of the next
 
 # Setting one of these takes the other away: a design gives exactly one of them.
-_REPLACES = {"material.index": "resin", "material.resin": "index"}
+_REPLACES = {"material.index": "material.resin", "material.resin": "material.index"}
 
 
 def load(path: Path | str) -> Design:
@@ -149,11 +149,16 @@ def with_values(design: Design, values: Mapping[str, Any]) -> Design:
     """
     data = deepcopy(_document(design, stated=True))
     for key, value in values.items():
-        other = _REPLACES.get(key, "")
-        if other and value is not None and f"material.{other}" not in values:
-            data["material"].pop(other, None)
+        other = replaced_by(key)
+        if other and value is not None and other not in values:
+            data["material"].pop(path_of(other)[-1], None)
         _set(data, key, value)
     return Design(**data).in_folder(design.folder)
+
+
+def replaced_by(key: str) -> str:
+    """Key that is taken away where a key is set; empty for none."""
+    return _REPLACES.get(key, "")
 
 
 def value_at(design: Design, key: str) -> Any:
@@ -164,7 +169,7 @@ def value_at(design: Design, key: str) -> Any:
     SpecError
         If the key is unknown, or a list has no such entry.
     """
-    path = _path(key)
+    path = path_of(key)
     value: Any = design if len(path) > 1 else None
     for name in path:
         if isinstance(value, tuple):
@@ -176,7 +181,7 @@ def value_at(design: Design, key: str) -> Any:
     return value
 
 
-def _path(key: str) -> list[str]:
+def path_of(key: str) -> list[str]:
     """Parts of a dotted key; an entry of a list, counted from 0, is one: ``lens``, ``knots_um``, ``[0]``."""
     return re.split(r"\.|(?=\[)", key)
 
@@ -191,7 +196,7 @@ def _place(key: str, name: str, size: int) -> int:
 
 def _set(data: Document, key: str, value: Any) -> None:
     holder: Any = data
-    *path, last = _path(key)
+    *path, last = path_of(key)
     for before, name in zip(["", *path], path, strict=False):
         inside = _inside(holder, key, before, name)
         inner = holder[inside] if isinstance(holder, list) else holder.setdefault(inside, {})

@@ -1,0 +1,120 @@
+"""The response of a design that somebody is changing: roughly at once, then better and better.
+
+The idea: while a number moves, few rays of the compiled batch give a response with a large but stated uncertainty;
+at rest the rays grow until the contrast is known to `GOAL`. What the batch does not know is integrated at rest.
+
+The interface: `coarse`, `refined`, and `misleading`, which compares the plane with space.
+"""
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from solen.explore.merits import LEAST_ANGLES, Merits, merits_of, worst_resolution_deg
+from solen.results import Result
+from solen.sensor import Response, Sensor, respond, why_not_batched
+from solen.sensor.practice import MOST_ANGLES, MOVED, spread
+from solen.sensor.readings import readings_from
+from solen.sensor.response import shift
+
+COARSE_RAYS = 1280
+REFINED_RAYS = tuple(2**n for n in (14, 17, 19))
+"""Rays at an angle, over all places together."""
+GOAL = 2e-3
+"""Uncertainty of the contrast at which refining ends."""
+
+
+class Stopped(Exception):  # noqa: N818  a wish, not an error
+    """Refining was no longer wanted."""
+
+
+class Curve(Result):
+    """Response of a design, as good as it is so far.
+
+    Attributes
+    ----------
+    response
+        Powers at both receivers.
+    merits
+        Merits of the response; None with fewer than three angles.
+    in_space
+        Whether rays were traced in space.
+    rays
+        Rays at each angle; None where they were integrated.
+    finished
+        Whether it becomes no better.
+    """
+
+    response: Response
+    merits: Merits | None
+    in_space: bool
+    rays: int | None
+    finished: bool
+
+
+def coarse(sensor: Sensor, rays: int = COARSE_RAYS) -> Curve | None:
+    """Response from few rays; None where the batch does not know the sensor."""
+    if why_not_batched(sensor):
+        return None
+    return _traced(sensor, spread(sensor.design.motion.angles_deg(), MOST_ANGLES), rays, finished=False)
+
+
+def refined(sensor: Sensor, stop: Callable[[], bool] = lambda: False) -> Iterator[Curve]:
+    """Responses at all angles of the motion, each better than the last; ends early where ``stop`` says so.
+
+    Raises
+    ------
+    SolenError
+        If the sensor has no response: another number of receivers, or a body that cannot be at some angle.
+    """
+    if why_not_batched(sensor):
+        yield from _integrated(sensor, stop)
+        return
+    for rays in REFINED_RAYS:
+        if stop():
+            return
+        found = _traced(sensor, sensor.design.motion.angles_deg(), rays, finished=rays == REFINED_RAYS[-1])
+        u = found.response.u_contrast
+        good = bool(np.all(u[np.isfinite(u)] <= GOAL))
+        yield Curve(found.response, found.merits, found.in_space, rays, found.finished or good)
+        if good:
+            return
+
+
+def misleading(plane: Response, space: Response) -> str:
+    """What the plane gets wrong, in words; empty where both agree within their uncertainty and what matters."""
+    found = shift(plane, space)
+    if found is None or found.contrast - found.u_contrast <= MOVED:
+        return ""
+    return (
+        f"The plane misleads here: its contrast is off by up to {found.contrast:.2f} ± {found.u_contrast:.2g} from "
+        f"that in space, at {found.angle_deg:+.3g}. Take numbers from the curve in space."
+    )
+
+
+def _traced(sensor: Sensor, angles: tuple[float, ...] | list[float], rays: int, *, finished: bool) -> Curve:
+    sensor.check_pair()
+    traced = respond([sensor], angles, rays=rays)
+    if traced.why[0]:
+        sensor.check()
+    powers = (traced.right[0, 0], traced.left[0, 0], traced.u_power[0, 0])
+    return _curve(sensor, Response("power", np.array(angles), *powers, ()), rays, finished)
+
+
+def _integrated(sensor: Sensor, stop: Callable[[], bool]) -> Iterator[Curve]:
+    def go_on(_: float) -> None:
+        if stop():
+            raise Stopped
+
+    try:
+        response = sensor.power(progress=go_on)
+    except Stopped:
+        return
+    yield _curve(sensor, response, None, True)
+
+
+def _curve(sensor: Sensor, response: Response, rays: int | None, finished: bool) -> Curve:
+    few = len(response.angle_deg) < LEAST_ANGLES
+    resolution = worst_resolution_deg(readings_from(sensor, response)) if not few and finished else (np.nan, np.nan)
+    merits = None if few else merits_of(response, resolution)
+    return Curve(response, merits, sensor.design.trace.dimension == "extruded", rays, finished)

@@ -1,0 +1,188 @@
+"""What a page asks, and the frames that answer it: stages are called here, nothing is computed."""
+
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Any, Literal
+
+from pydantic import Field
+
+from solen.errors import SolenError
+from solen.explore.live import Curve, coarse, misleading, refined
+from solen.results import plain
+from solen.sensor import Sensor, as_built, in_plane, picture
+from solen.sensor.picture import MOST_RAYS, RAYS
+from solen.spec import json_schema
+from solen.spec.strict import Number, Strict
+from solen.spec.toml import DEFERRED
+from solen.studio.document import Document, State
+from solen.studio.frames import encoded
+
+BESIDE_RAYS = 2**14
+"""Rays at an angle for curves that are shown beside the design's own."""
+
+
+class View(Strict):
+    """How a page looks at the design."""
+
+    angle_deg: Number = Field(0.0, description="Angle, or whatever else the motion drives.")
+    rays: int = Field(RAYS, ge=1, le=MOST_RAYS, description="Rays drawn.")
+    split: bool = Field(False, description="Both branches at each face, rather than whole rays.")
+    light: Literal["design", "plane", "space"] = Field("design", description="Where the response is traced.")
+    lens: bool = Field(True, description="With the lens, or the flat face in its place.")
+
+
+class Asked(Strict):
+    """A request of a page: a change of the view or of the design, or an order."""
+
+    id: int = Field(0, ge=0, lt=2**53, description="Number of the request, which the answer bears.")
+    view: View | None = Field(None, description="How the page looks at the design from now on.")
+    values: dict[str, Any] = Field(default_factory=dict, max_length=64, description="Values by dotted key.")
+    handle: str | None = Field(None, max_length=20, description="Handle that is dragged.")
+    to: tuple[Number, Number] | None = Field(None, description="Where to.")
+    gesture: str = Field("", max_length=60, description="Changes of one gesture are undone together.")
+    do: Literal["undo", "redo", "save", "reload"] | None = Field(None, description="An order.")
+
+
+def hello(document: Document) -> bytes:
+    """First frame of a page."""
+    motion = document.state.design.motion
+    head = {"kind": "hello", "file": document.path.name, "is_new": document.is_new, "schema": json_schema()}
+    return encoded(head | {"unit": motion.unit})
+
+
+def shown(state: State, view: View) -> Sensor:
+    """Sensor whose response a page shows."""
+    sensor = state.sensor if view.lens or not state.sensor.has_lens else state.sensor.without_lens
+    if view.light == "plane":
+        return in_plane(sensor)
+    return as_built(sensor) if view.light == "space" and sensor.design.trace.dimension == "2d" else sensor
+
+
+def within(state: State, angle_deg: float) -> float:
+    """The nearest angle within the motion, or whatever else that drives."""
+    values = state.design.motion.values()
+    return min(max(angle_deg, values[0]), values[-1])
+
+
+def drawn(document: Document, state: State, view: View, asked: int, *, whole: bool, curve: bool) -> bytes:
+    """Frame of the picture, with a rough response where ``curve``, and all values where ``whole``."""
+    sensor = shown(state, view)
+    values = state.design.motion.values()
+    image = picture(sensor, within(state, view.angle_deg), view.rays, split=view.split)
+    head: dict[str, Any] = {
+        "kind": "drawn",
+        "id": asked,
+        "angle_deg": image.angle_deg,
+        "angles_deg": [values[0], values[-1]],
+        "faces": image.faces,
+        "ends": image.ends,
+        "handles": image.handles,
+    }
+    if whole:
+        head |= _whole(document, state)
+    arrays = {"outline": image.outline, "emitter": image.emitter, "rays": image.rays}
+    if curve:
+        described, columns = _rough(sensor)
+        head, arrays = head | described, arrays | columns
+    return encoded(head, arrays)
+
+
+def _rough(sensor: Sensor) -> tuple[dict[str, Any], dict[str, Any]]:
+    """A rough response, or why there is none yet."""
+    try:
+        rough = coarse(sensor)
+    except SolenError as bad:
+        return {"no_curve": str(bad)}, {}
+    if rough is None:
+        return {"no_curve": ""}, {}
+    described, columns = _curve("own", rough)
+    return {"curve": described}, columns
+
+
+def _whole(document: Document, state: State) -> dict[str, Any]:
+    return {
+        "values": state.design.model_dump(),
+        "effective": effective(state.sensor),
+        "changed": sorted(state.changes),
+        "can_undo": document.place > 0,
+        "can_redo": document.place < len(document.states) - 1,
+        "is_saved": document.is_saved,
+        "warnings": state.sensor.warnings,
+        "has_lens": state.sensor.has_lens and not state.sensor.is_drawn,
+        "in_space": state.design.trace.dimension == "extruded",
+    }
+
+
+def effective(sensor: Sensor) -> dict[str, Any]:
+    """What holds where the design leaves a number to a part, a spectrum or a resin, by dotted key."""
+    design = sensor.design
+    found = {
+        f"emitter.{key}": getattr(sensor.light, key)
+        for key in DEFERRED
+        if not design.emitter.states(key) and getattr(sensor.light, key) != getattr(design.emitter, key)
+    }
+    if design.material.resin is not None:
+        found["material.index"] = sensor.material.index
+        if not design.material.states_absorption:
+            found["material.absorption_per_mm"] = sensor.material.absorption_per_mm
+    return found
+
+
+def better(state: State, view: View, stop: Callable[[], bool]) -> Iterator[bytes]:
+    """Frames of the response as it becomes better, and of what it is compared with; ends early where ``stop``."""
+    sensor = shown(state, view)
+    compared = False
+    for own in refined(sensor, stop):
+        yield _frame("own", own)
+        if not compared:
+            yield from _compared(state, sensor, view, own, stop)
+            compared = True
+    if not stop():
+        yield encoded({"kind": "rest"})
+
+
+def _compared(state: State, sensor: Sensor, view: View, own: Curve, stop: Callable[[], bool]) -> Iterator[bytes]:
+    """Frames of the curves beside the design's own, and what they say of the plane."""
+    flat = sensor.design.trace.dimension == "2d"
+    others: dict[str, Callable[[], Sensor]] = {
+        "space" if flat else "plane": partial(as_built if flat else in_plane, sensor)
+    }
+    if state.sensor.has_lens and not state.sensor.is_drawn and view.lens:
+        others["flat"] = lambda: sensor.without_lens
+    for name, made in others.items():
+        try:
+            beside = None if stop() else coarse(made(), BESIDE_RAYS)
+        except SolenError:
+            continue  # a comparison that cannot be built is none
+        if beside is None:
+            continue
+        yield _frame(name, beside)
+        if name != "flat":
+            plane, space = (own, beside) if flat else (beside, own)
+            yield encoded({"kind": "words", "misleading": misleading(plane.response, space.response)})
+
+
+def _frame(name: str, curve: Curve) -> bytes:
+    described, columns = _curve(name, curve)
+    return encoded({"kind": "curve", "curve": described}, columns)
+
+
+def _curve(name: str, curve: Curve) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Header and columns of a response."""
+    found = curve.response
+    head = {
+        "name": name,
+        "rays": curve.rays,
+        "in_space": curve.in_space,
+        "finished": curve.finished,
+        "merits": plain(curve.merits),
+        "ends": [plain(found.contrast[i]) for i in (0, -1)],
+        "u_ends": [plain(found.u_contrast[i]) for i in (0, -1)],
+    }
+    return head, {
+        f"{name}_angle": found.angle_deg,
+        f"{name}_contrast": found.contrast,
+        f"{name}_u": found.u_contrast,
+        f"{name}_right": found.right,
+        f"{name}_left": found.left,
+    }

@@ -1,0 +1,143 @@
+"""The design that is worked on: changed, undone, saved into the file it came from, comments kept.
+
+Several pages may work on one document. What is saved is the opened text with the changed values; where the file was
+changed by somebody else meanwhile, nothing is written.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from threading import RLock
+from typing import Any
+
+from solen import files
+from solen.errors import OutputError, SpecError
+from solen.files import read_text
+from solen.sensor import Sensor
+from solen.spec import Design, loads, template, with_values
+from solen.spec.edited import edited
+
+MOST_STATES = 500
+"""States that can be undone."""
+EXAMPLE = "solen-860"
+
+
+@dataclass(frozen=True)
+class State:
+    """A design, and its values that differ from the opened text."""
+
+    sensor: Sensor
+    changes: Mapping[str, Any]
+
+    @property
+    def design(self) -> Design:
+        """The design."""
+        return self.sensor.design
+
+
+class Document:
+    """A design file that is being changed.
+
+    Parameters
+    ----------
+    path
+        The file; where it does not exist yet, an example is opened and saved there.
+
+    Raises
+    ------
+    SpecError, DesignError, DataError
+        If the file is no valid design.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.lock = path, RLock()
+        self._open()
+
+    def _open(self) -> None:
+        self.is_new = not self.path.exists()
+        self.text = template(EXAMPLE) if self.is_new else read_text(self.path, SpecError)
+        self.on_disk: str | None = None if self.is_new else self.text
+        design = loads(self.text, what=str(self.path), folder=self.path.absolute().parent)
+        self.states, self.place, self.gesture = [State(Sensor.of(design), {})], 0, ""
+        self.saved: State | None = None if self.is_new else self.states[0]
+        self.version = getattr(self, "version", 0) + 1
+
+    @property
+    def state(self) -> State:
+        """The present state."""
+        return self.states[self.place]
+
+    @property
+    def is_saved(self) -> bool:
+        """Whether the file holds the present state."""
+        return self.saved is not None and self.state.changes == self.saved.changes
+
+    def change(self, values: Mapping[str, Any], gesture: str = "", at: float = 0.0) -> State:
+        """Set values by dotted keys; changes of one gesture are undone together.
+
+        ``at`` is the angle, or whatever else the motion drives, at which the body must be possible.
+
+        Raises
+        ------
+        SolenError
+            If the design would be invalid, or its lens or body cannot be made; it stays as it is then.
+        """
+        with self.lock:
+            before = self.state
+            sensor = Sensor.of(with_values(before.design, values))
+            if sensor.design == before.design and not values.keys() - before.changes.keys():
+                return before
+            sensor.body(at)
+            state = State(sensor, {**before.changes, **values})
+            same = gesture != "" and gesture == self.gesture and self.place > 0
+            first = max(0, self.place + 1 - MOST_STATES)
+            self.states = [*self.states[first : self.place + (0 if same else 1)], state]
+            self.place, self.gesture = len(self.states) - 1, gesture
+            self.version += 1
+            return state
+
+    def step(self, by: int) -> State:
+        """Undo (−1) or redo (+1) a step, if there is one."""
+        with self.lock:
+            self.place = min(max(self.place + by, 0), len(self.states) - 1)
+            self.gesture = ""
+            self.version += 1
+            return self.state
+
+    def save(self) -> Path:
+        """Write the file with the present values, atomically.
+
+        Raises
+        ------
+        OutputError
+            If it cannot be written, or somebody else changed it since it was opened or saved.
+        """
+        with self.lock:
+            if self._now_on_disk() != self.on_disk:
+                limit = "was changed by another program since it was opened"
+                raise OutputError(str(self.path), limit=limit, remedy="reload it, or save a copy of it elsewhere first")
+            text = self._written()
+            files.write_text(self.path, text)
+            self.on_disk, self.saved = text, self.state
+            self.version += 1
+            return self.path
+
+    def reload(self) -> State:
+        """Open the file anew; what was not saved is lost."""
+        with self.lock:
+            self._open()
+            return self.state
+
+    def keep_unsaved(self) -> Path | None:
+        """Write what is not saved into a file beside; None where there is nothing."""
+        with self.lock:
+            if self.is_saved or not self.state.changes:
+                return None
+            return files.write_text(self.path.with_name(f"{self.path.stem}-unsaved.toml"), self._written())
+
+    def _written(self) -> str:
+        folder = self.path.absolute().parent
+        return edited(self.text, self.state.changes, what=str(self.path), folder=folder)
+
+    def _now_on_disk(self) -> str | None:
+        return read_text(self.path, OutputError) if self.path.exists() else None

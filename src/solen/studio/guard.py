@@ -1,0 +1,76 @@
+"""Who may talk to the studio: the page that it opened itself, and nothing else.
+
+Any page of any site can send requests to a port of this computer. So each address carries a random token; the Host must
+be the one that was opened, which defeats names that were pointed here; and an Origin, which browsers add, must be the
+studio's own. The page itself may load only the studio's own files.
+"""
+
+import secrets
+from collections.abc import Awaitable, Callable, MutableMapping
+from typing import Any
+
+Scope = MutableMapping[str, Any]
+Message = MutableMapping[str, Any]
+Receive = Callable[[], Awaitable[Message]]
+Send = Callable[[Message], Awaitable[None]]
+App = Callable[[Scope, Receive, Send], Awaitable[None]]
+
+LOCAL = "127.0.0.1"
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; "
+    "connect-src 'self' ws://{host}; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+
+
+class Guard:
+    """Passes on what comes from the studio's own page, and refuses the rest."""
+
+    def __init__(self, app: App, token: str, address: str, port: int) -> None:
+        self.app, self.token, self.host = app, token, f"{address}:{port}"
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """An ASGI application."""
+        if scope["type"] == "lifespan":
+            await self.app(scope, receive, send)
+            return
+        status = self._status(scope)
+        if status == 200:
+            await self.app(scope, receive, self._with_headers(send))
+        elif scope["type"] == "websocket":
+            await send({"type": "websocket.close", "code": 1008})
+        else:
+            headers = [(b"content-type", b"text/plain; charset=utf-8"), (b"cache-control", b"no-store")]
+            await send({"type": "http.response.start", "status": status, "headers": headers})
+            await send({"type": "http.response.body", "body": b"refused\n"})
+
+    def _status(self, scope: Scope) -> int:
+        """HTTP status of a request: 200 where it is passed on."""
+        headers = scope["headers"]
+        hosts, origins = ([value for key, value in headers if key == name] for name in (b"host", b"origin"))
+        own = f"http://{self.host}".encode()
+        if hosts != [self.host.encode()] or any(origin != own for origin in origins):
+            return 403
+        if scope["type"] == "websocket" and not origins:
+            return 403
+        if scope["type"] == "http" and scope["method"] not in {"GET", "HEAD"}:
+            return 405
+        token = scope["path"].split("/")[1]
+        return 200 if secrets.compare_digest(token.encode(), self.token.encode()) else 404
+
+    def _with_headers(self, send: Send) -> Send:
+        policy = POLICY.format(host=self.host).encode()
+        added = [
+            (b"content-security-policy", policy),
+            (b"x-content-type-options", b"nosniff"),
+            (b"referrer-policy", b"no-referrer"),
+            (b"cross-origin-opener-policy", b"same-origin"),
+            (b"cross-origin-resource-policy", b"same-origin"),
+            (b"cache-control", b"no-store"),
+        ]
+
+        async def guarded(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                message["headers"] = [*message.get("headers", []), *added]
+            await send(message)
+
+        return guarded

@@ -1,0 +1,149 @@
+"""The studio's server: its own files and one WebSocket per page, for the guard's chosen few."""
+
+import asyncio
+import contextlib
+import secrets
+import socket
+from collections.abc import Callable
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from solen.errors import SpecError
+from solen.extras import need
+from solen.studio.document import Document
+from solen.studio.guard import LOCAL, Guard
+from solen.studio.session import Session
+
+if TYPE_CHECKING:
+    import uvicorn
+    from fastapi import WebSocket
+
+PAGE = files("solen.studio") / "page"
+TYPES = {
+    "index.html": "text/html; charset=utf-8",
+    "studio.js": "text/javascript; charset=utf-8",
+    "studio.css": "text/css; charset=utf-8",
+    "icon.svg": "image/svg+xml",
+    "licences.txt": "text/plain; charset=utf-8",
+}
+"""The files of the page, and what they are; no other is served."""
+LARGEST_MESSAGE = 2**16
+"""Bytes of a message of a page; a longer one ends its connection."""
+MOST_PAGES, MOST_CONNECTIONS = 8, 64
+TRY_AGAIN = 1013
+
+
+def application(document: Document, token: str, address: str, port: int) -> Guard:
+    """ASGI application of a document at an address."""
+    from fastapi import FastAPI, HTTPException, Response, WebSocket
+
+    app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
+    sessions: set[Session] = set()
+
+    async def page(name: str) -> Response:
+        kind = TYPES.get(name or "index.html")
+        if kind is None:
+            raise HTTPException(404)
+        return Response((PAGE / (name or "index.html")).read_bytes(), media_type=kind)
+
+    async def talk(socket: WebSocket) -> None:
+        if len(sessions) >= MOST_PAGES:
+            await socket.close(TRY_AGAIN)
+            return
+        await socket.accept()
+        await _serve(socket, document, sessions)
+
+    app.add_api_websocket_route("/{token}/ws", talk)
+    app.add_api_route("/{token}/{name:path}", page, response_class=Response, response_model=None)
+    return Guard(app, token, address, port)
+
+
+async def _serve(page: "WebSocket", document: Document, sessions: set[Session]) -> None:
+    from fastapi import WebSocketDisconnect
+
+    session = Session(document, page.send_bytes, sessions)
+    sessions.add(session)
+    work = asyncio.create_task(session.work())
+    try:
+        while not work.done():
+            message = await page.receive()
+            if message["type"] == "websocket.disconnect":
+                break
+            await session.take(message.get("text") or "")
+        else:
+            work.result()
+    except WebSocketDisconnect:
+        pass
+    finally:
+        sessions.discard(session)
+        session.awake.set()  # stops what is being traced for it
+        work.cancel()
+        with contextlib.suppress(asyncio.CancelledError, WebSocketDisconnect, RuntimeError):
+            await work
+        with contextlib.suppress(RuntimeError, WebSocketDisconnect):
+            await page.close()
+
+
+def serve(document: Document, *, address: str = LOCAL, port: int = 0, opened: Callable[[str], object]) -> Path | None:
+    """Serve a document until Ctrl-C, and write what was not saved beside its file; returns that file, if any.
+
+    Parameters
+    ----------
+    document
+        The design.
+    address, port
+        Address of this computer to listen at; port 0 takes a free one.
+    opened
+        Called with the page's address once connections are accepted.
+
+    Raises
+    ------
+    OutputError
+        If the packages of the extra ``studio`` are not installed.
+    SpecError
+        If nothing can listen at the address.
+    """
+    server, listening, page = server_at(document, address, port)
+    opened(page)
+    with contextlib.suppress(KeyboardInterrupt), listening:
+        server.run(sockets=[listening])
+    return document.keep_unsaved()
+
+
+def server_at(document: Document, address: str = LOCAL, port: int = 0) -> "tuple[uvicorn.Server, socket.socket, str]":
+    """Server of a document, the socket that it listens at, and the page's address; see `serve`."""
+    need("fastapi", "uvicorn", "websockets", "tomlkit", what="solen studio")
+    import uvicorn
+
+    listening = _listening(address, port)
+    port, token = listening.getsockname()[1], secrets.token_urlsafe(24)
+    config = uvicorn.Config(
+        application(document, token, address, port),
+        http="h11",
+        ws="websockets-sansio",
+        ws_max_size=LARGEST_MESSAGE,
+        ws_max_queue=8,
+        limit_concurrency=MOST_CONNECTIONS,
+        h11_max_incomplete_event_size=2**14,
+        lifespan="off",
+        log_level="warning",
+        access_log=False,
+        server_header=False,
+        date_header=False,
+        timeout_graceful_shutdown=1,
+    )
+    return uvicorn.Server(config), listening, f"http://{address}:{port}/{token}/"
+
+
+def _listening(address: str, port: int) -> socket.socket:
+    listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    try:
+        listening.bind((address, port))
+        listening.listen()
+    except (OSError, OverflowError) as bad:
+        listening.close()
+        reason = getattr(bad, "strerror", None) or bad
+        limit, remedy = f"cannot be listened at: {reason}", "name an IPv4 address of this computer"
+        raise SpecError("--listen", value=f"{address}:{port}", limit=limit, remedy=remedy) from None
+    return listening

@@ -1,0 +1,142 @@
+"""One page's session: the newest request is answered, older ones of a drag are dropped, and at rest results improve."""
+
+import asyncio
+import json
+from collections.abc import Awaitable, Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+from solen.errors import SolenError, SpecError
+from solen.sensor.picture import dragged
+from solen.studio.answers import Asked, View, better, drawn, hello, within
+from solen.studio.document import Document
+from solen.studio.frames import encoded
+
+MOST_WAITING = 16
+"""Requests of different kinds that may wait; those of one drag count as one."""
+Sender = Callable[[bytes], Awaitable[None]]
+
+
+def request_of(message: str) -> Asked:
+    """The request in a message; `SpecError` where it is none."""
+    try:
+        data = json.loads(message)
+    except (ValueError, RecursionError):
+        data = None
+    if not isinstance(data, dict):
+        raise SpecError("message", limit="must be a JSON object", remedy="reload the page")
+    return Asked(**data)
+
+
+def merged(waiting: list[Asked], new: Asked) -> list[Asked]:
+    """Requests that wait, with a new one, which replaces the last where both belong to one drag."""
+    last = waiting[-1] if waiting else None
+    if last is None or last.do or new.do or last.gesture != new.gesture or last.handle != new.handle:
+        return [*waiting, new]
+    both = {"values": {**last.values, **new.values}, "view": new.view or last.view}
+    return [*waiting[:-1], new.model_copy(update=both)]
+
+
+@dataclass(eq=False)
+class Session:
+    """A page that is connected; ``others`` are all sessions of the document."""
+
+    document: Document
+    send: Sender
+    others: set["Session"]
+    view: View = field(default_factory=View)
+    waiting: list[Asked] = field(default_factory=list)
+    awake: asyncio.Event = field(default_factory=asyncio.Event)
+    seen: int = -1
+    traced: tuple[int, View] | None = None
+    finished: tuple[int, View] | None = None
+
+    async def take(self, message: str) -> None:
+        """Take a message of the page; a malformed one is refused, and the session goes on."""
+        try:
+            waiting = merged(self.waiting, request_of(message))
+            if len(waiting) > MOST_WAITING:
+                raise SpecError("requests", limit=f"at most {MOST_WAITING} may wait", remedy="wait for an answer")
+        except SolenError as bad:
+            await self.send(_refusal(0, bad))
+            return
+        self.waiting = waiting
+        self.awake.set()
+
+    async def work(self) -> None:
+        """Answer until cancelled."""
+        await self.send(hello(self.document))
+        self.waiting.append(Asked())
+        while True:
+            self.awake.clear()
+            asked = self.waiting.pop(0) if self.waiting else Asked()
+            await self._answer(asked)
+            if not self.waiting and not self.awake.is_set():
+                await self._improve()
+            await self._next()
+
+    async def _next(self) -> None:
+        if not self.waiting:
+            await self.awake.wait()
+
+    async def _answer(self, asked: Asked) -> None:
+        try:
+            frames = await asyncio.to_thread(self._frames, asked)
+        except SolenError as bad:
+            frames = [_refusal(asked.id, bad)]
+        for frame in frames:
+            await self.send(frame)
+        for other in self.others - {self}:
+            if other.seen != self.document.version:
+                other.awake.set()
+
+    def _frames(self, asked: Asked) -> list[bytes]:
+        """Do what is asked, and draw."""
+        document, view = self.document, asked.view or self.view
+        notes = [encoded({"kind": "saved", "file": str(document.path)})] if self._ordered(asked) else []
+        values = asked.values
+        if asked.handle is not None and asked.to is not None:
+            angle, values = dragged(document.state.sensor, asked.handle, asked.to, view.angle_deg)
+            view = view.model_copy(update={"angle_deg": angle})
+        if values:
+            document.change(values, asked.gesture, within(document.state, view.angle_deg))
+        state, version = document.state, document.version
+        frame = drawn(document, state, view, asked.id, whole=version != self.seen, curve=self._key(view) != self.traced)
+        self.view, self.seen, self.traced = view, version, self._key(view)
+        return [frame, *notes]
+
+    def _key(self, view: View) -> tuple[int, View]:
+        """What the response depends on."""
+        return self.document.version, view.model_copy(update={"angle_deg": 0.0, "rays": 1, "split": False})
+
+    def _ordered(self, asked: Asked) -> bool:
+        """Carry an order out; whether the file was saved."""
+        document = self.document
+        if asked.do in {"undo", "redo"}:
+            document.step(-1 if asked.do == "undo" else 1)
+        elif asked.do == "reload":
+            document.reload()
+        elif asked.do == "save":
+            document.save()
+        return asked.do == "save"
+
+    async def _improve(self) -> None:
+        """Send better responses until something new is asked."""
+        key = self._key(self.view)
+        steps: Iterator[bytes] = better(self.document.state, self.view, self.awake.is_set)
+        while key != self.finished:
+            try:
+                frame = await asyncio.to_thread(next, steps, None)
+            except SolenError as bad:
+                frame, self.finished = _refusal(0, bad), key
+            if self.awake.is_set():
+                return
+            if frame is None:
+                self.finished = key
+            else:
+                await self.send(frame)
+
+
+def _refusal(asked: int, bad: SolenError) -> bytes:
+    head: dict[str, Any] = {"kind": "refused", "id": asked, "what": str(bad)}
+    return encoded(head)

@@ -1,0 +1,14 @@
+// Builds the page into src/solen/studio/page. Run it by `make studio`; the output is committed.
+import { build } from "esbuild";
+import { copyFileSync, readFileSync, writeFileSync } from "node:fs";
+
+const out = new URL("../src/solen/studio/page/", import.meta.url).pathname;
+const common = { bundle: true, minify: true, target: "es2022", legalComments: "none", logLevel: "warning" };
+
+await build({ ...common, entryPoints: ["src/studio.ts"], format: "esm", outfile: `${out}studio.js` });
+await build({ ...common, entryPoints: ["src/studio.css"], outfile: `${out}studio.css` });
+for (const name of ["index.html", "icon.svg"]) copyFileSync(`src/${name}`, `${out}${name}`);
+
+const packages = ["lit", "lit-html", "lit-element", "@lit/reactive-element", "uplot"];
+const texts = packages.map((name) => `${name}\n\n${readFileSync(`node_modules/${name}/LICENSE`, "utf8").trim()}\n`);
+writeFileSync(`${out}licences.txt`, texts.join("\n----\n\n"));

@@ -1,0 +1,435 @@
+// The page: it shows what the server sends, and asks for what a person does. No physics is computed here.
+import { html, LitElement, nothing, type TemplateResult } from "lit";
+import { Drawing, type Colouring, type Picture } from "./drawing";
+import { fields, type Schema, type Values } from "./fields";
+import type { Frame } from "./frames";
+import { Link, type Request, type View } from "./link";
+import { merits } from "./merits";
+import { curveOf, ResponsePlot, type Curve, type Name } from "./response";
+
+const HANDLES: Record<string, [string, string]> = {
+  turn: ["Turn the lens", "arrow keys turn by 0.1°"],
+  emitter: ["Emitter", "arrow keys move it by 0.01 mm"],
+  pivot: ["Pivot of the motion", "arrow keys move it by 0.05 mm"],
+  "arm-right": ["End of the right arm", "arrow keys move it by 0.1 mm"],
+  "arm-left": ["End of the left arm", "arrow keys move it by 0.1 mm"],
+};
+const STEPS: Record<string, number> = { emitter: 0.01, pivot: 0.05 };
+const ARROWS: Record<string, [number, number]> = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+const LATE_MS = 400;
+const FEW = 5000; // rays of a response while something is dragged
+
+class Studio extends LitElement {
+  private link!: Link;
+  private drawing!: Drawing;
+  private plot!: ResponsePlot;
+  private schema: Schema | null = null;
+  private file = "";
+  private unit = "deg";
+  private view: View = { angle_deg: 0, rays: 200, split: false, light: "design", lens: true };
+  private colouring: Colouring = "receiver";
+  private picture: Picture | null = null;
+  private values: Values = {};
+  private changed = new Set<string>();
+  private whole: Record<string, unknown> = {};
+  private angles: [number, number] = [-3, 3];
+  private curves: Partial<Record<Name, Curve>> = {};
+  private note = "";
+  private refused = "";
+  private misleading = "";
+  private noCurve = "";
+  private connected = false;
+  private late = false;
+  private find = "";
+  private guide = false;
+  private gesture = "";
+  private pending: Request | null = null;
+  private pointer = "";
+
+  // Light DOM: one style sheet for all, and labels that reach their controls.
+  protected createRenderRoot(): HTMLElement {
+    return this;
+  }
+
+  protected firstUpdated(): void {
+    const canvas = this.querySelector("canvas")!;
+    this.drawing = new Drawing(canvas);
+    this.plot = new ResponsePlot(this.querySelector(".plot")!, (angle, done) => this.turnTo(angle, done), this.unit);
+    this.plot.theme();
+    this.hands(canvas);
+    new ResizeObserver(() => this.resized()).observe(canvas);
+    new ResizeObserver(() => this.plot.resize()).observe(this.querySelector(".plot")!);
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.themed());
+    addEventListener("keydown", (event) => this.shortcut(event));
+    addEventListener("beforeunload", (event) => {
+      if (!this.whole.is_saved && this.changed.size) event.preventDefault();
+    });
+    setInterval(() => {
+      const late = this.link.longest > LATE_MS || !this.picture;
+      if (late !== this.late) {
+        this.late = late;
+        this.requestUpdate();
+      }
+    }, 200);
+    this.link = new Link(
+      (frame) => this.take(frame),
+      (connected) => {
+        this.connected = connected;
+        this.requestUpdate();
+      },
+    );
+  }
+
+  private take({ head, arrays }: Frame): void {
+    if (head.kind === "hello") {
+      this.schema = head.schema;
+      this.file = head.file;
+      this.unit = head.unit;
+      this.guide = head.is_new;
+      document.title = `${head.file} – solen studio`;
+    } else if (head.kind === "drawn") {
+      this.refused = "";
+      const { faces, ends, handles } = head as unknown as Picture;
+      this.picture = { faces, ends, handles, outline: arrays.outline, emitter: arrays.emitter, rays: arrays.rays };
+      this.angles = head.angles_deg;
+      if (this.pointer !== "slider") this.view = { ...this.view, angle_deg: head.angle_deg };
+      if (head.values) {
+        this.values = head.values;
+        this.changed = new Set(head.changed);
+        this.whole = head;
+      }
+      const curve = curveOf({ head, arrays });
+      if (curve || head.no_curve !== undefined) {
+        this.curves = { own: curve ?? undefined, pinned: this.curves.pinned };
+        this.noCurve = head.no_curve ?? "";
+        this.misleading = "";
+        this.plot.show(this.curves, head.angle_deg);
+      } else this.plot.move(head.angle_deg);
+      this.redraw();
+    } else if (head.kind === "curve") {
+      const curve = curveOf({ head, arrays })!;
+      const name = curve.head.name;
+      this.curves = { ...this.curves, [name === "own" || name === "flat" ? name : "other"]: curve };
+      this.noCurve = "";
+      this.plot.show(this.curves, this.view.angle_deg);
+    } else if (head.kind === "words") {
+      this.misleading = head.misleading;
+    } else if (head.kind === "rest") {
+      this.dataset.rest = String(Number(this.dataset.rest ?? 0) + 1);
+    } else if (head.kind === "refused") {
+      this.refused = head.what;
+      this.link.answered(head.id);
+    } else if (head.kind === "saved") {
+      this.note = `Saved in ${head.file}`;
+      this.refused = "";
+    }
+    this.requestUpdate();
+  }
+
+  private redraw(): void {
+    if (!this.picture) return;
+    this.drawing.draw(this.picture, this.colouring);
+    for (const [name, [x, z]] of Object.entries(this.picture.handles)) {
+      const handle = this.querySelector<HTMLElement>(`#handle-${name}`);
+      if (!handle) continue;
+      const [px, py] = this.drawing.toPixel(x, z);
+      const [width, height] = this.drawing.size;
+      handle.hidden = px < 0 || py < 0 || px > width || py > height;
+      handle.style.left = `${px}px`;
+      handle.style.top = `${py}px`;
+    }
+  }
+
+  private resized(): void {
+    this.drawing.resize();
+    if (this.picture) this.drawing.fit(this.picture);
+    this.redraw();
+  }
+
+  private themed(): void {
+    this.drawing.theme();
+    this.plot.theme();
+    this.plot.show(this.curves, this.view.angle_deg);
+    this.redraw();
+  }
+
+  // Requests of one animation frame go as one.
+  private ask(request: Request): void {
+    this.note = "";
+    if (this.pending) {
+      this.pending = { ...this.pending, ...request, values: { ...this.pending.values, ...request.values } };
+      return;
+    }
+    this.pending = request;
+    requestAnimationFrame(() => {
+      const asked = { view: this.view, ...this.pending };
+      this.pending = null;
+      this.link.ask(asked);
+    });
+  }
+
+  private look(view: Partial<View>): void {
+    this.view = { ...this.view, ...view };
+    this.ask({ view: this.view, gesture: "look" });
+    this.requestUpdate();
+  }
+
+  private change(key: string, value: unknown, gesture?: string): void {
+    this.ask({ values: { [key]: value }, gesture: gesture ?? `set ${key} ${performance.now()}` });
+  }
+
+  private turnTo(angle: number, done: boolean): void {
+    this.pointer = done ? "" : "slider";
+    const [low, high] = this.angles;
+    this.look({ angle_deg: +Math.min(Math.max(angle, low), high).toFixed(3) });
+  }
+
+  private dragHandle(name: string, to: [number, number], gesture: string): void {
+    this.guide = false;
+    this.ask({ handle: name, to, gesture });
+  }
+
+  private grab(event: PointerEvent, name: string): void {
+    const handle = event.currentTarget as HTMLElement;
+    handle.setPointerCapture(event.pointerId);
+    handle.focus();
+    this.gesture = `drag ${name} ${performance.now()}`;
+    const box = this.drawing.canvas.getBoundingClientRect();
+    const [px, py] = this.drawing.toPixel(...this.picture!.handles[name]);
+    const [dx, dy] = [event.clientX - box.left - px, event.clientY - box.top - py];
+    handle.onpointermove = (move) =>
+      this.dragHandle(name, this.drawing.toPoint(move.clientX - box.left - dx, move.clientY - box.top - dy), this.gesture);
+    handle.onpointerup = handle.onpointercancel = () => {
+      handle.onpointermove = handle.onpointerup = handle.onpointercancel = null;
+    };
+  }
+
+  private nudge(event: KeyboardEvent, name: string): void {
+    const arrow = ARROWS[event.key];
+    if (!arrow || !this.picture) return;
+    event.preventDefault();
+    const by = event.shiftKey ? 10 : 1;
+    if (name === "turn") {
+      const [low, high] = this.angles;
+      const step = (high - low) / 60;
+      this.guide = false;
+      this.turnTo(this.view.angle_deg + (arrow[0] + arrow[1]) * by * step, true);
+      return;
+    }
+    const step = (STEPS[name] ?? 0.1) * by;
+    const [x, z] = this.picture.handles[name];
+    this.dragHandle(name, [x + arrow[0] * step, z + arrow[1] * step], `keys ${name}`);
+  }
+
+  // Pan with one pointer, pinch with two, zoom by the wheel, measure with the shift key held.
+  private hands(canvas: HTMLCanvasElement): void {
+    const down = new Map<number, [number, number]>();
+    const place = (event: PointerEvent | WheelEvent): [number, number] => {
+      const box = canvas.getBoundingClientRect();
+      return [event.clientX - box.left, event.clientY - box.top];
+    };
+    canvas.addEventListener("wheel", (event) => {
+      event.preventDefault();
+      this.drawing.zoom(Math.exp(-event.deltaY * 0.0015), ...place(event));
+      this.redraw();
+    }, { passive: false });
+    canvas.addEventListener("pointerdown", (event) => {
+      canvas.setPointerCapture(event.pointerId);
+      down.set(event.pointerId, place(event));
+      const [x, z] = this.drawing.toPoint(...place(event));
+      this.drawing.ruler = event.shiftKey ? [x, z, x, z] : null;
+      this.redraw();
+    });
+    canvas.addEventListener("pointermove", (event) => {
+      const now = place(event);
+      this.coordinates(now);
+      const before = down.get(event.pointerId);
+      if (!before) return;
+      down.set(event.pointerId, now);
+      if (this.drawing.ruler) {
+        const [x, z] = this.drawing.toPoint(...now);
+        this.drawing.ruler = [this.drawing.ruler[0], this.drawing.ruler[1], x, z];
+      } else if (down.size === 2) {
+        const other = [...down.entries()].find(([id]) => id !== event.pointerId)![1];
+        const gap = (p: [number, number]) => Math.hypot(p[0] - other[0], p[1] - other[1]);
+        this.drawing.zoom(gap(now) / Math.max(gap(before), 1), ...other);
+      } else {
+        this.drawing.x -= (now[0] - before[0]) / this.drawing.scale;
+        this.drawing.z += (now[1] - before[1]) / this.drawing.scale;
+      }
+      this.redraw();
+    });
+    for (const end of ["pointerup", "pointercancel"] as const) canvas.addEventListener(end, (event) => down.delete(event.pointerId));
+  }
+
+  private coordinates(place: [number, number]): void {
+    const [x, z] = this.drawing.toPoint(...place);
+    this.querySelector(".coordinates")!.textContent = `x ${x.toFixed(2)}  z ${z.toFixed(2)} mm`.replaceAll("-", "−");
+  }
+
+  private zoomBy(factor: number): void {
+    if (factor) this.drawing.zoom(factor);
+    else if (this.picture) this.drawing.fit(this.picture);
+    this.redraw();
+  }
+
+  private shortcut(event: KeyboardEvent): void {
+    if (!(event.ctrlKey || event.metaKey) || event.altKey) return;
+    const order = { s: "save", z: event.shiftKey ? "redo" : "undo", y: "redo" }[event.key.toLowerCase()] as Request["do"];
+    if (!order) return;
+    event.preventDefault();
+    (document.activeElement as HTMLElement | null)?.blur?.();
+    this.ask({ do: order });
+  }
+
+  private theme(): void {
+    const root = document.documentElement;
+    const dark = root.dataset.theme ? root.dataset.theme === "dark" : matchMedia("(prefers-color-scheme: dark)").matches;
+    root.dataset.theme = dark ? "light" : "dark";
+    this.themed();
+  }
+
+  private pin(): void {
+    this.curves = { ...this.curves, pinned: this.curves.pinned ? undefined : this.curves.own };
+    this.plot.show(this.curves, this.view.angle_deg);
+    this.requestUpdate();
+  }
+
+  private download(kind: "svg" | "png"): void {
+    if (!this.picture) return;
+    const name = `${this.file.replace(/\.toml$/, "")}.${kind}`;
+    const give = (blob: Blob) => {
+      const link = document.createElement("a");
+      link.href = URL.createObjectURL(blob);
+      link.download = name;
+      link.click();
+      setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+    };
+    if (kind === "svg") give(new Blob([this.drawing.svg(this.picture, this.colouring)], { type: "image/svg+xml" }));
+    else this.drawing.canvas.toBlob((blob) => blob && give(blob));
+  }
+
+  private legend(): TemplateResult {
+    const entries: [string, string][] =
+      this.colouring === "receiver"
+        ? [["right", "right receiver"], ["left", "left receiver"], ["lost", "lost"]]
+        : this.colouring === "fate"
+          ? [["hit", "detected"], ["lost", "escaped"], ["taken", "absorbed"], ["cut", "followed no further"]]
+          : [["accent", "stronger where darker"]];
+    return html`<ul class="legend" aria-label="Colours of rays">
+      ${entries.map(([colour, words]) => html`<li><span class="line ${colour}"></span>${words}</li>`)}
+    </ul>`;
+  }
+
+  private choice<T extends string>(label: string, value: T, options: [T, string][], take: (value: T) => void, hint = ""): TemplateResult {
+    return html`<fieldset class="choice" title=${hint}><legend>${label}</legend>${options.map(
+      ([one, words]) => html`<button type="button" aria-pressed=${String(one === value)} @click=${() => take(one)}>${words}</button>`,
+    )}</fieldset>`;
+  }
+
+  private quality(): string {
+    const own = this.curves.own?.head;
+    if (!own) return this.noCurve || "The response is being traced …";
+    const where = own.in_space ? "in space" : "in the plane";
+    if (own.rays === null) return `Integrated ${where}.`;
+    const rays = `Traced ${where}, ${own.rays.toLocaleString("en")} rays an angle`;
+    return own.finished ? `${rays}.` : own.rays < FEW ? `Roughly, ${where}; better at rest.` : `${rays}, becoming better …`;
+  }
+
+  private status(): string {
+    if (!this.connected) return "Not connected: the studio was ended, or is not reached. Your last save is whole.";
+    if (this.refused) return this.refused;
+    if (this.late) return "Working … (the first answer after an installation takes some minutes: the tracer is compiled)";
+    return this.note || (this.whole.warnings as string[] | undefined)?.[0] || "Ready";
+  }
+
+  protected render(): TemplateResult {
+    const { whole, view, curves } = this;
+    const shown = whole.in_space ? "space" : "plane";
+    const light = view.light === "design" ? shown : view.light;
+    return html`
+      <header>
+        <h1><span class="brand">solen studio</span> ${this.file}${this.changed.size && !whole.is_saved ? html`<span class="dot" title="not saved"> ●</span>` : nothing}</h1>
+        <nav aria-label="File">
+          <button type="button" ?disabled=${!whole.can_undo} @click=${() => this.ask({ do: "undo" })} title="Ctrl+Z">Undo</button>
+          <button type="button" ?disabled=${!whole.can_redo} @click=${() => this.ask({ do: "redo" })} title="Ctrl+Y">Redo</button>
+          <button type="button" class="main" ?disabled=${whole.is_saved as boolean} @click=${() => this.ask({ do: "save" })} title="Ctrl+S; comments of the file are kept">Save</button>
+          <button type="button" @click=${() => this.download("svg")}>SVG</button>
+          <button type="button" @click=${() => this.download("png")}>PNG</button>
+          <button type="button" @click=${() => this.theme()} aria-label="Light or dark">◐</button>
+          <button type="button" @click=${() => ((this.guide = !this.guide), this.requestUpdate())} aria-label="Guide" aria-expanded=${String(this.guide)}>?</button>
+        </nav>
+      </header>
+      <main>
+        <section class="design" aria-label="Design">
+          <div class="search"><label for="find">Find a number</label>
+            <input id="find" type="search" .value=${this.find} @input=${(e: Event) => ((this.find = (e.target as HTMLInputElement).value), this.requestUpdate())}></div>
+          <div class="fields">${this.schema && whole.values ? fields(this.schema, this.values, (this.whole.effective ?? {}) as Values, this.changed, (k, v, g) => this.change(k, v, g), this.find) : nothing}</div>
+        </section>
+        <section class="sketch" aria-label="Sensor and its rays">
+          <div class="tools">
+            ${this.choice("Colour by", this.colouring, [["receiver", "receiver"], ["fate", "fate"], ["power", "power"]], (value) => {
+              this.colouring = value;
+              this.look({ split: value === "power" });
+              this.redraw();
+            })}
+            ${whole.has_lens ? this.choice("Light enters by", view.lens ? "lens" : "flat", [["lens", "lens"], ["flat", "flat face"]], (value) => this.look({ lens: value === "lens" })) : nothing}
+            <label class="rays">Rays <input type="number" min="1" max="5000" .value=${String(view.rays)} @change=${(e: Event) => {
+              const rays = Math.round(+(e.target as HTMLInputElement).value);
+              this.look({ rays: Math.min(Math.max(rays || 200, 1), 5000) });
+            }}></label>
+          </div>
+          <div class="stage">
+            <canvas role="img" aria-label="Section of the sensor with its rays in the plane, turned by ${view.angle_deg.toFixed(2)} ${this.unit}"></canvas>
+            ${Object.keys(this.picture?.handles ?? {}).map((name) => html`<button type="button" class="handle ${name}" id="handle-${name}"
+              aria-label="${HANDLES[name][0]}: ${HANDLES[name][1]}" title="${HANDLES[name][0]}: drag, or ${HANDLES[name][1]}"
+              @pointerdown=${(e: PointerEvent) => this.grab(e, name)} @keydown=${(e: KeyboardEvent) => this.nudge(e, name)}></button>`)}
+            ${this.guide ? html`<aside class="guide" aria-label="Guide">
+              <p>Light of the LED below enters through the lens; where the lens sends it, the right or the left arm gets more.</p>
+              <p>Turn the lens, and the contrast of the two receivers tells the angle: that is the curve on the right.</p>
+              <p><strong>Drag the round handle below the lens</strong>, then any number on the left.</p>
+              <button type="button" class="main" @click=${() => ((this.guide = false), this.requestUpdate())}>Start</button>
+            </aside>` : nothing}
+            <div class="zoom" role="group" aria-label="Zoom">
+              <button type="button" @click=${() => this.zoomBy(1.4)} aria-label="Larger">+</button>
+              <button type="button" @click=${() => this.zoomBy(1 / 1.4)} aria-label="Smaller">−</button>
+              <button type="button" @click=${() => this.zoomBy(0)} aria-label="Whole sensor">⤢</button>
+            </div>
+            ${this.legend()}
+            <output class="coordinates"></output>
+          </div>
+          <div class="angle">
+            <label for="angle">${this.unit === "deg" ? "Angle" : "Driven"}</label>
+            <input id="angle" type="range" min=${this.angles[0]} max=${this.angles[1]} step=${(this.angles[1] - this.angles[0]) / 600}
+              .value=${String(view.angle_deg)} @input=${(e: Event) => this.turnTo(+(e.target as HTMLInputElement).value, false)}
+              @change=${(e: Event) => this.turnTo(+(e.target as HTMLInputElement).value, true)}>
+            <output>${view.angle_deg.toFixed(2).replace("-", "−")}${this.unit === "deg" ? "°" : ` ${this.unit}`}</output>
+          </div>
+        </section>
+        <section class="answer" aria-label="Response">
+          <div class="tools">
+            ${this.choice("Light", light, [["plane", "plane"], ["space", "space"]], (value) => this.look({ light: value === shown ? "design" : value }), "Where the response is traced; rays are drawn in the plane")}
+            <button type="button" aria-pressed=${String(!!curves.pinned)} @click=${() => this.pin()} title="Keep this curve to compare with">Pin curve</button>
+          </div>
+          <div class="plot" role="img" aria-label="Contrast against the angle, with its uncertainty"></div>
+          <ul class="legend" aria-label="Curves">
+            <li><span class="line accent"></span>design, ± u</li>
+            ${curves.flat ? html`<li><span class="line dashed lost"></span>no lens</li>` : nothing}
+            ${curves.other ? html`<li><span class="line dashed hit"></span>${curves.other.head.in_space ? "in space" : "in the plane"}</li>` : nothing}
+            ${curves.pinned ? html`<li><span class="line dashed taken"></span>pinned</li>` : nothing}
+          </ul>
+          <p class="quality">${this.quality()}</p>
+          ${this.misleading ? html`<p class="warning" role="alert">${this.misleading}</p>` : nothing}
+          ${merits(curves.own, curves.flat, this.angles, this.unit)}
+        </section>
+      </main>
+      <footer role="status" class=${this.refused || !this.connected ? "refused" : ""}>${this.status()}</footer>
+    `;
+  }
+
+  protected updated(): void {
+    this.redraw();
+  }
+}
+
+customElements.define("solen-studio", Studio);
