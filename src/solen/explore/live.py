@@ -6,7 +6,7 @@ at rest the rays grow until the contrast is known to `GOAL`. What the batch does
 The interface: `coarse`, `refined`, and `misleading`, which compares the plane with space.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
@@ -56,7 +56,8 @@ def coarse(sensor: Sensor, rays: int = COARSE_RAYS) -> Curve | None:
     """Response from few rays; None where the batch does not know the sensor."""
     if why_not_batched(sensor):
         return None
-    return _traced(sensor, spread(sensor.design.motion.angles_deg(), MOST_ANGLES), rays, finished=False)
+    response = _traced(sensor, spread(sensor.design.motion.angles_deg(), MOST_ANGLES), rays)
+    return _curve(sensor, response, rays, finished=False)
 
 
 def refined(sensor: Sensor, stop: Callable[[], bool] = lambda: False) -> Iterator[Curve]:
@@ -73,11 +74,11 @@ def refined(sensor: Sensor, stop: Callable[[], bool] = lambda: False) -> Iterato
     for rays in REFINED_RAYS:
         if stop():
             return
-        found = _traced(sensor, sensor.design.motion.angles_deg(), rays, finished=rays == REFINED_RAYS[-1])
-        u = found.response.u_contrast
-        good = bool(np.all(u[np.isfinite(u)] <= GOAL))
-        yield Curve(found.response, found.merits, found.in_space, rays, found.finished or good)
-        if good:
+        response = _traced(sensor, sensor.design.motion.angles_deg(), rays)
+        u = response.u_contrast
+        finished = rays == REFINED_RAYS[-1] or bool(np.all(u[np.isfinite(u)] <= GOAL))
+        yield _curve(sensor, response, rays, finished=finished)
+        if finished:
             return
 
 
@@ -92,13 +93,13 @@ def misleading(plane: Response, space: Response) -> str:
     )
 
 
-def _traced(sensor: Sensor, angles: tuple[float, ...] | list[float], rays: int, *, finished: bool) -> Curve:
+def _traced(sensor: Sensor, angles: Sequence[float], rays: int) -> Response:
     sensor.check_pair()
     traced = respond([sensor], angles, rays=rays)
     if traced.why[0]:
         sensor.check()
     powers = (traced.right[0, 0], traced.left[0, 0], traced.u_power[0, 0])
-    return _curve(sensor, Response("power", np.array(angles), *powers, ()), rays, finished)
+    return Response("power", np.array(angles), *powers, ())
 
 
 def _integrated(sensor: Sensor, stop: Callable[[], bool]) -> Iterator[Curve]:
@@ -110,10 +111,10 @@ def _integrated(sensor: Sensor, stop: Callable[[], bool]) -> Iterator[Curve]:
         response = sensor.power(progress=go_on)
     except Stopped:
         return
-    yield _curve(sensor, response, None, True)
+    yield _curve(sensor, response, None, finished=True)
 
 
-def _curve(sensor: Sensor, response: Response, rays: int | None, finished: bool) -> Curve:
+def _curve(sensor: Sensor, response: Response, rays: int | None, *, finished: bool) -> Curve:
     few = len(response.angle_deg) < LEAST_ANGLES
     resolution = worst_resolution_deg(readings_from(sensor, response)) if not few and finished else (np.nan, np.nan)
     merits = None if few else merits_of(response, resolution)
