@@ -1,10 +1,12 @@
 """Sphinx configuration; built strictly by ``make docs``, offline."""
 
+import functools
 import re
 import sys
 from pathlib import Path
 
 from sphinx.application import Sphinx
+from sphinx.domains.python import PythonDomain
 
 import solen
 from solen.spec.strict import Strict
@@ -28,6 +30,8 @@ autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
 python_use_unqualified_type_names = True
+toc_object_entries = False  # some 10,000, which every page's navigation would be made from
+PythonDomain.find_obj = functools.cache(PythonDomain.find_obj)  # each search by a name's end reads all names
 napoleon_google_docstring = False
 napoleon_use_param = False
 napoleon_use_rtype = False
