@@ -45,6 +45,17 @@ def test_the_uncertainty_covers_what_the_step_between_angles_costs(width_deg: fl
     )
 
 
+@pytest.mark.parametrize("angles", [3, 4])
+def test_too_few_angles_leave_the_deviation_open(angles: int) -> None:
+    angle_deg = np.linspace(-3.0, 3.0, angles)
+    power = 0.5 + 0.25 * np.tanh(angle_deg / 1.5)
+    merits = merits_of(Response("power", angle_deg, power, 1.0 - power, np.full(angles, 1e-6), ()))
+    dense = np.linspace(-3.0, 3.0, 4001)
+    curve = np.tanh(dense / 1.5)
+    true = 100.0 * _off_by_search(dense, curve) / float(np.ptp(curve))
+    assert abs(merits.linearity_percent - true) < merits.u_linearity_percent
+
+
 def _off_by_search(x: FloatArray, y: FloatArray) -> float:
     """Least largest deviation from a straight line, by linear programming."""
     from scipy.optimize import linprog

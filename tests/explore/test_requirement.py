@@ -5,7 +5,7 @@ import pytest
 
 from solen.errors import SpecError
 from solen.explore.merits import NAMES
-from solen.explore.requirement import Requirement
+from solen.explore.requirement import Goal, Limit, Requirement
 
 MERITS = {name: np.array([1.0, 2.0, np.nan]) for name in NAMES} | {"null_deg": np.array([-0.2, 0.5, 0.1])}
 BASE = dict.fromkeys(NAMES, 1.5)
@@ -23,6 +23,7 @@ BASE = dict.fromkeys(NAMES, 1.5)
         ("span > 0", [True, True, False]),
         ("null_deg < 1/0", [True, True, True]),
         ("null_deg * (1 / (base - 1.5)) < 1", [True, False, False]),
+        ("span > 1.5 and 1 < base_span < 2", [False, True, False]),
     ],
 )
 def test_a_requirement_is_met_where_it_holds_and_its_merits_exist(text: str, met: list[bool]) -> None:
@@ -53,9 +54,33 @@ def test_a_requirement_is_met_where_it_holds_and_its_merits_exist(text: str, met
         ("-(null_deg < 3) < 1", "values"),
         ("not null_deg or span > 1", "condition"),
         ("null_deg < 10**400 and span < 1e400", "large"),
+        ("worst(light) > 0.1", "--robust"),
     ],
 )
 def test_anything_else_is_refused_by_name(text: str, named: str) -> None:
     with pytest.raises(SpecError, match=r"--require") as refused:
         Requirement.parse(text)
     assert named in str(refused.value)
+
+
+CASES = {name: np.array([1.0, 3.0, 2.0]) for name in NAMES} | {"null_deg": np.array([0.1, -0.4, 0.2])}
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("worst(linearity_percent)", 3.0),
+        ("worst(null_deg)", -0.4),
+        ("worst(light)", 1.0),
+        ("linearity_percent + worst(linearity_percent)", 4.0),
+    ],
+)
+def test_the_worst_is_over_the_cases_and_other_merits_are_those_of_the_design(text: str, value: float) -> None:
+    assert Goal.parse(text).value(CASES, BASE).max() == value
+
+
+def test_a_limit_may_bound_the_worst() -> None:
+    assert Limit.parse("span >= 1 and worst(linearity_percent) < 3.5").met(CASES, BASE).all()
+    assert not Limit.parse("worst(linearity_percent) < 2.5").met(CASES, BASE).any()
+    with pytest.raises(SpecError, match="one merit"):
+        Limit.parse("worst(span + light) > 1")

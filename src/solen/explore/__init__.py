@@ -6,7 +6,7 @@ measured print and the log of earlier ones, and returns a `TunedPrint`: the next
 print.
 """
 
-from solen.explore.optimise import OptimiseOptions, Optimum, optimise
+from solen.explore.optimise import Front, OptimiseOptions, Optimum, optimise
 from solen.explore.store import Store
 from solen.explore.sweep import Sweep, SweepOptions, sweep
 from solen.explore.tolerance import ToleranceOptions, Tolerances, tolerance
@@ -15,6 +15,7 @@ from solen.explore.tuning import check_tunable, tune
 from solen.explore.tuning_log import TuningLog, log_text, read_log
 
 __all__ = [
+    "Front",
     "OptimiseOptions",
     "Optimum",
     "Store",

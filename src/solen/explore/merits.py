@@ -64,6 +64,8 @@ class Merits(Result, eq=True):
 
 NAMES = tuple(field.name for field in fields(Merits))
 MERITS = tuple(name for name in NAMES if not name.startswith("u_"))
+_WORSE_IF_SMALL = ("slope_per_deg", "span", "range_deg", "light")
+"""Merits that are worse the smaller their size; of the others the larger."""
 
 
 def merits_of(response: Response, resolution_deg: tuple[float, float] = (math.nan, math.nan)) -> Merits:
@@ -137,13 +139,19 @@ def _root(angle: FloatArray, contrast: FloatArray) -> tuple[float, float]:
 
 
 def _linearity(angle: FloatArray, contrast: FloatArray) -> tuple[float, float]:
-    """Largest deviation from the straight line for which it is least, and what the step between angles costs."""
+    """Largest deviation from the straight line for which it is least, and what the step between angles costs.
+
+    Three angles of an odd response lie on a line whatever is between them: with fewer than five the deviation may be
+    anything up to half the span.
+    """
     dense = np.linspace(angle[0], angle[-1], DENSE * (angle.size - 1) + 1)
     second = _every_second(angle.size)
     fine, coarse = (
         off_a_line(dense, PchipInterpolator(angle[part], contrast[part])(dense)) if len(part) > 1 else 0.0
         for part in (np.arange(angle.size), second)
     )
+    if second.size < LEAST_ANGLES:
+        return fine, 0.5 * float(np.ptp(contrast)) / math.sqrt(3.0)
     return fine, COARSE_SHARE * abs(fine - coarse)
 
 
@@ -166,6 +174,12 @@ def _monotone_deg(angle: FloatArray, contrast: FloatArray, u: FloatArray, null_d
         last += 1
     missed = [float(angle[1] - angle[0])] * (first > 0) + [float(angle[-1] - angle[-2])] * (last < rise.size)
     return float(angle[last] - angle[first]), sum(missed)
+
+
+def worst_of(name: str, values: FloatArray) -> float:
+    """Worst of some values (C,) of a merit; NaN where one does not exist."""
+    badness = -np.abs(values) if name in _WORSE_IF_SMALL else np.abs(values)
+    return math.nan if np.isnan(values).any() else float(values[np.argmax(badness)])
 
 
 def worst_resolution_deg(readings: Readings) -> tuple[float, float]:

@@ -21,8 +21,8 @@ from solen.fabricate.process import (
     Deviation,
     Drawing,
     Printing,
-    PrintOptions,
     Process,
+    ProcessOptions,
     Settings,
     Target,
     lens_face,
@@ -68,7 +68,9 @@ class PrintModel:
         if slicing.orientation != "flat" or any(slicing.rotate_deg):
             limit = "only a lens printed flat, along the printer's X, can be tuned"
             raise SpecError("--orientation or --rotate-deg", value=slicing.orientation, limit=limit, remedy="leave out")
-        process, sources = process_of(PrintOptions(process=slicing.process, cure=slicing.cure, printer=slicing.printer))
+        process, sources = process_of(
+            ProcessOptions(process=slicing.process, cure=slicing.cure, printer=slicing.printer)
+        )
         process = with_resin(process, sensor.design)
         if slicing.process is None:
             process = process.with_settings(**slicing.exposed(process.process))
@@ -79,7 +81,7 @@ class PrintModel:
         target = Target.of(lens_face(body).curve, FLAT_POINTS)
         thickness_mm = sensor.design.body.thickness_mm
         settings = process.process
-        height_um = 0.5 * max(1, round(1e3 * thickness_mm / settings.layer_um)) * settings.layer_um
+        height_um = settings.middle_um(thickness_mm)
 
         def printing(values: Settings) -> Printing:
             return Printing(body, target, values, thickness_mm, height_um, slicing.phase_px)

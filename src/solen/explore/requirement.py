@@ -2,7 +2,8 @@
 
 Names are the merits. ``base`` is the merit that an expression names, of which there must then be one, for the design
 itself; ``base_null_deg`` names it in full. Allowed are numbers, + - * / ** and brackets, abs, min and max, comparisons,
-``and``, ``or`` and ``not``.
+``and``, ``or`` and ``not``. Where a design is traced with numbers off, ``worst(light)`` is the worst over these, and
+other merits beside it in an expression are those of the design as it is.
 
 The interface: `Requirement.parse` a condition, ``met`` by arrays of merits, and ``violation`` of it; `Goal.parse` a
 value.
@@ -18,11 +19,11 @@ import numpy as np
 
 from solen.arrays import BoolArray, FloatArray
 from solen.errors import SpecError
-from solen.explore.merits import MERITS
+from solen.explore.merits import MERITS, worst_of
 from solen.spec.strict import nearest
 
 LONGEST, DEEPEST, LARGEST = 500, 20, 1e100
-_BASE = "base"
+_BASE, _WORST = "base", "worst"
 _ARITHMETIC: Mapping[type, Callable[..., Any]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
@@ -55,24 +56,34 @@ class Expression:
         As it was stated.
     merits
         Merits that it names.
+    worst
+        Those of which it names the worst.
     """
 
     text: str
     merits: tuple[str, ...]
+    worst: tuple[str, ...] = ()
 
     option: ClassVar[str] = "--require"
     is_condition: ClassVar[bool] = True
+    has_cases: ClassVar[bool] = False
 
     @classmethod
     def parse(cls, text: str) -> Self:
         """Expression of a text; `SpecError` where it is malformed or names no merit."""
         names = dict.fromkeys(_names(_tree(cls, text), cls, text))
-        merits = tuple(dict.fromkeys(name.removeprefix(f"{_BASE}_") for name in names if name != _BASE))
+        bare = [name.removeprefix(f"{_BASE}_").removeprefix(f"{_WORST}_") for name in names if name != _BASE]
+        merits = tuple(dict.fromkeys(bare))
+        worst = tuple(merit for merit in merits if f"{_WORST}_{merit}" in names)
+        if worst and not cls.has_cases:
+            raise cls.refusal(
+                text, "worst(...) is over the numbers off of --robust, and there are none", "leave it out"
+            )
         if not merits:
             raise cls.refusal(text, "names no merit", f"the merits are {', '.join(MERITS)}")
         if _BASE in names and len(merits) > 1:
             raise cls.refusal(text, "base stands for one merit, and several are named", f"write {_BASE}_{merits[0]}")
-        return cls(text, merits)
+        return cls(text, merits, worst)
 
     @classmethod
     def refusal(cls, text: str, limit: str, remedy: str = "") -> SpecError:
@@ -83,7 +94,9 @@ class Expression:
     def _values(self, merits: Mapping[str, FloatArray], base: Mapping[str, float]) -> dict[str, Any]:
         named = {f"{_BASE}_{name}": value for name, value in base.items()}
         numbers = named | {_BASE: base[self.merits[0]]}
-        return {**merits, **{name: np.float64(value) for name, value in numbers.items()}}
+        own = {name: column[:1] for name, column in merits.items()} if self.worst else merits
+        numbers |= {f"{_WORST}_{name}": worst_of(name, merits[name]) for name in self.worst}
+        return {**own, **{name: np.float64(value) for name, value in numbers.items()}}
 
 
 @dataclass(frozen=True)
@@ -108,6 +121,7 @@ class Limit(Requirement):
     """A condition on the result of a search."""
 
     option: ClassVar[str] = "--subject-to"
+    has_cases: ClassVar[bool] = True
 
 
 @dataclass(frozen=True)
@@ -116,6 +130,7 @@ class Goal(Expression):
 
     option: ClassVar[str] = "--minimise or --maximise"
     is_condition: ClassVar[bool] = False
+    has_cases: ClassVar[bool] = True
 
     def value(self, merits: Mapping[str, FloatArray], base: Mapping[str, float]) -> FloatArray:
         """Its value (P,); NaN where a merit does not exist."""
@@ -154,12 +169,11 @@ def _names(node: ast.AST, kind: type[Expression], text: str, depth: int = 0) -> 
         return [_merit(node.id, kind, text)]
     if isinstance(node, ast.Constant):
         return _no_names(node, kind, text)
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == _WORST:
+        return [f"{_WORST}_{_worst(node, kind, text)}"]
+    parts: list[ast.AST]
     if isinstance(node, ast.Call):
-        if not (isinstance(node.func, ast.Name) and node.func.id in _FUNCTIONS and node.args and not node.keywords):
-            raise kind.refusal(text, f"functions are {', '.join(_FUNCTIONS)}")
-        if node.func.id == "abs" and len(node.args) > 1:
-            raise kind.refusal(text, "abs takes one value")
-        parts: list[ast.AST] = list(node.args)
+        parts = _arguments(node, kind, text)
     elif isinstance(node, ast.BinOp) and type(node.op) in _ARITHMETIC:
         parts = [node.left, node.right]
     elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.UAdd | ast.USub | ast.Not):
@@ -174,6 +188,22 @@ def _names(node: ast.AST, kind: type[Expression], text: str, depth: int = 0) -> 
     if any(isinstance(part, ast.expr) and _is_condition(part) is not within for part in parts):
         raise kind.refusal(text, f"{ast.unparse(node)} takes {'conditions' if within else 'values'}")
     return [name for part in parts for name in _names(part, kind, text, depth + 1)]
+
+
+def _arguments(node: ast.Call, kind: type[Expression], text: str) -> list[ast.AST]:
+    """Arguments of a function that an expression may hold."""
+    if not (isinstance(node.func, ast.Name) and node.func.id in _FUNCTIONS and node.args and not node.keywords):
+        raise kind.refusal(text, f"functions are {', '.join((*_FUNCTIONS, _WORST))}")
+    if node.func.id == "abs" and len(node.args) > 1:
+        raise kind.refusal(text, "abs takes one value")
+    return list(node.args)
+
+
+def _worst(node: ast.Call, kind: type[Expression], text: str) -> str:
+    """Merit of which the worst is named."""
+    if len(node.args) == 1 and not node.keywords and isinstance(node.args[0], ast.Name) and node.args[0].id in MERITS:
+        return node.args[0].id
+    raise kind.refusal(text, "worst takes one merit", f"the merits are {', '.join(MERITS)}")
 
 
 def _no_names(node: ast.Constant, kind: type[Expression], text: str) -> list[str]:
@@ -201,6 +231,8 @@ def _value(node: ast.expr, values: Mapping[str, Any]) -> Any:
             return values[node.id]
         case ast.Constant():
             return np.float64(node.value)  # type: ignore[arg-type]  # numbers alone pass the check
+        case ast.Call(func=ast.Name(id="worst"), args=[ast.Name(id=merit)]):
+            return values[f"{_WORST}_{merit}"]
         case ast.Call():
             return _FUNCTIONS[node.func.id](*(_value(part, values) for part in node.args))  # type: ignore[attr-defined]  # a name, as checked
         case ast.BinOp():
@@ -210,11 +242,11 @@ def _value(node: ast.expr, values: Mapping[str, Any]) -> Any:
             return ~inner if isinstance(node.op, ast.Not) else _ARITHMETIC[type(node.op)](inner)
         case ast.BoolOp():
             join = np.logical_and if isinstance(node.op, ast.And) else np.logical_or
-            return join.reduce([np.asarray(_value(part, values)) for part in node.values])
+            return join.reduce(np.broadcast_arrays(*(_value(part, values) for part in node.values)))
         case ast.Compare():
             sides = [_value(part, values) for part in (node.left, *node.comparators)]
             pairs = zip(node.ops, sides, sides[1:], strict=False)
-            return np.logical_and.reduce([np.asarray(_COMPARED[type(op)](a, b)) for op, a, b in pairs])
+            return np.logical_and.reduce(np.broadcast_arrays(*(_COMPARED[type(op)](a, b) for op, a, b in pairs)))
     raise TypeError(ast.dump(node))
 
 

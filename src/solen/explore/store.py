@@ -25,6 +25,8 @@ import solen
 from solen import files
 from solen.arrays import FloatArray
 from solen.errors import DataError, SolenError
+from solen.explore.printed_lens import as_printed
+from solen.fabricate.process import Settings
 from solen.sensor import Sensor
 from solen.sensor.effects import as_built
 from solen.spec import Design, dumps
@@ -98,21 +100,27 @@ class Accuracy(NamedTuple):
 
 @dataclass(frozen=True)
 class Variant:
-    """A design to be traced, and how far the built part is off some of its numbers, by their keys."""
+    """A design to be traced, how far the built part is off some of its numbers, by their keys, and what prints it.
+
+    With a process it has the lens that this prints, else the designed one.
+    """
 
     design: Design
     off: Mapping[str, float] = field(default_factory=dict)
+    printed_by: Settings | None = None
 
     def name(self, accuracy: Accuracy) -> str:
         """Name of its response: equal for equal inputs, different for any other."""
         design = self.design.set(name="point")
         named = {key: hashlib.sha256(_bytes(path)).hexdigest() for key, path in sorted(design.files.items())}
-        stated = json.dumps([engine(), dumps(design), named, sorted(self.off.items()), accuracy])
+        process = None if self.printed_by is None else self.printed_by.model_dump(mode="json")
+        stated = json.dumps([engine(), dumps(design), named, sorted(self.off.items()), accuracy, process])
         return hashlib.sha256(stated.encode()).hexdigest()
 
     def sensor(self) -> Sensor:
         """The sensor as built."""
-        return as_built(Sensor.of(self.design), self.off)
+        built = as_built(Sensor.of(self.design), self.off)
+        return built if self.printed_by is None else as_printed(built, self.printed_by)
 
 
 def _bytes(path: Path) -> bytes:

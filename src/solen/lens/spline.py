@@ -150,6 +150,11 @@ class SplineLens(DeviatingLens, eq=True):
         """See :attr:`solen.lens.base.Lens.warnings`."""
         return self.too_fine(self.least_feature_um, "lens.least_feature_um")
 
+    def missed_share(self, least_um: float) -> float:
+        """By what share of a least feature the narrowest feature or the least radius is below it; 0 if none is."""
+        narrowest = min(self.least_radius_um, self.narrowest_um or math.inf)
+        return max(0.0, 1.0 - narrowest / least_um)
+
     def too_fine(self, least_um: float, limit: str) -> tuple[str, ...]:
         """Warnings of what is narrower or bent more sharply than a least feature, which ``limit`` names."""
         warnings = []

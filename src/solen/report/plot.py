@@ -28,6 +28,7 @@ FIGURES = {
     "ExportedSolid": "print.fabricate:solid_figure",
     "ExposureTrends": "resin.exposures:exposures_figure",
     "FacesInspection": "print.inspect:faces_figure",
+    "Front": "explore.optimise:front_figure",
     "GuideLoss": "resin.cutback:cutback_figure",
     "LayerIndex": "resin.index:index_figure",
     "LayeredPrint": "print.layers:layers_figure",

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from solen.cli.app import lines
 from solen.explore.merits import MERITS
-from solen.explore.optimise import Judged, Optimum
+from solen.explore.optimise import Front, FrontDesign, Judged, Optimum
 from solen.pipeline.explore.optimise import optimise as optimise
 from solen.report.design.answer import measured
 
@@ -13,6 +13,7 @@ from solen.report.design.answer import measured
 def _(result: Optimum) -> Iterator[str]:
     yield f"simulated: {result.name}, {result.goal}: {result.evaluations} designs, {result.traced} responses traced"
     before, after = (measured(one.goal, one.u_goal, sign=False) for one in (result.before, result.after))
+    yield from _printed(result)
     yield f"worst of the deviations: {before} before, {after} after (the search saw {result.claimed:.4g})"
     width = max(len(one.key) for one in result.free)
     for one in result.free:
@@ -25,6 +26,30 @@ def _(result: Optimum) -> Iterator[str]:
         yield f"{name:18}  {cells[0]:>18}  {cells[1]:>18}  {cells[2]:>18}"
     by_samples = measured(result.sampled_difference, result.u_sampled_difference, sign=False)
     yield f"contrast by samples less that by integration: {by_samples} at most"
+
+
+@lines.register
+def _(result: Front) -> Iterator[str]:
+    yield (
+        f"simulated: {result.name}, {' and '.join(result.goals)}: {result.evaluations} designs, {result.traced} "
+        f"responses traced, {len(result.designs)} on the front"
+    )
+    yield from _printed(result)
+    yield f"worst of the deviations:  {'   '.join(f'{goal:>28}' for goal in result.goals)}"
+    yield f"{'before':>24}  {_goals(result.before)}"
+    for one in result.designs:
+        missed = [text for text, met in one.meets.items() if not met]
+        yield f"{f'design {one.number}':>24}  {_goals(one)}{f'   MISSED: {missed}' if missed else ''}"
+
+
+def _goals(one: FrontDesign) -> str:
+    values = (measured(goal, u, sign=False) for goal, u in zip(one.goals, one.u_goals, strict=True))
+    return "   ".join(f"{value:>28}" for value in values)
+
+
+def _printed(result: Optimum | Front) -> Iterator[str]:
+    if result.printed_by is not None:
+        yield f"traced with the lens as printed by {result.printed_by}"
 
 
 def _merit(judged: Judged, name: str, *, worst: bool = False) -> str:

@@ -32,7 +32,7 @@ from solen.fabricate.process.process_file import (
 )
 from solen.fabricate.process.settings import Settings
 from solen.fabricate.process.solid import printed_solid
-from solen.fabricate.process.source import PrintOptions, files_read, process_of, with_cure, with_resin
+from solen.fabricate.process.source import PrintOptions, ProcessOptions, files_read, process_of, with_cure, with_resin
 from solen.fabricate.process.target import Deviation, Target, exits_um
 from solen.fabricate.process.terms import terms_at
 from solen.fabricate.process.upright import SidePrint
@@ -56,6 +56,7 @@ __all__ = [
     "PrinterCalibration",
     "Printing",
     "Process",
+    "ProcessOptions",
     "Settings",
     "SharedScale",
     "SidePrint",

@@ -185,6 +185,10 @@ class Settings(Strict):
         doses[: self.burn_in_layers] = self.burn_in_s * self.irradiance_mW_per_cm2
         return doses
 
+    def middle_um(self, thickness_mm: float) -> float:
+        """Middle height of a part, which is made of whole layers."""
+        return 0.5 * max(1, round(1e3 * thickness_mm / self.layer_um)) * self.layer_um
+
     def inside_mJ_per_cm2(self) -> float:
         """Mean dose far inside a part, where all layers are as wide."""
         longer = sum(share / absorption for share, absorption in self.lines)

@@ -1,7 +1,7 @@
 """Which process a design is printed by: a file or the default, with the pixels of a printer and the cure of a resin.
 
-The interface: `PrintOptions` is how a design is printed; `process_of` gives the process, `with_printer` and
-`with_resin` adapt one.
+The interface: `ProcessOptions` name a process, `PrintOptions` how a design is printed by it; `process_of` gives the
+process, `with_printer` and `with_resin` adapt one.
 """
 
 import hashlib
@@ -26,8 +26,8 @@ from solen.spec.strict import Options
 PixelShare = Annotated[float, Field(ge=0, lt=1)]
 
 
-class PrintOptions(Options):
-    """How a design is printed."""
+class ProcessOptions(Options):
+    """The process that prints a design."""
 
     process: Path | None = None
     """Process file; default: published settings with assumed optics."""
@@ -35,6 +35,11 @@ class PrintOptions(Options):
     """Working curve of the resin, with its lamp's spectrum where that was fitted: solen resin cure --out."""
     printer: str | None = None
     """Printer whose pixels are taken: a name of solen print printers, or a printer's .toml."""
+
+
+class PrintOptions(ProcessOptions):
+    """How a design is printed."""
+
     orientation: Orientation = "flat"
     """How the part lies in the printer; upright makes the lens last."""
     phase_px: tuple[PixelShare, PixelShare] | None = None
@@ -45,7 +50,7 @@ class PrintOptions(Options):
     """Height of a flat part whose profile is meant: middle of the thickness, mean over it, or a height in mm."""
 
 
-def process_of(options: PrintOptions) -> tuple[Process, tuple[Provenance, ...]]:
+def process_of(options: ProcessOptions) -> tuple[Process, tuple[Provenance, ...]]:
     """Process that was named, with the pixels of a named printer, and the provenance of its files."""
     process, sources = (default_process(), ()) if options.process is None else _of_file(options.process)
     if options.cure is not None:

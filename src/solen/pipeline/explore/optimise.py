@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Annotated
 
 from solen import files
-from solen.explore.optimise import OptimiseOptions, Optimum
+from solen.explore.optimise import Front, OptimiseOptions, Optimum
 from solen.explore.optimise import optimise as optimise_design
 from solen.explore.store import Store
 from solen.pipeline.design.designs import open_design
@@ -25,18 +25,19 @@ def optimise(
     set_: Set = None,
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     progress: ProgressBar = None,
-) -> Outcome[Optimum]:
+) -> Outcome[Optimum | Front]:
     """Search for the numbers of a design that make a merit best, within limits and under deviations.
 
     The best design so far is written whenever there is a better one, and Ctrl-C ends the search with it. The same
-    command goes on where it stopped.
+    command goes on where it stopped. Of two merits a front of designs is sought.
 
     Parameters
     ----------
     file
         The design file.
     out
-        Folder for the best design, NAME-best.toml, and the responses traced so far; made if need be.
+        Folder for the best design, NAME-best.toml, or the designs of a front, NAME-front-1.toml and so on, and the
+        responses traced so far; made if need be.
     """
     figure.check()
     design = open_design(file, set_)
@@ -44,4 +45,13 @@ def optimise(
         best = out / f"{stem_of(file)}-best.toml"
         result = optimise_design(design, options, Store(out), progress, lambda found: save(best, found))
         files.write_all(drawn(result, figure, "optimise"))
-    return Outcome(result, named(figure=figure.figure, best=best))
+        made = _front_files(result, out, stem_of(file)) if isinstance(result, Front) else {"best": best}
+    return Outcome(result, named(figure=figure.figure, **made))
+
+
+def _front_files(front: Front, out: Path, stem: str) -> dict[str, Path]:
+    """Files of a front's designs, in place of those of an earlier one."""
+    for old in out.glob(f"{stem}-front-*.toml"):
+        files.remove(old)
+    paths = {one.number: out / f"{stem}-front-{one.number}.toml" for one in front.designs}
+    return {f"design {one.number}": save(paths[one.number], one.design) for one in front.designs}

@@ -29,7 +29,7 @@ from solen.fabricate.layers import (
     write_archive,
     write_goo,
 )
-from solen.fabricate.process import PrintOptions, Process, files_read, process_of
+from solen.fabricate.process import Process, ProcessOptions, files_read, process_of
 from solen.fabricate.seats import SeatOptions
 from solen.parts import printer_of
 from solen.pipeline.design.designs import open_design
@@ -141,7 +141,7 @@ def printed_by(slicing: Slicing) -> Process | None:
     """Process of a slicing, with its working curve; None if it names neither."""
     if slicing.process is None and slicing.cure is None:
         return None
-    return process_of(PrintOptions(process=slicing.process, cure=slicing.cure))[0]
+    return process_of(ProcessOptions(process=slicing.process, cure=slicing.cure))[0]
 
 
 def exposed_as_printed(slicing: Slicing) -> Slicing:

@@ -1,12 +1,12 @@
-"""The figure of an optimum: responses before and after, and the course of the search."""
+"""Figures of searches: responses before and after with the course of the search, and the front of two goals."""
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from solen.arrays import FloatArray
-from solen.explore.optimise import Optimum
-from solen.report.canvas import INK, LEFT, RIGHT
+from solen.explore.optimise import Front, Optimum
+from solen.report.canvas import INK, LEFT, LOST, RIGHT
 
 
 def optimum_figure(result: Optimum) -> Figure:
@@ -40,3 +40,25 @@ def _course(axes: Axes, result: Optimum) -> None:
     axes.set_xlabel("designs tried")
     axes.set_ylabel(f"best {result.goal.partition(' ')[2]}")
     axes.legend()
+
+
+def front_figure(result: Front) -> Figure:
+    """The front with its numbers, all designs tried that meet the conditions, and the design before."""
+    figure = Figure(figsize=(7.0, 5.2))
+    axes = figure.add_subplot()
+    axes.plot(result.tried[:, 0], result.tried[:, 1], ".", color=LOST, ms=4, label="tried, meeting all conditions")
+    goals, u = (np.array([getattr(one, name) for one in result.designs]).T for name in ("goals", "u_goals"))
+    axes.errorbar(
+        goals[0], goals[1], xerr=u[0], yerr=u[1], fmt="o-", color=RIGHT, ms=5, lw=1.2, label="front, traced again"
+    )
+    for one in result.designs:
+        axes.annotate(
+            str(one.number), (one.goals[0], one.goals[1]), xytext=(5, 5), textcoords="offset points", color=RIGHT
+        )
+    axes.plot(*result.before.goals, "s", color=LEFT, ms=7, label="before")
+    words = [goal.partition(" ") for goal in result.goals]
+    axes.set_xlabel(f"{words[0][2]} ({words[0][0]})")
+    axes.set_ylabel(f"{words[1][2]} ({words[1][0]})")
+    axes.set_title(f"simulated: {result.name}")
+    axes.legend()
+    return figure

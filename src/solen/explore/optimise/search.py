@@ -57,8 +57,8 @@ class Tried:
         return self.values[-1]
 
 
-def search(tried: Tried, first: FloatArray, seed: int) -> None:
-    """Search from a first point and from samples of the box, until no evaluation is left.
+def search(tried: Tried, first: FloatArray, seed: int | Sequence[int], *, sampled: bool = True) -> None:
+    """Search from a first point, and from samples of the box where asked, until no evaluation is left.
 
     Raises
     ------
@@ -70,7 +70,7 @@ def search(tried: Tried, first: FloatArray, seed: int) -> None:
 
     rng = np.random.default_rng(seed)
     tried(first.tolist())
-    starts = min(STARTS_A_NUMBER * first.size, int(STARTS_SHARE * tried.most))
+    starts = min(STARTS_A_NUMBER * first.size, int(STARTS_SHARE * tried.most)) if sampled else 0
     if starts > 0:
         for point in sobol(first.size, starts, rng).tolist():
             tried(point)
@@ -84,8 +84,9 @@ def search(tried: Tried, first: FloatArray, seed: int) -> None:
             "maxfevals": tried.left,
             "tolfun": 1e-9,
         }
-        strategy = cma.CMAEvolutionStrategy(tried.best.tolist(), FIRST_STEP, options)
+        idle = [0.5] * (first.size == 1)  # of one number alone the package fails: with another that does nothing
+        strategy = cma.CMAEvolutionStrategy([*tried.best.tolist(), *idle], FIRST_STEP, options)
         while not strategy.stop() and tried.left >= size:
             asked = strategy.ask()
-            strategy.tell(asked, [tried(point) for point in asked])
+            strategy.tell(asked, [tried(point[: first.size]) for point in asked])
         size *= 2

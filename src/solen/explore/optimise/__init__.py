@@ -1,0 +1,19 @@
+"""Inverse design: numbers of a design that make a merit as good as it can be, within limits and under deviations.
+
+Every candidate is traced as designed and with its deviations: the goal is its worst value among these, and conditions
+hold for all of them. Two goals have a front of designs, of which none is better in both. A search exploits whatever its
+tracing leaves open, so its results are traced again, more finely and by samples.
+
+`solen.explore.optimise.options` is what may be asked, `solen.explore.optimise.task` checks it;
+`solen.explore.optimise.judge` judges a design, `solen.explore.optimise.course` keeps what a search has tried,
+`solen.explore.optimise.search` is the algorithm; `solen.explore.optimise.optimum` and `solen.explore.optimise.front`
+are the results, with what tracing them again says.
+"""
+
+from solen.explore.optimise.front import Front, FrontDesign
+from solen.explore.optimise.judge import Judged
+from solen.explore.optimise.optimum import FreeNumber, Optimum
+from solen.explore.optimise.options import OptimiseOptions
+from solen.explore.optimise.run import optimise
+
+__all__ = ["FreeNumber", "Front", "FrontDesign", "Judged", "OptimiseOptions", "Optimum", "optimise"]

@@ -1,0 +1,184 @@
+"""The front of two goals: designs of which none is better in both.
+
+The idea: a design is best by weights of the two goals. First each goal alone is sought, which gives the ends and so the
+units in which the goals are weighed; then the largest of both, weighted, in steps from one end to the other. All that
+was tried counts for every weight.
+
+The interface: `sought` searches, `front_of` a course gives a `Front`.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import field
+
+import numpy as np
+
+from solen.arrays import FloatArray
+from solen.explore.optimise.course import Candidate, Course, least
+from solen.explore.optimise.optimum import INTERRUPTED
+from solen.explore.optimise.retraced import Retraced, Sampled
+from solen.explore.optimise.search import Tried, search
+from solen.results import HIDDEN, Result
+from solen.spec import Design
+
+ENDS = (np.array([1.0, 0.0]), np.array([0.0, 1.0]))
+
+
+class FrontDesign(Result):
+    """One design of a front, traced finely.
+
+    Attributes
+    ----------
+    number
+        Its number on the front, from the best of the first goal on; 0 for the design that the search began with.
+    goals, u_goals
+        Worst value of each goal among the design and its deviations, and its uncertainty.
+    claimed
+        The same as the search saw it.
+    free
+        The free numbers by key.
+    meets
+        Whether all conditions hold, by condition.
+    merits
+        Merits of the design as it is, with their uncertainties, by name.
+    """
+
+    number: int
+    goals: tuple[float, ...]
+    u_goals: tuple[float, ...]
+    claimed: tuple[float, ...]
+    free: dict[str, float]
+    meets: dict[str, bool]
+    merits: dict[str, float]
+    design: Design = field(metadata=HIDDEN)
+
+
+class Front(Result):
+    """Designs of which none is better in both of two goals.
+
+    Attributes
+    ----------
+    name
+        Name of the design.
+    goals
+        What was sought.
+    printed_by
+        Process whose printed lens was traced in place of the designed one; None for the designed one.
+    before
+        The design that the search began with.
+    designs
+        The front, the best of the first goal first.
+    evaluations, traced
+        Number of designs tried, and of responses traced now; the others were known.
+    interrupted
+        Whether the search was stopped before its end.
+    tried
+        Goals (T, 2) of all designs tried that meet every condition, as the search saw them.
+    """
+
+    name: str
+    goals: tuple[str, ...]
+    printed_by: str | None
+    before: FrontDesign
+    designs: tuple[FrontDesign, ...]
+    evaluations: int
+    traced: int
+    interrupted: bool
+    warnings: tuple[str, ...]
+    tried: FloatArray = field(metadata=HIDDEN)
+    simulated: bool = True
+
+
+def weights_of(designs: int) -> list[FloatArray]:
+    """Weights of both goals: the ends first, then from one end to the other."""
+    between = np.linspace(0.0, 1.0, designs)[1:-1]
+    return [*ENDS, *(np.array([1.0 - share, share]) for share in between.tolist())]
+
+
+def sought(course: Course, designs: int, seed: int) -> None:
+    """Search for a front of so many designs; the first goal has twice its share, as it samples the box."""
+    each = course.most // (designs + 1)
+    for number, weights in enumerate(weights_of(designs)):
+        ideal, size = (0.0, 1.0) if number < len(ENDS) else units(course)
+        total = _total(course, weights, ideal, size)
+        most = each if number < designs - 1 else course.most - len(course.tried)
+        first = least(course.tried, weights, ideal, size).point if number else course.judge.task.begin
+        search(Tried(total, most if number else 2 * each), first, (seed, number), sampled=not number)
+
+
+def _total(
+    course: Course, weights: FloatArray, ideal: FloatArray | float, size: FloatArray | float
+) -> Callable[[FloatArray], float]:
+    return lambda point: course(point).total(weights, ideal, size)
+
+
+def units(course: Course) -> tuple[FloatArray, FloatArray]:
+    """Best value of each goal so far, and what it costs in that goal to have the other's best."""
+    known = course.feasible or course.tried
+    goals = np.array([least(known, weights).goals for weights in ENDS])
+    ideal = goals.min(axis=0)
+    size = goals.max(axis=0) - ideal
+    return ideal, np.where(size > 0.0, size, 1.0)
+
+
+def front_of(course: Course, designs: int, known: int, *, interrupted: bool) -> Front:
+    """Front of a course by so many weights, each design traced again; ``known`` responses were there before."""
+    judge, task = course.judge, course.judge.task
+    traced = len(judge.store.points) - known
+    chosen = _chosen(course, designs)
+    again = [Retraced.of(judge, task.at(one.point)) for one in chosen]
+    kept = _not_worse(np.array([one.verdict.goals for one in again]) / course.scale)
+    warnings = [*task.warnings]
+    found: list[FrontDesign] = []
+    for one, retraced, is_kept in zip(chosen, again, kept, strict=True):
+        if is_kept:
+            found.append(_design(course, len(found) + 1, one, retraced))
+            warnings += [f"design {len(found)}: {text}" for text in _doubts(course, one, retraced)]
+    if not all(kept):
+        few = len(kept) - sum(kept)
+        warnings.append(f"traced more closely, {few} of {len(kept)} designs are worse in both goals than another")
+    return Front(
+        name=task.sensor.design.name,
+        goals=task.names,
+        printed_by=task.printed_by,
+        before=_design(course, 0, None, Retraced.of(judge, task.sensor.design)),
+        designs=tuple(found),
+        evaluations=len(course.tried),
+        traced=traced,
+        interrupted=interrupted,
+        warnings=(*warnings, *([INTERRUPTED] if interrupted else [])),
+        tried=np.array([one.goals * course.scale for one in course.feasible]),
+    )
+
+
+def _chosen(course: Course, designs: int) -> list[Candidate]:
+    """Best feasible candidate by each of the weights, once each, the best of the first goal first."""
+    ideal, size = units(course)
+    found = [least(course.feasible, weights, ideal, size) for weights in weights_of(designs)]
+    best = {one.point.tobytes(): one for one in found}
+    return sorted(best.values(), key=lambda one: float(one.goals[0]))
+
+
+def _not_worse(goals: FloatArray) -> list[bool]:
+    """Which of some designs (P, 2) are not worse than another in both goals."""
+    return [not (goals < own).all(axis=1).any() for own in goals]
+
+
+def _doubts(course: Course, candidate: Candidate, retraced: Retraced) -> Iterator[str]:
+    yield from retraced.doubts()
+    judge = course.judge
+    yield from Sampled.of(judge.variant(judge.task.at(candidate.point)).sensor()).doubts()
+
+
+def _design(course: Course, number: int, candidate: Candidate | None, retraced: Retraced) -> FrontDesign:
+    task, judged = course.judge.task, retraced.verdict.by_goal
+    point = task.begin if candidate is None else candidate.point
+    return FrontDesign(
+        number=number,
+        goals=tuple(one.goal for one in judged),
+        u_goals=tuple(one.u_goal for one in judged),
+        claimed=tuple(one.goal for one in retraced.claimed.by_goal),
+        free=task.values(point),
+        meets=retraced.verdict.meets,
+        merits=judged[0].merits,
+        design=task.sensor.design if candidate is None else task.at(point),
+    )

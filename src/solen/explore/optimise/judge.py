@@ -1,0 +1,158 @@
+"""A design judged by a task: its goals where they are worst, which limits hold, and how far others are missed.
+
+The interface: `Judge.of` a design returns a `Verdict`.
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from solen.arrays import FloatArray
+from solen.errors import SpecError
+from solen.explore.merits import NAMES
+from solen.explore.optimise.task import Task
+from solen.explore.requirement import Goal
+from solen.explore.store import Accuracy, Point, Store, Variant
+from solen.explore.sweep import merits_of_points, responses
+from solen.lens import SplineLens
+from solen.results import Result
+from solen.sensor import Sensor
+from solen.spec import Design
+
+NOTHING_OFF: Mapping[str, float] = {}
+
+
+class Judged(Result):
+    """One design by a goal, the limits and its merits.
+
+    Attributes
+    ----------
+    goal, u_goal
+        Worst value of the goal among the design and its deviations, and its uncertainty by those of the merits.
+    meets
+        Whether all conditions hold, by condition.
+    merits
+        Merits of the design as it is, with their uncertainties, by name.
+    worst_off
+        By how much which numbers are off where the goal is worst; empty for the design as it is.
+    worst
+        Each merit there.
+    """
+
+    goal: float
+    u_goal: float
+    meets: dict[str, bool]
+    merits: dict[str, float]
+    worst_off: dict[str, float]
+    worst: dict[str, float]
+
+
+class Verdict(NamedTuple):
+    """A design by each goal, by how much it misses its limits, and its responses in all cases."""
+
+    by_goal: tuple[Judged, ...]
+    violation: float
+    points: list[Point]
+
+    @property
+    def goals(self) -> FloatArray:
+        """Worst value of each goal."""
+        return np.array([one.goal for one in self.by_goal])
+
+    @property
+    def meets(self) -> dict[str, bool]:
+        """Whether all conditions hold, by condition."""
+        return self.by_goal[0].meets
+
+
+class Judge:
+    """Judges designs by a task, from responses to a tolerance; ``why`` is why the last one has none."""
+
+    def __init__(self, task: Task, store: Store, tolerance: float, base: Mapping[str, float] | None = None) -> None:
+        self.task, self.store, self.tolerance = task, store, tolerance
+        self.base: Mapping[str, float] = dict.fromkeys(NAMES, math.nan) if base is None else base
+        self.why = ""
+
+    @classmethod
+    def begun(cls, task: Task, store: Store, tolerance: float) -> tuple["Judge", Verdict]:
+        """Judge whose ``base`` is the design that the search begins with, and the verdict on that.
+
+        Raises
+        ------
+        SpecError
+            Where that has no response or a goal does not exist there.
+        """
+        design = task.sensor.design
+        judge = cls(task, store, tolerance)
+        first = judge.needed(design, "design")
+        judge = cls(task, store, tolerance, {name: first.by_goal[0].merits[name] for name in NAMES})
+        verdict = judge.needed(design, "design")
+        for goal, value in zip(task.goals, verdict.goals.tolist(), strict=True):
+            if math.isnan(value):
+                limit = f"{goal.text} does not exist for the design, or not with a number off"
+                raise SpecError(goal.option, limit=limit, remedy="begin with a design that has it")
+        return judge, verdict
+
+    def needed(self, design: Design, what: str) -> Verdict:
+        """Verdict on a design; `SpecError` with its name where it has no response."""
+        verdict = self.of(design)
+        if verdict is None:
+            raise SpecError(what, limit=f"has no response: {self.why}")
+        return verdict
+
+    def of(self, design: Design) -> Verdict | None:
+        """Verdict on a design; None where it has no response in one of the cases."""
+        variants = [partial(self.variant, design, case) for case in self.task.cases]
+        points = responses(variants, Accuracy(self.tolerance), self.store)
+        self.why = next((point.why for point in points if not point.right.size), "")
+        return None if self.why else self._verdict(design, points)
+
+    def variant(self, design: Design, case: Mapping[str, float] = NOTHING_OFF) -> Variant:
+        """A design as it is traced, with the deviations of a case."""
+        process = self.task.process if self.task.as_printed else None
+        return Variant(design, case, None if process is None else process.process)
+
+    def _verdict(self, design: Design, points: list[Point]) -> Verdict:
+        merits = merits_of_points(np.array(design.motion.angles_deg()), points)
+        missed = {limit.text: float(limit.violation(merits, self.base).max()) for limit in self.task.limits}
+        missed |= self._too_fine(design)
+        meets = {text: not by for text, by in missed.items()}
+        by_goal = tuple(
+            self._by(goal, sign, merits, meets) for goal, sign in zip(self.task.goals, self.task.signs, strict=True)
+        )
+        nowhere = float(any(math.isnan(one.goal) for one in by_goal))
+        return Verdict(by_goal, sum(missed.values()) + nowhere, points)
+
+    def _too_fine(self, design: Design) -> dict[str, float]:
+        """By how much a free-form lens is finer than what can be printed."""
+        lens = Sensor.of(design).cut
+        if not isinstance(lens, SplineLens):
+            return {}
+        least_um = self.task.least_feature_um(lens)
+        return {f"lens without features below {least_um:.3g} µm": lens.missed_share(least_um)}
+
+    def _by(self, goal: Goal, sign: float, merits: Mapping[str, FloatArray], meets: dict[str, bool]) -> Judged:
+        """Judgement by a goal from the merits (C,) of all cases."""
+        values = self._values(goal, merits)
+        place = int(np.argmax(np.where(np.isnan(values), np.inf, sign * values)))
+        return Judged(
+            goal=float(values[place]),
+            u_goal=sum(abs(float(value)) for value in self._changes(goal, merits, place)),
+            meets=meets,
+            merits={name: float(column[0]) for name, column in merits.items()},
+            worst_off=self.task.cases[place],
+            worst={name: float(column[place]) for name, column in merits.items()},
+        )
+
+    def _changes(self, goal: Goal, merits: Mapping[str, FloatArray], place: int) -> Iterator[float]:
+        """Change of a goal in a case by the uncertainty of each merit that it names."""
+        value = self._values(goal, merits)[place]
+        for name in goal.merits:
+            yield self._values(goal, {**merits, name: merits[name] + merits[f"u_{name}"]})[place] - value
+
+    def _values(self, goal: Goal, merits: Mapping[str, FloatArray]) -> FloatArray:
+        """A goal (C,) in all cases."""
+        return np.broadcast_to(goal.value(merits, self.base), len(self.task.cases))

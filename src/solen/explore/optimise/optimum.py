@@ -1,0 +1,149 @@
+"""The result of a search for one goal.
+
+The interface: `Optimum`; `optimum_of` a course.
+"""
+
+from collections.abc import Iterator
+from dataclasses import field
+
+import numpy as np
+
+from solen.arrays import FloatArray
+from solen.explore.optimise.course import Candidate, Course
+from solen.explore.optimise.judge import Judged, Verdict
+from solen.explore.optimise.retraced import Retraced, Sampled
+from solen.explore.optimise.task import Task
+from solen.results import HIDDEN, Result
+from solen.sensor import Sensor
+from solen.sensor.numbers import number
+from solen.spec import Design
+
+INTERRUPTED = "interrupted: the best so far; the same command goes on from here"
+
+
+class FreeNumber(Result, eq=True):
+    """A number that was free.
+
+    Attributes
+    ----------
+    key
+        The number.
+    low, high
+        Between which values it was free.
+    before, after
+        Its value in the design, and in the result.
+    """
+
+    key: str
+    low: float
+    high: float
+    before: float
+    after: float
+
+
+class Optimum(Result):
+    """Result of a search.
+
+    Attributes
+    ----------
+    name
+        Name of the design.
+    goal
+        What was sought.
+    free
+        The numbers that were free.
+    printed_by
+        Process whose printed lens was traced in place of the designed one; None for the designed one.
+    before, after
+        The design and the result, both traced finely.
+    claimed
+        Goal of the result as the search saw it.
+    sampled_difference, u_sampled_difference
+        Largest difference of the result's contrast between integration and samples over its angles, and the
+        uncertainty there.
+    evaluations, traced
+        Number of designs tried, and of responses traced now; the others were known.
+    interrupted
+        Whether the search was stopped before its end.
+    design
+        The result.
+    angle_deg, contrast_before, contrast_after
+        Responses as designed and where the goal is worst, (2, A).
+    history
+        Best value so far, by evaluation (E,); NaN before one met all conditions.
+    """
+
+    name: str
+    goal: str
+    free: tuple[FreeNumber, ...]
+    printed_by: str | None
+    before: Judged
+    after: Judged
+    claimed: float
+    sampled_difference: float
+    u_sampled_difference: float
+    evaluations: int
+    traced: int
+    interrupted: bool
+    warnings: tuple[str, ...]
+    design: Design = field(metadata=HIDDEN)
+    angle_deg: FloatArray = field(metadata=HIDDEN)
+    contrast_before: FloatArray = field(metadata=HIDDEN)
+    contrast_after: FloatArray = field(metadata=HIDDEN)
+    history: FloatArray = field(metadata=HIDDEN)
+    simulated: bool = True
+
+
+def optimum_of(course: Course, best: Candidate, known: int, *, interrupted: bool) -> Optimum:
+    """Result of a course, its best candidate traced again; ``known`` responses were there before."""
+    judge, task = course.judge, course.judge.task
+    traced = len(judge.store.points) - known
+    found = task.at(best.point)
+    before, after = Retraced.of(judge, task.sensor.design), Retraced.of(judge, found)
+    sampled, sensor = Sampled.of(judge.variant(found).sensor()), Sensor.of(found)
+    totals = np.array([one.goals[0] if one.violation == 0.0 else np.inf for one in course.tried])
+    history = np.minimum.accumulate(np.where(np.isnan(totals), np.inf, totals)) * course.scale[0]
+    return Optimum(
+        name=task.sensor.design.name,
+        goal=task.names[0],
+        free=tuple(
+            FreeNumber(one.key, low, high, number(task.sensor, one.key), number(sensor, one.key))
+            for one in task.free
+            for low, high in [one.values]
+        ),
+        printed_by=task.printed_by,
+        before=before.verdict.by_goal[0],
+        after=after.verdict.by_goal[0],
+        claimed=after.claimed.by_goal[0].goal,
+        sampled_difference=sampled.difference,
+        u_sampled_difference=sampled.u_difference,
+        evaluations=len(course.tried),
+        traced=traced,
+        interrupted=interrupted,
+        warnings=(
+            *task.warnings,
+            *after.doubts(),
+            *sampled.doubts(),
+            *_doubts(before, after, task, interrupted=interrupted),
+        ),
+        design=found,
+        angle_deg=np.array(after.design.motion.angles_deg()),
+        contrast_before=_curves(before.verdict, task),
+        contrast_after=_curves(after.verdict, task),
+        history=np.where(np.isfinite(history), history, np.nan),
+    )
+
+
+def _doubts(before: Retraced, after: Retraced, task: Task, *, interrupted: bool) -> Iterator[str]:
+    worse = task.signs[0] * (after.verdict.by_goal[0].goal - before.verdict.by_goal[0].goal) > 0.0
+    if worse and all(before.verdict.meets.values()):
+        yield "traced more closely, the result is no better than the design"
+    if interrupted:
+        yield INTERRUPTED
+
+
+def _curves(verdict: Verdict, task: Task) -> FloatArray:
+    """Contrast of a design as it is, and in the case where its goal is worst."""
+    worst = task.cases.index(verdict.by_goal[0].worst_off)
+    chosen = (verdict.points[0], verdict.points[worst])
+    return np.array([(point.right - point.left) / (point.right + point.left) for point in chosen])

@@ -1,0 +1,88 @@
+"""The search itself.
+
+The interface: `optimise` a design.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from solen.arrays import FloatArray, Progress
+from solen.explore.optimise.course import Course, least
+from solen.explore.optimise.front import Front, front_of, sought
+from solen.explore.optimise.judge import Judge
+from solen.explore.optimise.optimum import Optimum, optimum_of
+from solen.explore.optimise.options import OptimiseOptions
+from solen.explore.optimise.search import Tried, search
+from solen.explore.optimise.task import Task
+from solen.explore.store import Store
+from solen.spec import Design
+
+ONE = np.ones(1)
+
+
+def optimise(
+    design: Design,
+    options: OptimiseOptions,
+    store: Store | None = None,
+    progress: Progress | None = None,
+    keep: Callable[[Design], object] | None = None,
+) -> Optimum | Front:
+    """Search for the numbers of a design that make a merit best, or two.
+
+    Parameters
+    ----------
+    design
+        What the search begins with; where a free number lies beyond its ends, at the nearer one.
+    options
+        Goals, free numbers, conditions, deviations.
+    store
+        What is known already, and where responses are kept as they come; the same search with the same store goes on
+        where it stopped. Default: in memory alone.
+    progress
+        Called with the share done, up to 1.
+    keep
+        Called with each better design of a search for one goal; the last is the result.
+
+    Raises
+    ------
+    SpecError
+        Where goals, conditions, free numbers or deviations are malformed, or the design has no response.
+    """
+    store = Store() if store is None else store
+    task = Task.of(design, options)
+    known = len(store.points)
+    judge, begun = Judge.begun(task, store, options.tolerance)
+    course = Course(judge, begun.goals, options.evaluations, progress)
+    interrupted = False
+    try:
+        if len(task.goals) > 1:
+            sought(course, options.front, options.seed)
+        else:
+            search(Tried(_keeping(course, keep), options.evaluations), task.begin, options.seed)
+    except KeyboardInterrupt:
+        if not course.tried:
+            raise
+        interrupted = True
+    course.check_feasible()
+    if len(task.goals) > 1:
+        return front_of(course, options.front, known, interrupted=interrupted)
+    best = least(course.feasible, ONE)
+    return optimum_of(course, best, known, interrupted=interrupted)
+
+
+def _keeping(course: Course, keep: Callable[[Design], object] | None) -> Callable[[FloatArray], float]:
+    """Value of a point, by a course; each better design that meets every limit is kept."""
+    best = np.inf
+
+    def value(point: FloatArray) -> float:
+        nonlocal best
+        candidate = course(point)
+        total = candidate.total(ONE)
+        if candidate.violation == 0.0 and total < best:
+            best = total
+            if keep is not None:
+                keep(course.judge.task.at(point))
+        return total
+
+    return value

@@ -1,0 +1,179 @@
+"""What a search is asked, checked: goals, limits, free numbers, deviations, and what prints its designs.
+
+The interface: `Task.of` a design and options; `Task.at` a point of the box of its free numbers.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from solen.arrays import FloatArray
+from solen.errors import SpecError
+from solen.explore.axes import Axis, axis
+from solen.explore.optimise.options import OptimiseOptions
+from solen.explore.printed_lens import check_printable
+from solen.explore.requirement import Expression, Goal, Limit
+from solen.explore.robust import cases_of
+from solen.explore.sweep import check_angles
+from solen.explore.variations import check_key
+from solen.fabricate.process import Process, process_of, with_resin
+from solen.lens import SplineLens
+from solen.sensor import Sensor
+from solen.sensor.numbers import number
+from solen.spec import Design, with_values
+
+MOST_GOALS = 2
+FEWEST_TRIED = 10
+"""Designs that are tried at least for each of a front."""
+FORMS = "write KEY=LOW:HIGH"
+
+
+class Task(NamedTuple):
+    """What is asked.
+
+    Attributes
+    ----------
+    sensor
+        What the search begins with.
+    goals, signs
+        What is sought, and 1 where it is to be small, −1 where large.
+    limits
+        What must hold.
+    free
+        What may change.
+    cases
+        How far the built part may be off, by key; the first is the design as it is.
+    process
+        What prints the designs, where one was named.
+    as_printed
+        Whether they are traced with the lens that it prints.
+    """
+
+    sensor: Sensor
+    goals: tuple[Goal, ...]
+    signs: tuple[float, ...]
+    limits: tuple[Limit, ...]
+    free: tuple[Axis, ...]
+    cases: tuple[dict[str, float], ...]
+    process: Process | None
+    as_printed: bool
+
+    @classmethod
+    def of(cls, design: Design, options: OptimiseOptions) -> "Task":
+        """Task of a design and options.
+
+        Raises
+        ------
+        SpecError
+            Where goals, conditions, free numbers or deviations are malformed.
+        DataError
+            Where the process cannot be read.
+        """
+        goals = tuple(Goal.parse(text) for text in (*options.minimise, *options.maximise))
+        _check_goals(goals, options)
+        check_angles(design)
+        sensor = Sensor.of(design)
+        free = tuple(_free(sensor, options.free))
+        limits = tuple(Limit.parse(text) for text in options.subject_to)
+        _check_worst((*goals, *limits), options)
+        named = {name for one in (*goals, *limits) for name in one.merits}
+        motion = design.motion
+        mirrors = motion.from_deg == -motion.to_deg and "null_deg" not in named
+        mirrors = mirrors and all(one.key != "emitter.offset_mm" for one in free)
+        return cls(
+            sensor=sensor,
+            goals=goals,
+            signs=(1.0,) * len(options.minimise) + (-1.0,) * len(options.maximise),
+            limits=limits,
+            free=free,
+            cases=tuple(cases_of(sensor, options.robust, mirrors=mirrors)),
+            process=_process(sensor, options),
+            as_printed=options.as_printed,
+        )
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The free numbers."""
+        return tuple(one.key for one in self.free)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What is sought in words."""
+        words = ("maximise" if sign < 0.0 else "minimise" for sign in self.signs)
+        return tuple(f"{word} {goal.text}" for word, goal in zip(words, self.goals, strict=True))
+
+    @property
+    def printed_by(self) -> str | None:
+        """Name of the process whose printed lens is traced, if it is."""
+        return self.process.name if self.process is not None and self.as_printed else None
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Warnings about the process."""
+        return () if self.process is None else tuple(self.process.warnings())
+
+    @property
+    def begin(self) -> FloatArray:
+        """Point of the design that the search begins with; beyond the ends of a free number the nearer one."""
+        low, high = np.array([one.values for one in self.free]).T
+        values = np.array([number(self.sensor, key) for key in self.keys])
+        return np.asarray(np.clip((values - low) / (high - low), 0.0, 1.0))
+
+    def values(self, point: FloatArray) -> dict[str, float]:
+        """The free numbers at a point of the box."""
+        return {one.key: one.at(share) for one, share in zip(self.free, point.tolist(), strict=True)}
+
+    def at(self, point: FloatArray) -> Design:
+        """Design at a point of the box; `SpecError` where it is not valid."""
+        return with_values(self.sensor.design, self.values(point))
+
+    def least_feature_um(self, lens: SplineLens) -> float:
+        """Least feature of a free form: that of the process, else that of the lens itself."""
+        return lens.least_feature_um if self.process is None else self.process.process.least_feature_um
+
+
+def _check_goals(goals: Sequence[Goal], options: OptimiseOptions) -> None:
+    both = "--minimise, --maximise"
+    if not 0 < len(goals) <= MOST_GOALS:
+        limit = "state one value, or two for a front"
+        raise SpecError(both, value=f"{len(goals)} values", limit=limit, remedy="as in --minimise linearity_percent")
+    if len({goal.text for goal in goals}) < len(goals):
+        raise SpecError(both, value=goals[0].text, limit="is stated twice", remedy="leave one out")
+    least = FEWEST_TRIED * options.front
+    if len(goals) > 1 and options.evaluations < least:
+        limit = f"a front of {options.front} designs needs at least {least}"
+        raise SpecError("--evaluations", value=options.evaluations, limit=limit, remedy="raise it, or lower --front")
+
+
+def _check_worst(expressions: Sequence[Expression], options: OptimiseOptions) -> None:
+    one = next((one for one in expressions if one.worst), None)
+    if one is not None and not options.robust:
+        raise one.refusal(one.text, "worst(...) is over the numbers off of --robust, and there are none", "state one")
+
+
+def _free(sensor: Sensor, texts: Sequence[str]) -> Iterator[Axis]:
+    if not texts:
+        raise SpecError("--free", limit="nothing may change", remedy=FORMS)
+    known: set[str] = set()
+    for text in texts:
+        one = axis(text, sensor.design, "--free")
+        if one.kind != "range":
+            raise SpecError(f"--free {one.key}", limit="is not a range", remedy=FORMS)
+        check_key(sensor, one.key, "--free")
+        if one.key in known:
+            raise SpecError(f"--free {one.key}", limit="is stated twice", remedy="leave one out")
+        known.add(one.key)
+        yield one
+
+
+def _process(sensor: Sensor, options: OptimiseOptions) -> Process | None:
+    """Process that was named, or, for designs as printed, the default one."""
+    if options.as_printed:
+        check_printable(sensor)
+    elif not (options.process or options.printer or options.cure):
+        return None
+    elif not isinstance(sensor.cut, SplineLens):
+        limit = "bounds the features of a free-form lens, and the design has none"
+        raise SpecError("--process, --printer, --cure", limit=limit, remedy="add --as-printed, or leave it out")
+    return with_resin(process_of(options)[0], sensor.design)

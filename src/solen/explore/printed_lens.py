@@ -1,0 +1,72 @@
+"""A sensor with the lens that a process prints in place of the designed one.
+
+The print is that of `solen print predict` at half the thickness: flat, its vertex on a corner of pixels, uncompensated,
+by the process's most likely numbers. Only the lens is replaced.
+
+The interface: `as_printed` of a sensor; `check_printable`.
+"""
+
+import hashlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+
+from solen.errors import SpecError
+from solen.fabricate.process import Deviation, Printing, Settings, Target, as_designed, lens_face, rings_of
+from solen.fabricate.process.predict import FLAT_POINTS
+from solen.fabricate.process.printed_design import profile_of_print
+from solen.geometry import Body
+from solen.lens import DesignedLens, MeasuredLens
+from solen.lens.build import measured_lens
+from solen.sensor import Sensor
+
+
+def as_printed(sensor: Sensor, settings: Settings) -> Sensor:
+    """The sensor with its lens as printed.
+
+    Raises
+    ------
+    SpecError
+        Where its lens is not printed as one profile.
+    DataError
+        Where the process cannot print it.
+    """
+    lens = check_printable(sensor)
+    return replace(sensor, cut=_printed(_Drawing(lens, sensor.body(), sensor.design.body.thickness_mm, settings)))
+
+
+def check_printable(sensor: Sensor) -> DesignedLens:
+    """Lens of a sensor; `SpecError` where it is not designed as one profile."""
+    if isinstance(sensor.cut, DesignedLens):
+        return sensor.cut
+    limit = "only an oval or a free form is printed as one profile"
+    raise SpecError("--as-printed", value=sensor.design.lens.shape, limit=limit, remedy="leave it out")
+
+
+@dataclass(frozen=True)
+class _Drawing:
+    """What is printed: equal where its outlines and the process are."""
+
+    lens: DesignedLens
+    body: Body = field(compare=False)
+    thickness_mm: float
+    settings: Settings = field(compare=False)
+    digest: str = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "digest", hashlib.sha256(b"".join(self._stated())).hexdigest())
+
+    def _stated(self) -> Iterator[bytes]:
+        yield self.settings.model_dump_json().encode()
+        yield from (ring.tobytes() for ring in rings_of(as_designed(self.body)))
+
+
+@lru_cache(maxsize=32)
+def _printed(drawing: _Drawing) -> MeasuredLens:
+    """Lens of a print, the same for all deviations that leave the drawing as it is."""
+    body, settings = drawing.body, drawing.settings
+    target = Target.of(lens_face(body).curve, FLAT_POINTS)
+    thickness_mm = drawing.thickness_mm
+    printing = Printing(body, target, settings, thickness_mm, settings.middle_um(thickness_mm))
+    deviation = Deviation(target, printing.deviation_um(as_designed(body)))
+    return measured_lens(drawing.lens, profile_of_print(deviation, "design", "as printed", 0.0))

@@ -1,0 +1,47 @@
+"""Deviations that a design must bear: the design as it is, and with numbers off to either side.
+
+The interface: `cases_of` texts, ``emitter.offset_mm=0.03``.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from itertools import product
+
+from solen.errors import SpecError
+from solen.explore.variations import check_key
+from solen.sensor import Sensor
+
+MOST_NUMBERS = 4
+
+
+def cases_of(sensor: Sensor, texts: Sequence[str], *, mirrors: bool) -> Iterator[dict[str, float]]:
+    """The design as it is, and all combinations of its deviations; with ``mirrors`` one of two mirror images.
+
+    Raises
+    ------
+    SpecError
+        Where a text is malformed, a number is stated twice, or there are too many.
+    """
+    deviations = dict(_deviation(text, sensor) for text in texts)
+    if len(deviations) < len(texts) or len(deviations) > MOST_NUMBERS:
+        limit = f"takes each number once, and {MOST_NUMBERS} at most"
+        raise SpecError("--robust", value=f"{len(texts)} numbers", limit=limit, remedy="leave one out")
+    mirrors = mirrors and sensor.is_symmetric
+    yield {}
+    for signs in product((1.0, -1.0), repeat=len(deviations)):
+        case = {key: sign * size for sign, (key, size) in zip(signs, deviations.items(), strict=True)}
+        if case and not (mirrors and case.get("emitter.offset_mm", 1.0) < 0.0):
+            yield case
+
+
+def _deviation(text: str, sensor: Sensor) -> tuple[str, float]:
+    key, _, size = (part.strip() for part in text.partition("="))
+    try:
+        deviation = float(size)
+    except ValueError:
+        deviation = math.nan
+    if not 0.0 < deviation < math.inf:
+        limit, remedy = "must be a number greater than 0", "write KEY=DEVIATION, as in emitter.offset_mm=0.03"
+        raise SpecError(f"--robust {key}", value=size, limit=limit, remedy=remedy)
+    check_key(sensor, key, "--robust", material=True)
+    return key, deviation
