@@ -39,7 +39,7 @@ emitted error single_error design_index outside_index na_object na_image magnifi
 received_share received used_of_supply contrast contrast_from
 contrast_to rigid_contrast index material_index step response exponent gain nonlinearity off_contrast off_received
 """
-_SEARCHED = "low high before after goal claimed sampled_difference merits worst"
+_SEARCHED = "low high before after goal goals claimed sampled_difference merits worst"
 _PRINTS = "calibrated_share share_if_exact factor_alone factor_together deviation base first_order total held_out"
 _NAMES = (_OPTICS, _STATISTICS, _SHARES, _CONTRASTS, _IN_THE_FILES_UNIT, _OF_LIGHT, _PRINTS, _SEARCHED)
 DIMENSIONLESS = frozenset(" ".join(_NAMES).split())
