@@ -66,6 +66,9 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     thread.join(10)
     listening.close()
     assert not thread.is_alive()
+    assert load(file.with_name("sensor-unsaved.toml")).material.index == 1.44, (
+        "of a change that was undone after saving"
+    )
 
 
 def connection(address: str, **more: Any) -> ClientConnection:

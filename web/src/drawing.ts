@@ -135,7 +135,7 @@ export class Drawing {
     const y = height - 18;
     this.stroke([[16, y], [16 + mm * this.scale, y]], this.colours.ink, 2);
     context.fillStyle = this.colours.ink;
-    context.font = "12px system-ui, sans-serif";
+    context.font = `${0.86 * parseFloat(getComputedStyle(this.canvas).fontSize)}px system-ui, sans-serif`;
     context.fillText(mm < 0.1 ? `${+(1000 * mm).toPrecision(2)} µm` : `${+mm.toPrecision(2)} mm`, 16, y - 6);
   }
 

@@ -65,7 +65,7 @@ function scrub(key: string, value: unknown, change: Change) {
 function control(id: string, key: string, schema: Schema, value: unknown, rest: string, change: Change): TemplateResult {
   const help = `${id}-help`;
   if (schema.enum)
-    return html`<select id=${id} aria-describedby=${help} @change=${(e: Event) => change(key, (e.target as HTMLSelectElement).value)}>
+    return html`<select id=${id} data-shown=${String(value)} aria-describedby=${help} @change=${(e: Event) => change(key, (e.target as HTMLSelectElement).value)}>
       ${(schema.enum as string[]).map((one) => html`<option .selected=${one === value}>${one}</option>`)}
     </select>`;
   if (schema.type === "boolean")
@@ -74,7 +74,8 @@ function control(id: string, key: string, schema: Schema, value: unknown, rest: 
   if (schema.type === "number" || schema.type === "integer") {
     const step = schema.type === "integer" ? 1 : stepOf(typeof value === "number" ? value : 0);
     return html`<input id=${id} type="text" inputmode="decimal" autocomplete="off" role="spinbutton" aria-describedby=${help}
-      aria-valuenow=${typeof value === "number" ? value : nothing} placeholder=${rest} .value=${value === null || value === undefined ? "" : String(value)}
+      aria-valuenow=${typeof value === "number" ? value : nothing} placeholder=${rest}
+      data-shown=${value ?? ""} .value=${value === null || value === undefined ? "" : String(value)}
       @keydown=${(e: KeyboardEvent) => {
         const by = { ArrowUp: 1, ArrowDown: -1, PageUp: 10, PageDown: -10 }[e.key];
         if (!by || typeof value !== "number") return;
@@ -87,7 +88,7 @@ function control(id: string, key: string, schema: Schema, value: unknown, rest: 
       }}>`;
   }
   const text = value === null || value === undefined ? "" : typeof value === "string" ? value : JSON.stringify(value);
-  return html`<input id=${id} type="text" autocomplete="off" aria-describedby=${help} placeholder=${rest} .value=${text}
+  return html`<input id=${id} type="text" autocomplete="off" aria-describedby=${help} placeholder=${rest} data-shown=${text} .value=${text}
     @change=${(e: Event) => {
       const typed = (e.target as HTMLInputElement).value.trim();
       let made: unknown = typed === "" ? (schema.default ?? null) : typed;
@@ -114,6 +115,12 @@ function row(table: string, name: string, schema: Schema, given: unknown, effect
     ${control(id, key, schema, value, left ? `${+(effective[key] as number).toPrecision(6)}`.replace("NaN", String(effective[key])) : "default", change)}<span class="unit">${unitOf(name)}</span>
     <p class="help" id="${id}-help">${words}</p>
   </div>`;
+}
+
+// Show again what holds, after a change was refused.
+export function restore(place: ParentNode): void {
+  for (const one of place.querySelectorAll<HTMLInputElement | HTMLSelectElement>("[data-shown]"))
+    if (one.value !== one.dataset.shown) one.value = one.dataset.shown!;
 }
 
 // All tables as groups, in the order of the file.

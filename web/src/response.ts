@@ -40,7 +40,8 @@ export class ResponsePlot {
 
   private make(): uPlot {
     const { ink, soft, accent, lost, hit, taken, band } = this.colours;
-    const axis = { stroke: ink, grid: { stroke: soft, width: 1 }, ticks: { stroke: soft }, font: "12px system-ui, sans-serif" };
+    const font = `${0.86 * parseFloat(getComputedStyle(this.place).fontSize)}px system-ui, sans-serif`;
+    const axis = { stroke: ink, grid: { stroke: soft, width: 1 }, ticks: { stroke: soft }, font };
     const plot: uPlot = new uPlot(
       {
         width: this.place.clientWidth,
@@ -50,7 +51,7 @@ export class ResponsePlot {
         scales: { x: { time: false }, y: { range: (_, low, high) => [Math.min(-1, low), Math.max(1, high)] } },
         axes: [
           { ...axis, label: this.unit === "deg" ? "angle / °" : `driven / ${this.unit}`, labelSize: 22, size: 40, labelFont: axis.font },
-          { ...axis, label: "contrast (R − L)/(R + L)", labelSize: 18, size: 44, labelFont: axis.font },
+          { ...axis, label: "contrast (R − L)/(R + L)", labelSize: 20, size: 54, space: 36, labelFont: axis.font },
         ],
         series: [
           {},

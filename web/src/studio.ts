@@ -1,7 +1,7 @@
 // The page: it shows what the server sends, and asks for what a person does. No physics is computed here.
 import { html, LitElement, nothing, type TemplateResult } from "lit";
 import { Drawing, type Colouring, type Picture } from "./drawing";
-import { fields, type Schema, type Values } from "./fields";
+import { fields, restore, type Schema, type Values } from "./fields";
 import type { Frame } from "./frames";
 import { Link, type Request, type View } from "./link";
 import { merits } from "./merits";
@@ -119,6 +119,7 @@ class Studio extends LitElement {
     } else if (head.kind === "refused") {
       this.refused = head.what;
       this.link.answered(head.id);
+      restore(this);
     } else if (head.kind === "saved") {
       this.note = `Saved in ${head.file}`;
       this.refused = "";
@@ -423,7 +424,7 @@ class Studio extends LitElement {
           ${merits(curves.own, curves.flat, this.angles, this.unit)}
         </section>
       </main>
-      <footer role="status" class=${this.refused || !this.connected ? "refused" : ""}>${this.status()}</footer>
+      <div role="status" class="status ${this.refused || !this.connected ? "refused" : ""}">${this.status()}</div>
     `;
   }
 

@@ -87,10 +87,11 @@ def misleading(plane: Response, space: Response) -> str:
     found = shift(plane, space)
     if found is None or found.contrast - found.u_contrast <= MOVED:
         return ""
-    return (
-        f"The plane misleads here: its contrast is off by up to {found.contrast:.2f} ± {found.u_contrast:.2g} from "
-        f"that in space, at {found.angle_deg:+.3g}. Take numbers from the curve in space."
+    words = (
+        f"The plane misleads here: its contrast is off by up to {found.contrast:.2f} ± {found.u_contrast:.1g} from "
+        f"that in space, at {found.angle_deg:+.3g}°. Take numbers from the curve in space."
     )
+    return words.replace("-", "−")
 
 
 def _traced(sensor: Sensor, angles: Sequence[float], rays: int) -> Response:

@@ -51,6 +51,8 @@ class Document:
 
     def __init__(self, path: Path) -> None:
         self.path, self.lock = path, RLock()
+        self.version = 0
+        self.kept: Path | None = None
         self._open()
 
     def _open(self) -> None:
@@ -60,7 +62,7 @@ class Document:
         design = loads(self.text, what=str(self.path), folder=self.path.absolute().parent)
         self.states, self.place, self.gesture = [State(Sensor.of(design), {})], 0, ""
         self.saved: State | None = None if self.is_new else self.states[0]
-        self.version = getattr(self, "version", 0) + 1
+        self.version += 1
 
     @property
     def state(self) -> State:
@@ -128,12 +130,12 @@ class Document:
             self._open()
             return self.state
 
-    def keep_unsaved(self) -> Path | None:
-        """Write what is not saved into a file beside; None where there is nothing."""
+    def keep_unsaved(self) -> None:
+        """Write what is not saved into a file beside, which is ``kept``."""
         with self.lock:
-            if self.is_saved or not self.state.changes:
-                return None
-            return files.write_text(self.path.with_name(f"{self.path.stem}-unsaved.toml"), self._written())
+            if not self.is_saved and (self.state.changes or self.saved is not None):
+                beside = self.path.with_name(f"{self.path.stem}-unsaved.toml")
+                self.kept = files.write_text(beside, self._written())
 
     def _written(self) -> str:
         folder = self.path.absolute().parent

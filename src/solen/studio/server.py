@@ -4,9 +4,8 @@ import asyncio
 import contextlib
 import secrets
 import socket
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
 from importlib.resources import files
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from solen.errors import SpecError
@@ -38,7 +37,12 @@ def application(document: Document, token: str, address: str, port: int) -> Guar
     """ASGI application of a document at an address."""
     from fastapi import FastAPI, HTTPException, Response, WebSocket
 
-    app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
+    @contextlib.asynccontextmanager
+    async def whole(_: FastAPI) -> AsyncIterator[None]:
+        yield
+        document.keep_unsaved()  # here, as a signal that ends the server may end the process after it
+
+    app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None, lifespan=whole)
     sessions: set[Session] = set()
 
     async def page(name: str) -> Response:
@@ -85,8 +89,8 @@ async def _serve(page: "WebSocket", document: Document, sessions: set[Session]) 
             await page.close()
 
 
-def serve(document: Document, *, address: str = LOCAL, port: int = 0, opened: Callable[[str], object]) -> Path | None:
-    """Serve a document until Ctrl-C, and write what was not saved beside its file; returns that file, if any.
+def serve(document: Document, *, address: str = LOCAL, port: int = 0, opened: Callable[[str], object]) -> None:
+    """Serve a document until Ctrl-C, and write what was not saved beside its file.
 
     Parameters
     ----------
@@ -108,7 +112,6 @@ def serve(document: Document, *, address: str = LOCAL, port: int = 0, opened: Ca
     opened(page)
     with contextlib.suppress(KeyboardInterrupt), listening:
         server.run(sockets=[listening])
-    return document.keep_unsaved()
 
 
 def server_at(document: Document, address: str = LOCAL, port: int = 0) -> "tuple[uvicorn.Server, socket.socket, str]":
@@ -126,7 +129,7 @@ def server_at(document: Document, address: str = LOCAL, port: int = 0) -> "tuple
         ws_max_queue=8,
         limit_concurrency=MOST_CONNECTIONS,
         h11_max_incomplete_event_size=2**14,
-        lifespan="off",
+        lifespan="on",
         log_level="warning",
         access_log=False,
         server_header=False,

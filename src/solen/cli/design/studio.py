@@ -44,6 +44,6 @@ def studio(
         if not no_browser:
             webbrowser.open(address)
 
-    kept = serve(document, address=listen, opened=opened)
-    if kept is not None:
-        print(f"not saved, kept in {kept}", file=sys.stderr)
+    serve(document, address=listen, opened=opened)
+    if document.kept is not None:
+        print(f"not saved, kept in {document.kept}", file=sys.stderr)

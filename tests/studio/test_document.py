@@ -1,0 +1,73 @@
+"""A design that is worked on: steps back, saving, and files that somebody else changes."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from solen.errors import OutputError
+from solen.spec import load
+from solen.studio.document import Document
+from solen.studio.frames import VERSION, decoded, encoded
+
+TEXT = 'schema = 1\nname = "a"\n[material]\nindex = 1.44  # of the batch\n'
+
+
+@pytest.fixture
+def document(tmp_path: Path) -> Document:
+    (tmp_path / "a.toml").write_text(TEXT, encoding="utf-8")
+    return Document(tmp_path / "a.toml")
+
+
+def test_changes_of_a_gesture_are_one_step(document: Document) -> None:
+    for focus in (21.0, 22.0, 23.0):
+        document.change({"lens.focus_mm": focus}, "drag")
+    document.change({"lens.focus_mm": 24.0}, "another")
+    focus = [document.step(by).design.lens.focus_mm for by in (-1, -1, -1, 1, 1, 1)]
+    assert focus == [23.0, 20.0, 20.0, 23.0, 24.0, 24.0]
+    document.step(-1)
+    document.change({"emitter.offset_mm": 0.1})
+    assert document.step(1).design.lens.focus_mm == 23.0, "what was undone is gone after another change"
+
+
+def test_a_file_that_somebody_else_changed_is_not_overwritten(document: Document) -> None:
+    document.change({"lens.focus_mm": 21.0})
+    document.path.write_text(TEXT.replace("1.44", "1.45"), encoding="utf-8")
+    with pytest.raises(OutputError, match="another program"):
+        document.save()
+    assert load(document.path).material.index == 1.45
+    assert document.reload().design.material.index == 1.45
+    document.change({"lens.focus_mm": 21.0})
+    document.save()
+    assert document.path.read_text(encoding="utf-8").startswith(TEXT.replace("1.44", "1.45"))
+
+
+def test_what_is_not_saved_is_kept_beside(document: Document) -> None:
+    document.keep_unsaved()
+    assert document.kept is None
+    document.change({"lens.focus_mm": 21.0})
+    document.keep_unsaved()
+    assert document.kept is not None
+    assert load(document.kept).lens.focus_mm == 21.0
+    assert document.path.read_text(encoding="utf-8") == TEXT
+
+
+def test_a_new_file_is_written_when_it_is_saved(tmp_path: Path) -> None:
+    document = Document(tmp_path / "new.toml")
+    assert document.is_new
+    assert not document.path.exists()
+    document.save()
+    assert load(document.path) == document.state.design
+
+
+def test_frames_say_their_version() -> None:
+    frame = encoded(
+        {"kind": "x", "value": float("nan")}, {"a": np.array([1.0, 2.5]), "b": np.array([[1.0, 2.0], [3.0, 4.0]])}
+    )
+    head, arrays = decoded(frame)
+    assert frame[0] == VERSION
+    assert head == {"kind": "x", "value": None}
+    assert arrays["a"].tolist() == [[1.0], [2.5]]
+    assert arrays["b"].tolist() == [[1.0, 2.0], [3.0, 4.0]]
+    with pytest.raises(ValueError, match="version"):
+        decoded(bytes([VERSION + 1]) + frame[1:])

@@ -1,0 +1,165 @@
+"""The page in a browser: what it shows is what solen computes, and it can be used by keyboard alone."""
+
+import json
+import shutil
+import subprocess
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from statistics import median, quantiles
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import pytest
+
+from solen.explore.live import COARSE_RAYS, coarse
+from solen.sensor import Response, Sensor, in_plane, picture
+from solen.spec import load, loads, template
+from solen.studio.document import Document
+from solen.studio.server import server_at
+
+WEB = Path(__file__).resolve().parents[2] / "web"
+DRIVER = WEB / "tests" / "page.mjs"
+BROWSER = next(
+    (found for name in ("chromium", "chromium-browser", "google-chrome") if (found := shutil.which(name))), ""
+)
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.skipif(
+        not (BROWSER and shutil.which("node") and (WEB / "node_modules" / "playwright-core").is_dir()),
+        reason="needs Chromium, Node, and `npm ci` in web/",
+    ),
+]
+FLAT = """schema = 1  # mine
+name = "flat"
+[material]
+index = 1.44
+[emitter]
+width_mm = 0.2
+[motion]
+step_deg = 1.0
+"""
+
+
+@contextmanager
+def served(file: Path) -> Iterator[str]:
+    server, listening, page = server_at(Document(file))
+    thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]})
+    thread.start()
+    try:
+        yield page
+    finally:
+        server.should_exit = True
+        thread.join(10)
+        listening.close()
+
+
+def driven(file: Path, folder: Path, extent: str) -> dict[str, Any]:
+    """What a browser saw that used the page as `DRIVER` says."""
+    with served(file) as page:
+        command = [str(shutil.which("node")), str(DRIVER), page, str(folder), BROWSER, extent]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=600, check=False)
+    assert done.returncode == 0, done.stderr
+    seen: dict[str, Any] = json.loads(done.stdout)
+    return seen
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("page")
+
+
+@pytest.fixture(scope="module")
+def seen(folder: Path) -> dict[str, Any]:
+    (folder / "sensor.toml").write_text(FLAT, encoding="utf-8")
+    return driven(folder / "sensor.toml", folder, "quick")
+
+
+def test_nothing_is_wrong_with_the_page(seen: dict[str, Any]) -> None:
+    assert seen["problems"] == []
+    assert seen["foreign"] == [], "no request leaves the computer"
+    assert seen["axe"] == [], "usable without sight"
+    assert seen["overflow"] is False
+
+
+def test_the_first_visit_takes_three_sentences(seen: dict[str, Any]) -> None:
+    assert len(seen["guide"]) == 3
+    assert seen["guide_left"] == 0
+
+
+def test_the_keyboard_turns_the_lens(seen: dict[str, Any]) -> None:
+    assert seen["turned"] == "0.30°"
+    assert seen["focus_outline"] == "solid"
+
+
+def number(text: str) -> tuple[float, float]:
+    """Value and uncertainty as the page writes them."""
+    value, _, u = text.replace("−", "-").partition(" ± ")
+    return float(value), float(u)
+
+
+def test_numbers_shown_are_those_of_the_design_saved(seen: dict[str, Any], folder: Path) -> None:
+    sensor = Sensor.of(load(folder / "sensor.toml"))
+    assert sensor.design.lens.focus_mm == 25.0
+    exact: Response = sensor.power([-3.0, 3.0])
+    for name, place in (("from", 0), ("to", 1)):
+        value, u = number(seen["merits"][name])
+        assert value == pytest.approx(exact.contrast[place], abs=4 * u + 1e-3)
+        assert 0 < u < 0.005
+    assert "plane" in seen["misleading"]
+    assert "plane" in seen["quality"]
+
+
+def test_a_file_keeps_its_comments_and_a_refused_number_changes_nothing(seen: dict[str, Any], folder: Path) -> None:
+    assert float(seen["offset"]) > 0.01, "dragged"
+    assert "lens.focus_mm" in seen["refused"]
+    assert float(seen["focus_shown"]) == float(seen["focus_kept"]) == 25.0
+    assert "sensor.toml" in seen["saved"]
+    text = (folder / "sensor.toml").read_text(encoding="utf-8")
+    assert text.startswith("schema = 1  # mine\n")
+    assert loads(text).emitter.offset_mm == 0.0, "the drag was undone"
+
+
+def test_the_drawing_is_kept_as_svg(seen: dict[str, Any], folder: Path) -> None:
+    drawn = ET.parse(folder / "drawing.svg").getroot()  # noqa: S314  its own
+    assert seen["saved"]
+    assert len(drawn.findall(".//{*}path")) > 5
+
+
+@pytest.mark.evidence
+def test_how_long_a_drag_takes(tmp_path: Path) -> None:
+    """From a request to what is drawn, in a browser on this computer, and the same without the compiled batch."""
+    found = driven(tmp_path / "sensor.toml", tmp_path, "whole")
+    print(f"first paint {found['paint_ms']:.0f} ms; screenshots in {tmp_path}")
+    for where in ("plane", "space"):
+        times = found[f"{where}_ms"]
+        print(f"{where}: median {median(times):.1f} ms, p95 {quantiles(times, n=20)[-1]:.1f} ms of {len(times)} drawn")
+    flat = in_plane(Sensor.of(loads(template("solen-860"))))
+    angles = flat.design.motion.angles_deg()[::2]
+
+    def compiled(offset: float) -> None:
+        moved = flat.set(offset_mm=offset)
+        picture(moved)
+        coarse(moved)
+
+    def uncompiled(offset: float) -> None:
+        moved = flat.set(offset_mm=offset)
+        picture(moved)
+        for angle in angles:
+            moved.trace(angle, "power", COARSE_RAYS)
+
+    ways = {}
+    for name, way in (("batch", compiled), ("scene by scene", uncompiled)):
+        way(0.001)
+        taken = []
+        for n in range(20):
+            begun = time.perf_counter()
+            way(0.002 + 0.001 * n)
+            taken.append(1e3 * (time.perf_counter() - begun))
+        ways[name] = median(taken)
+        print(f"picture and response, {name}: median {ways[name]:.1f} ms")
+    print(f"ratio {ways['batch'] / ways['scene by scene']:.2f}")
+    assert found["problems"] == []
+    assert found["axe"] == []

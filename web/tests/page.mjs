@@ -1,0 +1,115 @@
+// Drives the page as a person would, and prints what was seen as one JSON object. Called by tests/studio/test_page.py.
+import { readFileSync } from "node:fs";
+import { chromium } from "playwright-core";
+
+const [address, folder, program, extent] = process.argv.slice(2);
+const whole = extent === "whole"; // with screenshots and times
+const axe = readFileSync(new URL("../node_modules/axe-core/axe.min.js", import.meta.url), "utf8");
+const browser = await chromium.launch({ executablePath: program, args: ["--no-sandbox"] });
+const seen = { problems: [], foreign: [], axe: [] };
+const origin = new URL(address).origin;
+
+const context = await browser.newContext({ viewport: { width: 1440, height: 900 }, colorScheme: "light", acceptDownloads: true });
+const page = await context.newPage();
+page.on("console", (message) => ["error", "warning"].includes(message.type()) && seen.problems.push(message.text()));
+page.on("pageerror", (error) => seen.problems.push(String(error)));
+page.on("request", (request) => {
+  const { protocol, origin: from } = new URL(request.url());
+  if (protocol.startsWith("http") && from !== origin) seen.foreign.push(request.url());
+});
+
+const rests = () => page.evaluate(() => Number(document.querySelector("solen-studio")?.dataset.rest ?? 0));
+async function rest(act) {
+  const before = await rests();
+  await act();
+  await page.waitForFunction((n) => Number(document.querySelector("solen-studio")?.dataset.rest ?? 0) > n, before, { timeout: 300_000 });
+}
+const text = (selector) => page.locator(selector).innerText();
+const value = (key) => page.locator(`[id="field-${key}"]`).inputValue();
+const merit = (id) => text(`#merit-${id} td:nth-child(2)`);
+async function audit(name) {
+  await page.evaluate(axe);
+  const { violations } = await page.evaluate(() => axe.run({ resultTypes: ["violations"] }));
+  for (const { id, impact, nodes } of violations) seen.axe.push(`${name}: ${id} (${impact}) ${nodes[0].html.slice(0, 120)}`);
+}
+async function drag(name, dx, dy, steps) {
+  const box = await page.locator(`#handle-${name}`).boundingBox();
+  const [x, y] = [box.x + box.width / 2, box.y + box.height / 2];
+  await page.mouse.move(x, y);
+  await page.mouse.down();
+  for (let i = 1; i <= steps; i++) await page.mouse.move(x + (dx * i) / steps, y + (dy * i) / steps);
+  await page.mouse.up();
+}
+const times = async () => {
+  const all = await page.evaluate(() => performance.getEntriesByType("measure").map((one) => one.duration));
+  await page.evaluate(() => performance.clearMeasures());
+  return all;
+};
+
+await rest(() => page.goto(address));
+seen.paint_ms = await page.evaluate(() => performance.getEntriesByName("first-contentful-paint")[0].startTime);
+if (!(await page.locator(".guide").count())) await page.getByRole("button", { name: "Guide" }).click();
+seen.guide = await page.locator(".guide p").allInnerTexts();
+await audit("light");
+await page.screenshot({ path: `${folder}/first.png` });
+await page.locator(".guide button").click();
+seen.guide_left = await page.locator(".guide").count();
+
+// keyboard alone
+await page.locator("#handle-turn").focus();
+for (let i = 0; i < 3; i++) await page.keyboard.press("ArrowRight");
+await page.waitForFunction(() => document.querySelector(".angle output").textContent.includes("0.30"));
+seen.turned = await text(".angle output");
+seen.focus_outline = await page.evaluate(() => getComputedStyle(document.activeElement).outlineStyle);
+
+// a drag is one step of undo
+await drag("emitter", 6, 0, 12);
+await page.waitForFunction(() => Number(document.getElementById("field-emitter.offset_mm").value) > 0.01);
+seen.offset = await value("emitter.offset_mm");
+await page.keyboard.press("Control+z");
+await page.waitForFunction(() => Number(document.getElementById("field-emitter.offset_mm").value) === 0);
+
+// a number, and one that cannot be
+const focus = page.locator('[id="field-lens.focus_mm"]');
+await rest(async () => {
+  await focus.fill("25");
+  await focus.press("Enter");
+});
+seen.merits = { from: await merit("from"), to: await merit("to"), slope: await merit("slope_per_deg"), light: await merit("light") };
+seen.misleading = (await page.locator(".warning").count()) ? await text(".warning") : "";
+seen.quality = await text(".quality");
+await focus.fill("-5");
+await focus.press("Enter");
+await page.waitForSelector(".status.refused");
+seen.refused = await text(".status");
+seen.focus_shown = await value("lens.focus_mm");
+seen.focus_kept = await page.evaluate(() => document.querySelector("solen-studio").values.lens.focus_mm);
+await page.keyboard.press("Control+s");
+await page.waitForFunction(() => document.querySelector(".status").textContent.includes("Saved"));
+seen.saved = await text(".status");
+
+// the picture as a file
+const [download] = await Promise.all([page.waitForEvent("download"), page.getByRole("button", { name: "SVG" }).click()]);
+await download.saveAs(`${folder}/drawing.svg`);
+
+// how long it takes from a request to what is drawn, with 200 rays and a chip's response
+for (const light of whole ? ["plane", "space"] : []) {
+  await rest(() => page.locator(".answer .choice button", { hasText: light }).click().then(() => page.locator("#handle-emitter").press("ArrowRight")));
+  await times();
+  await drag("emitter", 12, 0, 60);
+  await page.waitForTimeout(300);
+  seen[`${light}_ms`] = await times();
+}
+
+await page.emulateMedia({ colorScheme: "dark" });
+await audit("dark");
+for (const [width, height] of whole ? [[1024, 700], [1440, 900], [2560, 1440]] : [])
+  for (const colorScheme of ["light", "dark"]) {
+    await page.setViewportSize({ width, height });
+    await page.emulateMedia({ colorScheme });
+    await page.waitForTimeout(150);
+    await page.screenshot({ path: `${folder}/${width}-${colorScheme}.png` });
+  }
+seen.overflow = await page.evaluate(() => document.documentElement.scrollWidth > innerWidth);
+await browser.close();
+console.log(JSON.stringify(seen));
