@@ -23,8 +23,8 @@ def test_changes_of_a_gesture_are_one_step(document: Document) -> None:
     for focus in (21.0, 22.0, 23.0):
         document.change({"lens.focus_mm": focus}, "drag")
     document.change({"lens.focus_mm": 24.0}, "another")
-    focus = [document.step(by).design.lens.focus_mm for by in (-1, -1, -1, 1, 1, 1)]
-    assert focus == [23.0, 20.0, 20.0, 23.0, 24.0, 24.0]
+    seen = [document.step(by).design.lens.focus_mm for by in (-1, -1, -1, 1, 1, 1)]
+    assert seen == [23.0, 20.0, 20.0, 23.0, 24.0, 24.0]
     document.step(-1)
     document.change({"emitter.offset_mm": 0.1})
     assert document.step(1).design.lens.focus_mm == 23.0, "what was undone is gone after another change"

@@ -47,19 +47,17 @@ export class Link {
     };
   }
 
-  get waiting(): number {
-    return this.sent.size;
-  }
-
   get longest(): number {
     return this.sent.size ? performance.now() - Math.min(...this.sent.values()) : 0;
   }
 
-  ask(request: Request): void {
-    if (this.socket.readyState !== WebSocket.OPEN) return;
+  // Number of the request, which its answer bears.
+  ask(request: Request): number {
+    if (this.socket.readyState !== WebSocket.OPEN) return this.number;
     this.number += 1;
     this.sent.set(this.number, performance.now());
     this.socket.send(JSON.stringify({ id: this.number, ...request }));
+    return this.number;
   }
 
   // A request that was refused is answered as well.

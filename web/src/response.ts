@@ -26,7 +26,7 @@ export class ResponsePlot {
 
   constructor(
     private readonly place: HTMLElement,
-    private readonly turn: (angle: number, done: boolean) => void,
+    private readonly turn: (angle: number) => void,
     private unit: string,
   ) {}
 
@@ -68,18 +68,15 @@ export class ResponsePlot {
       [[], [], [], [], [], [], []],
       this.place,
     );
-    const at = (event: PointerEvent, done: boolean) => {
+    const at = (event: PointerEvent) => {
       const box = plot.over.getBoundingClientRect();
-      this.turn(plot.posToVal(event.clientX - box.left, "x"), done);
+      this.turn(plot.posToVal(event.clientX - box.left, "x"));
     };
     plot.over.addEventListener("pointerdown", (event) => {
       plot.over.setPointerCapture(event.pointerId);
-      at(event, false);
-      plot.over.onpointermove = (move) => at(move, false);
-      plot.over.onpointerup = (up) => {
-        plot.over.onpointermove = plot.over.onpointerup = null;
-        at(up, true);
-      };
+      at(event);
+      plot.over.onpointermove = at;
+      plot.over.onpointerup = plot.over.onpointercancel = () => (plot.over.onpointermove = null);
     });
     return plot;
   }

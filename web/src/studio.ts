@@ -44,7 +44,7 @@ class Studio extends LitElement {
   private guide = false;
   private gesture = "";
   private pending: Request | null = null;
-  private pointer = "";
+  private turned = 0; // the request by which the angle was set here; older answers do not set it back
 
   // Light DOM: one style sheet for all, and labels that reach their controls.
   protected createRenderRoot(): HTMLElement {
@@ -54,7 +54,7 @@ class Studio extends LitElement {
   protected firstUpdated(): void {
     const canvas = this.querySelector("canvas")!;
     this.drawing = new Drawing(canvas);
-    this.plot = new ResponsePlot(this.querySelector(".plot")!, (angle, done) => this.turnTo(angle, done), this.unit);
+    this.plot = new ResponsePlot(this.querySelector(".plot")!, (angle) => this.turnTo(angle), this.unit);
     this.plot.theme();
     this.hands(canvas);
     new ResizeObserver(() => this.resized()).observe(canvas);
@@ -92,11 +92,12 @@ class Studio extends LitElement {
       const { faces, ends, handles } = head as unknown as Picture;
       this.picture = { faces, ends, handles, outline: arrays.outline, emitter: arrays.emitter, rays: arrays.rays };
       this.angles = head.angles_deg;
-      if (this.pointer !== "slider") this.view = { ...this.view, angle_deg: head.angle_deg };
+      if (head.id >= this.turned) this.view = { ...this.view, angle_deg: head.angle_deg };
       if (head.values) {
         this.values = head.values;
         this.changed = new Set(head.changed);
         this.whole = head;
+        this.dataset.version = head.version;
       }
       const curve = curveOf({ head, arrays });
       if (curve || head.no_curve !== undefined) {
@@ -115,7 +116,7 @@ class Studio extends LitElement {
     } else if (head.kind === "words") {
       this.misleading = head.misleading;
     } else if (head.kind === "rest") {
-      this.dataset.rest = String(Number(this.dataset.rest ?? 0) + 1);
+      this.dataset.rest = head.version;
     } else if (head.kind === "refused") {
       this.refused = head.what;
       this.link.answered(head.id);
@@ -165,7 +166,8 @@ class Studio extends LitElement {
     requestAnimationFrame(() => {
       const asked = { view: this.view, ...this.pending };
       this.pending = null;
-      this.link.ask(asked);
+      const number = this.link.ask(asked);
+      if (this.turned === Infinity) this.turned = number;
     });
   }
 
@@ -179,8 +181,8 @@ class Studio extends LitElement {
     this.ask({ values: { [key]: value }, gesture: gesture ?? `set ${key} ${performance.now()}` });
   }
 
-  private turnTo(angle: number, done: boolean): void {
-    this.pointer = done ? "" : "slider";
+  private turnTo(angle: number): void {
+    this.turned = Infinity;
     const [low, high] = this.angles;
     this.look({ angle_deg: +Math.min(Math.max(angle, low), high).toFixed(3) });
   }
@@ -214,7 +216,7 @@ class Studio extends LitElement {
       const [low, high] = this.angles;
       const step = (high - low) / 60;
       this.guide = false;
-      this.turnTo(this.view.angle_deg + (arrow[0] + arrow[1]) * by * step, true);
+      this.turnTo(this.view.angle_deg + (arrow[0] + arrow[1]) * by * step);
       return;
     }
     const step = (STEPS[name] ?? 0.1) * by;
@@ -402,8 +404,7 @@ class Studio extends LitElement {
           <div class="angle">
             <label for="angle">${this.unit === "deg" ? "Angle" : "Driven"}</label>
             <input id="angle" type="range" min=${this.angles[0]} max=${this.angles[1]} step=${(this.angles[1] - this.angles[0]) / 600}
-              .value=${String(view.angle_deg)} @input=${(e: Event) => this.turnTo(+(e.target as HTMLInputElement).value, false)}
-              @change=${(e: Event) => this.turnTo(+(e.target as HTMLInputElement).value, true)}>
+              .value=${String(view.angle_deg)} @input=${(e: Event) => this.turnTo(+(e.target as HTMLInputElement).value)}>
             <output>${view.angle_deg.toFixed(2).replace("-", "−")}${this.unit === "deg" ? "°" : ` ${this.unit}`}</output>
           </div>
         </section>

@@ -18,9 +18,9 @@ page.on("request", (request) => {
   if (protocol.startsWith("http") && from !== origin) seen.foreign.push(request.url());
 });
 
-const rests = () => page.evaluate(() => Number(document.querySelector("solen-studio")?.dataset.rest ?? 0));
+const version = () => page.evaluate(() => Number(document.querySelector("solen-studio")?.dataset.version ?? 0));
 async function rest(act) {
-  const before = await rests();
+  const before = await version();
   await act();
   await page.waitForFunction((n) => Number(document.querySelector("solen-studio")?.dataset.rest ?? 0) > n, before, { timeout: 300_000 });
 }

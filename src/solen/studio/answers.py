@@ -101,6 +101,7 @@ def _rough(sensor: Sensor) -> tuple[dict[str, Any], dict[str, Any]]:
 
 def _whole(document: Document, state: State) -> dict[str, Any]:
     return {
+        "version": document.version,
         "values": state.design.model_dump(),
         "effective": effective(state.sensor),
         "changed": sorted(state.changes),
@@ -128,7 +129,7 @@ def effective(sensor: Sensor) -> dict[str, Any]:
     return found
 
 
-def better(state: State, view: View, stop: Callable[[], bool]) -> Iterator[bytes]:
+def better(state: State, version: int, view: View, stop: Callable[[], bool]) -> Iterator[bytes]:
     """Frames of the response as it becomes better, and of what it is compared with; ends early where ``stop``."""
     sensor = shown(state, view)
     compared = False
@@ -138,7 +139,7 @@ def better(state: State, view: View, stop: Callable[[], bool]) -> Iterator[bytes
             yield from _compared(state, sensor, view, own, stop)
             compared = True
     if not stop():
-        yield encoded({"kind": "rest"})
+        yield encoded({"kind": "rest", "version": version})
 
 
 def _compared(state: State, sensor: Sensor, view: View, own: Curve, stop: Callable[[], bool]) -> Iterator[bytes]:

@@ -123,7 +123,7 @@ class Session:
     async def _improve(self) -> None:
         """Send better responses until something new is asked."""
         key = self._key(self.view)
-        steps: Iterator[bytes] = better(self.document.state, self.view, self.awake.is_set)
+        steps: Iterator[bytes] = better(self.document.state, key[0], self.view, self.awake.is_set)
         while key != self.finished:
             try:
                 frame = await asyncio.to_thread(next, steps, None)
