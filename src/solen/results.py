@@ -55,15 +55,18 @@ AS_STATED = {"options", "sources"}
 
 def in_unit(value: Any, unit: str, before: str = "V") -> Any:
     """Convert keys to another unit: ``range_pF``, ``sensitivity_lux_per_deg``."""
-    if isinstance(value, list):
-        return [in_unit(one, unit, before) for one in value]
-    if not isinstance(value, dict) or unit == before:
+    if unit == before:
         return value
-    named = re.compile(rf"(?<=_){as_key(before)}(?=\d?(?:_|$))")
-    return {
-        named.sub(as_key(unit), key): one if key in AS_STATED else in_unit(one, unit, before)
-        for key, one in value.items()
-    }
+    return rekeyed(value, re.compile(rf"(?<=_){as_key(before)}(?=\d?(?:_|$))"), as_key(unit))
+
+
+def rekeyed(value: Any, part: re.Pattern[str], text: str) -> Any:
+    """Plain data with a part of its keys replaced."""
+    if isinstance(value, list):
+        return [rekeyed(one, part, text) for one in value]
+    if not isinstance(value, dict):
+        return value
+    return {part.sub(text, key): one if key in AS_STATED else rekeyed(one, part, text) for key, one in value.items()}
 
 
 def as_key(unit: str) -> str:

@@ -279,7 +279,7 @@ def test_recordings_that_cannot_be_calibrated(tmp_path: Path, capfd: pytest.Capt
     assert "needs at least two sensors" in refused(capfd, "bench", "calibrate", str(good), "--pool")
     assert "no such sensor" in refused(capfd, "bench", "calibrate", str(good), "--sensor", "S9")
     assert "ends in .json" in refused(capfd, "bench", "calibrate", str(good), "--out", "x.toml")
-    assert "'rotation' or 'bend'" in refused(capfd, "bench", "calibrate", str(good), "--motion", "twist")
+    assert "'rotation', 'bend' or 'loaded'" in refused(capfd, "bench", "calibrate", str(good), "--motion", "twist")
     assert not list(tmp_path.glob("*.json"))
 
 

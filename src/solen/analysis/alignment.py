@@ -31,6 +31,7 @@ from solen.analysis.motion import Motion, find_motion
 from solen.arrays import BoolArray, FloatArray, IntArray
 from solen.errors import DataError
 from solen.ranks import Caution, look_at
+from solen.recording.stimulus import ANGLE, Stimulus
 from solen.results import HIDDEN, Result
 
 _CELLS = 512
@@ -72,7 +73,12 @@ class Alignment(Result):
 
 
 def align(
-    time_s: FloatArray, volts: FloatArray, log_s: FloatArray, log_deg: FloatArray, window_s: float = 0.0
+    time_s: FloatArray,
+    volts: FloatArray,
+    log_s: FloatArray,
+    log_deg: FloatArray,
+    window_s: float = 0.0,
+    stimulus: Stimulus = ANGLE,
 ) -> Alignment:
     """Lag and rate of a log's clock against a recorder's.
 
@@ -84,13 +90,15 @@ def align(
         The log, (k,), whose times never fall.
     window_s
         Time over which each voltage is a mean.
+    stimulus
+        What is logged.
 
     Raises
     ------
     DataError
         If the log shows no cycles, or the voltages do not follow it.
     """
-    motion = find_motion(log_s, log_deg)
+    motion = find_motion(log_s, log_deg, stimulus)
     coarse, rivals = _coarse(time_s, principal(volts), log_s, log_deg)
     laid = _Laid(time_s, volts, log_s, logged_angle(log_s, log_deg, motion), motion, window_s)
     lag, rate = coarse, 0.0
@@ -112,7 +120,8 @@ def align(
         u_lag, _, u_slope = shifts.line(laid.middle_s)
     shown = laid.angle_deg(lag, rate, window_s)
     u_lag = math.hypot(max(u_lag, shifts.u_parts), _u_of_steps(log_s, log_deg, motion))
-    words = _warnings(lag, u_lag, rivals, motion.speed_deg_per_s, time_s, shown)
+    speed = f"{1e-3 * motion.speed_deg_per_s:.2g}{stimulus.sign}"
+    words = _warnings(lag, u_lag, rivals, speed, time_s, shown)
     return Alignment(lag, u_lag, 1e6 * rate, 1e6 * u_slope, shown, words)
 
 
@@ -362,12 +371,12 @@ def _line(x: FloatArray, y: FloatArray, weights: FloatArray) -> tuple[float, flo
 
 
 def _warnings(
-    lag: float, u_lag: float, rivals: tuple[float, ...], speed: float, time_s: FloatArray, shown: FloatArray
+    lag: float, u_lag: float, rivals: tuple[float, ...], speed: str, time_s: FloatArray, shown: FloatArray
 ) -> tuple[Caution, ...]:
     known = "" if math.isnan(u_lag) else f" ± {u_lag:.2g}"
     found = (
         f"the log's clock is {lag:.6g}{known} s ahead, determined from the voltages: hysteresis and lag are "
-        f"indistinguishable at a single speed (1 ms is {1e-3 * speed:.2g}°), so the stated hysteresis is what "
+        f"indistinguishable at a single speed (1 ms is {speed}), so the stated hysteresis is what "
         "a lag cannot explain"
     )
     warnings = [look_at(found)]

@@ -17,9 +17,8 @@ import numpy as np
 from solen.analysis.response import Curve, Passes, mean_curve
 from solen.arrays import BoolArray, FloatArray
 from solen.plane import off_a_line
+from solen.recording.stimulus import NEAR_ZERO_DEG
 
-NEAR_ZERO_DEG = 0.5
-"""Angles about 0 over which the sensitivity near zero is taken."""
 _END = 0.1  # share of the range at each end whose mean is the swing's level
 _LEAST_POINTS = 3
 _ROUNDING = 1e-9  # of full scale: what is smaller is not noise
@@ -56,7 +55,7 @@ class ReceiverResponse(Curve):
     sensitivity_V_per_deg, u_sensitivity_V_per_deg
         Slope of the least-squares line over all angles.
     sensitivity_near_zero_V_per_deg, u_sensitivity_near_zero_V_per_deg
-        The same within `NEAR_ZERO_DEG` of 0.
+        The same near 0, within `SensorResponse.near_zero_deg`.
     independent_linearity_percent
         Largest deviation of the mean curve from the line for which it is least, of full scale.
     linearity_percent
@@ -129,7 +128,9 @@ def over_cycles(values: FloatArray) -> Estimate:
     return Estimate(float(held.mean()), u)
 
 
-def receiver_response(passes: Passes, noise_V: float, clipped_samples: int = 0) -> ReceiverResponse:
+def receiver_response(
+    passes: Passes, noise_V: float, clipped_samples: int = 0, near_zero: float = NEAR_ZERO_DEG
+) -> ReceiverResponse:
     """Curves and figures of merit of one receiver.
 
     Parameters
@@ -140,12 +141,14 @@ def receiver_response(passes: Passes, noise_V: float, clipped_samples: int = 0) 
         Standard deviation of a single reading.
     clipped_samples
         How many of its samples are clipped.
+    near_zero
+        Values about 0 over which the sensitivity near zero is taken.
     """
     volts, angle = np.where(passes.clipped, np.nan, passes.volts)[..., 0], passes.angle_deg
     whole, rising, falling = (mean_curve(passes, direction) for direction in (None, 0, 1))
     scale, cycles = _reach(whole.mean_V), volts.mean(axis=1)  # NaN where one way lacks the angle: it would bias
     percent = 100.0 / scale if scale > 0.0 else math.nan
-    near_zero = line_slopes(angle, cycles, np.abs(angle) <= NEAR_ZERO_DEG + 1e-9)
+    middle = line_slopes(angle, cycles, np.abs(angle) <= near_zero + 1e-9)
     slope = line_slopes(angle, cycles, np.isfinite(whole.mean_V))
     level = _levels(cycles)
     independent, about_line = _linearity(angle, whole.mean_V)
@@ -166,8 +169,8 @@ def receiver_response(passes: Passes, noise_V: float, clipped_samples: int = 0) 
         u_swing_V=swing_V.u,
         sensitivity_V_per_deg=slope.value,
         u_sensitivity_V_per_deg=slope.u,
-        sensitivity_near_zero_V_per_deg=near_zero.value,
-        u_sensitivity_near_zero_V_per_deg=near_zero.u,
+        sensitivity_near_zero_V_per_deg=middle.value,
+        u_sensitivity_near_zero_V_per_deg=middle.u,
         independent_linearity_percent=percent * independent,
         linearity_percent=percent * about_line,
         hysteresis_V=hysteresis.value,
@@ -187,7 +190,7 @@ def receiver_response(passes: Passes, noise_V: float, clipped_samples: int = 0) 
         snr=snr,
         snr_dB=20.0 * math.log10(snr) if snr > 0.0 else math.nan,
         resolution_deg=_resolution(noise_V, slope),
-        resolution_near_zero_deg=_resolution(noise_V, near_zero),
+        resolution_near_zero_deg=_resolution(noise_V, middle),
         clipped_samples=clipped_samples,
         clipped_angles_deg=_stretches(angle, np.asarray(passes.clipped[..., 0].any(axis=(0, 1)))),
     )

@@ -21,6 +21,7 @@ from solen.analysis.timebase import LONGEST_GAP
 from solen.arrays import FloatArray, IndexArray
 from solen.errors import DataError
 from solen.ranks import Caution, look_at
+from solen.recording.stimulus import ANGLE, Stimulus
 from solen.results import HIDDEN, Result
 
 _TENTH = 0.1
@@ -100,7 +101,7 @@ class Motion(Result):
     stopped: bool = False
 
 
-def find_motion(time_s: FloatArray, angle_deg: FloatArray) -> Motion:
+def find_motion(time_s: FloatArray, angle_deg: FloatArray, stimulus: Stimulus = ANGLE) -> Motion:
     """Ramps, holds and cycles of an angle.
 
     Parameters
@@ -108,32 +109,33 @@ def find_motion(time_s: FloatArray, angle_deg: FloatArray) -> Motion:
     time_s
         Non-decreasing times, (n,).
     angle_deg
-        Angles in degrees, without gaps, (n,).
+        Angles in degrees, or another ``stimulus`` in its unit, without gaps, (n,).
 
     Raises
     ------
     DataError
         If the angle does not move, jumps between levels, or makes no complete cycle.
     """
+    name, sign = stimulus.name, stimulus.sign
     stops = _at_stops(time_s, angle_deg)
     way = (time_s, median_filter(angle_deg, 5, mode="nearest")) if stops is None else stops
     clean = way[1]
     low, high = float(clean.min()), float(clean.max())
     noise, step = _noise(angle_deg), _finest(angle_deg)
     if stops is None and step > _COARSEST * (high - low):
-        _refuse_jumps(0.0)
+        _refuse_jumps(0.0, name)
     if high - low <= max(20.0 * noise, 1e-9):
-        limit = f"moves by {high - low:.3g}° only, with noise of {noise:.2g}°: no cycle can be found"
-        raise DataError("angle", limit=limit, remedy="name the column of the angle with --angle")
+        limit = f"moves by {high - low:.3g}{sign} only, with noise of {noise:.2g}{sign}: no cycle can be found"
+        raise DataError(name, limit=limit, remedy=f"name the column of the {name} with --{stimulus.column}")
     edges = _Edges(*way, noise, step if stops is None else 0.0, high - low)
     calm, left = _calmed(angle_deg, noise, high - low, edges.half_samples)
     tolerance = max(3.0 * left, 0.51 * step, 0.002 * (high - low))
     ramps = _ramps(calm, edges.runs(), edges.half_samples, tolerance)
     if not ramps:
-        raise DataError("angle", limit="has no ramp between two levels", remedy="check the column of the angle")
-    _check_sampled(ramps)
+        raise DataError(name, limit="has no ramp between two levels", remedy=f"check the column of the {name}")
+    _check_sampled(ramps, name)
     rest, first = _rest(calm, ramps, (low, high))
-    cycles, warnings = _cycles(time_s, calm, ramps, rest, first, max(tolerance, 0.02 * (high - low)))
+    cycles, warnings = _cycles(time_s, calm, ramps, rest, first, max(tolerance, 0.02 * (high - low)), name)
     return Motion(
         ramps=ramps,
         cycles=cycles,
@@ -287,17 +289,17 @@ def _enters(a: FloatArray, middle: int, high: int, level: float | None, toleranc
     return middle + int(held[0]) if held.size else high - 1
 
 
-def _check_sampled(ramps: tuple[Ramp, ...]) -> None:
+def _check_sampled(ramps: tuple[Ramp, ...], name: str) -> None:
     """`DataError` if the angle jumps, as in a list of set points without samples in between."""
     inside = float(np.median([ramp.stop - ramp.start - 2 for ramp in ramps]))
     if inside < 3.0:
-        _refuse_jumps(max(inside, 0.0))
+        _refuse_jumps(max(inside, 0.0), name)
 
 
-def _refuse_jumps(inside: float) -> NoReturn:
+def _refuse_jumps(inside: float, name: str) -> NoReturn:
     limit = f"jumps from level to level, with {inside:g} samples on the way"
-    remedy = "give the measured angle instead of the set points, sampled at least five times in a ramp"
-    raise DataError("angle", limit=limit, remedy=remedy)
+    remedy = f"give the measured {name} instead of the set points, sampled at least five times in a ramp"
+    raise DataError(name, limit=limit, remedy=remedy)
 
 
 def _holds(ramps: tuple[Ramp, ...], size: int) -> IndexArray:
@@ -338,16 +340,24 @@ def _side(ramps: tuple[Ramp, ...], rest: float, far: float) -> int:
 
 
 def _cycles(
-    time_s: FloatArray, angle_deg: FloatArray, ramps: tuple[Ramp, ...], rest: float, first: int, tolerance: float
+    time_s: FloatArray,
+    angle_deg: FloatArray,
+    ramps: tuple[Ramp, ...],
+    rest: float,
+    first: int,
+    tolerance: float,
+    name: str,
 ) -> tuple[tuple[Cycle, ...], tuple[Caution, ...]]:
     """Whole cycles, and what is left out."""
     away = first * (angle_deg - rest)
     far = _TENTH * float(np.ptp([end for ramp in ramps for end in (ramp.start_deg, ramp.end_deg)]))
     starts = _starts(away, ramps, rest, first, far, tolerance)
     if not starts:
-        raise DataError("angle", limit="makes no cycle from its rest", remedy="record at least one whole cycle")
+        raise DataError(name, limit="makes no cycle from its rest", remedy="record at least one whole cycle")
     following = [*starts[1:], (None, tolerance)]
     spans = [_span(away, start, stop, within) for (start, _), (stop, within) in zip(starts, following, strict=True)]
+    if bool((away > -far).all()):
+        spans = _with_their_ramps(spans, ramps, first)
     both = [bool(np.min(away[a:b]) < -far) for a, b, _ in spans]
     wanted = 2 * sum(both[:-1]) >= len(both[:-1]) if len(both) > 1 else both[0]
     whole = [back and (two or not wanted) for (_, _, back), two in zip(spans, both, strict=True)]
@@ -355,7 +365,7 @@ def _cycles(
         Cycle(float(time_s[a]), float(time_s[b - 1]), a, b) for (a, b, _), ok in zip(spans, whole, strict=True) if ok
     )
     if not cycles:
-        raise DataError("angle", limit="makes no whole cycle", remedy="record at least one, from rest to rest")
+        raise DataError(name, limit="makes no whole cycle", remedy="record at least one, from rest to rest")
     warnings = [
         look_at(f"the cycle that begins at {time_s[a]:.6g} s is not whole and is left out")
         for (a, _, _), ok in zip(spans, whole, strict=True)
@@ -382,6 +392,20 @@ def _starts(
             held = np.flatnonzero(away[low : ramp.stop] <= within)
             found.append((low + int(held[-1]) if held.size else ramp.start, within))
     return found
+
+
+def _with_their_ramps(
+    spans: list[tuple[int, int, bool]], ramps: tuple[Ramp, ...], first: int
+) -> list[tuple[int, int, bool]]:
+    """Cycles from where their first ramp begins to where their last one ends.
+
+    Where the rest is an end of the range, as no load is, values next to it would be in no cycle otherwise.
+    """
+    away, back = ([ramp for ramp in ramps if ramp.direction == side] for side in (first, -first))
+    begins = [next((ramp.start for ramp in away if ramp.start <= a < ramp.stop), a) for a, _, _ in spans]
+    ends = [next((ramp.stop for ramp in back if ramp.start < b <= ramp.stop), b) for _, b, _ in spans]
+    limits = [*(begin + 1 for begin in begins[1:]), ends[-1]]
+    return [(a, min(b, limit), whole) for a, b, limit, (_, _, whole) in zip(begins, ends, limits, spans, strict=True)]
 
 
 def _span(away: FloatArray, start: int, following: int | None, tolerance: float) -> tuple[int, int, bool]:

@@ -16,9 +16,11 @@ from solen.analysis.figures_of_merit import Estimate, ReceiverResponse, over_cyc
 from solen.analysis.response import Passes
 from solen.arrays import FloatArray
 from solen.ranks import Caution, look_at
+from solen.recording.stimulus import NEAR_ZERO_DEG
 from solen.results import Result
 
 _NOTHING_V = 1e-9  # a change below this is rounding
+_ASIDE = 0.05  # share of the range that a motion must go to a side
 
 
 class Crosstalk(Result):
@@ -64,7 +66,7 @@ class PairResponse(ReceiverResponse):
     balance_deg, u_balance_deg
         Angle nearest to 0 at which both receivers show one voltage.
     crosstalk
-        Towards the right and towards the left.
+        Towards the right and towards the left, of those that the motion goes to.
     contrast
         None unless the voltage without light is known.
     """
@@ -76,7 +78,11 @@ class PairResponse(ReceiverResponse):
 
 
 def pair_response(
-    passes: Passes, sides: tuple[int, int], noise_V: tuple[float, float], dark_V: float | None
+    passes: Passes,
+    sides: tuple[int, int],
+    noise_V: tuple[float, float],
+    dark_V: float | None,
+    near_zero: float = NEAR_ZERO_DEG,
 ) -> PairResponse:
     """Response of V_left − V_right, and what each receiver sees while the other brightens.
 
@@ -90,6 +96,8 @@ def pair_response(
         Of left and right.
     dark_V
         Voltage without light; shares of light need it.
+    near_zero
+        As of `receiver_response`.
     """
     left, right = sides
     difference = Passes(
@@ -102,12 +110,13 @@ def pair_response(
     rows = difference.volts[..., 0].mean(axis=1)
     balance = over_cycles(np.array([crossing(passes.angle_deg, row) for row in rows]))
     return PairResponse(
-        **vars(receiver_response(difference, math.hypot(*noise_V))),
+        **vars(receiver_response(difference, math.hypot(*noise_V), near_zero=near_zero)),
         balance_deg=balance.value,
         u_balance_deg=balance.u,
         crosstalk=tuple(
             _crosstalk(passes.angle_deg, volts[..., near], volts[..., far], toward, dark_V)
             for near, far, toward in ((right, left, "right"), (left, right, "left"))
+            if _goes(passes.angle_deg, toward)
         ),
         contrast=None if dark_V is None else _contrast(passes.angle_deg, volts[..., left], volts[..., right], dark_V),
     )
@@ -123,6 +132,12 @@ def crossing(angle_deg: FloatArray, row: FloatArray) -> float:
         if row[n] != row[n + 1]
     ]
     return min(crossings, key=abs, default=math.nan)
+
+
+def _goes(angle_deg: FloatArray, toward: str) -> bool:
+    """Whether a motion goes to the side of a receiver: a force or depth has no negative one."""
+    low, high = float(angle_deg[0]), float(angle_deg[-1])
+    return low < -_ASIDE * (high - low) if toward == "right" else high > _ASIDE * (high - low)
 
 
 def _crosstalk(

@@ -95,18 +95,19 @@ def common_range(angle_deg: FloatArray, motion: Motion, used: Sequence[int]) -> 
         if part.size
     ]
     if not ends:
-        raise DataError("angle", limit="has no ramp in the cycles that are used", remedy="use more cycles")
+        raise DataError("motion", limit="has no ramp in the cycles that are used", remedy="use more cycles")
     return max(low for low, _ in ends), min(high for _, high in ends)
 
 
-def grid_deg(low: float, high: float, step: float) -> FloatArray:
-    """Multiples of a step within a range, or a quarter of a step beyond."""
+def grid_deg(low: float, high: float, step: float, sign: str = "°") -> FloatArray:
+    """Multiples of a step within a range, or a quarter of a step beyond; ``sign`` is their unit in messages."""
+    between = f"between {low:.3g}{sign} and {high:.3g}{sign}"
     first, last = np.ceil(low / step - _OUT), np.floor(high / step + _OUT)
     if last - first < 4:
-        limit = f"of {step:.3g}° leaves fewer than five points between {low:.3g}° and {high:.3g}°"
+        limit = f"of {step:.3g}{sign} leaves fewer than five points {between}"
         raise DataError("grid of angles", limit=limit, remedy="choose a smaller --step-deg")
     if last - first > _MOST:
-        limit = f"of {step:.3g}° leaves more than {_MOST:,} points between {low:.3g}° and {high:.3g}°"
+        limit = f"of {step:.3g}{sign} leaves more than {_MOST:,} points {between}"
         raise DataError("grid of angles", limit=limit, remedy="choose a larger --step-deg")
     return np.round(np.arange(first, last + 1) * step, 9) + 0.0  # never -0
 

@@ -30,6 +30,7 @@ from solen.arrays import BoolArray, FloatArray
 from solen.errors import DataError
 from solen.ranks import Caution, do_not_use, look_at, note, of
 from solen.recording.column_roles import left_right
+from solen.recording.stimulus import ANGLE, Stimulus
 from solen.results import HIDDEN, Result, reported
 from solen.spec.strict import Finite, refused
 
@@ -140,6 +141,8 @@ class SensorResponse(Result):
         Its recordings.
     passes
         Half-cycles of all recordings on a common grid.
+    near_zero_deg
+        Values about 0 over which the sensitivity near zero is taken.
     warnings
         Warnings.
     ageing
@@ -154,8 +157,14 @@ class SensorResponse(Result):
     timing: Timing
     runs: tuple[Run, ...]
     passes: Passes = field(metadata=HIDDEN)
+    near_zero_deg: float
     warnings: tuple[Caution, ...] = field(metadata=HIDDEN)
     ageing: Ageing | None = None
+
+    @property
+    def stimulus(self) -> Stimulus:
+        """What the response is against."""
+        return self.runs[0].signals.stimulus
 
     @reported
     def cycles_used(self) -> int:
@@ -210,29 +219,32 @@ def sensor_response(
     known = {} if motions is None else motions
     runs = tuple(_run(signals, options, known) for signals in recordings)
     every = _pooled_passes(runs, options.step_deg, first.label)
+    near_zero = first.stimulus.near_zero(float(np.abs(every.angle_deg).max()))
     ways = every.rows(np.array([place in run.used for run in runs for place in run.timed]))
     noise = pooled_noise([_scatter(run) for run in runs]).tolist()
     receivers = {
-        name: receiver_response(ways.of(n), noise[n], sum(int(run.clipped[:, n].sum()) for run in runs))
+        name: receiver_response(ways.of(n), noise[n], sum(int(run.clipped[:, n].sum()) for run in runs), near_zero)
         for n, name in enumerate(first.receivers)
     }
     sides = left_right(first.receivers)
     pair = None
     if sides is not None:
-        pair = pair_response(ways, sides, (noise[sides[0]], noise[sides[1]]), options.dark_V)
+        pair = pair_response(ways, sides, (noise[sides[0]], noise[sides[1]]), options.dark_V, near_zero)
     warnings = [warning for run in runs for warning in (*run.motion.warnings, *run.warnings)]
-    warnings += [] if first.lens is False else sign_warnings(receivers, sides, first.unit)
+    warnings += (
+        [] if first.lens is False or first.stimulus is not ANGLE else sign_warnings(receivers, sides, first.unit)
+    )
     warnings += _cautions(receivers, ways, runs)
     timing = _timing(runs, every, receivers)
     warnings += [line for run in runs for line in _other_speeds_left_out(run)]
-    warnings += _timing_warnings(timing, receivers)
+    warnings += _timing_warnings(timing, receivers, first.stimulus.sign)
     ageing = None
     if options.every is not None:
         ageing = ageing_of(
             ways, [one for run in runs for one in _cycle_scatters(run)], first.receivers, sides, options.every
         )
     return SensorResponse(
-        first.label, first.lens, first.unit, receivers, pair, timing, runs, ways, tuple(warnings), ageing
+        first.label, first.lens, first.unit, receivers, pair, timing, runs, ways, near_zero, tuple(warnings), ageing
     )
 
 
@@ -257,12 +269,13 @@ def _timing(runs: Sequence[Run], every: Passes, receivers: dict[str, ReceiverRes
     for run in runs:
         signals = run.signals
         speeds.append(cycle_speeds(signals.time_s, signals.angle_deg, run.motion, run.timed))
-        own: tuple[float, Source] = (angle_bound_s(signals.time_s, signals.angle_deg, run.motion), "angle")
+        late_s = angle_bound_s(signals.time_s, signals.angle_deg, run.motion)
+        own: tuple[float, Source] = (late_s, signals.stimulus.name)
         bounds.append(signals.timing_bound_s or own)
     return timing_of(every, np.concatenate(speeds), max(bounds), receivers)
 
 
-def _timing_warnings(timing: Timing, receivers: dict[str, ReceiverResponse]) -> list[Caution]:
+def _timing_warnings(timing: Timing, receivers: dict[str, ReceiverResponse], sign: str) -> list[Caution]:
     """Whether a hysteresis may be timing."""
     speed, adds = max(timing.speeds_deg_per_s), timing.timing_deg
     if timing.separated or timing.timing_deg == 0.0:
@@ -270,32 +283,35 @@ def _timing_warnings(timing: Timing, receivers: dict[str, ReceiverResponse]) -> 
     if not any(one.hysteresis_V > 3.0 * one.u_hysteresis_V for one in receivers.values()):
         return []
     speeds = " and ".join(f"{one:.3g}" for one in timing.speeds_deg_per_s)
-    known, remedy = f"at one speed ({speed:.3g}°/s)", "record cycles at a second speed, twice as slow or as fast, too"
+    known, remedy = (
+        f"at one speed ({speed:.3g}{sign}/s)",
+        "record cycles at a second speed, twice as slow or as fast, too",
+    )
     if len(timing.speeds_deg_per_s) > 1:
-        known, remedy = f"with so few cycles at {speeds}°/s", "record more cycles at each speed"
+        known, remedy = f"with so few cycles at {speeds}{sign}/s", "record more cycles at each speed"
     bound = (
         f"{known} a hysteresis cannot be separated from a lag; clocks and readings of the stage are known to "
-        f"±{1e3 * timing.bound_s:.2g} ms, up to {adds:.2g}° between both directions: {remedy}"
+        f"±{1e3 * timing.bound_s:.2g} ms, up to {adds:.2g}{sign} between both directions: {remedy}"
     )
     return [look_at(bound)]
 
 
 def _other_speeds_left_out(run: Run) -> Iterator[Caution]:
     """Whether cycles that are left out at the beginning are all there is at another speed."""
-    signals, motion = run.signals, run.motion
+    signals, motion, sign = run.signals, run.motion, run.signals.stimulus.sign
     speeds = cycle_speeds(signals.time_s, signals.angle_deg, motion, range(len(motion.cycles)))
     timed = speeds[list(run.timed)]
     lost = [one for one in speeds[: run.timed[0]].tolist() if not same_speed(timed, one).any()]
     if lost:
         used = float(np.median(speeds[list(run.used)]))
         yield look_at(
-            f"{len(lost)} cycle{'s' * (len(lost) != 1)} at {lost[0]:.3g}°/s came first and are left out (--drop "
-            f"{run.timed[0]}): too few at that speed; all figures are of {used:.3g}°/s: record more at each speed"
+            f"{len(lost)} cycle{'s' * (len(lost) != 1)} at {lost[0]:.3g}{sign}/s came first and are left out (--drop "
+            f"{run.timed[0]}): too few at that speed; all figures are of {used:.3g}{sign}/s: record more at each speed"
         )
 
 
 def _run(signals: Signals, options: AnalysisOptions, known: dict[int, Motion]) -> Run:
-    motion = known.get(id(signals.angle_deg)) or find_motion(signals.time_s, signals.angle_deg)
+    motion = known.get(id(signals.angle_deg)) or find_motion(signals.time_s, signals.angle_deg, signals.stimulus)
     known[id(signals.angle_deg)] = motion
     count = len(motion.cycles)
     if count <= options.drop:
@@ -317,12 +333,15 @@ def _run(signals: Signals, options: AnalysisOptions, known: dict[int, Motion]) -
 
 def _pooled_passes(runs: Sequence[Run], step_deg: float | None, label: str) -> Passes:
     """Ways of all recordings on one grid."""
+    stimulus = runs[0].signals.stimulus
     ranges = [common_range(run.signals.angle_deg, run.motion, run.timed) for run in runs]
     low, high = max(low for low, _ in ranges), min(high for _, high in ranges)
     if low >= high:
-        limit = f"has no angle that all its ways reach ({low:.3g}° to {high:.3g}°)"
+        limit = (
+            f"has no {stimulus.name} that all its ways reach ({low:.3g}{stimulus.sign} to {high:.3g}{stimulus.sign})"
+        )
         raise DataError(f"sensor {label}", limit=limit, remedy="analyse its recordings separately")
-    grid = grid_deg(low, high, step_deg or nice_step(high - low))
+    grid = grid_deg(low, high, step_deg or nice_step(high - low), stimulus.sign)
     parts = [passes(run.signals.angle_deg, run.signals.volts, run.motion, run.timed, grid, run.clipped) for run in runs]
     return Passes.joined(parts)
 
@@ -346,14 +365,15 @@ def _clip_warnings(signals: Signals, marked: BoolArray) -> list[Caution]:
 def _rest_warnings(runs: Sequence[Run]) -> list[Caution]:
     """Whether the angle rests elsewhere than at 0, where numbers near zero are not what they are called."""
     for run in runs:
-        motion = run.motion
+        motion, stimulus = run.motion, run.signals.stimulus
         if (
             abs(motion.rest_deg) > _TENTH * (motion.high_deg - motion.low_deg)
             and not motion.low_deg < 0 < motion.high_deg
         ):
+            zero = f"--zero-deg {motion.rest_deg:.4g}" if stimulus is ANGLE else "--tare-s"
             rests = (
-                f"the angle rests at {motion.rest_deg:.4g}° and never passes 0, so there are no numbers near zero; "
-                f"--zero-deg {motion.rest_deg:.4g} counts from there"
+                f"the {stimulus.name} rests at {motion.rest_deg:.4g}{stimulus.sign} and never passes 0, so there are "
+                f"no numbers near zero; {zero} counts from there"
             )
             return [look_at(rests)]
     return []
@@ -365,9 +385,11 @@ def _reach_warnings(ways: Passes, runs: Sequence[Run]) -> list[Caution]:
     first, last = float(ways.angle_deg[0]), float(ways.angle_deg[-1])
     if last - first > (1.0 - _TENTH) * (high - low):
         return []
+    stimulus = runs[0].signals.stimulus
+    sign = stimulus.sign
     part = (
-        f"the angle goes from {low:.3g}° to {high:.3g}°, but all used half-cycles cover only {first:.3g}° to "
-        f"{last:.3g}°: curves and numbers refer to that range"
+        f"the {stimulus.name} goes from {low:.3g}{sign} to {high:.3g}{sign}, but all used half-cycles cover only "
+        f"{first:.3g}{sign} to {last:.3g}{sign}: curves and numbers refer to that range"
     )
     return [look_at(part)]
 
@@ -395,7 +417,8 @@ def _cautions(receivers: dict[str, ReceiverResponse], ways: Passes, runs: Sequen
     for place, (name, own) in enumerate(receivers.items()):
         size, u = own.hysteresis_V, own.u_hysteresis_V
         if abs(own.swing_V) <= max(3.0 * own.u_swing_V, _ROUNDING_V):
-            swing = f"does not respond to the angle beyond its noise (swing {own.swing_V:.2g} {unit})"
+            driven = runs[0].signals.stimulus.name
+            swing = f"does not respond to the {driven} beyond its noise (swing {own.swing_V:.2g} {unit})"
             warnings.append(of(name, do_not_use(swing)))
         if math.isfinite(u) and 1e-9 * own.range_V < size <= 3.0 * u:
             bound = (

@@ -11,16 +11,19 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal, NoReturn, Self
+from pathlib import Path
+from typing import Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from solen.analysis.demodulation.clock import On
+from solen.analysis.drive import Drive, driven
+from solen.analysis.load_cell import LoadCell
 from solen.analysis.timebase import TimeBase, time_base
 from solen.arrays import BoolArray, FloatArray
 from solen.errors import DataError, SpecError
-from solen.ranks import Caution, look_at, note, of
+from solen.ranks import Caution, look_at
 from solen.recording import Channel, Provenance, Recording
 from solen.recording.column_roles import (
     ENDS_IN_V,
@@ -32,6 +35,7 @@ from solen.recording.column_roles import (
     receiver_columns,
     side_of,
 )
+from solen.recording.stimulus import ANGLE, Name, Stimulus
 from solen.recording.words import plain
 from solen.results import Result
 from solen.spec.strict import Finite, Options, refused
@@ -42,12 +46,10 @@ _BRACKETED = re.compile(
 )  # a word in brackets at the end, where a unit is written
 _SLOW_S = 1.0  # from this step on, a time without a unit may count samples or ms
 _HIGH_V = 100.0  # above what any receiver here shows
-_TURN_DEG = 360.0
 TIMES, TIMES_OF_LOG = ("--time", "--rate-hz"), ("--angle-time", "--angle-rate-hz")
 """Options that state the times of a recording, and of a stage's log beside it."""
-_FAR_DEG = 720.0  # an angle beyond two turns is not in degrees
 
-AngleSource = Literal["required", "optional", "elsewhere"]
+AngleSource = Literal["optional", "elsewhere"]
 
 
 class SignalOptions(Options):
@@ -57,6 +59,16 @@ class SignalOptions(Options):
     """Column of the time; default: the column whose header names it."""
     angle: str | None = None
     """Column of the angle; default: the column whose header names it."""
+    load: str | None = None
+    """Column of a force, likewise: in N, mN, kN, gf, kgf or lbf, or in volts with --load-cell."""
+    depth: str | None = None
+    """Column of a depth, likewise."""
+    against: Name | None = None
+    """What the voltages are analysed against; default: of several the angle, then the force, then the depth."""
+    load_cell: Path | None = None
+    """File with [load_cell] (a rig's will do): what a volt of the force's column stands for, with its uncertainty."""
+    tare_s: Finite | None = Field(None, gt=0)
+    """Seconds at the beginning whose mean force, or depth, is taken for 0."""
     channel: tuple[str, ...] = ()
     """A receiver and its column, NAME=COLUMN, as in --channel left=ai0 right=ai1; S1.left=ai0 names the sensor as well.
     Default: every column in volts."""
@@ -164,6 +176,10 @@ class Waveforms:
         Averaging time of each; 0 for samples.
     switching
         Switching of the emitters; None if they do not switch.
+    stimulus
+        What ``angle_deg`` is: an angle, or a force or depth in its own unit.
+    cell
+        Load cell that measured it, where it is stated.
     warnings
         Assumptions and omissions.
     """
@@ -178,6 +194,8 @@ class Waveforms:
     ambient_subtracted: bool = False
     window_s: float = 0.0
     switching: Switching | None = None
+    stimulus: Stimulus = ANGLE
+    cell: LoadCell | None = None
     warnings: tuple[Caution, ...] = ()
 
     def rows(self, kept: BoolArray) -> "Waveforms":
@@ -200,7 +218,7 @@ class Signals:
     time_s
         Times that never fall, (n,).
     angle_deg
-        (n,).
+        (n,); of another ``stimulus`` in its unit.
     volts
         (n, m), NaN where there is no reading.
     lens
@@ -219,6 +237,8 @@ class Signals:
         How far angles and readings may be apart in time, and what states it; None if only the angle shows it.
     ambient_V
         Mean of the ambient light that was subtracted, by side, where the recording states it.
+    stimulus, cell
+        As in `Waveforms`.
     """
 
     label: str
@@ -234,6 +254,8 @@ class Signals:
     ambient_subtracted: bool = False
     timing_bound_s: tuple[float, Literal["recording", "log"]] | None = None
     ambient_V: Mapping[str, float] = field(default_factory=dict)
+    stimulus: Stimulus = ANGLE
+    cell: LoadCell | None = None
 
 
 def ambient_by_side(recording: Recording) -> dict[str, float]:
@@ -256,7 +278,7 @@ def sampled(recording: Recording, options: SignalOptions, angle: AngleSource = "
     options
         Roles of the columns.
     angle
-        Whether the recording must hold the angle; with ``elsewhere`` it is not looked for.
+        With ``elsewhere`` the angle, force or depth is not looked for.
 
     Raises
     ------
@@ -265,10 +287,8 @@ def sampled(recording: Recording, options: SignalOptions, angle: AngleSource = "
     """
     warnings: list[Caution] = list(recording.warnings)
     base = sample_times(recording, options, warnings)
-    angle_deg = None if angle == "elsewhere" else recorded_angle_deg(recording, options, warnings)
-    if angle_deg is None and angle == "required":
-        refuse_without_angle(recording)
-    channels = _receivers(recording, options, angle)
+    drive = None if angle == "elsewhere" else driven(recording, options, base, warnings)
+    channels = _receivers(recording, options, drive)
     warnings += [] if options.channel else _passed_over(recording, channels)
     unit, file = _unit_of(channels.values()), _file(recording)
     flags = [_clipped_flags(recording, channel) for channel in channels.values()]
@@ -278,7 +298,9 @@ def sampled(recording: Recording, options: SignalOptions, angle: AngleSource = "
         receivers=tuple(channels),
         volts=np.column_stack([_values(channel, unit, file, warnings) for channel in channels.values()])[base.order],
         unit=unit,
-        angle_deg=None if angle_deg is None else angle_deg[base.order],
+        angle_deg=None if drive is None else drive.values,
+        stimulus=ANGLE if drive is None else drive.stimulus,
+        cell=None if drive is None else drive.cell,
         clipped=np.column_stack(flags)[base.order] if any(flag.any() for flag in flags) else None,
         ambient_subtracted=all(companion(recording, one, "ambient") is not None for one in channels.values()),
         window_s=_window_s(recording),
@@ -323,12 +345,6 @@ def _time_column(recording: Recording, options: SignalOptions) -> Channel | None
     return column_of(recording, "time") if options.rate_hz is None else None
 
 
-def _angle_column(recording: Recording, options: SignalOptions) -> Channel | None:
-    if options.angle is not None:
-        return named_column(recording, options.angle, "--angle")
-    return column_of(recording, "angle")
-
-
 def sample_times(
     recording: Recording, options: SignalOptions, warnings: list[Caution], named: tuple[str, str] = TIMES
 ) -> TimeBase:
@@ -369,56 +385,10 @@ def _seconds_assumed(channel: Channel, file: str, warnings: list[Caution]) -> Fl
     return channel.values
 
 
-def refuse_without_angle(recording: Recording) -> NoReturn:
-    """`DataError` with what a person can do about a recording without an angle."""
-    remedy = "name it with --angle, a log of the stage with --angle-file, or give --amplitude-deg; "
-    limit = "no column is recognised as the angle"
-    raise DataError(_file(recording), limit=limit, remedy=remedy + existing(recording))
-
-
-def recorded_angle_deg(recording: Recording, options: SignalOptions, warnings: list[Caution]) -> FloatArray | None:
-    """Angle at each sample as the file orders them, (n,); None if no column is one."""
-    channel, file = _angle_column(recording, options), _file(recording)
-    if channel is None:
-        return None
-    scale = factor(channel.unit, "deg") if channel.unit else 1.0
-    if scale is None or channel.unit == "1":
-        limit = "is not a unit of angle"
-        raise DataError(f"{file}: {channel.name}", value=channel.unit, limit=limit, remedy="name another with --angle")
-    if not channel.unit:
-        _check_degrees(channel, file, warnings)
-    return (-1.0 if options.flip_angle else 1.0) * (_unwound(channel, scale, warnings) - options.zero_deg)
-
-
-def _check_degrees(channel: Channel, file: str, warnings: list[Caution]) -> None:
-    """`DataError` if an angle without a unit cannot be in degrees."""
-    farthest = float(np.nanmax(np.abs(channel.values), initial=0.0))
-    if farthest > _FAR_DEG:
-        limit = f"goes to {farthest:.4g} without a known unit, too far for degrees"
-        remedy = "state its unit in the header: deg, mdeg, rad or mrad; or name another column with --angle"
-        raise DataError(f"{file}: {channel.name}", limit=limit, remedy=remedy)
-    if not plain(channel.name).endswith("deg"):
-        warnings.append(look_at(f"{channel.name} states no unit; degrees are assumed"))
-
-
-def _unwound(channel: Channel, scale: float, warnings: list[Caution]) -> FloatArray:
-    """Degrees, continued where they jump from 360 to 0 or from 180 to -180 and back."""
-    angle = np.asarray(channel.values * scale)
-    held = np.isfinite(angle)
-    steps = np.diff(angle[held])
-    if not (np.abs(np.abs(steps) - _TURN_DEG) < 0.5 * (_TURN_DEG - 180.0)).any() or np.ptp(angle[held]) > _TURN_DEG:
-        return angle
-    unwound = np.unwrap(angle[held], period=_TURN_DEG)
-    angle[held] = unwound - _TURN_DEG * np.round(np.median(unwound) / _TURN_DEG)
-    warnings.append(of(channel.name, note("jumps by a whole turn; the angle is continued there")))
-    return angle
-
-
-def _receivers(recording: Recording, options: SignalOptions, angle: AngleSource) -> dict[str, Channel]:
+def _receivers(recording: Recording, options: SignalOptions, drive: Drive | None) -> dict[str, Channel]:
     """Columns of the receivers by their names."""
-    others = [_time_column(recording, options)]
-    others += [] if angle == "elsewhere" else [_angle_column(recording, options)]
-    taken = {other.name for other in others if other is not None}
+    time = _time_column(recording, options)
+    taken = {*(() if time is None else (time.name,)), *(() if drive is None else drive.columns)}
     if options.channel:
         named = {name: named_column(recording, text, "--channel") for name, text in options.named_receivers}
         for name, count in Counter([*(one.name for one in named.values()), *taken]).items():

@@ -16,7 +16,7 @@ import numpy as np
 
 from solen.analysis.alignment import Alignment, align
 from solen.analysis.detected import command, explicit, find_log
-from solen.analysis.figures_of_merit import NEAR_ZERO_DEG
+from solen.analysis.drive import Drive, driven, refuse_without
 from solen.analysis.motion import Motion
 from solen.analysis.protocol_angle import angle_by_protocol
 from solen.analysis.sensor_response import AnalysisOptions, SensorGroup, SensorResponse, group_of, sensor_response
@@ -26,8 +26,6 @@ from solen.analysis.signals import (
     Switching,
     Waveforms,
     ambient_by_side,
-    recorded_angle_deg,
-    refuse_without_angle,
     sample_times,
 )
 from solen.analysis.waveforms import waveforms
@@ -36,6 +34,7 @@ from solen.ranks import Caution, look_at, note, of
 from solen.recording import Provenance, Recording, read, read_parts
 from solen.recording.column_roles import by_sensor
 from solen.recording.labels import has_lens, labels
+from solen.recording.stimulus import Stimulus
 from solen.results import HIDDEN, Result, in_unit, reported
 
 CONTROL_KEYS = ("control", "controls", "without lens", "no lens")
@@ -52,7 +51,7 @@ class SwingWithoutLens:
 
 
 class Study(Result):
-    """Sensors analysed and compared.
+    """Sensors analysed and compared; keys name the recordings' own units in place of V and deg.
 
     Attributes
     ----------
@@ -95,11 +94,6 @@ class Study(Result):
     warnings: tuple[Caution, ...]
 
     @reported
-    def near_zero_deg(self) -> float:
-        """Angles about 0 over which the sensitivity near zero is taken."""
-        return NEAR_ZERO_DEG
-
-    @reported
     def simulated(self) -> bool:
         """Whether any recording is simulated."""
         return any(provenance.simulated for provenance in self.provenances)
@@ -114,9 +108,14 @@ class Study(Result):
         """Unit of the receivers: V, or another that the recordings state."""
         return next(iter(self.sensors.values())).unit
 
+    @property
+    def stimulus(self) -> Stimulus:
+        """What the response is against."""
+        return next(iter(self.sensors.values())).stimulus
+
     def to_dict(self) -> dict[str, Any]:
-        """The result as plain data; keys that end in V name the unit that the recordings have in its place."""
-        renamed: dict[str, Any] = in_unit(super().to_dict(), self.unit)
+        """The result as plain data; keys name the units that the recordings have in place of V and deg."""
+        renamed: dict[str, Any] = self.stimulus.keyed(in_unit(super().to_dict(), self.unit))
         return renamed
 
     @property
@@ -170,6 +169,10 @@ def study(files: Sequence[Path], options: AnalysisOptions | None = None) -> Stud
     if len(units) > 1:
         limit = f"hold receivers in {' and in '.join(sorted(units))}"
         raise DataError("recordings", limit=limit, remedy="analyse each unit separately")
+    stimuli = {one.stimulus.name for signals in sensors.values() for one in signals}
+    if len(stimuli) > 1:
+        limit = f"are driven by {' and by '.join(sorted(stimuli))}"
+        raise DataError("recordings", limit=limit, remedy="choose one that all have with --against")
     used = options.model_copy(update={"dark_V": 0.0}) if options.dark_V is None and bare else options
     motions: dict[int, Motion] = {}
     responses = {label: _response(signals, used, motions) for label, signals in sensors.items()}
@@ -302,7 +305,7 @@ def _with_angle(part: _Part, options: AnalysisOptions, number: int, files: Seque
         return part
     beside = find_log(files[number], files)
     if beside is None:
-        refuse_without_angle(part.recording)
+        refuse_without(part.recording)
     warning = look_at(f"{files[number].name} holds no angle: that of {beside.name} beside it is used")
     part = replace(part, samples=replace(samples, warnings=(warning, *samples.warnings)))
     return replace(_by_log(part, beside, options), beside=beside)
@@ -310,25 +313,28 @@ def _with_angle(part: _Part, options: AnalysisOptions, number: int, files: Seque
 
 def _by_log(part: _Part, path: Path, options: AnalysisOptions) -> _Part:
     samples, log = part.samples, read(path)
-    alignment, warnings = _aligned(samples, log, options)
+    alignment, drive, warnings = _aligned(samples, log, options)
     kept = replace(samples, angle_deg=alignment.angle_deg).rows(np.isfinite(alignment.angle_deg))
-    kept = replace(kept, warnings=(*samples.warnings, *warnings, *alignment.warnings))
+    every = (*samples.warnings, *warnings, *alignment.warnings)
+    kept = replace(kept, stimulus=drive.stimulus, cell=drive.cell, warnings=every)
     return replace(part, samples=kept, log=log, alignment=alignment)
 
 
-def _aligned(samples: Waveforms, log: Recording, options: AnalysisOptions) -> tuple[Alignment, list[Caution]]:
-    """How a log's clock differs from the recorder's, and assumptions about the log."""
+def _aligned(samples: Waveforms, log: Recording, options: AnalysisOptions) -> tuple[Alignment, Drive, list[Caution]]:
+    """How a log's clock differs from the recorder's, what it logs, and assumptions about it."""
     own = options.model_copy(update={"time": options.angle_time, "rate_hz": options.angle_rate_hz})
     warnings: list[Caution] = []
     base = sample_times(log, own, warnings, TIMES_OF_LOG)
-    logged = recorded_angle_deg(log, own, warnings)
+    drive = driven(log, own, base, warnings, log=True)
     file = log.provenance.file
-    if logged is None:
-        raise DataError(file, limit="no column is recognised as the angle", remedy="name it with --angle")
-    angle = logged[base.order]
-    held = np.isfinite(angle)
-    alignment = align(samples.time_s, samples.volts, base.time_s[held], angle[held], samples.window_s)
-    return alignment, [of(file, line) for line in (*base.warnings, *warnings)]
+    if drive is None:
+        limit = "no column is recognised as the angle, nor as a force or depth"
+        raise DataError(file, limit=limit, remedy="name it with --angle, --load or --depth")
+    held = np.isfinite(drive.values)
+    alignment = align(
+        samples.time_s, samples.volts, base.time_s[held], drive.values[held], samples.window_s, drive.stimulus
+    )
+    return alignment, drive, [of(file, line) for line in (*base.warnings, *warnings)]
 
 
 def _signals(part: _Part, options: AnalysisOptions, path: Path, files: int) -> Iterator[Signals]:
@@ -356,6 +362,8 @@ def _signals(part: _Part, options: AnalysisOptions, path: Path, files: int) -> I
             ambient_subtracted=samples.ambient_subtracted,
             timing_bound_s=_timing_bound_s(part),
             ambient_V=ambient_V,
+            stimulus=samples.stimulus,
+            cell=samples.cell,
         )
 
 

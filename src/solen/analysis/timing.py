@@ -28,7 +28,7 @@ _ALIKE = 1.1  # largest ratio of speeds that are alike
 _PARTS = 6  # of the range, each with a lag of its own
 _LEAST_CYCLES = 3  # a line over the speed has a scatter from three on
 
-Source = Literal["recording", "log", "angle"]
+Source = Literal["recording", "log", "angle", "force", "depth"]
 
 
 class ReceiverTiming(Result):

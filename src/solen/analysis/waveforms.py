@@ -39,7 +39,7 @@ def waveforms(recording: Recording, options: SignalOptions, *, angle: AngleSourc
     options
         Which of them are what, and what to do with them first.
     angle
-        Whether the recording has to hold the angle; ``elsewhere`` does not look for it.
+        With ``elsewhere`` the angle, force or depth is not looked for.
 
     Raises
     ------

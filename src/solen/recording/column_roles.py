@@ -1,4 +1,4 @@
-"""Column roles: which column of a recording is the time, the angle or a receiver, if no option names it.
+"""Column roles: which column of a recording is the time, the angle, force or depth, or a receiver, if no option does.
 
 The idea: a header names a quantity, states a unit that fits one, or follows the habits of recorders (``ai0``, ``PD2``).
 These are tried in that order; where several columns remain, the user is asked to name one.
@@ -13,6 +13,7 @@ from collections.abc import Sequence
 
 from solen.errors import DataError
 from solen.recording.model import Channel, Recording
+from solen.recording.stimulus import STIMULI
 from solen.recording.words import heading, plain
 from solen.units import factor
 
@@ -28,9 +29,16 @@ _ANGLES = frozenset(
 )
 _ANGLE_WORDS = frozenset(["angle", "winkel", "drehwinkel", "rotation", "rot", "theta", "alpha", "angolo"])
 """Words that make a longer name that of an angle."""
+_FORCES = frozenset({"load cell", "loadcell", "force cell", "force sensor", "kraftsensor", "kraftaufnehmer"})
+_FORCE_WORDS = frozenset({"force", "kraft", "load", "loadcell"})
+_DEPTHS = frozenset(
+    {"depth", "indentation", "press depth", "eindringtiefe", "eindrücktiefe", "stage", "stage position", "position"}
+)
 _UNITS = {
     "time": frozenset({"s", "sec", "ms", "us", "µs", "ns", "min"}),
     "angle": frozenset({"deg", "°", "degree", "degrees", "rad", "mrad", "mdeg", "arcmin", "arcsec"}),
+    "force": frozenset({"N", "mN", "kN", "gf", "kgf", "lbf"}),
+    "depth": frozenset[str](),  # a length may be anything
 }
 """Units that identify a quantity whatever the column is called."""
 _NUMBERED = re.compile(
@@ -39,7 +47,9 @@ _NUMBERED = re.compile(
     re.IGNORECASE,
 )
 """Names that recorders and people give to voltages: ai0, CH1, Voltage_0, PD2."""
-_NAMES = {"time": _TIMES, "angle": _ANGLES}
+_NAMES = {"time": _TIMES, "angle": _ANGLES, "force": _FORCES, "depth": _DEPTHS}
+_QUANTITIES = {"depth": {"displacement", "crosshead"}}
+"""Quantities of headers that are another one's here, beside that of its own name."""
 ENDS_IN_V = re.compile(r"(?:_|\b)V$")
 """A name that ends in the unit of volts."""
 _COMPANION = re.compile(r"^(?:u|ambient|clipped)_|_(?:ambient|clipped)$")
@@ -52,11 +62,18 @@ _DOTTED = re.compile(r"(.+)[.:/]([^.:/]+)")
 
 
 def column_of(recording: Recording, quantity: str) -> Channel | None:
-    """Column of the ``time`` or the ``angle`` by its name or unit; None without one, `DataError` with several."""
+    """Column of the ``time``, ``angle``, ``force`` or ``depth`` by its name or unit; None without one.
+
+    Raises
+    ------
+    DataError
+        If several columns may be it.
+    """
     words = _ANGLE_WORDS if quantity == "angle" else frozenset({quantity})
-    columns = recording.channels
+    meant = {quantity, *_QUANTITIES.get(quantity, ())}
+    columns = [column for column in recording.channels if not _is_another(column, quantity)]
     for candidates in (
-        [column for column in columns if column.quantity == quantity],
+        [column for column in columns if column.quantity in meant],
         [column for column in columns if plain(column.name) in _NAMES[quantity]],
         [column for column in columns if column.unit in _UNITS[quantity]],
         [column for column in columns if plain(column.name).startswith(quantity)],
@@ -65,10 +82,30 @@ def column_of(recording: Recording, quantity: str) -> Channel | None:
         if len(candidates) > 1:
             names = ", ".join(candidate.name for candidate in candidates)
             limit = f"{len(candidates)} columns may be the {quantity}: {names}"
-            raise DataError(recording.provenance.file or "recording", limit=limit, remedy=f"name one with --{quantity}")
+            named = STIMULI[quantity].column if quantity in STIMULI else quantity
+            raise DataError(recording.provenance.file or "recording", limit=limit, remedy=f"name one with --{named}")
         if candidates:
             return candidates[0]
     return None
+
+
+def _is_another(column: Channel, quantity: str) -> bool:
+    """Whether a column's unit makes it no angle, force or depth, as the position in mm of a linear stage no angle."""
+    wanted = {"angle": "mm", "depth": "deg"}.get(quantity)
+    if quantity == "depth" and not column.unit:
+        return True
+    return bool(wanted and column.unit and factor(column.unit, wanted) is not None)
+
+
+def force_in_volts(recording: Recording) -> Channel | None:
+    """Column in volts that its name makes a load cell's: ``Load cell (mV)``, ``force_V``."""
+    return next((one for one in recording.channels if _volts_of_force(one)), None)
+
+
+def _volts_of_force(column: Channel) -> bool:
+    unit = "V" if ENDS_IN_V.search(column.name) else column.unit
+    words = {word.lower() for word in _words(ENDS_IN_V.sub("", column.name))}
+    return bool(words & _FORCE_WORDS) and bool(unit) and factor(unit, "V") is not None
 
 
 def named_column(recording: Recording, name: str, option: str) -> Channel:

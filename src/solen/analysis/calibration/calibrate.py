@@ -3,6 +3,7 @@
 The interface: `calibrated_sensors` of a `Study` gives `SensorCalibrations`; `place_of` is where one is written.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import field
 from pathlib import Path
@@ -12,15 +13,16 @@ from solen import __version__
 from solen.analysis.calibration.conditions import ConditionOptions, conditions
 from solen.analysis.calibration.cross_validation import Check, leave_one_cycle_out, leave_one_sensor_out
 from solen.analysis.calibration.estimate import Calibration, calibrated, pooled
-from solen.analysis.calibration.file import SUFFIX, CalibrationFile, Checked, curves_of, rails_of
+from solen.analysis.calibration.file import SUFFIX, CalibrationFile, Cell, Checked, curves_of, rails_of
 from solen.analysis.calibration.training import training_of
-from solen.analysis.sensor_response import SensorResponse
+from solen.analysis.sensor_response import Run, SensorResponse
 from solen.analysis.study import Study
 from solen.errors import DataError, SpecError
 from solen.files import check_name
 from solen.ranks import Caution, do_not_use, look_at, note, of
 from solen.recording import Provenance
-from solen.results import HIDDEN, Result, in_unit, plain
+from solen.recording.stimulus import FORCE, Stimulus
+from solen.results import HIDDEN, Result, plain
 
 POOL = "pooled"
 _FEW = 0.9  # of the readings of a cycle left out within their bands of 95 %
@@ -65,10 +67,10 @@ class SensorCalibrations(Result):
     remark: str = field(default="", metadata=HIDDEN)
 
     def to_dict(self) -> dict[str, Any]:
-        """The result as plain data; keys of calibrations name their unit in place of V."""
+        """The result as plain data; keys of calibrations name their units in place of V and deg."""
         whole = super().to_dict()
-        units = (one.unit for one in self.calibrations)
-        return whole | {"calibrations": [in_unit(*one) for one in zip(whole["calibrations"], units, strict=True)]}
+        pairs = zip(self.calibrations, whole["calibrations"], strict=True)
+        return whole | {"calibrations": [one.keyed(data) for one, data in pairs]}
 
 
 def calibrated_sensors(study: Study, options: CalibrationOptions | None = None) -> SensorCalibrations:
@@ -111,7 +113,7 @@ def _chosen(study: Study, options: CalibrationOptions) -> tuple[list[SensorRespo
     bare = ", ".join(sensor.label for sensor in sensors if sensor.lens is False)
     kept = [sensor for sensor in sensors if options.with_controls or sensor.lens is not False]
     if not kept:
-        limit = "has no lens and hardly answers to the angle"
+        limit = f"has no lens and hardly answers to the {study.stimulus.name}"
         raise DataError(f"sensor {bare}", limit=limit, remedy="--with-controls calibrates it all the same")
     if options.pool and len(kept) < 2:
         raise SpecError("--pool", value=len(kept), limit="needs at least two sensors with a lens")
@@ -146,6 +148,8 @@ def _file(
         simulated=study.simulated,
         cycles=calibration.cycles,
         unit=study.unit,
+        stimulus=study.stimulus.name,
+        load_cell=_cell(runs) if study.stimulus is FORCE else None,
         range_deg=(float(calibration.angle_deg[0]), float(calibration.angle_deg[-1])),
         freedom_repeat=calibration.freedom[0],
         rails_V=rails_of(calibration),
@@ -155,19 +159,19 @@ def _file(
         curves=curves_of(calibration),
         leave_one_cycle_out=None if options.pool else checked,
         leave_one_sensor_out=checked if options.pool else None,
-        words=() if check is None else (_sentence(check, "print" if options.pool else "cycle"),),
+        words=() if check is None else (_sentence(check, "print" if options.pool else "cycle", study.stimulus),),
         sources=tuple(plain(source) for source in study.sources),
         warnings=tuple(warnings),
     )
 
 
-def _sentence(check: Check, left_out: str) -> str:
+def _sentence(check: Check, left_out: str, stimulus: Stimulus) -> str:
     """Result of a check in words."""
-    one = check.whole
+    one, sign = check.whole, stimulus.sign
     return (
-        f"angles of a {left_out} left out are decoded to {one.rms_deg:.2g}° (rms; mean error {one.bias_deg:+.1g}°, "
-        f"worst {one.worst_deg:.2g}°); {100 * one.within_68:.0f} % lie within the 68 % bands, "
-        f"{100 * one.within_95:.0f} % within the 95 % bands"
+        f"{stimulus.plural} of a {left_out} left out are decoded to {one.rms_deg:.2g}{sign} (rms; mean error "
+        f"{one.bias_deg:+.1g}{sign}, worst {one.worst_deg:.2g}{sign}); {100 * one.within_68:.0f} % lie within the "
+        f"68 % bands, {100 * one.within_95:.0f} % within the 95 % bands"
     )
 
 
@@ -178,7 +182,8 @@ def _cautions(sensor: SensorResponse, calibration: Calibration, check: Check | N
         warnings.append(look_at("two cycles: three are needed to check it on a cycle left out"))
     elif check.whole.ambiguous > _MANY:
         share = 100 * check.whole.ambiguous
-        warnings.append(look_at(f"{share:.2g} % of the readings have several angles that explain them"))
+        several = f"several {sensor.stimulus.plural} that explain them"
+        warnings.append(look_at(f"{share:.2g} % of the readings have {several}"))
     if check is not None and check.whole.within_95 < _FEW:
         few = f"only {100 * check.whole.within_95:.0f} % of a cycle left out lie within the bands of 95 %"
         warnings.append(do_not_use(few))
@@ -186,9 +191,29 @@ def _cautions(sensor: SensorResponse, calibration: Calibration, check: Check | N
     first, second, last = (float(calibration.angle_deg[place]) for place in (0, 1, -1))
     beside = 2.0 * (second - first)
     if first > low + beside or last < high - beside:
-        part = f"both receivers have readings from {first:g}° to {last:g}° only, of {low:.3g}° to {high:.3g}°"
+        sign = sensor.stimulus.sign
+        part = f"both receivers have readings from {first:g}{sign} to {last:g}{sign} only, of {low:.3g} to {high:.3g}"
         warnings.append(look_at(part))
+    cell = _cell(sensor.runs)
+    if sensor.stimulus is FORCE and (cell is None or cell.u_scale is None):
+        unknown = "how well the load cell is known is not stated: bands hold for the force by its reading"
+        warnings.append(note(f"{unknown}; u_sensitivity_percent of [load_cell] states it"))
     return warnings
+
+
+def _cell(runs: Sequence[Run]) -> Cell | None:
+    """The load cell of some recordings, the least known of several."""
+    cells = [run.signals.cell for run in runs if run.signals.cell is not None]
+    if not cells or len(cells) < len(runs):
+        return None
+    worst = max(cells, key=lambda cell: math.inf if cell.u_sensitivity_percent is None else cell.u_sensitivity_percent)
+    each, percent = worst.sensitivity_N_per_V, worst.u_sensitivity_percent
+    return Cell(
+        name=worst.name,
+        sensitivity_deg_per_V=each,
+        u_sensitivity_deg_per_V=None if percent is None else 0.01 * percent * abs(each),
+        off_line_deg=max(cell.u_line_N for cell in cells),
+    )
 
 
 def place_of(recordings: Sequence[Path], sensor: str) -> Path:

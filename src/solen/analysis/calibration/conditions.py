@@ -23,7 +23,7 @@ class ConditionOptions(Options):
 
     design: Path | None = None
     """Design file of the sensor: its motion, pivot, moving parts and circuit."""
-    motion: Literal["rotation", "bend"] | None = None
+    motion: Literal["rotation", "bend", "loaded"] | None = None
     """Kind of motion, where the recording does not state it."""
 
 
@@ -50,6 +50,8 @@ def conditions(
     moved, readout = design.motion, design.readout
     pivot = moved.pivot if isinstance(moved.pivot, str) else " ".join(f"{one:g}" for one in moved.pivot)
     motion = Motion(kind=options.motion or moved.kind, pivot=pivot, parts=tuple(moved.moves), protocol=protocol)
+    if motion.kind == "loaded":
+        motion = Motion(kind="loaded", drives=moved.drives, protocol=protocol)
     return motion, Circuit(
         ambient=ambient,
         emitter_current_mA=readout.emitter_current_ma,

@@ -5,6 +5,7 @@ The interface: `StreamDecoder` of a `CalibrationFile`; its `rows` are lines of C
 
 import math
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ from solen.arrays import BoolArray, FloatArray
 from solen.errors import DataError, SpecError
 from solen.ranks import DO_NOT_USE, Caution, do_not_use, look_at, note, of, rank_of
 from solen.recording import Provenance
+from solen.recording.stimulus import ANGLE, STIMULI, Name
 from solen.results import Result
 from solen.spec.strict import Finite
 
@@ -37,14 +39,15 @@ COLUMNS = (
     "flags",
     "other",
 )
-HEADER = ",".join(COLUMNS) + "\n"
+SIDES = ("direction", "probability")
+"""Columns of angles alone: a force or depth has no sides."""
 FLAGS = ("outside", "ambiguous", "clipped", "at_end")
 _MILLI = 100.0  # times the calibration's largest voltage, from which on a reading is not in volts
 _TOLD = 0.5  # per cent of the readings from which on a flag is warned of
 _MEANING = {
-    "outside": "lie outside of the calibrated curve, and their angles mean nothing",
-    "ambiguous": "have several angles that explain them",
-    "clipped": "are clipped: their angle rests on one receiver",
+    "outside": "lie outside of the calibrated curve, and their {plural} mean nothing",
+    "ambiguous": "have several {plural} that explain them",
+    "clipped": "are clipped: their {name} rests on one receiver",
     "missing": "lack a reading of a receiver",
 }
 
@@ -73,6 +76,8 @@ class Decoding(Result):
         Readings with these flags, as in `solen.analysis.calibration.decoder.Decoded`.
     from_s, to_s
         Times of the first and the last reading.
+    stimulus
+        What is decoded: ``angle``, ``force`` or ``depth``; keys name its unit.
     lowest_deg, highest_deg
         Range of the angles within the calibrated range; None if there are none.
     against_angle
@@ -99,6 +104,7 @@ class Decoding(Result):
     at_end: int
     from_s: float
     to_s: float
+    stimulus: Name
     lowest_deg: float | None
     highest_deg: float | None
     against_angle: Part | None
@@ -109,6 +115,11 @@ class Decoding(Result):
     interrupted: bool
     sources: tuple[Provenance, ...]
     warnings: tuple[Caution, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """The result as plain data; keys name the unit of what is decoded."""
+        renamed: dict[str, Any] = STIMULI[self.stimulus].keyed(super().to_dict())
+        return renamed
 
 
 class StreamDecoder:
@@ -162,10 +173,17 @@ class StreamDecoder:
         self.warnings = (*stream.warnings, *_condition_warnings(known, stream, options))
 
     @property
+    def header(self) -> str:
+        """Names of the columns of its rows."""
+        stimulus = self._known.stimulus_of
+        names = [name for name in COLUMNS if stimulus is ANGLE or name not in SIDES]
+        return ",".join(stimulus.keyed(dict.fromkeys(names))) + "\n"
+
+    @property
     def heading(self) -> str:
-        """First lines of a file of angles: reasons not to use them as comments, then the header."""
+        """First lines of a file of rows: reasons not to use them as comments, then the header."""
         doubts = dict.fromkeys(line for line in self.warnings if rank_of(line) == DO_NOT_USE)
-        return "".join(f"# {line}\n" for line in doubts) + HEADER
+        return "".join(f"# {line}\n" for line in doubts) + self.header
 
     def rows(self, batch: Batch) -> str:
         """Lines of CSV of a batch, as `COLUMNS`; `DataError` if its values are in another unit."""
@@ -175,7 +193,7 @@ class StreamDecoder:
         noise = self._decoder.noise_deg(decoded.angle_deg)
         headings = self._tracker.of(batch.time_s[good], decoded.angle_deg, noise)
         self._count(batch, good, decoded)
-        return "".join(_rows(batch.time_s, good, decoded, headings))
+        return "".join(_rows(batch.time_s, good, decoded, headings, sides=self._known.stimulus_of is ANGLE))
 
     def _check_scale(self, volts: FloatArray) -> None:
         """`DataError` if readings are about a thousand times the calibrated voltages."""
@@ -224,6 +242,7 @@ class StreamDecoder:
             **self.counts,
             from_s=self._times_s[0],
             to_s=self._times_s[1],
+            stimulus=self._known.stimulus,
             lowest_deg=low if math.isfinite(low) else None,
             highest_deg=high if math.isfinite(high) else None,
             against_angle=merged("source", self._parts) if self._parts else None,
@@ -241,7 +260,8 @@ class StreamDecoder:
             count = self.counts[name]
             percent = 100.0 * count / max(self.counts["readings"], 1)
             if count and (name == "missing" or percent >= _TOLD):
-                yield look_at(f"{count} readings ({percent:.3g} %) {meaning}")
+                words = meaning.format_map(vars(self._known.stimulus_of))
+                yield look_at(f"{count} readings ({percent:.3g} %) {words}")
 
 
 def _condition_warnings(known: CalibrationFile, stream: Stream, options: DecodeOptions) -> Iterator[Caution]:
@@ -274,7 +294,7 @@ def _last(name: str) -> str:
     return name.rpartition(".")[2]
 
 
-def _rows(time_s: FloatArray, good: BoolArray, decoded: Decoded, headings: Headings) -> Iterator[str]:
+def _rows(time_s: FloatArray, good: BoolArray, decoded: Decoded, headings: Headings, *, sides: bool) -> Iterator[str]:
     """A line for each reading, in the order of `COLUMNS`."""
     others: dict[int, list[str]] = {}
     for row, (low, high), share in zip(
@@ -294,13 +314,14 @@ def _rows(time_s: FloatArray, good: BoolArray, decoded: Decoded, headings: Headi
     for stamp, held in zip(time_s.tolist(), good.tolist(), strict=True):
         when = f"{stamp:.6f}" if math.isfinite(stamp) else ""
         if not held:
-            yield f"{when},,,,,,,,,,missing,\n"
+            yield f"{when},,,,,,{',,' * sides},,missing,\n"
             continue
         number, (angle, low, high, right, heading, rises, flags) = next(readings)
         side, share = ("right", right) if right >= 0.5 else ("left", 1.0 - right)
+        aside = f"{side},{share:.3f}," if sides else ""
         yield (
             f"{when},{angle:.5f},{low[0]:.5f},{high[0]:.5f},{low[1]:.5f},{high[1]:.5f},"
-            f"{side},{share:.3f},{heading},{rises:.3f},{flags},{' '.join(others.get(number, ()))}\n"
+            f"{aside}{heading},{rises:.3f},{flags},{' '.join(others.get(number, ()))}\n"
         )
 
 

@@ -50,6 +50,9 @@ class Calibration:
         Degrees of freedom of `repeat` and of `between`.
     rails_V
         As in `Training`.
+    u_scale, u_line_deg
+        Standard uncertainties that the reading of what drove the sensor shares: of its scale, and of its line. Scatter
+        does not show them; 0 where it is held against that reading.
     """
 
     angle_deg: FloatArray
@@ -62,6 +65,19 @@ class Calibration:
     prints: int
     freedom: tuple[int, int]
     rails_V: FloatArray
+    u_scale: float = 0.0
+    u_line_deg: float = 0.0
+
+    @property
+    def shared(self) -> FloatArray:
+        """Covariance by errors that all readings of the calibration share, along the curve, (g, 2, 2)."""
+        slope = self._slope
+        variance = (self.u_scale * self.angle_deg) ** 2 + self.u_line_deg**2
+        return np.asarray(variance[:, None, None] * slope[:, :, None] * slope[:, None, :])
+
+    @property
+    def _slope(self) -> FloatArray:
+        return np.asarray(np.gradient(self.curves_V.mean(axis=0), self.angle_deg, axis=0))
 
     @property
     def total(self) -> FloatArray:
@@ -75,8 +91,8 @@ class Calibration:
         prediction of two variables whose covariance is itself estimated, with one degree less and wider by as much
         (Hotelling 1931).
         """
-        total = self.total
-        slope = np.gradient(self.curves_V.mean(axis=0), self.angle_deg, axis=0)
+        total = self.total + self.shared
+        slope = self._slope
         toward = np.linalg.solve(total, slope[..., None])[..., 0]
         size = np.maximum((toward * slope).sum(axis=1), 1e-300)
         inverse = np.full(self.angle_deg.shape, 1.0 / _ENDLESS)

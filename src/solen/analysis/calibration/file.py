@@ -17,6 +17,7 @@ from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.files import read_text
 from solen.ranks import Caution
+from solen.recording.stimulus import ANGLE, STIMULI, Name, Stimulus
 from solen.results import in_unit
 from solen.spec.objects import parsed
 from solen.spec.strict import NotNegative, Number, Strict, Text, error_context, migrated, refused
@@ -38,13 +39,37 @@ class Motion(Strict):
     table: ClassVar[str] = "motion"
     error: ClassVar[type[DataError]] = DataError
 
-    kind: Literal["rotation", "bend"] | None = Field(None, description="rotation or bend; null if not stated.")
+    kind: Literal["rotation", "bend", "loaded"] | None = Field(
+        None, description="rotation, bend or loaded; null if not stated."
+    )
+    drives: Text | None = Field(None, description="Of a loaded sensor: what is driven, as press.depth_mm.")
     pivot: Text | None = Field(None, description="Centre of the rotation: stem-base, emitter, or x z in mm.")
     parts: tuple[Text, ...] | None = Field(None, description="Parts that move: lens, emitter, receivers, mirrors.")
     low_deg: Number | None = Field(None, description="Lowest angle that was gone to.")
     high_deg: Number | None = Field(None, description="Highest angle.")
     speed_deg_per_s: Number | None = Field(None, description="Median speed of the ramps.")
     protocol: Text | None = Field(None, description="Name of the protocol.")
+
+
+class Cell(Strict):
+    """Load cell that the forces were read from: errors that all of them share."""
+
+    table: ClassVar[str] = "load_cell"
+    error: ClassVar[type[DataError]] = DataError
+
+    name: Text = Field(description="What it is called.")
+    sensitivity_deg_per_V: Number = Field(description="Newtons for each volt.")
+    u_sensitivity_deg_per_V: NotNegative | None = Field(None, description="Its uncertainty; null if not stated.")
+    off_line_deg: NotNegative = Field(0.0, description="Standard uncertainty by its distance from a straight line.")
+
+    @property
+    def u_scale(self) -> float | None:
+        """Relative uncertainty of its scale."""
+        return (
+            None
+            if self.u_sensitivity_deg_per_V is None
+            else self.u_sensitivity_deg_per_V / abs(self.sensitivity_deg_per_V)
+        )
 
 
 class Circuit(Strict):
@@ -125,6 +150,8 @@ class CalibrationFile(Strict):
     simulated: bool = Field(description="Whether any recording was computed.")
     cycles: Annotated[int, Field(ge=2)] = Field(description="Cycles used, of all prints.")
     unit: Text = Field("V", description="Of the receivers; keys name it in place of V.")
+    stimulus: Name = Field("angle", description="What is decoded; of a force or depth keys name N or mm, not deg.")
+    load_cell: Cell | None = Field(None, description="What the forces were read from; null if not stated.")
     range_deg: Pair = Field(description="Lowest and highest calibrated angle.")
     freedom_repeat: Annotated[int, Field(ge=1)] = Field(description="Degrees of freedom of repeat_V2.")
     rails_V: tuple[tuple[Number | None, Number | None], tuple[Number | None, Number | None]] = Field(
@@ -141,9 +168,14 @@ class CalibrationFile(Strict):
     warnings: tuple[Caution, ...] = Field(description="What cannot be concluded.")
 
     @property
+    def stimulus_of(self) -> Stimulus:
+        """What is decoded."""
+        return STIMULI[self.stimulus]
+
+    @property
     def calibration(self) -> Calibration:
         """The calibration's arrays."""
-        curves = self.curves
+        curves, cell = self.curves, self.load_cell
         return Calibration(
             angle_deg=np.array(curves.angle_deg),
             curves_V=np.array([curves.rising_V, curves.falling_V]),
@@ -155,7 +187,14 @@ class CalibrationFile(Strict):
             prints=len(self.prints),
             freedom=(self.freedom_repeat, len(self.prints) - 1),
             rails_V=np.array(self.rails_V, dtype=np.float64),
+            u_scale=0.0 if cell is None else cell.u_scale or 0.0,
+            u_line_deg=0.0 if cell is None else cell.off_line_deg,
         )
+
+    def keyed(self, data: dict[str, Any]) -> dict[str, Any]:
+        """Plain data of it, with keys in its own units."""
+        named: dict[str, Any] = self.stimulus_of.keyed(in_unit(data, self.unit))
+        return named
 
 
 def curves_of(calibration: Calibration) -> Curves:
@@ -191,8 +230,7 @@ def _square(rows: tuple[Three, ...]) -> FloatArray:
 def text_of(file: CalibrationFile) -> str:
     """The file's text."""
     data = {"schema": SCHEMA, **file.model_dump(mode="json"), "curves": file.curves.model_dump(mode="json")}
-    data = in_unit(data, file.unit)
-    return json.dumps(data, indent=1, allow_nan=False) + "\n"
+    return json.dumps(file.keyed(data), indent=1, allow_nan=False) + "\n"
 
 
 def load(path: Path) -> CalibrationFile:
@@ -208,7 +246,8 @@ def load(path: Path) -> CalibrationFile:
         )
     data = migrated(data, str(path), current=SCHEMA, migrations={}, error=DataError)
     with error_context(str(path)):
-        return CalibrationFile(**_tuples(in_unit(data, "V", data.get("unit", "V"))))
+        stimulus = STIMULI.get(str(data.get("stimulus")), ANGLE)
+        return CalibrationFile(**_tuples(stimulus.unkeyed(in_unit(data, "V", data.get("unit", "V")))))
 
 
 def _tuples(value: Any) -> Any:
@@ -234,12 +273,16 @@ def differences(ours: CalibrationFile, motion: Motion, circuit: Circuit) -> tupl
         ("pivot", ours.motion.pivot, motion.pivot),
         ("moving parts", ours.motion.parts, motion.parts),
     ):
-        if name == "pivot" and "bend" in {ours.motion.kind, motion.kind}:
+        kinds = {ours.motion.kind, motion.kind}
+        if (name == "pivot" and "bend" in kinds) or (name != "kind of motion" and "loaded" in kinds):
             continue
         if mine is None or theirs is None:
             unknown.append(name)
         elif _text(mine) != _text(theirs):
             other.append(f"{name} {_text(theirs)} instead of {_text(mine)}")
+    press = (_pressed(ours.motion.drives), _pressed(motion.drives))
+    if all(press) and press[0] != press[1]:
+        other.append(f"load at {press[1]} instead of {press[0]}")
     for name, before, now, unit in (
         ("ambient light", ours.circuit.ambient, circuit.ambient, ""),
         ("emitter current", ours.circuit.emitter_current_mA, circuit.emitter_current_mA, " mA"),
@@ -248,6 +291,11 @@ def differences(ours: CalibrationFile, motion: Motion, circuit: Circuit) -> tupl
         if before is not None and now is not None and before != now:
             other.append(f"{name} {_text(now)}{unit} instead of {_text(before)}{unit}")
     return other, unknown
+
+
+def _pressed(drives: str | None) -> str | None:
+    """Name of the finger, pull or clamp that is driven: a depth and a force of one finger are one motion."""
+    return None if drives is None else drives.rpartition(".")[0]
 
 
 def _text(value: Any) -> str:

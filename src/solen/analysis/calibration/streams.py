@@ -14,14 +14,24 @@ from pathlib import Path
 import numpy as np
 
 from solen.analysis.calibration.file import Ambient
-from solen.analysis.signals import SignalOptions, Waveforms
+from solen.analysis.signals import AngleSource, SignalOptions, Waveforms
 from solen.analysis.waveforms import waveforms
 from solen.arrays import BoolArray, FloatArray
 from solen.errors import DataError, SpecError
 from solen.ranks import Caution
 from solen.recording import Channel, Provenance, Recording, read_parts
-from solen.recording.column_roles import by_sensor, column_of, existing, is_companion, left_right, named_column, side_of
+from solen.recording.column_roles import (
+    by_sensor,
+    column_of,
+    existing,
+    force_in_volts,
+    is_companion,
+    left_right,
+    named_column,
+    side_of,
+)
 from solen.recording.numbers import is_number, parse
+from solen.recording.stimulus import ANGLE, STIMULI, Stimulus
 from solen.recording.words import heading
 from solen.units import factor
 
@@ -29,7 +39,8 @@ _SEPARATORS = (";", "\t", ",")
 _BYTE_ORDER = ("\ufeff", "\xef\xbb\xbf")
 """Mark of the byte order before a header, read as UTF-8 and as Windows-1252."""
 STDIN = "-"
-FILE_OPTIONS = ("angle", "zero_deg", "flip_angle", "on_off_hz", "on", "mains_hz", "emitters", "smooth_ms", "sheet")
+_OF_DRIVE = ("angle", "load", "depth", "against", "load_cell", "tare_s", "zero_deg", "flip_angle")
+FILE_OPTIONS = (*_OF_DRIVE, "on_off_hz", "on", "mains_hz", "emitters", "smooth_ms", "sheet")
 """Options that have a meaning for files alone."""
 
 
@@ -72,8 +83,12 @@ class Stream:
         return self.provenance is not None and self.provenance.simulated
 
 
-def recorded_stream(path: Path, options: SignalOptions, sensor: str | None, calibrated: str) -> Stream:
+def recorded_stream(
+    path: Path, options: SignalOptions, sensor: str | None, calibrated: str, stimulus: Stimulus = ANGLE
+) -> Stream:
     """Readings of a file; ``sensor`` is the sensor to decode, by default the ``calibrated`` one.
+
+    Decoded values are held against the file's own of the ``stimulus``, where it has one.
 
     Raises
     ------
@@ -82,7 +97,9 @@ def recorded_stream(path: Path, options: SignalOptions, sensor: str | None, cali
     """
     streams: dict[str, Stream] = {}
     for group, recording in read_parts(path, sheet=options.sheet, columns=options.columns or None):
-        for emitter, samples in waveforms(recording, options).items():
+        own = options.model_copy(update={"against": stimulus.name})
+        truth: AngleSource = "optional" if _has(recording, own) else "elsewhere"
+        for emitter, samples in waveforms(recording, own, angle=truth).items():
             label = ".".join(filter(None, (group, emitter))) or path.stem
             for name, receivers in by_sensor(samples.receivers, label, alone=True).items():
                 sides = left_right(tuple(receivers))
@@ -94,6 +111,14 @@ def recorded_stream(path: Path, options: SignalOptions, sensor: str | None, cali
         raise DataError(path.name, limit="has no pair of a left and a right receiver", remedy=remedy)
     name = chosen_sensor(list(streams), sensor, calibrated, path.name)
     return replace(streams[name], named=sensor is not None or name != path.stem)
+
+
+def _has(recording: Recording, options: SignalOptions) -> bool:
+    """Whether a recording says what was truly there; where only a load cell's volts do, its calibration is needed."""
+    name = options.against or ANGLE.name
+    if getattr(options, STIMULI[name].column) is not None or column_of(recording, name) is not None:
+        return True
+    return name == "force" and options.load_cell is not None and force_in_volts(recording) is not None
 
 
 def _of_sensor(samples: Waveforms, name: str, places: list[int], provenance: Provenance) -> Stream:

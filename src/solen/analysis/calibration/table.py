@@ -21,6 +21,7 @@ from solen.analysis.calibration.decoder import OUTSIDE, Decoder
 from solen.analysis.calibration.estimate import Calibration, at_angles
 from solen.arrays import FloatArray
 from solen.ranks import Caution, look_at
+from solen.recording.stimulus import ANGLE, STIMULI, Name, Stimulus
 from solen.results import Result, reported
 from solen.spec.strict import Options
 
@@ -28,14 +29,14 @@ TRIED = 20
 """Places of each piece at which the table is compared with the whole decoder."""
 MOST_OFF = 0.5
 """Standard uncertainties that a table may lie beside the whole decoder without a warning."""
-_PYTHON = '''"""Angles of a calibrated sensor: {name}. Written by solen {version}.
+_PYTHON = '''"""{plural} of a calibrated sensor: {name}. Written by solen {version}.
 
-decode(left, right) gives the angle in degrees, its standard uncertainty, and whether the readings lie on no point of
-the curve, so that the angle means nothing. Readings are as they were calibrated: {readings}.
+decode(left, right) gives the {what} in {unit}, its standard uncertainty, and whether the readings lie on no point of
+the curve, so that the {what} means nothing. Readings are as they were calibrated: {readings}.
 """
 
 LIMIT = {limit:.6g}
-# of each piece: angle at its start and its length in degrees; left and right at its start and their change;
+# of each piece: {what} at its start and its length in {unit}; left and right at its start and their change;
 # what makes the covariance of a reading one: a, b, c in (a dl, b dl + c dr)
 PIECES = (
 {rows})
@@ -43,7 +44,7 @@ PIECES = (
 
 def decode(left, right):
     nearest, found = 1e30, (0.0, 0.0)
-    for angle, width, l0, r0, dl, dr, a, b, c in PIECES:
+    for {what}, width, l0, r0, dl, dr, a, b, c in PIECES:
         x, y = a * (left - l0), b * (left - l0) + c * (right - r0)
         u, v = a * dl, b * dl + c * dr
         square = u * u + v * v
@@ -51,25 +52,25 @@ def decode(left, right):
         x, y = x - along * u, y - along * v
         far = x * x + y * y
         if far < nearest:
-            nearest, found = far, (angle + along * width, width / square**0.5)
+            nearest, found = far, ({what} + along * width, width / square**0.5)
     return found[0], found[1], nearest > LIMIT
 '''
-_C = """/* Angles of a calibrated sensor: {name}. Written by solen {version}.
+_C = """/* {plural} of a calibrated sensor: {name}. Written by solen {version}.
  *
- * solen_decode gives the angle in degrees and its standard uncertainty; it is false where the readings lie on no point
- * of the curve, so that the angle means nothing. Readings are as they were calibrated: {readings}. */
+ * solen_decode gives the {what} in {unit} and its standard uncertainty; it is false where the readings lie on no point
+ * of the curve, so that the {what} means nothing. Readings are as they were calibrated: {readings}. */
 #ifndef SOLEN_DECODE_H
 #define SOLEN_DECODE_H
 
 #include <math.h>
 #include <stdbool.h>
 
-/* Of each piece: angle at its start and its length in degrees; left and right at its start and their change; what
+/* Of each piece: {what} at its start and its length in {unit}; left and right at its start and their change; what
  * makes the covariance of a reading one: a, b, c in (a dl, b dl + c dr). On an AVR they stand in RAM. */
 static const float solen_pieces[{count}][9] = {{
 {rows}}};
 
-static inline bool solen_decode(float left, float right, float *angle_deg, float *u_deg) {{
+static inline bool solen_decode(float left, float right, float *{what}_{unit}, float *u_{unit}) {{
     float nearest = 1e30f;
     for (int number = 0; number < {count}; number++) {{
         const float *p = solen_pieces[number];
@@ -81,8 +82,8 @@ static inline bool solen_decode(float left, float right, float *angle_deg, float
         y -= along * v;
         if (x * x + y * y < nearest) {{
             nearest = x * x + y * y;
-            *angle_deg = p[0] + along * p[1];
-            *u_deg = p[1] / sqrtf(square);
+            *{what}_{unit} = p[0] + along * p[1];
+            *u_{unit} = p[1] / sqrtf(square);
         }}
     }}
     return nearest <= {limit:.6g}f;
@@ -105,8 +106,8 @@ class BoardTable:
 
     Attributes
     ----------
-    name, readings, version
-        Description of the sensor, its readings and the program, for the sources.
+    name, readings, version, stimulus
+        Description of the sensor, its readings, the program and what is decoded, for the sources.
     """
 
     pieces: FloatArray
@@ -114,9 +115,19 @@ class BoardTable:
     name: str
     readings: str
     version: str
+    stimulus: Stimulus = ANGLE
 
     @classmethod
-    def of(cls, calibration: Calibration, points: int, *, name: str, readings: str, version: str) -> "BoardTable":
+    def of(
+        cls,
+        calibration: Calibration,
+        points: int,
+        *,
+        name: str,
+        readings: str,
+        version: str,
+        stimulus: Stimulus = ANGLE,
+    ) -> "BoardTable":
         """Table of a calibration."""
         total, freedom = calibration.law()
         half = 0.5 * (calibration.curves_V[1] - calibration.curves_V[0])
@@ -131,7 +142,7 @@ class BoardTable:
         columns = (nodes[:-1], np.diff(nodes), curve[:-1], np.diff(curve, axis=0), white[:, 0, 0], white[:, 1])
         least = float(np.interp(middle, calibration.angle_deg, freedom).min())
         limit = 2.0 * float(f_distribution.isf(OUTSIDE, 2, min(least, 1e6)))
-        return cls(np.column_stack(columns), limit, name, readings, version)
+        return cls(np.column_stack(columns), limit, name, readings, version, stimulus)
 
     @cached_property
     def python(self) -> str:
@@ -146,7 +157,8 @@ class BoardTable:
     @property
     def _said(self) -> dict[str, Any]:
         texts = {"name": self.name, "readings": self.readings, "version": self.version}
-        return {"limit": self.limit} | {key: re.sub(r"[^\w .,()+-]", "", text) for key, text in texts.items()}
+        drive = {"what": self.stimulus.name, "plural": self.stimulus.plural.title(), "unit": self.stimulus.unit}
+        return drive | {"limit": self.limit} | {key: re.sub(r"[^\w .,()+-]", "", text) for key, text in texts.items()}
 
     def _rows(self, row: str, suffix: str) -> str:
         return "".join(
@@ -187,6 +199,8 @@ class DecodingTable(Result):
         The same in standard uncertainties of an angle.
     simulated
         Whether the calibration rests on simulated recordings.
+    stimulus
+        What is decoded: ``angle``, ``force`` or ``depth``; keys name its unit.
     """
 
     sensor: str
@@ -196,10 +210,17 @@ class DecodingTable(Result):
     off_deg: float
     sigma: float
     simulated: bool
+    stimulus: Name = "angle"
+
+    def to_dict(self) -> dict[str, Any]:
+        """The result as plain data; keys name the unit of what is decoded."""
+        renamed: dict[str, Any] = STIMULI[self.stimulus].keyed(super().to_dict())
+        return renamed
 
     @reported
     def warnings(self) -> tuple[Caution, ...]:
         """Warnings if the table is too coarse."""
         if self.sigma <= MOST_OFF:
             return ()
-        return (look_at(f"the table lies up to {self.off_deg:.2g}° from the full decoder; use more --points"),)
+        off = f"{self.off_deg:.2g}{STIMULI[self.stimulus].sign}"
+        return (look_at(f"the table lies up to {off} from the full decoder; use more --points"),)

@@ -8,6 +8,7 @@ from solen.analysis.ageing import Ageing
 from solen.analysis.timing import ReceiverTiming, Timing
 from solen.cli.app import lines
 from solen.pipeline.bench.analyse import analyse as analyse
+from solen.recording.stimulus import Stimulus
 
 LENS = {None: "", True: ", lens", False: ", no lens"}
 """Words for the lens of a sensor."""
@@ -27,47 +28,50 @@ def _(study: Study) -> Iterator[str]:
 def _sensor(sensor: SensorResponse, *, simulated: bool) -> Iterator[str]:
     motion = sensor.runs[0].motion
     cycles = f"{sensor.cycles_used} of {sum(len(run.motion.cycles) for run in sensor.runs)} cycles"
-    reach = f"{motion.low_deg:.3g}° to {motion.high_deg:.3g}°"
+    sign = sensor.stimulus.sign
+    reach = f"{motion.low_deg:.3g}{sign} to {motion.high_deg:.3g}{sign}"
     others = sum(len(run.timed) - len(run.used) for run in sensor.runs)
     speeds = f"; {others} more, at another speed, for timing" if others else ""
     yield f"{sensor.label}{LENS[sensor.lens]}: {cycles}, {reach}{speeds}{'; simulated' if simulated else ''}"
     for name, receiver in sensor.receivers.items():
-        yield from _receiver(name, receiver, sensor.timing.receivers[name], sensor.unit)
-    yield _timing(sensor.timing)
+        yield from _receiver(name, receiver, sensor.timing.receivers[name], sensor.unit, sign)
+    yield _timing(sensor.timing, sensor.stimulus)
     if sensor.ageing is not None:
-        yield from _ageing(sensor.ageing, sensor.unit)
+        yield from _ageing(sensor.ageing, sensor.unit, sign)
     pair = sensor.left_minus_right
     if pair is not None:
         what = "voltage" if sensor.unit == "V" else "value"
-        yield f"  left and right show one {what} at {_pm(pair.balance_deg, pair.u_balance_deg, '°')}"
+        yield f"  left and right show one {what} at {_pm(pair.balance_deg, pair.u_balance_deg, sign)}"
 
 
-def _ageing(ageing: Ageing, unit: str) -> Iterator[str]:
+def _ageing(ageing: Ageing, unit: str, sign: str) -> Iterator[str]:
     groups = len(ageing.first_cycle)
     yield f"  over {groups} groups of {ageing.first_cycle[1] - 1} cycles, per 1000 cycles:"
     for name, one in ageing.receivers.items():
         change = _pm(1e3 * one.swing_V_per_cycle, 1e3 * one.u_swing_V_per_cycle, f" {unit}")
         yield f"    {name}: swing {change}; noise {one.noise_V[0]:.2g} to {one.noise_V[-1]:.2g} {unit}"
-    yield f"    null {_pm(1e3 * ageing.balance_deg_per_cycle, 1e3 * ageing.u_balance_deg_per_cycle, '°')}"
+    yield f"    null {_pm(1e3 * ageing.balance_deg_per_cycle, 1e3 * ageing.u_balance_deg_per_cycle, sign)}"
 
 
-def _timing(timing: Timing) -> str:
+def _timing(timing: Timing, stimulus: Stimulus) -> str:
     if timing.separated:
         lag = f"{1e3 * timing.lag_s:.3g} ± {1e3 * timing.u_lag_s:.2g} ms"
-        return f"  timing: by two speeds, the voltages come {lag} after the angle"
+        return f"  timing: by two speeds, the voltages come {lag} after the {stimulus.name}"
     if not math.isfinite(timing.bound_s):
         return "  timing: unknown"
     if timing.timing_deg == 0.0:
         return "  timing: no contribution, as all readings were taken at stops"
+    most = f"{timing.timing_deg:.2g}{stimulus.sign}"
     return (
-        f"  timing: ±{1e3 * timing.bound_s:.2g} ms, up to {timing.timing_deg:.2g}° between the two directions; a "
-        "single speed cannot separate it further from hysteresis"
+        f"  timing: ±{1e3 * timing.bound_s:.2g} ms, up to {most} between the two directions; a single speed cannot "
+        "separate it further from hysteresis"
     )
 
 
-def _receiver(name: str, response: ReceiverResponse, timing: ReceiverTiming, unit: str) -> Iterator[str]:
-    slope = _pm(response.sensitivity_V_per_deg, response.u_sensitivity_V_per_deg, f" {unit}/°")
-    near_zero = _pm(response.sensitivity_near_zero_V_per_deg, response.u_sensitivity_near_zero_V_per_deg, f" {unit}/°")
+def _receiver(name: str, response: ReceiverResponse, timing: ReceiverTiming, unit: str, sign: str) -> Iterator[str]:
+    each = f" {unit}/{sign.strip()}"
+    slope = _pm(response.sensitivity_V_per_deg, response.u_sensitivity_V_per_deg, each)
+    near_zero = _pm(response.sensitivity_near_zero_V_per_deg, response.u_sensitivity_near_zero_V_per_deg, each)
     swing = _pm(response.range_V, response.u_range_V, f" {unit}")
     yield f"  {name}: range {swing}; sensitivity {slope}, near zero {near_zero}"
     linearity = _percent(response.independent_linearity_percent)
@@ -78,7 +82,7 @@ def _receiver(name: str, response: ReceiverResponse, timing: ReceiverTiming, uni
     yield f"    {shares}; drift {_pm(response.drift_V_per_min, response.u_drift_V_per_min, f' {unit}/min')}"
     angle = response.resolution_near_zero_deg
     noise = f"{1e3 * response.noise_V:.3g} mV" if unit == "V" else f"{response.noise_V:.3g} {unit}"
-    yield f"    noise {noise}" + (f", that is {angle:.2g}° near zero" if angle == angle else "")
+    yield f"    noise {noise}" + (f", that is {angle:.2g}{sign} near zero" if angle == angle else "")
 
 
 def _apart(timing: ReceiverTiming) -> str:

@@ -14,6 +14,7 @@ from solen.pipeline.bench.recorded import ANALYSED, RECORDED, Analysed, Recorded
 from solen.pipeline.bench.table import table as table
 from solen.pipeline.options import FLAT, Force
 from solen.ranks import ranked
+from solen.recording.stimulus import STIMULI
 from solen.report.options import FigureOptions
 from solen.results import Outcome
 
@@ -56,9 +57,9 @@ def calibrate(
 @lines.register
 def _(result: SensorCalibrations) -> Iterator[str]:
     for calibration in result.calibrations:
-        low, high = calibration.range_deg
+        (low, high), sign = calibration.range_deg, calibration.stimulus_of.sign
         prints = f", {len(calibration.prints)} prints" if len(calibration.prints) > 1 else ""
-        yield f"{calibration.sensor}{prints}: {calibration.cycles} cycles, {low:.3g}° to {high:.3g}°"
+        yield f"{calibration.sensor}{prints}: {calibration.cycles} cycles, {low:.3g}{sign} to {high:.3g}{sign}"
         yield from (f"  {line}" for line in calibration.words)
 
 
@@ -106,21 +107,25 @@ def decode(
 
 @lines.register
 def _(result: DecodingTable) -> Iterator[str]:
-    simulated = "; simulated" if result.simulated else ""
-    yield f"{result.sensor}: {result.pieces} pieces, {result.low_deg:.3g}° to {result.high_deg:.3g}°{simulated}"
-    yield f"differs from the full decoder by up to {result.off_deg:.2g}°, {result.sigma:.2g} standard uncertainties"
+    simulated, sign = "; simulated" if result.simulated else "", STIMULI[result.stimulus].sign
+    reach, off = f"{result.low_deg:.3g}{sign} to {result.high_deg:.3g}{sign}", f"{result.off_deg:.2g}{sign}"
+    yield f"{result.sensor}: {result.pieces} pieces, {reach}{simulated}"
+    yield f"differs from the full decoder by up to {off}, {result.sigma:.2g} standard uncertainties"
 
 
 @lines.register
 def _(result: Decoding) -> Iterator[str]:
     flags = ((getattr(result, name), name) for name in ("outside", "ambiguous", "clipped", "missing"))
     low, high = result.lowest_deg, result.highest_deg
-    ends = "none in the calibrated range" if low is None else f"{low:.4g}° to {high:.4g}°"
+    stimulus = STIMULI[result.stimulus]
+    sign = stimulus.sign
+    ends = "none in the calibrated range" if low is None else f"{low:.4g}{sign} to {high:.4g}{sign}"
     yield ", ".join([f"{result.readings} readings", ends, *(f"{count} {name}" for count, name in flags if count)])
     against = result.against_angle
     if against is not None:
         yield (
-            f"against the recording's own angle: rms {against.rms_deg:.2g}°, mean {against.bias_deg:+.1g}°, "
+            f"against the recording's own {stimulus.name}: rms {against.rms_deg:.2g}{sign}, mean "
+            f"{against.bias_deg:+.1g}{sign}, "
             f"{100 * against.within_95:.0f} % within the 95 % bands"
         )
     if result.interrupted:

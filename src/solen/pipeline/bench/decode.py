@@ -11,7 +11,6 @@ from typing import TextIO
 from solen import files
 from solen.analysis import SignalOptions
 from solen.analysis.calibration import DecodeOptions, Decoding, StreamDecoder
-from solen.analysis.calibration.decoding import HEADER
 from solen.analysis.calibration.file import CalibrationFile, load
 from solen.analysis.calibration.streams import (
     STDIN,
@@ -106,13 +105,13 @@ def _stream(
     if path.suffix == JOURNAL:
         check_live(signals, subtracted=True)
         return _journal(path, options, known.sensor)
-    return recorded_stream(path, signals, options.sensor, known.sensor)
+    return recorded_stream(path, signals, options.sensor, known.sensor, known.stimulus_of)
 
 
 def _write_rows(decoder: StreamDecoder, stream: Stream, file: TextIO | None, targets: list[TextIO | Outlet]) -> bool:
     """Decode all batches; return whether Ctrl-C stopped the stream."""
     for target in targets:
-        print(decoder.heading if target is file else HEADER, end="", file=target, flush=True)
+        print(decoder.heading if target is file else decoder.header, end="", file=target, flush=True)
     try:
         for piece in (piece for batch in stream.batches for piece in batch.pieces(_PIECE)):
             rows = decoder.rows(piece)

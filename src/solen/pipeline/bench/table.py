@@ -25,7 +25,14 @@ def table(
     """
     known = load(calibration)
     readings = f"in {known.unit}, ambient light {known.circuit.ambient or 'treated as in the recordings'}"
-    made = BoardTable.of(known.calibration, options.points, name=known.sensor, readings=readings, version=__version__)
+    made = BoardTable.of(
+        known.calibration,
+        options.points,
+        name=known.sensor,
+        readings=readings,
+        version=__version__,
+        stimulus=known.stimulus_of,
+    )
     texts = {"solen_decode.py": made.python, "solen_decode.h": made.c}
     with files.output_folder(folder):
         for name in texts:
@@ -34,5 +41,5 @@ def table(
         files.write_all({folder / name: text.encode() for name, text in texts.items()})
     off, sigma = made.off_deg(known.calibration)
     low, high = known.range_deg
-    result = DecodingTable(known.sensor, len(made.pieces), low, high, off, sigma, known.simulated)
+    result = DecodingTable(known.sensor, len(made.pieces), low, high, off, sigma, known.simulated, known.stimulus)
     return Outcome(result, {name: folder / name for name in texts})

@@ -34,7 +34,7 @@ def study_figure(study: Study) -> Figure:
     for empty in axes[panels:]:
         empty.set_visible(False)
     for number, panel in enumerate(axes[:panels]):
-        panel.set_xlabel("angle (°)")
+        panel.set_xlabel(study.stimulus.label)
         if number % across == 0:
             panel.set_ylabel(label_of(study.unit))
     state_origin(figure, study.simulated, study.remark)

@@ -30,7 +30,9 @@ def calibration_figure(result: SensorCalibrations) -> Figure:
 
 def _draw_calibration(row: Sequence[Axes], file: CalibrationFile, check: Check | None) -> None:
     curves, angles, errors = row
+    stimulus = file.stimulus_of
     _draw_curves(curves, file.calibration, file.unit)
+    curves.set_xlabel(stimulus.label)
     curves.set_title(f"{file.sensor}: {file.cycles} cycles, ± 2 SD of a new reading", loc="left")
     if check is None:
         for panel in (angles, errors):
@@ -38,8 +40,10 @@ def _draw_calibration(row: Sequence[Axes], file: CalibrationFile, check: Check |
         return
     left_out = "a cycle" if file.leave_one_sensor_out is None else "a print"
     _draw_angles(angles, check)
-    angles.set_title(f"{left_out} left out: rms {check.whole.rms_deg:.2g}°", loc="left")
+    angles.set(xlabel=f"true {stimulus.label}", ylabel=f"decoded {stimulus.label}")
+    angles.set_title(f"{left_out} left out: rms {check.whole.rms_deg:.2g}{stimulus.sign}", loc="left")
     _draw_errors(errors, check)
+    errors.set(xlabel=f"true {stimulus.label}", ylabel=f"error ({stimulus.sign.strip()})")
     shares = f"{100 * check.whole.within_68:.0f} and {100 * check.whole.within_95:.0f} %"
     errors.set_title(f"in the 68 and 95 % bands: {shares}", loc="left")
 
@@ -53,7 +57,6 @@ def _draw_curves(axes: Axes, calibration: Calibration, unit: str) -> None:
         axes.fill_between(calibration.angle_deg, middle - half, middle + half, color=look["color"], alpha=0.25, lw=0)
         axes.plot(calibration.angle_deg, rising, **look, lw=1.5, label=name)
         axes.plot(calibration.angle_deg, falling, "--", **look, lw=1.0)
-    axes.set_xlabel("angle (°)")
     axes.set_ylabel(label_of(unit))
     axes.legend()
 
@@ -71,8 +74,6 @@ def _draw_angles(axes: Axes, check: Check) -> None:
     axes.plot(true, check.angle_deg[shown], ".", color=RIGHT, ms=2.5, label="decoded, with its 95 % band")
     ends = np.array([true.min(), true.max()])
     axes.plot(ends, ends, color=INK, lw=0.8, label="true")
-    axes.set_xlabel("true angle (°)")
-    axes.set_ylabel("decoded angle (°)")
     axes.legend()
 
 
@@ -84,6 +85,4 @@ def _draw_errors(axes: Axes, check: Check) -> None:
     axes.vlines(true, low, high, color=SOFT, lw=0.8)
     axes.plot(np.nan, np.nan, color=SOFT, label="95 % band")
     axes.axhline(0.0, color=INK, lw=0.8)
-    axes.set_xlabel("true angle (°)")
-    axes.set_ylabel("error (°)")
     axes.legend()

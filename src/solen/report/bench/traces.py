@@ -43,7 +43,7 @@ def _draw(axes: Axes, response: SensorResponse, run: Run) -> None:
     _draw_motion(axes, run)
     above = axes.twinx()
     above.plot(*_thinned(signals.time_s, signals.angle_deg), color=INK, lw=0.7, alpha=0.5)
-    above.set_ylabel("angle (°), thin")
+    above.set_ylabel(f"{signals.stimulus.label}, thin")
     above.grid(visible=False)
     above.spines["right"].set_visible(True)
     axes.set_ylabel(label_of(signals.unit))

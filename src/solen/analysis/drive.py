@@ -1,0 +1,233 @@
+"""What drives a recorded sensor, from the columns of its recording: an angle, a force or a depth.
+
+The idea: options name a column, headers do where they do not; of several the angle comes before the force, and that
+before the depth, and a warning says which was taken. A force is in units of force, or in volts of a load cell whose
+calibration is stated (`solen.analysis.load_cell`); nothing is assumed of a force or depth without a unit.
+
+The interface: `driven` of a recording; `refuse_without` where nothing drives it.
+"""
+
+import json
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NoReturn
+
+import numpy as np
+
+from solen.analysis.load_cell import LoadCell, load_cell_of
+from solen.analysis.timebase import TimeBase
+from solen.arrays import FloatArray
+from solen.errors import DataError, SolenError, SpecError
+from solen.ranks import Caution, look_at, note, of
+from solen.recording import Channel, Recording
+from solen.recording.column_roles import ENDS_IN_V, column_of, existing, force_in_volts, named_column
+from solen.recording.stimulus import ANGLE, FORCE, STIMULI, Stimulus
+from solen.recording.words import plain
+from solen.units import factor
+
+if TYPE_CHECKING:
+    from solen.analysis.signals import SignalOptions
+
+_TURN_DEG = 360.0
+_FAR_DEG = 720.0  # an angle beyond two turns is not in degrees
+_OF_ANGLES = ("zero_deg", "flip_angle", "step_deg")
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """What drives a sensor.
+
+    Attributes
+    ----------
+    stimulus
+        An angle, a force or a depth.
+    values
+        In its unit, in order of time, (n,).
+    columns
+        Names of columns that are no receivers.
+    cell
+        The load cell, where it is stated.
+    """
+
+    stimulus: Stimulus
+    values: FloatArray
+    columns: tuple[str, ...]
+    cell: LoadCell | None = None
+
+
+def driven(
+    recording: Recording, options: "SignalOptions", base: TimeBase, warnings: list[Caution], *, log: bool = False
+) -> Drive | None:
+    """What drives a recorded sensor; None if no column does. Assumptions are added to the warnings.
+
+    ``base`` are the times of the samples; of a ``log`` no receivers are expected.
+
+    Raises
+    ------
+    DataError, SpecError
+        If a column has a unit of another kind, or none; or an option is for another quantity.
+    """
+    volts = None if log else force_in_volts(recording)
+    if volts is not None and volts.name in {column for _, column in options.named_receivers}:
+        volts = None
+    found = _chosen(recording, options, volts, warnings)
+    if found is None:
+        return None
+    stimulus, channel = found
+    _check_options(stimulus, options)
+    columns = tuple(one.name for one in (channel, volts) if one is not None)
+    if stimulus is ANGLE:
+        if volts is not None:
+            unused = "is in volts of a load cell and is not used: --load-cell and --against force read it"
+            warnings.append(of(volts.name, look_at(unused)))
+        angle = _degrees(recording, channel, options, warnings)[base.order]
+        return Drive(ANGLE, angle, columns)
+    file = recording.provenance.file or "recording"
+    cell = (load_cell_of(options.load_cell) if options.load_cell else _of_rig(recording)) if stimulus is FORCE else None
+    scale = factor(channel.unit, stimulus.unit) if channel.unit else None
+    if scale is None:
+        values = _by_cell(channel, cell if options.load_cell else None, options, base, f"{file}: {channel.name}")
+    else:
+        values = scale * (channel.values[base.order] - _tare(channel, options, base))
+    return Drive(stimulus, values, columns, cell)
+
+
+def refuse_without(recording: Recording) -> NoReturn:
+    """`DataError` with what a person can do about a recording that nothing drives."""
+    remedy = (
+        "name it with --angle, a log of the stage with --angle-file, or give --amplitude-deg; a force with --load, a "
+        f"depth with --depth; {existing(recording)}"
+    )
+    limit = "no column is recognised as the angle, nor as a force or depth"
+    raise DataError(recording.provenance.file or "recording", limit=limit, remedy=remedy)
+
+
+def _chosen(
+    recording: Recording, options: "SignalOptions", volts: Channel | None, warnings: list[Caution]
+) -> tuple[Stimulus, Channel] | None:
+    """The quantity that the voltages are analysed against, and its column."""
+    stated = {name: getattr(options, one.column) for name, one in STIMULI.items()}
+    named = {name: column for name, column in stated.items() if column is not None}
+    wanted = [options.against] if options.against else list(named or STIMULI)
+    for name in wanted:
+        channel = _column(recording, name, named.get(name), volts)
+        if channel is not None:
+            others = [other for other in STIMULI if other != name and _there(recording, other, named)]
+            if others and options.against is None:
+                more = (
+                    f"the response is against the {name}, and the {' and the '.join(others)} "
+                    f"{'is' if len(others) == 1 else 'are'} recorded as well: --against {others[0]} takes that"
+                )
+                warnings.append(note(more))
+            return STIMULI[name], channel
+    if options.against:
+        limit = f"no column is recognised as the {options.against}"
+        remedy = f"name it with --{STIMULI[options.against].column}; {existing(recording)}"
+        raise DataError(recording.provenance.file or "recording", limit=limit, remedy=remedy)
+    return None
+
+
+def _column(recording: Recording, name: str, named: str | None, volts: Channel | None) -> Channel | None:
+    if named is not None:
+        return named_column(recording, named, f"--{STIMULI[name].column}")
+    return column_of(recording, name) or (volts if name == "force" else None)
+
+
+def _there(recording: Recording, name: str, named: dict[str, str]) -> bool:
+    """Whether a recording has another quantity as well; of several columns one would be named, if it were taken."""
+    if name in named:
+        return True
+    try:
+        return column_of(recording, name) is not None
+    except DataError:
+        return True
+
+
+def _check_options(stimulus: Stimulus, options: "SignalOptions") -> None:
+    """`SpecError` for options of another quantity."""
+    foreign = ["tare_s"] if stimulus is ANGLE else [*_OF_ANGLES]
+    foreign += [] if stimulus is FORCE else ["load_cell"]
+    for name in foreign:
+        if name in options.model_fields_set and getattr(options, name) not in {None, False}:
+            option = f"--{name.replace('_', '-')}"
+            remedy = "leave it out" if stimulus is ANGLE or name != "zero_deg" else "--tare-s sets the zero"
+            value = getattr(options, name)
+            raise SpecError(option, value=value, limit=f"has no use against the {stimulus.name}", remedy=remedy)
+
+
+def _by_cell(
+    channel: Channel, cell: LoadCell | None, options: "SignalOptions", base: TimeBase, what: str
+) -> FloatArray:
+    """Forces of a load cell's volts."""
+    unit = channel.unit or ("V" if ENDS_IN_V.search(channel.name) else "")
+    scale = factor(unit, "V") if unit else None
+    if scale is None:
+        limit = "is no unit of what it should be" if unit else "states no unit"
+        remedy = "write it into the header: force_N, force_gf or depth_mm; load_cell_V of a load cell"
+        raise DataError(what, value=unit or None, limit=limit, remedy=remedy)
+    if cell is None:
+        remedy = "state its calibration with --load-cell FILE: [load_cell] with N_per_V"
+        raise DataError(what, value=unit, limit="is a voltage: what force it stands for is not stated", remedy=remedy)
+    if cell.zero_V is None and options.tare_s is None:
+        remedy = "state zero_V in [load_cell], or --tare-s, seconds at the beginning without load"
+        raise DataError(what, limit="has no known voltage without load", remedy=remedy)
+    if cell.zero_V is not None and options.tare_s is not None:
+        raise SpecError("--tare-s", value=options.tare_s, limit="has no use beside zero_V", remedy="leave one out")
+    volts = scale * channel.values[base.order]
+    zero_V = cell.zero_V if cell.zero_V is not None else scale * _tare(channel, options, base)
+    return cell.force_N(volts, zero_V)
+
+
+def _tare(channel: Channel, options: "SignalOptions", base: TimeBase) -> float:
+    """Mean of a column over the beginning, 0 unless it is asked for."""
+    if options.tare_s is None:
+        return 0.0
+    first = channel.values[base.order][base.time_s <= base.time_s[0] + options.tare_s]
+    if not np.isfinite(first).any():
+        limit = "are without a number in the column of the force or depth"
+        raise SpecError("--tare-s", value=options.tare_s, limit=limit, remedy="take more")
+    return float(np.nanmean(first))
+
+
+def _of_rig(recording: Recording) -> LoadCell | None:
+    """Load cell of the rig that a bench wrote into a recording's header."""
+    with suppress(ValueError, KeyError, TypeError, SolenError):
+        table: Any = json.loads(recording.provenance.metadata["header"])["rig"]["load_cell"]
+        return LoadCell(**table)
+    return None
+
+
+def _degrees(recording: Recording, channel: Channel, options: "SignalOptions", warnings: list[Caution]) -> FloatArray:
+    """Angle at each sample as the file orders them, (n,)."""
+    file = recording.provenance.file or "recording"
+    scale = factor(channel.unit, "deg") if channel.unit else 1.0
+    if scale is None or channel.unit == "1":
+        limit = "is not a unit of angle"
+        raise DataError(f"{file}: {channel.name}", value=channel.unit, limit=limit, remedy="name another with --angle")
+    if not channel.unit:
+        _check_degrees(channel, file, warnings)
+    return (-1.0 if options.flip_angle else 1.0) * (_unwound(channel, scale, warnings) - options.zero_deg)
+
+
+def _check_degrees(channel: Channel, file: str, warnings: list[Caution]) -> None:
+    """`DataError` if an angle without a unit cannot be in degrees."""
+    farthest = float(np.nanmax(np.abs(channel.values), initial=0.0))
+    if farthest > _FAR_DEG:
+        limit = f"goes to {farthest:.4g} without a known unit, too far for degrees"
+        remedy = "state its unit in the header: deg, mdeg, rad or mrad; or name another column with --angle"
+        raise DataError(f"{file}: {channel.name}", limit=limit, remedy=remedy)
+    if not plain(channel.name).endswith("deg"):
+        warnings.append(look_at(f"{channel.name} states no unit; degrees are assumed"))
+
+
+def _unwound(channel: Channel, scale: float, warnings: list[Caution]) -> FloatArray:
+    """Degrees, continued where they jump from 360 to 0 or from 180 to -180 and back."""
+    angle = np.asarray(channel.values * scale)
+    held = np.isfinite(angle)
+    steps = np.diff(angle[held])
+    if not (np.abs(np.abs(steps) - _TURN_DEG) < 0.5 * (_TURN_DEG - 180.0)).any() or np.ptp(angle[held]) > _TURN_DEG:
+        return angle
+    unwound = np.unwrap(angle[held], period=_TURN_DEG)
+    angle[held] = unwound - _TURN_DEG * np.round(np.median(unwound) / _TURN_DEG)
+    warnings.append(of(channel.name, note("jumps by a whole turn; the angle is continued there")))
+    return angle

@@ -1,0 +1,100 @@
+"""A load cell: volts to newtons, with what its maker or a calibration with weights states of it.
+
+The idea: one factor for all of its range, and the two errors that every reading shares: that of the factor, and how far
+the cell is from a straight line. They move a whole calibration, not one reading against the next, so that scatter does
+not show them; a decoded force carries both (`LoadCell.u_N`). What is the same in both halves of a comparison stays out
+of it: forces of one recording are held against the cell's own reading.
+
+The interface: `LoadCell`, the table ``[load_cell]`` of a rig or a file of its own; `load_cell_of` a file.
+"""
+
+import math
+from pathlib import Path
+from typing import Annotated, ClassVar, Self
+
+from pydantic import Field, model_validator
+
+from solen.arrays import FloatArray
+from solen.errors import SpecError
+from solen.files import read_text
+from solen.spec.strict import NotNegative, Number, Positive, Strict, Text, error_context, parse_toml, refused
+
+_RATED = ("mV_per_V", "excitation_V")
+
+
+class LoadCell(Strict):
+    """A load cell: what a volt of its signal stands for."""
+
+    table: ClassVar[str] = "load_cell"
+
+    name: Text = Field("load cell", description="What it is called.")
+    input: Annotated[int, Field(strict=True, ge=1, le=64)] | None = Field(
+        None, description="Of a rig: the input that it is on."
+    )
+    N_per_V: Number | None = Field(
+        None, description="Newtons for each volt; negative where a press makes the voltage fall."
+    )
+    mV_per_V: Positive | None = Field(None, description="Or its output at capacity_N, for each volt of excitation.")
+    excitation_V: Positive | None = Field(None, description="Beside mV_per_V: the voltage that supplies its bridge.")
+    gain: Positive | None = Field(None, description="Beside mV_per_V: of its amplifier; default: 1.")
+    capacity_N: Positive | None = Field(None, description="Its rated load.")
+    u_sensitivity_percent: NotNegative | None = Field(
+        None, description="Standard uncertainty of newtons for each volt, with excitation and amplifier."
+    )
+    nonlinearity_percent: NotNegative = Field(
+        0.0, description="Largest distance from a straight line, in per cent of capacity_N."
+    )
+    zero_V: Number | None = Field(
+        None, description="Voltage without load; default: the mean of the rest at the beginning (tare)."
+    )
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        rated = [key for key in (*_RATED, "gain") if getattr(self, key) is not None]
+        if (self.N_per_V is None) == (self.mV_per_V is None):
+            limit = "must be stated by N_per_V, or by mV_per_V with excitation_V and capacity_N"
+            raise refused("", limit, remedy="add N_per_V = 2.0")
+        if self.N_per_V is not None and rated:
+            limit = "has no meaning beside N_per_V"
+            raise refused(rated[0], limit, value=getattr(self, rated[0]), remedy="leave one of them out")
+        if self.N_per_V == 0.0:
+            raise refused("N_per_V", "must not be 0", value=0.0)
+        needed = [] if self.mV_per_V is None else ["excitation_V", "capacity_N"]
+        needed += ["capacity_N"] if self.nonlinearity_percent else []
+        lacks = next((key for key in needed if getattr(self, key) is None), None)
+        if lacks is not None:
+            because = "mV_per_V" if self.N_per_V is None else "nonlinearity_percent"
+            raise refused(lacks, f"missing: {because} needs it")
+        return self
+
+    @property
+    def sensitivity_N_per_V(self) -> float:
+        """Newtons for each volt."""
+        if self.mV_per_V is None or self.excitation_V is None or self.capacity_N is None:
+            return self.N_per_V or 0.0  # one of the two is stated
+        return self.capacity_N / (1e-3 * self.mV_per_V * self.excitation_V * (self.gain or 1.0))
+
+    @property
+    def u_line_N(self) -> float:
+        """Standard uncertainty by its distance from a straight line: anything up to the largest is equally likely."""
+        return 0.01 * self.nonlinearity_percent * (self.capacity_N or 0.0) / math.sqrt(3.0)
+
+    def force_N(self, volts: FloatArray, zero_V: float) -> FloatArray:
+        """Forces at voltages, of any shape."""
+        return self.sensitivity_N_per_V * (volts - zero_V)
+
+
+def load_cell_of(path: Path) -> LoadCell:
+    """The table ``[load_cell]`` of a file, which may be a rig's.
+
+    Raises
+    ------
+    SpecError
+        If the file cannot be read, has no such table, or it is invalid.
+    """
+    data = parse_toml(read_text(path, SpecError), str(path), SpecError)
+    table = data.get("load_cell")
+    if not isinstance(table, dict):
+        raise SpecError(str(path), limit="has no table [load_cell]", remedy="add one with N_per_V = 2.0")
+    with error_context(f"{path}: load_cell"):
+        return LoadCell(**table)

@@ -1,0 +1,76 @@
+"""What a recording drives its sensor by: an angle, a force or a depth.
+
+The idea: analysis, calibration and decoding are the same for all three. Their arrays and fields are called after the
+angle (``angle_deg``), as those of receivers are after volts, and hold what was driven in its own unit; sentences, axes
+and the keys of JSON and files name that unit: ``sensitivity_V_per_N``, ``interval95_force_N``.
+
+The interface: `Stimulus`; `ANGLE`, `FORCE` and `DEPTH`, and all as `STIMULI`.
+"""
+
+import re
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from solen.results import in_unit, rekeyed
+
+Name = Literal["angle", "force", "depth"]
+NEAR_ZERO_DEG = 0.5
+"""Angles about 0 over which the sensitivity near zero is taken."""
+_NEAR_ZERO = 1.0 / 6.0  # of the reach, as 0.5° are of the 3° of a rotation
+
+
+@dataclass(frozen=True)
+class Stimulus:
+    """A driven quantity.
+
+    Attributes
+    ----------
+    name, plural
+        How sentences call it.
+    unit
+        Of its values, and in keys.
+    sign
+        Its unit behind a number.
+    """
+
+    name: Name
+    plural: str
+    unit: str
+    sign: str
+
+    @property
+    def label(self) -> str:
+        """Label of its axis."""
+        return f"{self.name} ({self.sign.strip()})"
+
+    @property
+    def column(self) -> str:
+        """Option that names its column; --force replaces files."""
+        return "load" if self.name == "force" else self.name
+
+    def near_zero(self, reach: float) -> float:
+        """Values about 0 over which the sensitivity near zero is taken, of a motion that reaches so far."""
+        return NEAR_ZERO_DEG if self.unit == "deg" else float(f"{_NEAR_ZERO * reach:.2g}")
+
+    def keyed(self, data: Any) -> Any:
+        """Plain data whose keys name this quantity in place of the angle."""
+        return self._rekeyed(data, ANGLE, self)
+
+    def unkeyed(self, data: Any) -> Any:
+        """Plain data of a file back to keys that name the angle."""
+        return self._rekeyed(data, self, ANGLE)
+
+    @staticmethod
+    def _rekeyed(data: Any, before: "Stimulus", after: "Stimulus") -> Any:
+        if before == after:
+            return data
+        data = in_unit(data, after.unit, before.unit)
+        for old, new in ((before.plural, after.plural), (before.name, after.name)):
+            data = rekeyed(data, re.compile(rf"(?:(?<=_)|^){old}(?=_|$)"), new)
+        return data
+
+
+ANGLE = Stimulus("angle", "angles", "deg", "°")
+FORCE = Stimulus("force", "forces", "N", " N")
+DEPTH = Stimulus("depth", "depths", "mm", " mm")
+STIMULI: dict[str, Stimulus] = {one.name: one for one in (ANGLE, FORCE, DEPTH)}
