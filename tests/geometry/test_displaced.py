@@ -174,3 +174,42 @@ def test_lengths_and_parameters_are_inverse() -> None:
     measure = Measure(rest().faces[1].curve)
     u = np.linspace(0.0, 1.0, 9)
     assert [measure.u_at(length) for length in measure.lengths_at(u)] == pytest.approx(u, abs=1e-12)
+
+
+def squeezed(body: Body, size_mm: float, height_mm: float = 0.0) -> dict[str, Moved]:
+    """Displacements that press the walls of the crotch together, most a height above its corner."""
+    corner = body.marks["crotch"][1]
+    fine = np.union1d(np.geomspace(1e-5, 0.5, 199), np.linspace(0.0, 1.0, 12))
+    places = {"inner-left": fine, "inner-right": np.sort(1.0 - fine)}
+
+    def field(at: FloatArray) -> FloatArray:
+        near = np.exp(-(((at[:, 1] - corner - height_mm) / 0.1) ** 2))
+        return np.column_stack([-size_mm * np.tanh(at[:, 0] / 0.01) * near, np.zeros(len(at))])
+
+    def moved(u: FloatArray, name: str) -> Moved:
+        return Moved(u, field(body.face(name).curve.points(u)))
+
+    return {face.name: moved(places.get(face.name, PLACES), face.name) for face in body.all_faces}
+
+
+def test_a_notch_that_closes_begins_where_its_walls_part() -> None:
+    body = rest()
+    found = displaced(body, squeezed(body, 0.02))
+    (notch,) = found.closed
+    right, left = (found.body.face(name).curve for name in ("inner-right", "inner-left"))
+    assert right.end == left.start == notch.at_mm
+    x, z = notch.at_mm
+    (_, corner), (far_x, far_z) = body.marks["crotch"], left.end
+    height, wide = z - corner, (z - corner) * far_x / (far_z - corner)
+    assert x == pytest.approx(0.0, abs=1e-9)
+    assert 0.02 * math.tanh(wide / 0.01) * math.exp(-((height / 0.1) ** 2)) == pytest.approx(wide, abs=1e-6)
+    assert notch.length_mm == pytest.approx(height, rel=0.05)
+    assert 0.001 < notch.overlap_mm < 0.01
+    assert not displaced(body, squeezed(body, 0.008)).closed
+
+
+@pytest.mark.parametrize("field", [(0.06, 0.0), (0.08, 0.4)])
+def test_walls_that_lie_far_in_each_other_or_enclose_air_are_refused(field: tuple[float, float]) -> None:
+    body = rest()
+    with pytest.raises(DesignError, match=r"crosses itself.*inner-right and inner-left"):
+        displaced(body, squeezed(body, *field))

@@ -3,7 +3,7 @@
 The displacement is known at places along every wall. A cubic spline through them, over the wall's length, added to the
 exact wall is a smooth curve, which is kept as a spline within `SPLINE_MM`, as a bent wall is. A wall that moves as a
 rigid body stays the curve that it was: a lens in a clamp stays an exact oval. Walls stay upright: the displacement is
-one in the plane, the same at every height.
+one in the plane, the same at every height. A notch that closes begins where its walls part (`solen.geometry.notches`).
 
 Receivers behind a gap go with the arms' ends, the emitter with the faces that it is fixed to: by the rigid motion
 nearest to theirs.
@@ -12,7 +12,7 @@ nearest to theirs.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -21,8 +21,10 @@ from solen.arrays import FloatArray
 from solen.curve import Curve, Function, Measure, Spline, carried
 from solen.errors import DesignError
 from solen.geometry.body import Body, Face, Front
+from solen.geometry.notches import Closed
+from solen.geometry.notches import closed as closed_notch
 from solen.geometry.walls import called
-from solen.plane import Point, Rigid
+from solen.plane import Point, Rigid, cross
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
@@ -80,12 +82,15 @@ class Displaced:
         That nearest to the motion of the faces named ``lens``; None where the body has none.
     off_mm
         How far a wall lies from the displacement of its elements between the nodes that it passes.
+    closed
+        Notches that have closed.
     """
 
     body: Body
     carried: Rigid
     lens: Rigid | None
     off_mm: float
+    closed: tuple[Closed, ...] = ()
 
 
 def displaced(
@@ -111,7 +116,8 @@ def displaced(
     """
     walls = {face.name: Followed(face.curve, moves[face.name]) for face in body.all_faces}
     front = _front(body, walls)
-    first, *others = [_outline(outline, walls, front, touches) for outline in body.outlines]
+    notches: list[Closed] = []
+    first, *others = [_outline(outline, walls, front, touches, notches) for outline in body.outlines]
     motion = Rigid() if emitter_on == GROUND else motion_of(body, walls, emitter_on, "motion.emitter_on")
     marks = {name: motion.point(at) if name == "stem-base" else at for name, at in body.marks.items()}
     moved = replace(
@@ -125,7 +131,7 @@ def displaced(
     )
     has_lens = any(called(face, LENS) for face in body.all_faces)
     lens = motion_of(body, walls, LENS, "lens") if has_lens else None
-    return Displaced(moved.check(), motion, lens, max(wall.off_mm for wall in walls.values()))
+    return Displaced(moved.check(), motion, lens, max(wall.off_mm for wall in walls.values()), tuple(notches))
 
 
 class Followed:
@@ -226,21 +232,37 @@ def _beside(face: Face, body: Body, walls: Mapping[str, Followed]) -> Face:
 
 
 def _outline(
-    faces: tuple[Face, ...], walls: Mapping[str, Followed], front: Front | None, touches: Sequence[Touch]
+    faces: tuple[Face, ...],
+    walls: Mapping[str, Followed],
+    front: Front | None,
+    touches: Sequence[Touch],
+    notches: list[Closed],
 ) -> tuple[Face, ...]:
-    """A closed outline; neighbours share their corners to the last digit."""
+    """A closed outline; neighbours share their corners to the last digit. Notches that have closed join the list."""
     motions = [
         front.motion if front is not None and face.name == front.interface else walls[face.name].rigid for face in faces
     ]
     corners = [_corner(face, walls[face.name], motions[i] or motions[i - 1]) for i, face in enumerate(faces)]
-    moved: list[Face] = []
+    moved: list[list[Face]] = []
     for i, face in enumerate(faces):
         ends, motion = (corners[i], corners[(i + 1) % len(faces)]), motions[i]
         own = sorted((touch for touch in touches if touch.face == face.name), key=lambda touch: touch.u_from)
         cuts = np.unique([u for touch in own for u in (touch.u_from, touch.u_to) if NEAR < u < 1.0 - NEAR])
         curves = walls[face.name].between(*ends, cuts) if motion is None else _moved(face.curve, motion, cuts)
-        moved += _pieces(face, curves, [0.0, *cuts, 1.0], own)
-    return tuple(moved)
+        moved.append(_pieces(face, curves, [0.0, *cuts, 1.0], own))
+    notches += [notch for i, face in enumerate(faces) if (notch := _joined(faces[i - 1], face, moved[i - 1], moved[i]))]
+    return tuple(chain.from_iterable(moved))
+
+
+def _joined(before: Face, after: Face, last: list[Face], first: list[Face]) -> Closed | None:
+    """The notch between two faces at rest, where it has closed; their displaced pieces are cut to what is left."""
+    if cross(before.curve.velocity_at(1.0), after.curve.velocity_at(0.0)) >= 0.0:
+        return None
+    found = closed_notch((before.name, after.name), last[-1].curve, first[0].curve)
+    if found is None:
+        return None
+    last[-1], first[0] = replace(last[-1], curve=found[0]), replace(first[0], curve=found[1])
+    return found[2]
 
 
 def _pieces(face: Face, curves: list[Curve], ends: list[float], touches: list[Touch]) -> list[Face]:

@@ -15,6 +15,8 @@ import numpy as np
 
 from solen.arrays import FloatArray, Progress
 from solen.errors import SolenError
+from solen.geometry.body import place_text
+from solen.geometry.notches import Closed
 from solen.mechanics.deformed import Contact, Reaction
 from solen.mechanics.design import LoadedState
 from solen.ranks import Caution, look_at
@@ -33,6 +35,8 @@ APART = 0.02
 """Contrast by which the planes may differ without a warning."""
 OFF_MM = 1e-3
 """How far a wall of the light may lie from the finite elements without a warning."""
+SLIGHT_MM = 1e-4
+"""How far walls of a closed notch may lie in each other without a warning."""
 LARGE_STRAIN = 0.3
 """Strain from which on a neo-Hookean body is a guess."""
 
@@ -313,7 +317,14 @@ def _cautions(states: Sequence[LoadedState]) -> list[Caution | str]:
     if off_mm > OFF_MM:
         limit = "a wall of the light may lie that far from the finite elements between their nodes"
         found.append(look_at(f"{limit}: {off_mm:.1g} mm; set a smaller mechanics.mesh_mm"))
-    return found
+    notches = [one for state in states for one in state.displaced.closed if one.overlap_mm > SLIGHT_MM]
+    return [*found, *([_of_notch(max(notches, key=lambda notch: notch.overlap_mm))] if notches else [])]
+
+
+def _of_notch(notch: Closed) -> Caution:
+    where = f"{' and '.join(notch.faces)} close their notch to {place_text(notch.at_mm)}, over {notch.length_mm:.2g} mm"
+    deep = f"would lie {1e3 * notch.overlap_mm:.2g} µm in each other"
+    return look_at(f"{where}, and {deep}: light meets them as one piece, and what they exert on each other is left out")
 
 
 def _of_planes(sensor: Sensor, planes: PlaneSpread | None) -> list[Caution]:

@@ -1,0 +1,97 @@
+"""Notches that a load closes: two walls that cross again beyond their common corner are joined where they do.
+
+A body that is squeezed closes a sharp notch from its corner on. What its walls exert on each other there is not
+solved: they come to lie in each other, by micrometres. Up to `DEEPEST_MM` the outline is joined at the crossing, as of
+soft walls in full contact; beyond it, or where walls meet away from their corner and enclose air, it stays crossed and
+is refused.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from solen.arrays import FloatArray
+from solen.curve import Curve, Measure, Spline
+from solen.geometry.body import area
+from solen.plane import Point
+
+if TYPE_CHECKING:
+    import shapely
+
+DEEPEST_MM = 0.02
+"""How far walls may lie in each other where the notch between them has closed."""
+SHORTEST_MM = 1e-6
+"""A crossing that is nearer to the corner is the corner."""
+FLAT_MM = 1e-6
+MOST_STEPS = 20
+
+
+@dataclass(frozen=True)
+class Closed:
+    """A notch that has closed.
+
+    Attributes
+    ----------
+    faces
+        Names of its two walls, in the order of the outline.
+    at_mm
+        Where it begins now.
+    length_mm
+        Of the closed part of the first wall, from the corner.
+    overlap_mm
+        How far the walls would lie in each other.
+    """
+
+    faces: tuple[str, str]
+    at_mm: Point
+    length_mm: float
+    overlap_mm: float
+
+
+def closed(names: tuple[str, str], before: Curve, after: Curve) -> tuple[Spline, Spline, Closed] | None:
+    """What is left of two walls that lead into a corner and out of it, cut where they cross; None where they do not."""
+    import shapely
+
+    if not (isinstance(before, Spline) and isinstance(after, Spline)):
+        return None
+    lines = shapely.LineString(before.flattened(FLAT_MM)[::-1]), shapely.LineString(after.flattened(FLAT_MM))
+    lengths = _crossing(*lines)
+    if lengths is None:
+        return None
+    first, second = (_start(line, length) for line, length in zip(lines, lengths, strict=True))
+    overlap_mm = float(shapely.hausdorff_distance(shapely.LineString(first), shapely.LineString(second)))
+    if area(np.vstack([first[::-1], second[1:]])) <= 0.0 or overlap_mm > DEEPEST_MM:
+        return None
+    u, v = _refined(before, after, Measure(before).length_mm - lengths[0], lengths[1])
+    at = before.point_at(u)
+    kept, left = before.part(0.0, u).controls, after.part(v, 1.0).controls
+    kept, left = (*kept[:-1], (*kept[-1][:-1], at)), ((at, *left[0][1:]), *left[1:])
+    return Spline.of(kept), Spline.of(left), Closed(names, at, lengths[0], overlap_mm)
+
+
+def _crossing(first: "shapely.LineString", second: "shapely.LineString") -> tuple[float, float] | None:
+    """Lengths from the common corner at which two lines cross again; None where they do not, or more than once."""
+    shared = first.intersection(second)
+    places = [p for p in getattr(shared, "geoms", [shared]) if first.project(p) > SHORTEST_MM]
+    return (first.project(places[0]), second.project(places[0])) if len(places) == 1 else None
+
+
+def _start(line: "shapely.LineString", length_mm: float) -> FloatArray:
+    """Points (N, 2) of a line's first part."""
+    from shapely.ops import substring
+
+    return np.asarray(substring(line, 0.0, length_mm).coords)
+
+
+def _refined(before: Spline, after: Spline, first_mm: float, second_mm: float) -> tuple[float, float]:
+    """Parameters at which two curves cross, near lengths along them: Newton's method."""
+    at = np.array([Measure(before).u_at(first_mm), Measure(after).u_at(second_mm)])
+    for _ in range(MOST_STEPS):
+        off = np.subtract(before.point_at(at[0]), after.point_at(at[1]))
+        slopes = np.column_stack([before.velocity_at(at[0]), np.negative(after.velocity_at(at[1]))])
+        step = np.linalg.solve(slopes, off)
+        at = at - step
+        if np.abs(step).max() < 1e-14:
+            break
+    return float(at[0]), float(at[1])
