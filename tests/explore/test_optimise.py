@@ -130,6 +130,8 @@ def test_the_worst_deviation_counts_and_conditions_hold(centred: tuple[Store, Op
         ({"free": ()}, "--free"),
         ({"free": ("emitter.offset_mm=1,2",)}, "range"),
         ({"free": ("emitter.offset_mm=1:1",)}, "empty range"),
+        ({"free": ("emitter.offset_mm=a:1",)}, "KEY=LOW:HIGH"),
+        ({"free": ("lens.knots_um[0]=0:1",)}, "none of these"),
         ({"free": ("motion.step_deg=1:2",)}, "motion.step_deg"),
         ({"free": ("emitter.height_mm=0:1",)}, "emitter.height_mm"),
         ({"robust": ("emitter.offset_mm=-1",)}, "-1"),
@@ -233,6 +235,13 @@ def test_as_printed_the_lens_is_that_of_the_predicted_print(tmp_path: Path) -> N
     printed = measured_lens(sensor.lens, profile).z_mm(x)  # type: ignore[arg-type]  # an oval
     assert variant.sensor().lens.z_mm(x) == pytest.approx(printed, abs=1e-9)
     assert np.abs(printed - sensor.lens.z_mm(x)).max() > 0.01
+
+
+@pytest.mark.parametrize("shape", ["layered", "line-focus", "none"])
+def test_a_lens_of_another_kind_is_not_traced_as_if_it_were_one_profile(shape: str) -> None:
+    design = DESIGN.set({"lens.shape": shape, "trace.dimension": "extruded"})
+    with pytest.raises(SpecError, match=shape):
+        Task.of(design, OptimiseOptions(**CENTRE, as_printed=True))
 
 
 @pytest.mark.evidence

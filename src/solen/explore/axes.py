@@ -36,32 +36,32 @@ class Axis:
         return self.values[min(int(share * len(self.values)), len(self.values) - 1)]
 
 
-def axis(text: str, design: Design, option: str = "--over") -> Axis:
+def axis(text: str, design: Design, option: str = "--over", forms: str = FORMS) -> Axis:
     """Axis of an option's text; `SpecError` where it is malformed, empty, or not about a key of the design."""
     key, equals, values = (part.strip() for part in text.partition("="))
     if not (equals and key and values):
-        raise SpecError(option, value=text, limit="is not a key with its values", remedy=FORMS)
+        raise SpecError(option, value=text, limit="is not a key with its values", remedy=forms)
     now = None if key == "name" else value_at(design, key)  # refuses an unknown key
     if ":" in values:
-        return _spaced(f"{option} {key}", key, values)
+        return _spaced(f"{option} {key}", key, values, forms)
     listed = tuple(parse_assignment(f"{key}={part}")[1] for part in values.split(","))
     if isinstance(now, float) and any(isinstance(part, str) for part in listed):
-        raise SpecError(f"{option} {key}", value=values, limit="has a value that is not a number", remedy=FORMS)
+        raise SpecError(f"{option} {key}", value=values, limit="has a value that is not a number", remedy=forms)
     if any(part == "" for part in listed):
-        raise SpecError(f"{option} {key}", value=values, limit="has an empty value", remedy=FORMS)
+        raise SpecError(f"{option} {key}", value=values, limit="has an empty value", remedy=forms)
     if len(set(map(str, listed))) < len(listed):
         raise SpecError(f"{option} {key}", value=values, limit="has a value twice", remedy="leave one out")
     return Axis(key, listed)
 
 
-def _spaced(what: str, key: str, text: str) -> Axis:
+def _spaced(what: str, key: str, text: str, forms: str) -> Axis:
     """Evenly spaced values, ``15:25:11``, or a range, ``15:25``."""
     try:
         low, high, *number = (float(part) for part in text.split(":"))
     except ValueError:
-        raise SpecError(what, value=text, limit="is not made of numbers", remedy=FORMS) from None
+        raise SpecError(what, value=text, limit="is not made of numbers", remedy=forms) from None
     if len(number) > 1 or not (math.isfinite(low) and math.isfinite(high)):
-        raise SpecError(what, value=text, limit="is not a range", remedy=FORMS)
+        raise SpecError(what, value=text, limit="is not a range", remedy=forms)
     if low == high:
         raise SpecError(what, value=text, limit="is an empty range", remedy="name two different ends, or one value")
     if not number:

@@ -37,7 +37,7 @@ def as_printed(sensor: Sensor, settings: Settings) -> Sensor:
 
 def check_printable(sensor: Sensor) -> DesignedLens:
     """Lens of a sensor; `SpecError` where it is not designed as one profile."""
-    if isinstance(sensor.cut, DesignedLens):
+    if isinstance(sensor.cut, DesignedLens) and not sensor.is_sampled:
         return sensor.cut
     limit = "only an oval or a free form is printed as one profile"
     raise SpecError("--as-printed", value=sensor.design.lens.shape, limit=limit, remedy="leave it out")

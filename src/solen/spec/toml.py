@@ -172,6 +172,8 @@ def value_at(design: Design, key: str) -> Any:
     path = path_of(key)
     value: Any = design if len(path) > 1 else None
     for name in path:
+        if value is None and name.startswith("["):
+            raise SpecError(key, limit="the design has none of these", remedy="set the whole list")
         if isinstance(value, tuple):
             value = value[_place(key, name, len(value))]
         elif isinstance(value, BaseModel) and name in type(value).model_fields:

@@ -157,7 +157,7 @@ def _free(sensor: Sensor, texts: Sequence[str]) -> Iterator[Axis]:
         raise SpecError("--free", limit="nothing may change", remedy=FORMS)
     known: set[str] = set()
     for text in texts:
-        one = axis(text, sensor.design, "--free")
+        one = axis(text, sensor.design, "--free", FORMS)
         if one.kind != "range":
             raise SpecError(f"--free {one.key}", limit="is not a range", remedy=FORMS)
         check_key(sensor, one.key, "--free")
