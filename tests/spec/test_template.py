@@ -67,7 +67,7 @@ def test_what_is_shipped_is_an_led_with_its_chip_in_space(name: str) -> None:
 
 
 LISTS = ("wall", "hold", "press", "pull")
-TABLES = [key for key in Design.model_fields if key not in ("name", *LISTS)]
+TABLES = [key for key in Design.model_fields if key not in ("name", "network", *LISTS)]
 
 
 @pytest.mark.parametrize("table", TABLES)
@@ -112,8 +112,14 @@ def test_the_template_shows_tables_of_which_there_may_be_several(table: str) -> 
     kind(**tomllib.loads(text)[table][0])
 
 
+def test_the_template_names_the_lists_of_a_network() -> None:
+    shown = template().partition("# [network]")[2].partition("\n\n")[0]
+    assert set(re.findall(r"\w+", shown)) >= set(Design.model_fields["network"].annotation.model_fields)
+
+
 def test_the_examples_are_listed() -> None:
     assert template_names() == (
+        "hand-860",
         "paper-450",
         "paper-500",
         "paper-860",

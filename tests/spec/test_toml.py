@@ -58,11 +58,11 @@ def test_a_reserved_key_is_not_yet_supported(table: str, key: str) -> None:
     assert told(f"{HEAD}[{table}]\n{key} = 1").startswith(f"{table}.{key}; not yet supported")
 
 
-@pytest.mark.parametrize("name", ["emitters", "lenses", "receivers", "emitter", "lens"])
-def test_several_parts_are_not_yet_supported(name: str) -> None:
+@pytest.mark.parametrize("name", ["emitters", "lenses", "receivers", "emitter", "lens", "motion"])
+def test_several_parts_are_those_of_a_network(name: str) -> None:
     line = told(f"{HEAD}[[{name}]]\n[[{name}]]\n")
     assert line.startswith(f"{name}; ")
-    assert "not yet supported" in line
+    assert f"network.{name}" in line
 
 
 def test_a_value_where_a_table_belongs_is_refused() -> None:
@@ -305,6 +305,7 @@ def test_the_json_schema_lists_every_key_of_every_table() -> None:
     assert set(schema["$defs"]) == {
         *("Material", "Emitter", "Ambient", "Lens", "Body", "Receivers", "Motion", "Trace"),
         *("Wall", "Layer", "Fabricate", "Readout", "Parameters", "Tolerance", "Hold", "Press", "Pull", "Mechanics"),
+        *("Network", "Node", "Guide", "PlacedLens", "PlacedEmitter", "PlacedReceiver", "NamedMotion"),
     }
     parameters = schema["$defs"].pop("Parameters")
     assert parameters["additionalProperties"] == {"type": "number"}

@@ -15,6 +15,7 @@ from solen import registry
 from solen.errors import DesignError
 from solen.geometry.body import Body
 from solen.geometry.drawing import Drawing
+from solen.geometry.network import network_body
 from solen.geometry.outline import drawn_body, outline_body
 from solen.geometry.y import y_body
 from solen.lens import Lens
@@ -34,7 +35,7 @@ class BodyKind:
     unused_keys
         Keys of the design that have no meaning for this kind, by table.
     lens_is_drawn
-        Whether the lens is part of the body's drawing, so that solen computes none.
+        Whether the lenses are parts of the body, as in a drawing or a network, so that none stands before all of it.
     parameters
         Names and defaults of the parameters in ``[body.parameters]``.
     """
@@ -82,6 +83,9 @@ BODY_KINDS: registry.Registry[BodyKind] = registry.Registry(
         "y": BodyKind(_y, UNUSED_KEYS["y"]),
         "outline": BodyKind(
             lambda design, _, angle_deg: outline_body(design, angle_deg), UNUSED_KEYS["outline"], lens_is_drawn=True
+        ),
+        "network": BodyKind(
+            lambda design, _, angle_deg: network_body(design, angle_deg), UNUSED_KEYS["network"], lens_is_drawn=True
         ),
     },
     BodyKind,

@@ -41,6 +41,8 @@ FIGURES = {
     "MeasuredStiffness": "resin.stiffness:stiffness_figure",
     "Penetration": "resin.penetration:penetration_figure",
     "Practice": "design.figures:matters_figure",
+    "NetworkStudy": "design.network:network_figure",
+    "NetworkTrace": "design.network:rays_in_turn",
     "Optimum": "explore.optimise:optimum_figure",
     "PrintedDesign": "print.predict:printed_figure",
     "PrintedLayers": "print.printed_layers:layers_figure",

@@ -16,6 +16,7 @@ import numpy as np
 from solen.arrays import Progress
 from solen.errors import DesignError, SolenError, SpecError
 from solen.geometry import BODY_KINDS, Body, are_mirrored, body_of
+from solen.geometry.network import network_lenses
 from solen.lens import FlatFace, Lens, LensInSpace, MeasuredLens, lens_of
 from solen.material import Optical, optical
 from solen.mechanics.design import LoadedBody
@@ -26,6 +27,7 @@ from solen.sensor.response import Response, Sensitivity, contrast_slope, powers
 from solen.sensor.sweep import MOST_ANGLES, Reading, balanced, between, mirrored, readings_at, sweep
 from solen.spec import Design, load, with_values
 from solen.spec.body import OF_SHAPES as KEYS_OF_SHAPES
+from solen.spec.placed import lit, state_of, states
 from solen.trace import Derivative, Mode, Slope, Trace, derivative, integrate, trace
 from solen.trace.adaptive import POINT_TOLERANCE, is_extended, usual_tolerance, why_not
 from solen.trace.derivative import EXTENDED_TOLERANCE, MOST_LEGS, SPACE_TOLERANCE
@@ -60,7 +62,10 @@ class TraceKeywords(TypedDict, total=False):
 
 @dataclass(frozen=True)
 class Sensor:
-    """A design with its material and lens; make it with `Sensor.of`. A drawn body has no ``cut`` lens."""
+    """A design with its material and lens; make it with `Sensor.of`. A drawn body and a network have no ``cut`` lens.
+
+    Of a network it is that of one emitter, ``design.network.lit``, with the motions at their ``at_deg``.
+    """
 
     design: Design
     material: Optical
@@ -78,6 +83,7 @@ class Sensor:
             If its lens cannot be made, or its resin cannot be read.
         """
         design = design if isinstance(design, Design) else load(design)
+        design = lit(design) if design.body.kind == "network" else design
         material = optical(design)
         drawn = BODY_KINDS[design.body.kind].lens_is_drawn
         return cls(design, material, None if drawn else lens_of(design, material.index))
@@ -90,14 +96,20 @@ class Sensor:
     def lens(self) -> Lens:
         """Lens cut for the design; `DesignError` for a drawn body, whose lens is part of the drawing."""
         if self.cut is None:
-            limit = "the lens of an outline is drawn and has no formula"
+            drawn = "the lens of an outline is drawn and has no formula"
+            limit = "a network has several lenses, by name" if self.is_network else drawn
             raise DesignError("body.kind", value=self.design.body.kind, limit=limit, remedy="use solen check")
         return self.cut
 
     @property
     def is_drawn(self) -> bool:
-        """Whether the body is a drawn outline."""
+        """Whether the body is drawn as a whole, or a network: no lens stands before all of it."""
         return self.cut is None
+
+    @property
+    def is_network(self) -> bool:
+        """Whether the body is a network of guides."""
+        return self.design.body.kind == "network"
 
     @property
     def has_lens(self) -> bool:
@@ -117,7 +129,9 @@ class Sensor:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings about its material's numbers, its light and its lens."""
-        return (*self.material.warnings, *self.light.warnings, *(self.cut.warnings if self.cut is not None else ()))
+        lenses = list(network_lenses(self.design).values()) if self.is_network else [self.cut]
+        of_lenses = (text for lens in lenses if lens is not None for text in lens.warnings)
+        return (*self.material.warnings, *self.light.warnings, *of_lenses)
 
     @cached_property
     def as_designed(self) -> "Sensor":
@@ -167,6 +181,10 @@ class Sensor:
         """`DesignError` where the body cannot be built at some angle of the motion."""
         if self.is_loaded:
             self.loaded.states(self.design.motion.values())
+            return
+        if self.is_network:
+            for state in states(self.design.network):
+                body_of(state_of(self.design, state), None)
             return
         for angle_deg in self.design.motion.angles_deg():
             self.body(angle_deg)
@@ -369,7 +387,7 @@ class Sensor:
         angles = self._angles(angles_deg)
 
         def traced(angle_deg: float, integrates: bool) -> Reading:
-            return self._reading(angle_deg, integrates=integrates, tolerance=tolerance, standard_error=standard_error)
+            return self.reading(angle_deg, integrates=integrates, tolerance=tolerance, standard_error=standard_error)
 
         own: dict[float, None] = {}
         for angle in angles:
@@ -396,9 +414,9 @@ class Sensor:
             return Sensitivity(key, value, nothing, nothing, nothing, derivative.why)
         return Sensitivity(key, value, right, left, contrast_slope(base, right, left))
 
-    def _reading(
+    def reading(
         self,
-        angle_deg: float,
+        angle_deg: float = 0.0,
         *,
         integrates: bool = True,
         tolerance: float | None = None,

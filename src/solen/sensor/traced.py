@@ -158,6 +158,10 @@ def value_asked(sensor: Sensor, angle_deg: float | None, at: float | None) -> fl
         Where the other of the two is stated.
     """
     motion = sensor.design.motion
+    if sensor.is_network and (angle_deg is not None or at is not None):
+        limit = "has no meaning: a network has motions by name"
+        name, value = ("--at", at) if angle_deg is None else ("--angle-deg", angle_deg)
+        raise SpecError(name, value=value, limit=limit, remedy="use --set network.motion[0].at_deg=...")
     if sensor.is_loaded:
         if angle_deg is not None:
             limit = f"has no meaning: the motion drives {motion.drives}"

@@ -33,6 +33,18 @@ UNUSED_KEYS: dict[str, Keys] = {
         "emitter": ("distance_mm",),
         "motion": ("join",),
     },
+    "network": {
+        "body": (
+            *("parameters", "file", "units", "join_mm"),
+            *("stem_length_mm", "stem_curve_per_mm", "arm_length_mm", "arm_width_mm", "arm_angle_deg"),
+        ),
+        "lens": ("profile", "y_focus_mm", "layer_mm"),
+        "emitter": ("point_mm", "axis_deg", "ray_file"),
+        "motion": (
+            *("kind", "pivot", "moves", "centre_line", "bend_mm", "join", "drives", "depths_mm", "forces_N"),
+            *("emitter_on", "from_deg", "to_deg", "step_deg"),
+        ),
+    },
 }
 """Known kinds of bodies, with the keys each does not use; `solen.geometry.kinds` builds them."""
 
@@ -207,7 +219,8 @@ class Body(Strict):
 
     kind: Annotated[Text, AfterValidator(_known_kind)] = Field(
         "y",
-        description="Shape of the body: a Y, an outline read from a file, or a kind from another package.",
+        description="Shape of the body: a Y, an outline read from a file, a network of guides, or a kind from another "
+        "package.",
         json_schema_extra=lambda schema: schema.update(enum=[*UNUSED_KEYS, *offered(BODY_KINDS)]),
     )
     parameters: Parameters | None = Field(

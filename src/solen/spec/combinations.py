@@ -26,6 +26,7 @@ def check_combinations(design: "Design") -> None:
         if kind != design.motion.kind:
             _refuse_stated(design, keys, f'motion.kind = "{design.motion.kind}"')
     check_loads(design)
+    _check_network(design)
     if outline and design.body.file is None:
         raise refused("body.file", 'missing: kind = "outline" needs it', remedy='add file = "sensor.dxf"')
     if design.fabricate.pockets and design.receivers.coupling == "air-gap":
@@ -54,6 +55,18 @@ def _refuse_stated(design: "Design", keys: Keys, because: str) -> None:
             value = getattr(part, name)
             if value != type(part).model_fields[name].default:
                 raise refused(f"{table}.{name}", f"has no meaning with {because}", value=value, remedy="leave it out")
+
+
+def _check_network(design: "Design") -> None:
+    """Reject a network of another kind of body, and one without guides or an emitter."""
+    network, has = design.network, design.body.kind == "network"
+    for key, missing in (("guides", not network.guides), ("emitters", not network.emitters)):
+        if has and missing:
+            raise refused(f"network.{key}", 'missing: body.kind = "network" needs it', remedy=f"add [[network.{key}]]")
+    stated = next((key for key in type(network).model_fields if getattr(network, key)), None)
+    if stated is not None and not has:
+        limit = f'has no meaning with body.kind = "{design.body.kind}"'
+        raise refused(f"network.{stated}", limit, remedy='set body.kind = "network"')
 
 
 def _check_carried(design: "Design") -> None:

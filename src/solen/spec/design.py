@@ -22,6 +22,7 @@ from solen.spec.combinations import check_combinations
 from solen.spec.fabricate import Fabricate
 from solen.spec.light import Ambient, Emitter
 from solen.spec.motion import Motion
+from solen.spec.network import Network
 from solen.spec.readout import Readout
 from solen.spec.soft import Hold, Mechanics, Press, Pull
 from solen.spec.strict import Strict, Text, nearest
@@ -60,14 +61,13 @@ class Design(Strict):
     Two designs are equal if their tables are equal and they name the same files.
     """
 
-    reserved: ClassVar[frozenset[str]] = frozenset({"emitters", "lenses"})
-
     name: Text = Field(description="the name of the design, one line.")
     material: Material = Field(description='the printed material, index = 1.44 or resin = "pmma".')
     emitter: Emitter = Field(default_factory=Emitter, description="The light source.")
     ambient: Ambient = Field(default_factory=Ambient, description="Ambient light.")
     lens: Lens = Field(default_factory=Lens, description="The lens.")
     body: Body = Field(default_factory=Body, description="The printed guide.")
+    network: Network = Field(default_factory=Network, description="Guides, lenses, emitters, receivers of a network.")
     wall: tuple[Wall, ...] = Field((), description="Finish of stretches of the walls, and the medium outside them.")
     receivers: Receivers = Field(default_factory=Receivers, description="The receivers.")
     motion: Motion = Field(default_factory=Motion, description="The motion and the sweep.")
@@ -83,6 +83,7 @@ class Design(Strict):
     readout: Readout = Field(default_factory=Readout, description="Conversion of received light to voltage.")
 
     _folder: Path = PrivateAttr(default_factory=Path)
+    _shared: Emitter | None = PrivateAttr(default=None)
 
     @model_validator(mode="after")
     def _tables_fit_together(self) -> Self:
@@ -178,6 +179,17 @@ class Design(Strict):
     def outline_file(self) -> Path | None:
         """Path of the outline's drawing, or None for a Y."""
         return self.file_of(self.body.file)
+
+    @property
+    def shared_emitter(self) -> Emitter:
+        """Table of the emitter as stated; of a network with one alight, what all its emitters share."""
+        return self._shared or self.emitter
+
+    def with_emitter(self, emitter: Emitter, network: Network) -> Self:
+        """A network's design with one emitter alight: its table in place of that which all share, which is kept."""
+        copy = self.model_copy(update={"emitter": emitter, "network": network})
+        copy._shared = self.shared_emitter
+        return copy
 
     def in_folder(self, folder: Path) -> Self:
         """The same design with relative paths based on another folder."""

@@ -289,12 +289,23 @@ def _problem(problem: ErrorDetails, root: type[Strict]) -> tuple[str, object, st
         return what, None, "missing", f"add it: {field.description if field else ''}"
     if kind == "model_type":
         if isinstance(problem["input"], list):
-            return what, None, "several are not yet supported", f"write one table, [{what}]"
+            several = [
+                _dotted(t, (key,))
+                for t, inner in _tables(root).items()
+                for key in _lists(inner)
+                if key in _plurals(what)
+            ]
+            remedy = f", or [[{several[0]}]] where it has several" if several else ""
+            return what, None, "must be one table", f"write [{what}]{remedy}"
         return what, problem["input"], "must be a table", f"write [{what}] and its keys below"
     if kind == "tuple_type" and len(problem["loc"]) == 1 and str(problem["loc"][0]) in _lists(root):
         return what, problem["input"], "must be a list of tables", f"write [[{what}]]"
     limit = _LIMITS[kind].format(**ctx) if kind in _LIMITS else problem["msg"]
     return what, problem["input"], limit, _default(field)
+
+
+def _plurals(word: str) -> tuple[str, ...]:
+    return word, f"{word}s", f"{word}es"
 
 
 def _default(field: FieldInfo | None) -> str:

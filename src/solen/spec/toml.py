@@ -67,14 +67,15 @@ def _document(design: Design, *, stated: bool = False) -> Document:
     """
     tables: Document = {"name": design.name}
     for key in Design.model_fields.keys() - {"name"}:
-        table = getattr(design, key)
+        table = design.shared_emitter if key == "emitter" else getattr(design, key)
         several = isinstance(table, tuple)
         tables[key] = [one.model_dump(exclude_defaults=True) for one in (table if several else (table,))]
         tables[key] = tables[key] if several else tables[key][0]
     if design.material.resin is not None and design.material.states_absorption:
         tables["material"]["absorption_per_mm"] = design.material.absorption_per_mm  # a 0 overrules the resin's
-    kept = [key for key in DEFERRED if design.emitter.states(key)] if stated else _kept(design.emitter)
-    tables["emitter"] |= {key: getattr(design.emitter, key) for key in kept}
+    emitter = design.shared_emitter
+    kept = [key for key in DEFERRED if emitter.states(key)] if stated else _kept(emitter)
+    tables["emitter"] |= {key: getattr(emitter, key) for key in kept}
     return {key: tables[key] for key in Design.model_fields if tables[key]}
 
 

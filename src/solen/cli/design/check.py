@@ -9,10 +9,11 @@ from solen.pipeline.design.check import lens as lens
 from solen.pipeline.options import Set
 from solen.results import Outcome, scalars
 from solen.sensor import Check, Focus, LensCheck
+from solen.sensor.network import NetworkCheck
 from solen.trace.described import SceneCheck
 
 
-def check(file: Path, /, *, set_: Set = None) -> Outcome[Check | SceneCheck]:
+def check(file: Path, /, *, set_: Set = None) -> Outcome[Check | NetworkCheck | SceneCheck]:
     """Check that a design can be built at every angle of its motion, or that a scene can be traced.
 
     Parameters
@@ -37,6 +38,21 @@ def _(result: Check) -> Iterator[str]:
     yield from listing(_stated(material | lens | dict(focus) | dict(scalars(result.body))))
     yield from _foci(result.foci)
     yield f"faces: {', '.join(result.body.faces)}"
+
+
+@lines.register
+def _(result: NetworkCheck) -> Iterator[str]:
+    yield f"{result.name}: a valid network in {result.states} states of its motions"
+    names = ("guides", "receivers", "motions")
+    numbers = {"index": result.material.index, "area_mm2": result.area_mm2}
+    yield from listing({name: ", ".join(getattr(result, name)) or "none" for name in names} | numbers)
+    for each in result.lenses:
+        sizes = f"half width {each.half_width_mm:.4g} mm, {each.depth_mm:.4g} mm deep"
+        yield f"  lens {each.name}: {each.shape}, {sizes}, smallest spot at {text(each.best_focus_mm)} mm"
+    for emitter in result.emitters:
+        place = f"x {emitter.x_mm:.4g}, z {emitter.z_mm:.4g} mm, towards {emitter.axis_deg:.4g} deg"
+        yield f"  emitter {emitter.name}: {place}, {emitter.wavelength_nm:g} nm"
+    yield f"faces: {', '.join(result.faces)}"
 
 
 @lines.register

@@ -14,6 +14,7 @@ from solen.errors import SpecError
 from solen.pipeline.options import FLAT, Set
 from solen.report.options import FigureOptions
 from solen.results import Outcome
+from solen.sensor.network import NetworkResponse, NetworkTrace
 from solen.sensor.traced import DesignTrace, where
 from solen.trace import Trace
 from solen.trace.described import SceneTrace
@@ -36,12 +37,13 @@ def trace(
     options: Annotated[DesignOptions, FLAT] = DesignOptions(),
     angle_deg: float | None = None,
     at: float | None = None,
+    emitter: str | None = None,
     no_lens: bool = False,
     set_: Set = None,
     paths: bool = False,
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     netcdf: Annotated[Path | None, Parameter(help="Write all results to this .nc file.")] = None,
-) -> Outcome[DesignTrace | SceneTrace]:
+) -> Outcome[DesignTrace | NetworkTrace | SceneTrace]:
     """Trace a design at one angle of its motion, or a scene: solen's own or one of ray-optics, a .json file.
 
     Parameters
@@ -53,6 +55,8 @@ def trace(
         Above -90, below 90.
     at
         Of a soft body: value of what its motion drives, in its unit; default: the last of the motion.
+    emitter
+        Of a network: the emitter that lights; default: all in turn, as powers by emitter and receiver.
     no_lens
         Leave the lens out: a flat face at the stem's base.
     paths
@@ -69,12 +73,21 @@ def trace(
         )
     if file.suffix.lower() == SCENE_SUFFIX:
         refuse_for_scene(
-            {"--angle-deg": angle_deg, "--at": at, "--no-lens": no_lens, "--rays": rays, "--set": set_ and set_[0]}
+            {"--angle-deg": angle_deg, "--at": at, "--emitter": emitter}
+            | {"--no-lens": no_lens, "--rays": rays, "--set": set_ and set_[0]}
         )
         return pipeline.trace_file(file, options, paths=paths, figure=figure, netcdf=netcdf)
     chosen = [f"emitter.rays={rays}"] * (rays is not None) + ["lens.shape=none"] * no_lens
     return pipeline.trace(
-        file, [*(set_ or ()), *chosen], options, angle_deg=angle_deg, at=at, paths=paths, figure=figure, netcdf=netcdf
+        file,
+        [*(set_ or ()), *chosen],
+        options,
+        angle_deg=angle_deg,
+        at=at,
+        emitter=emitter,
+        paths=paths,
+        figure=figure,
+        netcdf=netcdf,
     )
 
 
@@ -92,6 +105,24 @@ def _(result: DesignTrace) -> Iterator[str]:
     for name, reading in sorted(result.detectors.items()):
         yield f"  {name:9} {_power(reading.power, reading.u_power)}  ({reading.rays} rays)"
     yield from _whole(result, result.in_space)
+
+
+@lines.register
+def _(result: NetworkTrace) -> Iterator[str]:
+    yield f"{result.name}, {len(result.emitters)} emitters in turn, mode {result.mode}, {result.method}"
+    yield from matrix(result, 0)
+    for emitter, ledger in zip(result.emitters, result.ledgers[0], strict=True):
+        shares = ", ".join(f"{field.name} {getattr(ledger, field.name):.6f}" for field in fields(ledger))
+        yield f"  {emitter}: {shares}"
+
+
+def matrix(response: NetworkResponse, state: int) -> Iterator[str]:
+    """Powers of one state, a line for each emitter and a column for each receiver."""
+    wide = max(10, *(len(name) + 2 for name in response.receivers))
+    yield f"  {'':12}" + "".join(f"{name:>{wide}}" for name in response.receivers)
+    for emitter, powers in zip(response.emitters, response.power[state], strict=True):
+        yield f"  {emitter:12}" + "".join(f"{power:{wide}.6f}" for power in powers)
+    yield f"  each ± {short(float(response.u_power[state].max()))} at most"
 
 
 @lines.register

@@ -11,12 +11,14 @@ from solen.report.options import FigureOptions
 from solen.results import Outcome
 from solen.sensor import Check, LensCheck, LensOptions, Sensor, lens_check
 from solen.sensor import check as check_sensor
+from solen.sensor.network import NetworkCheck, network_check
 from solen.trace.described import SceneCheck, open_scene, scene_check
 
 
-def check(path: Path, assignments: Sequence[str] | None = None) -> Outcome[Check]:
-    """Check that a design can be built at every angle of its motion; show derived values."""
-    return Outcome(check_sensor(Sensor.of(open_design(path, assignments))))
+def check(path: Path, assignments: Sequence[str] | None = None) -> Outcome[Check | NetworkCheck]:
+    """Check that a design can be built at every angle of its motions; show derived values."""
+    design = open_design(path, assignments)
+    return Outcome(network_check(design) if design.body.kind == "network" else check_sensor(Sensor.of(design)))
 
 
 def check_scene(path: Path) -> Outcome[SceneCheck]:

@@ -12,6 +12,7 @@ from solen.pipeline.outputs import drawn, named, write
 from solen.report.options import FigureOptions
 from solen.results import Outcome
 from solen.sensor import Sensor
+from solen.sensor.network import NetworkTrace, network_trace, refuse_in_turn
 from solen.sensor.traced import (
     DesignConvergence,
     DesignTrace,
@@ -35,14 +36,23 @@ def trace(
     *,
     angle_deg: float | None = None,
     at: float | None = None,
+    emitter: str | None = None,
     paths: bool = False,
     figure: FigureOptions = FigureOptions(),
     netcdf: Path | None = None,
-) -> Outcome[DesignTrace]:
-    """Trace a design at one angle, or under one load."""
+) -> Outcome[DesignTrace | NetworkTrace]:
+    """Trace a design at one angle, or under one load; of a network all emitters in turn, or the one that is named."""
     _check_outputs(figure, netcdf)
     mode = {} if options.mode is None else {"trace.mode": options.mode}
-    sensor = Sensor.of(with_values(open_design(path, assignments), mode))
+    lit = {} if emitter is None else {"network.lit": emitter}
+    sensor = Sensor.of(with_values(open_design(path, assignments), mode | lit))
+    if sensor.is_network and emitter is None:
+        of_one = {"--angle-deg": angle_deg, "--at": at, "--paths": paths or None, "--netcdf": netcdf}
+        refuse_in_turn(of_one)
+        every = network_trace(sensor.design, options)
+        contents = drawn(every, figure, "rays")
+        files.write_all(contents)
+        return Outcome(every, named(figure=figure.figure))
     value = value_asked(sensor, angle_deg, at)
     result = trace_design(sensor, value, options, paths=paths)
 

@@ -140,7 +140,7 @@ def rays_figure(views: Sequence[tuple[str, Body, Scene, Trace]], zoom: float | N
     """
     figure = Figure(figsize=(2.9 * len(views), 6.4 if zoom is None else 3.2))
     for axes, view in zip(np.ravel(figure.subplots(1, len(views))), views, strict=True):
-        _draw_rays(axes, *view, zoom=zoom)
+        draw_rays(axes, *view, zoom=zoom)
     return figure
 
 
@@ -245,7 +245,8 @@ def _draw_response(power_axes: Axes, contrast_axes: Axes, case: Case, name: str,
         contrast_axes.plot(counted.angle_deg, counted.contrast, ".", color=INK, ms=3, alpha=0.6)
 
 
-def _draw_rays(axes: Axes, title: str, body: Body, scene: Scene, trace: Trace, *, zoom: float | None) -> None:
+def draw_rays(axes: Axes, title: str, body: Body, scene: Scene, trace: Trace, *, zoom: float | None) -> None:
+    """Rays in a body, as `rays_figure` shows them."""
     outline = body.outline(1e-3)
     axes.fill(*outline.T, facecolor="#eef3f7", edgecolor=INK, lw=0.8, zorder=1)
     for other in body.others:

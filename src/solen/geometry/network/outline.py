@@ -1,0 +1,298 @@
+"""The outlines of a network: its walls walked round, with what stands on ends and sides.
+
+Round a node, the walk goes from the right side of a guide that arrives to that of the next guide counter-clockwise. So
+every side of every guide is walked once, the material on its left, and each closed walk is one outline: the outer one,
+and the holes of loops.
+"""
+
+import math
+from collections import Counter
+from dataclasses import dataclass, field, replace
+
+from solen.curve import Arc, Curve, Measure, Segment
+from solen.errors import DesignError
+from solen.geometry.body import GAP_MM, Face, Pose, place_text
+from solen.geometry.network.corners import Run, joined
+from solen.geometry.network.plan import Plan, Way
+from solen.plane import Point, Rigid, along, dot, left_of, minus, right_of, unit
+from solen.spec.network import NamedMotion, Network, Placed, PlacedEmitter, PlacedLens, PlacedReceiver
+
+Key = tuple[str, str]
+"""A side of a guide: its name, and right or left; the right one is walked from the first node to the second."""
+Part = PlacedLens | PlacedReceiver
+WIDER_MM = 1e-9
+"""How much wider than its guide rounding may make a lens."""
+
+
+@dataclass
+class Walk:
+    """Sides of guides as they are walked, what follows each, and the curve or the faces in between."""
+
+    plan: Plan
+    runs: dict[Key, Run]
+    following: dict[Key, Key] = field(default_factory=dict)
+    between: dict[Key, list[Face]] = field(default_factory=dict)
+    frames: dict[str, Rigid] = field(default_factory=dict)
+    """From a lens's own frame, by its name; from the same of an emitter without lens: its wall is z = 0."""
+
+    @classmethod
+    def of(cls, plan: Plan) -> "Walk":
+        """Round all nodes of a plan."""
+        walk = cls(plan, {(way.guide.name, side): _run(way, side) for way in plan.ways.values() for side in SIDES})
+        for number, node in enumerate(plan.network.nodes):
+            ways = _in_order(plan, node.name)
+            for way, following in zip(ways, [*ways[1:], *ways[:1]], strict=True):
+                arriving, departing = _arriving(way, node.name), _departing(following, node.name)
+                walk.following[arriving] = departing
+                if len(ways) == 1:
+                    walk.between[arriving] = walk.cap(way, node.name, number)
+                else:
+                    walk.corner(arriving, departing, node.fillet_mm, node.name)
+            if len(ways) == 1 and node.fillet_mm:
+                limit = f"has no meaning where one guide ends, at {place_text(plan.places[node.name])}"
+                raise DesignError(f"network.nodes[{number}].fillet_mm", value=node.fillet_mm, limit=limit)
+        return walk
+
+    def corner(self, arriving: Key, departing: Key, fillet_mm: float, node: str) -> None:
+        """Cut two walls where they meet."""
+        first, second, curve = joined(
+            self.runs[arriving], self.runs[departing], fillet_mm, node, self.plan.places[node]
+        )
+        self.runs[arriving], self.runs[departing] = first, second
+        self.between[arriving] = []
+        if curve is not None:
+            self.between[arriving] = [Face(f"{'fillet' if isinstance(curve, Arc) else 'join'}-{node}", curve)]
+
+    def cap(self, way: Way, node: str, number: int) -> list[Face]:
+        """Faces across the end of a guide, from where the walk arrives to where it departs."""
+        network = self.plan.network
+        start, end = self.runs[_arriving(way, node)].end, self.runs[_departing(way, node)].start
+        base, ahead = (0.5 * (start[0] + end[0]), 0.5 * (start[1] + end[1])), way.inwards(node)
+        base = base if way.guide.flush else (way.spine.start if node == way.guide.nodes[0] else way.spine.end)
+        lenses = [placed for placed in network.lenses if placed.node == node]
+        receivers = [placed for placed in network.receivers if placed.node == node]
+        self._check_alone(number, node, [*lenses, *receivers])
+        for emitter in network.emitters:
+            if emitter.node == node:
+                self.frames[emitter.name] = _frame(base, ahead, 0.0)
+        if lenses:
+            return self._lens_between(lenses[0], start, end, base, ahead, f"end-{node}")
+        name = f"receiver-{receivers[0].name}" if receivers else f"{network.nodes[number].end}-{node}"
+        return [Face(name.replace("open-", "end-", 1), Segment(start, end))]
+
+    def faces(self, key: Key) -> list[Face]:
+        """Faces of one side of a guide as it is walked, with what stands on it, and of what follows it."""
+        name, side = key
+        run, network = self.runs[key], self.plan.network
+        rest, from_end = run.rest, side == "left"
+        lacking = (run.curve, run.high, 1.0) if from_end else (run.curve, 0.0, run.low)
+        begins_mm = Measure(lacking[0].part(*lacking[1:])).length_mm if lacking[1] < lacking[2] else 0.0
+        whole = Face(f"{name}-{side}", rest, from_end=from_end, begins_mm=begins_mm)
+        on_it: list[Part] = [one for one in network.lenses if (one.guide, one.side) == key]
+        on_it += [one for one in network.receivers if (one.guide, one.side) == key]
+        for emitter in network.emitters:
+            if (emitter.guide, emitter.side) == key:
+                self.frames[emitter.name] = self._on_side(whole, emitter.at_mm or 0.0, 0.0, emitter)[0]
+        if not on_it:
+            return [whole, *self.between[key]]
+        return [*self._divided(whole, on_it), *self.between[key]]
+
+    def emitter(self, placed: PlacedEmitter, distance_mm: float, offset_mm: float) -> Pose:
+        """Pose of an emitter."""
+        frame = self.frames[placed.lens or placed.name]
+        pose = Pose(frame.point((offset_mm, -distance_mm)), frame.angle_deg)
+        motion = self._turn(placed.name, "emitters")
+        if motion is None:
+            return pose
+        lens = self.plan.lenses[placed.lens] if placed.lens else None
+        pivot = frame.point((0.0, 0.0 if lens is None else lens.depth_mm))
+        return pose.moved(Rigid.about(pivot, motion.at_deg))
+
+    def _lens_between(
+        self, placed: PlacedLens, start: Point, end: Point, base: Point, ahead: Point, beside: str
+    ) -> list[Face]:
+        """A lens across an end or a side, with a straight face on either side of it where it does not reach."""
+        lens = self.plan.lenses[placed.name]
+        room_mm = math.dist(start, end)
+        if 2.0 * lens.half_width_mm > room_mm + WIDER_MM:
+            number = self.plan.network.lenses.index(placed)
+            limit = f"must be at most {0.5 * room_mm:.4g} mm, half the width there, at {place_text(base)}"
+            what = f"network.lenses[{number}].half_width_mm"
+            raise DesignError(what, value=lens.half_width_mm, limit=limit, remedy="narrow the lens or widen the guide")
+        frame = _frame(base, ahead, lens.depth_mm)
+        motion = self._turn(placed.name, "lenses")
+        if motion is not None:
+            frame = _turned(frame, Rigid.about(base, motion.at_deg))
+        self.frames[placed.name] = frame
+        front = lens.front if frame == Rigid() else lens.front.moved(frame)
+        faces = [Face(f"lens-{placed.name}", front)]
+        if math.dist(start, front.start) > GAP_MM:
+            faces.insert(0, Face(beside, Segment(start, front.start)))
+        if math.dist(front.end, end) > GAP_MM:
+            faces.append(Face(beside, Segment(front.end, end)))
+        return faces
+
+    def _divided(self, whole: Face, on_it: list[Part]) -> list[Face]:
+        """A side with receivers and lenses on it."""
+        measure = Measure(whole.curve)
+        stretches = sorted(((*self._stretch(one), one) for one in on_it), key=lambda row: row[:2])
+        faces: list[Face] = []
+        done = whole.begins_mm
+        last_mm = whole.begins_mm + measure.length_mm
+        for low, high, one in stretches:
+            if not (done - WIDER_MM <= low and high <= last_mm + WIDER_MM):
+                place = place_text(whole.curve.middle_point)
+                limit = f"must lie from {done:.4g} to {last_mm:.4g} mm on {whole.name}, near {place}"
+                raise DesignError(one.name, value=f"from {low:.4g} to {high:.4g} mm", limit=limit)
+            if low - done > WIDER_MM:
+                faces.append(_part(whole, measure, done, low))
+            faces += self._standing(whole, measure, low, high, one)
+            done = high
+        if last_mm - done > WIDER_MM:
+            faces.append(_part(whole, measure, done, last_mm))
+        return faces[::-1] if whole.from_end else faces
+
+    def _standing(self, whole: Face, measure: Measure, low: float, high: float, one: Part) -> list[Face]:
+        """Faces of a receiver or a lens on a side, in the order of its lengths."""
+        part = _part(whole, measure, low, high)
+        if isinstance(one, PlacedReceiver):
+            return [Face(f"receiver-{one.name}", part.curve)]
+        frame, ahead = self._on_side(whole, 0.5 * (low + high), 0.0, one)
+        base = (frame.shift[0], frame.shift[1])
+        faces = self._lens_between(one, part.curve.start, part.curve.end, base, ahead, whole.name)
+        return faces[::-1] if whole.from_end else faces
+
+    def _stretch(self, one: Part) -> tuple[float, float]:
+        """Lengths of a side that a part covers."""
+        if isinstance(one, PlacedReceiver):
+            return one.from_mm or 0.0, one.to_mm or 0.0
+        half_mm = self.plan.lenses[one.name].half_width_mm
+        return (one.at_mm or 0.0) - half_mm, (one.at_mm or 0.0) + half_mm
+
+    def _on_side(self, whole: Face, at_mm: float, depth_mm: float, one: Placed) -> tuple[Rigid, Point]:
+        """Frame of what stands at a place of a straight side, and the direction into the guide."""
+        if not isinstance(whole.curve, Segment):
+            place = place_text(whole.curve.middle_point)
+            limit = f"is not straight, near {place}"
+            remedy = "place the part at the end of a short guide of its own"
+            raise DesignError(f"{one.name}.guide", value=whole.name, limit=limit, remedy=remedy)
+        walked = unit(minus(whole.curve.b, whole.curve.a))
+        length_mm = whole.begins_mm + whole.curve.length_mm
+        if not whole.begins_mm <= at_mm <= length_mm:
+            limit = f"must lie from {whole.begins_mm:.4g} to {length_mm:.4g} mm on {whole.name}"
+            raise DesignError(f"{one.name}.at_mm", value=at_mm, limit=limit)
+        step = at_mm - whole.begins_mm
+        base = along(whole.curve.b, walked, -step) if whole.from_end else along(whole.curve.a, walked, step)
+        ahead = left_of(walked)
+        return _frame(base, ahead, depth_mm), ahead
+
+    def _turn(self, name: str, kind: str) -> NamedMotion | None:
+        """Motion that turns a part, where it is not at rest."""
+        names = {one.name for one in getattr(self.plan.network, kind)}
+        turns = [one for one in self.plan.network.motion if one.kind == "rotation" and one.part == name]
+        return next((one for one in turns if name in names and one.at_deg != 0.0), None)
+
+    def _check_alone(self, number: int, node: str, placed: list[Part]) -> None:
+        """`DesignError` where two parts stand on one end."""
+        if len(placed) > 1:
+            names = " and ".join(one.name for one in placed)
+            where = place_text(self.plan.places[node])
+            limit = f"{names} both stand there, at {where}"
+            raise DesignError(f"network.nodes[{number}]", value=node, limit=limit, remedy="give each an end of its own")
+
+
+SIDES = ("right", "left")
+
+
+def outlines(walk: Walk) -> list[tuple[Face, ...]]:
+    """Closed outlines; the one with the first lens or the first emitter's end first, from there."""
+    left, found = dict.fromkeys(walk.runs), []
+    while left:
+        key, faces = next(iter(left)), []
+        while key in left:
+            del left[key]
+            faces += walk.faces(key)
+            key = walk.following[key]
+        found.append(faces)
+    counts, seen = Counter(face.name for faces in found for face in faces), Counter[str]()
+
+    def numbered(face: Face) -> Face:
+        seen[face.name] += 1
+        return replace(face, name=f"{face.name}.{seen[face.name]}") if counts[face.name] > 1 else face
+
+    first = _first_name(walk.plan.network)
+    ordered = sorted((_from(faces, first) for faces in found), key=lambda faces: faces[0].name != first)
+    return [tuple(numbered(face) for face in faces) for faces in ordered]
+
+
+def check_places(walk: Walk) -> None:
+    """`DesignError` where a part stands at a node at which several guides meet."""
+    network = walk.plan.network
+    for kind in ("lenses", "emitters", "receivers"):
+        for number, placed in enumerate(getattr(network, kind)):
+            if placed.node is not None and len(walk.plan.at(placed.node)) != 1:
+                where = place_text(walk.plan.places[placed.node])
+                limit = f"{len(walk.plan.at(placed.node))} guides meet there, at {where}; a part stands where one ends"
+                raise DesignError(f"network.{kind}[{number}].node", value=placed.node, limit=limit)
+
+
+def _first_name(network: Network) -> str:
+    first = network.emitters[0]
+    return f"lens-{first.lens}" if first.lens else f"end-{first.node}"
+
+
+def _from(faces: list[Face], name: str) -> list[Face]:
+    """Faces from that of a name on, if there is one."""
+    start = next((number for number, face in enumerate(faces) if face.name == name), 0)
+    return faces[start:] + faces[:start]
+
+
+def _run(way: Way, side: str) -> Run:
+    curve: Curve = way.walls[side]
+    stated = way.spine.heading_deg if len(way.guide.widths) == 1 and isinstance(curve, Segment) else None
+    back_mm = way.spine.length_mm if way.guide.flush not in (None, side) else 0.0
+    return Run(
+        way.guide.name, side, curve if side == "right" else curve.reversed(), heading_deg=stated, back_mm=back_mm
+    )
+
+
+def _arriving(way: Way, node: str) -> Key:
+    """Side of a guide that is walked towards a node."""
+    return (way.guide.name, "right" if node == way.guide.nodes[1] else "left")
+
+
+def _departing(way: Way, node: str) -> Key:
+    """Side of a guide that is walked away from a node."""
+    return (way.guide.name, "right" if node == way.guide.nodes[0] else "left")
+
+
+def _in_order(plan: Plan, node: str) -> list[Way]:
+    """Guides at a node, counter-clockwise by the directions in which they leave; of two alike the right one first."""
+    at = plan.places[node]
+
+    def order(way: Way) -> tuple[float, float]:
+        ahead = way.inwards(node)
+        angle = round(math.degrees(math.atan2(-ahead[0], ahead[1])), 9) % 360.0
+        return angle, -dot(minus(way.middle(node), at), right_of(ahead))
+
+    return sorted(plan.at(node), key=order)
+
+
+def _frame(base: Point, ahead: Point, depth_mm: float) -> Rigid:
+    """From the frame of a lens, its vertex before a base, to the body's."""
+    x, z = ahead
+    return Rigid(z, -x, along(base, ahead, -depth_mm))
+
+
+def _turned(frame: Rigid, turn: Rigid) -> Rigid:
+    cos, sin = turn.vector((frame.cos, frame.sin))
+    return Rigid(cos, sin, turn.point(frame.shift))
+
+
+def _part(whole: Face, measure: Measure, low: float, high: float) -> Face:
+    """Part of a side between two lengths along it."""
+    length_mm = measure.length_mm
+    low, high = low - whole.begins_mm, high - whole.begins_mm
+    ends = (length_mm - high, length_mm - low) if whole.from_end else (low, high)
+    curve = whole.curve.part(*(measure.u_at(end) for end in ends))
+    return replace(whole, curve=curve, begins_mm=whole.begins_mm + low)

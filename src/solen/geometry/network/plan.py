@@ -1,0 +1,309 @@
+"""Where the guides and parts of a network are: at rest, and with its motions at their angles.
+
+A node without a place of its own lies where the guide that leads there ends. Motions go outwards from the node that is
+fixed: what lies beyond a guide that bends or turns is carried along.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+
+from numpy.polynomial import polynomial
+
+from solen.curve import Curve
+from solen.errors import DesignError
+from solen.geometry.body import place_text
+from solen.geometry.network.spine import Offset, Spine
+from solen.lens import Lens, lens_of
+from solen.material import optical
+from solen.plane import Point, Rigid, along, minus
+from solen.spec import Design
+from solen.spec.network import Guide, NamedMotion, Network, PlacedLens
+from solen.spec.placed import lens_table, lit
+
+MEETS_MM = 1e-9
+"""How far a guide may end from the place of its second node."""
+
+
+@dataclass(frozen=True)
+class Way:
+    """A guide with the line that it follows.
+
+    ``right`` and ``left`` are the distances of its walls to the right of that line.
+    """
+
+    guide: Guide
+    spine: Spine
+    right: Offset
+    left: Offset
+
+    @cached_property
+    def walls(self) -> dict[str, Curve]:
+        """Both walls from its first node to its second, by side."""
+        what = f"guide {self.guide.name}"
+        return {side: self.spine.wall(getattr(self, side), what) for side in ("right", "left")}
+
+    def middle(self, node: str) -> Point:
+        """Middle of its section at one of its nodes."""
+        (a, b), (c, d) = (self.section(node, side) for side in ("right", "left"))
+        return (0.5 * (a + c), 0.5 * (b + d))
+
+    def section(self, node: str, side: str) -> Point:
+        """Corner of its section at one of its nodes."""
+        wall = self.walls[side]
+        return wall.start if node == self.guide.nodes[0] else wall.end
+
+    def inwards(self, node: str) -> Point:
+        """Unit direction of the guide as it leaves a node."""
+        if node == self.guide.nodes[0]:
+            return self.spine.direction
+        x, z = self.spine.end_direction
+        return (-x, -z)
+
+    def moved(self, motion: Rigid) -> "Way":
+        """The guide after a rigid motion."""
+        return self if motion == Rigid() else replace(self, spine=self.spine.moved(motion))
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Guides by name in their state, places of the nodes, and lenses by name."""
+
+    network: Network
+    ways: dict[str, Way]
+    places: dict[str, Point]
+    lenses: dict[str, Lens]
+
+    def at(self, node: str) -> list[Way]:
+        """Guides at a node."""
+        return [way for way in self.ways.values() if node in way.guide.nodes]
+
+
+def plan_of(design: Design) -> Plan:
+    """Plan of a design's network with its motions at their angles.
+
+    Raises
+    ------
+    DesignError
+        If a node is not connected, a guide has no place, a lens cannot be made, or a motion would tear a loop.
+    """
+    rest = replace(at_rest(design), network=design.network)
+    return _in_motion(rest, design.network.motion)
+
+
+def at_rest(design: Design) -> Plan:
+    """Plan of a design's network at rest."""
+    resting = tuple(motion.model_copy(update={"at_deg": 0.0}) for motion in design.network.motion)
+    network = design.network.model_copy(update={"motion": resting, "lit": None})
+    shared = design.shared_emitter
+    rest = design.model_copy(update={"network": network, "emitter": shared})
+    stated = (frozenset(rest.lens.model_fields_set), frozenset(shared.model_fields_set))
+    indices = tuple(optical(lit(rest, emitter.name)).index for emitter in network.emitters)
+    return _planned(_Key(rest, (network, rest.lens, shared, rest.material, *stated, indices, str(rest.folder))))
+
+
+@dataclass(frozen=True)
+class _Key:
+    """A design, the same as any other whose network, lenses and material are the same."""
+
+    design: Design
+    of: tuple[object, ...]
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Key) and self.of == other.of
+
+    def __hash__(self) -> int:
+        return hash(self.of)
+
+
+@lru_cache(maxsize=64)
+def _planned(key: _Key) -> Plan:
+    design = key.design
+    network = design.network
+    _check_connected(network)
+    lenses = {placed.name: _lens(design, number, placed) for number, placed in enumerate(network.lenses)}
+    places: dict[str, Point] = {node.name: node.at_mm for node in network.nodes if node.at_mm is not None}
+    first = network.nodes[0].name
+    if first not in places:
+        places[first] = _origin(network, lenses, first)
+    ways: dict[str, Way] = {}
+    waiting = list(network.guides)
+    while waiting:
+        ready = next((guide for guide in waiting if (way := _placed(guide, network, places, ways)) is not None), None)
+        if ready is None:
+            number = network.guides.index(waiting[0])
+            limit = "has no place: neither of its nodes has one, or it has no direction"
+            remedy = "state direction_deg and length_mm, or at_mm of its nodes"
+            raise DesignError(f"network.guides[{number}]", value=waiting[0].name, limit=limit, remedy=remedy)
+        waiting.remove(ready)
+        way = _placed(ready, network, places, ways)
+        assert way is not None  # noqa: S101  it was ready
+        ways[ready.name] = way
+        _settle(way, places, network.guides.index(ready))
+    order = {guide.name: ways[guide.name] for guide in network.guides}
+    return Plan(network, order, places, lenses)
+
+
+def _check_connected(network: Network) -> None:
+    """`DesignError` for a node that no chain of guides joins to the first."""
+    reached = {network.nodes[0].name} if network.nodes else set[str]()
+    for _ in network.guides:
+        reached |= {node for guide in network.guides if reached & set(guide.nodes) for node in guide.nodes}
+    for number, node in enumerate(network.nodes):
+        if node.name not in reached or len(reached) == 1:
+            where = "" if node.at_mm is None else f", at {place_text(node.at_mm)}"
+            limit = f"is not connected: no guide leads there from {network.nodes[0].name}{where}"
+            raise DesignError(f"network.nodes[{number}]", value=node.name, limit=limit, remedy="add a guide")
+
+
+def _lens(design: Design, number: int, placed: PlacedLens) -> Lens:
+    """Lens of a network, made for the emitter before it; that of ``[emitter]`` where there is none."""
+    network = design.network
+    before = next((emitter.name for emitter in network.emitters if emitter.lens == placed.name), None)
+    own = design if before is None else lit(design, before)
+    table = lens_table(design, placed, _half_width_mm(network, number, placed))
+    made = own.model_copy(update={"lens": table}).in_folder(design.folder)
+    try:
+        return lens_of(made, optical(own).index)
+    except DesignError as bad:
+        what = f"network.lenses[{number}]: {bad.what}"
+        raise DesignError(what, value=bad.value, limit=bad.limit, remedy=bad.remedy) from None
+
+
+def _half_width_mm(network: Network, number: int, placed: PlacedLens) -> float | None:
+    """Half the width of the guide that a lens ends; None on a side."""
+    if placed.node is None:
+        return None
+    guides = [guide for guide in network.guides if placed.node in guide.nodes]
+    if len(guides) != 1:
+        limit = f"a lens ends one guide, and {len(guides)} meet there"
+        raise DesignError(f"network.lenses[{number}].node", value=placed.node, limit=limit)
+    (guide,) = guides
+    if guide.nodes[0] == placed.node or len(guide.widths) == 1:
+        return 0.5 * guide.widths[0]
+    if guide.length_mm is not None:
+        return 0.5 * float(polynomial.polyval(guide.length_mm, guide.widths))
+    return None
+
+
+def _origin(network: Network, lenses: dict[str, Lens], node: str) -> Point:
+    """Place of the first node: the origin, or so that the vertex of its lens lies there."""
+    lens = next((lenses[placed.name] for placed in network.lenses if placed.node == node), None)
+    guide = next(guide for guide in network.guides if node in guide.nodes)
+    if lens is None or guide.direction_deg is None or guide.nodes[0] != node:
+        return (0.0, 0.0)
+    start = Spine.towards((0.0, 0.0), guide.direction_deg, 1.0, 0.0)
+    return along((0.0, 0.0), start.direction, lens.depth_mm)
+
+
+def _placed(guide: Guide, network: Network, places: dict[str, Point], ways: dict[str, Way]) -> Way | None:
+    """A guide with its line; None while that is not known."""
+    start, end = (places.get(node) for node in guide.nodes)
+    half = tuple(0.5 * width for width in guide.widths)
+    both = (half, tuple(-width for width in half))
+    if guide.flush is not None:
+        return _flush(guide, network, ways)
+    if guide.direction_deg is not None and guide.length_mm is not None:
+        if start is None and end is None:
+            return None
+        spine = Spine.towards(start or (0.0, 0.0), guide.direction_deg, guide.length_mm, guide.turn_deg)
+        if start is None and end is not None:
+            spine = replace(spine, start=minus(end, spine.end))
+        return Way(guide, spine, *both)
+    if start is None or end is None:
+        return None
+    if math.dist(start, end) <= MEETS_MM:
+        number = network.guides.index(guide)
+        limit = f"has no length: both its nodes are at {place_text(start)}"
+        raise DesignError(f"network.guides[{number}]", value=guide.name, limit=limit)
+    return Way(guide, Spine.between(start, end, guide.turn_deg, guide.through_mm), *both)
+
+
+def _flush(guide: Guide, network: Network, ways: dict[str, Way]) -> Way | None:
+    """A guide whose side continues a side of the one that leads to its first node."""
+    leading = [one for one in network.guides if one.nodes[1] == guide.nodes[0]]
+    if len(leading) != 1:
+        number = network.guides.index(guide)
+        limit = f"needs one guide that leads to {guide.nodes[0]}, and there are {len(leading)}"
+        raise DesignError(f"network.guides[{number}].flush", value=guide.flush, limit=limit)
+    if leading[0].name not in ways or guide.length_mm is None or guide.flush is None:
+        return None
+    host, side = ways[leading[0].name], 1.0 if guide.flush == "right" else -1.0
+    heading_deg = guide.direction_deg
+    if heading_deg is None:
+        slope = float(polynomial.polyval(host.spine.length_mm, polynomial.polyder(getattr(host, guide.flush))))
+        x, z = host.spine.end_direction
+        heading_deg = math.degrees(math.atan2(-x, z)) - math.degrees(math.atan(slope))
+    spine = Spine.towards(host.walls[guide.flush].end, heading_deg, guide.length_mm, guide.turn_deg)
+    far = tuple(-side * width for width in guide.widths)
+    return Way(guide, spine, (0.0,), far) if guide.flush == "right" else Way(guide, spine, far, (0.0,))
+
+
+def _settle(way: Way, places: dict[str, Point], number: int) -> None:
+    """Give the nodes of a guide their places; `DesignError` where one has another."""
+    if way.guide.flush is not None:
+        found = {way.guide.nodes[1]: way.middle(way.guide.nodes[1])}
+    else:
+        found = dict(zip(way.guide.nodes, (way.spine.start, way.spine.end), strict=True))
+    for node, place in found.items():
+        off_mm = math.dist(places.setdefault(node, place), place)
+        if off_mm > MEETS_MM:
+            limit = f"ends {off_mm:.3g} mm from {node}, which is at {place_text(places[node])}"
+            remedy = "leave out direction_deg and length_mm, or at_mm of the node"
+            raise DesignError(f"network.guides[{number}]", value=way.guide.name, limit=limit, remedy=remedy)
+
+
+def _in_motion(rest: Plan, motions: tuple[NamedMotion, ...]) -> Plan:
+    """A plan with its motions at their angles."""
+    moving = {motion.part: motion for motion in motions if motion.at_deg != 0.0 and motion.part in rest.ways}
+    if not moving:
+        return rest
+    fixed = rest.network.fixed or rest.network.nodes[0].name
+    carried: dict[str, Rigid] = {fixed: Rigid()}
+    ways: dict[str, Way] = {}
+    for way, node in _outwards(rest, fixed):
+        moved, beyond = _driven(way, node, moving.get(way.guide.name))
+        ways[way.guide.name] = moved.moved(carried[node])
+        (other,) = set(way.guide.nodes) - {node}
+        motion = _after(beyond, carried[node])
+        known = carried.setdefault(other, motion)
+        off_mm = math.dist(known.point(rest.places[other]), motion.point(rest.places[other]))
+        if off_mm > MEETS_MM or abs(known.angle_deg - motion.angle_deg) > MEETS_MM:
+            name = ", ".join(one.name for one in moving.values())
+            limit = f"would tear {way.guide.name} from {other}, at {place_text(rest.places[other])}, by {off_mm:.3g} mm"
+            remedy = "what bends or turns must not be part of a loop"
+            raise DesignError("network.motion", value=name, limit=limit, remedy=remedy)
+    order = {name: ways[name] for name in rest.ways}
+    places = {node: carried[node].point(place) for node, place in rest.places.items()}
+    return replace(rest, ways=order, places=places)
+
+
+def _outwards(plan: Plan, fixed: str) -> Iterator[tuple[Way, str]]:
+    """Guides, each after those nearer to the fixed node, with its nearer node."""
+    reached, left = [fixed], list(plan.ways.values())
+    for node in reached:
+        for way in [way for way in left if node in way.guide.nodes]:
+            left.remove(way)
+            yield way, node
+            reached += [other for other in way.guide.nodes if other not in reached]
+
+
+def _driven(way: Way, node: str, motion: NamedMotion | None) -> tuple[Way, Rigid]:
+    """A guide bent or turned about its nearer node, and the motion of its other end."""
+    if motion is None:
+        return way, Rigid()
+    from_end = node == way.guide.nodes[1]
+    if motion.kind == "rotation":
+        turn = Rigid.about(way.spine.end if from_end else way.spine.start, motion.at_deg)
+        return way.moved(turn), turn
+    spine, beyond = way.spine.bent(motion.at_deg, from_end=from_end)
+    return replace(way, spine=spine), beyond
+
+
+def _after(first: Rigid, then: Rigid) -> Rigid:
+    """One motion after another."""
+    if then == Rigid():
+        return first
+    cos, sin = then.vector((first.cos, first.sin))
+    return Rigid(cos, sin, then.point(first.shift))

@@ -1,0 +1,210 @@
+"""The line that a guide follows: straight, an arc or a spline; and curves at a distance beside it.
+
+A wall at a distance that is a polynomial of the length is exact beside a straight line, a segment, a parabola or a
+Bézier curve, up to the third degree, and an arc beside an arc at a constant distance. Any other is a spline within
+`WALL_TOLERANCE_MM`.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.polynomial import polynomial
+from numpy.typing import ArrayLike
+
+from solen.arrays import FloatArray
+from solen.curve import Arc, Bezier, Curve, Function, Measure, Parabola, Segment, Spline, carried, fitted
+from solen.errors import DesignError
+from solen.geometry.bend import BEND_TOLERANCE_MM as WALL_TOLERANCE_MM
+from solen.geometry.bend import LARGEST_RADIUS_MM
+from solen.plane import Point, Rigid, along, heading, left_of, minus, right_of, unit
+
+SAMPLES = 257
+Offset = tuple[float, ...]
+"""Coefficients of the distance to the right of the line, in mm, by the length along it."""
+
+
+@dataclass(frozen=True)
+class Spine:
+    """Line from ``start`` along a unit direction, turning evenly by ``turn_deg`` over its length; or a ``free`` one.
+
+    ``heading_deg`` is its direction where that was stated as an angle.
+    """
+
+    start: Point
+    direction: Point
+    length_mm: float
+    turn_deg: float = 0.0
+    free: Spline | None = None
+    heading_deg: float | None = None
+
+    @classmethod
+    def towards(cls, start: Point, heading_deg: float, length_mm: float, turn_deg: float) -> "Spine":
+        """Line of a heading and a length."""
+        return cls(start, heading(heading_deg), length_mm, turn_deg, heading_deg=heading_deg)
+
+    @classmethod
+    def between(cls, start: Point, end: Point, turn_deg: float, through: Sequence[Point]) -> "Spine":
+        """Line from place to place: straight, an arc, or a spline through points."""
+        if through:
+            free = Spline.through([start, *through, end])
+            return cls(start, unit(free.velocity_at(0.0)), Measure(free).length_mm, free=free)
+        half = math.radians(0.5 * turn_deg)
+        chord = unit(minus(end, start))
+        first = Rigid(math.cos(half), -math.sin(half)).vector(chord) if turn_deg else chord
+        return cls(start, first, math.dist(start, end) / float(np.sinc(half / math.pi)), turn_deg)
+
+    @cached_property
+    def end(self) -> Point:
+        """Its last point."""
+        if self.free is not None:
+            return self.free.end
+        if self.turn_deg == 0.0:
+            return along(self.start, self.direction, self.length_mm)
+        x, z = self._places(np.array([self.length_mm]))[0]
+        return (float(x), float(z))
+
+    @cached_property
+    def end_direction(self) -> Point:
+        """Its unit direction at its end."""
+        if self.free is not None:
+            return unit(self.free.velocity_at(1.0))
+        turn = math.radians(self.turn_deg)
+        return Rigid(math.cos(turn), math.sin(turn)).vector(self.direction) if self.turn_deg else self.direction
+
+    def moved(self, motion: Rigid) -> "Spine":
+        """The line after a rigid motion."""
+        if motion == Rigid():
+            return self
+        free = None if self.free is None else self.free.moved(motion)
+        start, direction = motion.point(self.start), motion.vector(self.direction)
+        return replace(self, start=start, direction=direction, free=free, heading_deg=None)
+
+    def bent(self, angle_deg: float, *, from_end: bool) -> "tuple[Spine, Rigid]":
+        """The line with its far end turned evenly by an angle, and the motion of that end; the other stands still."""
+        if self.free is not None:
+            raise DesignError(
+                "network.motion", value="a bend of a spline", limit="only a straight guide or an arc bends"
+            )
+        if not from_end:
+            bent = replace(self, turn_deg=self.turn_deg + angle_deg)
+            return bent, carrying(self.end, bent.end, angle_deg)
+        bent = replace(self, turn_deg=self.turn_deg - angle_deg)
+        back = carrying(bent.end, self.end, angle_deg)
+        bent = bent.moved(back)
+        return bent, carrying(self.start, bent.start, angle_deg)
+
+    def wall(self, offset: Offset, what: str) -> Curve:
+        """Curve at a distance to the right of the line; `DesignError`, about ``what``, where it would fold over."""
+        offset = offset[: max((i + 1 for i, value in enumerate(offset) if value), default=1)]
+        if self.free is not None:
+            return self._beside_free(self.free, offset, what)
+        if self.turn_deg == 0.0:
+            return self._beside_straight(offset)
+        return self._beside_arc(offset, what)
+
+    def _beside_straight(self, offset: Offset) -> Curve:
+        first, right, end = self.start, right_of(self.direction), along(self.start, self.direction, self.length_mm)
+        if len(offset) <= 2:
+            last = float(polynomial.polyval(self.length_mm, offset)) if len(offset) == 2 else offset[0]
+            return Segment(along(first, right, offset[0]), along(end, right, last))
+        if len(offset) == 3:
+            a, b, c = offset
+            shift = 0.5 * b / c
+            vertex = along(along(first, right, a - c * shift * shift), self.direction, -shift)
+            return Parabola(vertex, self.direction, c, shift, self.length_mm + shift)
+        if len(offset) == 4:
+            third = self.length_mm / 3.0
+            a, b, c, d = (value * self.length_mm**i for i, value in enumerate(offset))
+            beside = (a, a + b / 3.0, a + (2.0 * b + c) / 3.0, a + b + c + d)
+            return Bezier(*(along(along(first, self.direction, i * third), right, x) for i, x in enumerate(beside)))
+        return fitted(*self._beside(offset), WALL_TOLERANCE_MM)
+
+    def _beside_arc(self, offset: Offset, what: str) -> Curve:
+        per_mm = math.radians(self.turn_deg) / self.length_mm
+        self._check_fold(polynomial.polyval(np.linspace(0.0, self.length_mm, SAMPLES), offset), per_mm, what)
+        if len(offset) > 1 or abs(1.0 / per_mm) > LARGEST_RADIUS_MM:
+            return fitted(*self._beside(offset), WALL_TOLERANCE_MM)
+        radius = 1.0 / per_mm  # positive towards the left
+        center = along(self.start, left_of(self.direction), radius)
+        x, z = right_of(self.direction) if radius > 0.0 else left_of(self.direction)
+        return Arc(center, abs(radius + offset[0]), math.degrees(math.atan2(z, x)), self.turn_deg)
+
+    def _beside_free(self, free: Spline, offset: Offset, what: str) -> Curve:
+        if offset == (0.0,):
+            return free
+        measure, slope = Measure(free), polynomial.polyder(offset)
+
+        def carry(piece: Curve, start: float, end: float) -> tuple[Function, Function, tuple[float, float]]:
+            if not isinstance(piece, Spline):
+                raise AssertionError("a spline is made of splines")
+            controls = np.array(piece.controls[0])
+
+            def frame(u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+                velocity = piece.velocities(u)
+                speed = np.hypot(*velocity.T)
+                return measure.lengths_at(start + (end - start) * u), speed, velocity / speed[:, None]
+
+            def place(u: FloatArray) -> FloatArray:
+                s, _, ahead = frame(u)
+                return np.asarray(piece.points(u) + polynomial.polyval(s, offset)[:, None] * _right(ahead))
+
+            def velocity(u: FloatArray) -> FloatArray:
+                s, speed, ahead = frame(u)
+                bends = np.diff(controls, 2, axis=0)
+                second = 6.0 * ((1.0 - u)[:, None] * bends[0] + u[:, None] * bends[1])
+                per_mm = (ahead[:, 0] * second[:, 1] - ahead[:, 1] * second[:, 0]) / speed**2
+                beside = polynomial.polyval(s, offset)
+                self._check_fold(beside, per_mm, what)
+                rise = (polynomial.polyval(s, slope) * speed)[:, None] * _right(ahead)
+                return np.asarray((speed * (1.0 + per_mm * beside))[:, None] * ahead + rise)
+
+            return place, velocity, (0.0, 1.0)
+
+        return carried(free, carry, WALL_TOLERANCE_MM)
+
+    def _beside(self, offset: Offset) -> tuple[Function, Function]:
+        """Places and velocities of a wall beside a straight line or an arc, by the share of the length."""
+        slope, per_mm = polynomial.polyder(offset), math.radians(self.turn_deg) / self.length_mm
+
+        def place(u: FloatArray) -> FloatArray:
+            s = u * self.length_mm
+            return np.asarray(self._places(s) + polynomial.polyval(s, offset)[:, None] * _right(self._ahead(s)))
+
+        def velocity(u: FloatArray) -> FloatArray:
+            s = u * self.length_mm
+            ahead, beside = self._ahead(s), polynomial.polyval(s, offset)
+            along_it = (1.0 + per_mm * beside)[:, None] * ahead
+            return np.asarray(self.length_mm * (along_it + polynomial.polyval(s, slope)[:, None] * _right(ahead)))
+
+        return place, velocity
+
+    def _ahead(self, s: FloatArray, share: float = 1.0) -> FloatArray:
+        """Unit directions (N, 2) at lengths, or turned by a share of the turn up to there."""
+        angle = share * math.radians(self.turn_deg) / self.length_mm * s
+        x, z = self.direction
+        return np.column_stack([np.cos(angle) * x - np.sin(angle) * z, np.sin(angle) * x + np.cos(angle) * z])
+
+    def _places(self, s: FloatArray) -> FloatArray:
+        half = 0.5 * math.radians(self.turn_deg) / self.length_mm * s
+        return np.asarray(np.asarray(self.start) + (s * np.sinc(half / math.pi))[:, None] * self._ahead(s, 0.5))
+
+    def _check_fold(self, beside: ArrayLike, per_mm: ArrayLike, what: str) -> None:
+        if float(np.min(1.0 + np.multiply(per_mm, beside))) <= 0.0:
+            limit = "folds over: its centre line bends more tightly than it is wide"
+            raise DesignError(what, limit=limit, remedy="bend it by less, over a greater length, or narrow it")
+
+
+def carrying(before: Point, after: Point, angle_deg: float) -> Rigid:
+    """Motion that turns by an angle and takes a point to another."""
+    if angle_deg == 0.0 and before == after:
+        return Rigid()
+    angle = math.radians(angle_deg)
+    turn = Rigid(math.cos(angle), math.sin(angle))
+    return replace(turn, shift=minus(after, turn.point(before)))
+
+
+def _right(ahead: FloatArray) -> FloatArray:
+    return np.column_stack([ahead[:, 1], -ahead[:, 0]])

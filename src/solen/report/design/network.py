@@ -1,0 +1,99 @@
+"""Figures of a network: its light, emitter by emitter, and its response over each of its motions."""
+
+import csv
+import io
+import math
+from collections.abc import Callable, Sequence
+from functools import partial
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from solen.geometry import Body
+from solen.report import canvas
+from solen.report.canvas import INK, series
+from solen.report.design.figures import SHOWN_RAYS, draw_rays, sensor_view
+from solen.sensor import Sensor
+from solen.sensor.network import NetworkStudy, NetworkTrace
+
+MOST_COLUMNS = 3
+PANEL_IN, LEAST_IN = 3.4, 2.2
+"""Width of a panel with rays, and its least height, in inches."""
+
+
+def rays_in_turn(trace: NetworkTrace) -> Figure:
+    """Rays of every emitter of a network, a panel each."""
+    return rays_of(trace.sensors)
+
+
+def rays_of(sensors: Sequence[Sensor]) -> Figure:
+    """At most `SHOWN_RAYS` rays of every emitter, a panel each."""
+    columns = min(len(sensors), MOST_COLUMNS)
+    rows = math.ceil(len(sensors) / columns)
+    low, high = _extent(sensors[0].body())
+    high_in = max(LEAST_IN, PANEL_IN * float((high[1] - low[1]) / (high[0] - low[0])) + 0.6)
+    figure = Figure(figsize=(PANEL_IN * columns, high_in * rows))
+    panels = np.ravel(figure.subplots(rows, columns, squeeze=False))
+    for axes, sensor in zip(panels, sensors, strict=False):
+        shown = min(sensor.design.emitter.rays, SHOWN_RAYS)
+        _, body, scene, traced = sensor_view(sensor, 0.0, shown, sensor.design.trace.mode)
+        draw_rays(axes, f"{sensor.design.network.lit} lit", body, scene, traced, zoom=None)
+        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+    for axes in panels[len(sensors) :]:
+        axes.set_axis_off()
+    return figure
+
+
+def network_figure(study: NetworkStudy) -> Figure:
+    """Response over each motion, a panel for each motion and emitter: what every receiver gets."""
+    rows, columns = len(study.sweeps), len(study.at_rest.emitters)
+    figure = Figure(figsize=(max(4.6, 2.9 * columns), 2.5 * rows))
+    panels = figure.subplots(rows, columns, squeeze=False, sharex="row", sharey=True)
+    for (name, response), line in zip(study.sweeps.items(), panels, strict=True):
+        angle = response.angle_deg[:, response.motions.index(name)]
+        for number, axes in enumerate(line):
+            _draw_powers(axes, angle, response.power[:, number], response.u_power[:, number], response.receivers)
+            axes.set(xlabel=f"{name} (deg)", title=f"{response.emitters[number]} lit")
+        line[0].set_ylabel("share of its power")
+    panels[0, -1].legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    return figure
+
+
+def figures(study: NetworkStudy) -> dict[str, str]:
+    """Figures of a study as SVG text, by name."""
+    draws: dict[str, Callable[[], Figure]] = {"rays": partial(rays_of, study.sensors)}
+    if study.sweeps:
+        draws["response"] = partial(network_figure, study)
+    return {name: canvas.svg(canvas.drawn(draw), name) for name, draw in draws.items()}
+
+
+def csv_table(study: NetworkStudy) -> str:
+    """One row for each state, emitter and receiver."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([*(f"{name}_deg" for name in study.at_rest.motions), "emitter", "receiver", "power", "u_power"])
+    for response in (study.at_rest, *study.sweeps.values()):
+        for state, angles in enumerate(response.angle_deg.tolist()):
+            for i, emitter in enumerate(response.emitters):
+                for k, receiver in enumerate(response.receivers):
+                    numbers = (float(response.power[state, i, k]), float(response.u_power[state, i, k]))
+                    writer.writerow([*angles, emitter, receiver, *map(repr, numbers)])
+    return text.getvalue()
+
+
+def _draw_powers(axes: Axes, angle: np.ndarray, power: np.ndarray, u_power: np.ndarray, names: Sequence[str]) -> None:
+    for number, name in enumerate(names):
+        look = series(number)
+        axes.plot(angle, power[:, number], **look, lw=1.6, label=name)
+        half = np.nan_to_num(u_power[:, number])
+        axes.fill_between(angle, power[:, number] - half, power[:, number] + half, color=look["color"], alpha=0.3, lw=0)
+    axes.axvline(0.0, color=INK, lw=0.5)
+
+
+def _extent(body: Body) -> tuple[np.ndarray, np.ndarray]:
+    """Least and greatest x and z of a body and its emitter, with some room."""
+    points = np.vstack([body.outline(1e-2), [body.emitter.point]])
+    low, high = points.min(axis=0), points.max(axis=0)
+    room = 0.06 * float((high - low).max())
+    return low - room, high + room

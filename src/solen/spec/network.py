@@ -1,0 +1,283 @@
+"""A network of guides: ``[network]`` and its lists, for ``body.kind = "network"``.
+
+Nodes are joined by guides; lenses, emitters and receivers stand at nodes where a single guide ends, or on a guide's
+side. What all lenses, emitters and receivers share is stated by ``[lens]``, ``[emitter]`` and ``[receivers]``, and a
+key stated here replaces it for one of them. Emitters light in turn: ``lit`` names the one that does. What can move
+stands at ``at_deg`` of its motion.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from typing import Annotated, ClassVar, Literal, Self
+
+from pydantic import AfterValidator, Field, model_validator
+
+from solen.spec.quantities import Index, Length, Place, Point, Size, Wavelength
+from solen.spec.strict import NotNegative, Number, Positive, Strict, Text, or_refuse, refused
+
+Side = Literal["right", "left"]
+Width = Annotated[
+    Length | Annotated[tuple[Number, ...], Field(min_length=1, max_length=12)],
+    or_refuse("must be a width in mm, or up to 12 coefficients of a polynomial: [4.0, 0.0, 0.008]"),
+]
+Turn = Annotated[Number, Field(gt=-350, lt=350)]
+Heading = Annotated[Number, Field(ge=-360, le=360)]
+Through = Annotated[
+    tuple[Point, ...], Field(max_length=1000), or_refuse("must be a list of points [x_mm, z_mm], at most 1000")
+]
+PlaceOf = Annotated[Point, or_refuse("must be [x_mm, z_mm] with two finite numbers")]
+
+OF_FACES = ("receiver", "mirror", "black", "lens", "end", "join", "fillet")
+"""First words of faces that are no guide's sides."""
+
+
+def _name(name: str) -> str:
+    if not re.fullmatch(r"[A-Za-z0-9]([A-Za-z0-9_-]*[A-Za-z0-9])?", name):
+        raise refused("", "must be letters, digits, - and _", value=name)
+    return name
+
+
+def _name_of_guide(name: str) -> str:
+    if re.match(r"[A-Za-z]*", _name(name))[0].lower() in OF_FACES:  # type: ignore[index]  # it always matches
+        raise refused("", f"must not begin with {', '.join(OF_FACES)}, which name other faces", value=name)
+    return name
+
+
+Name = Annotated[Text, AfterValidator(_name)]
+
+
+class Node(Strict):
+    """A place where guides meet, or where one ends."""
+
+    table: ClassVar[str] = "network.nodes"
+
+    name: Name = Field(description="its name.")
+    at_mm: PlaceOf | None = Field(
+        None, description="Place [x_mm, z_mm]; default: the end of the guide that leads there, of the first the origin."
+    )
+    fillet_mm: Size = Field(0.0, description="Radius of the fillets in the corners between guides; 0 for none.")
+    end: Literal["open", "mirror", "black"] = Field(
+        "open", description="What ends a guide where nothing stands: an open face, a mirror, or black."
+    )
+
+
+class Guide(Strict):
+    """A guide along a centre line from its first node to its second."""
+
+    table: ClassVar[str] = "network.guides"
+
+    name: Annotated[Text, AfterValidator(_name_of_guide)] = Field(
+        description="its name; its sides are called NAME-right and NAME-left."
+    )
+    nodes: tuple[Text, Text] = Field(description='the nodes that it leads from and to, ["base", "fork"].')
+    width_mm: Width = Field(description="width, or coefficients of a polynomial in the length from the first node.")
+    direction_deg: Heading | None = Field(
+        None, description="Direction at the first node, counter-clockwise from +z; default: towards the second."
+    )
+    length_mm: Length | None = Field(
+        None, description="Length of the centre line; default: up to the place of the second node."
+    )
+    turn_deg: Turn = Field(0.0, description="Angle that it turns by, counter-clockwise, as an arc; 0: straight.")
+    through_mm: Through = Field((), description="Points between the nodes that a spline goes through; none: no spline.")
+    flush: Side | None = Field(
+        None,
+        description="Side that continues the wall of the one guide that leads to its first node, in whose corner it "
+        "begins; default: centred on the node.",
+    )
+
+    @property
+    def widths(self) -> tuple[float, ...]:
+        """Coefficients of the width."""
+        return self.width_mm if isinstance(self.width_mm, tuple) else (self.width_mm,)
+
+    @model_validator(mode="after")
+    def _one_centre_line(self) -> Self:
+        if self.nodes[0] == self.nodes[1]:
+            raise refused("nodes", "must be two nodes", value=list(self.nodes), remedy="put a node between")
+        stated = {"turn_deg": self.turn_deg, "direction_deg": self.direction_deg, "flush": self.flush}
+        stated["length_mm"] = self.length_mm
+        for key, value in stated.items():
+            if self.through_mm and value:
+                raise refused(key, "has no meaning with through_mm", value=value, remedy="leave one of them out")
+        if self.direction_deg is not None and self.length_mm is None:
+            raise refused("length_mm", "missing: direction_deg needs it", remedy="add it")
+        if self.length_mm is not None and self.direction_deg is None and self.flush is None:
+            raise refused("direction_deg", "missing: length_mm needs it", remedy="add it")
+        if self.flush is not None and self.length_mm is None:
+            raise refused("length_mm", "missing: flush needs it", remedy="add it")
+        return self
+
+
+class Placed(Strict):
+    """A part that stands at a node where one guide ends, or on a guide's side."""
+
+    name: Name = Field(description="its name.")
+    node: Text | None = Field(None, description="Node where it stands; one guide ends there.")
+    guide: Text | None = Field(None, description="Guide on whose side it stands.")
+    side: Side | None = Field(None, description="That side, seen from the guide's first node.")
+
+    def check_place(self, beside: Iterable[str]) -> None:
+        """Reject both a node and a side, and keys of a side without it, or a side without them."""
+        if (self.node is None) == (self.guide is None):
+            limit = "must be a node or a guide's side" if self.node is None else "has no meaning with guide"
+            raise refused("node", limit, value=self.node, remedy='state node = "tip", or guide and side')
+        for key in ("side", *beside):
+            value = getattr(self, key)
+            if (value is None) == (self.guide is not None):
+                limit = "missing: guide needs it" if value is None else "has no meaning without guide"
+                raise refused(key, limit, value=value, remedy="add it" if value is None else "leave it out")
+
+
+class PlacedLens(Placed):
+    """A lens; what is not stated is that of ``[lens]``."""
+
+    table: ClassVar[str] = "network.lenses"
+
+    at_mm: NotNegative | None = Field(None, description="Its middle, in mm along the side from the guide's first node.")
+    shape: Literal["cartesian-oval", "spline", "none"] | None = Field(None, description="As lens.shape; default: that.")
+    focus_mm: Length | None = Field(None, description="As lens.focus_mm; default: that.")
+    half_width_mm: Length | None = Field(
+        None, description="As lens.half_width_mm; default: half the guide's width, on a side lens.half_width_mm."
+    )
+    design_index: Index | None = Field(None, description="As lens.design_index; default: that.")
+    knots_um: tuple[Number, ...] | None = Field(None, description="As lens.knots_um; default: that.")
+
+    @model_validator(mode="after")
+    def _stands_somewhere(self) -> Self:
+        self.check_place(("at_mm",))
+        return self
+
+
+class PlacedEmitter(Placed):
+    """An emitter before a lens, a bare end or a side; what is not stated is that of ``[emitter]``."""
+
+    table: ClassVar[str] = "network.emitters"
+
+    lens: Text | None = Field(None, description="Lens that it stands before, in place of node or guide.")
+    at_mm: NotNegative | None = Field(None, description="Its place, in mm along the side from the guide's first node.")
+    part: Text | None = Field(None, description="As emitter.part; default: that.")
+    wavelength_nm: Wavelength | None = Field(None, description="As emitter.wavelength_nm; default: that.")
+    distance_mm: Length | None = Field(None, description="As emitter.distance_mm; default: that.")
+    offset_mm: Place | None = Field(None, description="As emitter.offset_mm; default: that.")
+    width_mm: Size | None = Field(None, description="As emitter.width_mm; default: that.")
+    height_mm: Size | None = Field(None, description="As emitter.height_mm; default: that.")
+    cone_deg: Annotated[Number, Field(gt=0, le=360)] | None = Field(
+        None, description="As emitter.cone_deg; default: that."
+    )
+
+    @model_validator(mode="after")
+    def _stands_somewhere(self) -> Self:
+        if self.lens is None:
+            self.check_place(("at_mm",))
+            return self
+        for key in ("node", "guide", "side", "at_mm"):
+            if getattr(self, key) is not None:
+                raise refused(key, "has no meaning with lens", value=getattr(self, key), remedy="leave it out")
+        return self
+
+
+class PlacedReceiver(Placed):
+    """A receiver on an end or on a stretch of a side."""
+
+    table: ClassVar[str] = "network.receivers"
+
+    from_mm: NotNegative | None = Field(None, description="Where it begins, in mm along the side.")
+    to_mm: Positive | None = Field(None, description="Where it ends, in mm along the side from the first node.")
+
+    @model_validator(mode="after")
+    def _stands_somewhere(self) -> Self:
+        self.check_place(("from_mm", "to_mm"))
+        if self.from_mm is not None and self.to_mm is not None and not self.from_mm < self.to_mm:
+            raise refused("from_mm", f"must be less than to_mm = {self.to_mm}", value=self.from_mm)
+        return self
+
+
+class NamedMotion(Strict):
+    """A motion by its name: a bend of a guide, or a turn of a part."""
+
+    table: ClassVar[str] = "network.motion"
+
+    name: Name = Field(description="its name.")
+    kind: Literal["bend", "rotation"] = Field(description="bend of a guide between its nodes, or rotation of a part.")
+    part: Text = Field(description="guide that bends; or guide, lens or emitter that turns, with all beyond a guide.")
+    at_deg: Turn = Field(0.0, description="Angle at which it stands, counter-clockwise, of what moves.")
+    from_deg: Turn = Field(-3.0, description="First angle of its range.")
+    to_deg: Turn = Field(3.0, description="Last angle of its range, greater than from_deg.")
+    steps: Annotated[int, Field(strict=True, ge=1, le=1000)] = Field(6, description="Steps from first to last.")
+
+    @model_validator(mode="after")
+    def _ascends(self) -> Self:
+        if not self.from_deg < self.to_deg:
+            raise refused("from_deg", f"must be less than to_deg = {self.to_deg}", value=self.from_deg)
+        if not self.from_deg <= self.at_deg <= self.to_deg:
+            limit = f"must lie from from_deg = {self.from_deg:g} to to_deg = {self.to_deg:g}"
+            raise refused("at_deg", limit, value=self.at_deg)
+        return self
+
+    def angles_deg(self) -> tuple[float, ...]:
+        """Angles of its range, ascending, both ends included."""
+        step = (self.to_deg - self.from_deg) / self.steps
+        inner = (self.from_deg + i * step for i in range(1, self.steps))
+        return (self.from_deg, *(0.0 if abs(angle) < 1e-9 * step else angle for angle in inner), self.to_deg)
+
+
+class Network(Strict):
+    """A network of guides with its lenses, emitters, receivers and motions."""
+
+    table: ClassVar[str] = "network"
+
+    lit: Text | None = Field(None, description="Emitter that lights; default: the first.")
+    fixed: Text | None = Field(None, description="Node that stands still while parts move; default: the first.")
+    nodes: tuple[Node, ...] = Field((), description="Where guides meet or end.")
+    guides: tuple[Guide, ...] = Field((), description="The guides.")
+    lenses: tuple[PlacedLens, ...] = Field((), description="Its lenses.")
+    emitters: tuple[PlacedEmitter, ...] = Field((), description="Its emitters, which light in turn.")
+    receivers: tuple[PlacedReceiver, ...] = Field((), description="Its receivers.")
+    motion: tuple[NamedMotion, ...] = Field((), description="Its motions.")
+
+    @model_validator(mode="after")
+    def _names_are_known(self) -> Self:
+        for key in LISTS:
+            _check_twice(key, [one.name for one in getattr(self, key)])
+        parts = [one.name for key in ("guides", "lenses", "emitters") for one in getattr(self, key)]
+        for key, name, kind, known in self._names():
+            if name is not None and name not in known:
+                limit = f"names no {kind}; there are {', '.join(known) or 'none'}"
+                raise refused(key, limit, value=name)
+        for number, motion in enumerate(self.motion):
+            if motion.kind == "rotation" and parts.count(motion.part) > 1:
+                limit = "is the name of several parts"
+                raise refused(f"motion[{number}].part", limit, value=motion.part, remedy="give each its own")
+        return self
+
+    def _names(self) -> Iterator[tuple[str, str | None, str, list[str]]]:
+        """Keys that name something, with that name, its kind, and the names there are."""
+        known = {key: [one.name for one in getattr(self, key)] for key in LISTS}
+        yield "lit", self.lit, "emitter", known["emitters"]
+        yield "fixed", self.fixed, "node", known["nodes"]
+        for number, guide in enumerate(self.guides):
+            for place, name in enumerate(guide.nodes):
+                yield f"guides[{number}].nodes[{place}]", name, "node", known["nodes"]
+        for key in ("lenses", "emitters", "receivers"):
+            for number, one in enumerate(getattr(self, key)):
+                yield f"{key}[{number}].node", one.node, "node", known["nodes"]
+                yield f"{key}[{number}].guide", one.guide, "guide", known["guides"]
+        for number, emitter in enumerate(self.emitters):
+            yield f"emitters[{number}].lens", emitter.lens, "lens", known["lenses"]
+        for number, motion in enumerate(self.motion):
+            kinds = ("guides",) if motion.kind == "bend" else ("guides", "lenses", "emitters")
+            names = [name for kind in kinds for name in known[kind]]
+            yield f"motion[{number}].part", motion.part, "guide" if motion.kind == "bend" else "part", names
+
+
+LISTS = ("nodes", "guides", "lenses", "emitters", "receivers", "motion")
+
+
+def _check_twice(key: str, names: list[str]) -> None:
+    """Reject two of one kind with one name."""
+    for name, count in Counter(names).items():
+        if count > 1:
+            second = [number for number, one in enumerate(names) if one == name][1]
+            limit = f"is the name of {key}[{names.index(name)}] too"
+            raise refused(f"{key}[{second}].name", limit, value=name, remedy="give it another name")

@@ -1,0 +1,85 @@
+"""What the parts of a network are: the shared tables of its design with the keys that each states."""
+
+from collections.abc import Iterator, Mapping
+from itertools import product
+from typing import TYPE_CHECKING
+
+from solen.errors import SpecError
+from solen.spec.body import Lens
+from solen.spec.light import Emitter
+from solen.spec.network import Network, PlacedEmitter, PlacedLens
+
+if TYPE_CHECKING:
+    from solen.spec.design import Design
+    from solen.spec.strict import Strict
+
+OF_A_PART = ("wavelength_nm", "spectrum", "fwhm_nm", "width_mm", "height_mm", "cone_deg", "pattern", "exponent")
+"""Shared keys that a part named for one emitter replaces."""
+OF_A_SHAPE = ("knots_um", "least_feature_um")
+"""Shared keys of a lens that a shape stated for one replaces."""
+
+MOST_TOGETHER = 6
+"""Most motions whose ends are checked in every combination."""
+
+
+def lens_table(design: "Design", placed: PlacedLens, half_width_mm: float | None) -> Lens:
+    """Table of one lens of a network; ``half_width_mm`` where neither it nor ``[lens]`` states one."""
+    own = _stated(placed, Lens)
+    shared = {} if half_width_mm is None else {"half_width_mm": half_width_mm}
+    shared |= {key: getattr(design.lens, key) for key in design.lens.model_fields_set}
+    dropped = OF_A_SHAPE if "shape" in own else ()
+    return Lens(**({key: value for key, value in shared.items() if key not in dropped} | own))
+
+
+def lit(design: "Design", name: str | None = None) -> "Design":
+    """Design of a network with one emitter alight, in place of that which it names: ``[emitter]`` is that one."""
+    network = design.network
+    name = name or network.lit or network.emitters[0].name
+    (placed,) = (one for one in network.emitters if one.name == name)
+    return design.with_emitter(emitter_table(design, placed), network.model_copy(update={"lit": name}))
+
+
+def emitter_table(design: "Design", placed: PlacedEmitter) -> Emitter:
+    """Table of one emitter of a network."""
+    own = _stated(placed, Emitter)
+    emitter = design.shared_emitter
+    shared = {key: getattr(emitter, key) for key in emitter.model_fields_set}
+    dropped = OF_A_PART if "part" in own else ()
+    return Emitter(**({key: value for key, value in shared.items() if key not in dropped} | own))
+
+
+def state_of(design: "Design", angles_deg: Mapping[str, float]) -> "Design":
+    """Design of a network with some of its motions at other angles, by name.
+
+    Raises
+    ------
+    SpecError
+        If a motion has no such name, or its range does not reach an angle.
+    """
+    known = {motion.name: motion for motion in design.network.motion}
+    for name, angle in angles_deg.items():
+        if name not in known:
+            limit = f"names no motion; there are {', '.join(known) or 'none'}"
+            raise SpecError("network.motion", value=name, limit=limit)
+        if not known[name].from_deg <= angle <= known[name].to_deg:
+            limit = f"must lie from {known[name].from_deg:g} to {known[name].to_deg:g} deg, the range of {name}"
+            raise SpecError(f"network.motion {name}", value=angle, limit=limit)
+    motion = tuple(one.model_copy(update={"at_deg": angles_deg.get(name, one.at_deg)}) for name, one in known.items())
+    network = design.network.model_copy(update={"motion": motion})
+    return design.model_copy(update={"network": network}).in_folder(design.folder)
+
+
+def states(network: Network) -> Iterator[dict[str, float]]:
+    """States by which a network's motions are checked: each over its range, the others as they stand; then all ends."""
+    yield {}
+    for motion in network.motion:
+        yield from ({motion.name: angle} for angle in motion.angles_deg())
+    if 1 < len(network.motion) <= MOST_TOGETHER:
+        names = [motion.name for motion in network.motion]
+        for ends in product(*((motion.from_deg, motion.to_deg) for motion in network.motion)):
+            yield dict(zip(names, ends, strict=True))
+
+
+def _stated(placed: "Strict", kind: "type[Strict]") -> dict[str, object]:
+    """Keys of a part that it states itself."""
+    return {key: value for key in kind.model_fields if (value := getattr(placed, key, None)) is not None}

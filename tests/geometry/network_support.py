@@ -1,0 +1,96 @@
+"""Networks for tests: the Y as one, and random trees of guides."""
+
+import random
+from typing import Any
+
+from solen.geometry import arm_angle_deg
+from solen.spec import Design
+
+Tables = dict[str, Any]
+
+
+def y_network(design: Design, **network: Any) -> Design:
+    """The Y of a design as a network: a flared stem, and two arms that are flush with its sides."""
+    body, half_mm = design.body, design.lens.half_width_mm
+    arms = [
+        {
+            "name": f"arm-{side}",
+            "nodes": ("fork", f"tip-{side}"),
+            "width_mm": body.arm_width_mm,
+            "flush": side,
+            "length_mm": body.arm_length_mm,
+        }
+        for side in ("right", "left")
+    ]
+    if body.arm_angle_deg is not None:
+        for arm, sign in zip(arms, (-1.0, 1.0), strict=True):
+            arm["direction_deg"] = sign * arm_angle_deg(design)
+    stem = {
+        "name": "stem",
+        "nodes": ("base", "fork"),
+        "width_mm": (2.0 * half_mm, 0.0, 2.0 * body.stem_curve_per_mm),
+        "direction_deg": 0.0,
+        "length_mm": body.stem_length_mm,
+    }
+    tables = {
+        "nodes": [{"name": name} for name in ("base", "fork", "tip-right", "tip-left")],
+        "guides": [stem, *arms],
+        "lenses": [{"name": "main", "node": "base"}],
+        "emitters": [{"name": "led", "lens": "main"}],
+        "receivers": [{"name": side, "node": f"tip-{side}"} for side in ("right", "left")],
+    }
+    return Design(
+        name=design.name,
+        material=design.material,
+        emitter=design.emitter,
+        lens=design.lens,
+        trace=design.trace,
+        body={"kind": "network", "thickness_mm": body.thickness_mm},
+        network=tables | network,
+    )
+
+
+def random_network(seed: int) -> Design:
+    """A tree of guides of random widths, turns and fillets: a lens on its first end, receivers on the others."""
+    dice = random.Random(seed)  # noqa: S311  of shapes
+    nodes: list[Tables] = [{"name": "n0"}]
+    guides: list[Tables] = []
+
+    def grow(node: str, heading_deg: float, depth: int) -> None:
+        count = 1 if depth == 0 else dice.choice([0, 1, 2, 2, 3]) if depth < 3 else 0
+        for i in range(count):
+            even = -60.0 + 120.0 * i / (count - 1) if count > 1 else 0.0
+            lean = even + dice.uniform(-8.0, 8.0)
+            width, turn = dice.uniform(0.8, 2.5), dice.choice([0.0, 0.0, dice.uniform(-40.0, 40.0)])
+            widths = [(width,), (width, dice.uniform(-0.02, 0.02)), (width, 0.0, dice.uniform(-0.002, 0.004))]
+            nodes.append({"name": f"n{len(nodes)}", "fillet_mm": dice.choice([0.0, dice.uniform(0.05, 0.3)])})
+            guides.append(
+                {
+                    "name": f"g{len(guides)}",
+                    "nodes": (node, nodes[-1]["name"]),
+                    "width_mm": dice.choice([*widths, (width, 0.01, 0.0, 1e-4)]),
+                    "direction_deg": (heading_deg + lean + 180.0) % 360.0 - 180.0,
+                    "length_mm": dice.uniform(9.0, 18.0) / (1.0 + 0.3 * depth),
+                    "turn_deg": turn,
+                }
+            )
+            grow(nodes[-1]["name"], heading_deg + lean + turn, depth + 1)
+
+    grow("n0", 0.0, 0)
+    met = [node for guide in guides for node in guide["nodes"]]
+    for node in nodes:
+        node["fillet_mm"] = node.get("fillet_mm", 0.0) if met.count(node["name"]) > 1 else 0.0
+    ends = [node["name"] for node in nodes[1:] if met.count(node["name"]) == 1]
+    return Design(
+        name=f"random {seed}",
+        material={"index": 1.44},
+        body={"kind": "network"},
+        lens={"focus_mm": 12.0, "half_width_mm": 0.4},
+        network={
+            "nodes": nodes,
+            "guides": guides,
+            "lenses": [{"name": "lens", "node": "n0"}],
+            "emitters": [{"name": "led", "lens": "lens"}],
+            "receivers": [{"name": end, "node": end} for end in ends],
+        },
+    )

@@ -1,0 +1,263 @@
+"""Networks of guides: the Y is one, any is one closed outline that covers its guides, and bad ones are refused."""
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+
+from solen.curve import Arc, Parabola, Segment
+from solen.errors import DesignError, SolenError, SpecError
+from solen.geometry import Body, body_of, y_body
+from solen.geometry.body import polyline
+from solen.geometry.network import Plan, plan_of
+from solen.lens import lens_of
+from solen.spec import Design, dumps, loads, with_values
+from tests.geometry.network_support import random_network, y_network
+
+FLAT_MM = 1e-5
+PLACES = np.linspace(0.0, 1.0, 33)
+
+
+def built(design: Design) -> Body:
+    return body_of(design, None)
+
+
+def the_y(**tables: Any) -> Design:
+    return Design(name="y", material={"index": 1.44}, **tables)
+
+
+YS = {
+    "paper": {},
+    "narrow": {"body": {"stem_curve_per_mm": 0.003, "arm_width_mm": 2.3, "arm_angle_deg": 11.0}},
+    "flat": {"lens": {"shape": "none", "half_width_mm": 1.7}},
+}
+
+
+@pytest.mark.parametrize("tables", YS.values(), ids=list(YS))
+def test_the_y_is_a_network_bit_for_bit(tables: Any) -> None:
+    design = the_y(**tables)
+    own, network = y_body(design, lens_of(design, 1.44)), built(y_network(design))
+    assert [face.curve for face in network.faces] == [face.curve for face in own.faces]
+    assert network.emitter == own.emitter
+
+
+@pytest.mark.parametrize("angle_deg", [-7.0, 0.5])
+def test_a_bend_of_the_ys_stem_is_the_ys_own(angle_deg: float) -> None:
+    design = the_y(motion={"kind": "bend"})
+    bends = {"name": "bends", "kind": "bend", "part": "stem", "at_deg": angle_deg, "from_deg": -10.0, "to_deg": 10.0}
+    own = y_body(design, lens_of(design, 1.44), angle_deg)
+    network = built(y_network(design, fixed="fork", motion=[bends]))
+    for mine, other in zip(network.faces, own.faces, strict=True):
+        off = shapely.hausdorff_distance(*(shapely.LineString(f.curve.flattened(1e-6)) for f in (mine, other)))
+        assert off < 1e-5, mine.name
+        assert np.allclose([mine.curve.start, mine.curve.end], [other.curve.start, other.curve.end], atol=2e-9)
+    assert network.emitter.point == pytest.approx(own.emitter.point, abs=1e-10)
+    assert network.emitter.axis_deg == pytest.approx(own.emitter.axis_deg, abs=1e-10)
+
+
+@pytest.mark.parametrize("angle_deg", [-3.0, 1.0])
+def test_a_turn_of_the_ys_lens_is_the_ys_own_with_seams(angle_deg: float) -> None:
+    design = the_y(motion={"join": "seam"})
+    turns = {"kind": "rotation", "at_deg": angle_deg}
+    motion = [{"name": part, "part": part} | turns for part in ("main",)]
+    own, network = y_body(design, lens_of(design, 1.44), angle_deg), built(y_network(design, motion=motion))
+    ends = [(face.curve.start, face.curve.end) for face in own.faces]
+    assert np.allclose([(face.curve.start, face.curve.end) for face in network.faces], ends, atol=1e-13)
+    assert network.emitter.point == pytest.approx(own.emitter.point, abs=1e-13)
+
+
+def lost_and_added(plan: Plan, body: Body) -> tuple[float, float]:
+    """Areas by which an outline differs from the union of its guides, apart from what corners and lenses add.
+
+    Corners are the triangles between a node and two sections that do not meet; fillets and lenses are let off, and so
+    is a section that sticks out on the far side of a narrower guide, within half its width of the node.
+    """
+    guides, corners = [], []
+    for way in plan.ways.values():
+        sides = [way.walls[side].flattened(FLAT_MM) for side in ("right", "left")]
+        guides.append(shapely.Polygon(np.vstack([sides[0], sides[1][::-1]])).buffer(0.0))
+    near = [
+        shapely.Point(at).buffer(0.5 * max(way.guide.widths[0] + 0.5 for way in plan.at(node)))
+        for node, at in plan.places.items()
+    ]
+    for face in body.all_faces:
+        if face.part == "join":
+            node = face.name.removeprefix("join-").split(".")[0]
+            corners.append(shapely.Polygon([face.curve.start, face.curve.end, plan.places[node]]).buffer(0.0))
+        elif face.part in ("fillet", "lens"):
+            corners.append(shapely.LineString(face.curve.flattened(FLAT_MM)).convex_hull.buffer(1.0))
+    solid = shapely.Polygon(polyline(body.faces, FLAT_MM))
+    for hole in body.others:
+        solid = solid.difference(shapely.Polygon(polyline(hole, FLAT_MM)))
+    lost, added = shapely.union_all(guides).difference(solid), solid
+    for place in near:
+        lost = lost.difference(place)
+    for part in (*guides, *corners):
+        added = added.difference(part)
+    return lost.area, added.area
+
+
+def crossing(plan: Plan) -> bool:
+    """Whether guides that share no node overlap, or sides of two that do cross away from the node."""
+    sides = {
+        name: shapely.Polygon(np.vstack([way.walls["right"].flattened(1e-3), way.walls["left"].flattened(1e-3)[::-1]]))
+        for name, way in plan.ways.items()
+    }
+    names = list(sides)
+    pairs = ((a, b) for i, a in enumerate(names) for b in names[i + 1 :])
+    return any(
+        sides[a].buffer(0.0).intersects(sides[b].buffer(0.0))
+        for a, b in pairs
+        if not set(plan.ways[a].guide.nodes) & set(plan.ways[b].guide.nodes)
+    )
+
+
+def check_random(seeds: range) -> Iterator[Body]:
+    for seed in seeds:
+        design = random_network(seed)
+        plan = plan_of(design)
+        if crossing(plan):
+            with pytest.raises(DesignError, match="crosses itself"):
+                built(design)
+            continue
+        body = built(design)
+        lost, added = lost_and_added(plan, body)
+        assert lost < 1e-3, (seed, lost)
+        assert added < 1e-3, (seed, added)
+        yield body
+
+
+def test_random_networks_cover_their_guides_and_nothing_else() -> None:
+    assert len(list(check_random(range(10)))) >= 8
+
+
+@pytest.mark.evidence
+def test_two_hundred_random_networks_do() -> None:
+    bodies = list(check_random(range(230)))
+    print(f"{len(bodies)} of 230 random networks are closed and simple and cover their guides; the others cross")
+    assert len(bodies) >= 200
+
+
+def test_walls_are_exact_curves() -> None:
+    guides = [
+        {"name": "a", "nodes": ("n", "m"), "width_mm": 2.0, "direction_deg": 0.0, "length_mm": 9.0, "turn_deg": 50.0},
+        {"name": "b", "nodes": ("m", "o"), "width_mm": (2.0, 0.0, 0.02), "direction_deg": 50.0, "length_mm": 9.0},
+    ]
+    tables = {"nodes": [{"name": name} for name in "nmo"], "guides": guides, "emitters": [{"name": "e", "node": "n"}]}
+    body = built(Design(name="arc", material={"index": 1.44}, body={"kind": "network"}, network=tables))
+    arc, other = body.face("a-right").curve, body.face("a-left").curve
+    assert isinstance(arc, Arc)
+    assert isinstance(other, Arc)
+    assert (arc.radius_mm - other.radius_mm, arc.center) == (pytest.approx(2.0, abs=1e-12), other.center)
+    assert isinstance(body.face("b-right").curve, Parabola)
+    assert body.emitter.point == pytest.approx((0.0, -1.0), abs=1e-15)
+
+
+def test_a_loop_has_a_hole_and_what_bends_in_it_would_tear_it() -> None:
+    corners = {"a": (0.0, 0.0), "b": (12.0, 4.0), "c": (-8.0, 9.0), "d": (3.0, 20.0)}
+    between = [("a", "b"), ("b", "d"), ("d", "c"), ("c", "a")]
+    guides = [{"name": f"{m}{n}", "nodes": (m, n), "width_mm": 2.0} for m, n in between]
+    guides.append({"name": "out", "nodes": ("d", "e"), "width_mm": 2.0, "direction_deg": 0.0, "length_mm": 6.0})
+    nodes = [{"name": name, "at_mm": at, "fillet_mm": 0.5} for name, at in corners.items()] + [{"name": "e"}]
+    tables: Any = {"nodes": nodes, "guides": guides, "emitters": [{"name": "e", "node": "e"}]}
+    design = Design(name="ring", material={"index": 1.44}, body={"kind": "network"}, network=tables)
+    body, plan = built(design), plan_of(design)
+    assert len(body.others) == 1
+    assert max(lost_and_added(plan, body)) < 1e-6
+    motion = {"name": "m", "kind": "bend", "part": "ab", "at_deg": 2.0}
+    with pytest.raises(DesignError, match=r"tear .* at x = .*z = "):
+        built(
+            Design(
+                name="ring", material={"index": 1.44}, body={"kind": "network"}, network=tables | {"motion": [motion]}
+            )
+        )
+    turned = {"name": "m", "kind": "bend", "part": "out", "at_deg": 30.0, "from_deg": -30.0, "to_deg": 30.0}
+    bent = built(
+        Design(name="ring", material={"index": 1.44}, body={"kind": "network"}, network=tables | {"motion": [turned]})
+    )
+    assert bent.emitter.axis_deg == pytest.approx(body.emitter.axis_deg + 30.0)
+
+
+def test_a_fillet_touches_both_walls() -> None:
+    design = y_network(the_y())
+    body = built(with_values(design, {"network.nodes[1].fillet_mm": 0.05}))
+    number = next(i for i, face in enumerate(body.faces) if face.part == "fillet")
+    before, arc, behind = (face.curve for face in body.faces[number - 1 : number + 2])
+    assert isinstance(arc, Arc)
+    for one, other in ((before, arc), (arc, behind)):
+        along, onwards = np.array(one.velocity_at(1.0)), np.array(other.velocity_at(0.0))
+        assert np.dot(along, onwards) == pytest.approx(np.hypot(*along) * np.hypot(*onwards), rel=1e-12)
+
+
+def test_a_design_of_a_network_is_written_and_read_again() -> None:
+    design = with_values(y_network(the_y()), {"network.lenses[0].focus_mm": 20.0, "lens.focus_mm": 25.0})
+    again = loads(dumps(design))
+    assert again == design
+    assert again.network.lenses[0].focus_mm == 20.0
+
+
+BAD = {
+    "lens wider": (
+        {"network.lenses[0].half_width_mm": 2.2},
+        r"^network\.lenses\[0\]\.half_width_mm = 2\.2; .*2 mm.*x = ",
+    ),
+    "fillet": ({"network.nodes[1].fillet_mm": 30.0}, r"fillet_mm = 30\.0; .*x = .*room for"),
+    "two names": (
+        {"network.guides[2].name": "stem"},
+        r"^network\.guides\[2\]\.name = 'stem'; is the name of guides\[0\]",
+    ),
+    "unconnected": (
+        {
+            "network.nodes": [{"name": n} for n in ("base", "fork", "tip-right", "tip-left")]
+            + [{"name": "x", "at_mm": [9.0, 1.0]}]
+        },
+        r"^network\.nodes\[4\] = 'x'; is not connected.*x = 9, z = 1",
+    ),
+    "unknown": ({"network.receivers[0].node": "tip"}, r"^network\.receivers\[0\]\.node = 'tip'; names no node"),
+    "occupied": (
+        {"network.receivers[1].node": "tip-right"},
+        r"^network\.nodes\[2\] = 'tip-right'; right and left both.*x = ",
+    ),
+    "crowded": (
+        {"network.receivers[1].node": "fork"},
+        r"^network\.receivers\[1\]\.node = 'fork'; 3 guides meet there.*x = ",
+    ),
+    "face": ({"network.guides[0].name": "mirror-a"}, r"^network\.guides\[0\]\.name = 'mirror-a'; must not begin"),
+}
+
+
+@pytest.mark.parametrize(("values", "told"), BAD.values(), ids=list(BAD))
+def test_a_bad_network_is_refused_with_its_place(values: Any, told: str) -> None:
+    with pytest.raises((SpecError, DesignError), match=told):
+        built(with_values(y_network(the_y()), values))
+
+
+def test_crossing_guides_are_refused_with_their_place() -> None:
+    guides = [
+        {"name": "a", "nodes": ("n", "m"), "width_mm": 2.0, "direction_deg": 0.0, "length_mm": 20.0},
+        {"name": "b", "nodes": ("m", "o"), "width_mm": 2.0, "direction_deg": -120.0, "length_mm": 15.0},
+        {"name": "c", "nodes": ("o", "p"), "width_mm": 2.0, "direction_deg": 90.0, "length_mm": 30.0},
+    ]
+    tables = {"nodes": [{"name": name} for name in "nmop"], "guides": guides, "emitters": [{"name": "e", "node": "n"}]}
+    with pytest.raises(SolenError, match=r"crosses itself.* x = .*, where .* meet"):
+        built(Design(name="arc", material={"index": 1.44}, body={"kind": "network"}, network=tables))
+
+
+def test_a_lens_stands_on_a_side() -> None:
+    design = y_network(the_y())
+    lens = {"name": "aside", "guide": "arm-right", "side": "right", "at_mm": 10.0, "half_width_mm": 1.5}
+    network = design.network.model_dump(exclude_defaults=True) | {
+        "lenses": [{"name": "main", "node": "base"}, lens],
+        "emitters": [{"name": "led", "lens": "main"}, {"name": "two", "lens": "aside"}],
+        "lit": "two",
+    }
+    body = built(with_values(design, {"network": network}))
+    wall, front = body.face("arm-right-right.1").curve, body.face("lens-aside").curve
+    assert isinstance(wall, Segment)
+    middle = np.mean([front.start, front.end], axis=0)
+    assert math.dist(wall.start, middle) == pytest.approx(10.0, abs=1e-12)
+    ahead = np.array([-math.sin(math.radians(body.emitter.axis_deg)), math.cos(math.radians(body.emitter.axis_deg))])
+    assert abs(float(ahead @ np.subtract(wall.end, wall.start))) < 1e-12

@@ -1,0 +1,221 @@
+"""Networks in light: the Y's numbers, a scene by hand, ledgers, and emitters in turn."""
+
+import math
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+import pytest
+
+from solen.curve import CartesianOval, Segment
+from solen.errors import SolenError, SpecError
+from solen.plane import Point, Rigid
+from solen.scene import Fan, Interface, Region, Scene
+from solen.sensor import Sensor
+from solen.sensor.network import network_check, network_response, network_study, network_trace
+from solen.spec import Design, with_values
+from solen.trace import trace
+from solen.trace import trace_reference as reference
+from solen.trace.options import TraceOptions
+from tests.geometry.network_support import random_network, y_network
+
+INDEX = 1.44
+
+
+def the_y() -> Design:
+    return Design(name="y", material={"index": INDEX}, emitter={"rays": 400}, trace={"mode": "power"})
+
+
+def test_the_y_as_a_network_has_the_ys_numbers() -> None:
+    design = the_y()
+    own, found = Sensor.of(design).trace(), network_trace(y_network(design))
+    assert found.power[0, 0].tolist() == [own.detectors[side].power for side in ("right", "left")]
+    assert found.ledgers[0] == (own.ledger,)
+
+
+def three_guides(**network: Any) -> Design:
+    """A trunk from a lens to a node, a branch to a second lens on the right, and one to a receiver on the left."""
+    guides = [
+        {"name": "trunk", "nodes": ("base", "fork"), "width_mm": 3.0, "direction_deg": 0.0, "length_mm": 12.0},
+        {"name": "branch", "nodes": ("fork", "tip"), "width_mm": 2.0, "direction_deg": -40.0, "length_mm": 10.0},
+        {"name": "other", "nodes": ("fork", "end"), "width_mm": 2.0, "direction_deg": 40.0, "length_mm": 11.0},
+    ]
+    tables = {
+        "nodes": [{"name": "base", "at_mm": (0.0, 0.0)}, *({"name": name} for name in ("fork", "tip", "end"))],
+        "guides": guides,
+        "lenses": [
+            {"name": "main", "node": "base", "focus_mm": 15.0, "half_width_mm": 1.4},
+            {"name": "second", "node": "tip", "focus_mm": 12.0},
+        ],
+        "emitters": [{"name": "a", "lens": "main"}, {"name": "b", "lens": "second", "distance_mm": 1.5}],
+        "receivers": [
+            {"name": "end", "node": "end"},
+            {"name": "side", "guide": "trunk", "side": "left", "from_mm": 2.0, "to_mm": 5.0},
+        ],
+    }
+    return Design(
+        name="three",
+        material={"index": INDEX, "absorption_per_mm": 0.01},
+        emitter={"rays": 300},
+        body={"kind": "network"},
+        trace={"mode": "power"},
+        network=tables | network,
+    )
+
+
+def meeting(p: Point, p_deg: float, q: Point, q_deg: float) -> Point:
+    """Where two lines of given headings meet."""
+    (a, b), (c, d) = ((-math.sin(math.radians(deg)), math.cos(math.radians(deg))) for deg in (p_deg, q_deg))
+    t = np.linalg.solve(np.array([[a, -c], [b, -d]]), np.subtract(q, p))[0]
+    return (p[0] + t * a, p[1] + t * b)
+
+
+def by_hand(emitter: str) -> Scene:
+    """The scene of `three_guides` with its corners computed line by line."""
+
+    def beside(at: Point, deg: float, ahead: float, right: float) -> Point:
+        angle = math.radians(deg)
+        x = at[0] - ahead * math.sin(angle) + right * math.cos(angle)
+        return (x, at[1] + ahead * math.cos(angle) + right * math.sin(angle))
+
+    fork = (0.0, 12.0)
+    trunk = {side: (side * 1.5, 0.0) for side in (1, -1)}
+    branch = {(deg, side): beside(fork, deg, 0.0, side) for deg in (-40.0, 40.0) for side in (1, -1)}
+    tips = {
+        (deg, side): beside(fork, deg, 10.0 if deg < 0 else 11.0, side) for deg in (-40.0, 40.0) for side in (1, -1)
+    }
+    right = meeting(fork, -90.0, branch[-40.0, 1], -40.0)  # on the trunk's last section: it is wider
+    left = meeting(fork, 90.0, branch[40.0, -1], 40.0)
+    crotch = meeting(branch[-40.0, -1], -40.0, branch[40.0, 1], 40.0)
+    # a lens's own frame has its vertex at the origin; its base is a depth behind
+    ovals = {}
+    for name, distance, focus, half, at, deg in (
+        ("main", 1.0, 15.0, 1.4, (0.0, 0.0), 0.0),
+        ("second", 1.5, 12.0, 1.0, beside(fork, -40.0, 10.0, 0.0), 140.0),
+    ):
+        depth = depth_of(distance, focus, half)
+        edge = math.degrees(math.atan2(half, distance + depth))
+        whole = CartesianOval((0.0, 0.0), (0.0, 1.0), 1.0, INDEX, distance, focus, edge, -edge)
+        angle = math.radians(deg)
+        turn = Rigid(math.cos(angle), math.sin(angle), beside(at, deg, -depth, 0.0))
+        ovals[name] = (whole.moved(turn), turn.point((0.0, -distance)), deg)
+    main, second = ovals["main"][0], ovals["second"][0]
+    faces = [
+        ("lens-main", main),
+        ("shoulder-right", Segment(main.end, trunk[1])),
+        ("trunk-right", Segment(trunk[1], (1.5, 12.0))),
+        ("join-right", Segment((1.5, 12.0), right)),
+        ("branch-right", Segment(right, tips[-40.0, 1])),
+        ("lens-second", second),
+        ("branch-left", Segment(tips[-40.0, -1], crotch)),
+        ("other-right", Segment(crotch, tips[40.0, 1])),
+        ("receiver-end", Segment(tips[40.0, 1], tips[40.0, -1])),
+        ("other-left", Segment(tips[40.0, -1], left)),
+        ("join-left", Segment(left, (-1.5, 12.0))),
+        ("trunk-left.2", Segment((-1.5, 12.0), (-1.5, 5.0))),
+        ("receiver-side", Segment((-1.5, 5.0), (-1.5, 2.0))),
+        ("trunk-left.1", Segment((-1.5, 2.0), trunk[-1])),
+        ("shoulder-left", Segment(trunk[-1], main.start)),
+    ]
+    interfaces = tuple(
+        Interface(name, curve, "body", "air", "receiver", name.removeprefix("receiver-"))
+        if name.startswith("receiver")
+        else Interface(name, curve, "body", "air")
+        for name, curve in faces
+    )
+    _, place, deg = ovals["main" if emitter == "a" else "second"]
+    regions = (Region("air", 1.0), Region("body", INDEX, 0.01))
+    return Scene(regions, interfaces, (Fan(place, deg, 120.0, 300),))
+
+
+def depth_of(distance: float, focus: float, half: float) -> float:
+    """Depth of a Cartesian oval's edge: of equal optical length to that at its vertex, by bisection."""
+    low, high = 0.0, half
+    for _ in range(200):
+        z = 0.5 * (low + high)
+        length = math.hypot(half, distance + z) + INDEX * math.hypot(half, focus - z)
+        low, high = (z, high) if length > distance + INDEX * focus else (low, z)
+    return 0.5 * (low + high)
+
+
+def test_three_guides_from_the_file_are_the_scene_by_hand() -> None:
+    found = network_trace(three_guides())
+    for number, emitter in enumerate(("a", "b")):
+        scene = by_hand(emitter)
+        hand = trace(scene, "power")
+        slow = reference(scene, "power")
+        for receiver, power in zip(found.receivers, found.power[0, number], strict=True):
+            assert power == pytest.approx(hand.detectors[receiver].power, abs=1e-9)
+            assert power == pytest.approx(slow.detectors[receiver].power, abs=1e-9)
+        for share in fields(found.ledgers[0][number]):
+            assert getattr(found.ledgers[0][number], share.name) == pytest.approx(
+                getattr(hand.ledger, share.name), abs=1e-9
+            )
+    assert found.power.min() > 1e-4
+
+
+def check_light(seeds: range) -> int:
+    """Ledgers of random networks are whole, and engine and reference agree; the number of networks looked at."""
+    done = 0
+    for seed in seeds:
+        design = random_network(seed)
+        try:
+            scene = Sensor.of(design).scene(0.0, 24)
+        except SolenError:
+            continue
+        fast, slow = trace(scene, "count"), reference(scene, "count")
+        assert fast.ledger.total == pytest.approx(1.0, abs=1e-12), seed
+        assert fast.undefined == 0, seed
+        assert {name: row.power for name, row in fast.detectors.items()} == pytest.approx(
+            {name: row.power for name, row in slow.detectors.items()}, abs=1e-12
+        ), seed
+        done += 1
+    return done
+
+
+def test_ledgers_of_random_networks_are_whole() -> None:
+    assert check_light(range(8)) >= 7
+
+
+@pytest.mark.evidence
+def test_ledgers_of_two_hundred_random_networks_are_whole() -> None:
+    done = check_light(range(230))
+    print(f"{done} random networks: ledgers whole, engine and reference agree")
+    assert done >= 200
+
+
+MOTION = [
+    {"name": "lean", "kind": "bend", "part": "branch", "from_deg": -10.0, "to_deg": 10.0, "steps": 2},
+    {"name": "tilt", "kind": "rotation", "part": "main", "from_deg": -1.0, "to_deg": 1.0, "steps": 1},
+]
+
+
+def test_a_response_is_that_of_each_state_and_emitter() -> None:
+    design = three_guides(motion=MOTION)
+    found = network_response(design, [{}, {"lean": 4.0, "tilt": 0.5}], tolerance=1e-3)
+    assert found.angle_deg.tolist() == [[0.0, 0.0], [4.0, 0.5]]
+    moved = with_values(design, {"network.motion[0].at_deg": 4.0, "network.motion[1].at_deg": 0.5, "network.lit": "b"})
+    alone = Sensor.of(moved).integrate(tolerance=1e-3)
+    assert found.power[1, 1].tolist() == [alone.detectors[name].power for name in found.receivers]
+    assert found.u_power.max() <= 1e-3
+    assert network_check(design).states == 1 + 3 + 2 + 4
+
+
+def test_a_study_goes_over_each_motion() -> None:
+    study = network_study(three_guides(motion=MOTION[:1]), tolerance=1e-3)
+    assert study.sweeps["lean"].angle_deg.tolist() == [[-10.0], [0.0], [10.0]]
+    assert np.array_equal(study.sweeps["lean"].power[1], study.at_rest.power[0])
+    assert np.abs(np.diff(study.sweeps["lean"].power[:, 1], axis=0)).max() > 10.0 * study.at_rest.u_power.max()
+
+
+@pytest.mark.parametrize(
+    ("state", "told"), [({"leans": 1.0}, r"names no motion; there are lean"), ({"lean": 11.0}, r"= 11\.0; .*-10 to 10")]
+)
+def test_a_state_that_is_none_is_refused(state: dict[str, float], told: str) -> None:
+    with pytest.raises(SpecError, match=told):
+        network_response(three_guides(motion=MOTION[:1]), [state])
+
+
+def test_counting_is_an_option_of_a_trace_in_turn() -> None:
+    found = network_trace(three_guides(), TraceOptions(mode="count"))
+    assert np.allclose(found.power * 300, np.round(found.power * 300))
