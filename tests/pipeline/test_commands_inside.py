@@ -14,7 +14,8 @@ from solen.pipeline.design import check as pipeline
 from solen.pipeline.design.designs import new, open_design
 from solen.pipeline.design.trace import trace
 from solen.report.options import FigureOptions
-from solen.sensor import LensOptions
+from solen.sensor import Check, LensOptions
+from solen.sensor.network import NetworkCheck
 from solen.spec import load, template, template_names
 
 S, F, N, HALF = 1.0, 20.0, 1.44, 2.0
@@ -102,6 +103,11 @@ def test_new_writes_a_design_that_checks(tmp_path: Path, example: str) -> None:
     assert target.read_text(encoding="utf-8") == template(example)
     checked = pipeline.check(target).result
     assert checked.name == load(target).name
+    if load(target).body.kind == "network":
+        assert isinstance(checked, NetworkCheck)
+        assert len(checked.emitters) == len(load(target).network.emitters)
+        return
+    assert isinstance(checked, Check)
     assert checked.angles == len(load(target).motion.values())
     assert checked.foci[1].material_index == checked.material.index
 

@@ -26,7 +26,7 @@ from solen.trace import Convergence, Mode, Path, Trace, trace
 from solen.trace.described import SceneTrace
 
 COLOURS = {"right": RIGHT, "left": LEFT}
-OTHERS = ("#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+OTHERS = ("#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0072B2", "#D55E00", "#6A3D9A", "#8C6D31")
 """Colours of receivers of other names, in turn."""
 METHODS = {
     "fan": ("fan", INK, "o"),
@@ -245,15 +245,17 @@ def _draw_response(power_axes: Axes, contrast_axes: Axes, case: Case, name: str,
         contrast_axes.plot(counted.angle_deg, counted.contrast, ".", color=INK, ms=3, alpha=0.6)
 
 
-def draw_rays(axes: Axes, title: str, body: Body, scene: Scene, trace: Trace, *, zoom: float | None) -> None:
-    """Rays in a body, as `rays_figure` shows them."""
+def draw_rays(
+    axes: Axes, title: str, body: Body, scene: Scene, trace: Trace, *, zoom: float | None = None, names: bool = True
+) -> None:
+    """Rays in a body, as `rays_figure` shows them; ``names`` writes those of the receivers beside them."""
     outline = body.outline(1e-3)
     axes.fill(*outline.T, facecolor="#eef3f7", edgecolor=INK, lw=0.8, zorder=1)
     for other in body.others:
         ring = polyline(other, 1e-3)
         axes.fill(*ring.T, facecolor="white" if area(ring) < 0.0 else "#eef3f7", edgecolor=INK, lw=0.8, zorder=1)
     low, high = outline.min(axis=0), outline.max(axis=0)
-    beyond, colours = 0.12 * float(high[1] - low[1]), _colours(scene)
+    beyond, colours = 0.12 * float(high[1] - low[1]), colours_of(scene)
     for colour, lines in _coloured(scene, trace, beyond, colours).items():
         axes.add_collection(LineCollection(lines, colors=colour, linewidths=0.45, alpha=0.85, zorder=2))
     faces = {face.name for face in body.all_faces}
@@ -263,7 +265,7 @@ def draw_rays(axes: Axes, title: str, body: Body, scene: Scene, trace: Trace, *,
         if interface.receiver is not None:
             curve, colour = interface.curve, colours[interface.receiver]
             axes.plot(*curve.flattened().T, color=colour, lw=3.5, zorder=3)
-            if interface.receiver not in COLOURS:  # a name that the colours do not say
+            if names and interface.receiver not in COLOURS:  # a name that the colours do not say
                 axes.annotate(
                     interface.receiver,
                     curve.middle_point,
@@ -284,7 +286,7 @@ def draw_rays(axes: Axes, title: str, body: Body, scene: Scene, trace: Trace, *,
     axes.set(xlim=(base[0] - zoom, base[0] + zoom), ylim=(body.emitter.point[1] - 0.5, base[1] + zoom))
 
 
-def _colours(scene: Scene) -> dict[str, str]:
+def colours_of(scene: Scene) -> dict[str, str]:
     """Colours of the receivers."""
     others = [name for name in scene.receivers if name not in COLOURS]
     return COLOURS | {name: OTHERS[i % len(OTHERS)] for i, name in enumerate(others)}

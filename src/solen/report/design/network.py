@@ -9,11 +9,12 @@ from functools import partial
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from solen.geometry import Body
 from solen.report import canvas
-from solen.report.canvas import INK, series
-from solen.report.design.figures import SHOWN_RAYS, draw_rays, sensor_view
+from solen.report.canvas import INK, LOST, series
+from solen.report.design.figures import SHOWN_RAYS, colours_of, draw_rays, sensor_view
 from solen.sensor import Sensor
 from solen.sensor.network import NetworkStudy, NetworkTrace
 
@@ -38,10 +39,14 @@ def rays_of(sensors: Sequence[Sensor]) -> Figure:
     for axes, sensor in zip(panels, sensors, strict=False):
         shown = min(sensor.design.emitter.rays, SHOWN_RAYS)
         _, body, scene, traced = sensor_view(sensor, 0.0, shown, sensor.design.trace.mode)
-        draw_rays(axes, f"{sensor.design.network.lit} lit", body, scene, traced, zoom=None)
+        draw_rays(axes, f"{sensor.design.network.lit} lit", body, scene, traced, names=False)
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     for axes in panels[len(sensors) :]:
         axes.set_axis_off()
+    colours, names = colours_of(sensors[0].scene()), _receivers(sensors[0])
+    lines = [Line2D([], [], color=colours[name], lw=3.0, label=name) for name in names]
+    lines.append(Line2D([], [], color=LOST, lw=1.0, label="no receiver"))
+    figure.legend(handles=lines, loc="outside lower center", ncols=min(len(lines), 4))
     return figure
 
 
@@ -89,6 +94,10 @@ def _draw_powers(axes: Axes, angle: np.ndarray, power: np.ndarray, u_power: np.n
         half = np.nan_to_num(u_power[:, number])
         axes.fill_between(angle, power[:, number] - half, power[:, number] + half, color=look["color"], alpha=0.3, lw=0)
     axes.axvline(0.0, color=INK, lw=0.5)
+
+
+def _receivers(sensor: Sensor) -> list[str]:
+    return [placed.name for placed in sensor.design.network.receivers]
 
 
 def _extent(body: Body) -> tuple[np.ndarray, np.ndarray]:
