@@ -144,7 +144,9 @@ def test_check_builds_the_body_at_every_angle(design: Path) -> None:
     breaks = ['motion.moves=["emitter"]', "motion.pivot=[30.0, 0.0]"]
     with pytest.raises(SpecError, match=r"less than motion\.to_deg"):
         pipeline.check(design, ["motion.from_deg=4"])
-    assert pipeline.check(design, [*breaks, "motion.from_deg=0"]).result.angles == 13
+    checked = pipeline.check(design, [*breaks, "motion.from_deg=0"]).result
+    assert isinstance(checked, Check)
+    assert checked.angles == 13
     with pytest.raises(Exception, match="inside the body"):
         pipeline.check(design, breaks)
 

@@ -267,9 +267,7 @@ def network_response(
     return _response(in_turn(design), found, rows)
 
 
-def network_study(
-    design: Design, progress: Progress | None = None, tolerance: float = USUAL_TOLERANCE
-) -> NetworkStudy:
+def network_study(design: Design, progress: Progress | None = None, tolerance: float = USUAL_TOLERANCE) -> NetworkStudy:
     """Response of a network as it stands, and over the range of each of its motions; see `network_response`."""
     check, sensors = network_check(design), in_turn(design)
     ranges = {motion.name: [{motion.name: angle} for angle in motion.angles_deg()] for motion in design.network.motion}
