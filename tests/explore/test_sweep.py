@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +14,9 @@ import pytest
 from solen.errors import DataError, OutputError, SpecError
 from solen.explore.axes import axis, check_axes, grid, sampled
 from solen.explore.machines import Cluster, Slurm, check_job
-from solen.explore.store import Accuracy, Point, Store, Variant
+from solen.explore.store import Accuracy, Point, Store, Variant, engine
 from solen.explore.sweep import SweepOptions, sweep
+from solen.registry import BODY_KINDS
 from solen.sensor import Sensor
 from solen.spec import Design, save
 
@@ -90,10 +92,10 @@ def test_a_point_is_traced_once_whichever_sweep_asks_for_it(tmp_path: Path) -> N
 
 
 def test_a_design_that_cannot_be_built_is_a_point_without_a_response(tmp_path: Path) -> None:
-    found = sweep(DESIGN, SweepOptions(over=("lens.half_width_mm=2,2000",)), Store(tmp_path))
-    assert np.isnan(found.merits["light"]).tolist() == [False, True]
-    assert sum(found.failures.values()) == 1
-    assert "1 of 2 points" in found.warnings[0]
+    found = sweep(DESIGN, SweepOptions(over=("lens.half_width_mm=2,2000,-2,3000",)), Store(tmp_path))
+    assert np.isnan(found.merits["light"]).tolist() == [False, True, True, True]
+    assert list(found.failures.values()) == [2, 1]  # by kind, whatever the numbers
+    assert "3 of 4 points" in found.warnings[0]
     with pytest.raises(SpecError, match="no point has a response"):
         sweep(DESIGN, SweepOptions(over=("lens.half_width_mm=1000,2000",)), Store(tmp_path))
 
@@ -113,6 +115,19 @@ def test_a_point_is_named_by_all_that_it_depends_on(tmp_path: Path) -> None:
         in_folder = DESIGN.set({"emitter.ray_file": "a.txt"}).in_folder(tmp_path)
         others.append(Variant(in_folder).name(Accuracy()))
     assert len({base.name(Accuracy()), *others}) == 7
+
+
+def test_code_that_extends_solen_names_points_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    bar = EntryPoint("lab-bar", "lab_bar:BAR", BODY_KINDS)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr("solen.explore.store.offered", lambda group: {"lab-bar": bar} if group == BODY_KINDS else {})
+    names = set()
+    for width in (3, 4):
+        (tmp_path / "lab_bar.py").write_text(f"BAR = {width}", encoding="utf-8")
+        engine.cache_clear()
+        names.add(engine())
+    engine.cache_clear()
+    assert len(names) == 2
 
 
 def test_the_compiled_batch_gives_the_same_table_within_its_uncertainty(tmp_path: Path) -> None:

@@ -1,6 +1,8 @@
 """Surrogates and yields against exact answers and brute force."""
 
 import math
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,11 +10,15 @@ import pytest
 from solen.arrays import FloatArray
 from solen.errors import SpecError
 from solen.explore.merits import NAMES
+from solen.explore.prints import Prints
 from solen.explore.requirement import Requirement
 from solen.explore.store import Store
 from solen.explore.surrogate import fit
-from solen.explore.tolerance import Prints, ToleranceOptions, print_design, tolerance
-from solen.explore.variations import Variation, drawn, offs, together, variation, variations_of
+from solen.explore.tolerance import ToleranceOptions, print_design, tolerance
+from solen.explore.usual import GROWTH, SHRINKAGE, of_process, variations_of
+from solen.explore.variations import Variation, drawn, offs, together, variation
+from solen.fabricate.process.growth import growth_um
+from solen.fabricate.process.process_file import Process, default_process, process_text
 from solen.sensor import Sensor
 from solen.spec import Design
 
@@ -87,7 +93,7 @@ OPTIONS = ToleranceOptions(
     vary=("emitter.offset_mm=normal:0:0.02", "material.index=uniform:-0.005:0.005"),
     require=("abs(null_deg) < 0.3",),
     prints=32,
-    tolerance=1e-2,
+    rays=4096,
 )
 
 
@@ -175,3 +181,80 @@ def test_a_malformed_variation_is_refused_by_name(text: str, named: str) -> None
     with pytest.raises(SpecError) as refused:
         variation(text, Sensor.of(DESIGN))
     assert named in str(refused.value)
+
+
+def test_an_adjustment_of_the_emitter_takes_its_decentre_away(folder: Store) -> None:
+    """Prints whose emitter alone is off are the design again, but where the limit is less than the decentre."""
+    found = tolerance(DESIGN, OPTIONS.model_copy(update={"adjust": "emitter.offset_mm=0.02"}), folder)
+    (whole,) = found.yields
+    assert whole.adjusted_share is not None
+    assert whole.u_adjusted_share is not None
+    reached = np.abs(found.deviations["emitter.offset_mm"]) < 0.02 + 0.3 * 0.02
+    assert whole.share < reached.mean() - 0.05
+    assert whole.adjusted_share == pytest.approx(reached.mean(), abs=3.0 * whole.u_adjusted_share)
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("emitter.offset_mm=0", "greater than 0"),
+        ("emitter.offset_mm", "greater than 0"),
+        ("emitter.height_mm=0.1", "plane"),
+        ("body.arm_width_mm=0.05", "rise or fall"),
+    ],
+)
+def test_an_adjustment_without_effect_is_refused(folder: Store, text: str, named: str) -> None:
+    with pytest.raises(SpecError) as refused:
+        tolerance(DESIGN, OPTIONS.model_copy(update={"adjust": text}), folder)
+    assert named in str(refused.value)
+    assert "--adjust" in str(refused.value)
+
+
+def test_a_requirement_that_the_design_misses_is_said(folder: Store) -> None:
+    found = tolerance(DESIGN, OPTIONS.model_copy(update={"require": ("span > 1.9", "abs(null_deg) < 0.3")}), folder)
+    (warning,) = [one for one in found.warnings if "design itself" in one]
+    assert "span > 1.9" in warning
+
+
+def test_what_nobody_states_names_its_source() -> None:
+    known = Design(name="resin", material={"resin": "pmma"}, tolerance={"body_arm_width_mm": 0.03})
+    sensor = Sensor.of(known)
+    sensor = replace(sensor, material=replace(sensor.material, u_index=0.002))
+    usual = {one.key: one for one in variations_of(sensor, ["emitter.offset_mm=normal:0:0.1", "usual"])}
+    sources = {key: usual[key].source for key in ("emitter.offset_mm", "material.index", "body.arm_width_mm")}
+    assert sources == {
+        "emitter.offset_mm": "stated",
+        "material.index": "resin pmma",
+        "body.arm_width_mm": "[tolerance]",
+    }
+    assert usual["emitter.distance_mm"].source == "assumed"
+    assert [one.source for one in variations_of(sensor, ["emitter.offset_mm=normal:0:0.1"])] == ["stated"]
+
+
+def test_prints_of_a_process_grow_and_shrink_together() -> None:
+    """Growth and shrinkage of 10 ± 2 µm and 1 ± 0.2 %, calibrated with a correlation of -0.6."""
+    process = default_process().with_settings(shrinkage_percent=1.0)
+    calibration = {"keys": ("growth_um", "shrinkage_percent"), "covariance": ((4.0, -0.24), (-0.24, 0.04))}
+    calibrated = Process(**process.model_dump() | {"calibration": calibration, "uncertainty": {}})
+    sensor = Sensor.of(DESIGN)
+    made = {one.key: one for one in of_process(sensor, calibrated, compensated=False)}
+    assert made[GROWTH].first == pytest.approx(growth_um(calibrated.process))
+    assert made[GROWTH].second == pytest.approx(2.0)
+    x = drawn(list(made.values()), 2**12, 0)
+    moved = [offs(list(made.values()), row) for row in x.tolist()]
+    stem = np.array([one["body.stem_length_mm"] for one in moved]) / sensor.design.body.stem_length_mm
+    distance = np.array([one["emitter.distance_mm"] for one in moved])
+    assert -100.0 * stem.mean() == pytest.approx(1.0, rel=0.01)
+    assert 100.0 * stem.std() == pytest.approx(0.2, rel=0.02)
+    assert np.corrcoef(-stem, -distance)[0, 1] == pytest.approx(-0.6, abs=0.02)
+    (growth, _) = of_process(sensor, calibrated, compensated=True)
+    assert growth.first == 0.0
+
+
+def test_a_process_takes_the_place_of_tolerances_of_lengths(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(process_text(default_process()), encoding="utf-8")
+    keys = [one.key for one in variations_of(Sensor.of(DESIGN), (), path)]
+    assert keys[:2] == [GROWTH, SHRINKAGE]
+    assert "body.arm_width_mm" not in keys
+    assert "emitter.distance_mm" in keys

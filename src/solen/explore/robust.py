@@ -3,12 +3,11 @@
 The interface: `cases_of` texts, ``emitter.offset_mm=0.03``.
 """
 
-import math
 from collections.abc import Iterator, Sequence
 from itertools import product
 
 from solen.errors import SpecError
-from solen.explore.variations import check_key
+from solen.explore.variations import deviation_of
 from solen.sensor import Sensor
 
 MOST_NUMBERS = 4
@@ -22,7 +21,7 @@ def cases_of(sensor: Sensor, texts: Sequence[str], *, mirrors: bool) -> Iterator
     SpecError
         Where a text is malformed, a number is stated twice, or there are too many.
     """
-    deviations = dict(_deviation(text, sensor) for text in texts)
+    deviations = dict(deviation_of(text, sensor, "--robust") for text in texts)
     if len(deviations) < len(texts) or len(deviations) > MOST_NUMBERS:
         limit = f"takes each number once, and {MOST_NUMBERS} at most"
         raise SpecError("--robust", value=f"{len(texts)} numbers", limit=limit, remedy="leave one out")
@@ -32,16 +31,3 @@ def cases_of(sensor: Sensor, texts: Sequence[str], *, mirrors: bool) -> Iterator
         case = {key: sign * size for sign, (key, size) in zip(signs, deviations.items(), strict=True)}
         if case and not (mirrors and case.get("emitter.offset_mm", 1.0) < 0.0):
             yield case
-
-
-def _deviation(text: str, sensor: Sensor) -> tuple[str, float]:
-    key, _, size = (part.strip() for part in text.partition("="))
-    try:
-        deviation = float(size)
-    except ValueError:
-        deviation = math.nan
-    if not 0.0 < deviation < math.inf:
-        limit, remedy = "must be a number greater than 0", "write KEY=DEVIATION, as in emitter.offset_mm=0.03"
-        raise SpecError(f"--robust {key}", value=size, limit=limit, remedy=remedy)
-    check_key(sensor, key, "--robust", material=True)
-    return key, deviation

@@ -1,8 +1,9 @@
 """Traced points of sweeps, kept in a folder as they come, so that none is ever traced twice.
 
-A point is named by a digest of its design, the files that the design names, the tolerance, and solen's own code and
-data. Points are written in blocks; a block is named by its points and renamed into place, so that a program killed at
-any moment leaves whole blocks only, and the same command goes on from there to the same table.
+A point is named by a digest of its design, the files that the design names, the tolerance, and the code and data of
+solen and of packages that extend it. Points are written in blocks; a block is named by its points and renamed into
+place, so that a program killed at any moment leaves whole blocks only, and the same command goes on from there to the
+same table.
 
 The interface: `Store` of a folder; `Variant`, which names a point.
 """
@@ -16,6 +17,7 @@ import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
@@ -27,6 +29,7 @@ from solen.arrays import FloatArray
 from solen.errors import DataError, SolenError
 from solen.explore.printed_lens import as_printed
 from solen.fabricate.process import Settings
+from solen.registry import BODY_KINDS, FINISHES, offered
 from solen.sensor import Sensor
 from solen.sensor.effects import as_built
 from solen.spec import Design, dumps
@@ -35,6 +38,8 @@ BLOCKS = "blocks"
 """Folder of the blocks within that of the sweep."""
 MOST_BLOCKS = 256
 """Blocks above which opening a folder makes one of all: a search writes many small ones."""
+OF_DESIGNS = (BODY_KINDS, FINISHES)
+"""Groups of entry points whose code a response depends on."""
 SUFFIXES = (".py", ".toml", ".csv")
 
 
@@ -132,13 +137,26 @@ def _bytes(path: Path) -> bytes:
 
 @cache
 def engine() -> str:
-    """Digest of solen's version, code and data."""
+    """Digest of solen's version, code and data, and of those of packages that add bodies or finishes."""
     digest = hashlib.sha256(solen.__version__.encode())
-    root = Path(solen.__file__).parent
-    for path in sorted(path for path in root.rglob("*") if path.suffix in SUFFIXES):
-        digest.update(path.relative_to(root).as_posix().encode())
-        digest.update(path.read_bytes())
+    modules = {entry.module.partition(".")[0] for group in OF_DESIGNS for entry in offered(group).values()}
+    for module in ("solen", *sorted(modules)):
+        for name, path in _sources(module):
+            digest.update(name.encode())
+            digest.update(path.read_bytes())
     return digest.hexdigest()
+
+
+def _sources(module: str) -> list[tuple[str, Path]]:
+    """Code and data of a package by their names within it, or of a module in one file."""
+    spec = find_spec(module)
+    if spec is None or spec.origin is None:
+        return []
+    path = Path(spec.origin)
+    if not spec.submodule_search_locations:
+        return [(path.name, path)]
+    found = sorted(path for path in path.parent.rglob("*") if path.suffix in SUFFIXES)
+    return [(each.relative_to(path.parent).as_posix(), each) for each in found]
 
 
 def _block(points: Mapping[str, Point]) -> bytes:

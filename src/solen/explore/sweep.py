@@ -4,6 +4,7 @@ The interface: `sweep` of a design by `SweepOptions` returns a `Sweep`; `respons
 a `Store`.
 """
 
+import re
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -30,8 +31,10 @@ from solen.spec.strict import Finite, Options
 if TYPE_CHECKING:
     import xarray
 
+MOST_REASONS = 3
 BLOCK_S, BLOCK_POINTS = 5.0, 256
 """Points are written after this time at the latest, and so many at once at most."""
+NUMBER = re.compile(r"[-+]?\d[\d.,]*(e[-+]?\d+)?")
 OF_THE_MOTION = ("motion.from_deg", "motion.to_deg", "motion.step_deg")
 
 
@@ -79,7 +82,7 @@ class Sweep(Result):
     merits
         By name of merit (`Merits`) the P values, and their uncertainties by ``u_`` and that name.
     failures
-        Reasons why points have no response, and how many have each.
+        Reasons why points have no response, and how many have each; those that differ in numbers alone are one.
     traced
         Number of points traced now; the others were known.
     angle_deg, right, left, u_power
@@ -281,8 +284,13 @@ def merits_of_points(angle_deg: FloatArray, points: Sequence[Point]) -> dict[str
 
 
 def failures_of(points: Sequence[Point]) -> dict[str, int]:
-    """Reasons why points have no response, the most frequent first, with their numbers."""
-    return dict(Counter(point.why for point in points if not point.right.size).most_common())
+    """Reasons why points have no response, the most frequent first, with their numbers.
+
+    Reasons that differ in their numbers alone count as the first of them.
+    """
+    reasons = [point.why for point in points if not point.right.size]
+    first = {NUMBER.sub("", why): why for why in reversed(reasons)}
+    return {first[kind]: number for kind, number in Counter(NUMBER.sub("", why) for why in reasons).most_common()}
 
 
 def _swept(
@@ -323,8 +331,9 @@ def point_warnings(points: Sequence[Point], failures: Mapping[str, int]) -> Iter
     """Warnings about points without a response, and about those that did not reach the tolerance."""
     if failures:
         many, first = sum(failures.values()), next(iter(failures))
-        others = "" if len(failures) == 1 else f" (and {len(failures) - 1} further reasons, under failures in the JSON)"
-        yield f"{many} of {len(points)} points have no response: {first}{others}"
+        others = "".join(f"; {number} of them: {why}" for why, number in list(failures.items())[1:MOST_REASONS])
+        more = f"; and {len(failures) - MOST_REASONS} further reasons" if len(failures) > MOST_REASONS else ""
+        yield f"{many} of {len(points)} points have no response: {first}{others}{more}"
     rough = [point.why for point in points if point.right.size and point.why]
     if rough:
         yield f"{len(rough)} of {len(points)} points missed the tolerance; their u states what was reached: {rough[0]}"

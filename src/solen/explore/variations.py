@@ -1,11 +1,11 @@
 """Numbers that vary from print to print: distributions of their deviations from the design, and prints drawn from them.
 
-The interface: `variations_of` texts; `drawn` prints; `offs` of one print.
+The interface: `variation` of a text; `drawn` prints; `offs` of one print.
 """
 
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -13,13 +13,13 @@ import numpy as np
 from scipy.special import eval_hermitenorm, eval_legendre, ndtri
 
 from solen.arrays import FloatArray
-from solen.errors import DesignError, SpecError
+from solen.errors import SpecError
 from solen.explore.sobol import sobol
 from solen.sensor import Sensor
-from solen.sensor.effects import as_built
-from solen.sensor.numbers import OF_THE_MATERIAL, inert, number, tolerance_of, usual_keys
+from solen.sensor.numbers import OF_THE_MATERIAL, inert, number
 
 FORMS = "write KEY=normal:MEAN:SD or KEY=uniform:LOW:HIGH, as deviations from the design"
+STATED = "stated"
 _TERM = re.compile(r"\s*([+-]?)\s*(?:([0-9.]+(?:[eE][+-]?[0-9]+)?)\s*\*\s*)?([a-z_]+[A-Za-z_0-9.\[\]]+)\s*")
 UNSEEN = ("fabricate", "tolerance", "trace", "motion")
 """Tables whose numbers light and readout do not depend on, or that all designs of a table have in common."""
@@ -32,17 +32,28 @@ class Variation:
     Attributes
     ----------
     key
-        The number, or the sum of several with their weights, as stated.
+        The number, or the sum of several with their weights, as stated; or a name of what moves several.
     kind
         ``normal`` by mean and standard deviation, or ``uniform`` between two ends.
     first, second
         Mean and standard deviation, or the ends, in the unit of the key.
+    source
+        Where the distribution comes from.
+    moved
+        Where the key is a name: how far each number moves by its unit.
     """
 
     key: str
     kind: Literal["normal", "uniform"]
     first: float
     second: float
+    source: str = STATED
+    moved: Mapping[str, float] | None = None
+
+    @property
+    def weights(self) -> Mapping[str, float]:
+        """How far each number of the design moves, per unit of the deviation."""
+        return together(self.key) if self.moved is None else self.moved
 
     def deviation(self, share: FloatArray) -> FloatArray:
         """Deviation at shares, 0 to 1, of its distribution function."""
@@ -61,16 +72,6 @@ class Variation:
         if self.kind == "normal":
             return np.asarray(eval_hermitenorm(degree, variable) / math.sqrt(math.factorial(degree)))
         return np.asarray(eval_legendre(degree, variable) * math.sqrt(2 * degree + 1))
-
-
-def variations_of(sensor: Sensor, texts: Sequence[str]) -> list[Variation]:
-    """Variations of texts; without any the usual ones. `SpecError` where one is malformed or stated twice."""
-    variations = [variation(text, sensor) for text in texts] or list(usual_variations(sensor))
-    keys = [one.key for one in variations]
-    twice = next((key for key in keys if keys.count(key) > 1), None)
-    if twice:
-        raise SpecError(f"--vary {twice}", limit="is stated twice", remedy="leave one out")
-    return variations
 
 
 def variation(text: str, sensor: Sensor) -> Variation:
@@ -106,6 +107,20 @@ def check_key(sensor: Sensor, key: str, option: str, *, material: bool = False) 
         raise SpecError(f"{option} {key}", limit=why, remedy="leave it out")
 
 
+def deviation_of(text: str, sensor: Sensor, option: str) -> tuple[str, float]:
+    """Number and size of a text, ``emitter.offset_mm=0.03``; `SpecError` where it is malformed or without effect."""
+    key, _, stated = (part.strip() for part in text.partition("="))
+    try:
+        size = float(stated)
+    except ValueError:
+        size = math.nan
+    if not 0.0 < size < math.inf:
+        limit, remedy = "must be a number greater than 0", "write KEY=DEVIATION, as in emitter.offset_mm=0.03"
+        raise SpecError(f"{option} {key}", value=stated, limit=limit, remedy=remedy)
+    check_key(sensor, key, option, material=True)
+    return key, size
+
+
 def together(text: str) -> dict[str, float]:
     """Weights of the numbers that move together, ``body.arm_width_mm+0.5*lens.half_width_mm``; of one number 1."""
     weights: dict[str, float] = {}
@@ -127,31 +142,9 @@ def offs(variations: Sequence[Variation], row: Sequence[float]) -> dict[str, flo
     """Deviation of each number in one print."""
     moved: dict[str, float] = {}
     for one, deviation in zip(variations, row, strict=True):
-        for key, weight in together(one.key).items():
+        for key, weight in one.weights.items():
             moved[key] = moved.get(key, 0.0) + weight * deviation
     return moved
-
-
-def usual_variations(sensor: Sensor) -> Iterator[Variation]:
-    """Every number that the light depends on, by its tolerance in the design or its uncertainty in the resin."""
-    for key in usual_keys(sensor):
-        if key not in OF_THE_MATERIAL and inert(sensor, key):
-            continue
-        size, is_standard = tolerance_of(sensor, key)
-        if is_standard and _is_possible(sensor, key, -3.0 * size):
-            yield Variation(key, "normal", 0.0, size)
-            continue
-        size *= math.sqrt(3.0) if is_standard else 1.0
-        yield Variation(key, "uniform", -size if _is_possible(sensor, key, -size) else 0.0, size)
-
-
-def _is_possible(sensor: Sensor, key: str, step: float) -> bool:
-    """Whether a number may be off by a step: an absorption is not below 0."""
-    try:
-        as_built(sensor, {key: step})
-    except (SpecError, DesignError):
-        return False
-    return True
 
 
 def drawn(variations: Sequence[Variation], prints: int, seed: int) -> FloatArray:

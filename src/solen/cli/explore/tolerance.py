@@ -3,7 +3,9 @@
 from collections.abc import Iterator
 
 from solen.cli.app import lines
-from solen.explore.tolerance import Tolerances, VariedNumber, Yield
+from solen.explore.prints import VariedNumber, Yield
+from solen.explore.tolerance import Tolerances
+from solen.explore.variations import STATED
 from solen.pipeline.explore.tolerance import tolerance as tolerance
 from solen.report.design.answer import measured
 
@@ -16,11 +18,11 @@ def _(result: Tolerances) -> Iterator[str]:
     yield f"simulated: {result.name}, {result.prints} prints, seed {result.seed}, {result.traced} responses traced"
     for one in result.yields:
         yield _yield(one)
-    yield "varied, as deviations from the design:"
+    yield f"varied, as deviations from the design{_sources(result)}:"
     width = max(len(one.key) for one in result.varied)
     for row in result.varied:
         value = "together" if row.value is None else f"{row.value:.6g}"
-        yield f"  {row.key:{width}}  {value:>9}  {_distribution(row)}{_cost(row)}"
+        yield f"  {row.key:{width}}  {value:>9}  {_distribution(row)}{_source(row)}{_cost(row)}"
     factor = result.varied[0].factor_together
     if factor is not None and factor < 1.0:
         yield f"  95 % yield needs all deviations {factor:.2g} times as large"
@@ -39,7 +41,20 @@ def _yield(one: Yield) -> str:
     what = f"{one.requirement}: " if one.requirement else "yield: "
     as_printed = measured(100 * one.share, 100 * one.u_share, sign=False)
     calibrated = measured(100 * one.calibrated_share, 100 * one.u_calibrated_share, sign=False)
-    return f"{what}{as_printed} % as printed, {calibrated} % after null and gain are calibrated"
+    text = f"{what}{as_printed} % as printed, {calibrated} % after null and gain are calibrated"
+    if one.adjusted_share is None or one.u_adjusted_share is None:
+        return text
+    return f"{text}, {measured(100 * one.adjusted_share, 100 * one.u_adjusted_share, sign=False)} % after adjustment"
+
+
+def _sources(result: Tolerances) -> str:
+    """What is varied without being stated."""
+    assumed = sum(row.source != STATED for row in result.varied)
+    return f" ({assumed} not stated: see what each is taken from)" if assumed else " (nothing else varies)"
+
+
+def _source(row: VariedNumber) -> str:
+    return "" if row.source == STATED else f" [{row.source}]"
 
 
 def _distribution(row: VariedNumber) -> str:

@@ -6,7 +6,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from solen.explore.tolerance import MeritSpread, Tolerances
+from solen.explore.prints import MeritSpread
+from solen.explore.tolerance import Tolerances
 from solen.report.canvas import INK, LEFT, LOST, RIGHT, SERIES, SOFT
 from solen.report.design.answer import measured
 from solen.report.explore.sweep import plain_numbers

@@ -1,0 +1,274 @@
+"""Prints of a design, traced, and surrogates of their merits: yields, what costs them, and how each merit varies.
+
+A surrogate of every merit, corrected by what the traced prints say of it, gives the yield; it alone tells which
+tolerance costs most and what each may be.
+
+The interface: `Prints`, whose methods give `Yield`, `VariedNumber` and `MeritSpread`.
+"""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from solen.arrays import BoolArray, FloatArray
+from solen.explore.merits import MERITS, NAMES
+from solen.explore.requirement import Requirement
+from solen.explore.surrogate import FOLDS, Surrogate, fit, parts
+from solen.explore.variations import Variation, drawn
+from solen.results import Result
+from solen.sensor import Sensor
+from solen.sensor.numbers import number
+
+MODELLED = 2**14
+"""Samples of the surrogates."""
+WANTED_YIELD = 0.95
+
+
+class Yield(Result, eq=True):
+    """Share of the prints that meet a requirement, or all of them.
+
+    Attributes
+    ----------
+    requirement
+        Its text; empty for all together.
+    share, u_share
+        Share of the prints as they come out.
+    calibrated_share, u_calibrated_share
+        After a calibration of each sensor, which removes the null's offset and the gain: null and slope count as
+        those of the design.
+    adjusted_share, u_adjusted_share
+        After each print is adjusted as stated, and then not calibrated; None where no adjustment is.
+    """
+
+    requirement: str
+    share: float
+    u_share: float
+    calibrated_share: float
+    u_calibrated_share: float
+    adjusted_share: float | None = None
+    u_adjusted_share: float | None = None
+
+
+class VariedNumber(Result, eq=True):
+    """One number that varies.
+
+    Attributes
+    ----------
+    key, value
+        The number and its value in the design; of several that move together their sum as stated or a name of what
+        moves them, and null.
+    distribution
+        ``normal`` or ``uniform``.
+    deviation
+        Mean and standard deviation, or the ends, of its deviation from that value.
+    source
+        Where that comes from: ``stated``, ``[tolerance]`` of the design, ``assumed`` by solen, or a process, a part or
+        a resin by name.
+    share_if_exact
+        Yield if this number alone did not vary, by the surrogates; None without requirements.
+    factor_alone, factor_together
+        Factor on its deviation for a yield of 95 %, if it alone is tightened or all are; None where that is not
+        reached, or without requirements.
+    """
+
+    key: str
+    value: float | None
+    distribution: str
+    deviation: tuple[float, float]
+    source: str
+    share_if_exact: float | None
+    factor_alone: float | None
+    factor_together: float | None
+
+
+class MeritSpread(Result):
+    """How one merit varies between prints.
+
+    Attributes
+    ----------
+    merit
+        Its name.
+    base, u_base
+        Of the design itself.
+    mean, sd
+        Over the prints.
+    first_order, total
+        Sobol' indices by key: share of the variance by that number alone, and with others; of the surrogate.
+    degree
+        Of the surrogate's polynomial.
+    held_out
+        Share of the variance which the surrogate leaves unexplained of prints that it was not fitted to.
+    """
+
+    merit: str
+    base: float
+    u_base: float
+    mean: float
+    sd: float
+    first_order: dict[str, float]
+    total: dict[str, float]
+    degree: int
+    held_out: float
+
+
+@dataclass(frozen=True, eq=False)
+class Prints:
+    """Traced prints with surrogates of their merits.
+
+    Attributes
+    ----------
+    variations
+        D numbers that vary.
+    deviations
+        (P, D).
+    merits
+        By name the values (P,).
+    base
+        Merits of the design itself.
+    adjusted
+        The same prints after an adjustment; None where none is.
+    """
+
+    variations: Sequence[Variation]
+    deviations: FloatArray
+    merits: Mapping[str, FloatArray]
+    base: Mapping[str, float]
+    adjusted: "Prints | None" = None
+
+    @cached_property
+    def surrogates(self) -> dict[str, Surrogate]:
+        """Surrogates of the merits that enough prints have."""
+        return {
+            name: fit(self.variations, self.deviations, self.merits[name])
+            for name in MERITS
+            if np.isfinite(self.merits[name]).sum() >= 2 * FOLDS
+        }
+
+    @cached_property
+    def modelled(self) -> FloatArray:
+        """Deviations at which surrogates are taken."""
+        return drawn(self.variations, MODELLED, 1)
+
+    def met(self, requirements: Sequence[Requirement], merits: Mapping[str, FloatArray]) -> BoolArray:
+        """Where merits (N,) meet all requirements."""
+        size = next(iter(merits.values())).size
+        met = np.ones(size, bool)
+        for one in requirements:
+            met &= one.met(merits, self.base)
+        return met
+
+    def yields(self, requirements: Sequence[Requirement]) -> Iterator[Yield]:
+        """Yield of each requirement, and of all together."""
+        groups = [("", requirements)] if requirements else []
+        if len(requirements) > 1:
+            groups = [*((one.text, [one]) for one in requirements), *groups]
+        for text, group in groups:
+            after = () if self.adjusted is None else self.adjusted.share(group)
+            yield Yield(text, *self.share(group), *self.share(group, calibrated=True), *after)
+
+    def share(self, requirements: Sequence[Requirement], *, calibrated: bool = False) -> tuple[float, float]:
+        """Share of prints that meet requirements, with its standard uncertainty.
+
+        The surrogates' share over many samples, plus what each traced print differs from surrogates fitted without it
+        (a control variate): the estimate is free of the surrogates' error, and its uncertainty is that of the mean
+        difference.
+        """
+        part = parts(len(self.deviations))
+        true = self.met(requirements, self._calibrated(self.merits) if calibrated else self.merits)
+        missed = np.empty(true.size)
+        modelled = np.empty(FOLDS)
+        for fold in range(FOLDS):
+            inside = part == fold
+            made = self._by_surrogates(requirements, self.deviations[inside], fold, calibrated=calibrated)
+            missed[inside] = true[inside].astype(float) - made
+            modelled[fold] = self._by_surrogates(requirements, self.modelled, fold, calibrated=calibrated).mean()
+        share = float(missed.mean() + modelled[part].mean())
+        u = max(float(missed.std(ddof=1)) / math.sqrt(true.size), 1.0 / (true.size + 2))  # none may be a few not seen
+        undecided = self._undecided(requirements, calibrated=calibrated)
+        return min(max(share, 0.0), 1.0), math.hypot(u, undecided / math.sqrt(12.0))
+
+    def varied(self, sensor: Sensor, requirements: Sequence[Requirement]) -> list[VariedNumber]:
+        """What varies and what it costs, the costliest first."""
+        named = {name for one in requirements for name in one.merits}
+        if not all(np.isfinite(self.merits[name]).all() for name in named):
+            requirements = []  # surrogates do not know which prints lack a merit
+        of_all = self._factor(requirements, range(len(self.variations)))
+        rows = [
+            VariedNumber(
+                key=one.key,
+                value=number(sensor, one.key) if one.key in one.weights else None,
+                distribution=one.kind,
+                deviation=(one.first, one.second),
+                source=one.source,
+                share_if_exact=self._scaled(requirements, [place], 0.0) if requirements else None,
+                factor_alone=self._factor(requirements, [place]),
+                factor_together=of_all,
+            )
+            for place, one in enumerate(self.variations)
+        ]
+        return sorted(rows, key=lambda row: row.share_if_exact or 0.0, reverse=True)
+
+    def spreads(self) -> Iterator[MeritSpread]:
+        """Spread of each merit that has a surrogate."""
+        keys = [one.key for one in self.variations]
+        for name, made in self.surrogates.items():
+            values = self.merits[name][np.isfinite(self.merits[name])]
+            yield MeritSpread(
+                merit=name,
+                base=self.base[name],
+                u_base=self.base[f"u_{name}"],
+                mean=float(values.mean()),
+                sd=float(values.std(ddof=1)),
+                first_order=dict(zip(keys, made.first_order.tolist(), strict=True)),
+                total=dict(zip(keys, made.total.tolist(), strict=True)),
+                degree=made.degree,
+                held_out=made.held_out,
+            )
+
+    def _undecided(self, requirements: Sequence[Requirement], *, calibrated: bool) -> float:
+        """Share of prints for which a requirement would change where one of its merits is off by its uncertainty."""
+        changes = np.zeros(len(self.deviations), bool)
+        met = self.met(requirements, self._calibrated(self.merits) if calibrated else self.merits)
+        for name in dict.fromkeys(name for one in requirements for name in one.merits):
+            for sign in (-1.0, 1.0):
+                off = {**self.merits, name: self.merits[name] + sign * np.nan_to_num(self.merits[f"u_{name}"])}
+                changes |= met != self.met(requirements, self._calibrated(off) if calibrated else off)
+        return float(changes.mean())
+
+    def _calibrated(self, merits: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+        """Merits after a calibration of offset and gain: null and slope of the design, where there is a null."""
+        exists = np.isfinite(merits["null_deg"])
+        return {**merits} | {name: np.where(exists, self.base[name], np.nan) for name in ("null_deg", "slope_per_deg")}
+
+    def _by_surrogates(
+        self, requirements: Sequence[Requirement], deviations: FloatArray, fold: int | None, *, calibrated: bool = False
+    ) -> BoolArray:
+        named = dict.fromkeys(name for one in requirements for name in one.merits)
+        nothing = np.full(len(deviations), np.nan)
+        merits = dict.fromkeys(NAMES, nothing) | {
+            name: self.surrogates[name](deviations, fold)
+            for name in (*named, *(("null_deg",) if calibrated else ()))
+            if name in self.surrogates
+        }
+        return self.met(requirements, self._calibrated(merits) if calibrated else merits)
+
+    def _scaled(self, requirements: Sequence[Requirement], places: Sequence[int], factor: float) -> float:
+        """Yield by surrogates with some deviations times a factor."""
+        deviations = self.modelled.copy()
+        deviations[:, list(places)] *= factor
+        return float(self._by_surrogates(requirements, deviations, None).mean())
+
+    def _factor(self, requirements: Sequence[Requirement], places: Sequence[int]) -> float | None:
+        """Largest factor, up to 1, on some deviations for the wanted yield; None where none reaches it."""
+        if not requirements or self._scaled(requirements, places, 0.0) < WANTED_YIELD:
+            return None
+        low, high = 0.0, 1.0
+        if self._scaled(requirements, places, high) >= WANTED_YIELD:
+            return high
+        for _ in range(8):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if self._scaled(requirements, places, middle) >= WANTED_YIELD else (low, middle)
+        return low
