@@ -84,6 +84,17 @@ def test_a_sweep_is_the_responses_of_its_designs(tmp_path: Path) -> None:
     assert data.attrs["simulated"] == 1
 
 
+def test_the_worst_of_each_merit_is_that_of_the_deviations(tmp_path: Path) -> None:
+    over, store = "lens.focus_mm=18,22", Store(tmp_path)
+    found = sweep(DESIGN, SweepOptions(over=(over,), robust=("emitter.offset_mm=0.02",)), store)
+    own = sweep(DESIGN, SweepOptions(over=(over, "emitter.offset_mm=0.02")), store)
+    assert abs(found.merits["worst_null_deg"]) == pytest.approx(abs(own.merits["null_deg"]))
+    assert found.merits["u_worst_null_deg"] == pytest.approx(own.merits["u_null_deg"])
+    assert (np.abs(found.merits["null_deg"]) < 0.01).all()
+    assert found.merits["worst_light"] == pytest.approx(np.minimum(found.merits["light"], own.merits["light"]))
+    assert found.points == 2
+
+
 def test_a_point_is_traced_once_whichever_sweep_asks_for_it(tmp_path: Path) -> None:
     first = sweep(DESIGN, SweepOptions(over=("lens.focus_mm=18,20,22",)), Store(tmp_path))
     second = sweep(DESIGN, SweepOptions(over=("lens.focus_mm=20,24",)), Store(tmp_path))

@@ -176,10 +176,10 @@ def _monotone_deg(angle: FloatArray, contrast: FloatArray, u: FloatArray, null_d
     return float(angle[last] - angle[first]), sum(missed)
 
 
-def worst_of(name: str, values: FloatArray) -> float:
-    """Worst of some values (C,) of a merit; NaN where one does not exist."""
-    badness = -np.abs(values) if name in _WORSE_IF_SMALL else np.abs(values)
-    return math.nan if np.isnan(values).any() else float(values[np.argmax(badness)])
+def worst_place(name: str, values: FloatArray) -> int:
+    """Place of the worst of some values (C,) of a merit: one that does not exist, else the smallest or the largest."""
+    size = np.abs(values)
+    return int(np.argmax(np.where(np.isnan(values), np.inf, -size if name in _WORSE_IF_SMALL else size)))
 
 
 def worst_resolution_deg(readings: Readings) -> tuple[float, float]:

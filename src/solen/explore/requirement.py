@@ -19,7 +19,7 @@ import numpy as np
 
 from solen.arrays import BoolArray, FloatArray
 from solen.errors import SpecError
-from solen.explore.merits import MERITS, worst_of
+from solen.explore.merits import MERITS, worst_place
 from solen.spec.strict import nearest
 
 LONGEST, DEEPEST, LARGEST = 500, 20, 1e100
@@ -95,7 +95,7 @@ class Expression:
         named = {f"{_BASE}_{name}": value for name, value in base.items()}
         numbers = named | {_BASE: base[self.merits[0]]}
         own = {name: column[:1] for name, column in merits.items()} if self.worst else merits
-        numbers |= {f"{_WORST}_{name}": worst_of(name, merits[name]) for name in self.worst}
+        numbers |= {f"{_WORST}_{name}": merits[name][worst_place(name, merits[name])] for name in self.worst}
         return {**own, **{name: np.float64(value) for name, value in numbers.items()}}
 
 

@@ -20,11 +20,12 @@ from solen.arrays import FloatArray, Progress
 from solen.errors import DesignError, SpecError
 from solen.explore.axes import Axis, axis, check_axes, grid, sampled
 from solen.explore.machines import Here, Machine
-from solen.explore.merits import LEAST_ANGLES, NAMES, merits_of
+from solen.explore.merits import LEAST_ANGLES, MERITS, NAMES, merits_of, worst_place
+from solen.explore.robust import cases_of
 from solen.explore.store import Accuracy, Point, Store, Variant, no_response
 from solen.extras import need
 from solen.results import HIDDEN, Result, reported
-from solen.sensor import Response
+from solen.sensor import Response, Sensor
 from solen.spec import Design, dumps, with_values
 from solen.spec.strict import Finite, Options
 
@@ -64,6 +65,9 @@ class SweepOptions(AccuracyOptions):
     """Draw so many points of a scrambled Sobol' sequence in place of the grid of all values."""
     seed: int = Field(0, ge=0)
     """Seed of the samples."""
+    robust: tuple[str, ...] = ()
+    """A number and how far off it may be, KEY=DEVIATION: each point is traced with it off to either side as well, in
+    all combinations, and the worst of each merit is in the table, worst_NAME; repeatable."""
 
 
 class Sweep(Result):
@@ -80,11 +84,14 @@ class Sweep(Result):
     seed
         Seed of the samples; None for a grid.
     merits
-        By name of merit (`Merits`) the P values, and their uncertainties by ``u_`` and that name.
+        By name of merit (`Merits`) the P values, and their uncertainties by ``u_`` and that name. With deviations also
+        the worst over these, by ``worst_`` and that name.
     failures
         Reasons why points have no response, and how many have each; those that differ in numbers alone are one.
     traced
-        Number of points traced now; the others were known.
+        Number of responses traced now; the others were known.
+    robust
+        Deviations with which each point was traced as well.
     angle_deg, right, left, u_power
         Angles (A,) and powers (P, A), as in `solen.sensor.Response`; NaN where a point has no response.
     design
@@ -98,6 +105,7 @@ class Sweep(Result):
     merits: Mapping[str, FloatArray]
     failures: Mapping[str, int]
     traced: int
+    robust: tuple[dict[str, float], ...]
     warnings: tuple[str, ...]
     angle_deg: FloatArray = field(metadata=HIDDEN)
     right: FloatArray = field(metadata=HIDDEN)
@@ -194,16 +202,30 @@ def sweep(
     _check_axes(design, axes)
     points = list(grid(axes) if options.samples is None else sampled(axes, options.samples, options.seed))
     known = len(store.points)
-    variants = (partial(_set_in, design, point) for point in points)
+    cases = list(cases_of(Sensor.of(design), options.robust, mirrors=False))
+    variants = (partial(_set_in, design, point, case) for point in points for case in cases)
     traced = responses(variants, options.accuracy, store, progress, machine)
     values = {one.key: [point[one.key] for point in points] for one in axes}
     shape = tuple(len(one.values) for one in axes) if options.samples is None else (len(points),)
     seed = None if options.samples is None else options.seed
-    return _swept(design, values, shape, seed, traced, len(store.points) - known)
+    return _swept(design, values, shape, seed, traced, cases, len(store.points) - known)
 
 
-def _set_in(design: Design, point: Mapping[str, Any]) -> Variant:
-    return Variant(with_values(design, point))
+def _set_in(design: Design, point: Mapping[str, Any], off: Mapping[str, float]) -> Variant:
+    return Variant(with_values(design, point), off)
+
+
+def _worst(angle_deg: FloatArray, points: Sequence[Point], cases: int) -> dict[str, FloatArray]:
+    """Worst of each merit over the cases of each point, and its uncertainty there."""
+    table = {name: column.reshape(-1, cases) for name, column in merits_of_points(angle_deg, points).items()}
+    found = {}
+    for name in MERITS:
+        place = np.array([worst_place(name, row) for row in table[name]])[:, None]
+        for key in (name, f"u_{name}"):
+            found[f"u_worst_{name}" if key != name else f"worst_{name}"] = np.take_along_axis(table[key], place, 1)[
+                :, 0
+            ]
+    return found
 
 
 def _check_axes(design: Design, axes: Sequence[Axis]) -> None:
@@ -298,11 +320,12 @@ def _swept(
     values: Mapping[str, Sequence[Any]],
     shape: tuple[int, ...],
     seed: int | None,
-    points: Sequence[Point],
+    every: Sequence[Point],
+    cases: Sequence[Mapping[str, float]],
     traced: int,
 ) -> Sweep:
-    failures = failures_of(points)
-    if sum(failures.values()) == len(points):
+    points, failures = every[:: len(cases)], failures_of(every)
+    if not any(point.right.size for point in points):
         raise SpecError("sweep", limit=f"no point has a response; the first: {next(iter(failures))}")
     angle_deg = np.array(design.motion.angles_deg())
     nothing = np.full(angle_deg.size, np.nan)
@@ -315,10 +338,11 @@ def _swept(
         values=values,
         shape=shape,
         seed=seed,
-        merits=merits_of_points(angle_deg, points),
+        merits=merits_of_points(angle_deg, points) | (_worst(angle_deg, every, len(cases)) if cases[1:] else {}),
         failures=failures,
         traced=traced,
-        warnings=tuple(point_warnings(points, failures)),
+        robust=tuple(dict(case) for case in cases[1:]),
+        warnings=tuple(point_warnings(every, failures)),
         angle_deg=angle_deg,
         right=right,
         left=left,

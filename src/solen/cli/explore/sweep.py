@@ -16,9 +16,11 @@ MOST_ROWS = 40
 def _(result: Sweep) -> Iterator[str]:
     how = f"a grid of {' x '.join(map(str, result.shape))}" if result.is_grid else "samples"
     failed = sum(result.failures.values())
-    known = result.points - result.traced - failed
+    known = result.points * (1 + len(result.robust)) - result.traced - failed
     traced = f"{result.traced} traced, {known} known, {failed} failed"
     yield f"simulated: {result.name}, {result.points} points ({how}): {traced}"
+    if result.robust:
+        yield f"each as designed and with {len(result.robust)} deviations, of which the worst are in the file"
     heads = [*result.values, *MERITS]
     widths = [max(12, len(head)) for head in heads]
     yield "  ".join(f"{head:>{width}}" for head, width in zip(heads, widths, strict=True))
