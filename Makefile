@@ -46,7 +46,7 @@ lint: $(VENV)/.dev-ready
 page:
 	@if ! command -v npm >/dev/null 2>&1; then echo "no npm: the studio's page is not built anew"; exit 0; fi; \
 	set -e; cd web; npm ci --silent; npm run --silent types; npm run --silent build; cd ..; \
-	changed=$$(git status --porcelain -- src/solen/studio/page); \
+	changed=$$(git status --porcelain -- src/solen/studio/page src/solen/report/design/player.html); \
 	if [ -n "$$changed" ]; then echo "$$changed"; echo "the built page differs: commit it" >&2; exit 1; fi
 
 types: $(VENV)/.dev-ready

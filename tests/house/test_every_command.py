@@ -62,6 +62,9 @@ ROWS = {
     "convergence": f"{DESIGN} --set trace.dimension=2d --figure convergence.svg",
     "sensitivity": f"{DESIGN} body.arm_width_mm --angle-deg 0.2 --figure sensitivity.svg",
     "run": f"{DESIGN} --out ran --set motion.step_deg=6 --set emitter.width_mm=0.2",
+    "studio": (
+        f"{DESIGN} --export page.html --over lens.focus_mm=18,20 --set motion.step_deg=3 --set trace.dimension=2d"
+    ),
     "readout": f"{DESIGN} --set motion.step_deg=3 --figure readout.svg --out readout.json",
     "export": f"{DESIGN} --out solid --stl --figure solid.png",
     "doctor": "",

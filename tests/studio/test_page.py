@@ -15,6 +15,8 @@ from xml.etree import ElementTree as ET
 import pytest
 
 from solen.explore.live import COARSE_RAYS, coarse
+from solen.explore.sliders import SlidersOptions, sliders
+from solen.report.design.player import html
 from solen.sensor import Response, Sensor, in_plane, picture
 from solen.spec import load, loads, template
 from solen.studio.document import Document
@@ -59,7 +61,9 @@ def served(file: Path) -> Iterator[str]:
 def driven(file: Path, folder: Path, extent: str) -> dict[str, Any]:
     """What a browser saw that used the page as `DRIVER` says."""
     with served(file) as page:
-        command = [str(shutil.which("node")), str(DRIVER), page, str(folder), BROWSER, extent]
+        exported = folder / "page.html"
+        further = [exported.as_uri()] if exported.exists() else []
+        command = [str(shutil.which("node")), str(DRIVER), page, str(folder), BROWSER, extent, *further]
         done = subprocess.run(command, capture_output=True, text=True, timeout=600, check=False)
     assert done.returncode == 0, done.stderr
     seen: dict[str, Any] = json.loads(done.stdout)
@@ -74,6 +78,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def seen(folder: Path) -> dict[str, Any]:
     (folder / "sensor.toml").write_text(FLAT, encoding="utf-8")
+    found = sliders(load(folder / "sensor.toml"), SlidersOptions(over=("lens.focus_mm=18,22",), drawn_rays=20))
+    (folder / "page.html").write_text(html(found), encoding="utf-8")
     return driven(folder / "sensor.toml", folder, "quick")
 
 
@@ -126,6 +132,14 @@ def test_the_drawing_is_kept_as_svg(seen: dict[str, Any], folder: Path) -> None:
     drawn = ET.parse(folder / "drawing.svg").getroot()  # noqa: S314  its own
     assert seen["saved"]
     assert len(drawn.findall(".//{*}path")) > 5
+
+
+def test_a_page_without_a_server_shows_the_numbers_of_its_sliders(seen: dict[str, Any]) -> None:
+    exact = Sensor.of(loads(FLAT).set(focus_mm=22.0)).power([-3.0, 3.0])
+    assert seen["player"]["angle"] == "1°"
+    for name, place in (("from", 0), ("to", 1)):
+        value, u = number(seen["player"][name])
+        assert value == pytest.approx(exact.contrast[place], abs=4 * u + 1e-3)
 
 
 @pytest.mark.evidence

@@ -21,15 +21,15 @@ const ROWS: [string, string, string, string][] = [
   ["resolution_deg", "resolution", "°", "Standard deviation of an angle from one reading, where it is worst."],
 ];
 
-export function merits(own: Curve | undefined, flat: Curve | undefined, angles: [number, number], unit: string): TemplateResult {
-  const at = (curve: Curve | undefined, end: number) => (curve ? measured(curve.head.ends[end], curve.head.u_ends[end]) : "–");
+export function merits(own: Curve | undefined, flat: Curve | undefined | null, angles: [number, number], unit: string): TemplateResult {
+  const at = (curve: Curve | undefined | null, end: number) => (curve ? measured(curve.head.ends[end], curve.head.u_ends[end]) : "–");
   const row = (id: string, name: string, help: string, values: string[], unit: string) => html`<tr id="merit-${id}">
-    <th scope="row" title=${help}>${name}${unit ? html` <span class="unit">${unit}</span>` : ""}</th>${values.map((value) => html`<td>${value}</td>`)}
+    <th scope="row" title=${help}>${name}${unit ? html` <span class="unit">${unit}</span>` : ""}</th>${(flat !== null ? values : values.slice(0, 1)).map((value) => html`<td>${value}</td>`)}
   </tr>`;
   const sign = (angle: number) => `${angle > 0 ? "+" : "−"}${Math.abs(angle)}${unit === "deg" ? "°" : ` ${unit}`}`;
-  const of = (curve: Curve | undefined, key: string) => measured(curve?.head.merits?.[key], curve?.head.merits?.[`u_${key}`]);
+  const of = (curve: Curve | undefined | null, key: string) => measured(curve?.head.merits?.[key], curve?.head.merits?.[`u_${key}`]);
   return html`<table class="merits">
-    <thead><tr><th scope="col">Merit</th><th scope="col">design</th><th scope="col">no lens</th></tr></thead>
+    <thead><tr><th scope="col">Merit</th><th scope="col">design</th>${flat !== null ? html`<th scope="col">no lens</th>` : ""}</tr></thead>
     <tbody>
       ${row("from", `contrast at ${sign(angles[0])}`, "At the first angle of the motion.", [at(own, 0), at(flat, 0)], "")}
       ${row("to", `contrast at ${sign(angles[1])}`, "At the last angle of the motion.", [at(own, 1), at(flat, 1)], "")}

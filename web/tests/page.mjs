@@ -2,7 +2,7 @@
 import { readFileSync } from "node:fs";
 import { chromium } from "playwright-core";
 
-const [address, folder, program, extent] = process.argv.slice(2);
+const [address, folder, program, extent, exported] = process.argv.slice(2);
 const whole = extent === "whole"; // with screenshots and times
 const axe = readFileSync(new URL("../node_modules/axe-core/axe.min.js", import.meta.url), "utf8");
 const browser = await chromium.launch({ executablePath: program, args: ["--no-sandbox"] });
@@ -111,5 +111,17 @@ for (const [width, height] of whole ? [[1024, 700], [1440, 900], [2560, 1440]] :
     await page.screenshot({ path: `${folder}/${width}-${colorScheme}.png` });
   }
 seen.overflow = await page.evaluate(() => document.documentElement.scrollWidth > innerWidth);
+if (exported) {
+  await page.setViewportSize({ width: 1200, height: 800 });
+  await page.goto(exported);
+  await page.locator('[id="lens.focus_mm"]').focus();
+  await page.keyboard.press("ArrowRight");
+  await page.locator("#angle").focus();
+  await page.keyboard.press("ArrowRight");
+  await page.waitForFunction(() => document.querySelector(".angle output").textContent !== "0°");
+  seen.player = { angle: await page.locator(".angle output").first().innerText(), from: await merit("from"), to: await merit("to") };
+  await audit("player");
+  await page.screenshot({ path: `${folder}/player.png` });
+}
 await browser.close();
 console.log(JSON.stringify(seen));

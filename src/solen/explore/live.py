@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
+from solen.errors import DesignError
 from solen.explore.merits import LEAST_ANGLES, Merits, merits_of, worst_resolution_deg
 from solen.results import Result
 from solen.sensor import Response, Sensor, respond, why_not_batched
@@ -56,8 +57,8 @@ def coarse(sensor: Sensor, rays: int = COARSE_RAYS) -> Curve | None:
     """Response from few rays; None where the batch does not know the sensor."""
     if why_not_batched(sensor):
         return None
-    response = _traced(sensor, spread(sensor.design.motion.angles_deg(), MOST_ANGLES), rays)
-    return _curve(sensor, response, rays, finished=False)
+    response = batched_response(sensor, spread(sensor.design.motion.angles_deg(), MOST_ANGLES), rays)
+    return curve_of(sensor, response, rays, finished=False)
 
 
 def refined(sensor: Sensor, stop: Callable[[], bool] = lambda: False) -> Iterator[Curve]:
@@ -72,14 +73,20 @@ def refined(sensor: Sensor, stop: Callable[[], bool] = lambda: False) -> Iterato
         yield from _integrated(sensor, stop)
         return
     for rays in REFINED_RAYS:
-        if stop():
+        try:
+            response = _in_parts(sensor, rays, stop)
+        except Stopped:
             return
-        response = _traced(sensor, sensor.design.motion.angles_deg(), rays)
-        u = response.u_contrast
-        finished = rays == REFINED_RAYS[-1] or bool(np.all(u[np.isfinite(u)] <= GOAL))
-        yield _curve(sensor, response, rays, finished=finished)
+        finished = rays == REFINED_RAYS[-1] or largest_u(response) <= GOAL
+        yield curve_of(sensor, response, rays, finished=finished)
         if finished:
             return
+
+
+def largest_u(response: Response) -> float:
+    """Largest uncertainty of the contrast, where any light arrives."""
+    u = response.u_contrast
+    return float(u[np.isfinite(u)].max(initial=0.0))
 
 
 def misleading(plane: Response, space: Response) -> str:
@@ -94,11 +101,29 @@ def misleading(plane: Response, space: Response) -> str:
     return words.replace("-", "−")
 
 
-def _traced(sensor: Sensor, angles: Sequence[float], rays: int) -> Response:
+def _in_parts(sensor: Sensor, rays: int, stop: Callable[[], bool]) -> Response:
+    """Response at all angles, an angle and its opposite at a time, so that it can be stopped soon."""
+    pairs: dict[float, list[float]] = {}
+    for angle in sensor.design.motion.angles_deg():
+        pairs.setdefault(abs(angle), []).append(angle)
+    found: Response | None = None
+    for angles in pairs.values():
+        if stop():
+            raise Stopped
+        part = batched_response(sensor, angles, rays)
+        found = part if found is None else found.joined(part)
+    if found is None:
+        raise AssertionError("a motion has angles")
+    return found
+
+
+def batched_response(sensor: Sensor, angles: Sequence[float], rays: int) -> Response:
+    """Response by the compiled batch; `DesignError` where the sensor cannot be at one of the angles."""
     sensor.check_pair()
     traced = respond([sensor], angles, rays=rays)
     if traced.why[0]:
-        sensor.check()
+        sensor.check()  # which says so with its value, limit and remedy
+        raise DesignError(traced.why[0])
     powers = (traced.right[0, 0], traced.left[0, 0], traced.u_power[0, 0])
     return Response("power", np.array(angles), *powers, ())
 
@@ -112,10 +137,11 @@ def _integrated(sensor: Sensor, stop: Callable[[], bool]) -> Iterator[Curve]:
         response = sensor.power(progress=go_on)
     except Stopped:
         return
-    yield _curve(sensor, response, None, finished=True)
+    yield curve_of(sensor, response, None, finished=True)
 
 
-def _curve(sensor: Sensor, response: Response, rays: int | None, *, finished: bool) -> Curve:
+def curve_of(sensor: Sensor, response: Response, rays: int | None, *, finished: bool) -> Curve:
+    """A response with its merits; the resolution of one that is ``finished`` too."""
     few = len(response.angle_deg) < LEAST_ANGLES
     resolution = worst_resolution_deg(readings_from(sensor, response)) if not few and finished else (np.nan, np.nan)
     merits = None if few else merits_of(response, resolution)

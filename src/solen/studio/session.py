@@ -2,7 +2,7 @@
 
 import asyncio
 import json
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Awaitable, Callable, Coroutine, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -126,7 +126,7 @@ class Session:
         steps: Iterator[bytes] = better(self.document.state, key[0], self.view, self.awake.is_set)
         while key != self.finished:
             try:
-                frame = await asyncio.to_thread(next, steps, None)
+                frame = await self._unless_awake(asyncio.to_thread(next, steps, None))
             except SolenError as bad:
                 frame, self.finished = _refusal(0, bad), key
             if self.awake.is_set():
@@ -135,6 +135,16 @@ class Session:
                 self.finished = key
             else:
                 await self.send(frame)
+
+    async def _unless_awake(self, step: Coroutine[Any, Any, bytes | None]) -> bytes | None:
+        """Result of a step; None as soon as something new is asked, and the step ends alone."""
+        working, waiting = asyncio.ensure_future(step), asyncio.ensure_future(self.awake.wait())
+        await asyncio.wait({working, waiting}, return_when=asyncio.FIRST_COMPLETED)
+        waiting.cancel()
+        if working.done():
+            return working.result()
+        working.add_done_callback(asyncio.Future.exception)  # what becomes of it is no longer wanted
+        return None
 
 
 def _refusal(asked: int, bad: SolenError) -> bytes:

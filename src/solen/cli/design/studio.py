@@ -1,18 +1,24 @@
-"""`solen studio`: the design in a browser, as it is changed."""
+"""`solen studio`: the design in a browser, as it is changed, or as a page for a mail."""
 
 import json
 import sys
 import webbrowser
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
+import numpy as np
 from cyclopts import Parameter
 
-from solen.cli.app import SHOWN
+from solen.cli.app import SHOWN, lines
+from solen.errors import SpecError
+from solen.explore.sliders import Sliders, SlidersOptions
 from solen.pipeline.design.designs import DESIGN_NAME
-from solen.studio.document import Document
+from solen.pipeline.design.studio import export as write_page
+from solen.pipeline.options import FLAT, ProgressBar, Set
+from solen.results import Outcome
+from solen.spec import parse_assignment
 from solen.studio.guard import LOCAL
-from solen.studio.server import serve
 
 
 def studio(
@@ -21,7 +27,11 @@ def studio(
     *,
     listen: str = LOCAL,
     no_browser: Annotated[bool, Parameter(name="--no-browser")] = False,
-) -> None:
+    export: Path | None = None,
+    options: Annotated[SlidersOptions, FLAT] = SlidersOptions(),
+    set_: Set = None,
+    progress: ProgressBar = None,
+) -> Outcome[Sliders] | None:
     """Show a design in the browser: drag its parts, and see rays and response change. Ctrl-C ends it.
 
     Parameters
@@ -33,8 +43,24 @@ def studio(
         can read and change the design.
     no_browser
         Only print the page's address.
+    export
+        Write a page with sliders to this .html file, which needs no server, and end.
     """
+    if export is not None:
+        return write_page(file, export, options, set_, progress)
+    if options != SlidersOptions():
+        raise SpecError("--over, --drawn-rays", limit="are for a page of its own", remedy="add --export page.html")
+    _serve(file, dict(parse_assignment(text) for text in set_ or ()), listen, no_browser)
+    return None
+
+
+def _serve(file: Path, changes: dict[str, Any], listen: str, no_browser: bool) -> None:
+    from solen.studio.document import Document
+    from solen.studio.server import serve
+
     document = Document(file)
+    if changes:
+        document.change(changes)
     if listen != LOCAL:
         line = f"warning: whoever reaches {listen} and knows the address below can read and change {file}, unencrypted"
         print(line, file=sys.stderr)
@@ -47,3 +73,13 @@ def studio(
     serve(document, address=listen, opened=opened)
     if document.kept is not None:
         print(f"not saved, kept in {document.kept}", file=sys.stderr)
+
+
+@lines.register
+def _(found: Sliders) -> Iterator[str]:
+    where = "in space" if found.in_space else "in the plane"
+    yield f"simulated: {found.name}, traced {where}; contrast known to {np.nanmax(found.u_contrast):.1g}"
+    for key, values in zip(found.keys, found.values, strict=True):
+        yield f"  {key}: {', '.join(f'{value:g}' for value in values)}"
+    if missing := sum(point is None for point in found.points):
+        yield f"  {missing} of {len(found.points)} cannot be built, and are left out"

@@ -1,0 +1,27 @@
+"""A page with sliders of a design, which needs no server."""
+
+from pathlib import Path
+
+from solen import files
+from solen.errors import OutputError
+from solen.explore.sliders import Sliders, SlidersOptions
+from solen.explore.sliders import sliders as slid
+from solen.pipeline.design.designs import open_design
+from solen.pipeline.options import ProgressBar, Set
+from solen.results import Outcome
+
+
+def export(
+    file: Path,
+    page: Path,
+    options: SlidersOptions = SlidersOptions(),
+    assignments: Set = None,
+    progress: ProgressBar = None,
+) -> Outcome[Sliders]:
+    """Write a page of a design with sliders."""
+    from solen.report.design.player import html
+
+    if page.suffix.lower() != ".html":
+        raise OutputError(str(page), limit="a page ends in .html", remedy="rename it")
+    result = slid(open_design(file, assignments), options, progress)
+    return Outcome(result, {"page": files.write_text(page, html(result))})

@@ -1,0 +1,62 @@
+"""A page with sliders that needs no server: responses and rays that were computed beforehand, in one HTML file.
+
+The page is built from ``web/`` beforehand; here the numbers are put into it. Places are whole numbers of a step that
+reaches over the whole drawing.
+"""
+
+import base64
+import json
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+
+from solen import __version__
+from solen.explore.sliders import Slid, Sliders
+from solen.results import plain
+from solen.sensor import Picture
+
+PAGE = files("solen.report.design") / "player.html"
+DATA = "<!--data-->"
+LARGEST = 32_000
+"""Of 16 bits with a sign."""
+
+
+def html(found: Sliders) -> str:
+    """The page of a grid of sliders."""
+    pictures = [one for point in found.points if point is not None for one in point.pictures]
+    reach = max(float(np.abs(part).max()) for one in pictures for part in (one.outline, one.rays[:, :4]) if part.size)
+    whole: list[np.ndarray[Any, Any]] = []
+    points = [None if point is None else _point(point, reach / LARGEST, whole) for point in found.points]
+    head = {
+        "solen": __version__,
+        "name": found.name,
+        "keys": found.keys,
+        "values": found.values,
+        "in_space": found.in_space,
+        "step_mm": reach / LARGEST,
+        "points": points,
+    }
+    text = json.dumps(plain(head), allow_nan=False).replace("<", "\\u003c")
+    numbers = base64.b64encode(np.concatenate(whole).astype("<i2").tobytes()).decode("ascii")
+    data = f'<script type="application/json" id="head">{text}</script><script type="text/plain" id="numbers">{numbers}'
+    return PAGE.read_text(encoding="utf-8").replace(DATA, f"{data}</script>", 1)
+
+
+def _point(point: Slid, step_mm: float, whole: list[np.ndarray[Any, Any]]) -> dict[str, Any]:
+    response = point.curve.response
+    return {
+        "angle": response.angle_deg,
+        "contrast": np.round(response.contrast, 5),
+        "u": np.round(response.u_contrast, 6),
+        "merits": point.curve.merits,
+        "misleading": point.misleading,
+        "pictures": [_picture(one, step_mm, whole) for one in point.pictures],
+    }
+
+
+def _picture(one: Picture, step_mm: float, whole: list[np.ndarray[Any, Any]]) -> dict[str, Any]:
+    """Header of a picture, whose numbers are added to the others: outline, emitter, rays with their ends."""
+    rays = np.column_stack([np.round(one.rays[:, :4] / step_mm), one.rays[:, 5]])
+    whole += [np.round(one.outline / step_mm).ravel(), np.round(one.emitter / step_mm).ravel(), rays.ravel()]
+    return {"faces": one.faces, "ends": one.ends, "rays": len(rays)}
