@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from solen.errors import OutputError
-from solen.spec import load
+from solen.spec import json_schema, load, template, template_names
+from solen.studio.answers import View, drawn, effective
 from solen.studio.document import Document
 from solen.studio.frames import VERSION, decoded, encoded
 
@@ -71,3 +72,21 @@ def test_frames_say_their_version() -> None:
     assert arrays["b"].tolist() == [[1.0, 2.0], [3.0, 4.0]]
     with pytest.raises(ValueError, match="version"):
         decoded(bytes([VERSION + 1]) + frame[1:])
+
+
+@pytest.mark.parametrize("name", template_names())
+def test_every_shipped_design_is_drawn(tmp_path: Path, name: str) -> None:
+    (tmp_path / "a.toml").write_text(template(name), encoding="utf-8")
+    document = Document(tmp_path / "a.toml")
+    head, arrays = decoded(drawn(document, document.state, View(), 1, whole=True, curve=name == "hand-860"))
+    assert len(arrays["rays"]) > 100
+    assert arrays["outline"].shape[1] == 2
+    assert set(head["values"]) == set(json_schema()["properties"]) - {"schema"}
+    if name == "hand-860":
+        assert "receivers" in head["no_curve"], "a network has no contrast"
+
+
+def test_what_a_part_states_is_shown_as_what_holds(tmp_path: Path) -> None:
+    sensor = Document(tmp_path / "new.toml").state.sensor
+    assert effective(sensor)["emitter.width_mm"] == sensor.light.width_mm == 0.2
+    assert "emitter.width_mm" not in effective(sensor.set({"emitter.width_mm": 0.3}))

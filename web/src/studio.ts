@@ -117,6 +117,8 @@ class Studio extends LitElement {
       this.misleading = head.misleading;
     } else if (head.kind === "rest") {
       this.dataset.rest = head.version;
+    } else if (head.kind === "no_curve") {
+      this.noCurve = head.what;
     } else if (head.kind === "refused") {
       this.refused = head.what;
       this.link.answered(head.id);

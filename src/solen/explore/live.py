@@ -54,7 +54,8 @@ class Curve(Result):
 
 
 def coarse(sensor: Sensor, rays: int = COARSE_RAYS) -> Curve | None:
-    """Response from few rays; None where the batch does not know the sensor."""
+    """Response from few rays; None where the batch does not know the sensor, `DesignError` where it has none."""
+    sensor.check_pair()
     if why_not_batched(sensor):
         return None
     response = batched_response(sensor, spread(sensor.design.motion.angles_deg(), MOST_ANGLES), rays)

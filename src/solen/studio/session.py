@@ -128,7 +128,7 @@ class Session:
             try:
                 frame = await self._unless_awake(asyncio.to_thread(next, steps, None))
             except SolenError as bad:
-                frame, self.finished = _refusal(0, bad), key
+                frame, self.finished = encoded({"kind": "no_curve", "what": str(bad)}), key
             if self.awake.is_set():
                 return
             if frame is None:
