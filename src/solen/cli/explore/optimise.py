@@ -40,6 +40,8 @@ def _(result: Front) -> Iterator[str]:
     for one in result.designs:
         missed = [text for text, met in one.meets.items() if not met]
         yield f"{f'design {one.number}':>24}  {_goals(one)}{f'   MISSED: {missed}' if missed else ''}"
+    for key, value in result.before.free.items():
+        yield f"  {key:>22}  {value:.6g} -> {', '.join(f'{one.free[key]:.6g}' for one in result.designs)}"
 
 
 def _goals(one: FrontDesign) -> str:
