@@ -1,4 +1,4 @@
-"""Writes the pages of the Python reference, one for each room of the package, from the tree as it is."""
+"""Writes the pages of the Python reference, one for each module of the package, from the tree as it is."""
 
 import pkgutil
 from collections.abc import Iterator
@@ -26,7 +26,7 @@ ROOMS = {
     "explore": ("Exploring designs, and tuning prints", ("explore",)),
     "report": ("Figures", ("report",)),
 }
-"""Pages in the order of the stages: file, title, modules."""
+"""Rooms in the order of the stages: page, title, modules."""
 WHOLE = ("solen.curve", "solen.sensor")
 """Packages whose names are documented where they are imported from rather than where they are defined."""
 INNER = ("solen.trace.kernel", "solen.recording", "solen.scene.rayoptics", "solen.geometry.drawing", "solen.report")
@@ -46,7 +46,13 @@ LEFT_OUT = {
 def write_pages(folder: Path) -> None:
     """Write all pages into a folder; one that is as it should be is left alone, so that it is not built again."""
     folder.mkdir(exist_ok=True)
-    pages = {"index": index_page()} | {name: page(title, modules) for name, (title, modules) in ROOMS.items()}
+    pages = {"index": index_page()}
+    for room, (title, packages) in ROOMS.items():
+        names = [name for package in packages for name in modules(f"solen.{package}")]
+        pages |= {room: room_page(title, names)} | {name: module_page(name, room, title) for name in names}
+    for path in folder.glob("*.md"):
+        if path.stem not in pages:
+            path.unlink()
     for name, text in pages.items():
         path = folder / f"{name}.md"
         if not path.exists() or path.read_text(encoding="utf-8") != text:
@@ -54,19 +60,30 @@ def write_pages(folder: Path) -> None:
 
 
 def index_page() -> str:
-    """The first page: the package, and the pages in the order of the stages."""
+    """The first page: the package, and the rooms in the order of the stages."""
     names = "\n".join(ROOMS)
     return (
         "# Python interface\n\n```{eval-rst}\n.. automodule:: solen\n```\n\n"
-        "A page for each room, in the order of the stages: each imports only those above it here.\n\n"
+        "Modules by the stages of the chain: each imports only those above it here.\n\n"
         f"```{{toctree}}\n:maxdepth: 1\n\n{names}\n```\n"
     )
 
 
-def page(title: str, rooms: tuple[str, ...]) -> str:
-    """One page: the modules of some rooms."""
-    blocks = "\n".join(block(name) for room in rooms for name in modules(f"solen.{room}"))
-    return f"# {title}\n\n```{{eval-rst}}\n{blocks}```\n"
+def room_page(title: str, names: list[str]) -> str:
+    """Modules of a room, each with the first sentence of its text."""
+    rows = "\n".join(f"- :mod:`{name}`: {first_sentence(name)}" for name in names)
+    return f"# {title}\n\n```{{eval-rst}}\n{rows}\n```\n"
+
+
+def first_sentence(name: str) -> str:
+    """First sentence of a module's text, in one line."""
+    text = " ".join((import_module(name).__doc__ or "").split("\n\n")[0].split())
+    return text.partition(". ")[0].removesuffix(".") + "."
+
+
+def module_page(name: str, room: str, title: str) -> str:
+    """Page of one module, which its room's page links to."""
+    return f"---\norphan: true\n---\n\n# {name}\n\n[{title}]({room}.md)\n\n```{{eval-rst}}\n{block(name)}```\n"
 
 
 def modules(name: str) -> Iterator[str]:

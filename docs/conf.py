@@ -60,6 +60,7 @@ BAR = re.compile(r"(`+[^`]*`+)|\|")
 
 html_theme = "furo"
 html_title = f"solen {release}"
+html_use_index = False  # one page of 1 MB, which the search does better
 
 
 def setup(app: Sphinx) -> None:
