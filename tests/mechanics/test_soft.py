@@ -22,7 +22,6 @@ from solen.mechanics import (
     SoftBody,
     Stretch,
     Turn,
-    at_height,
 )
 from solen.plane import Rigid
 from solen.sensor import Sensor
@@ -70,9 +69,9 @@ def test_a_compressed_block_by_the_closed_form_of_every_model(kind: str, plane: 
     press = Pull((Stretch("top"),), (0.0, stress * width * thickness))
     soft = SoftBody(block(width, 1.0), material, SYMMETRIC, thickness, plane, MeshOptions(0.5))
     found = soft.state([press])
-    np.testing.assert_allclose(found.wall("top").displacement_mm[:, 1], stretch - 1.0, atol=1e-7)
+    np.testing.assert_allclose(found.walls["top"].displacement_mm[:, 1], stretch - 1.0, atol=1e-7)
     across = 1.0 / stretch if plane == "strain" else stretch**-0.5
-    np.testing.assert_allclose(found.wall("right").displacement_mm[:, 0], width * (across - 1.0), atol=1e-7)
+    np.testing.assert_allclose(found.walls["right"].displacement_mm[:, 0], width * (across - 1.0), atol=1e-7)
     assert found.strain_largest == pytest.approx(-math.log(stretch), abs=1e-7)
     assert not found.warnings
     assert_balanced(found)
@@ -83,7 +82,7 @@ def test_a_block_that_gives_in_volume_is_hookes_at_small_strain() -> None:
     nu, stress = 0.45, -1e-4
     soft = SoftBody(block(2.0, 1.0), Material.neo_hookean(1.0, nu), SYMMETRIC, 1.0, mesh=MeshOptions(0.5))
     found = soft.state([Pull((Stretch("top"),), (0.0, 2.0 * stress))])
-    along, across = found.wall("top").displacement_mm[:, 1], found.wall("right").displacement_mm[:, 0] / 2.0
+    along, across = found.walls["top"].displacement_mm[:, 1], found.walls["right"].displacement_mm[:, 0] / 2.0
     np.testing.assert_allclose(along, 0.5 * stress * (1.0 - nu), rtol=1e-3)
     np.testing.assert_allclose(across, -0.5 * stress * nu, rtol=1e-3)
 
@@ -97,7 +96,7 @@ def test_a_guided_strip_is_timoshenkos(plane: Plane, young: float) -> None:
     found = soft.state([Pull((Stretch("top"),), (force, 0.0))])
     inertia, area = thickness * height**3 / 12.0, thickness * height
     wanted = force * length**3 / (12.0 * young * inertia) + 1.2 * force * length / area
-    assert found.wall("top").displacement_mm[:, 0].mean() == pytest.approx(wanted, rel=0.02)
+    assert found.walls["top"].displacement_mm[:, 0].mean() == pytest.approx(wanted, rel=0.02)
     assert_balanced(found)
     assert "guide pulls" in found.warnings[0]  # a support that only pushes would let one side go
     floor = found.reactions[0]
@@ -144,7 +143,6 @@ def test_a_body_turned_as_a_whole_is_the_turned_body(solid: bool, plane: Plane) 
     for wall in found.walls.values():
         goal = np.array([turn.motion.point((x, z)) for x, z in wall.points_mm.tolist()])
         np.testing.assert_allclose(wall.points_mm + wall.displacement_mm, goal, atol=1e-9)
-        assert wall.is_rigid
     assert found.strain_largest < 1e-8
 
 
@@ -152,7 +150,7 @@ def test_a_clamp_alone_carries_the_body_along_however_far_it_turns() -> None:
     """Nothing else holds it: no strain, where small strains would swell by 1 − cos."""
     turn = Turn((Stretch("lens"),), (0.0, 1.7), -20.0, name="clamp")
     found = SoftBody(y_body(), RUBBER, (), 4.0, mesh=MeshOptions(2.0)).state([turn])
-    wall = found.wall("outer-left")
+    wall = found.walls["outer-left"]
     goal = np.array([turn.motion.point((x, z)) for x, z in wall.points_mm.tolist()])
     np.testing.assert_allclose(wall.points_mm + wall.displacement_mm, goal, atol=1e-6)
     assert found.strain_largest < 1e-8
@@ -167,7 +165,7 @@ def test_states_on_the_way_are_those_from_rest() -> None:
     states = soft.states([[replace(lens, angle_deg=angle)] for angle in angles])
     alone = soft.state([replace(lens, angle_deg=2.0)])
     for name, wall in alone.walls.items():
-        np.testing.assert_allclose(wall.displacement_mm, states[4].wall(name).displacement_mm, atol=2e-8)
+        np.testing.assert_allclose(wall.displacement_mm, states[4].walls[name].displacement_mm, atol=2e-8)
     left, right = states[0].reactions[0], states[5].reactions[0]
     assert left.moment_Nmm == pytest.approx(-right.moment_Nmm, rel=1e-3)
     assert np.abs([states[2].reactions[0].force_N]).max() < 1e-9
@@ -182,7 +180,7 @@ def test_halving_the_mesh_changes_little() -> None:
         soft = SoftBody(y_body(), RUBBER, (fixed("receiver-*"),), 4.0, mesh=MeshOptions(size))
         found = soft.state([turn])
         moments.append(found.reactions[0].moment_Nmm)
-        moves.append(found.wall("stem-right").displacement_mm[-1])
+        moves.append(found.walls["stem-right"].displacement_mm[-1])
     assert moments[0] == pytest.approx(moments[1], rel=5e-3)
     np.testing.assert_allclose(moves[0], moves[1], atol=1e-3)
 
@@ -195,19 +193,12 @@ def test_a_hinge_turns_freely_and_bears_no_moment() -> None:
     soft = SoftBody(block(height, length), RUBBER, hinges, 1.0, mesh=MeshOptions(0.5))
     found = soft.state([Pull((Stretch("right", 7.5, 8.5),), (-force, 0.0))])
     assert found.reactions[0].moment_Nmm == pytest.approx(0.0, abs=1e-10)
-    assert found.wall("bottom").is_rigid
-    turn = math.asin(found.wall("bottom").motion.sin)
+    bottom = found.walls["bottom"]
+    motion = Rigid.nearest(bottom.points_mm, bottom.points_mm + bottom.displacement_mm)
+    np.testing.assert_allclose(motion.points(bottom.points_mm) - bottom.points_mm, bottom.displacement_mm, atol=1e-9)
+    turn = math.asin(motion.sin)
     assert turn == pytest.approx(force * length**2 / (16.0 * 4.0 * height**3 / 12.0), rel=0.02)
     assert_balanced(found)
-
-
-def test_a_height_on_a_face_is_a_length_along_it() -> None:
-    body = y_body()
-    length = at_height(body, "stem-right", 10.0)
-    assert at_height(body, "stem-left", 10.0) == pytest.approx(length, abs=1e-9)
-    assert 10.0 - body.marks["stem-base"][1] < length < 10.01 - body.marks["stem-base"][1]
-    with pytest.raises(DesignError, match="z_mm"):
-        at_height(body, "stem-right", 50.0)
 
 
 PLATE = block(4.0, 3.0)
@@ -232,7 +223,7 @@ FINGER = Press("top", 2.0, 1.0, depth_mm=0.1)
         (FLOOR, Turn((Stretch("top", 8.0),), (0.0, 0.0), 1.0, name="clamp"), r"clamp\.from_mm.*8.*4 mm long"),
         (FLOOR, Pull((Stretch("top"),), (0.0, math.inf)), "pull.*inf.*finite"),
         (FLOOR, Pull((Stretch("top"),), (0.0, -200.0)), r"loads.*bears no more than about pull\.force_N"),
-        (FLOOR, replace(FINGER, depth_mm=None, force_N=4000.0), r"bears no more than about press\.force_N"),
+        (FLOOR, replace(FINGER, depth_mm=None, force_N=4000.0), r"bears less than about press\.force_N = 125"),
     ],
 )
 def test_what_cannot_be_is_refused_with_its_place(holds: tuple[Hold, ...], load: Load, named: str) -> None:
@@ -314,6 +305,6 @@ def test_a_strip_bent_far_by_a_dead_force_is_the_elastica() -> None:
     length, height = 24.0, 1.0
     force = 2.0 * 4.0 * height**3 / 12.0 / length**2
     soft = SoftBody(block(height, length), RUBBER, FLOOR, 1.0, mesh=MeshOptions(0.6))
-    across, along = soft.state([Pull((Stretch("top"),), (force, 0.0))]).wall("top").displacement_mm.mean(axis=0)
+    across, along = soft.state([Pull((Stretch("top"),), (force, 0.0))]).walls["top"].displacement_mm.mean(axis=0)
     assert across == pytest.approx(0.4935 * length, rel=0.01)
     assert along == pytest.approx(-0.1606 * length, rel=0.02)

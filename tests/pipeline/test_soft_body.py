@@ -50,8 +50,12 @@ def test_deform_says_what_holds_the_body(capfd: pytest.CaptureFixture[str], desi
     assert "clamp.angle_deg" in drawing
     assert run_command(["deform", str(design), "--at", "-3"]) == 0
     shown = capfd.readouterr().out
-    assert "N mm about" in shown
-    assert "turn by -3 deg" in shown
+    assert "turn by -3 deg, move by +0, +0 mm" in shown
+    assert "N mm about 0, 40.2" in shown  # of a symmetric mount: x is rounding
+    assert "e-1" not in shown
+    assert "beyond" not in shown
+    assert run_command(["deform", str(design), "--at", "4"]) == 0
+    assert "clamp.angle_deg = 4 is beyond the motion's -3 to 3 deg" in "".join(capfd.readouterr())
 
 
 def test_run_writes_the_response_under_load(capfd: pytest.CaptureFixture[str], design: Path, tmp_path: Path) -> None:

@@ -248,6 +248,15 @@ def test_an_index_and_a_resin_replace_each_other() -> None:
         with_values(by_resin, {"material.index": 1.44, "material.resin": "pmma"})
 
 
+def test_depths_and_forces_of_a_motion_replace_each_other() -> None:
+    by_force = loads(template("press-860"))
+    changes = {"motion.drives": "finger.depth_mm", "motion.depths_mm": [0.0, 0.3]}
+    by_depth = with_values(by_force, changes)
+    assert (by_depth.motion.depths_mm, by_depth.motion.forces_N) == ((0.0, 0.3), None)
+    back = {"motion.drives": "finger.force_N", "motion.forces_N": by_force.motion.forces_N}
+    assert with_values(by_depth, back) == by_force
+
+
 @pytest.mark.parametrize(
     ("key", "value", "line"),
     [

@@ -17,7 +17,6 @@ from solen.mechanics.load import Hold, HoldKind, Load, Press, Pull, Stretch, Tur
 from solen.mechanics.material import Material, Plane
 from solen.mechanics.mesh import MeshOptions
 from solen.mechanics.soft import SoftBody
-from solen.mechanics.stretches import at_height
 
 __all__ = [
     "Contact",
@@ -36,5 +35,4 @@ __all__ = [
     "Stretch",
     "Turn",
     "Wall",
-    "at_height",
 ]

@@ -2,18 +2,11 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
-
-import numpy as np
 
 from solen.arrays import FloatArray, IndexArray
-from solen.errors import DesignError
 from solen.geometry import Body
-from solen.plane import Point, Rigid
+from solen.plane import Point
 from solen.results import HIDDEN, Result
-
-RIGID_MM = 1e-9
-"""A wall that is this near to having moved as a rigid piece has done so."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,21 +27,6 @@ class Wall:
     u: FloatArray
     points_mm: FloatArray
     displacement_mm: FloatArray
-
-    @cached_property
-    def motion(self) -> Rigid:
-        """The rigid motion that is nearest to that of all its nodes."""
-        return Rigid.nearest(self.points_mm, self.points_mm + self.displacement_mm)
-
-    @cached_property
-    def is_rigid(self) -> bool:
-        """Whether it moved as a rigid piece: its curve is then ``curve.moved(wall.motion)``, exactly."""
-        return bool(np.abs(self.deviation_mm).max() <= RIGID_MM)
-
-    @cached_property
-    def deviation_mm(self) -> FloatArray:
-        """How far its nodes (N, 2) lie from where that rigid motion takes them."""
-        return self.points_mm + self.displacement_mm - self.motion.points(self.points_mm)
 
 
 class Reaction(Result):
@@ -157,9 +135,3 @@ class Deformed:
     strain_largest: float
     bulge_mm: float
     warnings: tuple[str, ...] = ()
-
-    def wall(self, face: str) -> Wall:
-        """The displaced nodes of a face; `DesignError` where there is none."""
-        if face not in self.walls:
-            raise DesignError("face", value=face, limit=f"there are {', '.join(self.walls)}")
-        return self.walls[face]

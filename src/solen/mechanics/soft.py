@@ -236,7 +236,7 @@ class Path:
             except DivergedError as reason:
                 self._kept = None
                 if halvings == 0:
-                    raise self._unbearable(start.values, str(reason)) from None
+                    raise self._unbearable(start.values, values, str(reason)) from None
                 halvings -= 1
         half = self._reached(start, 0.5 * (start.values + values), halvings)
         return self._reached(half, values, halvings)
@@ -248,10 +248,11 @@ class Path:
         turned = np.abs(way[[kind is Turn for kind in self.kinds]])
         return bool((pushed > LARGEST_PUSH * radii)[~self.by_force].any() or (turned > LARGEST_TURN_DEG).any())
 
-    def _unbearable(self, reached: FloatArray, reason: str) -> DesignError:
+    def _unbearable(self, reached: FloatArray, tried: FloatArray, reason: str) -> DesignError:
         """Error about loads that the body did not bear, with those that it did."""
-        names = [f"{name} = {value:.4g}" for name, value in zip(self.names, reached, strict=True)]
-        limit = f"the body bears no more than about {', '.join(names)}: {reason}"
+        most, values = ("no more", reached) if reached.any() else ("less", tried)
+        names = [f"{name} = {value:.4g}" for name, value in zip(self.names, values, strict=True)]
+        limit = f"the body bears {most} than about {', '.join(names)}: {reason}"
         return DesignError("loads", limit=limit, remedy="load it less")
 
     def _extrapolated(self, start: State, values: FloatArray) -> Guess:

@@ -64,37 +64,6 @@ def place_of(body: Body, press: Press) -> tuple[Face, float]:
     raise DesignError(f"{press.name}.at_mm", value=press.at_mm, limit=limit)
 
 
-def at_height(body: Body, face: str, z_mm: float) -> float:
-    """Length along a face, as stretches and presses count it, at which it reaches a height z.
-
-    Raises
-    ------
-    DesignError
-        Where it never does, or more than once.
-    """
-    found = [length for one in body.all_faces if called(one, face) for length in _lengths_at(one, z_mm)]
-    if len(found) != 1:
-        limit = f"{face} has {len(found) or 'no'} points at that height"
-        raise DesignError("z_mm", value=z_mm, limit=limit, remedy="give a length along the face")
-    return found[0]
-
-
-def _lengths_at(face: Face, z_mm: float) -> list[float]:
-    from scipy.optimize import brentq
-
-    def above(u: float) -> float:
-        return face.curve.point_at(u)[1] - z_mm
-
-    u = np.linspace(0.0, 1.0, 65)
-    side = face.curve.points(u)[:, 1] > z_mm
-    roots = [brentq(above, u[i], u[i + 1], xtol=1e-14) for i in np.flatnonzero(side[1:] != side[:-1])]
-    measure, lengths = Measure(face.curve), []
-    for root in roots:
-        own = Measure(face.curve.part(0.0, root)).length_mm if root > 0.0 else 0.0
-        lengths.append(face.begins_mm + (measure.length_mm - own if face.from_end else own))
-    return lengths
-
-
 def cuts_of(body: Body, holds: Sequence[Hold], loads: Sequence[Load]) -> dict[str, list[float]]:
     """Parameters by face at which elements must end: the ends of all stretches, and where fingers touch."""
     cuts: dict[str, list[float]] = defaultdict(list)

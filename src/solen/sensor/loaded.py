@@ -19,12 +19,13 @@ from solen.geometry.body import place_text
 from solen.geometry.notches import Closed
 from solen.mechanics.deformed import Contact, Reaction
 from solen.mechanics.design import LoadedState
+from solen.mechanics.outcome import LARGE
 from solen.ranks import Caution, look_at
 from solen.results import HIDDEN, Result, reported
 from solen.sensor.readings import readings_from
 from solen.sensor.response import Response
 from solen.sensor.sensor import Sensor
-from solen.sensor.traced import check_value
+from solen.sensor.traced import beyond, check_value
 from solen.sensor.unused_keys import keys_without_effect
 from solen.spec import Design, Motion
 from solen.spec.soft import Mechanics, driven
@@ -33,8 +34,8 @@ FEW = 3
 """Values at which the planes are compared."""
 APART = 0.02
 """Contrast by which the planes may differ without a warning."""
-OFF_MM = 1e-3
-"""How far a wall of the light may lie from the finite elements without a warning."""
+OFF_MM = 2e-3
+"""How far a wall of the light may lie from the finite elements without a warning: about 0.001 of contrast."""
 SLIGHT_MM = 1e-4
 """How far walls of a closed notch may lie in each other without a warning."""
 LARGE_STRAIN = 0.3
@@ -213,7 +214,7 @@ def deform(sensor: Sensor, value: float | None = None) -> Deformation:
         contacts=state.deformed.contacts,
         off_mm=state.displaced.off_mm,
         bulge_mm=state.deformed.bulge_mm,
-        warnings=tuple(_cautions([state])),
+        warnings=(*beyond(sensor, value), *_cautions([state])),
     )
 
 
@@ -311,7 +312,7 @@ def _cautions(states: Sequence[LoadedState]) -> list[Caution | str]:
     """Warnings of some states, each once."""
     found: list[Caution | str] = list(dict.fromkeys(text for state in states for text in state.deformed.warnings))
     strain = max(abs(state.deformed.strain_largest) for state in states)
-    if strain > LARGE_STRAIN:
+    if LARGE_STRAIN < strain <= LARGE:  # beyond it the body says so
         found.append(look_at(f"strains reach {strain:.2f}: a modulus alone does not say how a rubber gives there"))
     off_mm = max(state.displaced.off_mm for state in states)
     if off_mm > OFF_MM:

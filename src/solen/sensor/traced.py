@@ -7,6 +7,7 @@ from typing import Protocol
 
 from solen.arrays import Progress
 from solen.errors import SpecError
+from solen.ranks import Caution, look_at
 from solen.results import HIDDEN, Result
 from solen.sensor.numbers import inert, usual_keys
 from solen.sensor.response import Sensitivity
@@ -117,7 +118,7 @@ def trace_design(
         in_space=scene.extrusion is not None,
         faces=face_names(scene),
         branches=branches(trace, scene) if paths else None,
-        warnings=(*sensor.warnings, *keys_without_effect(sensor, trace.mode)),
+        warnings=(*sensor.warnings, *keys_without_effect(sensor, trace.mode), *beyond(sensor, angle_deg)),
     )
 
 
@@ -178,6 +179,17 @@ def check_value(sensor: Sensor, value: float) -> None:
     if not (math.isfinite(value) and (abs(value) < 90.0 or sensor.design.motion.unit != "deg")):
         limit = "must be between -90 and 90" if sensor.design.motion.unit == "deg" else "must be a finite number"
         raise SpecError("--at" if sensor.is_loaded else "--angle-deg", value=value, limit=limit)
+
+
+def beyond(sensor: Sensor, value: float) -> tuple[Caution, ...]:
+    """A warning where a load is none of those that the motion of a soft body passes through."""
+    if not sensor.is_loaded:
+        return ()
+    motion = sensor.design.motion
+    low, high = motion.values()[0], motion.values()[-1]
+    if low <= value <= high:
+        return ()
+    return (look_at(f"{motion.drives} = {value:g} is beyond the motion's {low:g} to {high:g} {motion.unit}"),)
 
 
 class Driven(Protocol):

@@ -31,7 +31,12 @@ SCHEMA = 1
 MIGRATIONS: Migrations = {}  # old version -> tables of that version into those of the next
 
 # Setting one of these takes the other away: a design gives exactly one of them.
-_REPLACES = {"material.index": "material.resin", "material.resin": "material.index"}
+_REPLACES = {
+    "material.index": "material.resin",
+    "material.resin": "material.index",
+    "motion.depths_mm": "motion.forces_N",
+    "motion.forces_N": "motion.depths_mm",
+}
 
 
 def load(path: Path | str) -> Design:
@@ -141,7 +146,7 @@ def with_values(design: Design, values: Mapping[str, Any]) -> Design:
     values
         By dotted key (``"lens.focus_mm"``, ``"wall[0].index"``, ``"lens.knots_um[0]"``) the value, as TOML would hold
         it; None returns an optional key to its default. Setting ``material.index`` takes a resin away and the other way
-        round.
+        round; so do depths and forces of a motion.
 
     Raises
     ------
@@ -152,7 +157,8 @@ def with_values(design: Design, values: Mapping[str, Any]) -> Design:
     for key, value in values.items():
         other = replaced_by(key)
         if other and value is not None and other not in values:
-            data["material"].pop(path_of(other)[-1], None)
+            table, name = path_of(other)
+            data.get(table, {}).pop(name, None)
         _set(data, key, value)
     return Design(**data).in_folder(design.folder)
 

@@ -9,24 +9,31 @@ from solen.sensor.loaded import Deformation, LoadedStudy
 from solen.sensor.traced import where
 
 MOST_ROWS = 12
+ROUND_OFF = 1e-9
+"""Share of the largest number of its kind, or mm, below which a number is rounding."""
 
 
 @lines.register
 def _(result: Deformation) -> Iterator[str]:
-    x, z = result.shift_mm
+    x, z = (_rounded(shift) for shift in result.shift_mm)
+    newtons = max(math.hypot(*reaction.force_N) for reaction in result.reactions)
+    moments = max(abs(reaction.moment_Nmm) for reaction in result.reactions)
     yield f"{result.name}, {result.drives} at {where(result)}"
     yield f"  emitter and lens turn by {result.turn_deg:+.4g} deg, move by {x:+.4g}, {z:+.4g} mm (x, z)"
     yield f"  largest strain {result.strain_largest:.3g}; walls taken as upright, to {result.bulge_mm:.2g} mm"
     for reaction in result.reactions:
-        fx, fz = reaction.force_N
-        x, z = reaction.about_mm
-        about = f"{reaction.moment_Nmm:+.4g} N mm about {x:.3g}, {z:.3g}"
-        yield f"  {reaction.name:12} {math.hypot(fx, fz):.4g} N (x {fx:+.4g}, z {fz:+.4g}), {about}"
+        fx, fz = (_rounded(force, newtons) for force in reaction.force_N)
+        x, z = (_rounded(at) for at in reaction.about_mm)
+        about = f"{_rounded(reaction.moment_Nmm, moments):+.3g} N mm about {x:.3g}, {z:.3g}"
+        yield f"  {reaction.name:12} {math.hypot(fx, fz):.3g} N (x {fx:+.3g}, z {fz:+.3g}), {about}"
     for touch in result.contacts:
-        yield (
-            f"  {touch.name} touches {touch.face}: {touch.depth_mm:.4g} mm deep, {touch.force_N:.4g} N, up to "
-            f"{touch.pressure_MPa:.3g} MPa"
-        )
+        pushed = f"{touch.force_N:.3g} N along its way, up to {touch.pressure_MPa:.3g} MPa"
+        yield f"  {touch.name}, moved on by {touch.depth_mm:.3g} mm, touches {touch.face} with {pushed}"
+
+
+def _rounded(value: float, size: float = 1.0) -> float:
+    """A number without what is left of it by rounding."""
+    return value if abs(value) > ROUND_OFF * size else 0.0
 
 
 @lines.register
@@ -49,6 +56,7 @@ def _(study: LoadedStudy) -> Iterator[str]:
     for row in range(0, len(study.values), every):
         cells = (short(values[row]) if name == "u" else f"{values[row]:.4g}" for name, values in shown.items())
         yield "  " + "".join(f"{cell:>10}" for cell in cells)
+    yield "  volts: brighter is lower"
     if study.rigid_refused is not None:
         yield f"no rigid answer: {study.rigid_refused}"
     if study.planes is not None:
