@@ -12,11 +12,12 @@ for (const name of ["index.html", "icon.svg"]) copyFileSync(`src/${name}`, `${ou
 // The page without a server holds all of it in one file.
 const inside = await build({ ...common, entryPoints: ["src/player.ts"], format: "iife", write: false });
 const script = inside.outputFiles[0].text.replaceAll("</script", "<\\/script");
+const packages = ["lit", "lit-html", "lit-element", "@lit/reactive-element", "uplot"];
+const texts = packages.map((name) => `${name}\n\n${readFileSync(`node_modules/${name}/LICENSE`, "utf8").trim()}\n`);
 const page = readFileSync("src/player.html", "utf8")
+  .replace("licences", () => texts.join("\n").replaceAll("--", "- -"))
   .replace("/*style*/", () => readFileSync(`${out}studio.css`, "utf8"))
   .replace("/*script*/", () => script);
 writeFileSync(new URL("../src/solen/report/design/player.html", import.meta.url), page);
 
-const packages = ["lit", "lit-html", "lit-element", "@lit/reactive-element", "uplot"];
-const texts = packages.map((name) => `${name}\n\n${readFileSync(`node_modules/${name}/LICENSE`, "utf8").trim()}\n`);
 writeFileSync(`${out}licences.txt`, texts.join("\n----\n\n"));

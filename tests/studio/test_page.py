@@ -87,7 +87,7 @@ def test_nothing_is_wrong_with_the_page(seen: dict[str, Any]) -> None:
     assert seen["problems"] == []
     assert seen["foreign"] == [], "no request leaves the computer"
     assert seen["axe"] == [], "usable without sight"
-    assert seen["overflow"] is False
+    assert seen["overflow"] == [], "all of it fits 1024 x 700"
 
 
 def test_the_first_visit_takes_three_sentences(seen: dict[str, Any]) -> None:
@@ -169,11 +169,12 @@ def test_how_long_a_drag_takes(tmp_path: Path) -> None:
         way(0.001)
         taken = []
         for n in range(20):
-            begun = time.perf_counter()
+            begun = time.perf_counter(), time.process_time()
             way(0.002 + 0.001 * n)
-            taken.append(1e3 * (time.perf_counter() - begun))
-        ways[name] = median(taken)
-        print(f"picture and response, {name}: median {ways[name]:.1f} ms")
-    print(f"ratio {ways['batch'] / ways['scene by scene']:.2f}")
+            taken.append((1e3 * (time.perf_counter() - begun[0]), 1e3 * (time.process_time() - begun[1])))
+        ways[name] = [median(column) for column in zip(*taken, strict=True)]
+        print(f"picture and response, {name}: median {ways[name][0]:.1f} ms, of a processor {ways[name][1]:.1f} ms")
+    ratios = [batch / other for batch, other in zip(*ways.values(), strict=True)]
+    print(f"ratio {ratios[0]:.2f}, of a processor's time {ratios[1]:.2f}")
     assert found["problems"] == []
     assert found["axe"] == []

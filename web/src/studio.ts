@@ -378,7 +378,7 @@ class Studio extends LitElement {
               this.look({ split: value === "power" });
               this.redraw();
             })}
-            ${whole.has_lens ? this.choice("Light enters by", view.lens ? "lens" : "flat", [["lens", "lens"], ["flat", "flat face"]], (value) => this.look({ lens: value === "lens" })) : nothing}
+            ${whole.has_lens ? this.choice("Entry", view.lens ? "lens" : "flat", [["lens", "lens"], ["flat", "flat face"]], (value) => this.look({ lens: value === "lens" })) : nothing}
             <label class="rays">Rays <input type="number" min="1" max="5000" .value=${String(view.rays)} @change=${(e: Event) => {
               const rays = Math.round(+(e.target as HTMLInputElement).value);
               this.look({ rays: Math.min(Math.max(rays || 200, 1), 5000) });

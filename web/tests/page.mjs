@@ -110,7 +110,10 @@ for (const [width, height] of whole ? [[1024, 700], [1440, 900], [2560, 1440]] :
     await page.waitForTimeout(150);
     await page.screenshot({ path: `${folder}/${width}-${colorScheme}.png` });
   }
-seen.overflow = await page.evaluate(() => document.documentElement.scrollWidth > innerWidth);
+await page.setViewportSize({ width: 1024, height: 700 });
+seen.overflow = await page.evaluate(() =>
+  [...document.querySelectorAll("body, section, .fields, .merits")].filter((one) => one.scrollWidth > one.clientWidth + 1).map((one) => one.className || one.tagName),
+);
 if (exported) {
   await page.setViewportSize({ width: 1200, height: 800 });
   await page.goto(exported);

@@ -101,6 +101,11 @@ def respond(
     check_count("threads", threads, 1)
     check_numbers("angles_deg", *angles_deg)
     batched = _Batch(sensors, angles_deg, widths_mm, offsets_mm, rays, mode, seed)
+    if len(sensors) == 1:  # starting a thread takes as long as tracing few rays
+        batched.trace(0)
+        if progress is not None:
+            progress(1.0)
+        return batched.responses
     done = 0
     with ThreadPoolExecutor(threads) as pool:
         try:

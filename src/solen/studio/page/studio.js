@@ -49,7 +49,7 @@ var bl=globalThis,_l=bl.ShadowRoot&&(bl.ShadyCSS===void 0||bl.ShadyCSS.nativeSha
         <section class="sketch" aria-label="Sensor and its rays">
           <div class="tools">
             ${this.choice("Colour by",this.colouring,[["receiver","receiver"],["fate","fate"],["power","power"]],u=>{this.colouring=u,this.look({split:u==="power"}),this.redraw()})}
-            ${n.has_lens?this.choice("Light enters by",t.lens?"lens":"flat",[["lens","lens"],["flat","flat face"]],u=>this.look({lens:u==="lens"})):re}
+            ${n.has_lens?this.choice("Entry",t.lens?"lens":"flat",[["lens","lens"],["flat","flat face"]],u=>this.look({lens:u==="lens"})):re}
             <label class="rays">Rays <input type="number" min="1" max="5000" .value=${String(t.rays)} @change=${u=>{let h=Math.round(+u.target.value);this.look({rays:Math.min(Math.max(h||200,1),5e3)})}}></label>
           </div>
           <div class="stage">
