@@ -91,15 +91,16 @@ def test_the_same_search_goes_on_from_what_is_known(centred: tuple[Store, Optimu
     assert again.design == found.design
 
 
+def at_half(done: float) -> None:
+    if done >= 0.5:
+        raise KeyboardInterrupt
+
+
 def test_an_interrupted_search_has_its_best_so_far(centred: tuple[Store, Optimum]) -> None:
     store, found = centred
     kept: list[Design] = []
 
-    def stop(done: float) -> None:
-        if done >= 0.5:
-            raise KeyboardInterrupt
-
-    cut = optimum(DESIGN, OptimiseOptions(**CENTRE), store, progress=stop, keep=kept.append)
+    cut = optimum(DESIGN, OptimiseOptions(**CENTRE), store, progress=at_half, keep=kept.append)
     assert cut.interrupted
     assert cut.evaluations == 10
     assert cut.design == kept[-1]
@@ -209,6 +210,11 @@ def test_the_designs_of_a_front_are_files_and_none_is_worse_in_both(tmp_path: Pa
         again = load(outcome.files[f"design {one.number}"])
         assert again == one.design
         assert again.emitter.offset_mm == one.free["emitter.offset_mm"]
+    cut = optimise(DESIGN, options, Store(tmp_path / "out"), progress=at_half)
+    assert isinstance(cut, Front)
+    assert cut.interrupted
+    assert cut.evaluations == 15
+    assert cut.designs
 
 
 def test_a_lens_too_fine_for_the_printer_meets_not_all() -> None:

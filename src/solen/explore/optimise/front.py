@@ -18,6 +18,7 @@ from solen.explore.optimise.optimum import INTERRUPTED
 from solen.explore.optimise.retraced import Retraced, Sampled
 from solen.explore.optimise.search import Tried, search
 from solen.results import HIDDEN, Result
+from solen.sensor import Sensor
 from solen.spec import Design
 
 ENDS = (np.array([1.0, 0.0]), np.array([0.0, 1.0]))
@@ -171,14 +172,14 @@ def _doubts(course: Course, candidate: Candidate, retraced: Retraced) -> Iterato
 
 def _design(course: Course, number: int, candidate: Candidate | None, retraced: Retraced) -> FrontDesign:
     task, judged = course.judge.task, retraced.verdict.by_goal
-    point = task.begin if candidate is None else candidate.point
+    design = task.sensor.design if candidate is None else task.at(candidate.point)
     return FrontDesign(
         number=number,
         goals=tuple(one.goal for one in judged),
         u_goals=tuple(one.u_goal for one in judged),
         claimed=tuple(one.goal for one in retraced.claimed.by_goal),
-        free=task.values(point),
+        free=task.stated(Sensor.of(design)),
         meets=retraced.verdict.meets,
         merits=judged[0].merits,
-        design=task.sensor.design if candidate is None else task.at(point),
+        design=design,
     )

@@ -15,7 +15,6 @@ from solen.explore.optimise.retraced import Retraced, Sampled
 from solen.explore.optimise.task import Task
 from solen.results import HIDDEN, Result
 from solen.sensor import Sensor
-from solen.sensor.numbers import number
 from solen.spec import Design
 
 INTERRUPTED = "interrupted: the best so far; the same command goes on from here"
@@ -100,16 +99,15 @@ def optimum_of(course: Course, best: Candidate, known: int, *, interrupted: bool
     traced = len(judge.store.points) - known
     found = task.at(best.point)
     before, after = Retraced.of(judge, task.sensor.design), Retraced.of(judge, found)
-    sampled, sensor = Sampled.of(judge.variant(found).sensor()), Sensor.of(found)
+    sampled = Sampled.of(judge.variant(found).sensor())
+    was, now = task.stated(task.sensor), task.stated(Sensor.of(found))
     totals = np.array([one.goals[0] if one.violation == 0.0 else np.inf for one in course.tried])
     history = np.minimum.accumulate(np.where(np.isnan(totals), np.inf, totals)) * course.scale[0]
     return Optimum(
         name=task.sensor.design.name,
         goal=task.names[0],
         free=tuple(
-            FreeNumber(one.key, low, high, number(task.sensor, one.key), number(sensor, one.key))
-            for one in task.free
-            for low, high in [one.values]
+            FreeNumber(one.key, low, high, was[one.key], now[one.key]) for one in task.free for low, high in [one.values]
         ),
         printed_by=task.printed_by,
         before=before.verdict.by_goal[0],

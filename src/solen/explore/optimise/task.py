@@ -93,11 +93,6 @@ class Task(NamedTuple):
         )
 
     @property
-    def keys(self) -> tuple[str, ...]:
-        """The free numbers."""
-        return tuple(one.key for one in self.free)
-
-    @property
     def names(self) -> tuple[str, ...]:
         """What is sought in words."""
         words = ("maximise" if sign < 0.0 else "minimise" for sign in self.signs)
@@ -117,16 +112,17 @@ class Task(NamedTuple):
     def begin(self) -> FloatArray:
         """Point of the design that the search begins with; beyond the ends of a free number the nearer one."""
         low, high = np.array([one.values for one in self.free]).T
-        values = np.array([number(self.sensor, key) for key in self.keys])
+        values = np.array(list(self.stated(self.sensor).values()))
         return np.asarray(np.clip((values - low) / (high - low), 0.0, 1.0))
 
-    def values(self, point: FloatArray) -> dict[str, float]:
-        """The free numbers at a point of the box."""
-        return {one.key: one.at(share) for one, share in zip(self.free, point.tolist(), strict=True)}
+    def stated(self, sensor: Sensor) -> dict[str, float]:
+        """The free numbers of a sensor."""
+        return {one.key: number(sensor, one.key) for one in self.free}
 
     def at(self, point: FloatArray) -> Design:
         """Design at a point of the box; `SpecError` where it is not valid."""
-        return with_values(self.sensor.design, self.values(point))
+        values = {one.key: one.at(share) for one, share in zip(self.free, point.tolist(), strict=True)}
+        return with_values(self.sensor.design, values)
 
     def least_feature_um(self, lens: SplineLens) -> float:
         """Least feature of a free form: that of the process, else that of the lens itself."""
