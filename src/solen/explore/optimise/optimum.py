@@ -107,7 +107,9 @@ def optimum_of(course: Course, best: Candidate, known: int, *, interrupted: bool
         name=task.sensor.design.name,
         goal=task.names[0],
         free=tuple(
-            FreeNumber(one.key, low, high, was[one.key], now[one.key]) for one in task.free for low, high in [one.values]
+            FreeNumber(one.key, low, high, was[one.key], now[one.key])
+            for one in task.free
+            for low, high in [one.values]
         ),
         printed_by=task.printed_by,
         before=before.verdict.by_goal[0],
