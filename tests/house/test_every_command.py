@@ -54,6 +54,10 @@ DESIGN = "part/sensor.toml"
 ROWS = {
     "new": "part",
     "new #soft": "soft --example press-860",
+    "new #network": "net --example hand-860",
+    "check #network": "net/sensor.toml",
+    "trace #network": "net/sensor.toml --rays 64 --set trace.dimension=2d --figure net.svg",
+    "run #network": "net/sensor.toml --out net-ran --set trace.dimension=2d --set network.motion=[]",
     "deform": "soft/sensor.toml --set trace.dimension=2d --figure shape.svg",
     "check": DESIGN,
     "lens": f"{DESIGN} --csv profile.csv --figure lens.svg",

@@ -196,7 +196,8 @@ def test_a_response_is_that_of_each_state_and_emitter() -> None:
     assert found.angle_deg.tolist() == [[0.0, 0.0], [4.0, 0.5]]
     moved = with_values(design, {"network.motion[0].at_deg": 4.0, "network.motion[1].at_deg": 0.5, "network.lit": "b"})
     alone = Sensor.of(moved).integrate(tolerance=1e-3)
-    assert found.power[1, 1].tolist() == [alone.detectors[name].power for name in found.receivers]
+    apart = found.power[1, 1] - [alone.detectors[name].power for name in found.receivers]
+    assert np.abs(apart).max() < 4.0 * found.u_power[1, 1].max() + alone.u_power
     assert found.u_power.max() <= 1e-3
     assert network_check(design).states == 1 + 3 + 2 + 4
 

@@ -24,6 +24,7 @@ def by_nets(
     most_rays: int = MOST_RAYS,
     most_legs: int | None = None,
     threads: int | None = None,
+    first_rays: int = FIRST_RAYS,
 ) -> Trace:
     """Power at every receiver by ever more rays, until every receiver's standard error is within the tolerance.
 
@@ -39,8 +40,10 @@ def by_nets(
         Number of rays at which it ends, whatever the error: ``reached`` is False then, and ``why`` says so.
     most_legs
         Number of straight stretches of light beyond which no more rays follow.
+    first_rays
+        Number of rays that it begins with.
     """
-    rays = FIRST_RAYS
+    rays = first_rays
     while True:
         found = trace(with_rays(scene, rays), mode, limits, sampling="sobol", threads=threads)
         if found.u_power <= tolerance:

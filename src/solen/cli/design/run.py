@@ -5,8 +5,10 @@ from typing import TYPE_CHECKING
 
 from solen.cli.app import lines, short
 from solen.cli.design import deform as deform  # the lines of a soft body's response
+from solen.cli.design.trace import matrix
 from solen.pipeline.design.run import run as run
 from solen.sensor import AsPrinted, DesignStudy
+from solen.sensor.network import NetworkStudy
 
 if TYPE_CHECKING:
     from solen.report.design.answer import Matter
@@ -33,6 +35,15 @@ def _(study: DesignStudy) -> Iterator[str]:
     yield from (f"  {text}" for text in lens_words(study.practice))
     for place, text in enumerate(advice(study)):
         yield f"{'what to do' if place == 0 else '':10}  {text}"
+
+
+@lines.register
+def _(study: NetworkStudy) -> Iterator[str]:
+    from solen.report.design.network_page import told_by
+
+    yield f"{study.name}: a network of {len(study.check.guides)} guides, its emitters in turn, as it stands"
+    yield from matrix(study.at_rest, 0)
+    yield from (f"  {name}: {told_by(response)}" for name, response in study.sweeps.items())
 
 
 def _matters(angles: list[float], rows: Sequence["Matter"]) -> Iterator[str]:

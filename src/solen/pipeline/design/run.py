@@ -10,14 +10,15 @@ from solen.pipeline.options import ProgressBar, Set
 from solen.results import Outcome
 from solen.sensor import DesignStudy, Sensor, study
 from solen.sensor.loaded import LoadedStudy, loaded_study
+from solen.sensor.network import NetworkStudy, network_study
 
-R = TypeVar("R", DesignStudy, LoadedStudy)
+R = TypeVar("R", DesignStudy, LoadedStudy, NetworkStudy)
 
 
 def run(
     file: Path, /, *, out: Path, set_: Set = None, progress: ProgressBar = None
-) -> Outcome[DesignStudy | LoadedStudy]:
-    """Simulate a design over its motion: lens, body, response with and without lens, figures, tables, report.
+) -> Outcome[DesignStudy | LoadedStudy | NetworkStudy]:
+    """Simulate a design over its motions: lens, body, response with and without lens, figures, tables, report.
 
     Parameters
     ----------
@@ -26,7 +27,7 @@ def run(
     out
         Folder for report.html, results.json, results.csv and the figures; made if need be.
     """
-    from solen.report.design import html, loaded, loaded_page, table
+    from solen.report.design import html, loaded, loaded_page, network, network_page, table
 
     design = open_design(file, set_)
     with files.output_folder(out):
@@ -34,6 +35,10 @@ def run(
             soft = loaded_study(Sensor.of(design), progress)
             drawn = loaded.figures(soft)
             return _written(soft, out, drawn, loaded_page.html(soft, drawn), loaded.csv_table(soft))
+        if design.body.kind == "network":
+            every = network_study(design, progress)
+            drawn = network.figures(every)
+            return _written(every, out, drawn, network_page.html(every, drawn), network.csv_table(every))
         result = study(design, progress, practical=True)
         drawn = html.figures(result)
         return _written(result, out, drawn, html.html(result, drawn), table.csv_table(result))

@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from solen.arrays import FloatArray
 from solen.geometry import Body
 from solen.report import canvas
 from solen.report.canvas import INK, LOST, series
@@ -46,7 +47,7 @@ def rays_of(sensors: Sequence[Sensor]) -> Figure:
     colours, names = colours_of(sensors[0].scene()), _receivers(sensors[0])
     lines = [Line2D([], [], color=colours[name], lw=3.0, label=name) for name in names]
     lines.append(Line2D([], [], color=LOST, lw=1.0, label="no receiver"))
-    figure.legend(handles=lines, loc="outside lower center", ncols=min(len(lines), 4))
+    figure.legend(handles=lines, loc="outside lower center", ncols=3)
     return figure
 
 
@@ -55,10 +56,12 @@ def network_figure(study: NetworkStudy) -> Figure:
     rows, columns = len(study.sweeps), len(study.at_rest.emitters)
     figure = Figure(figsize=(max(4.6, 2.9 * columns), 2.5 * rows))
     panels = figure.subplots(rows, columns, squeeze=False, sharex="row", sharey=True)
+    every = colours_of(study.sensors[0].scene())
+    colours = {name: every[name] for name in study.at_rest.receivers}
     for (name, response), line in zip(study.sweeps.items(), panels, strict=True):
         angle = response.angle_deg[:, response.motions.index(name)]
         for number, axes in enumerate(line):
-            _draw_powers(axes, angle, response.power[:, number], response.u_power[:, number], response.receivers)
+            _draw_powers(axes, angle, response.power[:, number], response.u_power[:, number], colours)
             axes.set(xlabel=f"{name} (deg)", title=f"{response.emitters[number]} lit")
         line[0].set_ylabel("share of its power")
     panels[0, -1].legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
@@ -87,9 +90,11 @@ def csv_table(study: NetworkStudy) -> str:
     return text.getvalue()
 
 
-def _draw_powers(axes: Axes, angle: np.ndarray, power: np.ndarray, u_power: np.ndarray, names: Sequence[str]) -> None:
-    for number, name in enumerate(names):
-        look = series(number)
+def _draw_powers(
+    axes: Axes, angle: FloatArray, power: FloatArray, u_power: FloatArray, colours: dict[str, str]
+) -> None:
+    for number, (name, colour) in enumerate(colours.items()):
+        look = series(number) | {"color": colour}
         axes.plot(angle, power[:, number], **look, lw=1.6, label=name)
         half = np.nan_to_num(u_power[:, number])
         axes.fill_between(angle, power[:, number] - half, power[:, number] + half, color=look["color"], alpha=0.3, lw=0)
@@ -100,7 +105,7 @@ def _receivers(sensor: Sensor) -> list[str]:
     return [placed.name for placed in sensor.design.network.receivers]
 
 
-def _extent(body: Body) -> tuple[np.ndarray, np.ndarray]:
+def _extent(body: Body) -> tuple[FloatArray, FloatArray]:
     """Least and greatest x and z of a body and its emitter, with some room."""
     points = np.vstack([body.outline(1e-2), [body.emitter.point]])
     low, high = points.min(axis=0), points.max(axis=0)

@@ -10,6 +10,7 @@ from solen.report.design.as_printed import printed_sentences
 from solen.sensor import DesignStudy, tolerance_of
 from solen.sensor.effects import index_steps
 from solen.sensor.loaded import LoadedStudy
+from solen.sensor.network import NetworkStudy
 from solen.sensor.practice import CHIP_MM
 
 SHOWN_SHARE = 5e-4
@@ -40,7 +41,7 @@ def findings(study: DesignStudy) -> list[tuple[str, str]]:
     return [(heading, text) for heading, text in rows if text]
 
 
-def warnings(study: DesignStudy | LoadedStudy) -> list[str]:
+def warnings(study: DesignStudy | LoadedStudy | NetworkStudy) -> list[str]:
     """The most important warnings, as sentences."""
     return [f"{text[0].upper()}{text[1:].rstrip('.')}." for text in study.warnings]
 

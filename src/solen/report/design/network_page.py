@@ -1,0 +1,64 @@
+"""The report of a network: its powers by emitter and receiver, its light, and its response over each motion."""
+
+import numpy as np
+
+from solen.report.design.html import page
+from solen.report.design.words import warnings
+from solen.sensor.network import NetworkResponse, NetworkStudy
+
+
+def html(study: NetworkStudy, drawn: dict[str, str]) -> str:
+    """HTML text of the report; ``drawn`` are its figures as `solen.report.design.network.figures` returns them."""
+    rest = study.at_rest
+    heads = ("emitter", *rest.receivers)
+    rows = zip(rest.emitters, rest.power[0].tolist(), strict=True)
+    return page(
+        "network.html",
+        study.design,
+        drawn,
+        lead=f"a network of {len(study.check.guides)} guides, {len(rest.emitters)} emitters in turn and "
+        f"{len(rest.receivers)} receivers",
+        warnings=warnings(study),
+        expected=expected(study),
+        matrix=[heads, *((name, *powers) for name, powers in rows)],
+        u=f"{float(rest.u_power.max()):.1e}",
+        parts=_parts(study),
+    )
+
+
+def expected(study: NetworkStudy) -> list[tuple[str, str]]:
+    """The response in words, by heading: what is received, and what tells each motion most."""
+    rest = study.at_rest
+    rows = []
+    for number, name in enumerate(rest.emitters):
+        most = int(np.argmax(rest.power[0, number]))
+        power = f"{rest.power[0, number, most]:.4f} ± {rest.u_power[0, number, most]:.1g}"
+        total = float(rest.power[0, number].sum())
+        rows.append((f"{name} lit", f"receivers get {total:.3f} of its power, {rest.receivers[most]} most: {power}"))
+    return [*rows, *((name, told_by(response)) for name, response in study.sweeps.items())]
+
+
+def told_by(response: NetworkResponse) -> str:
+    """Reading that changes most over a motion, with its change."""
+    spread = np.ptp(response.power, axis=0)
+    emitter, receiver = (int(place) for place in np.unravel_index(int(np.argmax(spread)), spread.shape))
+    low, high = (float(end) for end in np.quantile(response.power[:, emitter, receiver], (0.0, 1.0)))
+    u = float(response.u_power[:, emitter, receiver].max())
+    names = f"{response.receivers[receiver]} with {response.emitters[emitter]} lit"
+    return f"changes {names} most, between {low:.4f} and {high:.4f} ± {u:.1g}"
+
+
+def _parts(study: NetworkStudy) -> list[tuple[str, str, str]]:
+    check, network = study.check, study.design.network
+    rows = [(guide.name, "guide", f"from {guide.nodes[0]} to {guide.nodes[1]}") for guide in network.guides]
+    for lens in check.lenses:
+        sizes = f"half width {lens.half_width_mm:.4g} mm, {lens.depth_mm:.4g} mm deep"
+        rows.append((lens.name, "lens", f"{lens.shape}, {sizes}"))
+    for emitter in check.emitters:
+        place = f"x {emitter.x_mm:.4g}, z {emitter.z_mm:.4g} mm, towards {emitter.axis_deg:.4g}°"
+        rows.append((emitter.name, "emitter", f"{place}, {emitter.wavelength_nm:g} nm"))
+    for receiver in network.receivers:
+        side = f"{receiver.side} side of {receiver.guide}, {receiver.from_mm} to {receiver.to_mm} mm"
+        rows.append((receiver.name, "receiver", f"end at {receiver.node}" if receiver.node else side))
+    ranges = ((one, f"{one.from_deg:g}° to {one.to_deg:g}°") for one in network.motion)
+    return [*rows, *((one.name, "motion", f"{one.kind} of {one.part}, {angles}") for one, angles in ranges)]
