@@ -15,6 +15,7 @@ from xml.etree import ElementTree as ET
 import pytest
 
 from solen.explore.live import COARSE_RAYS, coarse
+from solen.explore.matters import matters
 from solen.explore.sliders import SlidersOptions, sliders
 from solen.report.design.player import html
 from solen.sensor import Response, Sensor, in_plane, picture
@@ -116,6 +117,15 @@ def test_numbers_shown_are_those_of_the_design_saved(seen: dict[str, Any], folde
         assert 0 < u < 0.005
     assert "plane" in seen["misleading"]
     assert "plane" in seen["quality"]
+
+
+def test_what_matters_is_ranked(seen: dict[str, Any], folder: Path) -> None:
+    exact = {one.key: one for one in matters(Sensor.of(load(folder / "sensor.toml")))}
+    first = max(exact.values(), key=lambda one: one.largest)
+    words, change, _ = seen["matters"][0].split("\t")
+    assert words.startswith(first.key.replace(".", " ").rsplit("_", 1)[0].replace("_", " "))
+    value, u = number(change)
+    assert value == pytest.approx(first.largest, abs=2 * u)
 
 
 def test_a_file_keeps_its_comments_and_a_refused_number_changes_nothing(seen: dict[str, Any], folder: Path) -> None:

@@ -7,6 +7,7 @@ export interface View {
   split: boolean;
   light: "design" | "plane" | "space";
   lens: boolean;
+  tolerances: boolean;
 }
 
 export interface Request {

@@ -11,6 +11,10 @@ export function measured(value: number | null | undefined, u: number | null | un
   return `${value.toFixed(digits)} ± ${u.toFixed(digits)}`.replace("-", "−");
 }
 
+export function sign(angle: number, unit = "deg"): string {
+  return `${angle < 0 ? "−" : "+"}${Math.abs(angle)}${unit === "deg" ? "°" : ` ${unit}`}`;
+}
+
 const ROWS: [string, string, string, string][] = [
   ["slope_per_deg", "slope at the null", "1/°", "Change of the contrast with the angle where both receivers get the same light."],
   ["null_deg", "null", "°", "Angle at which both receivers get the same light."],
@@ -26,13 +30,12 @@ export function merits(own: Curve | undefined, flat: Curve | undefined | null, a
   const row = (id: string, name: string, help: string, values: string[], unit: string) => html`<tr id="merit-${id}">
     <th scope="row" title=${help}>${name}${unit ? html` <span class="unit">${unit}</span>` : ""}</th>${(flat !== null ? values : values.slice(0, 1)).map((value) => html`<td>${value}</td>`)}
   </tr>`;
-  const sign = (angle: number) => `${angle > 0 ? "+" : "−"}${Math.abs(angle)}${unit === "deg" ? "°" : ` ${unit}`}`;
   const of = (curve: Curve | undefined | null, key: string) => measured(curve?.head.merits?.[key], curve?.head.merits?.[`u_${key}`]);
   return html`<table class="merits">
     <thead><tr><th scope="col">Merit</th><th scope="col">design</th>${flat !== null ? html`<th scope="col">no lens</th>` : ""}</tr></thead>
     <tbody>
-      ${row("from", `contrast at ${sign(angles[0])}`, "At the first angle of the motion.", [at(own, 0), at(flat, 0)], "")}
-      ${row("to", `contrast at ${sign(angles[1])}`, "At the last angle of the motion.", [at(own, 1), at(flat, 1)], "")}
+      ${row("from", `contrast at ${sign(angles[0], unit)}`, "At the first angle of the motion.", [at(own, 0), at(flat, 0)], "")}
+      ${row("to", `contrast at ${sign(angles[1], unit)}`, "At the last angle of the motion.", [at(own, 1), at(flat, 1)], "")}
       ${ROWS.map(([key, name, unit, help]) => row(key, name, help, [of(own, key), of(flat, key)], unit))}
     </tbody>
   </table>`;

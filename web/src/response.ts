@@ -16,6 +16,12 @@ export function curveOf(frame: Frame): Curve | null {
   return { head, angle: column("angle").data, contrast: column("contrast").data, u: column("u").data };
 }
 
+// By how much all tolerances together move the contrast, to either side.
+export interface Band {
+  angle: Float32Array;
+  size: Float32Array;
+}
+
 export const SERIES = ["own", "flat", "other", "pinned"] as const;
 export type Name = (typeof SERIES)[number];
 
@@ -32,14 +38,14 @@ export class ResponsePlot {
 
   theme(): void {
     const style = getComputedStyle(this.place);
-    for (const name of ["ink", "soft", "accent", "lost", "hit", "taken", "band"])
+    for (const name of ["ink", "soft", "accent", "lost", "hit", "taken", "band", "tolerated"])
       this.colours[name] = style.getPropertyValue(`--${name}`).trim();
     this.plot?.destroy();
     this.plot = null;
   }
 
   private make(): uPlot {
-    const { ink, soft, accent, lost, hit, taken, band } = this.colours;
+    const { ink, soft, accent, lost, hit, taken, band, tolerated } = this.colours;
     const font = `${0.86 * parseFloat(getComputedStyle(this.place).fontSize)}px system-ui, sans-serif`;
     const axis = { stroke: ink, grid: { stroke: soft, width: 1 }, ticks: { stroke: soft }, font };
     const plot: uPlot = new uPlot(
@@ -61,11 +67,13 @@ export class ResponsePlot {
           { stroke: hit, width: 1.5, dash: [2, 3], points: { show: false }, spanGaps: true },
           { stroke: taken, width: 1.5, dash: [10, 3, 2, 3], points: { show: false }, spanGaps: true },
           { stroke: accent, width: 2.5, points: { show: false }, spanGaps: true },
+          { stroke: "transparent", points: { show: false }, spanGaps: true },
+          { stroke: "transparent", points: { show: false }, spanGaps: true },
         ],
-        bands: [{ series: [2, 1], fill: band }],
+        bands: [{ series: [2, 1], fill: band }, { series: [8, 7], fill: tolerated }],
         hooks: { draw: [(u) => this.marker(u)] },
       },
-      [[], [], [], [], [], [], []],
+      [[], [], [], [], [], [], [], [], []],
       this.place,
     );
     const at = (event: PointerEvent) => {
@@ -100,7 +108,7 @@ export class ResponsePlot {
     this.plot?.setSize({ width: this.place.clientWidth, height: this.place.clientHeight });
   }
 
-  show(curves: Partial<Record<Name, Curve>>, angle: number): void {
+  show(curves: Partial<Record<Name, Curve>>, angle: number, band?: Band): void {
     this.angle = angle;
     this.plot ??= this.make();
     const table = (curve: Curve | undefined, ...columns: ((c: Curve, i: number) => number)[]): uPlot.AlignedData => {
@@ -114,8 +122,21 @@ export class ResponsePlot {
       table(curves.other, value),
       table(curves.pinned, value),
       table(curves.own, value),
+      this.tolerated(curves.own, band),
     ]);
     this.plot.setData(joined);
+  }
+
+  private tolerated(own: Curve | undefined, band: Band | undefined): uPlot.AlignedData {
+    const places = [...(own && band ? band.angle : [])].map((angle) => [+angle.toFixed(4), own!.angle.findIndex((one) => Math.abs(one - angle) < 1e-4)]);
+    const [x, low, high]: number[][] = [[], [], []];
+    places.forEach(([angle, k], i) => {
+      if (k < 0) return;
+      x.push(angle);
+      low.push(own!.contrast[k] - band!.size[i]);
+      high.push(own!.contrast[k] + band!.size[i]);
+    });
+    return [x, low, high];
   }
 
   move(angle: number): void {

@@ -1,11 +1,11 @@
 // The page: it shows what the server sends, and asks for what a person does. No physics is computed here.
 import { html, LitElement, nothing, type TemplateResult } from "lit";
 import { Drawing, type Colouring, type Picture } from "./drawing";
-import { fields, restore, type Schema, type Values } from "./fields";
+import { fields, nameOf, restore, unitOf, type Schema, type Values } from "./fields";
 import type { Frame } from "./frames";
 import { Link, type Request, type View } from "./link";
-import { merits } from "./merits";
-import { curveOf, ResponsePlot, type Curve, type Name } from "./response";
+import { measured, merits, sign } from "./merits";
+import { curveOf, ResponsePlot, type Band, type Curve, type Name } from "./response";
 
 const HANDLES: Record<string, [string, string]> = {
   turn: ["Turn the lens", "arrow keys turn by 0.1°"],
@@ -19,6 +19,14 @@ const ARROWS: Record<string, [number, number]> = { ArrowLeft: [-1, 0], ArrowRigh
 const LATE_MS = 400;
 const FEW = 5000; // rays of a response while something is dragged
 
+interface Matter {
+  key: string;
+  tolerance: number;
+  largest: number;
+  u_largest: number;
+  at_deg: number;
+}
+
 class Studio extends LitElement {
   private link!: Link;
   private drawing!: Drawing;
@@ -26,7 +34,7 @@ class Studio extends LitElement {
   private schema: Schema | null = null;
   private file = "";
   private unit = "deg";
-  private view: View = { angle_deg: 0, rays: 200, split: false, light: "design", lens: true };
+  private view: View = { angle_deg: 0, rays: 200, split: false, light: "design", lens: true, tolerances: false };
   private colouring: Colouring = "receiver";
   private picture: Picture | null = null;
   private values: Values = {};
@@ -38,6 +46,8 @@ class Studio extends LitElement {
   private refused = "";
   private misleading = "";
   private noCurve = "";
+  private matters: Matter[] = [];
+  private band: Band | undefined;
   private connected = false;
   private late = false;
   private find = "";
@@ -104,6 +114,8 @@ class Studio extends LitElement {
         this.curves = { own: curve ?? undefined, pinned: this.curves.pinned };
         this.noCurve = head.no_curve ?? "";
         this.misleading = "";
+        this.matters = [];
+        this.band = undefined;
         this.plot.show(this.curves, head.angle_deg);
       } else this.plot.move(head.angle_deg);
       this.redraw();
@@ -112,7 +124,11 @@ class Studio extends LitElement {
       const name = curve.head.name;
       this.curves = { ...this.curves, [name === "own" || name === "flat" ? name : "other"]: curve };
       this.noCurve = "";
-      this.plot.show(this.curves, this.view.angle_deg);
+      this.plot.show(this.curves, this.view.angle_deg, this.band);
+    } else if (head.kind === "matters") {
+      this.matters = head.rows;
+      this.band = { angle: arrays.angle.data, size: arrays.band.data };
+      this.plot.show(this.curves, this.view.angle_deg, this.band);
     } else if (head.kind === "words") {
       this.misleading = head.misleading;
     } else if (head.kind === "rest") {
@@ -153,7 +169,7 @@ class Studio extends LitElement {
   private themed(): void {
     this.drawing.theme();
     this.plot.theme();
-    this.plot.show(this.curves, this.view.angle_deg);
+    this.plot.show(this.curves, this.view.angle_deg, this.band);
     this.redraw();
   }
 
@@ -296,7 +312,7 @@ class Studio extends LitElement {
 
   private pin(): void {
     this.curves = { ...this.curves, pinned: this.curves.pinned ? undefined : this.curves.own };
-    this.plot.show(this.curves, this.view.angle_deg);
+    this.plot.show(this.curves, this.view.angle_deg, this.band);
     this.requestUpdate();
   }
 
@@ -330,6 +346,24 @@ class Studio extends LitElement {
     return html`<fieldset class="choice" title=${hint}><legend>${label}</legend>${options.map(
       ([one, words]) => html`<button type="button" aria-pressed=${String(one === value)} @click=${() => take(one)}>${words}</button>`,
     )}</fieldset>`;
+  }
+
+  private tolerances(): void {
+    const tolerances = !this.view.tolerances;
+    if (!tolerances) this.plot.show(this.curves, this.view.angle_deg, (this.band = undefined));
+    this.look({ tolerances });
+  }
+
+  private ranking(): TemplateResult {
+    const rows = this.matters.map(({ key, tolerance, largest, u_largest, at_deg }) => {
+      const [table, name] = [key.split(".")[0], key.split(".")[1]];
+      return html`<tr><th scope="row">${table} ${nameOf(name)} ± ${+tolerance.toPrecision(3)} <span class="unit">${unitOf(name)}</span></th>
+        <td>${measured(largest, u_largest)}</td><td>${sign(at_deg)}</td></tr>`;
+    });
+    return html`<table class="merits matters">
+      <thead><tr><th scope="col">What matters, off by its tolerance</th><th scope="col">contrast</th><th scope="col">at</th></tr></thead>
+      <tbody>${rows.length ? rows : html`<tr><td colspan="3">traced at rest …</td></tr>`}</tbody>
+    </table>`;
   }
 
   private quality(): string {
@@ -413,17 +447,20 @@ class Studio extends LitElement {
         <section class="answer" aria-label="Response">
           <div class="tools">
             ${this.choice("Light", light, [["plane", "plane"], ["space", "space"]], (value) => this.look({ light: value === shown ? "design" : value }), "Where the response is traced; rays are drawn in the plane")}
-            <button type="button" aria-pressed=${String(!!curves.pinned)} @click=${() => this.pin()} title="Keep this curve to compare with">Pin curve</button>
+            <button type="button" aria-pressed=${String(view.tolerances)} @click=${() => this.tolerances()} title="What each number changes that is off by its tolerance">Tolerances</button>
+            <button type="button" aria-pressed=${String(!!curves.pinned)} @click=${() => this.pin()} title="Keep this curve to compare with">Pin</button>
           </div>
           <div class="plot" role="img" aria-label="Contrast against the angle, with its uncertainty"></div>
           <ul class="legend" aria-label="Curves">
             <li><span class="line accent"></span>design, ± u</li>
             ${curves.flat ? html`<li><span class="line dashed lost"></span>no lens</li>` : nothing}
             ${curves.other ? html`<li><span class="line dashed hit"></span>${curves.other.head.in_space ? "in space" : "in the plane"}</li>` : nothing}
+            ${this.band ? html`<li><span class="line tolerated"></span>all tolerances</li>` : nothing}
             ${curves.pinned ? html`<li><span class="line dashed taken"></span>pinned</li>` : nothing}
           </ul>
           <p class="quality">${this.quality()}</p>
           ${this.misleading ? html`<p class="warning" role="alert">${this.misleading}</p>` : nothing}
+          ${view.tolerances ? this.ranking() : nothing}
           ${merits(curves.own, curves.flat, this.angles, this.unit)}
         </section>
       </main>

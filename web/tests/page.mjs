@@ -88,6 +88,13 @@ await page.keyboard.press("Control+s");
 await page.waitForFunction(() => document.querySelector(".status").textContent.includes("Saved"));
 seen.saved = await text(".status");
 
+// what matters
+await page.getByRole("button", { name: "Tolerances" }).click();
+await page.waitForFunction((n) => document.querySelectorAll(".matters tbody tr").length >= n, 5, { timeout: 120_000 });
+seen.matters = await page.locator(".matters tbody tr").allInnerTexts();
+await page.screenshot({ path: `${folder}/matters.png` });
+await page.getByRole("button", { name: "Tolerances" }).click();
+
 // the picture as a file
 const [download] = await Promise.all([page.waitForEvent("download"), page.getByRole("button", { name: "SVG" }).click()]);
 await download.saveAs(`${folder}/drawing.svg`);

@@ -8,6 +8,7 @@ from pydantic import Field
 
 from solen.errors import SolenError
 from solen.explore.live import Curve, coarse, misleading, refined
+from solen.explore.matters import Matter, band, matters
 from solen.results import plain
 from solen.sensor import Sensor, as_built, in_plane, picture
 from solen.sensor.picture import MOST_RAYS, RAYS
@@ -17,6 +18,8 @@ from solen.spec.toml import DEFERRED
 from solen.studio.document import Document, State
 from solen.studio.frames import encoded
 
+ROW = ("key", "tolerance", "largest", "u_largest", "at_deg")
+"""What a page shows of a number that matters."""
 BESIDE_RAYS = 2**14
 """Rays at an angle for curves that are shown beside the design's own."""
 
@@ -28,6 +31,7 @@ class View(Strict):
     rays: int = Field(RAYS, ge=1, le=MOST_RAYS, description="Rays drawn.")
     split: bool = Field(False, description="Both branches at each face, rather than whole rays.")
     light: Literal["design", "plane", "space"] = Field("design", description="Where the response is traced.")
+    tolerances: bool = Field(False, description="With what each tolerance changes, at rest.")
     lens: bool = Field(True, description="With the lens, or the flat face in its place.")
 
 
@@ -140,6 +144,15 @@ def better(state: State, version: int, view: View, stop: Callable[[], bool]) -> 
             compared = True
     if not stop():
         yield encoded({"kind": "rest", "version": version})
+
+
+def tolerated(state: State, view: View, stop: Callable[[], bool]) -> Iterator[bytes]:
+    """Frames of what matters, the largest first, and of all tolerances together; each has one number more."""
+    found: list[Matter] = []
+    for one in matters(shown(state, view), stop):
+        found = sorted([*found, one], key=lambda each: each.largest, reverse=True)
+        rows = [{name: getattr(each, name) for name in ROW} for each in found]
+        yield encoded({"kind": "matters", "rows": rows}, {"angle": one.angle_deg, "band": band(found)})
 
 
 def _compared(state: State, sensor: Sensor, view: View, own: Curve, stop: Callable[[], bool]) -> Iterator[bytes]:

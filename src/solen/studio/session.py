@@ -8,7 +8,7 @@ from typing import Any
 
 from solen.errors import SolenError, SpecError
 from solen.sensor.picture import dragged
-from solen.studio.answers import Asked, View, better, drawn, hello, within
+from solen.studio.answers import Asked, View, better, drawn, hello, tolerated, within
 from solen.studio.document import Document
 from solen.studio.frames import encoded
 
@@ -50,6 +50,7 @@ class Session:
     seen: int = -1
     traced: tuple[int, View] | None = None
     finished: tuple[int, View] | None = None
+    tolerated: tuple[int, View] | None = None
 
     async def take(self, message: str) -> None:
         """Take a message of the page; a malformed one is refused, and the session goes on."""
@@ -107,7 +108,9 @@ class Session:
 
     def _key(self, view: View) -> tuple[int, View]:
         """What the response depends on."""
-        return self.document.version, view.model_copy(update={"angle_deg": 0.0, "rays": 1, "split": False})
+        return self.document.version, view.model_copy(
+            update={"angle_deg": 0.0, "rays": 1, "split": False, "tolerances": False}
+        )
 
     def _ordered(self, asked: Asked) -> bool:
         """Carry an order out; whether the file was saved."""
@@ -121,20 +124,26 @@ class Session:
         return asked.do == "save"
 
     async def _improve(self) -> None:
-        """Send better responses until something new is asked."""
+        """Send better responses, and what matters, until something new is asked."""
         key = self._key(self.view)
-        steps: Iterator[bytes] = better(self.document.state, key[0], self.view, self.awake.is_set)
-        while key != self.finished:
+        state, view, stop = self.document.state, self.view, self.awake.is_set
+        if key != self.finished and await self._sent(better(state, key[0], view, stop)):
+            self.finished = key
+        if view.tolerances and key != self.tolerated and await self._sent(tolerated(state, view, stop)):
+            self.tolerated = key
+
+    async def _sent(self, steps: Iterator[bytes]) -> bool:
+        """Send frames as they are made; whether all were sent before something new was asked."""
+        while not self.awake.is_set():
             try:
                 frame = await self._unless_awake(asyncio.to_thread(next, steps, None))
             except SolenError as bad:
-                frame, self.finished = encoded({"kind": "no_curve", "what": str(bad)}), key
-            if self.awake.is_set():
-                return
+                await self.send(encoded({"kind": "no_curve", "what": str(bad)}))
+                return True
             if frame is None:
-                self.finished = key
-            else:
-                await self.send(frame)
+                return not self.awake.is_set()
+            await self.send(frame)
+        return False
 
     async def _unless_awake(self, step: Coroutine[Any, Any, bytes | None]) -> bytes | None:
         """Result of a step; None as soon as something new is asked, and the step ends alone."""
