@@ -228,6 +228,10 @@ BAD = {
         {"network.receivers[1].node": "fork"},
         r"^network\.receivers\[1\]\.node = 'fork'; 3 guides meet there.*x = ",
     ),
+    "moved twice": (
+        {"network.motion": [{"name": n, "kind": "bend", "part": "stem"} for n in "ab"]},
+        r"^network\.motion\[1\]\.part = 'stem'; is moved by a already",
+    ),
     "face": ({"network.guides[0].name": "mirror-a"}, r"^network\.guides\[0\]\.name = 'mirror-a'; must not begin"),
 }
 

@@ -13,6 +13,7 @@ from solen.plane import Point, Rigid
 from solen.scene import Fan, Interface, Region, Scene
 from solen.sensor import Sensor
 from solen.sensor.network import network_check, network_response, network_study, network_trace
+from solen.sensor.network_slopes import network_sensitivities
 from solen.spec import Design, with_values
 from solen.trace import trace
 from solen.trace import trace_reference as reference
@@ -207,6 +208,40 @@ def test_a_study_goes_over_each_motion() -> None:
     assert study.sweeps["lean"].angle_deg.tolist() == [[-10.0], [0.0], [10.0]]
     assert np.array_equal(study.sweeps["lean"].power[1], study.at_rest.power[0])
     assert np.abs(np.diff(study.sweeps["lean"].power[:, 1], axis=0)).max() > 10.0 * study.at_rest.u_power.max()
+
+
+WAYS = [
+    {"name": "lean", "kind": "bend", "part": "branch", "from_deg": -8.0, "to_deg": 8.0, "steps": 8},
+    {"name": "swing", "kind": "rotation", "part": "other", "from_deg": -8.0, "to_deg": 8.0, "steps": 8},
+]
+
+
+def test_a_slope_is_the_difference_of_integrals() -> None:
+    design = three_guides(motion=WAYS)
+    found = network_sensitivities(design, ["network.motion[0].at_deg", "network.emitters[1].distance_mm"])
+    assert found.step.tolist() == pytest.approx([1.0, 0.05])
+    for number, key in enumerate(found.keys):
+        ends = (found.value[number] + sign * found.step[number] for sign in (-1.0, 1.0))
+        low, high = (
+            Sensor.of(with_values(design, {key: float(end), "network.lit": "b"})).integrate(tolerance=1e-4)
+            for end in ends
+        )
+        for place, receiver in enumerate(found.receivers):
+            slope = (high.detectors[receiver].power - low.detectors[receiver].power) / (2.0 * found.step[number])
+            u = 4.0 * found.u_slope[number, 1, place] + 2e-4 / found.step[number]
+            assert found.slope[number, 1, place] == pytest.approx(slope, abs=u), (key, receiver)
+
+
+def test_one_reading_does_not_tell_two_motions_and_more_do() -> None:
+    two = three_guides(motion=WAYS)
+    assert network_sensitivities(two).told_apart is True
+    network = two.network.model_copy(
+        update={"emitters": two.network.emitters[1:], "receivers": two.network.receivers[1:]}
+    )
+    one = network_sensitivities(two.model_copy(update={"network": network}))
+    assert one.told_apart is False
+    assert one.combinations[1].singular_per_deg == 0.0
+    assert any("do not tell this combination" in text for text in one.warnings)
 
 
 @pytest.mark.parametrize(

@@ -41,6 +41,7 @@ FIGURES = {
     "MeasuredStiffness": "resin.stiffness:stiffness_figure",
     "Penetration": "resin.penetration:penetration_figure",
     "Practice": "design.figures:matters_figure",
+    "NetworkSensitivities": "design.network:slopes_figure",
     "NetworkStudy": "design.network:network_figure",
     "NetworkTrace": "design.network:rays_in_turn",
     "Optimum": "explore.optimise:optimum_figure",

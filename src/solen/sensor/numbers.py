@@ -29,6 +29,8 @@ LAYERS = "the number of layers is whole, so their borders jump: compare two desi
 OF_THE_MATERIAL = ("material.index", "material.absorption_per_mm")
 USUAL = {"material.index": 0.01, "material.absorption_per_mm": 0.005}
 """Tolerances where the resin states no uncertainty: a reflectance good to 0.001 gives the index to 0.008."""
+DRAWN_MM, DRAWN_DEG = 0.05, 0.5
+"""How well a length and a direction of a network are printed."""
 PLACED_MM = 0.5
 """How well a place of a hold or a finger on a soft body is known."""
 MODULUS_SHARE = 0.1
@@ -64,6 +66,8 @@ def tolerance_of(sensor: "Sensor", key: str) -> tuple[float, bool]:
     if stated is None and u:
         return u, True
     usual = USUAL.get(key) or (PLACED_MM if "[" in key and key.endswith("_mm") else 0.0)
+    if key.startswith("network."):
+        usual = DRAWN_DEG if key.endswith("_deg") else DRAWN_MM if "_mm" in key else 0.0
     if key == "mechanics.modulus_MPa":
         usual = MODULUS_SHARE * number(sensor, key)
     return stated or usual or 0.01 * abs(number(sensor, key)) or 0.01, False

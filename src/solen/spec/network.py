@@ -246,6 +246,10 @@ class Network(Strict):
                 limit = f"names no {kind}; there are {', '.join(known) or 'none'}"
                 raise refused(key, limit, value=name)
         for number, motion in enumerate(self.motion):
+            before = [one.name for one in self.motion[:number] if one.part == motion.part]
+            if before:
+                limit = f"is moved by {before[0]} already"
+                raise refused(f"motion[{number}].part", limit, value=motion.part, remedy="leave one of them out")
             if motion.kind == "rotation" and parts.count(motion.part) > 1:
                 limit = "is the name of several parts"
                 raise refused(f"motion[{number}].part", limit, value=motion.part, remedy="give each its own")

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from solen.cli.app import lines, short
 from solen.pipeline.design.trace import convergence as convergence
 from solen.pipeline.design.trace import sensitivity as sensitivity
+from solen.sensor.network_slopes import NetworkSensitivities, words
 from solen.sensor.traced import DesignConvergence, Sensitivities, where
 
 
@@ -35,6 +36,23 @@ def _(sensitivities: Sensitivities) -> Iterator[str]:
         yield f"{start}{slopes}  {_short(row.contrast.u_value):>9}  {row.tolerance:9.3g}  {effect}"
     for key, why in sensitivities.skipped.items():
         yield f"left out: {key}: {why}"
+
+
+@lines.register
+def _(result: NetworkSensitivities) -> Iterator[str]:
+    yield f"{result.name}: change of each power per unit of each number, emitters in turn"
+    width = max(len(name) for name in (*result.receivers, "receiver"))
+    for number, key in enumerate(result.keys):
+        yield f"  {key} = {result.value[number]:.6g}, by differences of ±{result.step[number]:.3g}"
+        yield f"    {'':12}" + "".join(f"{name:>{width + 3}}" for name in result.receivers)
+        for emitter, slopes in zip(result.emitters, result.slope[number], strict=True):
+            yield f"    {emitter:12}" + "".join(f"{slope:+{width + 3}.2g}" for slope in slopes)
+        yield f"    each ± {short(float(result.u_slope[number].max()))} at most"
+    for key, why in result.skipped.items():
+        yield f"left out: {key}: {why}"
+    for one in result.combinations:
+        by = f"{short(one.singular_per_deg)} ± {short(one.u_singular_per_deg)} per degree"
+        yield f"  all readings change by {by} for {words(one)}"
 
 
 def _short(value: float) -> str:

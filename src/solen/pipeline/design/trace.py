@@ -13,6 +13,7 @@ from solen.report.options import FigureOptions
 from solen.results import Outcome
 from solen.sensor import Sensor
 from solen.sensor.network import NetworkTrace, network_trace, refuse_in_turn
+from solen.sensor.network_slopes import NetworkSensitivities, network_sensitivities
 from solen.sensor.traced import (
     DesignConvergence,
     DesignTrace,
@@ -125,7 +126,7 @@ def sensitivity(
     set_: Set = None,
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     progress: ProgressBar = None,
-) -> Outcome[Sensitivities]:
+) -> Outcome[Sensitivities | NetworkSensitivities]:
     """Show how the readings depend on the numbers of the design, ranked by the effect of each tolerance.
 
     Parameters
@@ -133,7 +134,7 @@ def sensitivity(
     file
         The design file.
     keys
-        Keys of the design, such as body.arm_width_mm; default: all that affect the light.
+        Keys of the design, such as body.arm_width_mm; default: all that affect the light, of a network its motions.
     angle_deg
         Angle in degrees, counter-clockwise: a negative one turns to the right; default: 0. Above -90, below 90.
     at
@@ -141,7 +142,10 @@ def sensitivity(
     """
     figure.check()
     sensor = Sensor.of(open_design(file, set_))
-    result = sensitivities(sensor, keys, value_asked(sensor, angle_deg, at), progress)
+    value = value_asked(sensor, angle_deg, at)
+    if sensor.is_network:
+        return write(network_sensitivities(sensor.design, keys, progress=progress), "sensitivity", figure=figure)
+    result = sensitivities(sensor, keys, value, progress)
     return write(result, "sensitivity", figure=figure)
 
 

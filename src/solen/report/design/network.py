@@ -18,6 +18,7 @@ from solen.report.canvas import INK, LOST, series
 from solen.report.design.figures import SHOWN_RAYS, colours_of, draw_rays, sensor_view
 from solen.sensor import Sensor
 from solen.sensor.network import NetworkStudy, NetworkTrace
+from solen.sensor.network_slopes import NetworkSensitivities
 
 MOST_COLUMNS = 3
 PANEL_IN, LEAST_IN = 3.4, 2.2
@@ -66,6 +67,27 @@ def network_figure(study: NetworkStudy) -> Figure:
         line[0].set_ylabel("share of its power")
     panels[0, -1].legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
     return figure
+
+
+def slopes_figure(result: NetworkSensitivities) -> Figure:
+    """Change of every power with every number off by its step, as a table of colours: violet more, orange less."""
+    changes = (result.slope * result.step[:, None, None]).reshape(len(result.keys), -1).T
+    names = [f"{receiver}, {emitter} lit" for emitter in result.emitters for receiver in result.receivers]
+    figure = Figure(figsize=(3.0 + 0.9 * len(result.keys), 1.2 + 0.24 * len(names)))
+    axes = figure.add_subplot()
+    most = max(float(np.abs(changes).max()), 1e-12)
+    shown = axes.imshow(changes, cmap="PuOr", vmin=-most, vmax=most, aspect="auto")
+    axes.set_yticks(range(len(names)), names)
+    axes.set_xticks(range(len(result.keys)), _numbers(result), rotation=30, ha="right")
+    axes.grid(visible=False)
+    figure.colorbar(shown, label="change of the share of the emitted power")
+    return figure
+
+
+def _numbers(result: NetworkSensitivities) -> list[str]:
+    """Keys with their steps, short enough for an axis."""
+    short = (key.removeprefix("network.") for key in result.keys)
+    return [f"{key} +{step:.3g}" for key, step in zip(short, result.step.tolist(), strict=True)]
 
 
 def figures(study: NetworkStudy) -> dict[str, str]:
