@@ -133,9 +133,10 @@ def test_a_finger_that_is_not_dry_is_a_wall_where_it_touches() -> None:
     ends = np.array([touched[0].curve.start, touched[0].curve.end])
     rest = whole.points(np.array([touch.u_from, touch.u_to]))
     assert np.linalg.norm(np.diff(ends, axis=0)) == pytest.approx(np.linalg.norm(np.diff(rest, axis=0)), rel=0.05)
-    powers = [sum(one.power for one in sensor.integrate(0.5).detectors.values()) for sensor in (dry, damp)]
-    assert powers[1] < powers[0]
-    assert damp.integrate(0.5).ledger.absorbed > 0.0
+    lights = [sensor.integrate(0.5, tolerance=3e-3) for sensor in (dry, damp)]
+    powers = [sum(one.power for one in light.detectors.values()) for light in lights]
+    assert powers[1] < powers[0] - 0.02
+    assert lights[1].ledger.absorbed > lights[0].ledger.absorbed + 0.02
     assert [i.name for i in damp.scene(0.0).interfaces if i.right == "finger"] == []
 
 
@@ -183,14 +184,14 @@ def test_a_wall_keeps_its_coating_and_scatter_under_a_damp_finger() -> None:
 def test_a_damp_finger_on_what_lies_on_a_wall_is_refused() -> None:
     glued = f'{WALL}outside = "tape"\nindex = 1.5\n'
     with pytest.raises(DesignError, match=r'finger\.index = 1\.4; touches stem-right.*wall\[0\].*"tape"'):
-        coarse(pressed(ENDS + LENS + glued, DAMP)).scene(0.5)
-    coarse(pressed(ENDS + LENS + glued)).scene(0.5)
+        coarse(pressed(ENDS + LENS + glued, DAMP)).loaded.state(0.5)
+    coarse(pressed(ENDS + LENS + glued)).loaded.state(0.5)
 
 
 def test_the_rigid_lens_turns_with_the_lens_where_the_emitter_stands_still() -> None:
-    study = loaded_study(coarse(turned(ENDS).set({"motion.emitter_on": "ground"})))
-    assert list(study.turn_deg) == [0.0, 0.0, 0.0]
-    assert study.lens_turn_deg == pytest.approx([-3.0, 0.0, 3.0], abs=1e-9)
+    study = loaded_study(coarse(turned(ENDS).set({"motion.emitter_on": "ground", "motion.to_deg": 0.0})))
+    assert list(study.turn_deg) == [0.0, 0.0]
+    assert study.lens_turn_deg == pytest.approx([-3.0, 0.0], abs=1e-9)
     assert study.rigid_contrast is not None
     lens_alone = Sensor.of(Design(name="x", material={"index": 1.44}, emitter={"width_mm": 0.2}, motion=MOVES_LENS))
     assert study.rigid_contrast[0] == pytest.approx(contrast(lens_alone, -3.0), abs=1e-3)

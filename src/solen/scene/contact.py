@@ -166,7 +166,7 @@ def _outer(face: Face, depth_mm: float, first: Point | None, last: Point | None)
     curve = face.curve
     u = np.linspace(0.0, 1.0, OUTER_POINTS * (len(curve.controls) if isinstance(curve, CubicChain) else 1))
     points = curve.points(u)
-    normals = np.array([curve.normal_at((float(x), float(z))) for x, z in points])
+    normals = _normals(curve, u)
     outer = points - depth_mm * normals
     off_first = np.zeros(2) if first is None else depth_mm * (np.asarray(first) + normals[0])
     off_last = np.zeros(2) if last is None else depth_mm * (np.asarray(last) + normals[-1])
@@ -180,6 +180,12 @@ def _outer(face: Face, depth_mm: float, first: Point | None, last: Point | None)
         outwards = 1.0 if curve.sweep_deg > 0.0 else -1.0
         return Arc(curve.center, curve.radius_mm + outwards * depth_mm, curve.start_deg, curve.sweep_deg)
     return Spline.through(outer)
+
+
+def _normals(curve: Curve, u: FloatArray) -> FloatArray:
+    """Left unit normals (N, 2) of a curve: into the body."""
+    x, z = curve.velocities(u).T
+    return np.asarray(np.column_stack([-z, x]) / np.hypot(x, z)[:, None])
 
 
 def _check_apart(body: Body, pads: Sequence[Pad]) -> None:
