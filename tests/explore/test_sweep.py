@@ -111,6 +111,15 @@ def test_a_design_that_cannot_be_built_is_a_point_without_a_response(tmp_path: P
         sweep(DESIGN, SweepOptions(over=("lens.half_width_mm=1000,2000",)), Store(tmp_path))
 
 
+@pytest.mark.parametrize(("samples", "values"), [(None, "0.1,0.2"), (2, "0.1:0.2")])
+def test_a_key_that_changes_nothing_is_said(samples: int | None, values: str) -> None:
+    over = (f"emitter.y_mm={values}", f"emitter.offset_mm={values}")
+    found = sweep(DESIGN.set({"motion.step_deg": 1.0}), SweepOptions(over=over, samples=samples))
+    (warning,) = found.warnings
+    assert "emitter.y_mm" in warning
+    assert "in the plane" in warning
+
+
 def test_a_point_is_named_by_all_that_it_depends_on(tmp_path: Path) -> None:
     base = Variant(DESIGN)
     assert base.name(Accuracy()) == Variant(DESIGN.set(name="other")).name(Accuracy())

@@ -212,8 +212,16 @@ def test_an_adjustment_without_effect_is_refused(folder: Store, text: str, named
 
 def test_a_requirement_that_the_design_misses_is_said(folder: Store) -> None:
     found = tolerance(DESIGN, OPTIONS.model_copy(update={"require": ("span > 1.9", "abs(null_deg) < 0.3")}), folder)
-    (warning,) = [one for one in found.warnings if "design itself" in one]
+    (warning,) = found.warnings
+    assert "design itself" in warning
     assert "span > 1.9" in warning
+
+
+def test_a_number_that_changes_nothing_is_said(folder: Store) -> None:
+    both = ("emitter.offset_mm=normal:0:0.02", "emitter.offset_mm-1*emitter.offset_mm=normal:0:1")
+    found = tolerance(DESIGN, OPTIONS.model_copy(update={"vary": both}), folder)
+    (warning,) = found.warnings
+    assert both[1].partition("=")[0] in warning
 
 
 def test_what_nobody_states_names_its_source() -> None:

@@ -8,7 +8,7 @@ import re
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import field
+from dataclasses import field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -22,10 +22,12 @@ from solen.explore.axes import Axis, axis, check_axes, grid, sampled
 from solen.explore.machines import Here, Machine
 from solen.explore.merits import LEAST_ANGLES, MERITS, NAMES, merits_of, worst_place
 from solen.explore.robust import cases_of
+from solen.explore.still import still_in_samples, still_on_grid
 from solen.explore.store import Accuracy, Point, Store, Variant, no_response
 from solen.extras import need
 from solen.results import HIDDEN, Result, reported
 from solen.sensor import Response, Sensor
+from solen.sensor.numbers import inert
 from solen.spec import Design, dumps, with_values
 from solen.spec.strict import Finite, Options
 
@@ -203,12 +205,33 @@ def sweep(
     points = list(grid(axes) if options.samples is None else sampled(axes, options.samples, options.seed))
     known = len(store.points)
     cases = list(cases_of(Sensor.of(design), options.robust, mirrors=False))
-    variants = (partial(_set_in, design, point, case) for point in points for case in cases)
-    traced = responses(variants, options.accuracy, store, progress, machine)
+
+    def trace(
+        points: Sequence[Mapping[str, Any]],
+        cases: Sequence[Mapping[str, float]] = ({},),
+        progress: Progress | None = None,
+    ) -> list[Point]:
+        variants = (partial(_set_in, design, point, case) for point in points for case in cases)
+        return responses(variants, options.accuracy, store, progress, machine)
+
+    traced = trace(points, cases, progress)
+    as_it_is = traced[:: len(cases)]
+    is_grid = options.samples is None
+    still = still_on_grid(axes, as_it_is) if is_grid else list(still_in_samples(axes, points, as_it_is, trace))
     values = {one.key: [point[one.key] for point in points] for one in axes}
     shape = tuple(len(one.values) for one in axes) if options.samples is None else (len(points),)
     seed = None if options.samples is None else options.seed
-    return _swept(design, values, shape, seed, traced, cases, len(store.points) - known)
+    swept = _swept(design, values, shape, seed, traced, cases, len(store.points) - known)
+    return replace(swept, warnings=(*swept.warnings, *(_has_no_effect(design, key) for key in still)))
+
+
+def _has_no_effect(design: Design, key: str) -> str:
+    """Warning about a key that changes nothing, and why where that is known."""
+    try:
+        why = inert(Sensor.of(design), key)
+    except (SpecError, DesignError):
+        why = ""
+    return f"{key} changes no response at any point{f': {why}' if why else ''}; leave --over {key} out"
 
 
 def _set_in(design: Design, point: Mapping[str, Any], off: Mapping[str, float]) -> Variant:

@@ -6,7 +6,7 @@ The interface: `tolerance` of a design by `ToleranceOptions` returns `Tolerances
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from functools import partial
 from pathlib import Path
@@ -20,16 +20,20 @@ from solen.explore.adjustment import Adjustment
 from solen.explore.machines import Machine
 from solen.explore.prints import MeritSpread, Prints, VariedNumber, Yield
 from solen.explore.requirement import Requirement
+from solen.explore.still import content_of
 from solen.explore.store import Point, Store, Variant
 from solen.explore.sweep import AccuracyOptions, check_angles, failures_of, merits_of_points, point_warnings, responses
 from solen.explore.usual import variations_of
-from solen.explore.variations import Variation, drawn, offs
+from solen.explore.variations import STATED, Variation, drawn, offs
 from solen.results import HIDDEN, Result
 from solen.sensor import Sensor
 from solen.sensor.effects import as_built
 from solen.sensor.numbers import number
 from solen.spec import Design
 from solen.spec.strict import Finite
+
+OFF = 0.84
+"""Share of a number's distribution below the value at which it is off alone: a standard deviation of a normal one."""
 
 
 class ToleranceOptions(AccuracyOptions):
@@ -160,7 +164,11 @@ def tolerance(
         varied=tuple(study.varied(sensor, requirements)),
         spreads=tuple(study.spreads()),
         traced=len(store.points) - known,
-        warnings=(*point_warnings(points, failures), *_missed_by_design(requirements, base)),
+        warnings=(
+            *point_warnings(points, failures),
+            *_missed_by_design(requirements, base),
+            *_without_effect(variations, points[0], traced),
+        ),
         deviations={one.key: column for one, column in zip(variations, deviations.T, strict=True)},
         merits=study.merits,
         met=study.met(requirements, study.merits),
@@ -169,6 +177,19 @@ def tolerance(
 
 def _varied(sensor: Sensor, options: ToleranceOptions) -> list[Variation]:
     return variations_of(sensor, options.vary, options.process, compensated=options.compensated)
+
+
+def _without_effect(
+    variations: Sequence[Variation],
+    base: Point,
+    traced: Callable[[Sequence[Mapping[str, float]], Progress | None], Sequence[Point]],
+) -> Iterator[str]:
+    """Warnings about stated numbers that change nothing where they alone are off."""
+    stated = [one for one in variations if one.source == STATED]
+    off = [offs([one], one.deviation(np.array([OFF])).tolist()) for one in stated]
+    for one, point in zip(stated, traced(off, None), strict=True):
+        if content_of(point) == content_of(base):
+            yield f"{one.key} changes no response where it alone is off; leave --vary {one.key} out"
 
 
 def _missed_by_design(requirements: Sequence[Requirement], base: Mapping[str, float]) -> Iterator[str]:
