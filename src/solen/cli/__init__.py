@@ -4,6 +4,7 @@ With ``--json`` a command prints one JSON object on stdout and everything else o
 on stderr and exit code 2; Ctrl-C with one line and 130.
 """
 
+import gc
 import io
 import os
 import re
@@ -19,10 +20,14 @@ from solen.errors import SolenError
 from solen.results import Outcome
 
 BAD_INPUT, INTERRUPTED = 2, 130
+RARELY = 20_000, 50, 50
+"""When Python looks for objects that refer to each other in circles: seldom, as its usual 700 objects are made ten times
+while one module loads. An eighth of a run went into it; what waits for it is a few megabytes."""
 
 
 def main() -> None:
     """Entry point: run a command; report errors that a user can correct in one line."""
+    gc.set_threshold(*RARELY)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # a terminal that lacks a letter is no reason to fail
