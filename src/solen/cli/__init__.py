@@ -21,8 +21,8 @@ from solen.results import Outcome
 
 BAD_INPUT, INTERRUPTED = 2, 130
 RARELY = 20_000, 50, 50
-"""When Python looks for objects that refer to each other in circles: seldom, as its usual 700 objects are made ten times
-while one module loads. An eighth of a run went into it; what waits for it is a few megabytes."""
+"""When Python looks for objects that refer to each other in circles: seldom. Its usual limit of 700 new objects is
+reached all the time while modules load, and a tenth of a run went into it; what waits here is a few megabytes."""
 
 
 def main() -> None:
