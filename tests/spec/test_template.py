@@ -125,9 +125,11 @@ def test_the_examples_are_listed() -> None:
         "paper-860",
         "pmma-860",
         "press-860",
+        "robot-860",
         "solen-450",
         "solen-500",
         "solen-860",
+        "strip-860",
     )
 
 

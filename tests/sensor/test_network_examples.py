@@ -1,0 +1,47 @@
+"""The shipped networks tell their motions apart, and one with too few readings does not."""
+
+import time
+from typing import Any
+
+import numpy as np
+import pytest
+
+from solen.sensor.network import network_response
+from solen.sensor.network_slopes import network_sensitivities
+from solen.spec import loads, template, with_values
+
+PLANE: dict[str, Any] = {"trace.dimension": "2d"}
+
+
+@pytest.mark.evidence
+@pytest.mark.parametrize(("name", "combinations"), [("hand-860", 2), ("robot-860", 2), ("strip-860", 3)])
+def test_a_shipped_network_tells_its_motions(name: str, combinations: int) -> None:
+    for values in ({}, PLANE):
+        found = network_sensitivities(with_values(loads(template(name)), values))
+        print(name, values, [(one.singular_per_deg, one.u_singular_per_deg) for one in found.combinations])
+        assert len(found.combinations) == combinations
+        assert found.told_apart is True
+
+
+@pytest.mark.evidence
+def test_a_strip_lit_from_one_end_tells_fewer_bends_than_from_both() -> None:
+    strip = with_values(loads(template("strip-860")), PLANE)
+    ends = strip.network.model_dump(exclude_defaults=True)
+    one = {"lenses": ends["lenses"][:1], "emitters": ends["emitters"][:1], "receivers": ends["receivers"][:1]}
+    assert network_sensitivities(with_values(strip, {"network": ends | one}), tolerance=1e-3).told_apart is False
+    assert network_sensitivities(strip).told_apart is True
+
+
+@pytest.mark.evidence
+def test_the_hand_in_625_states_of_two_bends() -> None:
+    hand = with_values(loads(template("hand-860")), PLANE)
+    angles = np.linspace(-12.0, 12.0, 25).tolist()
+    states = [{"index-bends": index, "ring-bends": ring} for index in angles for ring in angles]
+    network_response(hand, states[:1], tolerance=1e-3)  # compiles
+    before = time.process_time()
+    found = network_response(hand, states, tolerance=1e-3)
+    print(
+        f"625 states, 3 emitters, 6 receivers: {time.process_time() - before:.0f} s of CPU, u {found.u_power.max():.1e}"
+    )
+    assert found.power.shape == (625, 3, 6)
+    assert found.u_power.max() <= 1e-3
