@@ -34,8 +34,8 @@ def new(folder: Path, /, *, example: str = "solen-860") -> Outcome[NewDesign]:
         Where to write it; created if missing.
     example
         Shipped design: solen-860, solen-500, solen-450 or pmma-860, with an LED as it is sold, in space; press-860,
-        a soft one under a finger; hand-860, robot-860 or strip-860, networks of guides; paper-860, paper-500 or paper-450, the point in
-        the plane of the paper.
+        a soft one under a finger; hand-860, robot-860 or strip-860, networks of guides; paper-860, paper-500 or
+        paper-450, the point in the plane of the paper.
     """
     text = template(example)
     with files.output_folder(folder):
