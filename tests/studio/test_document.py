@@ -1,13 +1,18 @@
 """A design that is worked on: steps back, saving, and files that somebody else changes."""
 
+import shlex
+from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from solen.errors import OutputError
+from solen.pipeline.design.designs import open_design
 from solen.spec import json_schema, load, template, template_names
-from solen.studio.answers import View, drawn, effective
+from solen.studio.answers import View, drawn, effective, shown
+from solen.studio.commands import same_as
 from solen.studio.document import Document
 from solen.studio.frames import VERSION, decoded, encoded
 
@@ -90,3 +95,29 @@ def test_what_a_part_states_is_shown_as_what_holds(tmp_path: Path) -> None:
     sensor = Document(tmp_path / "new.toml").state.sensor
     assert effective(sensor)["emitter.width_mm"] == sensor.light.width_mm == 0.2
     assert "emitter.width_mm" not in effective(sensor.set({"emitter.width_mm": 0.3}))
+
+
+def test_the_same_elsewhere_is_the_same_design(document: Document) -> None:
+    values = {"lens.focus_mm": 21, "motion.pivot": [0.5, 2.0], "motion.moves": ["lens"], "name": 'it\'s "mine"'}
+    state = document.change(values)
+    same = same_as(document.path, state.changes)
+    words = shlex.split(same["shell"])
+    assigned = [word for before, word in pairwise(words) if before == "--set"]
+    assert open_design(Path(words[2]), assigned) == state.design
+    made: dict[str, Any] = {}
+    exec(same["python"].replace("print(sensor.power().contrast)", ""), made)  # noqa: S102  what is shown to a person
+    assert made["sensor"].design == state.design
+    assert "--set" not in same_as(document.path, {"emitter.part": None})["shell"]
+
+
+def test_a_printed_lens_is_shown_as_it_was_designed_too(document: Document) -> None:
+    x = np.linspace(-2.0, 2.0, 41)
+    profile = np.column_stack([x, document.state.sensor.lens.front.points(np.linspace(0.0, 1.0, 41))[:, 1] + 0.02])
+    header = "x_mm,z_mm,u_mm"
+    rows = np.column_stack([profile, np.full(41, 1e-3)])
+    np.savetxt(document.path.with_name("lens.csv"), rows, delimiter=",", header=header, comments="")
+    state = document.change({"lens.shape": "measured", "lens.profile": "lens.csv"})
+    own, designed, flat = (shown(state, View(lens=lens)) for lens in ("own", "designed", "flat"))
+    assert own.is_measured
+    assert designed.design.lens.shape == "cartesian-oval"
+    assert not flat.has_lens

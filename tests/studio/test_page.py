@@ -119,6 +119,12 @@ def test_numbers_shown_are_those_of_the_design_saved(seen: dict[str, Any], folde
     assert "plane" in seen["quality"]
 
 
+def test_the_same_is_offered_elsewhere(seen: dict[str, Any], folder: Path) -> None:
+    assert "--set lens.focus_mm=25" in seen["unsaved"][0]
+    assert seen["same"][0] == f"solen run {folder / 'sensor.toml'} --out sensor-run"
+    assert "lens.focus_mm" in seen["unsaved"][1]
+
+
 def test_what_matters_is_ranked(seen: dict[str, Any], folder: Path) -> None:
     exact = {one.key: one for one in matters(Sensor.of(load(folder / "sensor.toml")))}
     first = max(exact.values(), key=lambda one: one.largest)
@@ -130,6 +136,7 @@ def test_what_matters_is_ranked(seen: dict[str, Any], folder: Path) -> None:
 
 def test_a_file_keeps_its_comments_and_a_refused_number_changes_nothing(seen: dict[str, Any], folder: Path) -> None:
     assert float(seen["offset"]) > 0.01, "dragged"
+    assert seen["coordinates"].startswith("emitter  x 0."), "of what is in use"
     assert "lens.focus_mm" in seen["refused"]
     assert float(seen["focus_shown"]) == float(seen["focus_kept"]) == 25.0
     assert "sensor.toml" in seen["saved"]

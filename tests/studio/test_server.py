@@ -2,9 +2,11 @@
 
 import json
 import socket
+import subprocess
+import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -233,6 +235,20 @@ def test_what_cannot_be_is_refused_and_changes_nothing(talk: ClientConnection) -
     assert ask(talk, 3)["kind"] == "drawn"
 
 
+def test_what_fails_in_a_session_ends_it_alone(
+    served: Served, talk: ClientConnection, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object, **__: object) -> bytes:
+        raise ZeroDivisionError("a defect")
+
+    with monkeypatch.context() as patch, served.join() as other:
+        patch.setattr("solen.studio.session.drawn", fail)
+        other.send(json.dumps({"id": 1, "view": {"angle_deg": 0.5}}))
+        with pytest.raises(ConnectionClosed):
+            until(other, lambda _: False)
+    assert ask(talk, 7)["kind"] == "drawn"
+
+
 def test_saving_keeps_comments_and_reads_back(served: Served, talk: ClientConnection) -> None:
     ask(talk, 1, values={"material.index": 1.5}, gesture="x")
     talk.send(json.dumps({"id": 2, "do": "save"}))
@@ -246,3 +262,27 @@ def test_saving_keeps_comments_and_reads_back(served: Served, talk: ClientConnec
 def test_an_address_of_another_computer_is_refused(tmp_path: Path) -> None:
     with pytest.raises(SpecError, match=r"192\.0\.2\.1"):
         server_at(Document(tmp_path / "sensor.toml"), "192.0.2.1")
+
+
+@pytest.mark.evidence
+def test_a_killed_studio_leaves_a_whole_design(tmp_path: Path) -> None:
+    """It saves again and again until it is killed: the file is the design of some save, with its comments."""
+    file = tmp_path / "sensor.toml"
+    for delay in (0.05, 0.1, 0.2, 0.4):
+        file.write_text(DESIGN, encoding="utf-8")
+        command = [sys.executable, "-m", "solen", "studio", str(file), "--no-browser", "--json"]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as running:
+            assert running.stdout is not None
+            page = json.loads(running.stdout.readline())["address"]
+            with Served(page, file).join() as talk:
+                until(talk, lambda head: head["kind"] == "drawn")
+                threading.Timer(delay, running.kill).start()
+                with suppress(ConnectionClosed, OSError):
+                    for number in range(10_000):
+                        talk.send(json.dumps({"id": number, "values": {"lens.focus_mm": 20 + number / 1000}}))
+                        talk.send(json.dumps({"id": number, "do": "save"}))
+                        until(talk, lambda head: head["kind"] == "saved")
+        kept = load(file).lens.focus_mm
+        print(f"killed after {delay} s: focus {kept} mm, {len(list(tmp_path.iterdir()))} files")
+        assert 20.0 <= kept < 30.0
+        assert file.read_text(encoding="utf-8").startswith(DESIGN.removesuffix("\n"))

@@ -6,7 +6,7 @@ export interface View {
   rays: number;
   split: boolean;
   light: "design" | "plane" | "space";
-  lens: boolean;
+  lens: "own" | "designed" | "flat";
   tolerances: boolean;
 }
 

@@ -8,11 +8,12 @@ export function measured(value: number | null | undefined, u: number | null | un
   if (u === null || u === undefined || !(u > 0)) return `${+value.toPrecision(3)}`.replace("-", "−");
   const power = Math.floor(Math.log10(u));
   const digits = Math.min(Math.max(0, (u / 10 ** power < 3 ? 1 : 0) - power), 6);
-  return `${value.toFixed(digits)} ± ${u.toFixed(digits)}`.replace("-", "−");
+  const shown = +value.toFixed(digits) === 0 ? 0 : value; // not −0
+  return `${shown.toFixed(digits)} ± ${u.toFixed(digits)}`.replace("-", "−");
 }
 
 export function sign(angle: number, unit = "deg"): string {
-  return `${angle < 0 ? "−" : "+"}${Math.abs(angle)}${unit === "deg" ? "°" : ` ${unit}`}`;
+  return `${angle < 0 ? "−" : angle > 0 ? "+" : ""}${Math.abs(angle)}${unit === "deg" ? "°" : ` ${unit}`}`;
 }
 
 const ROWS: [string, string, string, string][] = [

@@ -34,7 +34,7 @@ class Studio extends LitElement {
   private schema: Schema | null = null;
   private file = "";
   private unit = "deg";
-  private view: View = { angle_deg: 0, rays: 200, split: false, light: "design", lens: true, tolerances: false };
+  private view: View = { angle_deg: 0, rays: 200, split: false, light: "design", lens: "own", tolerances: false };
   private colouring: Colouring = "receiver";
   private picture: Picture | null = null;
   private values: Values = {};
@@ -52,6 +52,7 @@ class Studio extends LitElement {
   private late = false;
   private find = "";
   private guide = false;
+  private commands = false;
   private gesture = "";
   private pending: Request | null = null;
   private turned = 0; // the request by which the angle was set here; older answers do not set it back
@@ -152,6 +153,7 @@ class Studio extends LitElement {
     for (const [name, [x, z]] of Object.entries(this.picture.handles)) {
       const handle = this.querySelector<HTMLElement>(`#handle-${name}`);
       if (!handle) continue;
+      if (handle === document.activeElement) this.coordinates(name);
       const [px, py] = this.drawing.toPixel(x, z);
       const [width, height] = this.drawing.size;
       handle.hidden = px < 0 || py < 0 || px > width || py > height;
@@ -214,6 +216,7 @@ class Studio extends LitElement {
     const handle = event.currentTarget as HTMLElement;
     handle.setPointerCapture(event.pointerId);
     handle.focus();
+    this.coordinates(name);
     this.gesture = `drag ${name} ${performance.now()}`;
     const box = this.drawing.canvas.getBoundingClientRect();
     const [px, py] = this.drawing.toPixel(...this.picture!.handles[name]);
@@ -263,7 +266,7 @@ class Studio extends LitElement {
     });
     canvas.addEventListener("pointermove", (event) => {
       const now = place(event);
-      this.coordinates(now);
+      this.coordinates("", now);
       const before = down.get(event.pointerId);
       if (!before) return;
       down.set(event.pointerId, now);
@@ -283,9 +286,13 @@ class Studio extends LitElement {
     for (const end of ["pointerup", "pointercancel"] as const) canvas.addEventListener(end, (event) => down.delete(event.pointerId));
   }
 
-  private coordinates(place: [number, number]): void {
-    const [x, z] = this.drawing.toPoint(...place);
-    this.querySelector(".coordinates")!.textContent = `x ${x.toFixed(2)}  z ${z.toFixed(2)} mm`.replaceAll("-", "−");
+  // Coordinates of the pointer, or of the handle that is in use.
+  private coordinates(name: string, place?: [number, number]): void {
+    const point = place ? this.drawing.toPoint(...place) : this.picture?.handles[name];
+    if (!point) return;
+    const [x, z] = point;
+    const words = `${name.replace("-", " ")}  x ${x.toFixed(3)}  z ${z.toFixed(3)} mm`.trim();
+    this.querySelector(".coordinates")!.textContent = words.replaceAll("-", "−");
   }
 
   private zoomBy(factor: number): void {
@@ -366,6 +373,16 @@ class Studio extends LitElement {
     </table>`;
   }
 
+  private same(): TemplateResult {
+    const { shell, python } = this.whole.same as { shell: string; python: string };
+    const part = (name: string, text: string) => html`<p>${name}
+        <button type="button" @click=${() => navigator.clipboard.writeText(text)}>Copy</button></p>
+      <pre tabindex="0">${text}</pre>`;
+    return html`<aside class="guide same" aria-label="The same elsewhere">
+      ${part("The same from the command line", shell)} ${part("The same in Python", python)}
+    </aside>`;
+  }
+
   private quality(): string {
     const own = this.curves.own?.head;
     if (!own) return this.noCurve || "The response is being traced …";
@@ -395,6 +412,7 @@ class Studio extends LitElement {
           <button type="button" class="main" ?disabled=${whole.is_saved as boolean} @click=${() => this.ask({ do: "save" })} title="Ctrl+S; comments of the file are kept">Save</button>
           <button type="button" @click=${() => this.download("svg")}>SVG</button>
           <button type="button" @click=${() => this.download("png")}>PNG</button>
+          <button type="button" aria-expanded=${String(this.commands)} @click=${() => ((this.commands = !this.commands), this.requestUpdate())} title="The same from the command line and in Python">&gt;_</button>
           <button type="button" @click=${() => this.theme()} aria-label="Light or dark">◐</button>
           <button type="button" @click=${() => ((this.guide = !this.guide), this.requestUpdate())} aria-label="Guide" aria-expanded=${String(this.guide)}>?</button>
         </nav>
@@ -412,7 +430,7 @@ class Studio extends LitElement {
               this.look({ split: value === "power" });
               this.redraw();
             })}
-            ${whole.has_lens ? this.choice("Entry", view.lens ? "lens" : "flat", [["lens", "lens"], ["flat", "flat face"]], (value) => this.look({ lens: value === "lens" })) : nothing}
+            ${whole.has_lens ? this.choice<View["lens"]>("Entry", view.lens, whole.is_measured ? [["own", "as printed"], ["designed", "designed"], ["flat", "flat face"]] : [["own", "lens"], ["flat", "flat face"]], (lens) => this.look({ lens })) : nothing}
             <label class="rays">Rays <input type="number" min="1" max="5000" .value=${String(view.rays)} @change=${(e: Event) => {
               const rays = Math.round(+(e.target as HTMLInputElement).value);
               this.look({ rays: Math.min(Math.max(rays || 200, 1), 5000) });
@@ -422,7 +440,8 @@ class Studio extends LitElement {
             <canvas role="img" aria-label="Section of the sensor with its rays in the plane, turned by ${view.angle_deg.toFixed(2)} ${this.unit}"></canvas>
             ${Object.keys(this.picture?.handles ?? {}).map((name) => html`<button type="button" class="handle ${name}" id="handle-${name}"
               aria-label="${HANDLES[name][0]}: ${HANDLES[name][1]}" title="${HANDLES[name][0]}: drag, or ${HANDLES[name][1]}"
-              @pointerdown=${(e: PointerEvent) => this.grab(e, name)} @keydown=${(e: KeyboardEvent) => this.nudge(e, name)}></button>`)}
+              @pointerdown=${(e: PointerEvent) => this.grab(e, name)} @keydown=${(e: KeyboardEvent) => this.nudge(e, name)} @focus=${() => this.coordinates(name)}></button>`)}
+            ${this.commands && whole.same ? this.same() : nothing}
             ${this.guide ? html`<aside class="guide" aria-label="Guide">
               <p>Light of the LED below enters through the lens; where the lens sends it, the right or the left arm gets more.</p>
               <p>Turn the lens, and the contrast of the two receivers tells the angle: that is the curve on the right.</p>

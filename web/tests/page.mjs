@@ -22,7 +22,7 @@ const version = () => page.evaluate(() => Number(document.querySelector("solen-s
 async function rest(act) {
   const before = await version();
   await act();
-  await page.waitForFunction((n) => Number(document.querySelector("solen-studio")?.dataset.rest ?? 0) > n, before, { timeout: 300_000 });
+  await page.waitForFunction((n) => Number(document.querySelector("solen-studio")?.dataset.rest ?? 0) > n, before, { timeout: 60_000 });
 }
 const text = (selector) => page.locator(selector).innerText();
 const value = (key) => page.locator(`[id="field-${key}"]`).inputValue();
@@ -66,6 +66,7 @@ seen.focus_outline = await page.evaluate(() => getComputedStyle(document.activeE
 await drag("emitter", 6, 0, 12);
 await page.waitForFunction(() => Number(document.getElementById("field-emitter.offset_mm").value) > 0.01);
 seen.offset = await value("emitter.offset_mm");
+seen.coordinates = await text(".coordinates");
 await page.keyboard.press("Control+z");
 await page.waitForFunction(() => Number(document.getElementById("field-emitter.offset_mm").value) === 0);
 
@@ -78,6 +79,9 @@ await rest(async () => {
 seen.merits = { from: await merit("from"), to: await merit("to"), slope: await merit("slope_per_deg"), light: await merit("light") };
 seen.misleading = (await page.locator(".warning").count()) ? await text(".warning") : "";
 seen.quality = await text(".quality");
+await page.getByTitle("The same from the command line").click();
+seen.unsaved = await page.locator(".same pre").allInnerTexts();
+await page.getByTitle("The same from the command line").click();
 await focus.fill("-5");
 await focus.press("Enter");
 await page.waitForSelector(".status.refused");
@@ -88,9 +92,14 @@ await page.keyboard.press("Control+s");
 await page.waitForFunction(() => document.querySelector(".status").textContent.includes("Saved"));
 seen.saved = await text(".status");
 
+await page.getByTitle("The same from the command line").click();
+seen.same = await page.locator(".same pre").allInnerTexts();
+await audit("commands");
+await page.getByTitle("The same from the command line").click();
+
 // what matters
 await page.getByRole("button", { name: "Tolerances" }).click();
-await page.waitForFunction((n) => document.querySelectorAll(".matters tbody tr").length >= n, 5, { timeout: 120_000 });
+await page.waitForFunction((n) => document.querySelectorAll(".matters tbody tr").length >= n, 5, { timeout: 60_000 });
 seen.matters = await page.locator(".matters tbody tr").allInnerTexts();
 await page.screenshot({ path: `${folder}/matters.png` });
 await page.getByRole("button", { name: "Tolerances" }).click();

@@ -15,6 +15,7 @@ from solen.sensor.picture import MOST_RAYS, RAYS
 from solen.spec import json_schema
 from solen.spec.strict import Number, Strict
 from solen.spec.toml import DEFERRED
+from solen.studio.commands import same_as
 from solen.studio.document import Document, State
 from solen.studio.frames import encoded
 
@@ -32,7 +33,9 @@ class View(Strict):
     split: bool = Field(False, description="Both branches at each face, rather than whole rays.")
     light: Literal["design", "plane", "space"] = Field("design", description="Where the response is traced.")
     tolerances: bool = Field(False, description="With what each tolerance changes, at rest.")
-    lens: bool = Field(True, description="With the lens, or the flat face in its place.")
+    lens: Literal["own", "designed", "flat"] = Field(
+        "own", description="The design's lens, of a measured one that which it was designed as, or a flat face."
+    )
 
 
 class Asked(Strict):
@@ -56,7 +59,11 @@ def hello(document: Document) -> bytes:
 
 def shown(state: State, view: View) -> Sensor:
     """Sensor whose response a page shows."""
-    sensor = state.sensor if view.lens or not state.sensor.has_lens else state.sensor.without_lens
+    sensor = state.sensor
+    if view.lens == "designed" and sensor.is_measured:
+        sensor = sensor.as_designed
+    elif view.lens == "flat" and sensor.has_lens and not sensor.is_drawn:
+        sensor = sensor.without_lens
     if view.light == "plane":
         return in_plane(sensor)
     return as_built(sensor) if view.light == "space" and sensor.design.trace.dimension == "2d" else sensor
@@ -112,8 +119,10 @@ def _whole(document: Document, state: State) -> dict[str, Any]:
         "can_undo": document.place > 0,
         "can_redo": document.place < len(document.states) - 1,
         "is_saved": document.is_saved,
+        "same": same_as(document.path, {} if document.is_saved else state.changes),
         "warnings": state.sensor.warnings,
         "has_lens": state.sensor.has_lens and not state.sensor.is_drawn,
+        "is_measured": state.sensor.is_measured,
         "in_space": state.design.trace.dimension == "extruded",
     }
 
@@ -140,7 +149,7 @@ def better(state: State, version: int, view: View, stop: Callable[[], bool]) -> 
     for own in refined(sensor, stop):
         yield _frame("own", own)
         if not compared:
-            yield from _compared(state, sensor, view, own, stop)
+            yield from _compared(sensor, own, stop)
             compared = True
     if not stop():
         yield encoded({"kind": "rest", "version": version})
@@ -155,13 +164,13 @@ def tolerated(state: State, view: View, stop: Callable[[], bool]) -> Iterator[by
         yield encoded({"kind": "matters", "rows": rows}, {"angle": one.angle_deg, "band": band(found)})
 
 
-def _compared(state: State, sensor: Sensor, view: View, own: Curve, stop: Callable[[], bool]) -> Iterator[bytes]:
+def _compared(sensor: Sensor, own: Curve, stop: Callable[[], bool]) -> Iterator[bytes]:
     """Frames of the curves beside the design's own, and what they say of the plane."""
     flat = sensor.design.trace.dimension == "2d"
     others: dict[str, Callable[[], Sensor]] = {
         "space" if flat else "plane": partial(as_built if flat else in_plane, sensor)
     }
-    if state.sensor.has_lens and not state.sensor.is_drawn and view.lens:
+    if sensor.has_lens and not sensor.is_drawn:
         others["flat"] = lambda: sensor.without_lens
     for name, made in others.items():
         try:

@@ -64,29 +64,29 @@ def application(document: Document, token: str, address: str, port: int) -> Guar
 
 
 async def _serve(page: "WebSocket", document: Document, sessions: set[Session]) -> None:
+    """Serve a page until it is left; what fails in its session ends it, so that the page says so."""
     from fastapi import WebSocketDisconnect
 
     session = Session(document, page.send_bytes, sessions)
     sessions.add(session)
-    work = asyncio.create_task(session.work())
+    tasks = [asyncio.create_task(session.work()), asyncio.create_task(_listen(page, session))]
     try:
-        while not work.done():
-            message = await page.receive()
-            if message["type"] == "websocket.disconnect":
-                break
-            await session.take(message.get("text") or "")
-        else:
-            work.result()
-    except WebSocketDisconnect:
-        pass
+        for done in (await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED))[0]:
+            with contextlib.suppress(WebSocketDisconnect):
+                done.result()
     finally:
         sessions.discard(session)
         session.awake.set()  # stops what is being traced for it
-        work.cancel()
-        with contextlib.suppress(asyncio.CancelledError, WebSocketDisconnect, RuntimeError):
-            await work
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
         with contextlib.suppress(RuntimeError, WebSocketDisconnect):
             await page.close()
+
+
+async def _listen(page: "WebSocket", session: Session) -> None:
+    while (message := await page.receive())["type"] != "websocket.disconnect":
+        await session.take(message.get("text") or "")
 
 
 def serve(document: Document, *, address: str = LOCAL, port: int = 0, opened: Callable[[str], object]) -> None:

@@ -1,0 +1,28 @@
+"""The same as the page shows, from the command line and in Python."""
+
+import shlex
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+
+SAVE_FIRST = "Save the design first: a command line cannot return a number to its default."
+
+
+def same_as(file: Path, changes: Mapping[str, Any]) -> dict[str, str]:
+    """A command line and a script that give the response of a file with values changed, by ``shell`` and ``python``."""
+    if None in changes.values():
+        return {"shell": SAVE_FIRST, "python": SAVE_FIRST}
+    assigned = [part for key, value in changes.items() for part in ("--set", f"{key}={_toml(value)}")]
+    shell = shlex.join(["solen", "run", str(file), "--out", f"{file.stem}-run", *assigned])
+    changed = f".set({dict(changes)!r})" if changes else ""
+    lines = ("import solen", f"sensor = solen.Sensor.of({str(file)!r}){changed}", "print(sensor.power().contrast)")
+    return {"shell": shell, "python": "\n".join(lines)}
+
+
+def _toml(value: Any) -> str:
+    """A value as a design file states it, in one line."""
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_toml, value))}]"
+    return tomli_w.dumps({"value": value}).removeprefix("value = ").strip()
