@@ -263,11 +263,15 @@ def test_ten_kills_leave_the_same_result(tmp_path: Path, more: tuple[str, ...]) 
 
     whole = json.loads(subprocess.run([*command("whole"), "--json"], check=True, capture_output=True).stdout)
     rng = np.random.default_rng(0)
+    blocks = tmp_path / "cut" / "blocks"
     for _ in range(10):
+        known = len(list(blocks.glob("*.npz")))
         running = subprocess.Popen(command("cut"), stdout=subprocess.DEVNULL)
-        time.sleep(rng.uniform(8.0, 16.0))
+        while len(list(blocks.glob("*.npz"))) < known + 3 and running.poll() is None:
+            time.sleep(0.02)
+        time.sleep(rng.uniform(0.0, 0.3))
         running.send_signal(signal.SIGKILL)
-        running.wait()
+        assert running.wait() == -signal.SIGKILL
     cut = json.loads(subprocess.run([*command("cut"), "--json"], check=True, capture_output=True).stdout)
     assert cut["traced"] < whole["traced"]
     for answer in (whole, cut):

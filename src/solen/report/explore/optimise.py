@@ -14,8 +14,9 @@ def optimum_figure(result: Optimum) -> Figure:
     figure = Figure(figsize=(9.0, 6.2))
     grid = figure.add_gridspec(2, 2)
     before, after = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[0, 1])
-    _response(before, result.angle_deg, result.contrast_before, LEFT)
-    _response(after, result.angle_deg, result.contrast_after, RIGHT)
+    nothing_off = "as designed" if result.printed_by is None else "as printed"
+    _response(before, result.angle_deg, result.contrast_before, LEFT, nothing_off)
+    _response(after, result.angle_deg, result.contrast_after, RIGHT, nothing_off)
     before.set_title("before")
     after.set_title("after")
     _course(figure.add_subplot(grid[1, :]), result)
@@ -23,8 +24,8 @@ def optimum_figure(result: Optimum) -> Figure:
     return figure
 
 
-def _response(axes: Axes, angle_deg: FloatArray, contrast: FloatArray, colour: str) -> None:
-    axes.plot(angle_deg, contrast[0], color=colour, lw=2.0, label="as designed")
+def _response(axes: Axes, angle_deg: FloatArray, contrast: FloatArray, colour: str, nothing_off: str) -> None:
+    axes.plot(angle_deg, contrast[0], color=colour, lw=2.0, label=nothing_off)
     axes.plot(angle_deg, contrast[1], "--", color=INK, lw=1.2, label="where the goal is worst")
     axes.set_xlabel("angle in deg")
     axes.set_ylabel("contrast")
