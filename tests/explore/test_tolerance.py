@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.text import Text
 
 from solen.arrays import FloatArray
 from solen.errors import SpecError
@@ -19,6 +20,7 @@ from solen.explore.usual import GROWTH, SHRINKAGE, of_process, variations_of
 from solen.explore.variations import Variation, drawn, offs, together, variation
 from solen.fabricate.process.growth import growth_um
 from solen.fabricate.process.process_file import Process, default_process, process_text
+from solen.report.explore.tolerance import tolerance_figure
 from solen.sensor import Sensor
 from solen.spec import Design
 
@@ -117,6 +119,15 @@ def test_the_null_is_due_to_the_decentre_and_its_yield_that_of_a_normal_distribu
     assert factor is not None
     assert factor * null.sd == pytest.approx(0.3 / 1.96, rel=0.1)
     assert found.table().count("\n") == 34
+
+
+def test_a_figure_says_which_prints_it_cannot_show(folder: Store) -> None:
+    found = tolerance(DESIGN, OPTIONS, folder)
+    lacking = {name: np.where(np.arange(32) < 5, np.nan, values) for name, values in found.merits.items()}
+    texts = [text.get_text() for text in tolerance_figure(replace(found, merits=lacking)).findobj(Text)]
+    assert any("5 without a response" in text for text in texts)
+    assert sum("; 5 without" in text for text in texts) == len(found.spreads)
+    assert any("grey: constant" in text for text in texts)  # the range is that of the motion in all prints
 
 
 def test_the_print_of_a_number_is_a_design_with_its_null(folder: Store) -> None:

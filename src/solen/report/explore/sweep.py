@@ -7,11 +7,12 @@ from matplotlib.ticker import ScalarFormatter
 
 from solen.explore.merits import MERITS
 from solen.explore.sweep import Sweep
-from solen.report.canvas import INK, RIGHT, series
+from solen.report.canvas import INK, RIGHT, SOFT, series
 
 MAP = "viridis"
 MOST_CURVES = 7
-COLUMNS = 3
+COLUMNS, FEW, EXACT = 3, 5, 12
+"""Columns of panels, most values that are all written along an axis, and digits of a merit that a map shows."""
 
 
 def sweep_figure(sweep: Sweep) -> Figure:
@@ -44,14 +45,15 @@ def plain_numbers(figure: Figure) -> None:
 def _fixed(sweep: Sweep) -> str:
     """What a map of more than two keys leaves at its first value."""
     others = list(sweep.axes.items())[2:] if sweep.is_grid else []
-    return "".join(f", {key} = {values[0]}" for key, values in others)
+    failed = ", grey: no response" if sweep.failures and len(sweep.values) > 1 and sweep.is_grid else ""
+    return "".join(f", {key} = {values[0]}" for key, values in others) + failed
 
 
-def _label(values: list[object]) -> tuple[np.ndarray, list[str] | None]:
-    """Places along an axis, and their labels where the values are not numbers."""
-    if all(isinstance(value, int | float) for value in values):
-        return np.array(values, dtype=float), None
-    return np.arange(len(values), dtype=float), [str(value) for value in values]
+def _label(values: list[object], few: int = FEW) -> tuple[np.ndarray, list[str] | None]:
+    """Places along an axis, and their labels where the values are few or no numbers."""
+    if not all(isinstance(value, int | float) for value in values):
+        return np.arange(len(values), dtype=float), [str(value) for value in values]
+    return np.array(values, dtype=float), [f"{value:.4g}" for value in values] if len(values) <= few else None
 
 
 def _curve(_: Figure, axes: Axes, sweep: Sweep, name: str, __: str) -> None:
@@ -85,7 +87,8 @@ def _map(figure: Figure, axes: Axes, sweep: Sweep, name: str, _: str) -> None:
     merit = sweep.merits[name].reshape(sweep.shape)
     merit = merit.reshape(*merit.shape[:2], -1)[:, :, 0].T
     (x, x_labels), (y, y_labels) = _label(columns), _label(rows)
-    drawn = axes.pcolormesh(x, y, np.ma.masked_invalid(merit), cmap=MAP, shading="nearest")
+    axes.set_facecolor(SOFT)  # of points without a response
+    drawn = axes.pcolormesh(x, y, np.ma.masked_invalid(np.round(merit, EXACT)), cmap=MAP, shading="nearest")
     figure.colorbar(drawn, ax=axes, label=name)
     if x_labels is not None:
         axes.set_xticks(x, x_labels)
@@ -97,7 +100,7 @@ def _map(figure: Figure, axes: Axes, sweep: Sweep, name: str, _: str) -> None:
 
 
 def _dots(_: Figure, axes: Axes, sweep: Sweep, name: str, key: str) -> None:
-    places, labels = _label(list(sweep.values[key]))
+    places, labels = _label(list(sweep.values[key]), few=0)
     if labels is not None:
         distinct = list(dict.fromkeys(labels))
         places = np.array([distinct.index(label) for label in labels], dtype=float)

@@ -19,8 +19,9 @@ def tolerance_figure(result: Tolerances) -> Figure:
     """Yields; yield if each number were exact; causes of each merit's variance; histograms of the merits."""
     spreads = result.spreads
     rows = -(-len(spreads) // COLUMNS)
+    adjusted = result.yields[0].adjusted_share if result.yields else None
     heights = [
-        0.9 + max(0.3 * len(result.varied), 0.76 * len(result.yields)),
+        0.9 + max(0.3 * len(result.varied), (0.76 if adjusted is None else 1.0) * len(result.yields)),
         1.9 + 0.26 * len(result.varied),
         2.1 * rows,
     ]
@@ -39,18 +40,27 @@ def tolerance_figure(result: Tolerances) -> Figure:
         _histogram(figure.add_subplot(places[place // COLUMNS, place % COLUMNS]), result, spread)
     plain_numbers(figure)
     figure.suptitle(
-        f"simulated: {result.name}, {result.prints} prints{', blue: those that meet all' if result.yields else ''}"
+        f"simulated: {result.name}, {result.prints} prints{_failed(result)}"
+        f"{', blue: those that meet all' if result.yields else ''}"
     )
     return figure
 
 
+def _failed(result: Tolerances) -> str:
+    """How many prints have no response, which no histogram shows."""
+    failed = int(np.isnan(result.merits["light"]).sum())
+    return f" ({failed} without a response)" if failed else ""
+
+
 def _yields(axes: Axes, result: Tolerances) -> None:
-    """Bars of each requirement's yield, as printed, and below it calibrated."""
-    rows = []
+    """Bars of each requirement's yield, as printed, and below it calibrated and adjusted."""
+    rows: list[tuple[str, float, float, str]] = []
     for one in result.yields:
         name = one.requirement or "all"
         rows.append((name, one.share, one.u_share, LEFT))
         rows.append(("calibrated", one.calibrated_share, one.u_calibrated_share, RIGHT))
+        if one.adjusted_share is not None:
+            rows.append(("adjusted", one.adjusted_share, one.u_adjusted_share or 0.0, SERIES[2]))
     for place, (_, share, u, colour) in enumerate(rows):
         axes.barh(place, 100 * share, color=colour, alpha=0.8, xerr=100 * u)
     axes.set_yticks(range(len(rows)), [name for name, *_ in rows])
@@ -67,7 +77,7 @@ def _costs(axes: Axes, result: Tolerances) -> None:
     axes.set_yticks(range(len(rows)), [row.key for row in rows])
     axes.invert_yaxis()
     axes.set_xlim(0, 100)
-    axes.set_xlabel("yield in % if this number were exact (line: as it is)")
+    axes.set_xlabel("yield in % if exact (line: as it is)")
 
 
 def _deviations(axes: Axes, result: Tolerances) -> None:
@@ -89,6 +99,8 @@ def _causes(figure: Figure, axes: Axes, result: Tolerances) -> None:
     axes.set_yticks(np.arange(len(keys)) + 0.5, keys)
     axes.invert_yaxis()
     axes.grid(visible=False)
+    if np.isnan(shares).any():
+        axes.set_title("grey: constant, or causes not resolved by these prints")
     figure.colorbar(drawn, ax=axes, label="share of the\nvariance in %")
 
 
@@ -100,5 +112,7 @@ def _histogram(axes: Axes, result: Tolerances, spread: MeritSpread) -> None:
     axes.hist(groups, bins=bins, stacked=True, color=[RIGHT, LOST])
     axes.axvline(spread.base, color=INK, lw=1.0)
     axes.set_xlabel(spread.merit)
-    axes.set_title(f"design {measured(spread.base, spread.u_base, sign=False)}")
+    missing = int((~finite).sum())
+    without = f"; {missing} without" if missing else ""
+    axes.set_title(f"design {measured(spread.base, spread.u_base, sign=False)}{without}")
     axes.set_ylabel("prints")
