@@ -8,11 +8,11 @@ The interface: `in_plane`, `picture` and `dragged`.
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.errors import DesignError
 from solen.geometry import Body, arm_angle_deg
 from solen.plane import Point, Rigid
@@ -30,7 +30,6 @@ FLAT_MM = 2e-3
 LEVER_MM = 8.0
 """Distance of the handle that turns the lens from the pivot."""
 LEAST_MM = 1e-3
-Handle = Literal["turn", "emitter", "pivot", "arm-right", "arm-left"]
 
 
 class Picture(Result):
@@ -57,10 +56,10 @@ class Picture(Result):
 
     angle_deg: float
     faces: tuple[tuple[str, int], ...]
-    outline: NDArray[np.float64]
-    emitter: NDArray[np.float64]
+    outline: FloatArray
+    emitter: FloatArray
     ends: tuple[str, ...]
-    rays: NDArray[np.float64]
+    rays: FloatArray
     handles: dict[str, Point]
 
 
@@ -126,13 +125,13 @@ def dragged(sensor: Sensor, handle: str, to: Point, angle_deg: float = 0.0) -> t
     return angle_deg, handles[handle][1](sensor, to, angle_deg)
 
 
-def _chip(body: Body, width_mm: float) -> NDArray[np.float64]:
+def _chip(body: Body, width_mm: float) -> FloatArray:
     turned = Rigid.about((0.0, 0.0), body.emitter.axis_deg).vector((0.5 * width_mm, 0.0))
     at = np.array(body.emitter.point)
     return np.stack([at - turned, at + turned])
 
 
-def _stretches(found: Trace, receiver: list[int], receivers: int, rays: int) -> NDArray[np.float64]:
+def _stretches(found: Trace, receiver: list[int], receivers: int, rays: int) -> FloatArray:
     """Stretches of a trace, each with what its branch ends at; those that escape have the length 1 mm."""
     legs = found.legs
     if legs is None or len(legs) == 0:
