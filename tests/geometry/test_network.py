@@ -18,6 +18,7 @@ from solen.spec import Design, dumps, loads, with_values
 from tests.geometry.network_support import random_network, y_network
 
 FLAT_MM = 1e-5
+SIDE = [{"name": "r", "guide": "out", "side": "left", "from_mm": 3.0, "to_mm": 4.0}]
 PLACES = np.linspace(0.0, 1.0, 33)
 
 
@@ -148,7 +149,8 @@ def test_walls_are_exact_curves() -> None:
         {"name": "a", "nodes": ("n", "m"), "width_mm": 2.0, "direction_deg": 0.0, "length_mm": 9.0, "turn_deg": 50.0},
         {"name": "b", "nodes": ("m", "o"), "width_mm": (2.0, 0.0, 0.02), "direction_deg": 50.0, "length_mm": 9.0},
     ]
-    tables = {"nodes": [{"name": name} for name in "nmo"], "guides": guides, "emitters": [{"name": "e", "node": "n"}]}
+    parts = {"emitters": [{"name": "e", "node": "n"}], "receivers": [{"name": "r", "node": "o"}]}
+    tables = {"nodes": [{"name": name} for name in "nmo"], "guides": guides} | parts
     body = built(Design(name="arc", material={"index": 1.44}, body={"kind": "network"}, network=tables))
     arc, other = body.face("a-right").curve, body.face("a-left").curve
     assert isinstance(arc, Arc)
@@ -165,7 +167,7 @@ def test_a_loop_has_a_hole_and_what_bends_in_it_would_tear_it() -> None:
     guides = [{"name": f"{m}{n}", "nodes": (m, n), "width_mm": 2.0} for m, n in between]
     guides.append({"name": "out", "nodes": ("d", "e"), "width_mm": 2.0, "direction_deg": 0.0, "length_mm": 6.0})
     nodes = [{"name": name, "at_mm": at, "fillet_mm": 0.5} for name, at in corners.items()] + [{"name": "e"}]
-    tables: Any = {"nodes": nodes, "guides": guides, "emitters": [{"name": "e", "node": "e"}]}
+    tables: Any = {"nodes": nodes, "guides": guides, "emitters": [{"name": "e", "node": "e"}], "receivers": SIDE}
     design = Design(name="ring", material={"index": 1.44}, body={"kind": "network"}, network=tables)
     body, plan = built(design), plan_of(design)
     assert len(body.others) == 1
@@ -232,6 +234,17 @@ BAD = {
         {"network.motion": [{"name": n, "kind": "bend", "part": "stem"} for n in "ab"]},
         r"^network\.motion\[1\]\.part = 'stem'; is moved by a already",
     ),
+    "dark": (
+        {"network.nodes[2].end": "mirror"},
+        r"^network\.nodes\[2\]\.end = 'mirror'; .*right stands there, at x = ",
+    ),
+    "in space": (
+        {"lens.shape": "line-focus", "trace.dimension": "extruded", "emitter.pattern": "lambertian"},
+        r"^lens\.shape = ",
+    ),
+    "measured": ({"lens.shape": "measured", "lens.profile": "lens.json"}, r"^lens\.(shape|profile) = "),
+    "ambient": ({"ambient.power": 0.1}, r"^ambient\.power = 0\.1; has no meaning with body\.kind"),
+    "no receivers": ({"network.receivers": []}, r"^network\.receivers; missing"),
     "face": ({"network.guides[0].name": "mirror-a"}, r"^network\.guides\[0\]\.name = 'mirror-a'; must not begin"),
 }
 
@@ -248,7 +261,8 @@ def test_crossing_guides_are_refused_with_their_place() -> None:
         {"name": "b", "nodes": ("m", "o"), "width_mm": 2.0, "direction_deg": -120.0, "length_mm": 15.0},
         {"name": "c", "nodes": ("o", "p"), "width_mm": 2.0, "direction_deg": 90.0, "length_mm": 30.0},
     ]
-    tables = {"nodes": [{"name": name} for name in "nmop"], "guides": guides, "emitters": [{"name": "e", "node": "n"}]}
+    parts = {"emitters": [{"name": "e", "node": "n"}], "receivers": [{"name": "r", "node": "p"}]}
+    tables = {"nodes": [{"name": name} for name in "nmop"], "guides": guides} | parts
     with pytest.raises(SolenError, match=r"crosses itself.* x = .*, where .* meet"):
         built(Design(name="arc", material={"index": 1.44}, body={"kind": "network"}, network=tables))
 

@@ -166,7 +166,7 @@ def _through_lens(design: Design, body: Body, half_mm: float) -> tuple[tuple[Fac
     """Outlines of the emitter's slot: of the tool, and of the removed volume, bounded by the lens."""
     body.upright('leave the emitter out of fabricate.slots, or set lens.shape = "cartesian-oval"')
     lens = [face for face in body.faces if face.part == "lens"]
-    if design.body.lens_is_drawn or not lens:
+    if design.body.lens_is_drawn or design.body.kind == "network" or not lens:
         raise DesignError("fabricate.slots", value="emitter", limit="is only cut into a Y", remedy="leave it out")
     wide_mm = design.lens.half_width_mm
     if not half_mm < wide_mm:

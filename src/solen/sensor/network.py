@@ -193,7 +193,8 @@ def in_turn(design: Design) -> tuple[Sensor, ...]:
 def network_check(design: Design) -> NetworkCheck:
     """Check that a network can be built in all states of its motions; `DesignError` if it cannot."""
     sensors = in_turn(design)
-    sensors[0].check()
+    for sensor in sensors:
+        sensor.check()
     body, network = sensors[0].body(), design.network
     return NetworkCheck(
         name=design.name,

@@ -40,6 +40,7 @@ UNUSED_KEYS: dict[str, Keys] = {
         ),
         "lens": ("profile", "y_focus_mm", "layer_mm"),
         "emitter": ("point_mm", "axis_deg", "ray_file"),
+        "ambient": ("power", "irradiance_per_mm"),
         "motion": (
             *("kind", "pivot", "moves", "centre_line", "bend_mm", "join", "drives", "depths_mm", "forces_N"),
             *("emitter_on", "from_deg", "to_deg", "step_deg"),

@@ -3,6 +3,7 @@
 from typing import TYPE_CHECKING
 
 from solen.spec.body import Keys, unused_keys
+from solen.spec.network import SHAPES
 from solen.spec.soft import check_loads
 from solen.spec.strict import refused
 
@@ -60,9 +61,12 @@ def _refuse_stated(design: "Design", keys: Keys, because: str) -> None:
 def _check_network(design: "Design") -> None:
     """Reject a network of another kind of body, and one without guides or an emitter."""
     network, has = design.network, design.body.kind == "network"
-    for key, missing in (("guides", not network.guides), ("emitters", not network.emitters)):
-        if has and missing:
+    for key in ("guides", "emitters", "receivers"):
+        if has and not getattr(network, key):
             raise refused(f"network.{key}", 'missing: body.kind = "network" needs it', remedy=f"add [[network.{key}]]")
+    if has and design.lens.shape not in SHAPES:
+        limit = "a network's lenses are cylinders of a formula"
+        raise refused("lens.shape", limit, value=design.lens.shape, remedy=f"set one of {', '.join(SHAPES)}")
     stated = next((key for key in type(network).model_fields if getattr(network, key)), None)
     if stated is not None and not has:
         limit = f'has no meaning with body.kind = "{design.body.kind}"'

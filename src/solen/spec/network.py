@@ -9,7 +9,7 @@ stands at ``at_deg`` of its motion.
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from typing import Annotated, ClassVar, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self, get_args
 
 from pydantic import AfterValidator, Field, model_validator
 
@@ -17,6 +17,8 @@ from solen.spec.quantities import Index, Length, Place, Point, Size, Wavelength
 from solen.spec.strict import NotNegative, Number, Positive, Strict, Text, or_refuse, refused
 
 Side = Literal["right", "left"]
+Shape = Literal["cartesian-oval", "spline", "none"]
+SHAPES: tuple[Shape, ...] = get_args(Shape)
 Width = Annotated[
     Length | Annotated[tuple[Number, ...], Field(min_length=1, max_length=12)],
     or_refuse("must be a width in mm, or up to 12 coefficients of a polynomial: [4.0, 0.0, 0.008]"),
@@ -135,7 +137,7 @@ class PlacedLens(Placed):
     table: ClassVar[str] = "network.lenses"
 
     at_mm: NotNegative | None = Field(None, description="Its middle, in mm along the side from the guide's first node.")
-    shape: Literal["cartesian-oval", "spline", "none"] | None = Field(None, description="As lens.shape; default: that.")
+    shape: Shape | None = Field(None, description="As lens.shape; default: that.")
     focus_mm: Length | None = Field(None, description="As lens.focus_mm; default: that.")
     half_width_mm: Length | None = Field(
         None, description="As lens.half_width_mm; default: half the guide's width, on a side lens.half_width_mm."
