@@ -89,6 +89,7 @@ def test_nothing_is_wrong_with_the_page(seen: dict[str, Any]) -> None:
     assert seen["foreign"] == [], "no request leaves the computer"
     assert seen["axe"] == [], "usable without sight"
     assert seen["overflow"] == [], "all of it fits 1024 x 700"
+    assert seen["overlaid"] is False
 
 
 def test_the_first_visit_takes_three_sentences(seen: dict[str, Any]) -> None:

@@ -130,6 +130,10 @@ await page.setViewportSize({ width: 1024, height: 700 });
 seen.overflow = await page.evaluate(() =>
   [...document.querySelectorAll("body, section, .fields, .merits")].filter((one) => one.scrollWidth > one.clientWidth + 1).map((one) => one.className || one.tagName),
 );
+seen.overlaid = await page.evaluate(() => {
+  const box = (selector) => document.querySelector(selector).getBoundingClientRect();
+  return box(".answer .tools button:last-child").bottom > box(".plot").top;
+});
 if (exported) {
   await page.setViewportSize({ width: 1200, height: 800 });
   await page.goto(exported);
