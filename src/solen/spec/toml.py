@@ -73,9 +73,10 @@ def _document(design: Design, *, stated: bool = False) -> Document:
     tables: Document = {"name": design.name}
     for key in Design.model_fields.keys() - {"name"}:
         table = design.shared_emitter if key == "emitter" else getattr(design, key)
-        several = isinstance(table, tuple)
-        tables[key] = [one.model_dump(exclude_defaults=True) for one in (table if several else (table,))]
-        tables[key] = tables[key] if several else tables[key][0]
+        if isinstance(table, tuple):
+            tables[key] = [one.model_dump(exclude_defaults=True) for one in table]
+        else:
+            tables[key] = table.model_dump(exclude_defaults=True)
     if design.material.resin is not None and design.material.states_absorption:
         tables["material"]["absorption_per_mm"] = design.material.absorption_per_mm  # a 0 overrules the resin's
     emitter = design.shared_emitter
