@@ -1,34 +1,63 @@
-"""A fingertip sensor: from a force at its side to volts, and what a mount makes of it.
+"""A fingertip sensor: what a mount makes of it, and from a force to volts and back, as a bench does it.
 
 A soft Y is pressed by a damp finger at the side of its stem. Where the mount holds all of the arms, the stem dents and
 the light stays where it was; where it holds their ends alone, the whole body bends and the light moves from one
-receiver to the other. Prints the contrast at 0.3 N for both, and for the better one the volts against the force.
+receiver to the other. That one is recorded on the simulated press of `solen bench new`, a stage in mm with a load cell;
+the recording is calibrated, and the first cycle, which the calibration leaves out, decoded to newtons.
 """
 
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
 from solen import Sensor
-from solen.sensor.loaded import LoadedStudy, loaded_study
+from solen.analysis import Study, study
+from solen.analysis.calibration import Decoder, SensorCalibrations, calibrated_sensors
+from solen.bench.record import record
+from solen.bench.starter import starter_files
 from solen.spec import loads, template
 
 MOUNTS = {"all of the arms": "outer-*", "the ends of the arms": "receiver-*"}
-FORCES_N = (0.0, 0.15, 0.3)
 
 
-def studied(face: str) -> LoadedStudy:
-    """Response of the shipped design against the force, its mount on some faces."""
-    design = loads(template("press-860")).set({"hold[0].face": face, "motion.forces_N": FORCES_N})
-    return loaded_study(Sensor.of(design))
+def contrast(face: str) -> float:
+    """Contrast of the shipped design at 0.3 N, its mount on some faces."""
+    sensor = Sensor.of(loads(template("press-860")).set({"hold[0].face": face, "motion.forces_N": (0.0, 0.3)}))
+    return float(sensor.power((0.3,)).contrast[0])
 
 
-def main() -> dict[str, LoadedStudy]:
-    """Compare the mounts, and print the better one's volts."""
-    found = {name: studied(face) for name, face in MOUNTS.items()}
-    for name, study in found.items():
-        print(f"held by {name}: contrast {study.contrast[-1]:+.3f} at 0.3 N, strain {study.strain_largest[-1]:.3f}")
-    best = max(found, key=lambda name: abs(found[name].contrast[-1]))
-    print(f"volts, held by {best}")
-    for force, (right, left) in zip(FORCES_N, found[best].voltage_V, strict=True):
-        print(f"  {force:.2f} N: right {right:.3f} V, left {left:.3f} V")
-    return found
+def recorded() -> Study:
+    """The shipped press, run and analysed."""
+    with TemporaryDirectory() as name:
+        folder, texts = Path(name), starter_files()
+        for file in ("press", "rig-press", "sensor-press"):
+            (folder / f"{file}.toml").write_text(texts[file], encoding="utf-8")
+        return study([record(folder / "press.toml", folder / "rig-press.toml", folder).path])
+
+
+def held(found: Study, calibrations: SensorCalibrations) -> tuple[float, float, float]:
+    """Force of the first cycle's hold, decoded: its median, and its band of 95 %."""
+    run = found.sensors["finger"].runs[0]
+    start, stop = run.motion.holds[1]
+    volts = run.signals.volts[start:stop, [run.signals.receivers.index(side) for side in ("left", "right")]]
+    decoded = Decoder(calibrations.calibrations[0].calibration).decode(volts.mean(axis=0, keepdims=True))
+    return float(decoded.angle_deg[0]), float(decoded.low_deg[0, 1]), float(decoded.high_deg[0, 1])
+
+
+def main() -> tuple[dict[str, float], Study, SensorCalibrations, tuple[float, float, float]]:
+    """Compare the mounts; record, calibrate and decode the better one."""
+    contrasts = {name: contrast(face) for name, face in MOUNTS.items()}
+    for name, value in contrasts.items():
+        print(f"held by {name}: contrast {value:+.3f} at 0.3 N")
+    found = recorded()
+    finger = found.sensors["finger"]
+    print(f"recorded on a simulated press: {finger.cycles_used} cycles, up to {finger.passes.angle_deg[-1]:.2f} N")
+    for side, response in finger.receivers.items():
+        print(f"  {side}: {response.sensitivity_V_per_deg:+.2f} V/N")
+    calibrations = calibrated_sensors(found)
+    print("\n".join(calibrations.calibrations[0].words))
+    force, low, high = held(found, calibrations)
+    print(f"pressed by 0.3 mm: {force:.4f} N ({low:.4f} to {high:.4f} N at 95 %, with the load cell's own error)")
+    return contrasts, found, calibrations, (force, low, high)
 
 
 if __name__ == "__main__":

@@ -272,8 +272,10 @@ def test_from_multimeters_to_a_response(bench: Path) -> None:
     def volts(slope: float) -> Callable[[], float]:
         return lambda: 2.0 + slope * (device.axis.at(clock.now_s()) / PER_DEG)
 
-    with Served(device) as stage, served(Multimeter(reads=volts(0.2)), Multimeter(reads=volts(-0.1))) as names:
-        path = recorded(bench, stage.url, f"address = {list(names)}\nask = 'READ?'", "protocol")
+    meters = [Multimeter(reads=volts(slope)) for slope in (0.2, -0.1, 0.05)]
+    cell = "[load_cell]\ninput = 3\nN_per_V = 4.0\nzero_V = 2.0"
+    with Served(device) as stage, served(*meters) as names:
+        path = recorded(bench, stage.url, f"address = {list(names)}\nask = 'READ?'\n{cell}", "protocol")
     slopes = response(path)
     assert slopes["right"] == pytest.approx(0.2, rel=0.02)
     assert slopes["left"] == pytest.approx(-0.1, rel=0.02)
@@ -281,8 +283,10 @@ def test_from_multimeters_to_a_response(bench: Path) -> None:
         assert file.variables["on"].attrs["units"] == "V"
         assert file.attrs["sampler_bound_s"] > 0.0
         assert sorted(file.groups["A"].variables) == [
-            "angle_deg", "left", "left_clipped", "right", "right_clipped", "time_s",
+            "angle_deg", "force_N", "left", "left_clipped", "right", "right_clipped", "time_s",
         ]  # fmt: skip
+        angle, force = (file.groups["A"].variables[name][...] for name in ("angle_deg", "force_N"))
+        assert np.polyfit(angle, force, 1)[0] == pytest.approx(0.2, rel=0.02)
         time_s, bound_s = file.variables["time_s"][...], file.variables["bound_s"][...]
         assert (np.diff(time_s) > 0).all()
         assert file.attrs["sampler_bound_s"] == pytest.approx(bound_s.mean())

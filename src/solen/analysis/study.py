@@ -34,7 +34,7 @@ from solen.ranks import Caution, look_at, note, of
 from solen.recording import Provenance, Recording, read, read_parts
 from solen.recording.column_roles import by_sensor
 from solen.recording.labels import has_lens, labels
-from solen.recording.stimulus import Stimulus
+from solen.recording.stimulus import ANGLE, Stimulus
 from solen.results import HIDDEN, Result, in_unit, reported
 
 CONTROL_KEYS = ("control", "controls", "without lens", "no lens")
@@ -129,8 +129,15 @@ class Study(Result):
         return any(one.detected for one in self.switching.values()) or self.logs_found
 
 
-def in_volts(found: Study) -> Study:
-    """A study whose receivers are voltages; `DataError` for others, which no model of a circuit takes."""
+def in_volts_of_angles(found: Study) -> Study:
+    """A study of voltages against an angle; `DataError` for others, of which there is no model to fit.
+
+    A soft body has many unknowns besides (modulus, holds, where and how it is pressed) that one curve cannot separate.
+    """
+    if found.stimulus is not ANGLE:
+        limit = f"is analysed against the {found.stimulus.name}; a diagnosis fits the response to an angle"
+        remedy = "record the same sensor turned by an angle, or calibrate it as it is: solen bench calibrate"
+        raise DataError(found.provenances[0].file, limit=limit, remedy=remedy)
     if found.unit != "V":
         limit = "is the unit of the receivers; this needs voltages"
         raise DataError(found.provenances[0].file, value=found.unit, limit=limit, remedy="record volts")

@@ -17,6 +17,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
+from solen.analysis.load_cell import LoadCell
 from solen.analysis.noise import noise_of, pooled_noise
 from solen.arrays import FloatArray
 from solen.bench.clock import Clock, SimulatedClock, WallClock
@@ -83,6 +84,25 @@ class InputCheck(Result):
     load_factor: float | None
 
 
+class CellCheck(Result):
+    """The load cell at rest.
+
+    Attributes
+    ----------
+    input
+        Its number in the rig.
+    level_V, noise_V
+        Its mean, and the standard deviation of a reading.
+    noise_N
+        The same as a force.
+    """
+
+    input: int
+    level_V: float
+    noise_V: float
+    noise_N: float
+
+
 class RigCheck(Result):
     """A rig at rest.
 
@@ -100,6 +120,8 @@ class RigCheck(Result):
         By how much each emitter pulls each input down: a row for each emitter.
     simulated
         Whether the rig is.
+    load_cell
+        Its load cell; null where it has none.
     faults
         Problems, a line each.
     """
@@ -110,6 +132,7 @@ class RigCheck(Result):
     sensors: dict[str, dict[str, InputCheck]]
     answers_V: tuple[tuple[float, ...], ...]
     simulated: bool
+    load_cell: CellCheck | None
     faults: tuple[Caution, ...] = field(metadata=HIDDEN)
 
     @reported
@@ -167,7 +190,25 @@ def judged(rig: Rig, glance: Glance) -> RigCheck:
         wire = "check its wire, its transistor and its supply"
         faults.append(do_not_use(f"no input sees emitter {' and '.join(dark)}; {wire}"))
     rows = tuple(tuple(row) for row in mean.tolist())
-    return RigCheck(rig.name, rig.unit, len(signal), inputs, rows, rig.simulated, tuple(faults))
+    cell = None if rig.load_cell is None else _cell(rig.load_cell, glance)
+    faults += [] if cell is None else _cell_faults(cell, glance)
+    return RigCheck(rig.name, rig.unit, len(signal), inputs, rows, rig.simulated, cell, tuple(faults))
+
+
+def _cell(stated: LoadCell, glance: Glance) -> CellCheck:
+    """The load cell: its level is the mean of on and off."""
+    place = (stated.input or 1) - 1
+    level = glance.off[:, 0, place] - 0.5 * glance.signal[:, 0, place]
+    noise_V = _noise(glance.time_s, level)
+    return CellCheck(place + 1, float(level.mean()), noise_V, abs(stated.sensitivity_N_per_V) * noise_V)
+
+
+def _cell_faults(cell: CellCheck, glance: Glance) -> list[Caution]:
+    near_V = SHORTED * (glance.high_V - glance.low_V)
+    if glance.low_V + near_V < cell.level_V < glance.high_V - near_V:
+        return []
+    end = "is at an end of the input's range: check its wire, its amplifier and its zero"
+    return [of(f"load cell (input {cell.input})", do_not_use(end))]
 
 
 def _input(rig: Rig, sensor: SensorOf, side: str, glance: Glance) -> InputCheck:

@@ -31,6 +31,8 @@ from solen.errors import BenchError
 
 REACH = {"deg": 3.0, "mm": 2.0}
 """How far from zero a simulated rig is traced where no protocol says so."""
+SHALLOW_MM = 0.1
+"""The same of a finger's depth: nothing presses a sensor that is looked at."""
 LEAST_PERIODS = 3.0
 """Periods of the switching in which its clock is sought: they hold two rises of a sync, and a fall after the first."""
 
@@ -154,7 +156,8 @@ def sampler_of(rig: Rig, folder: Path, clock: Clock) -> Iterator[EmitterBoard | 
         from solen.bench.simulated.instruments import simulated_instruments  # the tracer is loaded where it is needed
 
         unit = rig.stage.moves_in
-        far = {f"to_{unit}": REACH[unit], f"velocity_{unit}_per_s": 1.0}
+        reach = rig.stage.zero + SHALLOW_MM if rig.stage.drives == "depth" else REACH[unit]
+        far = {f"to_{unit}": reach, f"velocity_{unit}_per_s": 1.0}
         noise = np.random.default_rng([rig.seed, 2])
         protocol = Protocol(name="no motion", step=(Step.model_validate(far),))
         _, sampler, _ = simulated_instruments(rig, protocol, folder, clock, noise)

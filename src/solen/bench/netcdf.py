@@ -21,16 +21,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solen import files
+from solen.analysis.load_cell import LoadCell
 from solen.arrays import FloatArray
 from solen.bench.clock_fit import ClockLine, fit_clock
 from solen.bench.frames import UNSOUND
 from solen.bench.journal_content import JournalContent, Rows, signal_unit
 from solen.bench.protocol import Protocol
-from solen.bench.readings import AT_ONCE, Columns, Read, columns_of, cut_short, looks_of, sensor_readings, stretches
+from solen.bench.readings import (
+    AT_ONCE,
+    CELL,
+    Columns,
+    Read,
+    columns_of,
+    cut_short,
+    inputs_of,
+    looks_of,
+    sensor_readings,
+    stretches,
+)
 from solen.bench.timing import Timing, came_by, exchanges, known_at_rest_alone, reach_of
 from solen.bench.waveform import Waveform, create_variable
 from solen.extras import need
-from solen.ranks import Caution, look_at, of
+from solen.ranks import Caution, do_not_use, look_at, of
 from solen.results import HIDDEN, Result, reported
 
 _NAMED = 5
@@ -112,6 +124,7 @@ def write_recording(journaled: JournalContent, path: Path) -> RecordedRun:
             time_s, readings, remarks = content(file, journaled)
             _positions(file, journaled)
             remarks += [look_at(event["reason"]) for event in journaled.events if event["what"] == "remark"]
+            remarks += _overloaded(file, journaled)
             remarks += [*_timing(file, journaled), *_damage(journaled), *_ended(journaled)]
             done.append(
                 RecordedRun(
@@ -149,7 +162,7 @@ def _periods(file: Any, journaled: JournalContent) -> Content:
     for sensor in header["sensors"]:
         parts = list(sensor_readings(sensor, journaled, time_s, cuts))
         bent += _bent(sensor["name"], parts, header.get("rig", {}).get("board", {}).get("straight_v"))
-        readings[sensor["name"]] = _sensor(file, sensor, parts, signal_unit(header))
+        readings[sensor["name"]] = _sensor(file, sensor, parts, journaled)
     return time_s, readings, [*_unsound(board), *bent]
 
 
@@ -190,9 +203,7 @@ def _waveform(file: Any, journaled: JournalContent) -> Content:
     parts: dict[str, list[Columns]] = {sensor["name"]: [] for sensor in header["sensors"]}
     for sensor, found, kept in wave.readings(header["sensors"]):
         parts[sensor["name"]].append(columns_of(found, kept, journaled, cuts))
-    readings = {
-        one["name"]: _sensor(file, one, parts.pop(one["name"]), signal_unit(header)) for one in header["sensors"]
-    }
+    readings = {one["name"]: _sensor(file, one, parts.pop(one["name"]), journaled) for one in header["sensors"]}
     file.attrs["remarks"] = json.dumps(wave.remarks)
     return wave.time_s, readings, wave.remarks
 
@@ -212,16 +223,15 @@ def _readings(file: Any, journaled: JournalContent) -> Content:
         _variable(file, name, ("period", "input"), rows[name], header["meter"]["unit"], text)
     cuts, readings = cut_short(journaled), {}
     for sensor in header["sensors"]:
-        inputs = [sensor["right"] - 1, sensor["left"] - 1]
+        inputs = inputs_of(sensor, header)
         columns = columns_of(_read_by(rows, time_s, inputs), np.ones(len(rows), bool), journaled, cuts)
-        readings[sensor["name"]] = _sensor(
-            file, sensor, [columns], signal_unit(header), switched=header["meter"]["switched"]
-        )
+        switched = header["meter"]["switched"]
+        readings[sensor["name"]] = _sensor(file, sensor, [columns], journaled, switched=switched)
     return time_s, readings, []
 
 
 def _read_by(rows: Rows, time_s: FloatArray, inputs: list[int]) -> Read:
-    """Readings of two inputs: on minus off if off is known, else unchanged."""
+    """Readings of some inputs: on minus off if off is known, else unchanged."""
     on, off = rows["on"][:, inputs], rows["off"][:, inputs]
     return Read(time_s, np.where(np.isfinite(off), on - off, on), off, rows["clipped"][:, inputs])
 
@@ -340,22 +350,32 @@ def _timing(file: Any, journaled: JournalContent) -> list[Caution]:
     return [] if remark is None else [remark]
 
 
-def _sensor(file: Any, sensor: Mapping[str, Any], parts: list[Columns], unit: str, *, switched: bool = True) -> int:
+def _sensor(
+    file: Any, sensor: Mapping[str, Any], parts: list[Columns], journaled: JournalContent, *, switched: bool = True
+) -> int:
     """Write a sensor's group, receivers in their unit; how many readings it has.
 
     Of emitters that are on all the time ambient light is not known.
     """
     # pieces are freed as they are joined
-    columns = {name: np.concatenate([part.pop(name) for part in parts]) for name in _COLUMNS} if parts else {}
+    columns = {name: np.concatenate([part.pop(name) for part in parts]) for name in list(parts[0])} if parts else {}
     group = file.create_group(sensor["name"])
     group.attrs["sensor"] = sensor["name"]
     group.attrs["lens"] = "yes" if sensor["lens"] else "no"
     for key, value in sensor.get("drawn", {}).items():
         group.attrs[f"drawn {key}"] = value
+    unit, header = signal_unit(journaled.header), journaled.header
+    if header.get("load_cell") is not None and columns:
+        cell = LoadCell(**header["load_cell"])
+        zero_V = _without_load_V(cell, columns, journaled)
+        columns["force_N"] = cell.force_N(columns.pop(CELL), zero_V)
+        group.attrs["load_cell_zero_V"] = zero_V
     readings = len(columns["time_s"]) if columns else 0
     group.dimensions = {"reading": readings}
+    absent = {"angle_deg" if header.get("drives") == "depth" else "depth_mm"}
+    absent |= {"force_N"} if header.get("load_cell") is None else set()
     for name, (own_unit, text) in _COLUMNS.items():
-        if not switched and name.endswith("_ambient"):
+        if name in absent or (not switched and name.endswith("_ambient")):
             continue
         if name in {"right", "left"}:
             text = f"{name} receiver, {_MADE[switched]}{'; lower is brighter' if switched and unit == 'V' else ''}"
@@ -364,10 +384,33 @@ def _sensor(file: Any, sensor: Mapping[str, Any], parts: list[Columns], unit: st
     return readings
 
 
+def _without_load_V(cell: LoadCell, columns: Columns, journaled: JournalContent) -> float:
+    """Voltage of a load cell without load: as stated, or its mean over the rest before the first cycle; NaN without."""
+    if cell.zero_V is not None:
+        return cell.zero_V
+    rest = next((event["t_s"] for event in journaled.events if event["what"] == "at rest"), math.inf)
+    ends = (event["t_s"] for event in journaled.events if event["what"] == "cycle" and event["t_s"] >= rest)
+    resting = columns[CELL][(columns["time_s"] >= rest) & (columns["time_s"] <= next(ends, math.inf))]
+    known = resting[np.isfinite(resting)]
+    return float(known.mean()) if known.size else math.nan
+
+
+def _overloaded(file: Any, journaled: JournalContent) -> list[Caution]:
+    """Readings at which the load cell was at an end of its input's range, or its voltage without load is unknown."""
+    if journaled.header.get("load_cell") is None:
+        return []
+    forces = [file.groups[sensor["name"]].variables["force_N"][...] for sensor in journaled.header["sensors"]]
+    missing = int(np.isnan(np.concatenate(forces)).sum())
+    limit = "readings have no force: the load cell was at an end of the input's range, or never seen without load"
+    return [do_not_use(f"{missing} {limit}")] if missing else []
+
+
 _MADE = {True: "on less the mean of off before and after", False: "emitters being on all the time"}
 _COLUMNS = {
     "time_s": ("s", "time of the emitter's on phase on the clock of the run"),
     "angle_deg": ("deg", "angle of the sensor then, by a monotone cubic between the stage's positions"),
+    "depth_mm": ("mm", "depth of the finger then, by a monotone cubic between the stage's positions"),
+    "force_N": ("N", "force by the load cell, the mean of on and off"),
     "right": ("", "receiver"),
     "left": ("", "receiver"),
     "right_ambient": ("", "right receiver with the emitter off"),

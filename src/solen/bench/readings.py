@@ -12,7 +12,7 @@ from solen.analysis.demodulation import Demodulated, slots_of, subtract
 from solen.arrays import FloatArray
 from solen.bench.frames import ANEW, UNSOUND
 from solen.bench.journal_content import JournalContent, Rows
-from solen.bench.rig import sensor_angle_deg
+from solen.bench.rig import driven_values
 from solen.bench.timing import Looks
 
 
@@ -27,6 +27,8 @@ class Read:
 
 
 Columns = dict[str, NDArray[Any]]
+CELL = "cell_V"
+"""Column of a load cell's volts, of which forces are made when its voltage without load is known."""
 AT_ONCE = 16_384
 """Periods per chunk of processing and storage, so that an hour needs little memory and few reads."""
 
@@ -65,7 +67,7 @@ def sensor_readings(
         for begin in range(first, last, AT_ONCE):
             end = min(begin + AT_ONCE, last)
             low, high = max(begin - 1, first), min(end + 1, last)  # neighbours lend their off phases
-            inputs = [sensor["right"] - 1, sensor["left"] - 1]
+            inputs = inputs_of(sensor, header)
             readings = subtracted(
                 board["counts"][low:high], time_s[low:high], sensor["emitter"], inputs, Converter.of(header)
             )
@@ -87,6 +89,12 @@ class Converter(NamedTuple):
     def of(cls, header: Mapping[str, Any]) -> "Converter":
         """Converter that a journal's header states."""
         return cls(header["period_s"], header["volts_per_count"], header["top_count"])
+
+
+def inputs_of(sensor: Mapping[str, Any], header: Mapping[str, Any]) -> list[int]:
+    """Inputs of a sensor's right and left receiver, from 0, and of the load cell, where a run has one."""
+    cell = header.get("load_cell")
+    return [one - 1 for one in (sensor["right"], sensor["left"], *(() if cell is None else (cell["input"],)))]
 
 
 def subtracted(
@@ -130,9 +138,10 @@ def columns_of(
         kept = kept & np.isfinite(looks.at(readings.time_s))
     time = readings.time_s[kept]
     position = looks.at(time)
-    return {
+    drive = "depth_mm" if header.get("drives") == "depth" else "angle_deg"
+    return _cell_volts(readings, kept) | {
         "time_s": time,
-        "angle_deg": sensor_angle_deg(position, header["zero"], header["lever_mm"]),
+        drive: driven_values(position, header),
         "right": readings.signal[kept, 0],
         "left": readings.signal[kept, 1],
         "right_ambient": readings.ambient[kept, 0],
@@ -140,3 +149,12 @@ def columns_of(
         "right_clipped": readings.clipped[kept, 0].astype(np.uint8),
         "left_clipped": readings.clipped[kept, 1].astype(np.uint8),
     }
+
+
+def _cell_volts(readings: Demodulated | Read, kept: NDArray[np.bool_]) -> Columns:
+    """Volts of the load cell, which no emitter changes: the mean of on and off; NaN where one was at a limit."""
+    if readings.signal.shape[1] < 3:
+        return {}
+    off, signal = readings.ambient[kept, 2], readings.signal[kept, 2]
+    volts = np.where(np.isfinite(off), off + 0.5 * signal, signal)
+    return {CELL: np.where(readings.clipped[kept, 2], np.nan, volts)}

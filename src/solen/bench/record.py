@@ -199,7 +199,7 @@ def _without_streams(header: dict[str, Any]) -> dict[str, Any]:
 
 
 def _check_compatible(protocol: Protocol, rig: Rig, protocol_file: Path, rig_file: Path) -> None:
-    unit = "mm" if rig.stage.lever_mm is not None else "deg"
+    unit = rig.stage.moves_in
     if protocol.unit != unit:
         remedy = "take the protocol or the rig of the other kind"
         raise BenchError(str(protocol_file), limit=f"moves in {protocol.unit}, and the stage in {unit}", remedy=remedy)
@@ -211,6 +211,10 @@ def _check_compatible(protocol: Protocol, rig: Rig, protocol_file: Path, rig_fil
                 raise BenchError(f"{protocol_file}: step[{number}]", value=step.target, limit=limit)
     if rig.stage.driver in DRIVERS and DRIVERS[rig.stage.driver].stops:
         _check_stops(protocol, protocol_file)
+    if rig.load_cell is not None and rig.load_cell.zero_V is None and protocol.rest_s == 0.0:
+        limit = "is 0: the load cell's voltage without load is that of the rest before the first cycle"
+        remedy = "give it 0.5 s, or state load_cell.zero_V"
+        raise BenchError(f"{protocol_file}: rest_s", value=0.0, limit=limit, remedy=remedy)
     if rig.simulated and {rig.stage.driver, rig.sampler.driver} != {"simulated"}:
         raise BenchError(str(rig_file), limit="has one real and one simulated instrument", remedy="make both one kind")
 
@@ -255,6 +259,8 @@ def _header(protocol: Protocol, rig: Rig, folder: Path, simulated_time: bool) ->
         "sensors": [sensor.model_dump(mode="json") for sensor in rig.sensor],
         "zero": rig.stage.zero,
         "lever_mm": rig.stage.lever_mm,
+        "drives": rig.stage.drives,
+        "load_cell": None if rig.load_cell is None else rig.load_cell.model_dump(mode="json"),
         "signal_unit": rig.unit,
         "top_count": 2**rig.board.bits - 1,
     }

@@ -9,12 +9,14 @@ of a file.
 """
 
 from collections import Counter
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
+from solen.analysis.load_cell import LoadCell
 from solen.arrays import FloatArray
 from solen.bench.daq import Setup
 from solen.bench.rig_instruments import BoardOf, DaqOf, MeterOf, StageOf
@@ -84,6 +86,7 @@ class Rig(BenchTable):
     sensor: Annotated[tuple[SensorOf, ...], Field(min_length=1, max_length=32)] = Field(
         description="the sensors, [[sensor]]."
     )
+    load_cell: LoadCell | None = Field(None, description="What reads the force on the sensor.")
     spread: Spread = Field(default_factory=Spread, description="How simulated prints differ.")
     ambient: RoomLight = Field(default_factory=RoomLight, description="Light at simulated receivers.")
 
@@ -102,6 +105,8 @@ class Rig(BenchTable):
         if samples and self.stage.port == self.board.port:
             remedy = "leave it out, and the board that samples drives its motor"
             raise refused("stage.port", "is the port of [board]", value=self.stage.port, remedy=remedy)
+        if self.load_cell is not None:
+            self._check_cell(self.load_cell)
         stated = [key for key in ("board", "daq", "meter") if key in self.model_fields_set and getattr(self, key)]
         if len(stated) > 1:
             raise refused(stated[-1], f"cannot be combined with [{stated[0]}]", remedy="keep the one in the rig")
@@ -112,6 +117,20 @@ class Rig(BenchTable):
                 if key in self.model_fields_set:
                     raise refused(key, "is for a simulated rig: a real one shows what there is", remedy="leave it out")
         return self
+
+    def _check_cell(self, cell: LoadCell) -> None:
+        """Refuse a load cell without an input of its own, or whose force is on several sensors."""
+        wired = [one for sensor in self.sensor for one in (sensor.right, sensor.left)]
+        if cell.input is None:
+            raise refused("load_cell.input", "missing: the input that it is on", remedy=f"add input = {max(wired) + 1}")
+        if cell.input in wired:
+            raise refused("load_cell.input", "is a receiver's", value=cell.input, remedy="give it one of its own")
+        if self.unit != "V":
+            limit = f"needs a rig that measures volts; this one measures {self.unit}"
+            raise refused("load_cell", limit, remedy="leave it out")
+        if len(self.sensor) > 1:
+            limit = f"reads the force on one sensor; there are {len(self.sensor)}"
+            raise refused("load_cell", limit, remedy="state one [[sensor]]")
 
     @property
     def sampler(self) -> BoardOf | DaqOf | MeterOf:
@@ -136,12 +155,20 @@ class Rig(BenchTable):
     @property
     def inputs(self) -> int:
         """Inputs that are sampled."""
-        return max(max(sensor.right, sensor.left) for sensor in self.sensor)
+        cell = 0 if self.load_cell is None else self.load_cell.input or 0
+        return max(cell, *(max(sensor.right, sensor.left) for sensor in self.sensor))
 
     @property
     def simulated(self) -> bool:
         """Whether anything that is read from it is simulated."""
         return "simulated" in {self.stage.driver, self.sampler.driver}
+
+
+def driven_values(position: FloatArray, header: Mapping[str, Any]) -> FloatArray:
+    """Angles in degrees, or depths in mm, of a sensor at positions of the stage, by the header of a run."""
+    if header.get("drives") == "depth":
+        return np.asarray(position - header["zero"])
+    return sensor_angle_deg(position, header["zero"], header["lever_mm"])
 
 
 def sensor_angle_deg(position: FloatArray, zero: float, lever_mm: float | None) -> FloatArray:

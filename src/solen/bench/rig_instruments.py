@@ -70,6 +70,10 @@ class StageOf(BenchTable):
     lever_mm: Positive | None = Field(
         None, description="A linear stage pushes this far from the pivot; turns mm into degrees."
     )
+    drives: Literal["angle", "depth"] = Field(
+        "angle",
+        description="Whether it turns the sensor, or, a linear stage without lever_mm, presses a finger into it.",
+    )
 
     @model_validator(mode="after")
     def _is_there(self) -> Self:
@@ -88,9 +92,21 @@ class StageOf(BenchTable):
             unit = unit_of(self.model, self.unit) if "model" in takes else self.unit
         except BenchError as bad:
             raise refused("model" if bad.what == "stage" else bad.what, bad.limit, value=bad.value) from None
-        if unit is not None and (unit == "mm") != (self.lever_mm is not None):
-            raise refused("lever_mm", "is for a linear stage, and a linear stage needs it", value=self.lever_mm)
+        self._check_drive(unit)
         return self
+
+    def _check_drive(self, unit: str | None) -> None:
+        """Refuse a stage that cannot drive what it should."""
+        if self.drives == "depth":
+            if unit == "deg":
+                raise refused("drives", "is for a linear stage", value="depth", remedy='leave it out, or unit = "mm"')
+            if self.lever_mm is not None:
+                limit = 'has no use beside drives = "depth"'
+                raise refused("lever_mm", limit, value=self.lever_mm, remedy="leave one of them out")
+        elif unit is not None and (unit == "mm") != (self.lever_mm is not None):
+            limit = "is for a linear stage, and a linear stage needs it"
+            remedy = 'a stage that presses a finger into the sensor states drives = "depth"' if unit == "mm" else ""
+            raise refused("lever_mm", limit, value=self.lever_mm, remedy=remedy)
 
     @property
     def steps(self) -> float:
@@ -99,8 +115,8 @@ class StageOf(BenchTable):
 
     @property
     def moves_in(self) -> Literal["deg", "mm"]:
-        """Unit of its positions: as stated, or mm at the end of a lever."""
-        return self.unit or ("deg" if self.lever_mm is None else "mm")
+        """Unit of its positions: as stated, or mm at the end of a lever or of a depth."""
+        return self.unit or ("deg" if self.lever_mm is None and self.drives == "angle" else "mm")
 
 
 class BoardOf(BenchTable):

@@ -21,6 +21,7 @@ from solen.bench.clock_fit import ClockLine, fit_clock
 from solen.bench.daq import Setup, ends_of, volts_of
 from solen.bench.journal_content import JournalContent
 from solen.bench.phases import clock_of, seen_by, states
+from solen.bench.readings import inputs_of
 from solen.bench.timing import came_by, exchanges
 from solen.errors import DataError
 from solen.ranks import Caution, look_at
@@ -66,7 +67,7 @@ class Waveform:
     """
 
     def __init__(self, file: Any, journaled: JournalContent) -> None:
-        daq = journaled.header["daq"]
+        self._header, daq = journaled.header, journaled.header["daq"]
         self._setup = Setup(**daq["setup"] | {"channels": tuple(daq["setup"]["channels"])})
         self._rate_hz, self._switch_hz, self._convert_s = daq["rate_hz"], daq["switch_hz"], daq["convert_s"]
         self._coefficients = np.array(daq["coefficients"])
@@ -148,7 +149,7 @@ class Waveform:
         volts = volts_of(self._counts[low * frame : high * frame], self._coefficients)
         taken_s = (self.number[low] + np.arange(len(volts))) / self._rate_hz
         try:
-            wired = (sensor[side] - 1 for sensor in sensors for side in ("right", "left"))
+            wired = (one for sensor in sensors for one in inputs_of(sensor, self._header)[:2])
             seen, place = seen_by(self._setup, wired)
             clock = clock_of(taken_s, volts[:, seen], self._setup, self._switch_hz)
             for sensor in sensors:
@@ -160,14 +161,14 @@ class Waveform:
     def _subtracted(
         self, volts: FloatArray, taken_s: FloatArray, clock: Clock, place: float, line: ClockLine, sensor: Sensor
     ) -> Demodulated:
-        """Readings of a sensor's two inputs; a sample is used where both are in the same phase.
+        """Readings of a sensor's two inputs, and of the load cell; a sample is used where both are in the same phase.
 
         ``place`` is the channel at whose conversions the clock's phase is.
         """
-        inputs = [sensor["right"] - 1, sensor["left"] - 1]
-        delays = self._convert_s * (np.array(inputs) - place)
+        inputs = inputs_of(sensor, self._header)
+        delays = self._convert_s * (np.array(inputs[:2]) - place)
         right, left = (states(clock, delay, 1e-6 * self._setup.settle_us, self._setup.emitters) for delay in delays)
-        time = line.at(taken_s + self._convert_s * float(np.mean(inputs)))
+        time = line.at(taken_s + self._convert_s * float(np.mean(inputs[:2])))
         low, high = self._limits[:, inputs]
         state = np.where(right == left, right, -1)
         return subtract(slots_of(time, volts[:, inputs], state, limits=(low, high)))

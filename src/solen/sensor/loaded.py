@@ -308,6 +308,11 @@ def _number(state: LoadedState, what: str) -> float | None:
     return None
 
 
+def force_of(sensor: Sensor, value: float) -> float:
+    """Force in N on the driven finger or pull of a soft body at a value of what its motion drives; 0 of a clamp."""
+    return _number(sensor.loaded.state(value), "force_N") or 0.0
+
+
 def _cautions(states: Sequence[LoadedState]) -> list[Caution | str]:
     """Warnings of some states, each once."""
     found: list[Caution | str] = list(dict.fromkeys(text for state in states for text in state.deformed.warnings))

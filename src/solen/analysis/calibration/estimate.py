@@ -69,11 +69,17 @@ class Calibration:
     u_line_deg: float = 0.0
 
     @property
+    def u_shared_deg(self) -> FloatArray:
+        """Standard uncertainty that readings of what drove the sensor share at each angle, (g,); none without load."""
+        line = np.where(self.angle_deg == 0.0, 0.0, self.u_line_deg)
+        return np.hypot(self.u_scale * self.angle_deg, line)
+
+    @property
     def shared(self) -> FloatArray:
         """Covariance by errors that all readings of the calibration share, along the curve, (g, 2, 2)."""
         slope = self._slope
-        variance = (self.u_scale * self.angle_deg) ** 2 + self.u_line_deg**2
-        return np.asarray(variance[:, None, None] * slope[:, :, None] * slope[:, None, :])
+        variance = self.u_shared_deg[:, None, None] ** 2
+        return np.asarray(variance * slope[:, :, None] * slope[:, None, :])
 
     @property
     def _slope(self) -> FloatArray:

@@ -17,6 +17,7 @@ from solen.arrays import FloatArray, IntArray
 from solen.bench.clock import Clock
 from solen.bench.frames import Layout, Losses, Periods
 from solen.bench.rig import RoomLight
+from solen.bench.simulated.cell import SimulatedCell
 from solen.bench.simulated.sensors import SimulatedSensor, room_light_mw_cm2
 from solen.readout import volts
 
@@ -46,6 +47,8 @@ class SimulatedBoard:
         How much faster its clock runs than the run's.
     per_count
         Size of one count, for a rig that measures no volts.
+    cell
+        Its load cell.
     """
 
     clock: Clock
@@ -57,6 +60,7 @@ class SimulatedBoard:
     rng: np.random.Generator
     ppm: float = 20.0
     per_count: float | None = None
+    cell: SimulatedCell | None = None
     name: str = "simulated board"
     losses: Losses = field(default_factory=Losses)
     _begun_s: float | None = None
@@ -124,4 +128,7 @@ class SimulatedBoard:
             read = volts(light, sensor.circuit, room, rng=self.rng)
             inputs = [sensor.wires.right - 1, sensor.wires.left - 1]
             counts[:, inputs] = np.rint(read / sensor.circuit.adc.step_V).astype(np.uint16)
+        if self.cell is not None:
+            step_V = self.sensors[0].circuit.adc.step_V
+            counts[:, self.cell.place] = np.rint(self.cell.volts(angle, self.rng) / step_V).astype(np.uint16)
         return counts

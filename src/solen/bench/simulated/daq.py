@@ -20,6 +20,7 @@ from solen.arrays import FloatArray
 from solen.bench.clock import Clock
 from solen.bench.daq import MODELS, DaqLosses, Samples, Setup
 from solen.bench.rig import RoomLight
+from solen.bench.simulated.cell import SimulatedCell
 from solen.bench.simulated.sensors import SimulatedSensor, room_light_mw_cm2
 from solen.readout import noisy
 from solen.readout.emitter import REFERENCE_C
@@ -53,6 +54,8 @@ class SimulatedDaq:
         Draws noise and phases.
     ppm, outside_ppm
         How much faster its clock runs than the run's, and that of what switches the emitters from outside.
+    cell
+        Its load cell.
     """
 
     clock: Clock
@@ -63,6 +66,7 @@ class SimulatedDaq:
     rng: np.random.Generator
     ppm: float = 20.0
     outside_ppm: float = -60.0
+    cell: SimulatedCell | None = None
     name: str = "simulated data acquisition"
     losses: DaqLosses = field(default_factory=DaqLosses)
     _begun_s: float | None = None
@@ -117,6 +121,9 @@ class SimulatedDaq:
         for sensor in self.sensors:
             inputs = [sensor.wires.right - 1, sensor.wires.left - 1]
             counts[:, inputs] = np.rint(self._read(sensor, inputs, time) / self._step_V)
+        if self.cell is not None:
+            depth = self.angle_deg(time + self.convert_s * self.cell.place)
+            counts[:, self.cell.place] = np.rint(self.cell.volts(depth, self.rng) / self._step_V)
         if self.setup.synced:
             adc = self.sensors[0].circuit.adc
             high = self._since_on(time + self.convert_s * self.setup.inputs, 1) < self._on_share

@@ -10,9 +10,10 @@ from solen.arrays import FloatArray
 from solen.bench.clock import Clock
 from solen.bench.frames import Layout
 from solen.bench.protocol import Protocol
-from solen.bench.rig import Rig, sensor_angle_deg
+from solen.bench.rig import Rig, driven_values
 from solen.bench.roles import Daq, EmitterBoard
 from solen.bench.simulated.board import SimulatedBoard
+from solen.bench.simulated.cell import SimulatedCell
 from solen.bench.simulated.daq import SimulatedDaq
 from solen.bench.simulated.sensors import simulated_sensors
 from solen.bench.simulated.stage import SimulatedStage
@@ -45,21 +46,29 @@ def simulated_instruments(
     BenchError, SpecError, DataError, DesignError
         If a design cannot be read, built, or vary as the rig states.
     """
-    zero, lever_mm = rig.stage.zero, rig.stage.lever_mm
-    ends = np.array([-protocol.reach, protocol.reach]) + zero
-    reach_deg = float(np.abs(sensor_angle_deg(ends, zero, lever_mm)).max())
+    of_run = {"zero": rig.stage.zero, "lever_mm": rig.stage.lever_mm, "drives": rig.stage.drives}
+    targets = np.array([step.target for step in protocol.step])
+    if rig.stage.drives == "angle":
+        targets = np.array([-protocol.reach, protocol.reach]) + rig.stage.zero
+    reach_deg = float(np.abs(driven_values(targets, of_run)).max())
     sensors = simulated_sensors(rig, folder, reach_deg, np.random.default_rng([rig.seed, 0]), report)
     stage = SimulatedStage(clock, protocol.unit)
 
     def angles(time_s: FloatArray) -> FloatArray:
-        return sensor_angle_deg(stage.axis.positions(time_s), zero, lever_mm)
+        return driven_values(stage.axis.positions(time_s), of_run)
+
+    cell = None
+    if rig.load_cell is not None:
+        cell = SimulatedCell.drawn(rig.load_cell, sensors[0], np.random.default_rng([rig.seed, 2]))
 
     sampler: EmitterBoard | Daq
     if (setup := rig.setup) is not None:
-        sampler = SimulatedDaq(clock, sensors, angles, rig.ambient, setup, noise)
+        sampler = SimulatedDaq(clock, sensors, angles, rig.ambient, setup, noise, cell=cell)
     else:
         layout, period_s = Layout(rig.emitters, rig.inputs), 1.0 / rig.board.rate_hz
         per_count = None if rig.unit == "V" else rig.board.step
-        sampler = SimulatedBoard(clock, sensors, angles, rig.ambient, layout, period_s, noise, per_count=per_count)
+        sampler = SimulatedBoard(
+            clock, sensors, angles, rig.ambient, layout, period_s, noise, per_count=per_count, cell=cell
+        )
     drawn = [sensor.wires.model_dump(mode="json") | {"drawn": sensor.drawn} for sensor in sensors]
     return stage, sampler, drawn

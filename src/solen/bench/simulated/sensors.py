@@ -22,11 +22,13 @@ from solen.errors import BenchError
 from solen.parts import AdcPart, library_part
 from solen.readout import Adc, Circuit, circuit_of, face_areas_mm2
 from solen.sensor import Response, Sensor
+from solen.sensor.loaded import force_of
 from solen.sensor.readings import received
 from solen.spec import Design, load, with_values
+from solen.spec.soft import driven
 
-ANGLES = 25
-"""Angles at which a response is traced at first."""
+ANGLES, DEPTHS = 25, 9
+"""Angles, or depths of a finger, at which a response is traced at first."""
 CLOSE = 2e-4
 """Largest difference, as a share of the brightest, between a value traced midway and its interpolation."""
 TOLERANCE = 2e-4
@@ -54,6 +56,8 @@ class SimulatedSensor:
         Angles (N,) and shares of the emitted power (N, 2) at the right and the left receiver, as traced.
     circuit
         Its emitter, receivers and converter.
+    force_N
+        Of a soft one, on the finger at each depth (N,), which then stand for the angles; None for others.
     """
 
     wires: SensorOf
@@ -61,11 +65,22 @@ class SimulatedSensor:
     angle_deg: FloatArray
     fractions: FloatArray
     circuit: Circuit
+    force_N: FloatArray | None = None
 
     def at(self, angle_deg: FloatArray) -> FloatArray:
         """Shares of the emitted power (..., 2) at angles (...)."""
         inside = np.clip(angle_deg, self.angle_deg[0], self.angle_deg[-1])
         return np.asarray(self._curve(inside))
+
+    def pressed_N(self, depth_mm: FloatArray) -> FloatArray:
+        """Forces (...) on the finger at depths (...); 0 where it does not touch, or of a sensor that is turned."""
+        if self.force_N is None:
+            return np.zeros(depth_mm.shape)
+        return np.asarray(self._force(np.clip(depth_mm, self.angle_deg[0], self.angle_deg[-1])))
+
+    @cached_property
+    def _force(self) -> Callable[[FloatArray], FloatArray]:
+        return between(self.angle_deg, np.zeros(self.angle_deg.shape) if self.force_N is None else self.force_N)
 
     @cached_property
     def _curve(self) -> Callable[[FloatArray], FloatArray]:
@@ -82,7 +97,7 @@ def simulated_sensors(
     BenchError, SpecError, DataError, DesignError
         If a design cannot be read, built, or differ as the rig says.
     """
-    if reach_deg > MOST_DEG:
+    if rig.stage.drives == "angle" and reach_deg > MOST_DEG:
         limit = f"a simulated sensor is traced up to {MOST_DEG:g} deg"
         raise BenchError("the protocol's reach in deg", value=reach_deg, limit=limit, remedy="turn less far")
     made = []
@@ -95,14 +110,15 @@ def simulated_sensors(
 
 def _print(rig: Rig, wires: SensorOf, design: Design, reach_deg: float, rng: np.random.Generator) -> SimulatedSensor:
     drawn = _drawn(rig, wires, design, rng)
-    end = max(BEYOND * reach_deg, 0.1)
-    sweep = {"motion.from_deg": -end, "motion.to_deg": end, "motion.step_deg": 2.0 * end / (ANGLES - 1)}
-    sensor = Sensor.of(with_values(design, drawn | sweep))
+    pressed = rig.stage.drives == "depth"
+    values = np.linspace(0.0, BEYOND * reach_deg, DEPTHS) if pressed else _angles(reach_deg)
+    swept = _swept_depths(design, wires.design, values) if pressed else with_values(design, _sweep(values))
+    sensor = Sensor.of(with_values(swept, drawn))
     sensor = replace(sensor, cut=Sensor.of(design).cut)  # another index, but the lens as it was drawn
     if not wires.lens:
         sensor = sensor.without_lens
     sensor.check_pair()
-    angle_deg, fractions = traced(sensor, np.linspace(-end, end, ANGLES))
+    angle_deg, fractions = traced(sensor, values)
     areas = face_areas_mm2(sensor.design, sensor.body())
     circuit = circuit_of(sensor.design, {name: areas[name] for name in ("right", "left")})
     if rig.spread.parts:
@@ -110,9 +126,32 @@ def _print(rig: Rig, wires: SensorOf, design: Design, reach_deg: float, rng: np.
     circuit = replace(circuit, adc=converter(rig), rate_hz=rig.board.rate_hz if rig.daq is None else rig.daq.switch_hz)
     if (rig.daq or rig.board).trim_v is not None:
         circuit = _trimmed(circuit, fractions, rig.ambient.mean_mw_cm2, (rig.daq or rig.board).trim_v)
-    made = SimulatedSensor(wires, drawn | _gains(circuit), angle_deg, fractions, circuit)
+    forces = np.array([force_of(sensor, value) for value in angle_deg.tolist()]) if pressed else None
+    made = SimulatedSensor(wires, drawn | _gains(circuit), angle_deg, fractions, circuit, forces)
     made.at(made.angle_deg[:1])  # what it needs is loaded here, not while a run waits for it
     return made
+
+
+def _angles(reach_deg: float) -> FloatArray:
+    end = max(BEYOND * reach_deg, 0.1)
+    return np.linspace(-end, end, ANGLES)
+
+
+def _sweep(angle_deg: FloatArray) -> dict[str, float]:
+    low, high = angle_deg[[0, -1]].tolist()
+    return {"motion.from_deg": low, "motion.to_deg": high, "motion.step_deg": (high - low) / (ANGLES - 1)}
+
+
+def _swept_depths(design: Design, file: str, depth_mm: FloatArray) -> Design:
+    """A loaded design whose finger is pushed to depths, whether it drives its depth or its force itself."""
+    motion = design.motion
+    if motion.kind != "loaded" or (drives := driven(design))[0] != "press":
+        what = f"turns ({motion.kind})" if motion.kind != "loaded" else f"drives {motion.drives}"
+        limit = f"{what}, and the stage of the rig presses a finger into the sensor"
+        remedy = 'take a design with motion.kind = "loaded" whose [[press]] is driven, or leave stage.drives out'
+        raise BenchError(file, limit=limit, remedy=remedy)
+    stated = {"drives": f"{drives[1]}.depth_mm", "depths_mm": tuple(depth_mm.tolist()), "forces_N": None}
+    return design.model_copy(update={"motion": motion.model_copy(update=stated)}).in_folder(design.folder)
 
 
 def traced(sensor: Sensor, angle_deg: FloatArray) -> tuple[FloatArray, FloatArray]:

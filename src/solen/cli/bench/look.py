@@ -53,6 +53,8 @@ def _(checked: RigCheck) -> Iterator[str]:
     for name, receivers in checked.sensors.items():
         for side, own in receivers.items():
             yield f"  {name} {side:5} (input {own.input}): {_levels(own, checked.unit)}"
+    if (cell := checked.load_cell) is not None:
+        yield f"  load cell (input {cell.input}): {cell.level_V:.5g} V, noise {1e3 * cell.noise_N:.3g} mN"
     if not checked.faults:
         yield "no problems"
 

@@ -25,8 +25,8 @@ def new(folder: Path, /) -> Outcome[BenchFolder]:
     Parameters
     ----------
     folder
-        Folder for rotation.toml, bending.toml, rig.toml (with a board), rig-daq.toml (with a data acquisition) and
-        sensor.toml.
+        Folder for rotation.toml, bending.toml, rig.toml (with a board), rig-daq.toml (with a data acquisition),
+        sensor.toml, and the same for bending and for a press under a load cell.
     """
     texts = starter_files()
     targets = {name: folder / f"{name}.toml" for name in texts}

@@ -1,0 +1,156 @@
+"""A rig that presses: a stage in mm, a load cell on an input, and what its recordings are good for."""
+
+from pathlib import Path
+
+import h5netcdf
+import numpy as np
+import pytest
+
+from solen.analysis import study
+from solen.bench.check import CheckOptions, check
+from solen.bench.record import RecordOptions, record
+from solen.bench.rig import Rig, load_rig
+from solen.bench.simulated.cell import SimulatedCell
+from solen.bench.simulated.sensors import SimulatedSensor, converter
+from solen.bench.starter import starter_files
+from solen.cli import run_command
+from solen.errors import BenchError
+from solen.readout import circuit_of
+from solen.spec import loads
+
+FILES = starter_files()
+DEPTH_MM = np.linspace(0.0, 0.31, 20)
+DAQ = '[daq]\ndriver = "simulated"\nswitching = "counter"\nrate_hz = 5000.0\ntrim_v = 1.0\n'
+
+
+def pressed_N(depth_mm: np.ndarray) -> np.ndarray:
+    """Force on the finger of the sensor that these tests have in place of a traced one."""
+    return 0.8 * depth_mm + 0.4 * depth_mm**2
+
+
+def made(rig: Rig) -> tuple[SimulatedSensor, ...]:
+    """A sensor whose light and force are stated."""
+    light = np.column_stack([0.2 + 0.35 * DEPTH_MM, 0.2 - 0.3 * DEPTH_MM])
+    circuit = circuit_of(loads(FILES["sensor-press"]), {"right": 12.0, "left": 12.0})
+    circuit = circuit.__class__(**(vars(circuit) | {"adc": converter(rig), "load_ohm": (400.0, 400.0)}))
+    return (SimulatedSensor(rig.sensor[0], {}, DEPTH_MM, light, circuit, pressed_N(DEPTH_MM)),)
+
+
+@pytest.fixture
+def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The shipped press on a sensor that needs no tracing."""
+    monkeypatch.setattr("solen.bench.simulated.instruments.simulated_sensors", lambda rig, *_: made(rig))
+    for name in ("press", "rig-press", "sensor-press"):
+        (tmp_path / f"{name}.toml").write_text(FILES[name], encoding="utf-8")
+    return tmp_path
+
+
+def pressed(folder: Path, **more: str) -> Path:
+    """A recording; ``more`` are texts to replace in the rig's file."""
+    rig = FILES["rig-press"]
+    for old, new in more.items():
+        assert old in rig
+        rig = rig.replace(old, new)
+    (folder / "rig-press.toml").write_text(rig, encoding="utf-8")
+    return record(folder / "press.toml", folder / "rig-press.toml", folder / "out", RecordOptions()).path
+
+
+def columns(path: Path) -> dict[str, np.ndarray]:
+    with h5netcdf.File(path, "r") as file:
+        return {key: variable[...] for key, variable in file.groups["finger"].variables.items()}
+
+
+@pytest.mark.parametrize("sampler", ["board", "daq"])
+def test_depth_and_force_stand_beside_the_voltages(sampler: str, bench: Path) -> None:
+    board = FILES["rig-press"].partition("[board]")[2].partition("[load_cell]")[0]
+    path = pressed(bench, **({} if sampler == "board" else {f"[board]{board}": DAQ}))
+    read = columns(path)
+    assert "angle_deg" not in read
+    assert (read["depth_mm"].min(), read["depth_mm"].max()) == pytest.approx((0.0, 0.3), abs=1e-3)
+    rig = load_rig(bench / "rig-press.toml")
+    assert rig.load_cell is not None
+    cell = SimulatedCell.drawn(rig.load_cell, made(rig)[0], np.random.default_rng([rig.seed, 2]))
+    true = pressed_N(np.maximum(read["depth_mm"], 0.0))
+    share = true / 0.5
+    shown = true * (1.0 + cell.scale) + 4.0 * cell.bow_N * share * (1.0 - share)
+    # but at the corners of ramps, where the depth between two looks at the stage is a curve through them
+    assert np.quantile(np.abs(read["force_N"] - shown), 0.97) < 2e-4
+    assert abs(read["force_N"][read["time_s"] < 1.0].mean()) < 2e-5  # tared
+
+
+def test_a_press_from_a_run_to_decoded_newtons(bench: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    out, known = bench / "out", bench / "out" / "press.finger.calibration.json"
+    run = ["bench", "run", str(bench / "press.toml"), "--rig", str(bench / "rig-press.toml"), "--out", str(out)]
+    assert run_command(run) == 0
+    assert run_command(["bench", "calibrate", str(out / "press.nc")]) == 0
+    assert run_command([*run, "--name", "again"]) == 0
+    capfd.readouterr()
+    table = bench / "out.csv"
+    assert run_command(["bench", "decode", str(known), str(out / "again.nc"), "--out", str(table)]) == 0
+    assert "against the recording's own force" in capfd.readouterr().out
+    rows = np.genfromtxt(table, delimiter=",", names=True, dtype=None, encoding="utf-8")
+    true = pressed_N(np.maximum(columns(out / "again.nc")["depth_mm"], 0.0))
+    assert ((rows["low95_N"] <= true + 2e-5) & (true <= rows["high95_N"] + 2e-5)).mean() > 0.9
+    sensor = study([out / "press.nc"]).sensors["finger"]
+    assert (sensor.stimulus.name, sensor.runs[0].timed) == ("force", (1, 2, 3, 4, 5, 6, 7))
+    assert sensor.timing.separated
+    assert run_command(["bench", "diagnose", str(out / "press.nc")]) == 2
+    assert "calibrate" in capfd.readouterr().err
+
+
+def test_an_overloaded_cell_is_not_to_be_used(bench: Path) -> None:
+    rig = FILES["rig-press"].replace("N_per_V = 0.2", "N_per_V = 0.05")
+    (bench / "rig-press.toml").write_text(rig, encoding="utf-8")
+    run = record(bench / "press.toml", bench / "rig-press.toml", bench / "out", RecordOptions())
+    line = next(one for one in run.warnings if "load cell" in one)
+    assert "no force" in line
+    assert np.isnan(columns(run.path)["force_N"]).any()
+
+
+def test_a_look_at_the_rig_shows_the_cell(bench: Path) -> None:
+    found = check(bench / "rig-press.toml", CheckOptions(seconds=0.5))
+    assert found.load_cell is not None
+    assert found.load_cell.level_V == pytest.approx(0.5, abs=1e-3)
+    assert found.load_cell.noise_N == pytest.approx(0.2 * found.load_cell.noise_V)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("input = 3\n", "", ("load_cell.input", "input = 3")),
+        ("input = 3", "input = 2", ("load_cell.input", "receiver")),
+        ("N_per_V = 0.2", "", ("load_cell", "N_per_V")),
+        ("N_per_V = 0.2", "N_per_V = 0.2\ngain = 2.0", ("load_cell.gain", "N_per_V")),
+        ("capacity_N = 0.5", "", ("capacity_N", "nonlinearity_percent")),
+        ('drives = "depth"', 'drives = "depth"\nlever_mm = 40.0', ("lever_mm", "depth")),
+        ('drives = "depth"', "", ("lever_mm", 'drives = "depth"')),
+        ('model = "M-111.1DG"', "", ("stage.drives", "linear")),
+        ("rate_hz = 200.0", 'rate_hz = 200.0\nunit = "lux"\nper_count = 1.0', ("load_cell", "volts")),
+        (
+            "[spread]",
+            '[[sensor]]\nname = "b"\ndesign = "x"\nemitter = 2\nright = 4\nleft = 5\n[spread]',
+            ("one sensor",),
+        ),
+    ],
+)
+def test_what_a_press_lacks_is_said(old: str, new: str, words: tuple[str, ...], tmp_path: Path) -> None:
+    assert old in FILES["rig-press"]
+    path = tmp_path / "rig.toml"
+    path.write_text(FILES["rig-press"].replace(old, new, 1), encoding="utf-8")
+    with pytest.raises(BenchError) as bad:
+        load_rig(path)
+    assert all(word in str(bad.value) for word in words), str(bad.value)
+
+
+def test_a_design_that_no_finger_presses_is_refused(tmp_path: Path) -> None:
+    for name in ("press", "rig-press"):
+        (tmp_path / f"{name}.toml").write_text(FILES[name], encoding="utf-8")
+    (tmp_path / "sensor-press.toml").write_text(FILES["sensor"], encoding="utf-8")
+    with pytest.raises(BenchError, match=r"sensor-press\.toml.*rotation.*stage\.drives"):
+        record(tmp_path / "press.toml", tmp_path / "rig-press.toml", tmp_path / "out", RecordOptions())
+
+
+def test_a_cell_without_a_zero_needs_a_rest(bench: Path) -> None:
+    (bench / "press.toml").write_text(FILES["press"].replace("rest_s = 1.0", "rest_s = 0.0"), encoding="utf-8")
+    with pytest.raises(BenchError, match=r"rest_s.*zero_V"):
+        record(bench / "press.toml", bench / "rig-press.toml", bench / "out", RecordOptions())
