@@ -1,9 +1,8 @@
 """A fingertip sensor: what a mount makes of it, and from a force to volts and back, as a bench does it.
 
-A soft Y is pressed by a damp finger at the side of its stem. Where the mount holds all of the arms, the stem dents and
-the light stays where it was; where it holds their ends alone, the whole body bends and the light moves from one
-receiver to the other. That one is recorded on the simulated press of `solen bench new`, a stage in mm with a load cell;
-the recording is calibrated, and the first cycle, which the calibration leaves out, decoded to newtons.
+A damp finger presses a soft Y at the side of its stem. Where the mount holds all of the arms, the stem dents and the
+light stays; where it holds their ends, the body bends and the light moves over. That one is recorded on the simulated
+press of `solen bench new`, with a load cell, and calibrated; its first cycle, which is left out, is decoded.
 """
 
 from pathlib import Path
@@ -37,8 +36,8 @@ def recorded() -> Study:
 def held(found: Study, calibrations: SensorCalibrations) -> tuple[float, float, float]:
     """Force of the first cycle's hold, decoded: its median, and its band of 95 %."""
     run = found.sensors["finger"].runs[0]
-    start, stop = run.motion.holds[1]
-    volts = run.signals.volts[start:stop, [run.signals.receivers.index(side) for side in ("left", "right")]]
+    sides = [run.signals.receivers.index(side) for side in ("left", "right")]
+    volts = run.signals.volts[slice(*run.motion.holds[1])][:, sides]
     decoded = Decoder(calibrations.calibrations[0].calibration).decode(volts.mean(axis=0, keepdims=True))
     return float(decoded.angle_deg[0]), float(decoded.low_deg[0, 1]), float(decoded.high_deg[0, 1])
 
@@ -46,15 +45,11 @@ def held(found: Study, calibrations: SensorCalibrations) -> tuple[float, float, 
 def main() -> tuple[dict[str, float], Study, SensorCalibrations, tuple[float, float, float]]:
     """Compare the mounts; record, calibrate and decode the better one."""
     contrasts = {name: contrast(face) for name, face in MOUNTS.items()}
-    for name, value in contrasts.items():
-        print(f"held by {name}: contrast {value:+.3f} at 0.3 N")
+    print(*(f"held by {name}: contrast {value:+.3f} at 0.3 N" for name, value in contrasts.items()), sep="\n")
     found = recorded()
-    finger = found.sensors["finger"]
-    print(f"recorded on a simulated press: {finger.cycles_used} cycles, up to {finger.passes.angle_deg[-1]:.2f} N")
-    for side, response in finger.receivers.items():
-        print(f"  {side}: {response.sensitivity_V_per_deg:+.2f} V/N")
-    calibrations = calibrated_sensors(found)
-    print("\n".join(calibrations.calibrations[0].words))
+    for side, one in found.sensors["finger"].receivers.items():
+        print(f"recorded: {side} {one.sensitivity_V_per_deg:+.2f} V/N")
+    print("\n".join((calibrations := calibrated_sensors(found)).calibrations[0].words))
     force, low, high = held(found, calibrations)
     print(f"pressed by 0.3 mm: {force:.4f} N ({low:.4f} to {high:.4f} N at 95 %, with the load cell's own error)")
     return contrasts, found, calibrations, (force, low, high)

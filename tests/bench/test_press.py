@@ -150,6 +150,76 @@ def test_a_design_that_no_finger_presses_is_refused(tmp_path: Path) -> None:
         record(tmp_path / "press.toml", tmp_path / "rig-press.toml", tmp_path / "out", RecordOptions())
 
 
+FORCES = """
+schema = 1
+name = "forces"
+cycles = 2
+[[step]]
+to_N = 0.1
+velocity_mm_per_s = 0.5
+hold_s = 0.3
+[[step]]
+to_N = 0.2
+velocity_mm_per_s = 0.5
+hold_s = 0.3
+[[step]]
+to_N = 0.1
+velocity_mm_per_s = 0.5
+hold_s = 0.3
+[[step]]
+to_mm = 0.0
+velocity_mm_per_s = 0.5
+hold_s = 0.3
+"""
+DEPTH, TRAVEL = 'drives = "depth"', 'drives = "depth"\ntravel = [-0.1, 0.3]'
+
+
+@pytest.mark.parametrize("sampler", ["board", "daq"])
+def test_a_protocol_may_press_to_forces(sampler: str, bench: Path) -> None:
+    (bench / "press.toml").write_text(FORCES, encoding="utf-8")
+    board = FILES["rig-press"].partition("[board]")[2].partition("[load_cell]")[0]
+    read = columns(pressed(bench, **({DEPTH: TRAVEL} | ({} if sampler == "board" else {f"[board]{board}": DAQ}))))
+    still = np.abs(np.gradient(read["force_N"], read["time_s"])) < 0.02
+    force = read["force_N"][still]
+    # 0.5 mm/s at some 1 N/mm, for two looks of 20 ms and a reading of one period: 25 mN beyond
+    for low, high in ((0.2, 0.226), (0.1, 0.126), (0.074, 0.1)):
+        assert ((force > low) & (force < high)).sum() > 50, (low, high)
+    assert read["depth_mm"].max() < 0.3
+
+
+def test_a_force_that_is_never_read_ends_the_run(bench: Path) -> None:
+    (bench / "press.toml").write_text(FORCES.replace("0.2", "0.4"), encoding="utf-8")
+    with pytest.raises(BenchError, match=r"load cell.*end of travel, 0\.3 mm.*0\.4 N"):
+        pressed(bench, **{DEPTH: TRAVEL})
+    assert (bench / "out" / "press.journal").exists()  # with why it ended
+
+
+@pytest.mark.parametrize(
+    ("rig", "protocol", "words"),
+    [
+        ((DEPTH, DEPTH), ("", ""), ("to_N", "travel")),
+        ((DEPTH, TRAVEL), ("to_N = 0.2", "to_N = 0.6"), ("0.6", "capacity")),
+        ((DEPTH, TRAVEL), ("to_mm = 0.0\n", "to_N = 0.1\n"), ("last step", "to_mm")),
+        ((DEPTH, TRAVEL), ("to_N = 0.2", "to_N = 0.2\nto_mm = 0.1"), ("to_N", "to_mm")),
+        ((DEPTH, TRAVEL), ("to_N = 0.2", "to_N = 0.0"), ("to_N", "than 0")),
+    ],
+)
+def test_what_a_step_to_a_force_needs(
+    rig: tuple[str, str], protocol: tuple[str, str], words: tuple[str, ...], bench: Path
+) -> None:
+    (bench / "press.toml").write_text(FORCES.replace(*protocol), encoding="utf-8")
+    with pytest.raises(BenchError) as bad:
+        pressed(bench, **{rig[0]: rig[1]})
+    assert all(word in str(bad.value) for word in words), str(bad.value)
+
+
+def test_forces_need_a_load_cell(bench: Path) -> None:
+    (bench / "press.toml").write_text(FORCES, encoding="utf-8")
+    cell = FILES["rig-press"].partition("[load_cell]")[2].partition("[[sensor]]")[0]
+    with pytest.raises(BenchError, match=r"to_N.*\[load_cell\]"):
+        pressed(bench, **{f"[load_cell]{cell}": ""})
+
+
 def test_a_cell_without_a_zero_needs_a_rest(bench: Path) -> None:
     (bench / "press.toml").write_text(FILES["press"].replace("rest_s = 1.0", "rest_s = 0.0"), encoding="utf-8")
     with pytest.raises(BenchError, match=r"rest_s.*zero_V"):

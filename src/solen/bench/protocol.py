@@ -2,11 +2,12 @@
 
 The idea: a protocol is a list of steps, each a place to go to, how fast, and how long to stay, done over and over. A
 step in degrees is for a rotation stage, one in mm for a linear stage; which of them moves, and what it moves, is for
-the rig to say.
+the rig to say. A step to a force moves a linear stage until a load cell reads it.
 
 The interface: `Protocol` and `Step`; `load_protocol` of a file.
 """
 
+import math
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal, Self
 
@@ -29,16 +30,20 @@ class Step(BenchTable):
 
     to_deg: Annotated[Number, Field(ge=-360, le=360)] | None = Field(None, description="Where to turn to, in degrees.")
     to_mm: Annotated[Number, Field(ge=-1000, le=1000)] | None = Field(None, description="Where to shift to, in mm.")
+    to_N: Positive | None = Field(None, description="What force to press to, in N, by the rig's load cell.")
     velocity_deg_per_s: Positive | None = Field(None, description="How fast, in degrees per second.")
     velocity_mm_per_s: Positive | None = Field(None, description="How fast, in mm per second.")
     hold_s: NotNegative = Field(0.0, description="How long to stay there, in s.")
 
     @model_validator(mode="after")
     def _one_unit(self) -> Self:
-        units = (self.to_deg, self.velocity_deg_per_s), (self.to_mm, self.velocity_mm_per_s)
+        if self.to_mm is not None and self.to_N is not None:
+            raise refused("to_N", "has no use beside to_mm", value=self.to_N, remedy="leave one of them out")
+        place = self.to_N if self.to_mm is None else self.to_mm
+        units = (self.to_deg, self.velocity_deg_per_s), (place, self.velocity_mm_per_s)
         stated = sorted([value is not None for value in unit] for unit in units)
         if stated != [[False, False], [True, True]]:
-            remedy = "give to_deg with velocity_deg_per_s, or to_mm with velocity_mm_per_s"
+            remedy = "give to_deg with velocity_deg_per_s, or to_mm or to_N with velocity_mm_per_s"
             raise refused("", "must say where to and how fast, in one unit", remedy=remedy)
         return self
 
@@ -49,8 +54,8 @@ class Step(BenchTable):
 
     @property
     def target(self) -> float:
-        """Where to, in its unit."""
-        return self.to_mm or self.to_deg or 0.0
+        """Where to, in its unit; NaN of a step to a force, whose place is found."""
+        return math.nan if self.to_N is not None else self.to_mm or self.to_deg or 0.0
 
     @property
     def velocity(self) -> float:
@@ -82,6 +87,9 @@ class Protocol(BenchTable):
 
     @model_validator(mode="after")
     def _alike(self) -> Self:
+        if self.step[-1].to_N is not None:
+            limit = "of the last step is not where a cycle can begin"
+            raise refused("step", limit, value=self.step[-1].to_N, remedy="end with a step to_mm, as back to 0")
         if len({step.unit for step in self.step}) > 1:
             raise refused("step", "must all be in deg, or all in mm")
         if self.slow_share is not None and self.slow_cycles == 0:
@@ -99,7 +107,12 @@ class Protocol(BenchTable):
     @property
     def reach(self) -> float:
         """Farthest that it goes from zero, in its unit."""
-        return max(abs(step.target) for step in self.step)
+        return max(abs(step.target) for step in self.step if step.to_N is None)
+
+    @property
+    def forces_N(self) -> tuple[float, ...]:
+        """Forces that it presses to."""
+        return tuple(step.to_N for step in self.step if step.to_N is not None)
 
     @property
     def all_cycles(self) -> int:
@@ -119,7 +132,7 @@ class Protocol(BenchTable):
     def shortest_s(self) -> float:
         """How long it takes with a stage that is at its velocity at once."""
         here, way_s = self.step[-1].target, 0.0
-        for step in self.step:
+        for step in (one for one in self.step if one.to_N is None):
             way_s += abs(step.target - here) / step.velocity
             here = step.target
         holds_s = self.all_cycles * sum(step.hold_s for step in self.step)

@@ -121,7 +121,9 @@ def record(
             _instruments(rig, protocol, rig_file.parent, clock, noise, report) as (stage, sampler, drawn),
         ):
             make_known(stage, rig.stage.home, rig.stage.zero, confirm, resumed=before is not None)
-            on = Instruments(stage, sampler, clock, _read_every_s(protocol, simulated_time), rig.stage.travel)
+            on = Instruments(
+                stage, sampler, clock, _read_every_s(protocol, simulated_time), rig.stage.travel, rig.load_cell
+            )
             if journal is None:
                 header = _header(protocol, rig, rig_file.parent, simulated_time)
                 journal = begin(path, on, header | drawn)
@@ -206,17 +208,37 @@ def _check_compatible(protocol: Protocol, rig: Rig, protocol_file: Path, rig_fil
     if rig.stage.travel is not None:
         low, high = rig.stage.travel
         for number, step in enumerate(protocol.step):
-            if not low <= step.target <= high:
+            if step.to_N is None and not low <= step.target <= high:
                 limit = f"is beyond the travel of {rig_file}, {low:g} to {high:g} {unit}"
                 raise BenchError(f"{protocol_file}: step[{number}]", value=step.target, limit=limit)
-    if rig.stage.driver in DRIVERS and DRIVERS[rig.stage.driver].stops:
+    stops = rig.stage.driver in DRIVERS and DRIVERS[rig.stage.driver].stops
+    if stops:
         _check_stops(protocol, protocol_file)
+    if protocol.forces_N:
+        _check_forces(max(protocol.forces_N), rig, f"{protocol_file}: to_N", stops=stops)
     if rig.load_cell is not None and rig.load_cell.zero_V is None and protocol.rest_s == 0.0:
         limit = "is 0: the load cell's voltage without load is that of the rest before the first cycle"
         remedy = "give it 0.5 s, or state load_cell.zero_V"
         raise BenchError(f"{protocol_file}: rest_s", value=0.0, limit=limit, remedy=remedy)
     if rig.simulated and {rig.stage.driver, rig.sampler.driver} != {"simulated"}:
         raise BenchError(str(rig_file), limit="has one real and one simulated instrument", remedy="make both one kind")
+
+
+def _check_forces(most_N: float, rig: Rig, what: str, *, stops: bool) -> None:
+    """Refuse steps to a force that the rig cannot make, or could not end."""
+    cell, limit, remedy = rig.load_cell, "", ""
+    if cell is None:
+        limit, remedy = "needs a load cell", "add [load_cell] to the rig, or press to_mm"
+    elif rig.stage.drives != "depth":
+        limit, remedy = "needs a stage that presses", 'state drives = "depth" of the stage'
+    elif rig.stage.travel is None:
+        limit, remedy = "needs an end: how deep the stage may go to find it", "add travel = [-1.0, 1.0] to [stage]"
+    elif stops:
+        limit, remedy = f"needs a stage that knows its place on the way; {rig.stage.driver} does not", "press to_mm"
+    elif cell.capacity_N is not None and most_N > cell.capacity_N:
+        limit, remedy = f"is beyond the load cell's capacity, {cell.capacity_N:g} N", "press less"
+    if limit:
+        raise BenchError(what, value=most_N, limit=limit, remedy=remedy)
 
 
 def _check_stops(protocol: Protocol, protocol_file: Path) -> None:

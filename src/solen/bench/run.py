@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from solen.analysis.load_cell import LoadCell
 from solen.bench.clock import Clock
 from solen.bench.interrupts import Ended, uninterrupted
 from solen.bench.journal import Journal
@@ -53,6 +54,8 @@ class Instruments:
         Interval of reading the board: the data that a kill may lose.
     travel
         Lowest and highest allowed position of the stage; None for its own limits only.
+    cell
+        What reads the force on the sensor, for steps to a force.
     """
 
     stage: Stage
@@ -60,6 +63,7 @@ class Instruments:
     clock: Clock
     read_every_s: float = 0.1
     travel: tuple[float, float] | None = None
+    cell: LoadCell | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,6 +163,8 @@ class _Runner:
     _looks: list[tuple[int, float, float, float]] = field(default_factory=list)
     _last_two: list[tuple[float, float]] = field(default_factory=list)
     _compared_s: float = -math.inf
+    _cell_V: list[float] = field(default_factory=list)
+    _zero_V: float = math.nan
 
     def __post_init__(self) -> None:
         self._sampling = sampling_of(self.on.board)
@@ -178,13 +184,16 @@ class _Runner:
         self._cycle = self.done + 1
         self._go(self.protocol.step[-1])  # to where a cycle begins
         self.journal.event(self.now_s, "at rest")
+        self._cell_V.clear()
         self._stay(self.protocol.rest_s)
+        self._tare()
         for cycle in range(self.done + 1, self.protocol.all_cycles + 1):
             self._cycle = cycle
             self.journal.event(self.now_s, "cycle", number=cycle)
             for number, step in enumerate(self.protocol.steps_of(cycle), 1):
-                self.journal.event(self.now_s, "step", number=number, target=step.target)
-                self._go(step)
+                aim = {"target": step.target} if step.to_N is None else {"to_N": step.to_N}
+                self.journal.event(self.now_s, "step", number=number, **aim)
+                self._go(step) if step.to_N is None else self._press(step, step.to_N)
                 self.journal.event(self.now_s, "arrived", number=number)
                 self._stay(step.hold_s)
             self._read()
@@ -210,7 +219,7 @@ class _Runner:
     def _go(self, step: Step) -> None:
         """Move and wait for arrival; while moving, only the position is queried."""
         start = self._look()
-        self._check_travel(step, start)
+        self._check_travel(step, start, step.target)
         shortest_s = abs(step.target - start) / step.velocity if math.isfinite(start) else 0.0
         patience_s = getattr(self.on.stage, "patience_s", ARRIVE_S)
         self.on.stage.begin_move(step.target, step.velocity)
@@ -221,13 +230,50 @@ class _Runner:
                 raise BenchError(self.on.stage.name, limit=limit, remedy="is it free to move?")
             self._tick(self.now_s + 1.0)
 
-    def _check_travel(self, step: Step, start: float) -> None:
+    def _tare(self) -> None:
+        """Take the load cell's zero from the rest that has just been, unless it is stated."""
+        self._read()
+        if self.on.cell is not None:
+            resting = float(np.mean(self._cell_V)) if self._cell_V else math.nan
+            self._zero_V = resting if self.on.cell.zero_V is None else self.on.cell.zero_V
+
+    def _press(self, step: Step, to_N: float) -> None:
+        """Move until the load cell reads a force, deeper or back, and stop there.
+
+        It goes on by its velocity times what a look and a reading take; the place where it then stands is not sought.
+        """
+        low, high = self.on.travel or (math.nan, math.nan)  # a protocol with such steps needs both
+        begun = self._look()
+        deeper = self._force_N() < to_N
+        end = high if deeper else low
+        self._check_travel(step, begun, end)
+        self.on.stage.begin_move(end, step.velocity)
+        while (self._force_N() < to_N) == deeper:
+            if self.on.stage.on_target():
+                limit = (
+                    f"reads {self._force_N():.3g} N at the end of travel, {end:g} {step.unit}, and {to_N:g} N is asked"
+                )
+                raise BenchError(
+                    self.on.cell.name if self.on.cell else "load cell", limit=limit, remedy="is it in touch?"
+                )
+            self._tick(self.now_s + 1.0)
+            self._read()
+        self.on.stage.stop()
+        self._look()
+
+    def _force_N(self) -> float:
+        """Force by the newest reading; `BenchError` without one."""
+        if self.on.cell is None or not (self._cell_V and math.isfinite(self._zero_V)):
+            raise BenchError("load cell", limit="has no reading to press by", remedy="check its input")
+        return self.on.cell.sensitivity_N_per_V * (self._cell_V[-1] - self._zero_V)
+
+    def _check_travel(self, step: Step, start: float, target: float) -> None:
         """Refuse a way that is not within the rig's travel from end to end."""
         if self.on.travel is None:
             return
         low, high = self.on.travel
         slack = OVERSHOOT * (high - low)
-        for what, position in (("stands at", start), ("is sent to", step.target)):
+        for what, position in (("stands at", start), ("is sent to", target)):
             if position < low - slack or position > high + slack:
                 limit = f"{what} {position:g} {step.unit}, and travel in the rig is {low:g} to {high:g}"
                 raise BenchError(self.on.stage.name, limit=limit, remedy="move it back by hand, or widen travel")
@@ -299,6 +345,10 @@ class _Runner:
             return
         self._heard_s, self._last = self.now_s, taken.last
         taken.rows["part"] = self.part
+        if self.on.cell is not None and self.on.cell.input is not None:
+            if math.isfinite(self._zero_V):
+                self._cell_V.clear()  # the newest is enough
+            self._cell_V.append(self._sampling.level_V(taken.rows, self.on.cell.input - 1))
         self.journal.rows(self._sampling.stream, taken.rows)
         came = np.array([(self.part, self.now_s, *taken.came)], self.journal.dtype("came"))
         self.journal.rows("came", came)

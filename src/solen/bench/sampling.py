@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from solen.bench.daq import volts_of
 from solen.bench.journal_content import Rows
 from solen.bench.roles import Daq, EmitterBoard, KeepsTime, Meter, Sampler
 
@@ -92,6 +93,10 @@ class BoardSampling:
             return Taken(rows, (), None)
         return Taken(rows, (int(periods.number[-1]),), periods.counts[-1])
 
+    def level_V(self, rows: Rows, place: int) -> float:
+        """Mean of an input over its newest period, on and off, in V."""
+        return float(rows["counts"][-1][..., place].mean() * self._board.volts_per_count)
+
 
 class DaqSampling:
     """Frames of a data acquisition's samples."""
@@ -156,6 +161,10 @@ class DaqSampling:
         last = np.maximum(ends, 0).astype(np.uint16)[None, :, : self._daq.setup.inputs]
         return Taken(rows, (samples.stretch, samples.first + len(samples.counts)), last, samples.remarks)
 
+    def level_V(self, rows: Rows, place: int) -> float:
+        """Mean of an input over its newest frame, in V."""
+        return float(volts_of(rows["counts"][-1], self._daq.coefficients)[:, place].mean())
+
 
 class MeterSampling:
     """Readings of a meter."""
@@ -200,6 +209,10 @@ class MeterSampling:
         self._number += len(readings)
         nothing = np.zeros((1, 2, self._meter.inputs), np.uint16) if readings else None
         return Taken(rows, (self._number,), nothing)
+
+    def level_V(self, rows: Rows, place: int) -> float:
+        """Newest reading of an input, the mean of on and off where both are known."""
+        return float(np.nanmean([rows["on"][-1, place], rows["off"][-1, place]]))
 
 
 def sampling_of(instrument: Sampler) -> BoardSampling | DaqSampling | MeterSampling:

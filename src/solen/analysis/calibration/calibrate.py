@@ -21,7 +21,7 @@ from solen.errors import DataError, SpecError
 from solen.files import check_name
 from solen.ranks import Caution, do_not_use, look_at, note, of
 from solen.recording import Provenance
-from solen.recording.stimulus import FORCE, Stimulus
+from solen.recording.stimulus import ANGLE, FORCE, Stimulus
 from solen.results import HIDDEN, Result, plain
 
 POOL = "pooled"
@@ -83,7 +83,8 @@ def calibrated_sensors(study: Study, options: CalibrationOptions | None = None) 
     """
     options = options or CalibrationOptions()
     sensors, warnings = _chosen(study, options)
-    trainings = [training_of(one) for one in sensors]
+    whole = study.stimulus is not ANGLE and not options.pool
+    trainings = [training_of(one, whole=whole) for one in sensors]
     ones = [calibrated(one) for one in trainings]
     if options.pool:
         checks = [leave_one_sensor_out(trainings, ones)]

@@ -9,12 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from solen.analysis.motion import Motion
-from solen.analysis.response import DIRECTIONS
+from solen.analysis.response import DIRECTIONS, Passes, common_range, passes
 from solen.analysis.sensor_response import Run, SensorResponse
 from solen.arrays import BoolArray, FloatArray, IndexArray
 from solen.errors import DataError
 from solen.recording.column_roles import left_right
 
+_NEAR = 0.25  # of a step, that a grid may miss at its ends
 LEAST_CYCLES = 2
 """A single cycle does not show how well cycles repeat."""
 
@@ -96,8 +97,11 @@ def mean_curves(cycles_V: FloatArray) -> FloatArray:
     return np.asarray(np.where(np.isfinite(mean), mean, other))
 
 
-def training_of(sensor: SensorResponse) -> Training:
+def training_of(sensor: SensorResponse, *, whole: bool = False) -> Training:
     """Sweep directions and samples of an analysed sensor.
+
+    ``whole`` takes its range up to the ends of the motion, which a grid of round numbers may not reach: with a grid of
+    its own it cannot be pooled.
 
     Raises
     ------
@@ -115,14 +119,34 @@ def training_of(sensor: SensorResponse) -> Training:
         raise DataError(
             f"sensor {sensor.label}", limit=limit, remedy="record more, or use the first one, too: --drop 0"
         )
-    volts = sensor.passes.volts[..., list(sides)]
+    ways = _to_the_ends(sensor) if whole else sensor.passes
+    volts = ways.volts[..., list(sides)]
     first, last = _stretch(np.asarray(np.isfinite(mean_curves(volts)).all(axis=(0, 2))))
     if last - first < len(DIRECTIONS) + 3:
         limit = "has no stretch of angles at which both receivers have readings"
         raise DataError(f"sensor {sensor.label}", limit=limit, remedy="look at it with solen bench analyse --figure")
-    angle = sensor.passes.angle_deg[first:last]
+    angle = ways.angle_deg[first:last]
     samples, rails = _samples(sensor, sides, (float(angle[0]), float(angle[-1])))
     return Training(sensor.label, angle, volts[:, :, first:last], samples, rails)
+
+
+def _to_the_ends(sensor: SensorResponse) -> Passes:
+    """Ways on a grid from end to end of what all of them reach, where that of the analysis misses some of it."""
+    grid = sensor.passes.angle_deg
+    near = _NEAR * (grid[1] - grid[0])
+    ranges = [common_range(run.signals.angle_deg, run.motion, run.used) for run in sensor.runs]
+    low, high = max(low for low, _ in ranges), min(high for _, high in ranges)
+    first, last = (
+        (float(grid[0]) if grid[0] - low < near else low),
+        (float(grid[-1]) if high - grid[-1] < near else high),
+    )
+    if (first, last) == (grid[0], grid[-1]):
+        return sensor.passes
+    own = np.linspace(first, last, grid.size)
+    parts = [
+        passes(run.signals.angle_deg, run.signals.volts, run.motion, run.used, own, run.clipped) for run in sensor.runs
+    ]
+    return Passes.joined(parts)
 
 
 def _stretch(good: BoolArray) -> tuple[int, int]:

@@ -47,7 +47,9 @@ def simulated_instruments(
         If a design cannot be read, built, or vary as the rig states.
     """
     of_run = {"zero": rig.stage.zero, "lever_mm": rig.stage.lever_mm, "drives": rig.stage.drives}
-    targets = np.array([step.target for step in protocol.step])
+    targets = np.array([step.target for step in protocol.step if step.to_N is None])
+    if protocol.forces_N and rig.stage.travel is not None:
+        targets = np.append(targets, rig.stage.travel[1])
     if rig.stage.drives == "angle":
         targets = np.array([-protocol.reach, protocol.reach]) + rig.stage.zero
     reach_deg = float(np.abs(driven_values(targets, of_run)).max())
