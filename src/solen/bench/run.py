@@ -232,10 +232,11 @@ class _Runner:
 
     def _tare(self) -> None:
         """Take the load cell's zero from the rest that has just been, unless it is stated."""
+        if self.on.cell is None:
+            return
         self._read()
-        if self.on.cell is not None:
-            resting = float(np.mean(self._cell_V)) if self._cell_V else math.nan
-            self._zero_V = resting if self.on.cell.zero_V is None else self.on.cell.zero_V
+        resting = float(np.mean(self._cell_V)) if self._cell_V else math.nan
+        self._zero_V = resting if self.on.cell.zero_V is None else self.on.cell.zero_V
 
     def _press(self, step: Step, to_N: float) -> None:
         """Move until the load cell reads a force, deeper or back, and stop there.
