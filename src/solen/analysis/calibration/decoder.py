@@ -24,7 +24,6 @@ from solen.analysis.calibration.estimate import Calibration, at_angles
 from solen.arrays import BoolArray, FloatArray, IndexArray
 
 LEVELS = (0.68, 0.95)
-_OF_NORMAL = np.array([1.0, 1.96])  # standard deviations of a normal variable that hold these shares
 OUTSIDE = 1e-3
 """A reading that would be so rare on the curve lies outside of it."""
 _DROP = 8.0  # of the log-likelihood, below its largest, that still counts
@@ -129,7 +128,7 @@ class Decoder:
     """
 
     def __init__(self, calibration: Calibration, *, gain_percent: float = 0.0, dark_V: float = 0.0) -> None:
-        self.calibration = calibration
+        self.calibration = calibration = calibration.widened()
         total, freedom = calibration.law()
         if gain_percent:
             light = calibration.curves_V.mean(axis=0) - dark_V
@@ -144,8 +143,6 @@ class Decoder:
         self._limit = 2.0 * np.asarray(f_distribution.isf(OUTSIDE, 2, np.minimum(self._freedom, 1e6)))
         self._metrics: dict[tuple[bool, bool], _Metric] = {}
         self._noise_deg = self._reading_noise(calibration)
-        # where a load cell is off, so is the end of the range that it stated: a band that reaches it goes beyond
-        self._beyond_deg = calibration.u_shared_deg[[0, -1], None] * _OF_NORMAL
 
     @property
     def pieces(self) -> int:
@@ -328,19 +325,18 @@ class Decoder:
         others = np.flatnonzero((share >= _COUNTS) & ~np.isin(np.arange(row.size), main))
         ends = self.range_deg
         near = 0.51 * (high - low)[main] / _POINTS
-        at_low, at_high = lowest[main] <= ends[0] + near[:, None], upmost[main] >= ends[1] - near[:, None]
-        lows, highs = lowest[main] - at_low * self._beyond_deg[0], upmost[main] + at_high * self._beyond_deg[1]
+        at_end = (lowest[main, 1] <= ends[0] + near) | (upmost[main, 1] >= ends[1] - near)
         return Decoded(
             angle_deg=median[main],
-            low_deg=lows,
-            high_deg=highs,
+            low_deg=lowest[main],
+            high_deg=upmost[main],
             probability=share[main],
             right=np.clip(np.bincount(row, share * right, len(volts)), 0.0, 1.0),
             distance=distance,
             outside=distance > limit,
             ambiguous=share[main] < 1.0 - _SURE,
             clipped=np.full(len(volts), any(marks)),
-            at_end=at_low[:, 1] | at_high[:, 1],
+            at_end=at_end,
             other=row[others].astype(np.intp),
             other_deg=np.column_stack([lowest[others, 1], upmost[others, 1]]),
             other_probability=share[others],

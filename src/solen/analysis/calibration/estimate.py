@@ -11,7 +11,7 @@ The interface: `calibrated` of a `Training` gives a `Calibration`, `pooled` one 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -28,6 +28,7 @@ _FLOOR = 1e-9  # of the squared range: no reading is better known
 _ENDLESS = 1e9
 _LEAST_FREEDOM = 2.0
 _LEAST_SHARE = 1e-6
+_OUT = 3.0  # standard uncertainties of what a range's end was read by
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +81,22 @@ class Calibration:
         slope = self._slope
         variance = self.u_shared_deg[:, None, None] ** 2
         return np.asarray(variance * slope[:, :, None] * slope[:, None, :])
+
+    def widened(self) -> "Calibration":
+        """It with ends as far out as what stated them may be off, along straight lines; itself where that is exact."""
+        u = self.u_shared_deg[[0, -1]]
+        ends = [end for end, off in zip((0, -1), u, strict=True) if off > 0.0]
+        if not ends:
+            return self
+        places = np.arange(self.angle_deg.size)
+        order = np.concatenate([[0] * (0 in ends), places, [-1] * (-1 in ends)]).astype(int)
+        angle, curves = self.angle_deg[order].copy(), self.curves_V[:, order].copy()
+        for end in ends:
+            beyond = _OUT * u[end] * (1.0 if end else -1.0)
+            curves[:, end] += beyond * self._slope[end]
+            angle[end] += beyond
+        rows = {name: getattr(self, name)[order] for name in ("noise", "repeat", "between", "samples")}
+        return replace(self, angle_deg=angle, curves_V=curves, **rows)
 
     @property
     def _slope(self) -> FloatArray:
