@@ -41,15 +41,23 @@ def values(draw: np.random.Generator) -> dict[str, Any]:
     return chosen
 
 
-def scene_of(number: int) -> Scene:
-    """The first design of a number that can be built, at a random angle."""
+def design_of(number: int) -> tuple[Sensor, float]:
+    """The first design of a number that can be built, and a random angle."""
     draw = np.random.default_rng((20_261, number))
     while True:
         chosen, angle_deg = values(draw), float(draw.uniform(-3.0, 3.0))
         try:
-            return Sensor.of(with_values(loads(template()), chosen)).scene(angle_deg)
+            sensor = Sensor.of(with_values(loads(template()), chosen))
+            sensor.scene(angle_deg)
+            return sensor, angle_deg
         except SolenError:
             continue
+
+
+def scene_of(number: int) -> Scene:
+    """Its scene."""
+    sensor, angle_deg = design_of(number)
+    return sensor.scene(angle_deg)
 
 
 def ratios(number: int, samples: int) -> tuple[list[float], float]:

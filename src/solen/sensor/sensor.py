@@ -38,6 +38,8 @@ SAMPLED_TOLERANCE, MOST_SAMPLED = 2e-4, 2**19
 """Required standard error of sampled light (in space, scattered), and the largest number of samples."""
 OF_SHAPES: dict[str, Any] = {f"lens.{key}": None for key, *_ in KEYS_OF_SHAPES}
 """Keys that lenses of another shape do not have, as `solen.spec.with_values` takes them away."""
+AROUND_ZERO, LEAST_STEP_MM = ("emitter.offset_mm", "emitter.y_mm"), 0.003
+"""Numbers that are about 0, and the least step by which their derivatives are taken."""
 RECENT_SCENES = 64
 """Number of scenes that a sensor caches."""
 BUILDING = RLock()
@@ -253,14 +255,16 @@ class Sensor:
             other = Sensor.of(with_values(self.design, kept | {key: value}))
             return (replace(other, cut=self.cut) if self.is_measured else other).scene(angle_deg)  # it is as it is
 
-        wide = self.is_loaded or self._is_knot_of_smooth_light(key, angle_deg)
+        wide = self.is_loaded or (key.startswith("lens.knots_um") and self._has_smooth_light(angle_deg))
         step = 0.5 * tolerance_of(self, key)[0] if wide else None  # well above the noise of a mesh, of an integral
+        if key in AROUND_ZERO and self._has_smooth_light(angle_deg):
+            step = max(LEAST_STEP_MM, 0.01 * abs(value))
         return derivative(scene_at, value, mode=mode, step=step)
 
-    def _is_knot_of_smooth_light(self, key: str, angle_deg: float) -> bool:
-        """Whether a number is a lens's knot, which may be 0, and light comes from more than a point in the plane."""
+    def _has_smooth_light(self, angle_deg: float) -> bool:
+        """Whether light comes from more than a point in the plane: a number that may be 0 is no measure of a step."""
         scene = self.scene(angle_deg)
-        return key.startswith("lens.knots_um") and (is_extended(scene) or scene.extrusion is not None)
+        return is_extended(scene) or scene.extrusion is not None
 
     def sensitivity(
         self, keys: Sequence[str] | None = None, angle_deg: float = 0.0, progress: Progress | None = None

@@ -142,15 +142,19 @@ def divided(
     return cells, u
 
 
-def refined(over: Over, first: Sequence[Cell]) -> Iterator[tuple[Cells, float]]:
-    """Cells and the error of their sum, the cell of the largest error halved each time."""
+def refined(over: Over, first: Sequence[Cell], caution: float = CAUTION) -> Iterator[tuple[Cells, float]]:
+    """Cells and the error of their sum, the cell of the largest error halved each time.
+
+    ``caution`` is the factor on the error learned from halving.
+    """
     ratios, many, cells = LEARNED * PRIOR_RATIO**2, LEARNED, Cells(first)
     while True:
-        yield cells, cells.u(CAUTION * math.sqrt(ratios / many))
+        yield cells, cells.u(caution * math.sqrt(ratios / many))
         cell = cells.worst()
         halves = over(halved(cell.bounds, 0 if cell.errors[0] > cell.errors[1] else 1))
         change = _most(cell.value - halves[0].value - halves[1].value)
-        ratios, many = ratios + (change / cell.error) ** 2, many + 1.0
+        if cell.error > 0.0:
+            ratios, many = ratios + (change / cell.error) ** 2, many + 1.0
         q, t = (LEAST_SHARE * error for error in cell.errors)
         if cell.errors[0] > cell.errors[1]:
             q = max(q, CHANGE_SHARE * change)

@@ -9,14 +9,15 @@ in which what the quadrature leaves out cancels. Two steps, one half the other, 
 far they are apart bounds the error.
 
 What a source with a size gives is smooth where that of its points is not, so that plain differences of its integral
-serve: over larger steps, and to the error of the integral over the step. In space both ends of a difference are
-integrated over the same cells, and the cells are halved by what the rules find of the difference. Light through a lens
-whose walls are not upright is sampled instead: both ends of a difference with the same samples, several times.
+serve: over larger steps, and to the error of the integral over the step. In space neighbouring scenes are integrated
+over the same cells (`solen.trace.slopes`). Light through a lens whose walls are not upright, and light that is trapped
+in space, is sampled instead: both ends of a difference with the same samples, several times.
 """
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,21 +31,20 @@ from solen.trace.cone import Parts
 from solen.trace.engine import trace
 from solen.trace.nets import with_rays
 from solen.trace.result import Limits, Mode, Trace
+from solen.trace.slopes import OFFSETS, slopes
 from solen.trace.space import LightInSpace
 
 TOLERANCE, EXTENDED_TOLERANCE, SPACE_TOLERANCE = 1e-9, 1e-6, 1e-4
-RELATIVE_STEP, EXTENDED_STEP, SPACE_STEP, POINT_STEP_IN_SPACE = 2e-4, 1e-2, 5e-3, 1e-3
+RELATIVE_STEP, EXTENDED_STEP, CHIP_STEP = 2e-4, 1e-2, 2e-2
 MOST_HALVINGS = 6
-MOST_LEGS, SPACE_LEGS = 400_000, 20_000_000
+MOST_LEGS, SPACE_LEGS = 400_000, 15_000_000
 SEEDS, SAMPLES, MOST_DOUBLINGS = 8, 2**15, 4
 """Independent differences of sampled light, the rays of each end of one, and how often a step is doubled at most."""
+TRAPPED_SAMPLES, TRAPPED_SHARE, TRAPPED_WEIGHT = 2**17, 1e-3, 3e-3
+"""Of light that is trapped: most rays of each end, the share of the largest slope that its error may be, and the weight
+of what is not followed."""
 CAUTION = 1.25
 """Factor on their standard error: it is of few differences, and the step with the smallest one is taken."""
-TRAPPED_TOLERANCE = 3e-4
-"""Of integrals of light that is trapped: they are sampled in part, and dear."""
-WIDENING, MOST_WIDENINGS, CHANGE, PILOT = 2.0, 5, 0.04, 1e-3
-"""Of steps over which trapped light is compared: factor, how many times at most, the change of a power that is wanted,
-and the tolerance of what looks for it."""
 ROUGH = 1e-2
 """Tolerance that light in space reaches at once, unless it is trapped."""
 
@@ -87,13 +87,12 @@ def derivative(
     value
         Where the derivative is taken.
     step
-        Largest change of the parameter; by default 2e-4 of ``value`` or, at 0, 2e-4; for sources with a size or several
-        colours 1e-2, in space 5e-3, and for a point there 1e-3. Where light is trapped in space it is widened until
-        powers change by some hundredths. For a point source in the plane it is halved, up to six times, where the
-        light's ways change within it.
+        Largest change of the parameter; by default 1e-2 of ``value`` or, at 0, 1e-2; of a chip in space 2e-2, of a
+        point in the plane 2e-4. There it is halved, up to six times, where the light's ways change within it. Of
+        sampled light it is doubled, up to four times, while that lessens the error.
     mode, tolerance, limits
-        As in `solen.trace.integrate`, for the integral at ``value``; by default a tolerance of 1e-9, of 1e-6 for
-        sources with a size or several colours, and in space of 1e-4, or 3e-4 where light is trapped.
+        As in `solen.trace.integrate`, for integrals in the plane; by default a tolerance of 1e-9, and of 1e-6 for
+        sources with a size or several colours.
 
     Returns
     -------
@@ -108,24 +107,23 @@ def derivative(
     check_numbers("parameter", value)
     scene = scene_at(value)
     point = not is_extended(scene) and scene.extrusion is None
-    given = step is not None
     if step is None:
-        cylinder = scene.extrusion is not None and scene.front is None
-        small = POINT_STEP_IN_SPACE if not is_extended(scene) else SPACE_STEP if cylinder else EXTENDED_STEP
-        step = (RELATIVE_STEP if point else small) * (abs(value) or 1.0)
+        chip = is_extended(scene) and scene.extrusion is not None and scene.front is None
+        step = (RELATIVE_STEP if point else CHIP_STEP if chip else EXTENDED_STEP) * (abs(value) or 1.0)
     check_range("step", step, above=0.0)
-    trapped = TRAPPED_TOLERANCE if tolerance is None else tolerance
-    if tolerance is None:
-        tolerance = TOLERANCE if point else EXTENDED_TOLERANCE if scene.extrusion is None else SPACE_TOLERANCE
     if scene.front is not None:
         return _of_samples(scene_at, value, step, mode, limits)
-    limits = limits or Limits(min_weight=LEAST_SHARE * tolerance)
+    in_space = scene.extrusion is not None
+    if tolerance is None:
+        tolerance = TOLERANCE if point else SPACE_TOLERANCE if in_space else EXTENDED_TOLERANCE
+    exact = limits or Limits(min_weight=LEAST_SHARE * tolerance)
 
     def at(value: float) -> Lights:
-        return Lights.of(scene_at(value), mode, limits)
+        return Lights.of(scene_at(value), mode, exact)
 
-    if scene.extrusion is not None:
-        return _in_space(at, value, step, trapped, given)
+    if in_space:
+        rest = limits or Limits(min_weight=TRAPPED_WEIGHT)
+        return _in_space(at, value, step) or _of_samples(scene_at, value, step, mode, rest, TRAPPED_SAMPLES)
     return _of_a_point(at, value, step, tolerance) if point else _of_integrals(at, value, step, tolerance)
 
 
@@ -177,78 +175,82 @@ def _of_integrals(at: At, value: float, step: float, tolerance: float) -> Deriva
     return Derivative(_slopes(tuple(low.detectors), differences[0], differences[1], u), step, reached=True)
 
 
-def _in_space(at: At, value: float, step: float, tolerance: float, given: bool) -> Derivative:
-    """Derivative in space: two differences over the same cells; of whole integrals where light is trapped.
-
-    Those have samples in them, so that they are taken over larger steps, unless the step is ``given``, and reach the
-    ``tolerance``.
-    """
-    ends = {sign: at(value + sign * step) for sign in (-1.0, -0.5, 0.5, 1.0)}
-    each = list(zip(*(ends[sign].each for sign in ends), strict=True))
-    weights = [source.power / ends[1.0].scene.emitted for source in ends[1.0].scene.sources]
-    names, rules = ends[1.0].scene.receivers, ends[1.0].rules
-    wide, close, u = np.zeros(len(names)), np.zeros(len(names)), 0.0
-    for (low, half_low, half_high, high), weight in zip(each, weights, strict=True):
-        lights = [light for light in (low, half_low, half_high, high) if isinstance(light, LightInSpace)]
-        if len(lights) < 4 or lights[3].integral(ROUGH, rules, MOST_LEGS).u > ROUGH:
-            wide_step = step if given else _widened(at, value, WIDENING * step)
-            return _of_integrals(at, value, wide_step, tolerance)
-        slopes = lights[3].slopes(lights[0], step, rules, SPACE_LEGS)
-        wide += weight * slopes.value[: len(names)]
-        close += weight * lights[2].slopes_again(lights[1], 0.5 * step, rules, slopes)[: len(names)]
-        u += weight * slopes.u
-    return Derivative(_slopes(names, wide, close, u), step, reached=True)
-
-
-def _widened(at: At, value: float, step: float) -> float:
-    """A larger step, over which powers change by many times what sampled integrals are off by, as far as can be."""
-    for _ in range(MOST_WIDENINGS):
-        try:
-            low, high = (_powers(at(value + sign * step).trace(PILOT)) for sign in (-1.0, 1.0))
-            at(value + WIDENING * step), at(value - WIDENING * step)
-        except SolenError:
-            return step
-        if np.max(np.abs(high - low)) > CHANGE / WIDENING:
-            return step
-        step *= WIDENING
-    return step
+def _in_space(at: At, value: float, step: float) -> Derivative | None:
+    """Derivative in space: of a polynomial through integrals over the same cells; None where light is trapped."""
+    ends = [at(value + step * offset) for offset in OFFSETS]
+    names, rules = ends[0].scene.receivers, ends[0].rules
+    best, bent, u = np.zeros(len(names)), np.zeros(len(names)), 0.0
+    for source, lights in zip(ends[0].scene.sources, zip(*(end.each for end in ends), strict=True), strict=True):
+        in_space = [light for light in lights if isinstance(light, LightInSpace)]
+        if len(in_space) < len(lights) or in_space[0].integral(ROUGH, rules, MOST_LEGS).u > ROUGH:
+            return None
+        weight = source.power / ends[0].scene.emitted
+        found = slopes(in_space, step, len(names), rules, SPACE_LEGS)
+        best, bent, u = best + weight * found.value, bent + weight * found.bent, u + weight * found.u
+    each = {name: Slope(float(best[i]), float(abs(bent[i]) + u)) for i, name in enumerate(names)}
+    return Derivative(each, step, reached=True)
 
 
 def _of_samples(
-    scene_at: Callable[[float], Scene], value: float, step: float, mode: Mode, limits: Limits | None
+    scene_at: Callable[[float], Scene], value: float, step: float, mode: Mode, limits: Limits | None, most: int = 0
 ) -> Derivative:
     """Derivative by differences of samples: both ends take the same points, and the spread over seeds is the error.
 
-    A longer step has less noise; it is doubled as long as that is more than what the function bends within it.
+    A longer step has less noise; it is doubled as long as that is more than what the function bends within it. Over the
+    best one more samples follow, up to ``most`` of each end.
     """
     names = scene_at(value).receivers
 
-    def difference(step: float) -> FloatArray:
-        scenes = [with_rays(scene_at(value + sign * step), SAMPLES) for sign in (-1.0, 1.0)]
+    def difference(step: float, samples: int) -> FloatArray:
+        scenes = [with_rays(scene_at(value + sign * step), samples) for sign in (-1.0, 1.0)]
         low, high = (
             np.array([_powers(trace(scene, mode, limits, sampling="sobol", seed=seed)) for seed in range(SEEDS)])
             for scene in scenes
         )
         return np.asarray((high - low) / (2.0 * step))
 
-    best, wide, least = np.zeros(len(names)), step, np.full(len(names), math.inf)
-    near = difference(0.5 * step)
+    best: _Sampled | None = None
+    near = difference(0.5 * step, SAMPLES)
     for doubled in range(MOST_DOUBLINGS + 1):
         try:
-            far = difference(step * 2.0**doubled)
+            far = difference(step * 2.0**doubled, SAMPLES)
         except SolenError:
             if doubled == 0:
                 raise
             break
-        each = (4.0 * near - far) / 3.0
-        noise, bent = CAUTION * each.std(axis=0, ddof=1) / math.sqrt(SEEDS), np.abs(np.mean(far - near, axis=0)) / 3.0
-        if np.max(noise + bent) < np.max(least):
-            best, wide, least = each.mean(axis=0), step * 2.0**doubled, noise + bent
-        if np.max(bent) > np.max(noise):
+        found = _Sampled.of(step * 2.0**doubled, near, far)
+        if best is None or np.max(found.u) < np.max(best.u):
+            best = found
+        if np.max(found.bent) > np.max(found.noise):
             break
         near = far
-    slopes = {name: Slope(float(best[i]), float(least[i])) for i, name in enumerate(names)}
-    return Derivative(slopes, wide, reached=True)
+    if best is None:
+        raise AssertionError("the first step is always taken")
+    samples = 4 * SAMPLES
+    while samples <= most and np.max(best.u) > TRAPPED_SHARE * np.max(np.abs(best.value)):
+        best = _Sampled.of(best.step, *(difference(share * best.step, samples) for share in (0.5, 1.0)))
+        samples *= 4
+    each = {name: Slope(float(best.value[i]), float(best.u[i])) for i, name in enumerate(names)}
+    return Derivative(each, best.step, reached=True)
+
+
+class _Sampled(NamedTuple):
+    """Derivative from differences over half a step and all of it, its standard error, and how far they are apart."""
+
+    step: float
+    value: FloatArray
+    noise: FloatArray
+    bent: FloatArray
+
+    @classmethod
+    def of(cls, step: float, near: FloatArray, far: FloatArray) -> "_Sampled":
+        each = (4.0 * near - far) / 3.0
+        noise, bent = CAUTION * each.std(axis=0, ddof=1) / math.sqrt(SEEDS), np.abs(np.mean(far - near, axis=0)) / 3.0
+        return cls(step, each.mean(axis=0), noise, bent)
+
+    @property
+    def u(self) -> FloatArray:
+        return np.asarray(self.noise + self.bent)
 
 
 def _powers(found: Trace) -> FloatArray:

@@ -17,7 +17,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 
@@ -26,7 +25,7 @@ from solen.errors import DesignError
 from solen.scene import Scene
 from solen.scene.sources import Ambient, Emitter
 from solen.scene.sources.pattern import CosinePower, Isotropic, PatternTable
-from solen.trace.cells import COARSE, FINE, POINT, Bounds, Cell, Over, accounted, divided, refined
+from solen.trace.cells import COARSE, FINE, POINT, Bounds, Cell, Over, accounted, divided
 from solen.trace.cone import COARSE_TOLERANCE, DOUBLE, Integral, weighted_sum
 from solen.trace.kernel import paths
 from solen.trace.kernel.cells import Light, new_nodes, over_cells
@@ -42,16 +41,16 @@ FIRST_FACE = (0.5, 1)
 """Least weight and most hits of what is followed exactly where following all of it does not do: light that is trapped
 comes through strips too narrow to be seen."""
 CHIP_TOLERANCE = 1e-4
-DIFFERENCE_CLOSENESS, DIFFERENCE_SHARE, DIFFERENCE_FLOOR = 0.003, 3e-4, 1e-7
-"""Of derivatives: how much closer paths are followed; what an error may be, as a share of the largest one, and as a
-change of a power over the step."""
 PATH_SHARE, ROUGHEST_PATH, SOFT = 30.0, 0.03, 0.1
 """Along a chip's width: second difference of the powers that Simpson's rule is trusted with, times six, and share of
 the width at which an edge is left, both per tolerance and at most; and share of the width up to which nothing is looked
 for between two equal rays."""
-NARROW_RAD, SOFT_RAD = 1e-5, 0.001
-"""Width at which an edge is left, and up to which nothing is looked for, of the angle of a point in radians, for a
-tolerance of 1e-4."""
+DENSITY_SHARE, LEAST_DENSITY = 0.05, 1e-6
+"""Along the angle of a point: second difference that Simpson's rule is trusted with, times six, per tolerance and at
+least, as a path has room for some thousand rays alone. What that leaves is a thousandth of what is stated."""
+NARROW_SHARE, SOFT_RAD = 0.1, 0.001
+"""Width at which an edge is left, per tolerance, and up to which nothing is looked for, of the angle of a point in
+radians."""
 
 
 def why_not_in_space(scene: Scene) -> str:
@@ -61,14 +60,6 @@ def why_not_in_space(scene: Scene) -> str:
     others = [type(source).__name__ for source in scene.sources if source.emission() is None]
     others += [type(source).__name__ for source in scene.sources if isinstance(source, Ambient)]
     return f"a source {others[0]}" if others else ""
-
-
-class Slopes(NamedTuple):
-    """Changes of powers per unit of a parameter, what they may be off by, and the cells of each colour."""
-
-    value: FloatArray
-    u: float
-    cells: list[list[Bounds]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,8 +157,8 @@ class LightInSpace:
             steps = (rough, rough * width, SOFT * width)
             across = along = COARSE if tolerance >= COARSE_TOLERANCE else FINE
         else:
-            narrow = NARROW_RAD * tolerance / CHIP_TOLERANCE
-            steps = (closeness * 0.05 * tolerance * self.whole, closeness * narrow, SOFT_RAD)
+            close = closeness * tolerance
+            steps = (max(DENSITY_SHARE * close, LEAST_DENSITY) * self.whole, NARROW_SHARE * close, SOFT_RAD)
             across, along = POINT, FINE
         cosine, sine = math.cos(half), math.sin(min(half, 0.5 * math.pi))
         light = Light(family, self.ends, cosine, sine, width == 0.0, scale / (width or 1.0), *steps)
@@ -182,51 +173,6 @@ class LightInSpace:
             ]
 
         return over
-
-    def slopes(self, lower: "LightInSpace", step: float, rules: Rules, most_legs: int) -> Slopes:
-        """Change of the powers (D + 5,) per unit of a parameter, from the ``lower`` scene to this one in two ``step``.
-
-        Both scenes are integrated over the same cells, halved by what the rules find of the difference: an error that
-        both have alike drops out. They begin with the cells of one of them, which are small where the light parts: a
-        difference may be nothing anywhere else.
-        """
-        value, squares, cells_of = np.zeros(self.columns), 0.0, []
-        for mine, its, weight in zip(self.families, lower.families, self.weights, strict=True):
-            room = paths.path_room(self.columns)
-            room.counts[:] = 0
-            pair = [
-                light.over(family._replace(rules=rules), CHIP_TOLERANCE, room, DIFFERENCE_CLOSENESS)
-                for light, family in ((self, mine), (lower, its))
-            ]
-
-            def over(bounds: Sequence[Bounds], pair: list[Over] = pair) -> list[Cell]:
-                ends = zip(pair[0](bounds), pair[1](bounds), strict=True)
-                return [mine.minus(its, 0.5 / step) for mine, its in ends]
-
-            floor = DIFFERENCE_FLOOR / step
-            plain = self.over(mine._replace(rules=rules), CHIP_TOLERANCE, room)
-            begun, _ = divided(plain, self.first_cells, CHIP_TOLERANCE, most_legs, room.counts)
-            first = over([cell.bounds for cell in begun] if begun else self.first_cells)
-            for cells, u in refined(over, first):
-                enough = max(DIFFERENCE_SHARE * float(np.max(np.abs(cells.value))), floor)
-                if u <= enough or room.counts[1] >= most_legs:
-                    break
-            value += weight * cells.value
-            squares += (weight * u) ** 2
-            cells_of.append([cell.bounds for cell in cells])
-        return Slopes(value, math.sqrt(squares), cells_of)
-
-    def slopes_again(self, lower: "LightInSpace", step: float, rules: Rules, before: Slopes) -> FloatArray:
-        """As `slopes`, over the cells found before."""
-        value = np.zeros(self.columns)
-        for i, weight in enumerate(self.weights):
-            room = paths.path_room(self.columns)
-            for light, sign in ((self, 1.0), (lower, -1.0)):
-                family = light.families[i]._replace(rules=rules)
-                over = light.over(family, CHIP_TOLERANCE, room, DIFFERENCE_CLOSENESS)
-                for cell in over(before.cells[i]):
-                    value += sign * 0.5 / step * weight * cell.value
-        return value
 
 
 def _integrated(

@@ -1,0 +1,74 @@
+"""How integrals in space change with a parameter.
+
+A power is a smooth function of the parameter, its integrand is not: the edges of light move. So neighbouring scenes are
+integrated over the same cells, which are halved by what their rules find of the difference of the nearest two: what is
+off alike in both drops out. Further scenes over these cells make it the derivative of a polynomial, and that of a lower
+degree shows what it may be off by.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from solen.arrays import FloatArray
+from solen.trace.cells import Bounds, Cell, divided, refined
+from solen.trace.kernel import paths
+from solen.trace.kernel.step import Rules
+from solen.trace.space import CHIP_TOLERANCE, LightInSpace
+
+OFFSETS = (1 / 3, -1 / 3, 2 / 3, -2 / 3, 1.0, -1.0)
+"""Where the parameter is taken, in steps, the nearest two first."""
+_BEST, _PLAIN = np.array([3 / 2, -3 / 5, 1 / 10]), np.array([4 / 3, -1 / 3, 0.0])
+"""Weights of the central differences for the polynomials of degree six and four."""
+CLOSENESS, FLOOR = 0.03, 1e-7
+"""How much closer paths are followed; what an error may be as a change of a power over the step."""
+SHARE, CAUTION = 3e-4, 1.5
+POINT_SHARE, POINT_CAUTION = 1e-4, 2.5
+"""What an error may be as a share of the largest slope, and the factor on the error learned from halving, for chips and
+for points: those have fewer cells to learn from, and are cheaper."""
+
+
+class Slopes(NamedTuple):
+    """Changes of powers (D,) per unit of a parameter, how far lower degrees are off, and errors of the rules."""
+
+    value: FloatArray
+    bent: FloatArray
+    u: float
+
+
+def slopes(lights: Sequence[LightInSpace], step: float, receivers: int, rules: Rules, most_legs: int) -> Slopes:
+    """Changes of the powers of so many ``receivers``, from the same light with the parameter off by `OFFSETS`."""
+    each = [_of_colour(lights, colour, step, receivers, rules, most_legs) for colour in range(len(lights[0].weights))]
+    shares = np.array(lights[0].weights)
+    value, bent = shares @ [one.value for one in each], shares @ [one.bent for one in each]
+    return Slopes(value, bent, float(np.linalg.norm(shares * [one.u for one in each])))
+
+
+def _of_colour(
+    lights: Sequence[LightInSpace], colour: int, step: float, receivers: int, rules: Rules, most_legs: int
+) -> Slopes:
+    """Slopes in one colour, from the cells of an integral on: a change may be nothing but where light parts."""
+    room = paths.path_room(lights[0].columns)
+    families = [light.families[colour]._replace(rules=rules) for light in lights]
+    overs = [
+        light.over(family, CHIP_TOLERANCE, room, CLOSENESS) for light, family in zip(lights, families, strict=True)
+    ]
+
+    def change(bounds: Sequence[Bounds]) -> list[Cell]:
+        pairs = zip(overs[0](bounds), overs[1](bounds), strict=True)
+        return [high.minus(low, 1.5 / step) for high, low in pairs]
+
+    room.counts[:] = 0
+    plain = lights[0].over(families[0], CHIP_TOLERANCE, room)
+    begun, _ = divided(plain, lights[0].first_cells, CHIP_TOLERANCE, most_legs, room.counts)
+    share, caution = (SHARE, CAUTION) if lights[0].source.width_mm > 0.0 else (POINT_SHARE, POINT_CAUTION)
+    first = change([cell.bounds for cell in begun] if begun else lights[0].first_cells)
+    for cells, u in refined(change, first, caution):
+        largest = float(np.max(np.abs(cells.value[:receivers])))
+        if u <= max(share * largest, FLOOR / step) or room.counts[1] >= most_legs:
+            break
+    bounds = [cell.bounds for cell in cells]
+    powers = np.array([np.sum([cell.value for cell in over(bounds)], axis=0) for over in overs])[:, :receivers]
+    differences = (powers[::2] - powers[1::2]) / (2.0 * step * np.array(OFFSETS[::2]))[:, None]
+    return Slopes(_BEST @ differences, (_BEST - _PLAIN) @ differences, u)
