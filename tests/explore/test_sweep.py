@@ -5,15 +5,18 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator, Mapping
+from importlib import import_module
 from importlib.metadata import EntryPoint
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from solen.errors import DataError, OutputError, SpecError
 from solen.explore.axes import axis, check_axes, grid, sampled
-from solen.explore.machines import Cluster, Slurm, check_job
+from solen.explore.machines import Cluster, Here, Slurm, check_job
 from solen.explore.store import Accuracy, Point, Store, Variant, engine
 from solen.explore.sweep import SweepOptions, sweep
 from solen.registry import BODY_KINDS
@@ -32,11 +35,11 @@ def test_a_grid_has_all_combinations_and_the_last_axis_runs_fastest() -> None:
 
 def test_samples_fill_ranges_and_lists_evenly() -> None:
     axes = [axis("lens.focus_mm=15:25", DESIGN), axis("emitter.width_mm=0.1,0.2", DESIGN)]
-    points = list(sampled(axes, 64, seed=3))
+    points = list(sampled(axes, range(64), seed=3))
     focus = np.array([point["lens.focus_mm"] for point in points])
     assert 15.0 <= focus.min() < 15.5 < 24.5 < focus.max() <= 25.0
     assert sum(point["emitter.width_mm"] == 0.1 for point in points) == 32
-    assert points == list(sampled(axes, 64, seed=3))
+    assert points == list(sampled(axes, range(64), seed=3))
 
 
 @pytest.mark.parametrize(
@@ -64,6 +67,42 @@ def test_a_sweep_that_cannot_be_is_refused_by_name(over: list[str], samples: int
     with pytest.raises(SpecError) as refused:
         check_axes([axis(text, DESIGN) for text in over], samples)
     assert named in str(refused.value)
+
+
+@pytest.mark.parametrize("samples", [None, 11])
+def test_parts_of_a_sweep_are_its_points(samples: int | None) -> None:
+    ends = ":12" if samples is None else ""
+    axes = [axis(f"lens.focus_mm=15:25{ends}", DESIGN), axis("emitter.width_mm=0.1,0.2", DESIGN)]
+
+    def points(part: str | None) -> list[dict[str, Any]]:
+        numbers = check_axes(axes, samples, part)
+        return list(grid(axes, numbers) if samples is None else sampled(axes, numbers, seed=3))
+
+    assert [point for part in ("1/3", "2/3", "3/3") for point in points(part)] == points(None)
+    for wrong in ("0/3", "4/3", "3", "a/3", "1/100"):
+        with pytest.raises(SpecError, match="--part"):
+            points(wrong)
+
+
+def test_a_part_of_a_sweep_has_its_own_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Designs are in memory by lots, and each part keeps its points apart."""
+    monkeypatch.setattr(import_module("solen.explore.sweep"), "LOT", 2)
+    seen = []
+
+    class Watched(Here):
+        def traced(self, variants: Mapping[str, Variant], accuracy: Accuracy) -> Iterator[dict[str, Point]]:
+            seen.append(len(variants))
+            return super().traced(variants, accuracy)
+
+    options = {"over": ("lens.focus_mm=15:25:7",), "part": "2/2"}
+    chosen = SweepOptions(**options)
+    found = sweep(DESIGN, chosen, Store(chosen.folder(tmp_path)), machine=Watched())
+    assert seen[:2] == [2, 2]
+    assert max(seen) == 2
+    data = found.to_dataset()
+    assert data["sample"].values.tolist() == [3, 4, 5, 6]
+    assert data["lens.focus_mm"].values.tolist() == np.linspace(15.0, 25.0, 7)[3:].tolist()
+    assert (tmp_path / "sweep-2-of-2" / "blocks").is_dir()
 
 
 def test_angles_are_no_axis(tmp_path: Path) -> None:

@@ -119,6 +119,10 @@ def test_the_null_is_due_to_the_decentre_and_its_yield_that_of_a_normal_distribu
     assert factor is not None
     assert factor * null.sd == pytest.approx(0.3 / 1.96, rel=0.1)
     assert found.table().count("\n") == 34
+    data = found.to_dataset().sel({"print": 7})
+    assert float(data["null_deg"]) == found.merits["null_deg"][6]
+    assert float(data["emitter.offset_mm"]) == found.deviations["emitter.offset_mm"][6]
+    assert bool(data["meets_all"]) == (abs(data["null_deg"]) < 0.3)
 
 
 def test_a_figure_says_which_prints_it_cannot_show(folder: Store) -> None:

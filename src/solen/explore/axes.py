@@ -7,7 +7,6 @@ values by dotted keys.
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import product
 from typing import Any, Literal
 
 import numpy as np
@@ -17,7 +16,7 @@ from solen.explore.sobol import sobol
 from solen.spec import Design, parse_assignment, value_at
 
 MOST_POINTS = 1_000_000
-"""Points of one sweep; their responses still fit in memory."""
+"""Points of one sweep, or of one part of it: their responses fit in memory."""
 FORMS = "write KEY=FROM:TO:NUMBER, KEY=VALUE,VALUE,... or, with --samples, KEY=FROM:TO"
 
 
@@ -72,8 +71,14 @@ def _spaced(what: str, key: str, text: str, forms: str) -> Axis:
     return Axis(key, tuple(np.linspace(low, high, int(number[0])).tolist()), "spaced")
 
 
-def check_axes(axes: Sequence[Axis], samples: int | None) -> None:
-    """Check that the axes make a sweep: each key once, ranges only where they are sampled, not too many points."""
+def check_axes(axes: Sequence[Axis], samples: int | None, part: str | None = None) -> range:
+    """Numbers of the points of a sweep, or of a part of it, ``3/10``.
+
+    Raises
+    ------
+    SpecError
+        Where a key is stated twice, a range is not sampled, or there are too many points.
+    """
     if not axes:
         raise SpecError("--over", limit="a sweep needs at least one axis", remedy=FORMS)
     keys = [one.key for one in axes]
@@ -88,22 +93,38 @@ def check_axes(axes: Sequence[Axis], samples: int | None) -> None:
         if one.kind == "spaced" and samples is not None:
             limit, remedy = "--samples draws its own values from a range", f"write --over {one.key}={ends}"
             raise SpecError(f"--over {one.key}", value=f"{len(one.values)} values", limit=limit, remedy=remedy)
-    _check_number(math.prod(len(one.values) for one in axes) if samples is None else samples)
+    number = math.prod(len(one.values) for one in axes) if samples is None else samples
+    points = range(number) if part is None else _part(part, number)
+    _check_number(len(points))
+    return points
+
+
+def _part(text: str, number: int) -> range:
+    """Numbers of the points of one of several parts of even size."""
+    place, slash, parts = text.partition("/")
+    if not (slash and place.isdecimal() and parts.isdecimal() and 1 <= int(place) <= int(parts) <= number):
+        limit = f"is no part of {number:,} points"
+        raise SpecError("--part", value=text, limit=limit, remedy="write NUMBER/PARTS, as in 3/10")
+    return range((int(place) - 1) * number // int(parts), int(place) * number // int(parts))
 
 
 def _check_number(points: int) -> None:
     if points > MOST_POINTS:
-        remedy = "take fewer values, or --samples N of ranges"
+        remedy = "take fewer values, --samples N of ranges, or --part 1/N and so on"
         raise SpecError("points", value=f"{points:,}", limit=f"a sweep has at most {MOST_POINTS:,}", remedy=remedy)
 
 
-def grid(axes: Sequence[Axis]) -> Iterator[dict[str, Any]]:
-    """All combinations of the values, the last axis running fastest."""
-    for values in product(*(one.values for one in axes)):
-        yield {one.key: value for one, value in zip(axes, values, strict=True)}
+def grid(axes: Sequence[Axis], points: range | None = None) -> Iterator[dict[str, Any]]:
+    """Combinations of the values by their numbers, default all, the last axis running fastest."""
+    for number in range(math.prod(len(one.values) for one in axes)) if points is None else points:
+        values = {}
+        for one in reversed(axes):
+            number, place = divmod(number, len(one.values))
+            values[one.key] = one.values[place]
+        yield {one.key: values[one.key] for one in axes}
 
 
-def sampled(axes: Sequence[Axis], samples: int, seed: int) -> Iterator[dict[str, Any]]:
+def sampled(axes: Sequence[Axis], points: range, seed: int) -> Iterator[dict[str, Any]]:
     """Points of a scrambled Sobol' sequence; a list of values is drawn from evenly."""
-    for row in sobol(len(axes), samples, np.random.default_rng(seed)).tolist():
+    for row in sobol(len(axes), len(points), np.random.default_rng(seed), points.start).tolist():
         yield {one.key: one.at(share) for one, share in zip(axes, row, strict=True)}

@@ -6,7 +6,9 @@ from scipy.stats import qmc
 from solen.arrays import FloatArray
 
 
-def sobol(dimensions: int, number: int, rng: np.random.Generator) -> FloatArray:
-    """First points (number, dimensions) of a sequence, from 0 to 1, scrambled by a generator."""
+def sobol(dimensions: int, number: int, rng: np.random.Generator, first: int = 0) -> FloatArray:
+    """Points (number, dimensions) of a sequence from one on, from 0 to 1, scrambled by a generator."""
     sequence = qmc.Sobol(dimensions, rng=rng)
+    if first:
+        return np.asarray(sequence.fast_forward(first).random(number))
     return np.asarray(sequence.random_base2((number - 1).bit_length())[:number])

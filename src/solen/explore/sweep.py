@@ -10,13 +10,14 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydantic import Field
 
 import solen
-from solen.arrays import FloatArray, Progress
+from solen.arrays import FloatArray, Progress, part_of
 from solen.errors import DesignError, SpecError
 from solen.explore.axes import Axis, axis, check_axes, grid, sampled
 from solen.explore.machines import Here, Machine
@@ -35,6 +36,8 @@ if TYPE_CHECKING:
     import xarray
 
 MOST_REASONS = 3
+LOT = 2**14
+"""Points whose designs are in memory at once."""
 BLOCK_S, BLOCK_POINTS = 5.0, 256
 """Points are written after this time at the latest, and so many at once at most."""
 NUMBER = re.compile(r"[-+]?\d[\d.,]*(e[-+]?\d+)?")
@@ -67,6 +70,18 @@ class SweepOptions(AccuracyOptions):
     """Draw so many points of a scrambled Sobol' sequence in place of the grid of all values."""
     seed: int = Field(0, ge=0)
     """Seed of the samples."""
+    part: str | None = None
+    """Trace one of several parts of the points alone, as in 3/10; each part has a table of its own."""
+
+    @property
+    def stem(self) -> str:
+        """End of the names of what the sweep writes."""
+        return "sweep" if self.part is None else f"sweep-{self.part.replace('/', '-of-')}"
+
+    def folder(self, out: Path) -> Path:
+        """Where its points are kept: those of a part in a folder of their own, so that memory holds one part."""
+        return out if self.part is None else out / self.stem
+
     robust: tuple[str, ...] = ()
     """A number and how far off it may be, KEY=DEVIATION: each point is traced with it off to either side as well, in
     all combinations, and the worst of each merit is in the table, worst_NAME; repeatable."""
@@ -82,9 +97,13 @@ class Sweep(Result):
     values
         By key the P values; of a grid the last key runs fastest.
     shape
-        Number of values of each key of a grid; one number, P, for samples.
+        Number of values of each key of a grid; one number, P, for samples or a part.
     seed
         Seed of the samples; None for a grid.
+    part
+        Part of the points, such as 3/10; None for all.
+    first
+        Number of the first point among all.
     merits
         By name of merit (`Merits`) the P values, and their uncertainties by ``u_`` and that name. With deviations also
         the worst over these, by ``worst_`` and that name.
@@ -114,6 +133,8 @@ class Sweep(Result):
     left: FloatArray = field(metadata=HIDDEN)
     u_power: FloatArray = field(metadata=HIDDEN)
     design: str = field(metadata=HIDDEN)
+    part: str | None = None
+    first: int = 0
     simulated: bool = True
 
     @reported
@@ -124,7 +145,7 @@ class Sweep(Result):
     @property
     def is_grid(self) -> bool:
         """Whether it is a grid of all values, rather than samples."""
-        return self.seed is None
+        return self.seed is None and self.part is None
 
     @property
     def axes(self) -> dict[str, list[Any]]:
@@ -143,12 +164,13 @@ class Sweep(Result):
         import xarray
 
         names = tuple(self.values) if self.is_grid else ("sample",)
+        numbers = {} if self.part is None else {"sample": np.arange(self.first, self.first + self.points)}
         values = (
             {key: (key, own) for key, own in self.axes.items()}
             if self.is_grid
             else {key: ("sample", list(own)) for key, own in self.values.items()}
         )
-        coordinates: dict[str, Any] = {"angle_deg": ("angle_deg", self.angle_deg), **values}
+        coordinates: dict[str, Any] = {"angle_deg": ("angle_deg", self.angle_deg), **values, **numbers}
         variables: dict[str, Any] = {name: (names, merit.reshape(self.shape)) for name, merit in self.merits.items()}
         with np.errstate(invalid="ignore"):
             both = self.right + self.left
@@ -200,9 +222,9 @@ def sweep(
     """
     store = Store() if store is None else store
     axes = [axis(text, design) for text in options.over]
-    check_axes(axes, options.samples)
+    numbers = check_axes(axes, options.samples, options.part)
     _check_axes(design, axes)
-    points = list(grid(axes) if options.samples is None else sampled(axes, options.samples, options.seed))
+    points = list(grid(axes, numbers) if options.samples is None else sampled(axes, numbers, options.seed))
     known = len(store.points)
     cases = list(cases_of(Sensor.of(design), options.robust, mirrors=False))
 
@@ -216,12 +238,13 @@ def sweep(
 
     traced = trace(points, cases, progress)
     as_it_is = traced[:: len(cases)]
-    is_grid = options.samples is None
+    is_grid = options.samples is None and options.part is None
     still = still_on_grid(axes, as_it_is) if is_grid else list(still_in_samples(axes, points, as_it_is, trace))
     values = {one.key: [point[one.key] for point in points] for one in axes}
-    shape = tuple(len(one.values) for one in axes) if options.samples is None else (len(points),)
+    shape = tuple(len(one.values) for one in axes) if is_grid else (len(points),)
     seed = None if options.samples is None else options.seed
     swept = _swept(design, values, shape, seed, traced, cases, len(store.points) - known)
+    swept = replace(swept, part=options.part, first=numbers.start)
     return replace(swept, warnings=(*swept.warnings, *(_has_no_effect(design, key) for key in still)))
 
 
@@ -279,6 +302,24 @@ def responses(
     A design that cannot be built or traced is a point without angles that says why. They are traced by this process,
     or by another machine.
     """
+    every = list(variants)
+    machine = machine or Here()
+    named: list[str | Point] = []
+    lots = range(0, len(every), LOT)
+    for done, first in enumerate(lots):
+        lot = every[first : first + LOT]
+        named += _named(lot, accuracy, store, machine, part_of(progress, done, len(lots)))
+    return [store.points[one] if isinstance(one, str) else one for one in named]
+
+
+def _named(
+    variants: Sequence[Callable[[], Variant]],
+    accuracy: Accuracy,
+    store: Store,
+    machine: Machine,
+    progress: Progress | None,
+) -> list[str | Point]:
+    """Names of responses that are in the store then, or points of designs that cannot be."""
     named: list[str | Point] = []
     missing: dict[str, Variant] = {}
     for make in variants:
@@ -290,8 +331,8 @@ def responses(
             continue
         if name not in store.points:
             missing[name] = variant
-    _trace(missing, accuracy, store, machine or Here(), progress)
-    return [store.points[one] if isinstance(one, str) else one for one in named]
+    _trace(missing, accuracy, store, machine, progress)
+    return named
 
 
 def _trace(

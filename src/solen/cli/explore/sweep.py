@@ -14,7 +14,13 @@ MOST_ROWS = 40
 
 @lines.register
 def _(result: Sweep) -> Iterator[str]:
-    how = f"a grid of {' x '.join(map(str, result.shape))}" if result.is_grid else "samples"
+    how = (
+        f"a grid of {' x '.join(map(str, result.shape))}"
+        if result.is_grid
+        else f"part {result.part}"
+        if result.part
+        else "samples"
+    )
     failed = sum(result.failures.values())
     known = result.points * (1 + len(result.robust)) - result.traced - failed
     traced = f"{result.traced} traced, {known} known, {failed} failed"

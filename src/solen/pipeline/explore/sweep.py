@@ -38,7 +38,8 @@ def sweep(
     file
         The design file.
     out
-        Folder for the table, NAME-sweep.nc, and the points traced so far; made if need be.
+        Folder for the table, NAME-sweep.nc or of a part NAME-sweep-3-of-10.nc, and the points traced so far; made if
+        need be.
     cluster
         Trace on the workers of a Dask cluster, by the address of its scheduler, tcp://HOST:PORT, or the file of a SLURM
         cluster (.toml).
@@ -47,7 +48,7 @@ def sweep(
     check_installed()
     design = open_design(file, set_)
     with files.output_folder(out):
-        result = sweep_design(design, options, Store(out), progress, machine_at(cluster))
-        table = out / f"{stem_of(file)}-sweep.nc"
+        result = sweep_design(design, options, Store(options.folder(out)), progress, machine_at(cluster))
+        table = out / f"{stem_of(file)}-{options.stem}.nc"
         files.write_all(drawn(result, figure, "sweep") | {table: netcdf_writer(result.to_dataset())})
     return Outcome(result, named(figure=figure.figure, table=table))
