@@ -98,6 +98,22 @@ def test_a_lag_of_the_load_cell_is_told_by_two_speeds(tmp_path: Path) -> None:
     assert timing.lag_s == pytest.approx(0.01, abs=max(3.0 * timing.u_lag_s, 3e-4))
 
 
+def test_a_load_cell_on_a_clock_of_its_own_is_laid_on_the_voltages(folder: Path, tmp_path: Path) -> None:
+    one = Presses()
+    for name, columns, head in (
+        ("volts.csv", [one.time_s, one.volts], "time_s,left_V,right_V"),
+        ("cell.csv", [one.time_s + 0.37, one.cell_V], "time_s,load_cell_V"),
+    ):
+        np.savetxt(tmp_path / name, np.column_stack(columns), delimiter=",", header=head, comments="")
+    log = {"angle_file": (tmp_path / "cell.csv",), "load_cell": folder / "cell.toml", "tare_s": 0.9}
+    found = study([tmp_path / "volts.csv"], AnalysisOptions(**log))
+    laid = next(iter(found.alignment.values()))
+    assert laid.lag_s == pytest.approx(0.37, abs=max(4.0 * laid.u_lag_s, 3e-4))
+    assert found.stimulus.name == "force"
+    slope = found.sensors["volts"].receivers["left_V"].sensitivity_V_per_deg
+    assert slope == pytest.approx(TRUE_V_PER_N[0], abs=5e-3)
+
+
 def test_forces_are_decoded_with_their_bands(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
     known, table = folder / "a.calibration.json", folder / "out.csv"
     figure = ["--figure", str(folder / "c.svg")]

@@ -55,19 +55,17 @@ class Drive:
     cell: LoadCell | None = None
 
 
-def driven(
-    recording: Recording, options: "SignalOptions", base: TimeBase, warnings: list[Caution], *, log: bool = False
-) -> Drive | None:
+def driven(recording: Recording, options: "SignalOptions", base: TimeBase, warnings: list[Caution]) -> Drive | None:
     """What drives a recorded sensor; None if no column does. Assumptions are added to the warnings.
 
-    ``base`` are the times of the samples; of a ``log`` no receivers are expected.
+    ``base`` are the times of the samples.
 
     Raises
     ------
     DataError, SpecError
         If a column has a unit of another kind, or none; or an option is for another quantity.
     """
-    volts = None if log else force_in_volts(recording)
+    volts = force_in_volts(recording)
     if volts is not None and volts.name in {column for _, column in options.named_receivers}:
         volts = None
     found = _chosen(recording, options, volts, warnings)

@@ -332,7 +332,7 @@ def _aligned(samples: Waveforms, log: Recording, options: AnalysisOptions) -> tu
     own = options.model_copy(update={"time": options.angle_time, "rate_hz": options.angle_rate_hz})
     warnings: list[Caution] = []
     base = sample_times(log, own, warnings, TIMES_OF_LOG)
-    drive = driven(log, own, base, warnings, log=True)
+    drive = driven(log, own, base, warnings)
     file = log.provenance.file
     if drive is None:
         limit = "no column is recognised as the angle, nor as a force or depth"
