@@ -53,7 +53,9 @@ def rays_of(sensors: Sequence[Sensor]) -> Figure:
 
 
 def network_figure(study: NetworkStudy) -> Figure:
-    """Response over each motion, a panel for each motion and emitter: what every receiver gets."""
+    """Response over each motion, a panel for each motion and emitter: what every receiver gets; without one, rays."""
+    if not study.sweeps:
+        return rays_of(study.sensors)
     rows, columns = len(study.sweeps), len(study.at_rest.emitters)
     figure = Figure(figsize=(max(4.6, 2.9 * columns), 2.5 * rows))
     panels = figure.subplots(rows, columns, squeeze=False, sharex="row", sharey=True)
@@ -65,7 +67,8 @@ def network_figure(study: NetworkStudy) -> Figure:
             _draw_powers(axes, angle, response.power[:, number], response.u_power[:, number], colours)
             axes.set(xlabel=f"{name} (deg)", title=f"{response.emitters[number]} lit")
         line[0].set_ylabel("share of its power")
-    panels[0, -1].legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    handles, labels = panels[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=3)
     return figure
 
 
