@@ -44,6 +44,15 @@ def test_brute_force_agrees_on_the_cylinder() -> None:
 
 
 @pytest.mark.evidence
+@pytest.mark.parametrize(("angle_deg", "value"), [(-1.0, 0.278), (-3.0, 0.653)])
+def test_integrals_of_the_cylinder_are_those_of_two_million_rays_by_brute_force(angle_deg: float, value: float) -> None:
+    found, plain = sensor().integrate(angle_deg), brute.Sensor(brute.Layers(4.0), angle_deg).traced(2**21)
+    agree(found, plain, f"cylinder at {angle_deg:g}°:")
+    assert contrast(found) == pytest.approx(value, abs=1e-3)
+    assert plain.contrast[0] == pytest.approx(value, abs=1e-3)
+
+
+@pytest.mark.evidence
 @pytest.mark.parametrize(
     ("name", "contrasts", "received"),
     [
