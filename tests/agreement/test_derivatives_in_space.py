@@ -29,7 +29,8 @@ FLAT, DRAWN = {"lens.shape": "none"}, {"lens.shape": "spline", "lens.knots_um": 
 DESIGNS = ((16, {}), (4, {}), (22, DRAWN), (10, {}), (18, DRAWN), (12, FLAT), (7, {}))
 """Designs of chips and, from the fifth on, of points, none of which traps light, with lenses of several kinds."""
 BEHIND_A_GAP = ((0, {}), (3, {}), (17, FLAT))
-STEP, STEP_MM, SEVEN = 0.007, 0.0015, np.array([3 / 2, -3 / 5, 1 / 10])
+STEPS = {"emitter.offset_mm": 0.0015, "emitter.cone_deg": 0.15, "lens.knots_um[1]": 0.5}
+STEP, SEVEN = 0.007, np.array([3 / 2, -3 / 5, 1 / 10])
 
 
 class Beside(NamedTuple):
@@ -94,8 +95,7 @@ def beside(sensor: Sensor, key: str, angle_deg: float, *, trapped: bool) -> Besi
             return None
         found = sensor.derivative(key, angle_deg).detectors.values()
         size = max(abs(number(sensor, key)), 0.2)
-        share = 3.0 * STEP if trapped else STEP
-        step = 0.5 if "knots" in key else STEP_MM if "offset" in key else share * abs(number(sensor, key))
+        step = (3.0 if trapped else 1.0) * STEPS.get(key, STEP * abs(number(sensor, key)))
         other, u_other = (by_samples if trapped else by_integrals)(sensor, key, angle_deg, step)
     except SolenError:
         return None
