@@ -40,7 +40,8 @@ received_share received used_of_supply contrast contrast_from
 contrast_to rigid_contrast index material_index step response exponent gain nonlinearity off_contrast off_received
 """
 _SEARCHED = "low high before after goal goals claimed sampled_difference merits worst"
-_PRINTS = "adjusted_share calibrated_share share_if_exact factor_alone factor_together deviation base first_order total held_out"
+_PRINTS = """adjusted_share calibrated_share share_if_exact factor_alone factor_together deviation base first_order
+total held_out"""
 _NAMES = (_OPTICS, _STATISTICS, _SHARES, _CONTRASTS, _IN_THE_FILES_UNIT, _OF_LIGHT, _PRINTS, _SEARCHED)
 DIMENSIONLESS = frozenset(" ".join(_NAMES).split())
 """Names of numbers without a unit: indices, shares from 0 to 1, contrasts, probabilities, factors."""
