@@ -6,7 +6,7 @@ number would change no power by a thousandth, a millionth of the light serves as
 
 import math
 from itertools import islice
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -26,9 +26,17 @@ KEYS = (
     *("emitter.width_mm", "emitter.cone_deg", "body.arm_length_mm", "body.arm_angle_deg", "lens.knots_um[1]"),
 )
 FLAT, DRAWN = {"lens.shape": "none"}, {"lens.shape": "spline", "lens.knots_um": [20.0, 12.0, 6.0, -4.0]}
-DESIGNS = ((16, {}), (4, {}), (22, DRAWN), (10, {}), (18, DRAWN), (12, FLAT), (7, {}))
+DESIGNS: tuple[tuple[int, dict[str, Any]], ...] = (
+    (16, {}),
+    (4, {}),
+    (22, DRAWN),
+    (10, {}),
+    (18, DRAWN),
+    (12, FLAT),
+    (7, {}),
+)
 """Designs of chips and, from the fifth on, of points, none of which traps light, with lenses of several kinds."""
-BEHIND_A_GAP = ((0, {}), (3, {}), (17, FLAT))
+BEHIND_A_GAP: tuple[tuple[int, dict[str, Any]], ...] = ((0, {}), (3, {}), (17, FLAT))
 STEPS = {"emitter.offset_mm": 0.0015, "emitter.cone_deg": 0.15, "lens.knots_um[1]": 0.5}
 STEP, SEVEN = 0.007, np.array([3 / 2, -3 / 5, 1 / 10])
 

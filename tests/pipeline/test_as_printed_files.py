@@ -13,6 +13,8 @@ from solen.pipeline.design import check as pipeline
 from solen.pipeline.design.export import export
 from solen.pipeline.design.run import run
 from solen.pipeline.design.trace import trace
+from solen.sensor import Check
+from solen.sensor.traced import DesignTrace
 from solen.spec import dumps, json_schema, load, loads, save, with_values
 from tests.lens.measured_support import X, noise_um, profile
 
@@ -55,10 +57,12 @@ def test_lens_tells_deviation_focus_and_smoothing(folder: Path) -> None:
 
 
 def test_check_and_trace_work_with_it(folder: Path) -> None:
-    checked = pipeline.check(folder / "sensor.toml").result.lens
-    assert checked is not None
-    assert checked.shape == "measured"
+    checked = pipeline.check(folder / "sensor.toml").result
+    assert isinstance(checked, Check)
+    assert checked.lens is not None
+    assert checked.lens.shape == "measured"
     found = trace(folder / "sensor.toml", angle_deg=-1.0).result
+    assert isinstance(found, DesignTrace)
     assert found.lens == "measured"
     assert found.ledger.total == pytest.approx(1.0)
 

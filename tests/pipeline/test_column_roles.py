@@ -17,7 +17,7 @@ def taken(tmp_path: Path, header: str, rows: FloatArray = ROWS) -> Waveforms:
     path = tmp_path / "one.csv"
     text = "\n".join(",".join(f"{value:.7g}" for value in row) for row in rows)
     path.write_text(f"{header}\n{text}\n", encoding="utf-8")
-    return waveforms(read(path), SignalOptions(), angle="required")[""]
+    return waveforms(read(path), SignalOptions())[""]
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,7 @@ from solen.pipeline.design.designs import open_design
 from solen.pipeline.design.trace import trace
 from solen.report.design import html
 from solen.sensor import DesignStudy, study
+from solen.sensor.traced import DesignTrace
 from solen.spec import template
 
 STEP = "motion.step_deg=6"
@@ -306,6 +307,7 @@ def test_ways_of_rays_in_space_are_refused_by_the_name_of_the_option(design: Pat
 
 def test_ambient_light_is_told_apart(design: Path) -> None:
     found = trace(design, ["ambient.power=0.5", "trace.mode=power"]).result
+    assert isinstance(found, DesignTrace)
     for reading in found.detectors.values():
         assert sum(reading.power_by_source) == pytest.approx(reading.power)
         assert min(reading.power_by_source) > 0.0
