@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ import pytest
 
 from solen.arrays import FloatArray
 from solen.errors import SpecError
-from solen.explore.optimise import Front, OptimiseOptions, Optimum, optimise
+from solen.explore.optimise import Front, Grown, OptimiseOptions, Optimum, optimise, straighter
 from solen.explore.optimise.course import Course
 from solen.explore.optimise.front import sought, weights_of
 from solen.explore.optimise.judge import Judge
@@ -103,12 +104,12 @@ def at_half(done: float) -> None:
 
 def test_an_interrupted_search_has_its_best_so_far(centred: tuple[Store, Optimum]) -> None:
     store, found = centred
-    kept: list[Design] = []
+    kept: list[list[Grown]] = []
 
-    cut = optimum(DESIGN, OptimiseOptions(**CENTRE), store, progress=at_half, keep=kept.append)
+    cut = optimum(DESIGN, OptimiseOptions(**CENTRE), store, progress=at_half, keep=lambda grown: kept.append([*grown]))
     assert cut.interrupted
     assert cut.evaluations == 10
-    assert cut.design == kept[-1]
+    assert [cut.design] == [one.design for one in kept[-1]]
     assert cut.after.goal >= found.after.goal
     assert any("interrupted" in line for line in cut.warnings)
 
@@ -176,19 +177,40 @@ class Circle:
     def of(point: FloatArray) -> Any:
         class verdict:  # noqa: N801
             goals = (1.0 + point[1]) * np.array([np.sin(0.5 * np.pi * point[0]), np.cos(0.5 * np.pi * point[0])])
-            violation = max(0.0, point[1] - 0.95)
+            violation, by_goal = max(0.0, point[1] - 0.95), ()
 
         return verdict
 
 
 def test_a_front_is_reached_where_it_is_hollow() -> None:
-    course = Course(Circle, np.ones(2), 800)  # type: ignore[arg-type]  # judges all that a course asks
+    grown: list[list[int]] = []
+
+    def keep(front: Sequence[Grown]) -> None:
+        grown.append([one.number for one in front])
+
+    course = Course(Circle, np.ones(2), 800, keep=keep)  # type: ignore[arg-type]  # judges all that a course asks
     sought(course, 5, seed=0)
     goals = np.array([one.goals for one in course.feasible])
     for weights in weights_of(5):
         best = goals[np.argmin((goals * np.where(weights > 0.0, weights, 1e-3)).max(axis=1))]
         assert np.hypot(*best) == pytest.approx(1.0, abs=0.02)
     assert len(course.tried) <= 800
+    known = np.array([one.goals for one in course.tried])
+    met = np.array([one.violation == 0.0 for one in course.tried])
+    beaten = [(met & (known <= own).all(axis=1) & (known < own).any(axis=1)).any() for own in known]
+    unbeaten = np.unique(known[met & ~np.array(beaten)], axis=0)
+    assert np.array_equal(known[np.array(grown[-1]) - 1], unbeaten), (
+        "what is shown as it grows is the front of all that was tried"
+    )
+
+
+def test_a_straighter_response_is_sought_around_the_design() -> None:
+    options = straighter(DESIGN)
+    task = Task.of(DESIGN, options)
+    assert np.allclose(task.begin, 0.5, atol=0.02)
+    knots = DESIGN.set({"lens.shape": "spline", "lens.knots_um": (0.0, 5.0)})
+    assert straighter(knots).free[-1] == "lens.knots_um[1]=-35:45"
+    assert not any("focus" in text for text in straighter(DESIGN.set({"lens.shape": "none"})).free)
 
 
 FRONT = {"minimise": ("abs(null_deg)",), "maximise": ("light",), "free": ("emitter.offset_mm=-0.03:0.03",)}

@@ -1,11 +1,12 @@
 """The page in a browser: what it shows is what solen computes, and it can be used by keyboard alone."""
 
 import json
+import shlex
 import shutil
 import subprocess
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from statistics import median, quantiles
@@ -14,11 +15,12 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
+from solen.cli import run_command
 from solen.explore.live import COARSE_RAYS, coarse
 from solen.explore.matters import matters
 from solen.explore.sliders import SlidersOptions, sliders
 from solen.report.design.player import html
-from solen.sensor import Response, Sensor, in_plane, picture
+from solen.sensor import Sensor, in_plane, picture
 from solen.spec import load, loads, template
 from solen.studio.document import Document
 from solen.studio.server import server_at
@@ -108,16 +110,59 @@ def number(text: str) -> tuple[float, float]:
     return float(value), float(u)
 
 
-def test_numbers_shown_are_those_of_the_design_saved(seen: dict[str, Any], folder: Path) -> None:
-    sensor = Sensor.of(load(folder / "sensor.toml"))
-    assert sensor.design.lens.focus_mm == 25.0
-    exact: Response = sensor.power([-3.0, 3.0])
-    for name, place in (("from", 0), ("to", 1)):
-        value, u = number(seen["merits"][name])
-        assert value == pytest.approx(exact.contrast[place], abs=4 * u + 1e-3)
-        assert 0 < u < 0.005
+def test_the_plane_is_said_to_mislead(seen: dict[str, Any], folder: Path) -> None:
+    assert load(folder / "sensor.toml").lens.focus_mm == 25.0
     assert "plane" in seen["misleading"]
     assert "plane" in seen["quality"]
+
+
+@pytest.fixture
+def commanded(capsys: pytest.CaptureFixture[str]) -> Callable[[str], dict[str, Any]]:
+    """What a command line answers as JSON."""
+
+    def run(line: str) -> dict[str, Any]:
+        assert run_command([*shlex.split(line)[1:], "--json"]) == 0
+        found: dict[str, Any] = json.loads(capsys.readouterr().out)
+        return found
+
+    return run
+
+
+def test_a_search_shows_what_its_command_prints(
+    seen: dict[str, Any], commanded: Callable[[str], dict[str, Any]]
+) -> None:
+    assert "lens.focus_mm=18.8:31.2" in seen["suggested"]
+    assert 0.0 <= seen["share"] < 1.0, "it was shown as it grew"
+    found = commanded(seen["search"])
+    assert found["traced"] == 0, "nothing is traced twice"
+    rows = [row.split("\t")[1:] for row in seen["designs"]]
+    assert len(rows) == 1 + len(found["designs"])
+    for shown, one in zip(rows, [found["before"], *found["designs"]], strict=True):
+        for cell, goal, u in zip(shown, one["goals"], one["u_goals"], strict=True):
+            value, shown_u = number(cell)
+            assert value == pytest.approx(goal, abs=shown_u)
+            assert shown_u == pytest.approx(u, rel=0.5)
+    free = found["designs"][-1]["free"]
+    assert [float(one) for one in seen["taken"]] == pytest.approx([free["lens.focus_mm"], free["emitter.offset_mm"]])
+
+
+def test_merits_shown_are_those_of_commands(
+    seen: dict[str, Any], folder: Path, commanded: Callable[[str], dict[str, Any]]
+) -> None:
+    """What the page traced by samples, from the same design integrated by commands: contrast, and each merit."""
+    file = folder / "sensor.toml"
+    exact = commanded(seen["search"])["before"]["merits"]
+    for column, further in enumerate(("", " --no-lens")):
+        for name, angle in (("from", -3), ("to", 3)):
+            found = commanded(f"solen trace {file} --mode power --sampling adaptive --angle-deg {angle}{further}")["detectors"]
+            right, left = (found[side]["power"] for side in ("right", "left"))
+            value, u = number(seen["merits"][name][column])
+            assert value == pytest.approx((right - left) / (right + left), abs=4 * u + 1e-3)
+            assert 0 < u < 0.005
+    for name in ("slope_per_deg", "null_deg", "span", "linearity_percent", "light"):
+        value, u = number(seen["merits"][name][0])
+        assert u > 0
+        assert value == pytest.approx(exact[name], abs=4 * u + 4 * exact[f"u_{name}"]), name
 
 
 def test_the_same_is_offered_elsewhere(seen: dict[str, Any], folder: Path) -> None:

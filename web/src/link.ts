@@ -1,5 +1,6 @@
 // The connection to the server. Only the newest request counts: the server drops those of a drag that are outdated.
 import { decoded, type Frame } from "./frames";
+import type { Sought } from "./search";
 
 export interface View {
   angle_deg: number;
@@ -16,7 +17,9 @@ export interface Request {
   handle?: string;
   to?: [number, number];
   gesture?: string;
-  do?: "undo" | "redo" | "save" | "reload";
+  do?: "undo" | "redo" | "save" | "reload" | "cancel" | "suggest";
+  search?: Sought;
+  take?: number;
 }
 
 export class Link {

@@ -5,6 +5,7 @@ import { fields, nameOf, restore, unitOf, type Schema, type Values } from "./fie
 import type { Frame } from "./frames";
 import { Link, type Request, type View } from "./link";
 import { measured, merits, sign } from "./merits";
+import { asked, front, progress, type Search, type Sought } from "./search";
 import { curveOf, ResponsePlot, type Band, type Curve, type Name } from "./response";
 
 const HANDLES: Record<string, [string, string]> = {
@@ -53,6 +54,10 @@ class Studio extends LitElement {
   private find = "";
   private guide = false;
   private commands = false;
+  private searching = false;
+  private sought: Sought | null = null;
+  private search: Search | null = null;
+  private chosen = 0;
   private gesture = "";
   private pending: Request | null = null;
   private turned = 0; // the request by which the angle was set here; older answers do not set it back
@@ -140,6 +145,12 @@ class Studio extends LitElement {
       this.refused = head.what;
       this.link.answered(head.id);
       restore(this);
+    } else if (head.kind === "suggested") {
+      this.sought = head.sought;
+    } else if (head.kind === "search") {
+      this.search = head as unknown as Search;
+      if (!this.sought) this.ask({ do: "suggest" });
+      this.searching = true;
     } else if (head.kind === "saved") {
       this.note = `Saved in ${head.file}`;
       this.refused = "";
@@ -373,13 +384,39 @@ class Studio extends LitElement {
     </table>`;
   }
 
+  private copied(name: string, text: string): TemplateResult {
+    return html`<p>${name} <button type="button" @click=${() => navigator.clipboard.writeText(text)}>Copy</button></p>
+      <pre tabindex="0">${text}</pre>`;
+  }
+
+  private searches(): void {
+    this.searching = !this.searching;
+    if (this.searching && !this.search) this.ask({ do: "suggest" });
+    this.requestUpdate();
+  }
+
+  // A search in the background, and its front.
+  private straighter(): TemplateResult {
+    const { search, sought } = this;
+    const take = (number: number) => {
+      this.chosen = number;
+      this.ask({ take: number });
+    };
+    return html`<div class="search-panel" role="region" aria-label="Search">
+      ${search ? html`${progress(search, () => this.ask({ do: "cancel" }))} ${search.rows.length ? front(search, this.chosen, take) : nothing}
+        <div class="same">${this.copied("The same from the command line", search.shell)}</div>` : nothing}
+      ${sought ? asked(sought, search?.state === "running", (given) => {
+        this.sought = given;
+        this.chosen = 0;
+        this.ask({ search: given });
+      }) : nothing}
+    </div>`;
+  }
+
   private same(): TemplateResult {
     const { shell, python } = this.whole.same as { shell: string; python: string };
-    const part = (name: string, text: string) => html`<p>${name}
-        <button type="button" @click=${() => navigator.clipboard.writeText(text)}>Copy</button></p>
-      <pre tabindex="0">${text}</pre>`;
     return html`<aside class="guide same" aria-label="The same elsewhere">
-      ${part("The same from the command line", shell)} ${part("The same in Python", python)}
+      ${this.copied("The same from the command line", shell)} ${this.copied("The same in Python", python)}
     </aside>`;
   }
 
@@ -468,6 +505,7 @@ class Studio extends LitElement {
             ${this.choice("Light", light, [["plane", "plane"], ["space", "space"]], (value) => this.look({ light: value === shown ? "design" : value }), "Where the response is traced; rays are drawn in the plane")}
             <button type="button" aria-pressed=${String(view.tolerances)} @click=${() => this.tolerances()} title="What each number changes that is off by its tolerance">Tolerances</button>
             <button type="button" aria-pressed=${String(!!curves.pinned)} @click=${() => this.pin()} title="Keep this curve to compare with">Pin</button>
+            <button type="button" aria-expanded=${String(this.searching)} @click=${() => this.searches()} title="Search for designs with a straighter response">Make it straighter</button>
           </div>
           <div class="plot" role="img" aria-label="Contrast against the angle, with its uncertainty"></div>
           <ul class="legend" aria-label="Curves">
@@ -479,6 +517,7 @@ class Studio extends LitElement {
           </ul>
           <p class="quality">${this.quality()}</p>
           ${this.misleading ? html`<p class="warning" role="alert">${this.misleading}</p>` : nothing}
+          ${this.searching ? this.straighter() : nothing}
           ${view.tolerances ? this.ranking() : nothing}
           ${merits(curves.own, curves.flat, this.angles, this.unit)}
         </section>

@@ -76,7 +76,8 @@ await rest(async () => {
   await focus.fill("25");
   await focus.press("Enter");
 });
-seen.merits = { from: await merit("from"), to: await merit("to"), slope: await merit("slope_per_deg"), light: await merit("light") };
+seen.merits = {};
+for (const id of ["from", "to", "slope_per_deg", "null_deg", "span", "linearity_percent", "light"]) seen.merits[id] = await page.locator(`#merit-${id} td`).allInnerTexts();
 seen.misleading = (await page.locator(".warning").count()) ? await text(".warning") : "";
 seen.quality = await text(".quality");
 await page.getByTitle("The same from the command line").click();
@@ -103,6 +104,31 @@ await page.waitForFunction((n) => document.querySelectorAll(".matters tbody tr")
 seen.matters = await page.locator(".matters tbody tr").allInnerTexts();
 await page.screenshot({ path: `${folder}/matters.png` });
 await page.getByRole("button", { name: "Tolerances" }).click();
+
+// a search in the background, whose front grows; one of its designs becomes the open one
+await page.getByRole("button", { name: "Make it straighter" }).click();
+await page.waitForSelector("textarea[name=free]");
+seen.suggested = await page.locator("textarea[name=free]").inputValue();
+await page.locator("textarea[name=minimise]").fill("abs(null_deg)");
+await page.locator("textarea[name=maximise]").fill("light");
+await page.locator("textarea[name=free]").fill("emitter.offset_mm=-0.03:0.03\nlens.focus_mm=20:30");
+await page.locator("textarea[name=subject_to]").fill("");
+await page.locator("input[name=evaluations]").fill("70");
+await page.getByRole("button", { name: "Begin" }).click();
+await page.waitForFunction(() => document.querySelectorAll(".designs tbody tr").length >= 1, null, { timeout: 60_000 });
+seen.share = await page.locator(".progress progress").evaluate((one) => one.value);
+await page.waitForFunction(() => document.querySelector(".search-panel .quality").textContent.includes("traced again"), null, { timeout: 120_000 });
+await audit("search");
+await page.locator(".search-panel").screenshot({ path: `${folder}/search.png` });
+await page.screenshot({ path: `${folder}/searched.png` });
+seen.designs = await page.locator(".designs tbody tr").allInnerTexts();
+seen.search = await page.locator(".search-panel pre").innerText();
+await page.locator(".designs tbody button").last().click();
+await page.waitForFunction(() => Number(document.getElementById("field-lens.focus_mm").value) !== 25);
+seen.taken = [await value("lens.focus_mm"), await value("emitter.offset_mm")];
+await page.keyboard.press("Control+z");
+await page.waitForFunction(() => Number(document.getElementById("field-lens.focus_mm").value) === 25);
+await page.getByRole("button", { name: "Make it straighter" }).click();
 
 // the picture as a file
 const [download] = await Promise.all([page.waitForEvent("download"), page.getByRole("button", { name: "SVG" }).click()]);

@@ -9,6 +9,7 @@ from pydantic import Field
 from solen.errors import SolenError
 from solen.explore.live import Curve, coarse, misleading, refined
 from solen.explore.matters import Matter, band, matters
+from solen.explore.optimise import straighter
 from solen.results import plain
 from solen.sensor import Sensor, as_built, in_plane, picture
 from solen.sensor.picture import MOST_RAYS, RAYS
@@ -18,6 +19,7 @@ from solen.spec.toml import DEFERRED
 from solen.studio.commands import same_as
 from solen.studio.document import Document, State
 from solen.studio.frames import encoded
+from solen.studio.search import Sought
 
 ROW = ("key", "tolerance", "largest", "u_largest", "at_deg")
 """What a page shows of a number that matters."""
@@ -47,7 +49,9 @@ class Asked(Strict):
     handle: str | None = Field(None, max_length=20, description="Handle that is dragged.")
     to: tuple[Number, Number] | None = Field(None, description="Where to.")
     gesture: str = Field("", max_length=60, description="Changes of one gesture are undone together.")
-    do: Literal["undo", "redo", "save", "reload"] | None = Field(None, description="An order.")
+    do: Literal["undo", "redo", "save", "reload", "cancel", "suggest"] | None = Field(None, description="An order.")
+    search: Sought | None = Field(None, description="A search to be begun in the background.")
+    take: int | None = Field(None, ge=1, description="Design of the search's front to be made the open one.")
 
 
 def hello(document: Document) -> bytes:
@@ -55,6 +59,13 @@ def hello(document: Document) -> bytes:
     motion = document.state.design.motion
     head = {"kind": "hello", "file": document.path.name, "is_new": document.is_new, "schema": json_schema()}
     return encoded(head | {"unit": motion.unit})
+
+
+def suggested(state: State) -> bytes:
+    """Frame of what to ask of a search for a straighter response, as a page sends it."""
+    options = straighter(state.design)
+    sought = Sought(**{name: getattr(options, name) for name in ("minimise", "maximise", "free", "subject_to")})
+    return encoded({"kind": "suggested", "sought": sought.model_dump()})
 
 
 def shown(state: State, view: View) -> Sensor:

@@ -14,11 +14,15 @@ def same_as(file: Path, changes: Mapping[str, Any]) -> dict[str, str]:
     """A command line and a script that give the response of a file with values changed, by ``shell`` and ``python``."""
     if None in changes.values():
         return {"shell": SAVE_FIRST, "python": SAVE_FIRST}
-    assigned = [part for key, value in changes.items() for part in ("--set", f"{key}={_toml(value)}")]
-    shell = shlex.join(["solen", "run", str(file), "--out", f"{file.stem}-run", *assigned])
+    shell = shlex.join(["solen", "run", str(file), "--out", f"{file.stem}-run", *assigned(changes)])
     changed = f".set({dict(changes)!r})" if changes else ""
     lines = ("import solen", f"sensor = solen.Sensor.of({str(file)!r}){changed}", "print(sensor.power().contrast)")
     return {"shell": shell, "python": "\n".join(lines)}
+
+
+def assigned(changes: Mapping[str, Any]) -> list[str]:
+    """Options of a command that change values."""
+    return [part for key, value in changes.items() for part in ("--set", f"{key}={_toml(value)}")]
 
 
 def _toml(value: Any) -> str:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from threading import RLock
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from solen import files
 from solen.errors import OutputError, SpecError
@@ -16,6 +16,9 @@ from solen.files import read_text
 from solen.sensor import Sensor
 from solen.spec import Design, loads, template, with_values
 from solen.spec.edited import edited
+
+if TYPE_CHECKING:
+    from solen.studio.search import Search
 
 MOST_STATES = 500
 """States that can be undone."""
@@ -53,6 +56,7 @@ class Document:
         self.path, self.lock = path, RLock()
         self.version = 0
         self.kept: Path | None = None
+        self.search: Search | None = None
         self._open()
 
     def _open(self) -> None:
@@ -90,13 +94,21 @@ class Document:
             if sensor.design == before.design and not values.keys() - before.changes.keys():
                 return before
             sensor.body(at)
-            state = State(sensor, {**before.changes, **values})
-            same = gesture != "" and gesture == self.gesture and self.place > 0
-            first = max(0, self.place + 1 - MOST_STATES)
-            self.states = [*self.states[first : self.place + (0 if same else 1)], state]
-            self.place, self.gesture = len(self.states) - 1, gesture
-            self.version += 1
-            return state
+            return self._push(State(sensor, {**before.changes, **values}), gesture)
+
+    def become(self, base: State, values: Mapping[str, Any]) -> State:
+        """Open an earlier state of this file with values set; what was open is a step back."""
+        with self.lock:
+            sensor = Sensor.of(with_values(base.design, values))
+            return self._push(State(sensor, {**base.changes, **values}))
+
+    def _push(self, state: State, gesture: str = "") -> State:
+        same = gesture != "" and gesture == self.gesture and self.place > 0
+        first = max(0, self.place + 1 - MOST_STATES)
+        self.states = [*self.states[first : self.place + (0 if same else 1)], state]
+        self.place, self.gesture = len(self.states) - 1, gesture
+        self.version += 1
+        return state
 
     def step(self, by: int) -> State:
         """Undo (−1) or redo (+1) a step, if there is one."""

@@ -40,6 +40,8 @@ def application(document: Document, token: str, address: str, port: int) -> Guar
     @contextlib.asynccontextmanager
     async def whole(_: FastAPI) -> AsyncIterator[None]:
         yield
+        if document.search is not None:
+            document.search.cancel()
         document.keep_unsaved()  # here, as a signal that ends the server may end the process after it
 
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None, lifespan=whole)
@@ -69,7 +71,11 @@ async def _serve(page: "WebSocket", document: Document, sessions: set[Session]) 
 
     session = Session(document, page.send_bytes, sessions)
     sessions.add(session)
-    tasks = [asyncio.create_task(session.work()), asyncio.create_task(_listen(page, session))]
+    tasks = [
+        asyncio.create_task(session.work()),
+        asyncio.create_task(_listen(page, session)),
+        asyncio.create_task(session.watch()),
+    ]
     try:
         for done in (await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED))[0]:
             with contextlib.suppress(WebSocketDisconnect):

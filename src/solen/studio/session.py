@@ -8,12 +8,15 @@ from typing import Any
 
 from solen.errors import SolenError, SpecError
 from solen.sensor.picture import dragged
-from solen.studio.answers import Asked, View, better, drawn, hello, tolerated, within
+from solen.studio.answers import Asked, View, better, drawn, hello, suggested, tolerated, within
 from solen.studio.document import Document
 from solen.studio.frames import encoded
+from solen.studio.search import adopted, begin
 
 MOST_WAITING = 16
 """Requests of different kinds that may wait; those of one drag count as one."""
+WATCHED_S = 0.2
+"""Time between looks at a search."""
 Sender = Callable[[bytes], Awaitable[None]]
 
 
@@ -31,10 +34,14 @@ def request_of(message: str) -> Asked:
 def merged(waiting: list[Asked], new: Asked) -> list[Asked]:
     """Requests that wait, with a new one, which replaces the last where both belong to one drag."""
     last = waiting[-1] if waiting else None
-    if last is None or last.do or new.do or last.gesture != new.gesture or last.handle != new.handle:
+    if last is None or _is_order(last) or _is_order(new) or last.gesture != new.gesture or last.handle != new.handle:
         return [*waiting, new]
     both = {"values": {**last.values, **new.values}, "view": new.view or last.view}
     return [*waiting[:-1], new.model_copy(update=both)]
+
+
+def _is_order(asked: Asked) -> bool:
+    return bool(asked.do or asked.search or asked.take)
 
 
 @dataclass(eq=False)
@@ -51,6 +58,7 @@ class Session:
     traced: tuple[int, View] | None = None
     finished: tuple[int, View] | None = None
     tolerated: tuple[int, View] | None = None
+    searched: tuple[int, int] = (0, 0)
 
     async def take(self, message: str) -> None:
         """Take a message of the page; a malformed one is refused, and the session goes on."""
@@ -76,6 +84,15 @@ class Session:
                 await self._improve()
             await self._next()
 
+    async def watch(self) -> None:
+        """Send what becomes of a search, until cancelled."""
+        while True:
+            search = self.document.search
+            if search is not None and (now := (id(search), search.version)) != self.searched:
+                self.searched = now
+                await self.send(encoded(search.head()))
+            await asyncio.sleep(WATCHED_S)
+
     async def _next(self) -> None:
         if not self.waiting:
             await self.awake.wait()
@@ -95,6 +112,8 @@ class Session:
         """Do what is asked, and draw."""
         document, view = self.document, asked.view or self.view
         notes = [encoded({"kind": "saved", "file": str(document.path)})] if self._ordered(asked) else []
+        if asked.do == "suggest":
+            notes.append(suggested(document.state))
         values = asked.values
         if asked.handle is not None and asked.to is not None:
             angle, values = dragged(document.state.sensor, asked.handle, asked.to, view.angle_deg)
@@ -119,8 +138,14 @@ class Session:
             document.step(-1 if asked.do == "undo" else 1)
         elif asked.do == "reload":
             document.reload()
+        elif asked.do == "cancel" and document.search is not None:
+            document.search.cancel()
         elif asked.do == "save":
             document.save()
+        if asked.search is not None:
+            begin(document, asked.search)
+        if asked.take is not None:
+            adopted(document, asked.take)
         return asked.do == "save"
 
     async def _improve(self) -> None:

@@ -7,13 +7,26 @@ tracing leaves open, so its results are traced again, more finely and by samples
 `solen.explore.optimise.options` is what may be asked, `solen.explore.optimise.task` checks it;
 `solen.explore.optimise.judge` judges a design, `solen.explore.optimise.course` keeps what a search has tried,
 `solen.explore.optimise.search` is the algorithm; `solen.explore.optimise.optimum` and `solen.explore.optimise.front`
-are the results, with what tracing them again says.
+are the results, with what tracing them again says. `solen.explore.optimise.straighter` is what is asked where somebody
+only wants a straighter response.
 """
 
+from solen.explore.optimise.course import Grown
 from solen.explore.optimise.front import Front, FrontDesign
 from solen.explore.optimise.judge import Judged
 from solen.explore.optimise.optimum import FreeNumber, Optimum
 from solen.explore.optimise.options import OptimiseOptions
 from solen.explore.optimise.run import optimise
+from solen.explore.optimise.straighter import straighter
 
-__all__ = ["FreeNumber", "Front", "FrontDesign", "Judged", "OptimiseOptions", "Optimum", "optimise"]
+__all__ = [
+    "FreeNumber",
+    "Front",
+    "FrontDesign",
+    "Grown",
+    "Judged",
+    "OptimiseOptions",
+    "Optimum",
+    "optimise",
+    "straighter",
+]

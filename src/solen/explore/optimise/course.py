@@ -2,17 +2,19 @@
 
 Values of goals are to be small, and in units of that of the design which the search begins with.
 
-The interface: `Course` takes points; `Course.feasible` are those that meet everything; `least` of some.
+The interface: `Course` takes points; `Course.feasible` are those that meet everything, `Course.grown` the best of
+them; `least` of some.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from solen.arrays import FloatArray, Progress
 from solen.errors import SolenError, SpecError
-from solen.explore.optimise.judge import Judge
+from solen.explore.optimise.judge import Judge, Judged
+from solen.spec import Design
 
 UNMET = 1e3
 """Value of a candidate without a response."""
@@ -40,6 +42,28 @@ class Candidate(NamedTuple):
         return float(weighted.max()) + SECOND * float(goals.sum()) + PENALTY * self.violation
 
 
+class Grown(NamedTuple):
+    """A design that meets every limit, and to which none tried so far is equal or better in every goal.
+
+    Attributes
+    ----------
+    number
+        Which one it was of all that were tried, from 1.
+    design
+        The design.
+    by_goal
+        What the search saw of it, by goal.
+    """
+
+    number: int
+    design: Design
+    by_goal: tuple[Judged, ...]
+
+
+Keep = Callable[[Sequence[Grown]], object]
+"""Called with the best designs so far, those of the best first goal first, whenever there is a further one."""
+
+
 class Course:
     """Candidates in the order in which they were tried.
 
@@ -51,10 +75,15 @@ class Course:
         Goals of the design that the search begins with.
     most, progress
         Number of candidates, and what is called with the share done, up to 1.
+    keep
+        What is called with the best designs so far.
     """
 
-    def __init__(self, judge: Judge, begun: FloatArray, most: int, progress: Progress | None = None) -> None:
-        self.judge, self.most, self.progress = judge, most, progress
+    def __init__(
+        self, judge: Judge, begun: FloatArray, most: int, progress: Progress | None = None, keep: Keep | None = None
+    ) -> None:
+        self.judge, self.most, self.progress, self.keep = judge, most, progress, keep
+        self.grown: list[tuple[Candidate, Grown]] = []
         self.tried: list[Candidate] = []
         self.scale = np.array(judge.task.signs) * np.where(begun == 0.0, 1.0, np.abs(begun))
 
@@ -62,7 +91,8 @@ class Course:
         """Candidate at a point, judged and kept."""
         nothing = np.full(self.scale.size, np.nan)
         try:
-            verdict = self.judge.of(self.judge.task.at(point))
+            design = self.judge.task.at(point)
+            verdict = self.judge.of(design)
         except SolenError:
             verdict = None
         candidate = (
@@ -71,9 +101,20 @@ class Course:
             else Candidate(point, verdict.goals / self.scale, verdict.violation)
         )
         self.tried.append(candidate)
+        if verdict is not None and candidate.violation == 0.0:
+            self._grow(candidate, Grown(len(self.tried), design, verdict.by_goal))
         if self.progress is not None:
             self.progress(len(self.tried) / self.most)
         return candidate
+
+    def _grow(self, candidate: Candidate, new: Grown) -> None:
+        """Keep a candidate unless another is as good in every goal, and those that it does not surpass."""
+        if any((one.goals <= candidate.goals).all() for one, _ in self.grown):
+            return
+        left = [one for one in self.grown if not (candidate.goals <= one[0].goals).all()]
+        self.grown = sorted([*left, (candidate, new)], key=lambda one: float(one[0].goals[0]))
+        if self.keep is not None:
+            self.keep([one for _, one in self.grown])
 
     @property
     def feasible(self) -> list[Candidate]:

@@ -3,12 +3,10 @@
 The interface: `optimise` a design.
 """
 
-from collections.abc import Callable
-
 import numpy as np
 
-from solen.arrays import FloatArray, Progress
-from solen.explore.optimise.course import Course, least
+from solen.arrays import Progress
+from solen.explore.optimise.course import Course, Keep, least
 from solen.explore.optimise.front import Front, front_of, sought
 from solen.explore.optimise.judge import Judge
 from solen.explore.optimise.optimum import Optimum, optimum_of
@@ -26,7 +24,7 @@ def optimise(
     options: OptimiseOptions,
     store: Store | None = None,
     progress: Progress | None = None,
-    keep: Callable[[Design], object] | None = None,
+    keep: Keep | None = None,
 ) -> Optimum | Front:
     """Search for the numbers of a design that make a merit best, or two.
 
@@ -42,7 +40,8 @@ def optimise(
     progress
         Called with the share done, up to 1.
     keep
-        Called with each better design of a search for one goal; the last is the result.
+        Called with the best designs so far whenever there is a further one: of one goal with the best alone, and the
+        last is the result; of two with those of which none is better in both.
 
     Raises
     ------
@@ -53,13 +52,13 @@ def optimise(
     task = Task.of(design, options)
     known = len(store.points)
     judge, begun = Judge.begun(task, store, options.tolerance)
-    course = Course(judge, begun.goals, options.evaluations, progress)
+    course = Course(judge, begun.goals, options.evaluations, progress, keep)
     interrupted = False
     try:
         if len(task.goals) > 1:
             sought(course, options.front, options.seed)
         else:
-            search(Tried(_keeping(course, keep), options.evaluations), task.begin, options.seed)
+            search(Tried(lambda point: course(point).total(ONE), options.evaluations), task.begin, options.seed)
     except KeyboardInterrupt:
         if not course.tried:
             raise
@@ -69,20 +68,3 @@ def optimise(
         return front_of(course, options.front, known, interrupted=interrupted)
     best = least(course.feasible, ONE)
     return optimum_of(course, best, known, interrupted=interrupted)
-
-
-def _keeping(course: Course, keep: Callable[[Design], object] | None) -> Callable[[FloatArray], float]:
-    """Value of a point, by a course; each better design that meets every limit is kept."""
-    best = np.inf
-
-    def value(point: FloatArray) -> float:
-        nonlocal best
-        candidate = course(point)
-        total = candidate.total(ONE)
-        if candidate.violation == 0.0 and total < best:
-            best = total
-            if keep is not None:
-                keep(course.judge.task.at(point))
-        return total
-
-    return value

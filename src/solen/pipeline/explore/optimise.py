@@ -1,10 +1,11 @@
 """Inverse design: a design in; a better one, and the search's record, out."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
 from solen import files
-from solen.explore.optimise import Front, OptimiseOptions, Optimum
+from solen.explore.optimise import Front, Grown, OptimiseOptions, Optimum
 from solen.explore.optimise import optimise as optimise_design
 from solen.explore.store import Store
 from solen.pipeline.design.designs import open_design
@@ -43,7 +44,12 @@ def optimise(
     design = open_design(file, set_)
     with files.output_folder(out):
         best = out / f"{stem_of(file)}-best.toml"
-        result = optimise_design(design, options, Store(out), progress, lambda found: save(best, found))
+
+        def keep(grown: Sequence[Grown]) -> None:
+            if len(grown[0].by_goal) == 1:
+                save(best, grown[0].design)
+
+        result = optimise_design(design, options, Store(out), progress, keep)
         files.write_all(drawn(result, figure, "optimise"))
         made = _front_files(result, out, stem_of(file)) if isinstance(result, Front) else {"best": best}
     return Outcome(result, named(figure=figure.figure, **made))

@@ -1,0 +1,44 @@
+"""What to ask of a search where somebody only wants a straighter response: goals, conditions, and what may change.
+
+The interface: `straighter` of a design; its answer is a beginning that a person changes.
+"""
+
+import math
+
+from solen.explore.optimise.options import OptimiseOptions
+from solen.sensor import Sensor, inert
+from solen.sensor.numbers import number
+from solen.spec import Design
+
+KEYS = ("lens.focus_mm", "lens.half_width_mm", "emitter.distance_mm", "body.arm_width_mm", "body.stem_length_mm")
+"""Numbers that bend a response and that a print is free to have."""
+SHARE = 0.25
+"""By how much of itself each may change, to either side."""
+KNOTS_UM = 40.0
+"""Height of a free form's knots, to either side of what the design states."""
+GOALS = {"minimise": ("linearity_percent",), "maximise": ("abs(slope_per_deg)",)}
+CONDITIONS = ("light >= 0.9*base", "range_deg >= 0.95*base")
+"""A response without signal is straight too."""
+
+
+def straighter(design: Design) -> OptimiseOptions:
+    """Options of a search for a front between a straight response and a steep one, which loses neither light nor range.
+
+    Free are the numbers of `KEYS` that have an effect on the design's light, and the knots of a free form.
+    """
+    sensor = Sensor.of(design)
+    free = [_around(key, number(sensor, key)) for key in KEYS if not inert(sensor, key)]
+    if sensor.has_lens and design.lens.shape == "spline" and not sensor.is_measured:
+        knots = enumerate(design.lens.knots_um or ())
+        free += [f"lens.knots_um[{place}]={value - KNOTS_UM:g}:{value + KNOTS_UM:g}" for place, value in knots]
+    return OptimiseOptions(**GOALS, subject_to=CONDITIONS, free=tuple(free))
+
+
+def _around(key: str, value: float) -> str:
+    low, high = sorted((value * (1.0 - SHARE), value * (1.0 + SHARE)))
+    return f"{key}={_short(low)}:{_short(high)}"
+
+
+def _short(value: float) -> str:
+    """A length with as many digits as matter."""
+    return f"{value:.{max(0, 2 - math.floor(math.log10(abs(value))))}f}" if value else "0"

@@ -1,0 +1,116 @@
+"""A search in the background: the front of the command, shown as it grows, and nothing that was traced is lost."""
+
+import time
+from collections.abc import Callable
+from multiprocessing import Pipe
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from solen.errors import SpecError
+from solen.explore.optimise import Front, optimise
+from solen.explore.store import Store
+from solen.spec import Design, load
+from solen.studio.document import Document
+from solen.studio.search import Search, Sought, adopted, begin, work
+
+DESIGN = """schema = 1
+name = "a"
+[material]
+index = 1.44
+[motion]
+step_deg = 3.0
+[emitter]
+width_mm = 0.2
+"""
+SOUGHT = Sought(
+    minimise=("abs(null_deg)",),
+    maximise=("light",),
+    free=("emitter.offset_mm=-0.03:0.03", "lens.focus_mm=15:25"),
+    front=3,
+    evaluations=30,
+)
+
+
+@pytest.fixture
+def document(tmp_path: Path) -> Document:
+    (tmp_path / "a.toml").write_text(DESIGN, encoding="utf-8")
+    return Document(tmp_path / "a.toml")
+
+
+def waited(search: Search, until: Callable[[dict[str, Any]], Any]) -> dict[str, Any]:
+    for _ in range(6000):
+        if until(head := search.head()):
+            return head
+        time.sleep(0.02)
+    raise AssertionError("it never came")
+
+
+def news(design: Design, sought: Sought, folder: Path) -> list[dict[str, Any]]:
+    """What a search sends, here in this process: little enough for a pipe to hold."""
+    heard, sender = Pipe(duplex=False)
+    work(sender, design, sought.options, folder)
+    sender.close()
+    found = [heard.recv()]
+    while heard.poll():
+        try:
+            found.append(heard.recv())
+        except EOFError:
+            break
+    return found
+
+
+def test_a_cancelled_search_goes_on_to_the_front_of_the_command(document: Document) -> None:
+    document.change({"emitter.offset_mm": 0.02})
+    began = document.state
+    begin(document, SOUGHT)
+    with pytest.raises(SpecError, match="running"):
+        begin(document, SOUGHT)
+    first = document.search
+    assert first is not None
+    seen = waited(first, lambda head: head["rows"] and head["share"] > 0.2)
+    assert seen["state"] == "running", seen
+    first.cancel()
+    assert not first.process.is_alive()
+    assert first.head()["rows"], "what was reached stays"
+    traced = len(Store(first.folder).points)
+    assert traced > 0, "and what was traced"
+
+    number = first.head()["rows"][0]["number"]
+    document.change({"material.index": 1.5})
+    taken = adopted(document, number)
+    assert taken.changes == {**began.changes, **first.chosen(number)}
+    assert taken.design.material.index == 1.44, "the design that was found, whatever was changed since"
+    assert document.step(-1).design.material.index == 1.5
+
+    document.step(-1)
+    done = news(began.design, SOUGHT, first.folder)[-1]
+    assert done["state"] == "done", done
+    exact = optimise(began.design, SOUGHT.options, Store(first.folder))
+    assert isinstance(exact, Front)
+    assert exact.traced == 0, "the same search"
+    assert done["told"]["traced"] <= len(Store(first.folder).points) - traced
+    assert [row["goals"] for row in done["rows"]] == [one.goals for one in exact.designs]
+    first.rows = done["rows"]
+    assert adopted(document, 1).design == exact.designs[0].design
+    document.save()
+    assert load(document.path) == exact.designs[0].design
+
+
+@pytest.mark.parametrize(
+    ("asked", "named"), [({"free": ("lens.focus=1:2",)}, "lens.focus"), ({"minimise": ("price",)}, "price")]
+)
+def test_what_cannot_be_sought_is_refused_at_once(document: Document, asked: dict[str, Any], named: str) -> None:
+    with pytest.raises(SpecError, match=named):
+        begin(document, SOUGHT.model_copy(update=asked))
+    assert document.search is None
+    with pytest.raises(SpecError, match="front"):
+        adopted(document, 1)
+
+
+def test_what_fails_in_a_search_is_said(document: Document) -> None:
+    sought = SOUGHT.model_copy(update={"subject_to": ("light > 2",), "maximise": (), "evaluations": 20})
+    last = news(document.state.design, sought, document.path.parent / "kept")[-1]
+    assert last["state"] == "failed"
+    assert "light > 2" in last["told"]["why"]
