@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from itertools import pairwise
 from pathlib import Path
 from statistics import median, quantiles
 from typing import Any
@@ -154,8 +155,8 @@ def test_merits_shown_are_those_of_commands(
     exact = commanded(seen["search"])["before"]["merits"]
     for column, further in enumerate(("", " --no-lens")):
         for name, angle in (("from", -3), ("to", 3)):
-            found = commanded(f"solen trace {file} --mode power --sampling adaptive --angle-deg {angle}{further}")["detectors"]
-            right, left = (found[side]["power"] for side in ("right", "left"))
+            line = f"solen trace {file} --mode power --sampling adaptive --angle-deg {angle}{further}"
+            right, left = (commanded(line)["detectors"][side]["power"] for side in ("right", "left"))
             value, u = number(seen["merits"][name][column])
             assert value == pytest.approx((right - left) / (right + left), abs=4 * u + 1e-3)
             assert 0 < u < 0.005
@@ -195,6 +196,23 @@ def test_the_drawing_is_kept_as_svg(seen: dict[str, Any], folder: Path) -> None:
     drawn = ET.parse(folder / "drawing.svg").getroot()  # noqa: S314  its own
     assert seen["saved"]
     assert len(drawn.findall(".//{*}path")) > 5
+
+
+def test_the_response_is_kept_as_svg_and_png(seen: dict[str, Any], folder: Path) -> None:
+    """A curve drawn in the scale of its own ticks ends at the contrasts that the page states."""
+    drawn = ET.parse(folder / "response.svg").getroot()  # noqa: S314  its own
+    ticks = {}
+    for mark, label in pairwise(drawn):
+        if label.tag.endswith("text") and label.get("text-anchor") == "end":
+            ticks[float(mark.attrib["d"].split()[1].partition("h")[0])] = float(str(label.text).replace("−", "-"))
+    (low, least), (high, largest) = min(ticks.items()), max(ticks.items())
+    (curve,) = (one for one in drawn if one.get("stroke-width") == "2.5")
+    y = [float(point.split()[1]) for point in curve.attrib["d"].removeprefix("M").split("L")]
+    assert len(y) == 7, "an angle each"
+    for place, name in ((0, "from"), (-1, "to")):
+        value, _ = number(seen["merits"][name][0])
+        assert least + (y[place] - low) / (high - low) * (largest - least) == pytest.approx(value, abs=0.01)
+    assert (folder / "response.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_a_page_without_a_server_shows_the_numbers_of_its_sliders(seen: dict[str, Any]) -> None:

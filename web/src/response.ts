@@ -144,6 +144,47 @@ export class ResponsePlot {
     this.plot?.redraw(false);
   }
 
+  // The plot as SVG: curves as paths in its own scales, with axes, labels and the angle that is shown.
+  svg(): string {
+    const plot = this.plot!;
+    const [width, height] = [plot.width, plot.height];
+    const { ink, soft, accent, lost, hit, taken, band, tolerated } = this.colours;
+    const [left, top] = [plot.over.offsetLeft, plot.over.offsetTop];
+    const [wide, high] = [plot.over.clientWidth, plot.over.clientHeight];
+    const place = (x: number, y: number) => `${(left + plot.valToPos(x, "x")).toFixed(2)} ${(top + plot.valToPos(y, "y")).toFixed(2)}`;
+    const points = (series: number) => {
+      const [x, y] = [plot.data[0], plot.data[series]];
+      return Array.from(x, (value, i) => [value, y[i]] as const).filter(([, value]) => value != null && Number.isFinite(value)).map(([a, b]) => place(a, b!));
+    };
+    const path = (series: number) => points(series).map((at, i) => `${i ? "L" : "M"}${at}`).join("");
+    const area = (low: number, high: number, fill: string) => {
+      const around = [...points(high), ...points(low).reverse()];
+      return around.length ? `<path d="M${around.join("L")}Z" fill="${fill}"/>` : "";
+    };
+    const line = (series: number, colour: string, wide: number, dash: string) => {
+      const d = path(series);
+      return d ? `<path d="${d}" fill="none" stroke="${colour}" stroke-width="${wide}"${dash ? ` stroke-dasharray="${dash}"` : ""}/>` : "";
+    };
+    const text = (x: number, y: number, words: string, more = 'text-anchor="middle"') => `<text x="${x.toFixed(1)}" y="${y.toFixed(1)}" ${more}>${words}</text>`;
+    const number = (value: number) => `${+value.toFixed(6)}`.replace("-", "−");
+    const inside = (values: readonly number[], scale: "x" | "y") => values.filter((value) => value >= plot.scales[scale].min! && value <= plot.scales[scale].max!);
+    const ticks = (axis: 0 | 1) => inside(((plot.axes[axis] as { _splits?: number[] })._splits ?? []), axis ? "y" : "x");
+    const grid = [
+      ...ticks(0).map((x) => { const at = left + plot.valToPos(x, "x"); return `<path d="M${at.toFixed(2)} ${top}v${high}" stroke="${soft}"/>${text(at, top + high + 18, number(x))}`; }),
+      ...ticks(1).map((y) => { const at = top + plot.valToPos(y, "y"); return `<path d="M${left} ${at.toFixed(2)}h${wide}" stroke="${soft}"/>${text(left - 8, at + 4, number(y), 'text-anchor="end"')}`; }),
+    ];
+    const now = left + plot.valToPos(this.angle, "x");
+    return [
+      `<svg xmlns="http://www.w3.org/2000/svg" width="${width}" height="${height}" viewBox="0 0 ${width} ${height}" font-family="system-ui, sans-serif" font-size="12" fill="${ink}">`,
+      ...grid, area(7, 8, tolerated), area(1, 2, band),
+      line(3, lost, 1.5, "6 4"), line(4, hit, 1.5, "2 3"), line(5, taken, 1.5, "10 3 2 3"), line(6, accent, 2.5, ""),
+      `<path d="M${now.toFixed(2)} ${top}v${high}" stroke="${ink}" stroke-opacity="0.6"/>`,
+      text(left + wide / 2, height - 4, this.unit === "deg" ? "angle / °" : `driven / ${this.unit}`),
+      text(0, 0, "contrast (R − L)/(R + L)", `text-anchor="middle" transform="translate(12 ${top + high / 2}) rotate(-90)"`),
+      "</svg>",
+    ].join("");
+  }
+
   picture(): HTMLCanvasElement | null {
     return this.plot?.ctx.canvas ?? null;
   }

@@ -334,9 +334,10 @@ class Studio extends LitElement {
     this.requestUpdate();
   }
 
-  private download(kind: "svg" | "png"): void {
-    if (!this.picture) return;
-    const name = `${this.file.replace(/\.toml$/, "")}.${kind}`;
+  // The drawing or the response as a file; a response as SVG needs a curve.
+  private download(what: "drawing" | "response", kind: "svg" | "png"): void {
+    if (!this.picture || (what === "response" && !this.plot.picture())) return;
+    const name = `${this.file.replace(/\.toml$/, "")}${what === "drawing" ? "" : "-response"}.${kind}`;
     const give = (blob: Blob) => {
       const link = document.createElement("a");
       link.href = URL.createObjectURL(blob);
@@ -344,8 +345,9 @@ class Studio extends LitElement {
       link.click();
       setTimeout(() => URL.revokeObjectURL(link.href), 1000);
     };
-    if (kind === "svg") give(new Blob([this.drawing.svg(this.picture, this.colouring)], { type: "image/svg+xml" }));
-    else this.drawing.canvas.toBlob((blob) => blob && give(blob));
+    const text = () => (what === "drawing" ? this.drawing.svg(this.picture!, this.colouring) : this.plot.svg());
+    if (kind === "svg") give(new Blob([text()], { type: "image/svg+xml" }));
+    else (what === "drawing" ? this.drawing.canvas : this.plot.picture()!).toBlob((blob) => blob && give(blob));
   }
 
   private legend(): TemplateResult {
@@ -447,8 +449,8 @@ class Studio extends LitElement {
           <button type="button" ?disabled=${!whole.can_undo} @click=${() => this.ask({ do: "undo" })} title="Ctrl+Z">Undo</button>
           <button type="button" ?disabled=${!whole.can_redo} @click=${() => this.ask({ do: "redo" })} title="Ctrl+Y">Redo</button>
           <button type="button" class="main" ?disabled=${whole.is_saved as boolean} @click=${() => this.ask({ do: "save" })} title="Ctrl+S; comments of the file are kept">Save</button>
-          <button type="button" @click=${() => this.download("svg")}>SVG</button>
-          <button type="button" @click=${() => this.download("png")}>PNG</button>
+          <button type="button" @click=${() => this.download("drawing", "svg")} title="The drawing">SVG</button>
+          <button type="button" @click=${() => this.download("drawing", "png")} title="The drawing">PNG</button>
           <button type="button" aria-expanded=${String(this.commands)} @click=${() => ((this.commands = !this.commands), this.requestUpdate())} title="The same from the command line and in Python">&gt;_</button>
           <button type="button" @click=${() => this.theme()} aria-label="Light or dark">◐</button>
           <button type="button" @click=${() => ((this.guide = !this.guide), this.requestUpdate())} aria-label="Guide" aria-expanded=${String(this.guide)}>?</button>
@@ -515,7 +517,10 @@ class Studio extends LitElement {
             ${this.band ? html`<li><span class="line tolerated"></span>all tolerances</li>` : nothing}
             ${curves.pinned ? html`<li><span class="line dashed taken"></span>pinned</li>` : nothing}
           </ul>
-          <p class="quality">${this.quality()}</p>
+          <p class="quality">${this.quality()}
+            <span class="kept">Curve as
+              <button type="button" @click=${() => this.download("response", "svg")} aria-label="Response as SVG">SVG</button>
+              <button type="button" @click=${() => this.download("response", "png")} aria-label="Response as PNG">PNG</button></span></p>
           ${this.misleading ? html`<p class="warning" role="alert">${this.misleading}</p>` : nothing}
           ${this.searching ? this.straighter() : nothing}
           ${view.tolerances ? this.ranking() : nothing}

@@ -131,8 +131,10 @@ await page.waitForFunction(() => Number(document.getElementById("field-lens.focu
 await page.getByRole("button", { name: "Make it straighter" }).click();
 
 // the picture as a file
-const [download] = await Promise.all([page.waitForEvent("download"), page.getByRole("button", { name: "SVG" }).click()]);
-await download.saveAs(`${folder}/drawing.svg`);
+for (const [name, file] of [["SVG", "drawing.svg"], ["Response as SVG", "response.svg"], ["Response as PNG", "response.png"]]) {
+  const [download] = await Promise.all([page.waitForEvent("download"), page.getByRole("button", { name, exact: true }).click()]);
+  await download.saveAs(`${folder}/${file}`);
+}
 
 // how long it takes from a request to what is drawn, with 200 rays and a chip's response
 for (const light of whole ? ["plane", "space"] : []) {
