@@ -156,6 +156,20 @@ def test_usual_prints_can_be_built() -> None:
         assert offs(list(usual.values()), [0.0] * len(usual)).keys() == usual.keys()
 
 
+def test_tolerances_end_where_a_number_would_be_negative() -> None:
+    sensor = Sensor.of(DESIGN.set({"material.absorption_per_mm": 0.004}))
+    absorption = {one.key: one for one in variations_of(sensor, ())}["material.absorption_per_mm"]
+    assert (absorption.first, absorption.second) == (-0.004, 0.005)
+
+
+def test_a_mean_stays_where_a_deviation_is_tightened() -> None:
+    off = [Variation("emitter.offset_mm", "normal", 2.0, 0.2)]
+    x = drawn(off, 64, 3)
+    merits = dict.fromkeys(NAMES, np.zeros(64)) | {"null_deg": x[:, 0]}
+    (row,) = Prints(off, x, merits, BASE).varied(Sensor.of(DESIGN), REQUIREMENTS[:1])
+    assert (row.share_if_exact, row.factor_alone) == (0.0, None)
+
+
 def test_what_surrogates_do_not_know_is_not_told() -> None:
     x = drawn(VARIATIONS, 64, 3)
     merits = merits_of(x)

@@ -68,7 +68,8 @@ class VariedNumber(Result, eq=True):
         Where that comes from: ``stated``, ``[tolerance]`` of the design, ``assumed`` by solen, or a process, a part or
         a resin by name.
     share_if_exact
-        Yield if this number alone did not vary, by the surrogates; None without requirements.
+        Yield if this number alone did not vary but stayed at `Variation.centre`, by the surrogates; None without
+        requirements.
     factor_alone, factor_together
         Factor on its deviation for a yield of 95 %, if it alone is tightened or all are; None where that is not
         reached, or without requirements.
@@ -256,9 +257,11 @@ class Prints:
         return self.met(requirements, self._calibrated(merits) if calibrated else merits)
 
     def _scaled(self, requirements: Sequence[Requirement], places: Sequence[int], factor: float) -> float:
-        """Yield by surrogates with some deviations times a factor."""
+        """Yield by surrogates with some deviations tightened by a factor."""
         deviations = self.modelled.copy()
-        deviations[:, list(places)] *= factor
+        for place in places:
+            centre = self.variations[place].centre
+            deviations[:, place] = centre + factor * (deviations[:, place] - centre)
         return float(self._by_surrogates(requirements, deviations, None).mean())
 
     def _factor(self, requirements: Sequence[Requirement], places: Sequence[int]) -> float | None:

@@ -137,7 +137,8 @@ def _of_tolerance(sensor: Sensor, key: str) -> Variation:
     if is_standard and _is_possible(sensor, key, -3.0 * size):
         return Variation(key, "normal", 0.0, size, source)
     size *= math.sqrt(3.0) if is_standard else 1.0
-    return Variation(key, "uniform", -size if _is_possible(sensor, key, -size) else 0.0, size, source)
+    least = -size if _is_possible(sensor, key, -size) else -min(size, number(sensor, key))
+    return Variation(key, "uniform", least if _is_possible(sensor, key, least) else 0.0, size, source)
 
 
 def _is_possible(sensor: Sensor, key: str, step: float) -> bool:

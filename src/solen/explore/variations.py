@@ -55,6 +55,11 @@ class Variation:
         """How far each number of the design moves, per unit of the deviation."""
         return together(self.key) if self.moved is None else self.moved
 
+    @property
+    def centre(self) -> float:
+        """Deviation that stays where it is tightened: a normal one's mean; between two ends the one nearest to 0."""
+        return self.first if self.kind == "normal" else min(max(0.0, self.first), self.second)
+
     def deviation(self, share: FloatArray) -> FloatArray:
         """Deviation at shares, 0 to 1, of its distribution function."""
         if self.kind == "normal":
