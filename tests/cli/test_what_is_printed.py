@@ -220,7 +220,7 @@ def test_convergence_says_the_same_in_lines_in_json_and_draws_it(
     figure = tmp_path / "convergence.svg"
     how = ("convergence", design, "--angle-deg", "0.2", "--figure", str(figure))
     found, lines = told.json(*how, "--json"), told.lines(*how)
-    assert set(found) == AT | {"name", "mode", "reference", "series", "warnings", "files"}
+    assert set(found) == AT | {"name", "emitter", "mode", "reference", "series", "warnings", "files"}
     assert (found["mode"], found["angle_deg"], found["files"]) == ("power", 0.2, {"figure": str(figure)})
     assert set(found["reference"]["detectors"]) == {"left", "right"}
     assert [series["method"] for series in found["series"]] == ["fan", "sobol", "adaptive"]

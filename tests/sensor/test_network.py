@@ -10,10 +10,13 @@ import pytest
 from solen.curve import CartesianOval, Segment
 from solen.errors import SolenError, SpecError
 from solen.plane import Point, Rigid
+from solen.report.design.network import csv_table
 from solen.scene import Fan, Interface, Region, Scene
 from solen.sensor import Sensor
 from solen.sensor.network import network_check, network_response, network_study, network_trace
+from solen.sensor.network_readings import readings_of
 from solen.sensor.network_slopes import network_sensitivities
+from solen.sensor.traced import one_lit
 from solen.spec import Design, with_values
 from solen.trace import trace
 from solen.trace import trace_reference as reference
@@ -255,3 +258,89 @@ def test_a_state_that_is_none_is_refused(state: dict[str, float], told: str) -> 
 def test_counting_is_an_option_of_a_trace_in_turn() -> None:
     found = network_trace(three_guides(), TraceOptions(mode="count"))
     assert np.allclose(found.power * 300, np.round(found.power * 300))
+
+
+def contrast(emitter: str) -> dict[str, str]:
+    return {
+        "name": f"of {emitter}",
+        "value": f"({emitter}.right - {emitter}.left) / ({emitter}.right + {emitter}.left)",
+    }
+
+
+def test_the_contrast_of_the_y_is_a_reading() -> None:
+    design = y_network(the_y())
+    lit = design.network.emitters[0].name
+    design = with_values(design, {"network.reading": [contrast(lit)]})
+    found = network_trace(design)
+    right, left = (found.power[0, 0, found.receivers.index(side)] for side in ("right", "left"))
+    assert found.reading.tolist() == [[(right - left) / (right + left)]]
+
+
+READINGS = [
+    {"name": "bend", "value": "(a.end - b.side) / (a.end + b.side)"},
+    {"name": "most", "value": "max(abs(a.end - 2 * b.end), b.side ** 2) / 3 - -a.side"},
+]
+
+
+def test_readings_follow_the_powers_and_their_uncertainties_cover() -> None:
+    network = three_guides(reading=READINGS).network
+    power = np.array([[0.2, 0.05], [0.03, 0.1]])
+    u_power = np.array([[1e-4, 3e-4], [2e-4, 2e-4]])
+    values, u = readings_of(network, power, u_power)
+    off = np.random.default_rng(3).normal(size=(4000, 2, 2)) * u_power
+    drawn = readings_of(network, power + off, u_power)[0]
+    assert values.tolist() == pytest.approx([1 / 3, (0.2 - 0.06) / 3 + 0.05])
+    assert np.all(np.std(drawn, axis=0) <= u * 1.03)  # independent errors: less than the bound
+    together = readings_of(network, power + np.array([[-1.0, -1.0], [1.0, 1.0]]) * u_power, u_power)[0]
+    assert np.abs(together - values) == pytest.approx(u, rel=3e-3)  # errors against one another: all of it
+    dark = readings_of(network, np.zeros((2, 2)), u_power)[0]
+    assert np.isnan(dark[0])
+    assert dark[1] == 0.0
+    assert readings_of(network, np.zeros((2, 2)), u_power)[1][1] == pytest.approx((1e-4 + 2 * 2e-4 + 3 * 3e-4) / 3)
+
+
+def test_a_study_and_slopes_have_readings() -> None:
+    design = three_guides(motion=WAYS[:1], reading=READINGS)
+    assert network_check(design).readings == {one["name"]: one["value"] for one in READINGS}
+    study = network_study(with_values(design, {"network.motion[0].steps": 1}), tolerance=1e-3)
+    power = study.sweeps["lean"].power
+    assert np.array_equal(
+        study.sweeps["lean"].reading[:, 0], (power[:, 0, 0] - power[:, 1, 1]) / (power[:, 0, 0] + power[:, 1, 1])
+    )
+    rows = csv_table(study).splitlines()
+    assert rows[0].endswith(",bend,u_bend,most,u_most")
+    assert float(rows[1].split(",")[-4]) == study.at_rest.reading[0, 0]
+    found = network_sensitivities(design, tolerance=1e-3)
+    ends = network_response(design, [{"lean": -0.5}, {"lean": 0.5}], tolerance=3e-4).reading[:, 0]
+    assert found.reading_slope[0, 0] == pytest.approx(ends[1] - ends[0], abs=3.0 * found.u_reading_slope[0, 0])
+
+
+@pytest.mark.parametrize(
+    ("value", "named"),
+    [
+        ("a.end + c.end", "c.end"),
+        ("a.ends", "did you mean a.end"),
+        ("end / 2", "of a, b and end, side"),
+        ("__import__('os')", "functions"),
+        ("a.end.real", "a.end.real"),
+        ("a.end > 0.1", "condition"),
+        ("1 + 2.5", "names no power"),
+        ("a.end -", "not an expression"),
+        ("p_0 + a.end", "p_0"),
+        ("a.end-2", "space"),
+    ],
+)
+def test_a_reading_that_is_none_is_refused(value: str, named: str) -> None:
+    with pytest.raises(SpecError, match=r"network\.reading") as refused:
+        three_guides(reading=[{"name": "bend", "value": value}])
+    assert named in str(refused.value)
+
+
+def test_of_several_emitters_one_is_named() -> None:
+    with pytest.raises(SpecError, match=r"--emitter.*a, b"):
+        one_lit(three_guides(), None)
+    assert one_lit(three_guides(), "b").network.lit == "b"
+    assert one_lit(with_values(three_guides(), {"network.lit": "b"}), None).network.lit == "b"
+    assert one_lit(the_y(), None) == the_y()
+    with pytest.raises(SpecError, match="network"):
+        one_lit(the_y(), "b")

@@ -314,7 +314,7 @@ def test_the_json_schema_lists_every_key_of_every_table() -> None:
     assert set(schema["$defs"]) == {
         *("Material", "Emitter", "Ambient", "Lens", "Body", "Receivers", "Motion", "Trace"),
         *("Wall", "Layer", "Fabricate", "Readout", "Parameters", "Tolerance", "Hold", "Press", "Pull", "Mechanics"),
-        *("Network", "Node", "Guide", "PlacedLens", "PlacedEmitter", "PlacedReceiver", "NamedMotion"),
+        *("Network", "Node", "Guide", "PlacedLens", "PlacedEmitter", "PlacedReceiver", "NamedMotion", "Reading"),
     }
     parameters = schema["$defs"].pop("Parameters")
     assert parameters["additionalProperties"] == {"type": "number"}

@@ -21,6 +21,7 @@ from solen.geometry.network import network_lenses
 from solen.lens import CurvedLens
 from solen.material import Optical
 from solen.results import HIDDEN, Result, reported
+from solen.sensor.network_readings import readings_of, without_value
 from solen.sensor.sensor import MOST_SAMPLED, Sensor
 from solen.sensor.unused_keys import keys_without_effect
 from solen.spec import Design
@@ -71,6 +72,8 @@ class NetworkCheck(Result):
         Index and absorption at the first emitter's wavelength.
     guides, receivers, motions
         Their names.
+    readings
+        Expressions of its readings, by name.
     lenses, emitters
         Its lenses, and its emitters at rest.
     faces
@@ -89,6 +92,7 @@ class NetworkCheck(Result):
     emitters: tuple[EmitterOfNetwork, ...]
     receivers: tuple[str, ...]
     motions: tuple[str, ...]
+    readings: dict[str, str]
     faces: tuple[str, ...]
     area_mm2: float
     warnings: tuple[str, ...]
@@ -99,12 +103,14 @@ class NetworkResponse(Result):
 
     Attributes
     ----------
-    motions, emitters, receivers
+    motions, emitters, receivers, readings
         Their names.
     angle_deg
         (states, motions) angles of the motions.
     power, u_power
         (states, emitters, receivers) fractions of what the emitter emits, and their uncertainties.
+    reading, u_reading
+        (states, readings) values of its readings, NaN where one has none, and bounds of their uncertainties.
     ledgers
         For each state the ledger of each emitter.
     simulated
@@ -114,9 +120,12 @@ class NetworkResponse(Result):
     motions: tuple[str, ...]
     emitters: tuple[str, ...]
     receivers: tuple[str, ...]
+    readings: tuple[str, ...]
     angle_deg: FloatArray
     power: FloatArray
     u_power: FloatArray
+    reading: FloatArray
+    u_reading: FloatArray
     ledgers: tuple[tuple[Ledger, ...], ...] = ()
     simulated: bool = True
 
@@ -205,6 +214,7 @@ def network_check(design: Design) -> NetworkCheck:
         emitters=tuple(_emitter(sensor) for sensor in sensors),
         receivers=_receivers(sensors),
         motions=tuple(motion.name for motion in network.motion),
+        readings={one.name: one.value for one in network.reading},
         faces=tuple(face.name for face in (*body.all_faces, *body.apart)),
         area_mm2=body.area_mm2(),
         warnings=_warnings(sensors),
@@ -223,7 +233,7 @@ def network_trace(design: Design, options: TraceOptions = TraceOptions()) -> Net
         name=design.name,
         mode=traces[0].mode,
         method=traces[0].method,
-        warnings=_warnings(sensors, options.mode or design.trace.mode),
+        warnings=(*_warnings(sensors, options.mode or design.trace.mode), *unread_in(found)),
     )
 
 
@@ -290,7 +300,7 @@ def network_study(design: Design, progress: Progress | None = None, tolerance: f
         check=check,
         at_rest=_part(whole, 0, 1),
         sweeps=sweeps,
-        warnings=(*check.warnings, *_rough(whole, design)),
+        warnings=(*check.warnings, *_rough(whole, design), *unread_in(whole)),
     )
 
 
@@ -309,15 +319,22 @@ def _response(
 ) -> NetworkResponse:
     names, receivers = tuple(sensor.design.network.lit or "" for sensor in sensors), _receivers(sensors)
     shape = (len(traces), len(names), len(receivers))
-    readings = [trace.detectors[name] for row in traces for trace in row for name in receivers]
-    motions = tuple(motion.name for motion in sensors[0].design.network.motion)
+    detected = [trace.detectors[name] for row in traces for trace in row for name in receivers]
+    network = sensors[0].design.network
+    motions = tuple(motion.name for motion in network.motion)
+    power = np.array([(*row.power_by_source, row.power)[0] for row in detected]).reshape(shape)
+    u_power = np.array([row.u_power for row in detected]).reshape(shape)
+    reading, u_reading = readings_of(network, power, u_power)
     return NetworkResponse(
         motions=motions,
         emitters=names,
         receivers=receivers,
         angle_deg=np.array(angles_deg, dtype=float).reshape(len(traces), len(motions)),
-        power=np.array([(*row.power_by_source, row.power)[0] for row in readings]).reshape(shape),
-        u_power=np.array([row.u_power for row in readings]).reshape(shape),
+        readings=tuple(one.name for one in network.reading),
+        power=power,
+        u_power=u_power,
+        reading=reading,
+        u_reading=u_reading,
         ledgers=tuple(tuple(trace.ledger for trace in row) for row in traces),
     )
 
@@ -329,8 +346,15 @@ def _part(whole: NetworkResponse, low: int, high: int) -> NetworkResponse:
         angle_deg=whole.angle_deg[low:high],
         power=whole.power[low:high],
         u_power=whole.u_power[low:high],
+        reading=whole.reading[low:high],
+        u_reading=whole.u_reading[low:high],
         ledgers=whole.ledgers[low:high],
     )
+
+
+def unread_in(response: NetworkResponse) -> list[str]:
+    """Warnings about readings that have no certain value in some state of a response."""
+    return without_value(response.readings, response.reading, response.u_reading)
 
 
 def _receivers(sensors: Sequence[Sensor]) -> tuple[str, ...]:

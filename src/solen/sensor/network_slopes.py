@@ -18,7 +18,7 @@ from solen.arrays import FloatArray, Progress
 from solen.errors import SolenError, SpecError
 from solen.ranks import look_at
 from solen.results import Result
-from solen.sensor.network import NetworkResponse, in_turn, network_response
+from solen.sensor.network import NetworkResponse, in_turn, network_response, unread_in
 from solen.sensor.numbers import number, tolerance_of
 from solen.spec import Design, value_at, with_values
 from solen.spec.network import NamedMotion
@@ -53,7 +53,7 @@ class NetworkSensitivities(Result):
     ----------
     name
         Name of the design.
-    emitters, receivers
+    emitters, receivers, readings
         Their names.
     keys
         Keys of the numbers; those of motions end in ``at_deg``.
@@ -61,6 +61,9 @@ class NetworkSensitivities(Result):
         (keys,) value of each number, and half the difference between the two at which powers are taken.
     slope, u_slope
         (keys, emitters, receivers) derivative by the number, per its unit, and its uncertainty.
+    reading_slope, u_reading_slope
+        (keys, readings) derivative of each reading by the number, per its unit, NaN where it has none, and a bound of
+        its uncertainty.
     skipped
         Reasons why numbers were left out, by key.
     combinations
@@ -76,11 +79,14 @@ class NetworkSensitivities(Result):
     name: str
     emitters: tuple[str, ...]
     receivers: tuple[str, ...]
+    readings: tuple[str, ...]
     keys: tuple[str, ...]
     value: FloatArray
     step: FloatArray
     slope: FloatArray
     u_slope: FloatArray
+    reading_slope: FloatArray
+    u_reading_slope: FloatArray
     skipped: dict[str, str]
     combinations: tuple[Combination, ...]
     told_apart: bool | None
@@ -120,7 +126,8 @@ def network_sensitivities(
         )
     for key in chosen:
         number(sensors[0], key)
-    rows: list[tuple[str, float, float, FloatArray, FloatArray]] = []
+    rows: list[tuple[str, float, float, FloatArray, FloatArray, FloatArray, FloatArray]] = []
+    unread: dict[str, None] = {}
     skipped: dict[str, str] = {}
     rest: NetworkResponse | None = None
     for done, key in enumerate(chosen, start=1):
@@ -132,14 +139,16 @@ def network_sensitivities(
             skipped[key] = f"not on both sides of {value:g}: {bad}"
         else:
             rest, step = ends[0], high - low
-            u = np.hypot(*(end.u_power[0] for end in ends)) / step
-            rows.append((key, value, 0.5 * step, (ends[1].power[0] - ends[0].power[0]) / step, u))
+            u, u_read = (np.hypot(*sides) / step for sides in _pairs(ends, "u_power", "u_reading"))
+            slope, read = ((after - before) / step for before, after in _pairs(ends, "power", "reading"))
+            rows.append((key, value, 0.5 * step, slope, u, read, u_read))
+            unread |= dict.fromkeys(text for end in ends for text in unread_in(end))
         if progress is not None:
             progress(done / len(chosen))
     if rest is None:
         key, why = next(iter(skipped.items()))
         raise SpecError(key, limit=why, remedy="name other keys")
-    names, values, steps, slopes, u_slopes = zip(*rows, strict=True)
+    names, values, steps, slopes, u_slopes, read_slopes, u_read_slopes = zip(*rows, strict=True)
     motions = {f"network.motion[{i}].at_deg": one for i, one in enumerate(design.network.motion)}
     found = _combinations(motions, names, np.array(slopes), np.array(u_slopes))
     told = all(one.singular_per_deg > SURE * one.u_singular_per_deg for one in found) if found else None
@@ -147,16 +156,24 @@ def network_sensitivities(
         name=design.name,
         emitters=rest.emitters,
         receivers=rest.receivers,
+        readings=rest.readings,
         keys=names,
         value=np.array(values),
         step=np.array(steps),
         slope=np.array(slopes),
         u_slope=np.array(u_slopes),
+        reading_slope=np.array(read_slopes),
+        u_reading_slope=np.array(u_read_slopes),
         skipped=skipped,
         combinations=found,
         told_apart=told,
-        warnings=(*dict.fromkeys(text for sensor in sensors for text in sensor.warnings), *_untold(found)),
+        warnings=(*dict.fromkeys(text for sensor in sensors for text in sensor.warnings), *unread, *_untold(found)),
     )
+
+
+def _pairs(ends: Sequence[NetworkResponse], *names: str) -> list[list[FloatArray]]:
+    """Arrays of two responses in one state, by the names of their fields."""
+    return [[getattr(end, name)[0] for end in ends] for name in names]
 
 
 def _ends(design: Design, key: str, value: float, tolerance: float) -> tuple[float, float]:

@@ -13,6 +13,7 @@ from solen.sensor.numbers import inert, usual_keys
 from solen.sensor.response import Sensitivity
 from solen.sensor.sensor import Sensor
 from solen.sensor.unused_keys import keys_without_effect
+from solen.spec import Design, with_values
 from solen.trace import Convergence, Trace, convergence
 from solen.trace.described import Branch, branches, face_names
 from solen.trace.options import TraceOptions, check_paths, trace_with
@@ -55,9 +56,10 @@ class DesignTrace(Trace, kw_only=True):
 
 
 class DesignConvergence(Convergence, kw_only=True):
-    """Error against rays of a design at an angle, or under a load, with warnings."""
+    """Error against rays of a design at an angle, or under a load, of a network's ``emitter``, with warnings."""
 
     name: str
+    emitter: str | None
     angle_deg: float | None
     depth_mm: float | None
     force_N: float | None
@@ -130,6 +132,7 @@ def design_convergence(sensor: Sensor, angle_deg: float = 0.0) -> DesignConverge
         **vars(found),
         **sensor.design.motion.named(angle_deg),
         name=sensor.design.name,
+        emitter=sensor.design.network.lit,
         warnings=tuple(sensor.warnings),
     )
 
@@ -148,6 +151,23 @@ def sensitivities(
         skipped=skipped,
         warnings=tuple(sensor.warnings),
     )
+
+
+def one_lit(design: Design, emitter: str | None) -> Design:
+    """Design with the emitter alight that is named: of a network with several, one must be, here or as ``network.lit``.
+
+    Raises
+    ------
+    SpecError
+        If none is named of several, or one of a design that is no network.
+    """
+    network = design.network
+    if emitter is not None:
+        return with_values(design, {"network.lit": emitter})
+    if design.body.kind == "network" and network.lit is None and len(network.emitters) > 1:
+        names = ", ".join(one.name for one in network.emitters)
+        raise SpecError("--emitter", limit=f"missing: the emitters are {names}", remedy="name one of them")
+    return design
 
 
 def value_asked(sensor: Sensor, angle_deg: float | None, at: float | None) -> float:

@@ -14,6 +14,7 @@ from typing import Annotated, ClassVar, Literal, Self, get_args
 from pydantic import AfterValidator, Field, model_validator
 
 from solen.spec.quantities import Index, Length, Place, Point, Size, Wavelength
+from solen.spec.reading import Formula, Reading
 from solen.spec.strict import NotNegative, Number, Positive, Strict, Text, or_refuse, refused
 
 Side = Literal["right", "left"]
@@ -237,6 +238,7 @@ class Network(Strict):
     emitters: tuple[PlacedEmitter, ...] = Field((), description="Its emitters, which light in turn.")
     receivers: tuple[PlacedReceiver, ...] = Field((), description="Its receivers.")
     motion: tuple[NamedMotion, ...] = Field((), description="Its motions.")
+    reading: tuple[Reading, ...] = Field((), description="Expressions of powers, by name.")
 
     @model_validator(mode="after")
     def _names_are_known(self) -> Self:
@@ -255,7 +257,14 @@ class Network(Strict):
             if motion.kind == "rotation" and parts.count(motion.part) > 1:
                 limit = "is the name of several parts"
                 raise refused(f"motion[{number}].part", limit, value=motion.part, remedy="give each its own")
+        _ = self.formulas  # refuses what is none
         return self
+
+    @property
+    def formulas(self) -> tuple[Formula, ...]:
+        """Formulas of its readings."""
+        emitters, receivers = ([one.name for one in many] for many in (self.emitters, self.receivers))
+        return tuple(Formula.of(one, emitters, receivers, f"reading[{i}].value") for i, one in enumerate(self.reading))
 
     def _names(self) -> Iterator[tuple[str, str | None, str, list[str]]]:
         """Keys that name something, with that name, its kind, and the names there are."""
@@ -277,7 +286,7 @@ class Network(Strict):
             yield f"motion[{number}].part", motion.part, "guide" if motion.kind == "bend" else "part", names
 
 
-LISTS = ("nodes", "guides", "lenses", "emitters", "receivers", "motion")
+LISTS = ("nodes", "guides", "lenses", "emitters", "receivers", "motion", "reading")
 
 
 def _check_twice(key: str, names: list[str]) -> None:

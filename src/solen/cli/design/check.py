@@ -46,6 +46,7 @@ def _(result: NetworkCheck) -> Iterator[str]:
     names = ("guides", "receivers", "motions")
     numbers = {"index": result.material.index, "area_mm2": result.area_mm2}
     yield from listing({name: ", ".join(getattr(result, name)) or "none" for name in names} | numbers)
+    yield from (f"  reading {name}: {expression}" for name, expression in result.readings.items())
     for each in result.lenses:
         sizes = f"half width {each.half_width_mm:.4g} mm, {each.depth_mm:.4g} mm deep"
         yield f"  lens {each.name}: {each.shape}, {sizes}, smallest spot at {text(each.best_focus_mm)} mm"

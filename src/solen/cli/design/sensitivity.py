@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 from solen.cli.app import lines, short
+from solen.cli.design.trace import signed
 from solen.pipeline.design.trace import convergence as convergence
 from solen.pipeline.design.trace import sensitivity as sensitivity
 from solen.sensor.network_slopes import NetworkSensitivities, words
@@ -13,7 +14,8 @@ from solen.sensor.traced import DesignConvergence, Sensitivities, where
 def _(result: DesignConvergence) -> Iterator[str]:
     reference = result.reference
     by = f"{reference.method} with {reference.rays} rays, u {short(reference.u_power)}"
-    yield f"{result.name} at {where(result)}, mode {result.mode}: error against {by}"
+    lit = f" with {result.emitter} lit" if result.emitter else f" at {where(result)}"
+    yield f"{result.name}{lit}, mode {result.mode}: error against {by}"
     for series in result.series:
         for rays, error, u in zip(series.rays, series.error, series.u_power, strict=True):
             yield f"  {series.method:8} {rays:8} rays  error {_short(error)}  u {_short(u)}"
@@ -48,11 +50,13 @@ def _(result: NetworkSensitivities) -> Iterator[str]:
         for emitter, slopes in zip(result.emitters, result.slope[number], strict=True):
             yield f"    {emitter:12}" + "".join(f"{slope:+{width + 3}.2g}" for slope in slopes)
         yield f"    each ± {short(float(result.u_slope[number].max()))} at most"
+        rows = zip(result.readings, result.reading_slope[number], result.u_reading_slope[number], strict=True)
+        yield from (f"    {name}: {signed(slope, u)}" for name, slope, u in rows)
     for key, why in result.skipped.items():
         yield f"left out: {key}: {why}"
     for one in result.combinations:
         by = f"{short(one.singular_per_deg)} ± {short(one.u_singular_per_deg)} per degree"
-        yield f"  all readings change by {by} for {words(one)}"
+        yield f"  all powers change by {by} for {words(one)}"
 
 
 def _short(value: float) -> str:

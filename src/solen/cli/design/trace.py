@@ -123,6 +123,13 @@ def matrix(response: NetworkResponse, state: int) -> Iterator[str]:
     for emitter, powers in zip(response.emitters, response.power[state], strict=True):
         yield f"  {emitter:12}" + "".join(f"{power:{wide}.6f}" for power in powers)
     yield f"  each ± {short(float(response.u_power[state].max()))} at most"
+    rows = zip(response.readings, response.reading[state], response.u_reading[state], strict=True)
+    yield from (f"  {name} = {signed(value, u)}" for name, value, u in rows)
+
+
+def signed(value: float, u: float) -> str:
+    """A signed value with its uncertainty, where there is one."""
+    return "none" if math.isnan(value) else f"{value:+.6g} ± {short(None if math.isnan(u) else u)}"
 
 
 @lines.register

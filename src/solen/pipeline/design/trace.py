@@ -19,6 +19,7 @@ from solen.sensor.traced import (
     DesignTrace,
     Sensitivities,
     design_convergence,
+    one_lit,
     sensitivities,
     trace_design,
     value_asked,
@@ -95,6 +96,7 @@ def convergence(
     *,
     angle_deg: float | None = None,
     at: float | None = None,
+    emitter: str | None = None,
     mode: Mode = "power",
     set_: Set = None,
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
@@ -109,11 +111,14 @@ def convergence(
         Angle in degrees, counter-clockwise: a negative one turns to the right; default: 0. Above -90, below 90.
     at
         Of a soft body: value of what its motion drives, in its unit; default: the last of the motion.
+    emitter
+        Of a network: the emitter that lights; default: network.lit, or the only one.
     mode
         How light meets faces.
     """
     figure.check()
-    sensor = Sensor.of(with_values(open_design(file, set_), {"trace.mode": mode}))
+    design = one_lit(open_design(file, set_), emitter)
+    sensor = Sensor.of(with_values(design, {"trace.mode": mode}))
     return write(design_convergence(sensor, value_asked(sensor, angle_deg, at)), "convergence", figure=figure)
 
 

@@ -33,6 +33,7 @@ from solen.spec import Design, dumps
 FIGURES = (
     "lens-profile",
     "response",
+    "readings",
     "shape",
     "matters",
     "as-printed",

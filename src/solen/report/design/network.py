@@ -72,6 +72,21 @@ def network_figure(study: NetworkStudy) -> Figure:
     return figure
 
 
+def readings_figure(study: NetworkStudy) -> Figure:
+    """Readings over each motion, a panel for each motion and reading, with their uncertainties."""
+    names, rows = study.at_rest.readings, len(study.sweeps)
+    figure = Figure(figsize=(max(4.6, 2.9 * len(names)), 2.5 * rows))
+    panels = figure.subplots(rows, len(names), squeeze=False, sharex="row", sharey="col")
+    for (motion, response), line in zip(study.sweeps.items(), panels, strict=True):
+        angle = response.angle_deg[:, response.motions.index(motion)]
+        for number, axes in enumerate(line):
+            one = slice(number, number + 1)
+            _draw_powers(axes, angle, response.reading[:, one], response.u_reading[:, one], {names[number]: INK})
+            axes.set(xlabel=f"{motion} (deg)", title=names[number])
+        line[0].set_ylabel("reading")
+    return figure
+
+
 def slopes_figure(result: NetworkSensitivities) -> Figure:
     """Change of every power with every number off by its step, as a table of colours: violet more, orange less."""
     changes = (result.slope * result.step[:, None, None]).reshape(len(result.keys), -1).T
@@ -98,20 +113,26 @@ def figures(study: NetworkStudy) -> dict[str, str]:
     draws: dict[str, Callable[[], Figure]] = {"rays": partial(rays_of, study.sensors)}
     if study.sweeps:
         draws["response"] = partial(network_figure, study)
+    if study.sweeps and study.at_rest.readings:
+        draws["readings"] = partial(readings_figure, study)
     return {name: canvas.svg(canvas.drawn(draw), name) for name, draw in draws.items()}
 
 
 def csv_table(study: NetworkStudy) -> str:
-    """One row for each state, emitter and receiver."""
+    """One row for each state, emitter and receiver; readings are those of the state, empty where one has no value."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([*(f"{name}_deg" for name in study.at_rest.motions), "emitter", "receiver", "power", "u_power"])
+    heads = [text for name in study.at_rest.readings for text in (name, f"u_{name}")]
+    motions = (f"{name}_deg" for name in study.at_rest.motions)
+    writer.writerow([*motions, "emitter", "receiver", "power", "u_power", *heads])
     for response in (study.at_rest, *study.sweeps.values()):
         for state, angles in enumerate(response.angle_deg.tolist()):
+            pairs = np.stack([response.reading[state], response.u_reading[state]], axis=1)
+            readings = ["" if math.isnan(number) else repr(number) for number in pairs.ravel().tolist()]
             for i, emitter in enumerate(response.emitters):
                 for k, receiver in enumerate(response.receivers):
                     numbers = (float(response.power[state, i, k]), float(response.u_power[state, i, k]))
-                    writer.writerow([*angles, emitter, receiver, *map(repr, numbers)])
+                    writer.writerow([*angles, emitter, receiver, *map(repr, numbers), *readings])
     return text.getvalue()
 
 

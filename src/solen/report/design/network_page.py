@@ -21,6 +21,7 @@ def html(study: NetworkStudy, drawn: dict[str, str]) -> str:
         warnings=warnings(study),
         expected=expected(study),
         matrix=[heads, *((name, *powers) for name, powers in rows)],
+        readings=list(zip(rest.readings, study.check.readings.values(), *_with_u(rest), strict=True)),
         u=f"{float(rest.u_power.max()):.1e}",
         parts=_parts(study),
     )
@@ -36,6 +37,12 @@ def expected(study: NetworkStudy) -> list[tuple[str, str]]:
         total = float(rest.power[0, number].sum())
         rows.append((f"{name} lit", f"receivers get {total:.3f} of its power, {rest.receivers[most]} most: {power}"))
     return [*rows, *((name, told_by(response)) for name, response in study.sweeps.items())]
+
+
+def _with_u(response: NetworkResponse) -> list[list[float | None]]:
+    """Readings of a response's first state and their uncertainties, None where one has none."""
+    sides = (response.reading[0], response.u_reading[0])
+    return [[number if np.isfinite(number) else None for number in side.tolist()] for side in sides]
 
 
 def told_by(response: NetworkResponse) -> str:

@@ -1,0 +1,228 @@
+"""Expressions such as ``abs(null_deg) < 0.3``, parsed and never run as code.
+
+Allowed are names, numbers, + - * / ** and brackets, abs, min and max, comparisons, ``and``, ``or`` and ``not``. What
+the names are is said by a `Grammar`, which may also have functions of one name, as ``worst(light)``: the value of that
+is found under the name ``worst light``.
+
+The interface: `parsed` a text, the `names` in it; its `value` for values of the names, `slopes` by them, and how far a
+condition is `missed`.
+"""
+
+import ast
+import operator
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from solen.arrays import FloatArray
+
+LONGEST, DEEPEST, LARGEST = 500, 20, 1e100
+_ARITHMETIC: Mapping[type, Callable[..., Any]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.Pow: operator.pow,
+    ast.UAdd: operator.pos,
+    ast.USub: operator.neg,
+}
+_COMPARED: Mapping[type, Callable[..., Any]] = {
+    ast.Lt: operator.lt,
+    ast.LtE: operator.le,
+    ast.Gt: operator.gt,
+    ast.GtE: operator.ge,
+}
+_FUNCTIONS: Mapping[str, Callable[..., Any]] = {
+    "abs": np.abs,
+    "min": lambda *values: np.minimum.reduce(np.broadcast_arrays(*values)),
+    "max": lambda *values: np.maximum.reduce(np.broadcast_arrays(*values)),
+}
+
+
+@dataclass(frozen=True)
+class Grammar:
+    """What an expression holds.
+
+    Attributes
+    ----------
+    what
+        What a name stands for, in one word.
+    is_condition
+        Whether it is a condition, or else a value.
+    refusal
+        Makes an error of a limit and a remedy, which may be empty.
+    check
+        Raises where a name is none.
+    of_a_name
+        Functions that take one name.
+    """
+
+    what: str
+    is_condition: bool
+    refusal: Callable[[str, str], Exception]
+    check: Callable[[str], object]
+    of_a_name: Collection[str] = ()
+
+
+def parsed(text: str, grammar: Grammar) -> ast.expr:
+    """Tree of a text, its names and parts not yet checked."""
+    if len(text) > LONGEST:
+        raise grammar.refusal(f"is longer than {LONGEST} characters", "")
+    try:
+        tree = ast.parse(text.strip(), mode="eval").body
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        raise grammar.refusal("is not an expression", "") from None
+    if grammar.is_condition and not _is_condition(tree):
+        raise grammar.refusal("is not a condition", "compare two sides by <, <=, > or >=")
+    if not grammar.is_condition and any(isinstance(node, ast.Compare | ast.BoolOp) for node in ast.walk(tree)):
+        raise grammar.refusal("is a condition, not a value", "")
+    return tree
+
+
+def names(node: ast.AST, grammar: Grammar, depth: int = 0) -> list[str]:
+    """Names in a tree; the grammar's error for anything that an expression may not hold."""
+    if depth > DEEPEST:
+        raise grammar.refusal("has too many brackets", "")
+    if isinstance(node, ast.Name):
+        grammar.check(node.id)
+        return [node.id]
+    if isinstance(node, ast.Constant):
+        return _no_names(node, grammar)
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in grammar.of_a_name:
+        return [_of_a_name(node, node.func.id, grammar)]
+    parts: list[ast.AST]
+    if isinstance(node, ast.Call):
+        parts = _arguments(node, grammar)
+    elif isinstance(node, ast.BinOp) and type(node.op) in _ARITHMETIC:
+        parts = [node.left, node.right]
+    elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.UAdd | ast.USub | ast.Not):
+        parts = [node.operand]
+    elif isinstance(node, ast.Compare) and all(type(op) in _COMPARED for op in node.ops):
+        parts = [node.left, *node.comparators]
+    elif isinstance(node, ast.BoolOp):
+        parts = list(node.values)
+    else:
+        raise grammar.refusal(f"{ast.unparse(node)} is not allowed in an expression of {grammar.what}s", "")
+    within = isinstance(node, ast.BoolOp) or (isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not))
+    if any(isinstance(part, ast.expr) and _is_condition(part) is not within for part in parts):
+        raise grammar.refusal(f"{ast.unparse(node)} takes {'conditions' if within else 'values'}", "")
+    return [name for part in parts for name in names(part, grammar, depth + 1)]
+
+
+def value(node: ast.expr, values: Mapping[str, Any]) -> Any:
+    """Value of a checked tree."""
+    match node:
+        case ast.Name():
+            return values[node.id]
+        case ast.Constant():
+            return np.float64(node.value)  # type: ignore[arg-type]  # numbers alone pass the check
+        case ast.Call(func=ast.Name(id=function), args=args) if function in _FUNCTIONS:
+            return _FUNCTIONS[function](*(value(part, values) for part in args))
+        case ast.Call(func=ast.Name(id=function), args=[ast.Name(id=name)]):
+            return values[f"{function} {name}"]
+        case ast.BinOp():
+            return _ARITHMETIC[type(node.op)](value(node.left, values), value(node.right, values))
+        case ast.UnaryOp():
+            inner = value(node.operand, values)
+            return ~inner if isinstance(node.op, ast.Not) else _ARITHMETIC[type(node.op)](inner)
+        case ast.BoolOp():
+            join = np.logical_and if isinstance(node.op, ast.And) else np.logical_or
+            return join.reduce(np.broadcast_arrays(*(value(part, values) for part in node.values)))
+        case ast.Compare():
+            sides = [value(part, values) for part in (node.left, *node.comparators)]
+            pairs = zip(node.ops, sides, sides[1:], strict=False)
+            return np.logical_and.reduce(np.broadcast_arrays(*(_COMPARED[type(op)](a, b) for op, a, b in pairs)))
+    raise TypeError(ast.dump(node))
+
+
+def slopes(node: ast.expr, values: Mapping[str, FloatArray]) -> dict[str, Any]:
+    """Exact derivatives of a checked tree, a value, by each name in it; of abs, min and max of the side taken."""
+    match node:
+        case ast.Name():
+            return {node.id: np.float64(1.0)}
+        case ast.UnaryOp():
+            sign = -1.0 if isinstance(node.op, ast.USub) else 1.0
+            return _sum((sign, slopes(node.operand, values)))
+        case ast.BinOp():
+            by_left, by_right = _by_sides(node.op, value(node.left, values), value(node.right, values))
+            return _sum((by_left, slopes(node.left, values)), (by_right, slopes(node.right, values)))
+        case ast.Call(func=ast.Name(id="abs"), args=[part]):
+            return _sum((np.where(value(part, values) < 0.0, -1.0, 1.0), slopes(part, values)))
+        case ast.Call():
+            whole = value(node, values)
+            taken = np.array(np.broadcast_arrays(*(value(part, values) == whole for part in node.args)), dtype=float)
+            shares = taken / np.maximum(taken.sum(axis=0), 1.0)
+            return _sum(*((share, slopes(part, values)) for share, part in zip(shares, node.args, strict=True)))
+    return {}
+
+
+def missed(node: ast.expr, values: Mapping[str, Any]) -> Any:
+    """By how much the sides of a condition are on the wrong sides of one another, relative to their size."""
+    if isinstance(node, ast.BoolOp):
+        parts = np.broadcast_arrays(*(missed(part, values) for part in node.values))
+        return np.sum(parts, axis=0) if isinstance(node.op, ast.And) else np.min(parts, axis=0)
+    if not isinstance(node, ast.Compare):
+        return np.ones(())  # of a negation it is not known
+    sides = [np.asarray(value(part, values)) for part in (node.left, *node.comparators)]
+    pairs = zip(node.ops, sides, sides[1:], strict=False)
+    away = [b - a if isinstance(op, ast.Gt | ast.GtE) else a - b for op, a, b in pairs]
+    size = max(float(np.nan_to_num(np.abs(side)).max()) for side in sides) or 1.0
+    return np.sum([np.maximum(one, 0.0) / size for one in away], axis=0)
+
+
+def _is_condition(node: ast.expr) -> bool:
+    if isinstance(node, ast.BoolOp):
+        return all(map(_is_condition, node.values))
+    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not):
+        return _is_condition(node.operand)
+    return isinstance(node, ast.Compare)
+
+
+def _of_a_name(node: ast.Call, function: str, grammar: Grammar) -> str:
+    """Name under which the value of a function of one name is found."""
+    if not (len(node.args) == 1 and not node.keywords and isinstance(node.args[0], ast.Name)):
+        raise grammar.refusal(f"{function} takes one {grammar.what}", "")
+    name = f"{function} {node.args[0].id}"
+    grammar.check(name)
+    return name
+
+
+def _arguments(node: ast.Call, grammar: Grammar) -> list[ast.AST]:
+    """Arguments of a function that an expression may hold."""
+    if not (isinstance(node.func, ast.Name) and node.func.id in _FUNCTIONS and node.args and not node.keywords):
+        raise grammar.refusal(f"functions are {', '.join((*_FUNCTIONS, *grammar.of_a_name))}", "")
+    if node.func.id == "abs" and len(node.args) > 1:
+        raise grammar.refusal("abs takes one value", "")
+    return list(node.args)
+
+
+def _no_names(node: ast.Constant, grammar: Grammar) -> list[str]:
+    """None, where a constant is a number of a size that can be."""
+    if isinstance(node.value, bool) or not isinstance(node.value, int | float):
+        raise grammar.refusal(f"{ast.unparse(node)} is not allowed in an expression of {grammar.what}s", "")
+    if not abs(node.value) < LARGEST:
+        raise grammar.refusal("has too large a number", "")
+    return []
+
+
+def _by_sides(op: ast.operator, a: Any, b: Any) -> tuple[Any, Any]:
+    """Derivatives of an operation by its two sides."""
+    match op:
+        case ast.Mult():
+            return b, a
+        case ast.Div():
+            return 1.0 / b, -a / b**2
+        case ast.Pow():
+            return b * a ** (b - 1.0), a**b * np.log(a)
+    return 1.0, -1.0 if isinstance(op, ast.Sub) else 1.0
+
+
+def _sum(*parts: tuple[Any, dict[str, Any]]) -> dict[str, Any]:
+    """Sum of derivatives, each times the derivative of what they go through."""
+    total: dict[str, Any] = {}
+    for factor, inner in parts:
+        for name, slope in inner.items():
+            total[name] = total.get(name, 0.0) + factor * slope
+    return total

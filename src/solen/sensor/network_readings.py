@@ -1,0 +1,58 @@
+"""Values of a network's readings from its powers, with their uncertainties.
+
+The receivers' powers under one emitter rest on the same rays, so their errors are correlated, to an extent that is not
+known. The uncertainty of a reading is therefore the sum of its parts by exact derivatives, without quadrature: a bound.
+Where a reading is too curved for derivatives it is what the reading changes by with every power off by its uncertainty.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from solen.arrays import FloatArray
+from solen.ranks import look_at
+from solen.spec.network import Network
+from solen.spec.reading import Formula
+
+
+def readings_of(network: Network, power: FloatArray, u_power: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Values (..., readings) of all readings, and bounds of their uncertainties, for powers (..., emitters, receivers).
+
+    NaN where a reading has no value, as a contrast in the dark.
+    """
+    emitters, receivers = ([one.name for one in many] for many in (network.emitters, network.receivers))
+    rows = [_reading(formula, emitters, receivers, power, u_power) for formula in network.formulas]
+    if not rows:
+        none = np.empty((*power.shape[:-2], 0))
+        return none, none
+    values, u = (np.stack(side, axis=-1) for side in zip(*rows, strict=True))
+    return values, u
+
+
+def without_value(names: Sequence[str], reading: FloatArray, u_reading: FloatArray) -> list[str]:
+    """Warnings about readings (states, readings) that have no value in some state, or no uncertainty."""
+    bad = ~(np.isfinite(reading) & np.isfinite(u_reading))
+    counts = zip(names, bad.sum(axis=0).tolist(), strict=True)
+    return [
+        look_at(f"reading {name} has no certain value in {count} of {len(bad)} states")
+        for name, count in counts
+        if count
+    ]
+
+
+def _reading(
+    formula: Formula, emitters: Sequence[str], receivers: Sequence[str], power: FloatArray, u_power: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Value and uncertainty of one reading."""
+    places = {pair: (..., emitters.index(pair[0]), receivers.index(pair[1])) for pair in formula.powers}
+    at, off = ({pair: every[place] for pair, place in places.items()} for every in (power, u_power))
+    with np.errstate(all="ignore"):
+        value = np.asarray(formula.value(at), dtype=float)
+        slopes = {pair: np.broadcast_to(slope, value.shape) for pair, slope in formula.slopes(at).items()}
+        u = np.sum([np.abs(slope) * off[pair] for pair, slope in slopes.items()], axis=0)
+        for sign in (-1.0, 1.0):
+            towards = {pair: np.where(slope < 0.0, -sign, sign) for pair, slope in slopes.items()}
+            moved = {pair: at[pair] + way * off[pair] for pair, way in towards.items()}
+            u = np.fmax(u, np.abs(formula.value(moved) - value))
+    exists = np.isfinite(value)
+    return np.where(exists, value, np.nan), np.where(exists & np.isfinite(u), u, np.nan)
