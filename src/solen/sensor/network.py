@@ -241,8 +241,9 @@ def refuse_in_turn(options: Mapping[str, object]) -> None:
     """`SpecError` for an option that a trace of several emitters has not."""
     for name, value in options.items():
         if value is not None:
-            limit = "is of one emitter, and a network's light in turn"
-            remedy = "add --emitter" if name not in ("--angle-deg", "--at") else "set network.motion[0].at_deg"
+            moves = name in ("--angle-deg", "--at")
+            limit = "is of one motion, and a network has several" if moves else "is of one emitter; a network has several"
+            remedy = "use --set network.motion[0].at_deg=..." if moves else "add --emitter"
             raise SpecError(name, value=None if value is True else str(value), limit=limit, remedy=remedy)
 
 

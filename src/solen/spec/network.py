@@ -22,7 +22,7 @@ Shape = Literal["cartesian-oval", "spline", "none"]
 SHAPES: tuple[Shape, ...] = get_args(Shape)
 Width = Annotated[
     Length | Annotated[tuple[Number, ...], Field(min_length=1, max_length=12)],
-    or_refuse("must be a width in mm, or up to 12 coefficients of a polynomial: [4.0, 0.0, 0.008]"),
+    or_refuse("must be a width above 0 in mm, or up to 12 coefficients of a polynomial: [4.0, 0.0, 0.008]"),
 ]
 Turn = Annotated[Number, Field(gt=-350, lt=350)]
 Heading = Annotated[Number, Field(ge=-360, le=360)]

@@ -282,7 +282,8 @@ def _problem(problem: ErrorDetails, root: type[Strict]) -> tuple[str, object, st
     owner, rest = _owner(root, problem["loc"])
     field = owner.model_fields.get(str(rest[0])) if rest else None
     if kind == "refused":
-        return _dotted(what, [ctx["key"]]), ctx["value"], ctx["limit"], ctx["remedy"] or _default(field)
+        remedy = ctx["remedy"] or ("" if ctx["key"] else _default(field))  # with a key, the field is its table
+        return _dotted(what, [ctx["key"]]), ctx["value"], ctx["limit"], remedy
     if kind == "extra_forbidden":
         return what, None, *_unknown(what, str(rest[-1]), owner, root)
     if kind == "missing":

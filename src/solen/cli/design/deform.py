@@ -27,8 +27,8 @@ def _(result: Deformation) -> Iterator[str]:
         about = f"{_rounded(reaction.moment_Nmm, moments):+.3g} N mm about {x:.3g}, {z:.3g}"
         yield f"  {reaction.name:12} {math.hypot(fx, fz):.3g} N (x {fx:+.3g}, z {fz:+.3g}), {about}"
     for touch in result.contacts:
-        pushed = f"{touch.force_N:.3g} N along its way, up to {touch.pressure_MPa:.3g} MPa"
-        yield f"  {touch.name}, moved on by {touch.depth_mm:.3g} mm, touches {touch.face} with {pushed}"
+        pushed = f"{touch.force_N:.3g} N along its push, up to {touch.pressure_MPa:.3g} MPa"
+        yield f"  {touch.name}, {touch.depth_mm:.3g} mm beyond its first touch, presses {touch.face} with {pushed}"
 
 
 def _rounded(value: float, size: float = 1.0) -> float:
