@@ -242,7 +242,7 @@ def refuse_in_turn(options: Mapping[str, object]) -> None:
     for name, value in options.items():
         if value is not None:
             moves = name in ("--angle-deg", "--at")
-            limit = "is of one motion, and a network has several" if moves else "is of one emitter; a network has several"
+            limit = f"is of one {'motion' if moves else 'emitter'}; a network has several"
             remedy = "use --set network.motion[0].at_deg=..." if moves else "add --emitter"
             raise SpecError(name, value=None if value is True else str(value), limit=limit, remedy=remedy)
 
