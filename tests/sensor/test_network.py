@@ -299,6 +299,19 @@ def test_readings_follow_the_powers_and_their_uncertainties_cover() -> None:
     assert readings_of(network, np.zeros((2, 2)), u_power)[1][1] == pytest.approx((1e-4 + 2 * 2e-4 + 3 * 3e-4) / 3)
 
 
+@pytest.mark.evidence
+def test_readings_of_traces_lie_within_their_uncertainties() -> None:
+    design = three_guides(motion=WAYS, reading=READINGS)
+    states = [
+        {"lean": lean, "swing": swing} for lean in np.linspace(-8.0, 8.0, 8).tolist() for swing in (-6.0, -1.0, 5.0)
+    ]
+    rough, fine = (network_response(design, states, tolerance) for tolerance in (1e-3, 1e-4))
+    away = np.abs(rough.reading - fine.reading) / np.hypot(rough.u_reading, fine.u_reading)
+    print(f"{away.size} readings: within u {np.mean(away <= 1.0):.3f}, within 2 u {np.mean(away <= 2.0):.3f}")
+    assert np.mean(away <= 1.0) >= 0.55
+    assert np.mean(away <= 2.0) >= 0.9
+
+
 def test_a_study_and_slopes_have_readings() -> None:
     design = three_guides(motion=WAYS[:1], reading=READINGS)
     assert network_check(design).readings == {one["name"]: one["value"] for one in READINGS}
