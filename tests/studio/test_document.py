@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from solen.errors import OutputError
+from solen.errors import OutputError, SpecError
 from solen.pipeline.design.designs import open_design
 from solen.spec import json_schema, load, template, template_names
 from solen.studio.answers import View, drawn, effective, shown
@@ -56,6 +56,53 @@ def test_what_is_not_saved_is_kept_beside(document: Document) -> None:
     assert document.kept is not None
     assert load(document.kept).lens.focus_mm == 21.0
     assert document.path.read_text(encoding="utf-8") == TEXT
+
+
+def test_what_was_left_unsaved_is_offered_and_never_overwritten(document: Document) -> None:
+    values = {"lens.focus_mm": 21.0, "motion.moves": ["lens"], "material.index": 1.5}
+    left = document.change(values).design
+    document.keep_unsaved()
+    assert document.kept is not None
+    text = document.kept.read_text(encoding="utf-8")
+
+    again = Document(document.path)
+    assert again.offered == document.kept
+    again.change({"lens.focus_mm": 22.0})
+    again.keep_unsaved()
+    assert again.kept is not None
+    assert again.kept.name == "a-unsaved-2.toml"
+    assert document.kept.read_text(encoding="utf-8") == text, "left as it was"
+    again.step(-1)
+    again.keep_unsaved()
+    assert again.kept is None, "nothing is unsaved, and its own file is removed"
+
+    assert again.restore().design == left
+    assert again.offered is None
+    again.change({"lens.focus_mm": 23.0})
+    again.keep_unsaved()
+    assert load(document.kept).lens.focus_mm == 23.0, "what was taken over is kept on"
+    document.kept.write_text(text + "# mine\n", encoding="utf-8")
+    again.change({"lens.focus_mm": 24.0})
+    again.keep_unsaved()
+    assert again.kept is not None
+    assert again.kept != document.kept, "somebody else has changed it"
+    again.save()
+    again.keep_unsaved()
+    assert sorted(path.name for path in document.path.parent.iterdir()) == ["a-unsaved.toml", "a.toml"]
+    assert again.step(-1).design.lens.focus_mm == 23.0
+
+
+def test_what_was_left_of_another_design_is_not_taken_over(document: Document) -> None:
+    document.path.with_name("a-unsaved.toml").write_text(TEXT, encoding="utf-8")
+    assert Document(document.path).offered is None, "the same"
+    document.path.with_name("a-unsaved.toml").write_text("[lens", encoding="utf-8")
+    broken = Document(document.path)
+    assert broken.offered is None
+    with pytest.raises(SpecError, match="restore"):
+        broken.restore()
+    broken.change({"lens.focus_mm": 21.0})
+    broken.keep_unsaved()
+    assert document.path.with_name("a-unsaved.toml").read_text(encoding="utf-8") == "[lens"
 
 
 def test_a_new_file_is_written_when_it_is_saved(tmp_path: Path) -> None:

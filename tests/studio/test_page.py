@@ -47,6 +47,7 @@ width_mm = 0.2
 [motion]
 step_deg = 1.0
 """
+LEFT = FLAT.replace("1.44", "1.45")
 
 
 @contextmanager
@@ -82,6 +83,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def seen(folder: Path) -> dict[str, Any]:
     (folder / "sensor.toml").write_text(FLAT, encoding="utf-8")
+    (folder / "sensor-unsaved.toml").write_text(LEFT, encoding="utf-8")
     found = sliders(load(folder / "sensor.toml"), SlidersOptions(over=("lens.focus_mm=18,22",), drawn_rays=20))
     (folder / "page.html").write_text(html(found), encoding="utf-8")
     return driven(folder / "sensor.toml", folder, "quick")
@@ -98,6 +100,12 @@ def test_nothing_is_wrong_with_the_page(seen: dict[str, Any]) -> None:
 def test_the_first_visit_takes_three_sentences(seen: dict[str, Any]) -> None:
     assert len(seen["guide"]) == 3
     assert seen["guide_left"] == 0
+
+
+def test_what_was_left_unsaved_is_offered(seen: dict[str, Any], folder: Path) -> None:
+    assert "sensor-unsaved.toml" in seen["offered"]
+    assert seen["offers_left"] == 0
+    assert (folder / "sensor-unsaved.toml").read_text(encoding="utf-8") == LEFT
 
 
 def test_the_keyboard_turns_the_lens(seen: dict[str, Any]) -> None:

@@ -5,6 +5,7 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, suppress
 from dataclasses import dataclass
@@ -187,6 +188,9 @@ CROWD = 1000
 
 
 def test_a_thousand_connections_leave_a_session_alone(served: Served, talk: ClientConnection) -> None:
+    resource = pytest.importorskip("resource")  # both ends of a connection are in this process
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, min(hard, 4 * CROWD)), hard))
     host, port = served.origin.removeprefix("http://").split(":")
     crowd = [socket.create_connection((host, int(port))) for _ in range(CROWD)]
     try:
@@ -260,6 +264,21 @@ def test_saving_keeps_comments_and_reads_back(served: Served, talk: ClientConnec
     assert text == DESIGN.replace("1.44 ", "1.5 ")
     assert load(served.file).material.index == 1.5
     assert ask(talk, 3, do="undo")["is_saved"] is False
+
+
+def test_what_is_not_saved_is_kept_while_it_is_changed(
+    served: Served, talk: ClientConnection, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("solen.studio.server.KEPT_S", 0.05)
+    ask(talk, 1, values={"lens.half_width_mm": 1.9})
+    beside = served.file.with_name("sensor-unsaved.toml")
+    for _ in range(400):
+        if beside.exists() and load(beside).lens.half_width_mm == 1.9:
+            break
+        time.sleep(0.02)
+    else:
+        raise AssertionError("it was never kept")
+    ask(talk, 2, do="undo")
 
 
 def test_an_address_of_another_computer_is_refused(tmp_path: Path) -> None:

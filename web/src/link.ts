@@ -17,7 +17,7 @@ export interface Request {
   handle?: string;
   to?: [number, number];
   gesture?: string;
-  do?: "undo" | "redo" | "save" | "reload" | "cancel" | "suggest";
+  do?: "undo" | "redo" | "save" | "reload" | "cancel" | "suggest" | "restore" | "leave";
   search?: Sought;
   take?: number;
 }

@@ -481,6 +481,11 @@ class Studio extends LitElement {
               aria-label="${HANDLES[name][0]}: ${HANDLES[name][1]}" title="${HANDLES[name][0]}: drag, or ${HANDLES[name][1]}"
               @pointerdown=${(e: PointerEvent) => this.grab(e, name)} @keydown=${(e: KeyboardEvent) => this.nudge(e, name)} @focus=${() => this.coordinates(name)}></button>`)}
             ${this.commands && whole.same ? this.same() : nothing}
+            ${whole.offered ? html`<aside class="guide offered" aria-label="Unsaved changes">
+              <p>Changes of an earlier time were not saved: they are in ${whole.offered}.</p>
+              <button type="button" class="main" @click=${() => this.ask({ do: "restore" })}>Open them</button>
+              <button type="button" @click=${() => this.ask({ do: "leave" })}>Leave them there</button>
+            </aside>` : nothing}
             ${this.guide ? html`<aside class="guide" aria-label="Guide">
               <p>Light of the LED below enters through the lens; where the lens sends it, the right or the left arm gets more.</p>
               <p>Turn the lens, and the contrast of the two receivers tells the angle: that is the curve on the right.</p>

@@ -48,6 +48,13 @@ const times = async () => {
 
 await rest(() => page.goto(address));
 seen.paint_ms = await page.evaluate(() => performance.getEntriesByName("first-contentful-paint")[0].startTime);
+if (await page.locator(".offered").count()) {
+  seen.offered = await text(".offered p");
+  await audit("offered");
+  await page.getByRole("button", { name: "Leave them there" }).click();
+  await page.waitForSelector(".offered", { state: "detached" });
+}
+seen.offers_left = await page.locator(".offered").count();
 if (!(await page.locator(".guide").count())) await page.getByRole("button", { name: "Guide" }).click();
 seen.guide = await page.locator(".guide p").allInnerTexts();
 await audit("light");

@@ -49,7 +49,9 @@ class Asked(Strict):
     handle: str | None = Field(None, max_length=20, description="Handle that is dragged.")
     to: tuple[Number, Number] | None = Field(None, description="Where to.")
     gesture: str = Field("", max_length=60, description="Changes of one gesture are undone together.")
-    do: Literal["undo", "redo", "save", "reload", "cancel", "suggest"] | None = Field(None, description="An order.")
+    do: Literal["undo", "redo", "save", "reload", "cancel", "suggest", "restore", "leave"] | None = Field(
+        None, description="An order."
+    )
     search: Sought | None = Field(None, description="A search to be begun in the background.")
     take: int | None = Field(None, ge=1, description="Design of the search's front to be made the open one.")
 
@@ -131,7 +133,8 @@ def _whole(document: Document, state: State) -> dict[str, Any]:
         "can_redo": document.place < len(document.states) - 1,
         "is_saved": document.is_saved,
         "same": same_as(document.path, {} if document.is_saved else state.changes),
-        "warnings": state.sensor.warnings,
+        "warnings": [*filter(None, [document.why_not_kept]), *state.sensor.warnings],
+        "offered": "" if document.offered is None else document.offered.name,
         "has_lens": state.sensor.has_lens and not state.sensor.is_drawn,
         "is_measured": state.sensor.is_measured,
         "in_space": state.design.trace.dimension == "extruded",

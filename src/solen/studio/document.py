@@ -1,17 +1,20 @@
 """The design that is worked on: changed, undone, saved into the file it came from, comments kept.
 
+What is not saved is kept beside, in a file that this document has made itself; an older one is offered, never replaced.
 Several pages may work on one document. What is saved is the opened text with the changed values; where the file was
 changed by somebody else meanwhile, nothing is written.
 """
 
-from collections.abc import Mapping
+import tomllib
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import count, takewhile
 from pathlib import Path
 from threading import RLock
 from typing import TYPE_CHECKING, Any
 
 from solen import files
-from solen.errors import OutputError, SpecError
+from solen.errors import OutputError, SolenError, SpecError
 from solen.files import read_text
 from solen.sensor import Sensor
 from solen.spec import Design, loads, template, with_values
@@ -56,15 +59,18 @@ class Document:
         self.path, self.lock = path, RLock()
         self.version = 0
         self.kept: Path | None = None
+        self.kept_text = self.why_not_kept = ""
         self.search: Search | None = None
         self._open()
+        self.offered = self._left_behind()
 
     def _open(self) -> None:
         self.is_new = not self.path.exists()
         self.text = template(EXAMPLE) if self.is_new else read_text(self.path, SpecError)
         self.on_disk: str | None = None if self.is_new else self.text
         design = loads(self.text, what=str(self.path), folder=self.path.absolute().parent)
-        self.states, self.place, self.gesture = [State(Sensor.of(design), {})], 0, ""
+        self.opened = State(Sensor.of(design), {})
+        self.states, self.place, self.gesture = [self.opened], 0, ""
         self.saved: State | None = None if self.is_new else self.states[0]
         self.version += 1
 
@@ -143,11 +149,63 @@ class Document:
             return self.state
 
     def keep_unsaved(self) -> None:
-        """Write what is not saved into a file beside, which is ``kept``."""
+        """Write what is not saved into a file beside, which is ``kept``; once it is saved, that is removed.
+
+        A file that somebody else made or changed is left as it is, and another one is made.
+        """
         with self.lock:
+            own = self.kept is not None and self.kept.exists()
+            own = own and read_text(self.kept, OutputError) == self.kept_text  # type: ignore[arg-type]  # it is one
             if not self.is_saved and (self.state.changes or self.saved is not None):
-                beside = self.path.with_name(f"{self.path.stem}-unsaved.toml")
-                self.kept = files.write_text(beside, self._written())
+                text = self._written()
+                beside = self.kept if own and self.kept else next(path for path in self._beside() if not path.exists())
+                if not own or text != self.kept_text:
+                    self.kept, self.kept_text = files.write_text(beside, text), text
+            elif own and self.kept:
+                files.remove(self.kept)
+                self.kept = None
+
+    def restore(self) -> State:
+        """Take over what an earlier time left unsaved, as one step; its file is from now on the one that is kept.
+
+        Raises
+        ------
+        SolenError
+            If there is none, or it is no change of the file that is open.
+        """
+        with self.lock:
+            if self.offered is None:
+                raise SpecError("restore", limit="nothing unsaved was left behind")
+            text = read_text(self.offered, SpecError)
+            values = _differences(tomllib.loads(self.text), tomllib.loads(text))
+            left = loads(text, what=str(self.offered), folder=self.path.absolute().parent)
+            if with_values(self.opened.design, values) != left:
+                limit = f"cannot be taken over into {self.path.name}"
+                raise SpecError(str(self.offered), limit=limit, remedy="open it by itself")
+            state = self.become(self.opened, values)
+            self.kept, self.kept_text, self.offered = self.offered, text, None
+            return state
+
+    def leave(self) -> None:
+        """Offer what was left unsaved no longer; its file stays."""
+        with self.lock:
+            self.offered = None
+            self.version += 1
+
+    def _beside(self) -> Iterator[Path]:
+        """Names for what is not saved, in turn."""
+        for number in count(1):
+            yield self.path.with_name(f"{self.path.stem}-unsaved{'' if number == 1 else f'-{number}'}.toml")
+
+    def _left_behind(self) -> Path | None:
+        """The newest file of what was not saved at an earlier time, where it is another design."""
+        for path in sorted(takewhile(Path.exists, self._beside()), key=lambda one: one.stat().st_mtime, reverse=True):
+            try:
+                left = loads(read_text(path, SpecError), what=str(path), folder=self.path.absolute().parent)
+            except SolenError:
+                continue  # a design that cannot be opened cannot be offered
+            return None if left == self.opened.design else path
+        return None
 
     def _written(self) -> str:
         folder = self.path.absolute().parent
@@ -155,3 +213,15 @@ class Document:
 
     def _now_on_disk(self) -> str | None:
         return read_text(self.path, OutputError) if self.path.exists() else None
+
+
+def _differences(before: Mapping[str, Any], after: Mapping[str, Any], table: str = "") -> dict[str, Any]:
+    """Values by dotted key that change one document into the other; None removes one."""
+    found: dict[str, Any] = {}
+    for name in dict.fromkeys([*before, *after]):
+        old, new = before.get(name), after.get(name)
+        if isinstance(old or new, Mapping):
+            found |= _differences(old or {}, new or {}, f"{table}{name}.")
+        elif old != new:
+            found[f"{table}{name}"] = new
+    return found

@@ -8,7 +8,7 @@ from collections.abc import AsyncIterator, Callable
 from importlib.resources import files
 from typing import TYPE_CHECKING
 
-from solen.errors import SpecError
+from solen.errors import SolenError, SpecError
 from solen.extras import need
 from solen.studio.document import Document
 from solen.studio.guard import LOCAL, Guard
@@ -30,6 +30,8 @@ TYPES = {
 LARGEST_MESSAGE = 2**16
 """Bytes of a message of a page; a longer one ends its connection."""
 MOST_PAGES, MOST_CONNECTIONS = 8, 64
+KEPT_S = 2.0
+"""Time between looks at whether something is to be kept."""
 TRY_AGAIN = 1013
 
 
@@ -39,7 +41,9 @@ def application(document: Document, token: str, address: str, port: int) -> Guar
 
     @contextlib.asynccontextmanager
     async def whole(_: FastAPI) -> AsyncIterator[None]:
+        keeping = asyncio.create_task(_keep(document))
         yield
+        keeping.cancel()
         if document.search is not None:
             document.search.cancel()
         document.keep_unsaved()  # here, as a signal that ends the server may end the process after it
@@ -88,6 +92,20 @@ async def _serve(page: "WebSocket", document: Document, sessions: set[Session]) 
         await asyncio.gather(*tasks, return_exceptions=True)
         with contextlib.suppress(RuntimeError, WebSocketDisconnect):
             await page.close()
+
+
+async def _keep(document: Document) -> None:
+    """Keep what is not saved beside the file, soon after each change."""
+    kept = -1
+    while True:
+        if document.version != kept:
+            kept = document.version
+            try:
+                await asyncio.to_thread(document.keep_unsaved)
+                document.why_not_kept = ""
+            except SolenError as bad:
+                document.why_not_kept = f"what is not saved cannot be kept beside the file: {bad}"
+        await asyncio.sleep(KEPT_S)
 
 
 async def _listen(page: "WebSocket", session: Session) -> None:

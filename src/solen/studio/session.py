@@ -136,8 +136,8 @@ class Session:
         document = self.document
         if asked.do in {"undo", "redo"}:
             document.step(-1 if asked.do == "undo" else 1)
-        elif asked.do == "reload":
-            document.reload()
+        elif asked.do in {"reload", "restore", "leave"}:
+            {"reload": document.reload, "restore": document.restore, "leave": document.leave}[asked.do]()
         elif asked.do == "cancel" and document.search is not None:
             document.search.cancel()
         elif asked.do == "save":
