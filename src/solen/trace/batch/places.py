@@ -1,9 +1,9 @@
 """From powers by place of an emitter to those of any chip: weights, and how large their error is.
 
 A chip of any width and decentre is a mean over places: a sum over bins of places, with weights that depend on width and
-decentre alone. Where chips are few, bins begin and end where chips do, and the sum is exact. Where they are many, the
-power up to a place is interpolated between the edges of even bins by cubics; by how much that differs from straight
-lines says how far it may be off.
+decentre alone. Where chips are few, bins begin and end where chips do, and the sum is exact. Where they are many, bins
+are as narrow as the narrowest chip that reaches them needs, and the power up to a place is interpolated between their
+edges by cubics; by how much that differs from straight lines says how far it may be off.
 
 A bin has two lattices of rays, a point eight, each shifted by chance, by itself: how far they are apart is their
 standard deviation, and that of a chip follows by its weights.
@@ -20,7 +20,7 @@ from solen.trace.kernel.lots import Bins
 
 FEWEST_BINS, MOST_BINS = 16, 128
 BINS_OF_A_CHIP = 16
-"""Even bins of the narrowest chip of a call, as far as `MOST_BINS` allow."""
+"""Bins of the narrowest chip at a place, as far as `MOST_BINS` allow."""
 MOST_ENDS = 32
 """Ends of a sensor's chips up to which bins begin and end at all of them."""
 SAME_MM = 1e-9
@@ -56,8 +56,13 @@ def lattices_for(width: FloatArray, offset: FloatArray, both: bool) -> int:
         raise DesignError("widths_mm", value=0.0, limit=limit, remedy="respond to points in a call of their own")
     low, high = (offset - 0.5 * width).min(axis=1), (offset + 0.5 * width).max(axis=1)
     whole = 2.0 * np.maximum(np.abs(low), np.abs(high)) if both else high - low
-    needed = np.ceil(BINS_OF_A_CHIP * whole / width.min(axis=1)).max()
     ends = 2 * width.shape[1] * (1 + both) + both
+    if ends > MOST_ENDS:
+        rows = np.unique(np.stack([width, offset], axis=1), axis=0)
+        needed = max(bins_upto(Chips(*row), ends_of(Chips(*row), both), both)[-1] for row in rows)
+    else:
+        needed = (BINS_OF_A_CHIP * whole / width.min(axis=1)).max()
+    needed = math.ceil(needed - SAME_MM)
     least = max(FEWEST_BINS, ends if ends <= MOST_ENDS else 0)
     return 2 * SHIFTS * math.ceil(float(np.clip(needed, least, MOST_BINS)) / 2)
 
@@ -67,6 +72,20 @@ def ends_of(chips: Chips, both: bool) -> FloatArray:
     ends = np.concatenate([chips.offset - 0.5 * chips.width, chips.offset + 0.5 * chips.width])
     ends = np.sort(np.concatenate([ends, [0.0], -ends]) if both else ends)
     return np.asarray(ends[np.append(True, np.diff(ends) > SAME_MM)])
+
+
+def bins_upto(chips: Chips, ends: FloatArray, both: bool) -> FloatArray:
+    """How many bins chips want from the first of their ends up to each.
+
+    That is `BINS_OF_A_CHIP` for each width of the narrowest chip, or mirror image of one, that reaches a place; where
+    none does, as few as the widest wants.
+    """
+    offset = np.concatenate([chips.offset, -chips.offset]) if both else chips.offset
+    width = np.concatenate([chips.width, chips.width]) if both else chips.width
+    middle = 0.5 * (ends[1:] + ends[:-1])
+    reached = np.abs(middle[:, None] - offset) < 0.5 * width
+    narrowest = np.where(reached, width, width.max()).min(axis=1)
+    return np.append(0.0, np.cumsum(BINS_OF_A_CHIP * np.diff(ends) / narrowest))
 
 
 def shared_out(lengths: FloatArray, many: int) -> IntArray:
@@ -97,7 +116,7 @@ class Places(NamedTuple):
             return cls._repeated(Bins(at, at), own, np.zeros_like(own), SHIFTS_OF_A_POINT)
         many, ends = lattices // SHIFTS, ends_of(chips, both)
         if len(ends) > min(many + 1, MOST_ENDS):
-            return cls._interpolated(chips, many, ends)
+            return cls._interpolated(chips, many, ends, both)
         shares = shared_out(np.diff(ends[len(ends) // 2 :] if both else ends), many // 2 if both else many)
         shares = np.concatenate([shares[::-1], shares]) if both else shares
         pieces = [np.linspace(ends[i], ends[i + 1], n, endpoint=False) for i, n in enumerate(shares.tolist())]
@@ -110,12 +129,12 @@ class Places(NamedTuple):
         return cls._repeated(Bins(edges[:-1], edges[1:]), weights, np.zeros_like(weights), SHIFTS)
 
     @classmethod
-    def _interpolated(cls, chips: Chips, many: int, ends: FloatArray) -> "Places":
-        edges = np.linspace(ends[0], ends[-1], many + 1)
-        step = edges[1] - edges[0]
-        first, last = ((chips.offset + side * 0.5 * chips.width - edges[0]) / step for side in (-1.0, 1.0))
+    def _interpolated(cls, chips: Chips, many: int, ends: FloatArray, both: bool) -> "Places":
+        wanted = bins_upto(chips, ends, both)
+        edges = np.interp(np.linspace(0.0, wanted[-1], many + 1), wanted, ends)
+        first, last = (chips.offset + side * 0.5 * chips.width for side in (-1.0, 1.0))
         cubic, straight = (
-            (upto(last, many) - upto(first, many)) * (step / chips.width)[:, None] for upto in (cumulative, straightly)
+            (upto(last, edges) - upto(first, edges)) / chips.width[:, None] for upto in (cumulative, straightly)
         )
         return cls._repeated(Bins(edges[:-1], edges[1:]), cubic, NOT_STRAIGHT * (cubic - straight), SHIFTS)
 
@@ -143,36 +162,38 @@ class Places(NamedTuple):
         return np.asarray(np.hypot(np.sqrt(variance) * (1.0 + STUDENT * lacking), found @ self.doubt.T))
 
 
-def cumulative(at: FloatArray, many: int) -> FloatArray:
-    """Weights (K, B) that give the cumulative sum over bins up to places (K,), in bins from the first one's edge.
+def cumulative(at: FloatArray, edges: FloatArray) -> FloatArray:
+    """Weights (K, B) of bins' mean powers that give the integral from the first edge (B + 1,) up to places (K,).
 
-    Between edges a cubic with the slopes that the neighbouring bins give: exact for cubic powers.
+    Between edges a cubic with the slopes that the neighbouring bins give, which are exact for cubic powers.
     """
-    which = np.clip(np.floor(at), 0, many - 1).astype(int)
-    s = at - which
-    rows = np.arange(len(at))
-    sums = (np.arange(many) < which[:, None]).astype(float)
-    slopes = _slopes(many)
-    sums[rows, which] += s * s * (3.0 - 2.0 * s)
-    sums += (s * (1.0 - s) ** 2)[:, None] * slopes[which] - (s * s * (1.0 - s))[:, None] * slopes[which + 1]
-    return sums
+    step = np.diff(edges)
+    which = np.clip(np.searchsorted(edges, at, "right") - 1, 0, len(step) - 1)
+    s = np.clip((at - edges[which]) / step[which], 0.0, 1.0)
+    slopes = _slopes(edges)
+    sums = (np.arange(len(step)) < which[:, None]).astype(float)
+    sums[np.arange(len(at)), which] += s * s * (3.0 - 2.0 * s)
+    before, after = (s * (1.0 - s) ** 2 * step[which], s * s * (1.0 - s) * step[which])
+    return np.asarray(sums * step + before[:, None] * slopes[which] - after[:, None] * slopes[which + 1])
 
 
-def straightly(at: FloatArray, many: int) -> FloatArray:
+def straightly(at: FloatArray, edges: FloatArray) -> FloatArray:
     """As `cumulative`, by straight lines."""
-    return np.asarray(np.clip(at[:, None] - np.arange(many), 0.0, 1.0))
+    return np.asarray(np.clip(at[:, None] - edges[:-1], 0.0, np.diff(edges)))
 
 
-def _slopes(many: int) -> FloatArray:
-    """Weights (B + 1, B) that give the power at each edge: of four bins about it, at the ends of the nearest four."""
+def _slopes(edges: FloatArray) -> FloatArray:
+    """Weights (B + 1, B) that give the power at each edge: slope of the quartic through the integrals to five edges."""
+    many = len(edges) - 1
+    first = np.clip(np.arange(many + 1) - 2, 0, many - 4)
+    near = first[:, None] + np.arange(5)
+    size = edges[near[:, -1]] - edges[near[:, 0]]
+    powers = ((edges[near] - edges[:, None]) / size[:, None])[:, None, :] ** np.arange(5)[:, None]
+    of_integrals = np.linalg.solve(powers, np.broadcast_to(np.eye(5)[1][:, None], (many + 1, 5, 1)))[..., 0]
+    after = np.cumsum(of_integrals[:, ::-1], axis=1)[:, ::-1] / size[:, None]
     weights = np.zeros((many + 1, many))
-    inner = np.array([-1.0, 7.0, 7.0, -1.0]) / 12.0
-    for edge in range(2, many - 1):
-        weights[edge, edge - 2 : edge + 2] = inner
-    ends = np.array([[25.0, -23.0, 13.0, -3.0], [3.0, 13.0, -5.0, 1.0]]) / 12.0
-    for edge in range(2):
-        weights[edge, :4] = ends[edge]
-        weights[many - edge, many - 4 :] = ends[edge][::-1]
+    rows = np.arange(many + 1)[:, None]
+    weights[rows, near[:, :4]] = after[:, 1:] * np.diff(edges)[near[:, :4]]
     return weights
 
 
