@@ -8,7 +8,7 @@ The interface: `Prints`, whose methods give `Yield`, `VariedNumber` and `MeritSp
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -25,6 +25,8 @@ from solen.sensor.numbers import number
 MODELLED = 2**14
 """Samples of the surrogates."""
 WANTED_YIELD = 0.95
+FAR = 1e100
+"""Uncertainty of a merit that may be anything."""
 
 
 class Yield(Result, eq=True):
@@ -173,23 +175,26 @@ class Prints:
     def share(self, requirements: Sequence[Requirement], *, calibrated: bool = False) -> tuple[float, float]:
         """Share of prints that meet requirements, with its standard uncertainty.
 
-        The surrogates' share over many samples, plus what each traced print differs from surrogates fitted without it
-        (a control variate): the estimate is free of the surrogates' error, and its uncertainty is that of the mean
-        difference.
+        The share of the traced prints, corrected by what surrogates fitted without each of them miss of the surrogates'
+        share over many samples (a control variate), as far as that lessens the scatter: not at all is counting. The
+        estimate is free of the surrogates' error. Its uncertainty is that of the mean, with what the uncertainties of
+        the merits make of it.
         """
         part = parts(len(self.deviations))
-        true = self.met(requirements, self._calibrated(self.merits) if calibrated else self.merits)
-        missed = np.empty(true.size)
-        modelled = np.empty(FOLDS)
+        true = self.met(requirements, self._calibrated(self.merits) if calibrated else self.merits).astype(float)
+        modelled, whole = np.empty(true.size), np.empty(true.size)
         for fold in range(FOLDS):
             inside = part == fold
-            made = self._by_surrogates(requirements, self.deviations[inside], fold, calibrated=calibrated)
-            missed[inside] = true[inside].astype(float) - made
-            modelled[fold] = self._by_surrogates(requirements, self.modelled, fold, calibrated=calibrated).mean()
-        share = float(missed.mean() + modelled[part].mean())
-        u = max(float(missed.std(ddof=1)) / math.sqrt(true.size), 1.0 / (true.size + 2))  # none may be a few not seen
-        undecided = self._undecided(requirements, calibrated=calibrated)
-        return min(max(share, 0.0), 1.0), math.hypot(u, undecided / math.sqrt(12.0))
+            modelled[inside] = self._by_surrogates(requirements, self.deviations[inside], fold, calibrated=calibrated)
+            whole[inside] = self._by_surrogates(requirements, self.modelled, fold, calibrated=calibrated).mean()
+        missed = modelled - whole
+        scatter = np.cov(true, missed)
+        corrected = true - (scatter[0, 1] / scatter[1, 1] if scatter[1, 1] else 0.0) * missed
+        u = max(
+            float(corrected.std(ddof=1)) / math.sqrt(true.size), 1.0 / (true.size + 2)
+        )  # none may be a few not seen
+        blurred = self._blurred(requirements, calibrated=calibrated)
+        return min(max(float(corrected.mean()), 0.0), 1.0), math.hypot(u, blurred)
 
     def varied(self, sensor: Sensor, requirements: Sequence[Requirement]) -> list[VariedNumber]:
         """What varies and what it costs, the costliest first."""
@@ -229,15 +234,50 @@ class Prints:
                 held_out=made.held_out,
             )
 
-    def _undecided(self, requirements: Sequence[Requirement], *, calibrated: bool) -> float:
-        """Share of prints for which a requirement would change where one of its merits is off by its uncertainty."""
-        changes = np.zeros(len(self.deviations), bool)
-        met = self.met(requirements, self._calibrated(self.merits) if calibrated else self.merits)
-        for name in dict.fromkeys(name for one in requirements for name in one.merits):
-            for sign in (-1.0, 1.0):
-                off = {**self.merits, name: self.merits[name] + sign * np.nan_to_num(self.merits[f"u_{name}"])}
-                changes |= met != self.met(requirements, self._calibrated(off) if calibrated else off)
-        return float(changes.mean())
+    def _blurred(self, requirements: Sequence[Requirement], *, calibrated: bool) -> float:
+        """Uncertainty of a share by those of the merits.
+
+        What scatters about a surrogate differs from print to print: which prints it moves over a limit is in the
+        scatter of the prints, and that a limit is blurred makes more leave than enter, or fewer. The rest is common to
+        all prints and to the design, so that it shifts them together. What the design alone is off by, as the base of a
+        requirement, its surrogate tells. Changes of the share are those of the surrogates' samples, which are many.
+        """
+        named = list(dict.fromkeys(name for one in requirements for name in one.merits))
+        merits = dict(self.merits)
+        if self.surrogates.keys() >= {*named, "null_deg"}:
+            nothing = np.full(len(self.modelled), np.nan)
+            merits = dict.fromkeys(NAMES, nothing) | {
+                name: self.surrogates[name](self.modelled) for name in (*named, "null_deg")
+            }
+
+        def met(name: str, by: float, base_by: float) -> float:
+            """Share where a merit is off by so much."""
+            moved = {**merits, name: merits[name] + by}
+            at = replace(self, base={**self.base, name: self.base[name] + base_by})
+            return float(at.met(requirements, at._calibrated(moved) if calibrated else moved).mean())
+
+        share, squares = met("null_deg", 0.0, 0.0), 0.0
+        for name in named:
+            own, common, of_base = self._parts_of_u(name)
+            squares += (0.5 * (met(name, own, 0.0) + met(name, -own, 0.0)) - share) ** 2
+            squares += 0.5 * sum((met(name, by, by) - share) ** 2 for by in (-common, common))
+            squares += 0.5 * sum((met(name, 0.0, by) - share) ** 2 for by in (-of_base, of_base))
+        return math.sqrt(squares)
+
+    def _parts_of_u(self, name: str) -> tuple[float, float, float]:
+        """Uncertainty of a merit (rms): what differs between prints, what they share, and of the design alone."""
+        of_each, of_design = (np.nan_to_num(of[f"u_{name}"], posinf=FAR) for of in (self.merits, self.base))
+        u, u_base = float(np.sqrt(np.mean(of_each**2))), float(of_design)
+        made = self.surrogates.get(name)
+        if made is None:
+            return 0.0, u, u_base
+        values = self.merits[name][np.isfinite(self.merits[name])]
+        fitted = max(1.0 - len(made.degrees) / (values.size * (1.0 - 1.0 / FOLDS)), 0.0)  # its terms follow noise too
+        own = min(u, math.sqrt(made.held_out * fitted) * float(values.std()))
+        at_design = np.zeros((1, len(self.variations)))
+        unsure = math.sqrt(FOLDS - 1.0) * float(np.std([made(at_design, fold) for fold in range(FOLDS)]))  # jackknife
+        off = self.base[name] - float(made(at_design)[0])
+        return own, math.sqrt(u * u - own * own), min(u_base, math.hypot(off, unsure))
 
     def _calibrated(self, merits: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
         """Merits after a calibration of offset and gain: null and slope of the design, where there is a null."""
