@@ -133,6 +133,34 @@ def test_forces_are_decoded_with_their_bands(folder: Path, capfd: pytest.Capture
     assert np.sqrt(np.mean((rows["force_N"] - true) ** 2)) < 1.5e-3
 
 
+@pytest.mark.parametrize("cell_noise_V", [1e-3, 4e-3])
+def test_noise_of_the_cell_leaves_rest_and_hold_in_the_range(
+    cell_noise_V: float, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "cell.toml").write_text("[load_cell]\nN_per_V = 0.5\n", encoding="utf-8")
+    options = AnalysisOptions(load_cell=tmp_path / "cell.toml", tare_s=0.9)
+    path = Presses(cell_noise_V=cell_noise_V).write(tmp_path / "a.csv")
+    found = calibrated_sensors(study([path], options)).calibrations[0].calibration
+    other = Presses(seed=7, cell_noise_V=cell_noise_V)
+    decoded = Decoder(found).decode(other.volts)
+    assert not decoded.outside.mean() > 0.01
+    force = other.force_N
+    for part in (force < 1e-9, force > 0.2999, (force > 0.02) & (force < 0.28)):
+        assert decoded.holds(force, 1)[part].mean() > 0.9
+    middle = (force > 0.02) & (force < 0.28)
+    assert np.median(np.ptp([decoded.low_deg[middle, 1], decoded.high_deg[middle, 1]], axis=0)) < 3e-3  # 4 u: 1 mN
+    own = ["--load-cell", str(tmp_path / "cell.toml"), "--tare-s", "0.9"]
+    assert run_command(["bench", "calibrate", str(path), *own]) == 0
+    capfd.readouterr()
+    args = ["bench", "decode", str(tmp_path / "a.calibration.json"), str(path), *own, "--out", str(tmp_path / "o.csv")]
+    assert run_command(args) == 0
+    said, total = capfd.readouterr().out, other.time_s.size
+    force = 0.5 * (np.genfromtxt(path, delimiter=",", skip_header=1)[:, 1] - ZERO_V)
+    beyond = ((force < found.angle_deg[0]) | (force > found.angle_deg[-1])).sum()
+    counted = int(said.split(f" of {total} readings (")[0].split()[-1])
+    assert counted == pytest.approx(beyond, abs=0.03 * total)  # its own tare
+
+
 def test_a_board_decodes_newtons(folder: Path) -> None:
     known = folder / "a.calibration.json"
     assert run_command(["bench", "table", str(known), str(folder / "board")]) == 0

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
+from solen.analysis.calibration.steady import OUT
 from solen.analysis.calibration.training import Samples, Training, mean_curves
 from solen.arrays import FloatArray
 from solen.errors import DataError
@@ -28,7 +29,6 @@ _FLOOR = 1e-9  # of the squared range: no reading is better known
 _ENDLESS = 1e9
 _LEAST_FREEDOM = 2.0
 _LEAST_SHARE = 1e-6
-_OUT = 3.0  # standard uncertainties of what a range's end was read by
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +92,7 @@ class Calibration:
         order = np.concatenate([[0] * (0 in ends), places, [-1] * (-1 in ends)]).astype(int)
         angle, curves = self.angle_deg[order].copy(), self.curves_V[:, order].copy()
         for end in ends:
-            beyond = _OUT * u[end] * (1.0 if end else -1.0)
+            beyond = OUT * u[end] * (1.0 if end else -1.0)
             curves[:, end] += beyond * self._slope[end]
             angle[end] += beyond
         rows = {name: getattr(self, name)[order] for name in ("noise", "repeat", "between", "samples")}

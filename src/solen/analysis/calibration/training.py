@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from solen.analysis.calibration.steady import OUT, smoothed
 from solen.analysis.motion import Motion
 from solen.analysis.response import DIRECTIONS, Passes, common_range, passes
 from solen.analysis.sensor_response import Run, SensorResponse
@@ -16,6 +17,8 @@ from solen.errors import DataError
 from solen.recording.column_roles import left_right
 
 _NEAR = 0.25  # of a step, that a grid may miss at its ends
+_WIDE = 5.0  # times what a noisy end lies further out: a step, a quarter of which a way need not reach
+_FEWEST = 7  # points
 LEAST_CYCLES = 2
 """A single cycle does not show how well cycles repeat."""
 
@@ -119,30 +122,37 @@ def training_of(sensor: SensorResponse, *, whole: bool = False) -> Training:
         raise DataError(
             f"sensor {sensor.label}", limit=limit, remedy="record more, or use the first one, too: --drop 0"
         )
-    ways = _to_the_ends(sensor) if whole else sensor.passes
+    sensor, u_end = smoothed(sensor)
+    ways = _to_the_ends(sensor, u_end) if whole else sensor.passes
     volts = ways.volts[..., list(sides)]
     first, last = _stretch(np.asarray(np.isfinite(mean_curves(volts)).all(axis=(0, 2))))
     if last - first < len(DIRECTIONS) + 3:
         limit = "has no stretch of angles at which both receivers have readings"
         raise DataError(f"sensor {sensor.label}", limit=limit, remedy="look at it with solen bench analyse --figure")
     angle = ways.angle_deg[first:last]
-    samples, rails = _samples(sensor, sides, (float(angle[0]), float(angle[-1])))
+    samples, rails = _samples(sensor, sides, (float(angle[0]) - u_end, float(angle[-1]) + u_end))
     return Training(sensor.label, angle, volts[:, :, first:last], samples, rails)
 
 
-def _to_the_ends(sensor: SensorResponse) -> Passes:
-    """Ways on a grid from end to end of what all of them reach, where that of the analysis misses some of it."""
+def _to_the_ends(sensor: SensorResponse, u_end: float) -> Passes:
+    """Ways on a grid from end to end of what all of them reach, where that of the analysis misses some of it.
+
+    Ends that were read with noise, of a standard uncertainty ``u_end``, are means, and lie further out by three of it.
+    """
     grid = sensor.passes.angle_deg
     near = _NEAR * (grid[1] - grid[0])
     ranges = [common_range(run.signals.angle_deg, run.motion, run.used) for run in sensor.runs]
     low, high = max(low for low, _ in ranges), min(high for _, high in ranges)
+    if u_end:
+        low, high = low - OUT * u_end, high + OUT * u_end
     first, last = (
         (float(grid[0]) if grid[0] - low < near else low),
         (float(grid[-1]) if high - grid[-1] < near else high),
     )
-    if (first, last) == (grid[0], grid[-1]):
+    if not u_end and (first, last) == (grid[0], grid[-1]):
         return sensor.passes
-    own = np.linspace(first, last, grid.size)
+    size = min(grid.size, int((last - first) / (_WIDE * OUT * u_end))) if u_end else grid.size
+    own = np.linspace(first, last, max(size, _FEWEST))
     parts = [
         passes(run.signals.angle_deg, run.signals.volts, run.motion, run.used, own, run.clipped) for run in sensor.runs
     ]

@@ -123,6 +123,12 @@ def _(result: Decoding) -> Iterator[str]:
     yield ", ".join([f"{result.readings} readings", ends, *(f"{count} {name}" for count, name in flags if count)])
     against = result.against_angle
     if against is not None:
+        left_out = result.readings - against.readings
+        if left_out:
+            yield (
+                f"{left_out} of {result.readings} readings ({100 * left_out / result.readings:.3g} %) have an own "
+                f"{stimulus.name} beyond the calibrated range, or none, and are not in the next line"
+            )
         yield (
             f"against the recording's own {stimulus.name}: rms {against.rms_deg:.2g}{sign}, mean "
             f"{against.bias_deg:+.1g}{sign}, "

@@ -1,0 +1,84 @@
+"""Forces of a noisy load cell, averaged over time before curves are laid through them.
+
+The idea: noise of the cell is no noise of the receivers. Left in, it moves the ends of the calibrated range inwards, to
+where every press was read, and shows as scatter of the voltages. Within a ramp a straight line over few samples, in a
+hold their mean (or a line, where it drifts), leave little of it; a cell whose noise is small stays as it was read.
+
+The interface: `smoothed` of a `SensorResponse`; `OUT`.
+"""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from scipy.signal import savgol_filter
+
+from solen.analysis.motion import Cycle, Motion, Ramp
+from solen.analysis.sensor_response import Run, SensorResponse
+from solen.arrays import FloatArray
+from solen.recording.stimulus import FORCE
+
+OUT = 3.0
+"""Standard uncertainties of what the end of a range was read by, that it goes on for."""
+_FINE = 5e-4  # of the range: noise that is left alone
+_PART = 5  # of a ramp, at most, that a line is laid through
+_DRIFTS = 4.0  # standard uncertainties
+_LATE = 3.5  # times the noise: where a ramp is first seen beside a level
+
+
+def smoothed(sensor: SensorResponse) -> tuple[SensorResponse, float]:
+    """A sensor whose forces are averaged, and the standard uncertainty of a hold; itself and 0 if there is no noise."""
+    fine = [_FINE * (run.motion.high_deg - run.motion.low_deg) for run in sensor.runs]
+    if sensor.stimulus is not FORCE or all(
+        run.motion.noise_deg < limit for run, limit in zip(sensor.runs, fine, strict=True)
+    ):
+        return sensor, 0.0
+    runs = [_run(run, limit) for run, limit in zip(sensor.runs, fine, strict=True)]
+    return replace(sensor, runs=tuple(run for run, _ in runs)), max(u for _, u in runs)
+
+
+def _run(run: Run, fine: float) -> tuple[Run, float]:
+    noise, force = run.motion.noise_deg, run.signals.angle_deg
+    ramps = tuple(_whole(ramp, noise, force.size) for ramp in run.motion.ramps)
+    calm, wanted = force.copy(), (noise / fine) ** 2
+    stops, starts = [0, *(ramp.stop - 1 for ramp in ramps)], [*(ramp.start + 1 for ramp in ramps), force.size]
+    lengths = []
+    for ramp in ramps:
+        part = slice(ramp.start, ramp.stop)
+        calm[part] = _line(force[part], wanted)
+    for begin, end in zip(stops, starts, strict=True):
+        if end - begin > 2:
+            calm[begin:end] = _held(force[begin:end], noise)
+            lengths.append(end - begin)
+    motion: Motion = replace(run.motion, ramps=ramps, cycles=_cycles(run.motion, ramps))
+    u = noise / math.sqrt(float(np.median(lengths)) if lengths else 1.0)
+    return replace(run, motion=motion, signals=replace(run.signals, angle_deg=calm)), u
+
+
+def _whole(ramp: Ramp, noise: float, size: int) -> Ramp:
+    """A ramp from level to level: noise hides its first and last samples."""
+    each = abs(ramp.end_deg - ramp.start_deg) / max(ramp.stop - ramp.start - 1, 1)
+    more = round(_LATE * noise / each) if each else 0
+    return replace(ramp, start=max(ramp.start - more, 0), stop=min(ramp.stop + more, size))
+
+
+def _cycles(motion: Motion, ramps: tuple[Ramp, ...]) -> tuple[Cycle, ...]:
+    """Cycles that begin and end with the ramps that they began and ended with."""
+    begins = {old.start: new.start for old, new in zip(motion.ramps, ramps, strict=True)}
+    ends = {old.stop: new.stop for old, new in zip(motion.ramps, ramps, strict=True)}
+    return tuple(
+        replace(one, start=begins.get(one.start, one.start), stop=ends.get(one.stop, one.stop)) for one in motion.cycles
+    )
+
+
+def _held(force: FloatArray, noise: float) -> FloatArray:
+    """Mean of a hold; a straight line where it drifts, as a force on a soft body does."""
+    place = np.arange(force.size) - 0.5 * (force.size - 1)
+    drift, u = float(place @ force / (place @ place)), noise / math.sqrt(float(place @ place))
+    return np.asarray(force.mean() + (drift * place if abs(drift) > _DRIFTS * u else 0.0 * place))
+
+
+def _line(force: FloatArray, wanted: float) -> FloatArray:
+    """Straight lines over so many neighbours as leave little noise."""
+    window = int(min(wanted, force.size / _PART)) | 1
+    return force if window < 3 else np.asarray(savgol_filter(force, window, 1, mode="interp"))
