@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from solen.arrays import FloatArray
-from solen.explore.merits import MERITS, merits_of
+from solen.explore.merits import MERITS, merits_of, unresolved_change
 from solen.sensor import Response
 
 ANGLES = np.linspace(-3.0, 3.0, 25)
@@ -43,6 +43,24 @@ def test_the_uncertainty_covers_what_the_step_between_angles_costs(width_deg: fl
     assert abs(merits.linearity_percent - 100.0 * away / float(np.ptp(curve(dense)))) < max(
         2.0 * merits.u_linearity_percent, 0.02
     )
+
+
+@pytest.mark.parametrize("step_deg", [3.0, 1.5, 1.0, 0.5, 0.25, 0.1])
+@pytest.mark.parametrize("width_deg", [0.1, 0.22])
+@pytest.mark.parametrize("null_deg", [0.0, 0.11])
+def test_a_step_too_wide_for_a_steep_null_is_not_passed_over(step_deg: float, width_deg: float, null_deg: float) -> None:
+    angle = np.arange(-3.0, 3.0 + 1e-9, step_deg)
+    power = 0.5 + 0.5 * np.tanh((angle - null_deg) / width_deg)
+    found = Response("power", angle, power, 1.0 - power, np.full(angle.size, 3e-7), ())
+    merits = merits_of(found, (0.0003, 1e-6))
+    assert abs(merits.slope_per_deg - 1.0 / width_deg) <= 2.0 * merits.u_slope_per_deg
+    assert abs(merits.null_deg - null_deg) <= 2.0 * merits.u_null_deg
+    dense = np.linspace(-3.0, 3.0, 801)
+    true = 50.0 * _off_by_search(dense, np.tanh((dense - null_deg) / width_deg))
+    assert abs(merits.linearity_percent - true) <= max(2.0 * merits.u_linearity_percent, 0.02)
+    change = unresolved_change(found)
+    assert math.isnan(merits.resolution_deg) is (change > 0.0)
+    assert (change > 0.0) or step_deg <= width_deg
 
 
 @pytest.mark.parametrize("angles", [3, 4])

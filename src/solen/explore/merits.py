@@ -3,7 +3,8 @@
 Between the angles of a motion the contrast is a cubic spline. What that costs is estimated from the spline through
 every second angle, and is part of the uncertainty. docs/explore.md defines each merit.
 
-The interface: `merits_of` a response, which returns `Merits`; `MERITS` names them.
+The interface: `merits_of` a response, which returns `Merits`; `MERITS` names them; `unresolved_change` says where its
+angles are too far apart.
 """
 
 import math
@@ -12,7 +13,7 @@ from dataclasses import fields
 import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
-from solen.arrays import FloatArray, IntArray
+from solen.arrays import BoolArray, FloatArray, IntArray
 from solen.plane import off_a_line
 from solen.readout import Readings
 from solen.readout.advice import slopes_V_per_deg
@@ -22,6 +23,13 @@ from solen.sensor.response import Response
 LEAST_ANGLES, DENSE = 3, 8
 COARSE_SHARE = 1 / 3
 """Share of the change from every second angle to all of them that the spline through all may be off by."""
+THIRD_SHARE = 0.1
+"""Share of the third difference near a null, over the step, that the slope may be off by at least."""
+BEND, MOST_CHANGE = 0.5, 0.1
+"""Change of slope from one step to the next, as a share of the steeper, and as a share of the contrast's range, beyond
+both of which the angles do not show the course between them."""
+MOST_CHANGE_OF_FEW = 0.5
+"""Change of the contrast within a step that is too much where there are too few angles to compare steps."""
 
 
 class Merits(Result, eq=True):
@@ -43,7 +51,7 @@ class Merits(Result, eq=True):
         Least share of the emitted power at both receivers together.
     resolution_deg, u_resolution_deg
         Standard deviation of an angle from one reading of both receivers, where it is worst; infinite where nothing
-        moves.
+        moves, NaN where the step between angles does not show the contrast's course.
     """
 
     null_deg: float
@@ -87,6 +95,10 @@ def merits_of(response: Response, resolution_deg: tuple[float, float] = (math.na
     null, u_null, slope, u_slope = _null(angle, contrast, u)
     span, u_span = abs(float(contrast[-1] - contrast[0])), float(u[0] + u[-1])
     linearity, u_linearity = _linearity(angle, contrast)
+    unresolved = _unresolved(contrast, u)
+    if unresolved.any():
+        u_linearity += _largest_change(contrast, unresolved) / (2.0 * math.sqrt(3.0))
+        resolution_deg = (math.nan, math.nan)
     monotone, u_monotone = _monotone_deg(angle, contrast, u, null)
     return Merits(
         null_deg=null,
@@ -121,7 +133,13 @@ def _null(angle: FloatArray, contrast: FloatArray, u: FloatArray) -> tuple[float
     if math.isnan(rough_null) or angle.size < 2 * LEAST_ANGLES:  # too few angles to compare
         rough_null, rough_slope = null + step, 2.0 * slope
     u_null = noise / abs(slope) + COARSE_SHARE * abs(rough_null - null) if slope else math.inf
-    u_slope = 1.5 * noise / step + COARSE_SHARE * abs(rough_slope - slope)
+    third = np.abs(np.diff(contrast[max(0, near - 3) : near + 4], n=3)).max(initial=0.0)
+    u_slope = 1.5 * noise / step + max(COARSE_SHARE * abs(rough_slope - slope), THIRD_SHARE * float(third) / step)
+    after = min(max(int(np.searchsorted(angle, null)), 1), angle.size - 1)
+    if _unresolved(contrast, u)[after - 1 : after + 1].any():
+        if abs(contrast[near]) > u[near]:  # between two angles, and the contrast may cross 0 anywhere there
+            u_null = max(u_null, float(max(null - angle[after - 1], angle[after] - null)) / math.sqrt(3.0))
+        u_slope = math.inf
     return null, u_null, slope, u_slope
 
 
@@ -153,6 +171,34 @@ def _linearity(angle: FloatArray, contrast: FloatArray) -> tuple[float, float]:
     if second.size < LEAST_ANGLES:
         return fine, 0.5 * float(np.ptp(contrast)) / math.sqrt(3.0)
     return fine, COARSE_SHARE * abs(fine - coarse)
+
+
+def _unresolved(contrast: FloatArray, u: FloatArray) -> BoolArray:
+    """Steps (A - 1,) within which the angles (A,) do not show the course: the slope changes too much to the next.
+
+    A spline through such angles may be off by as much as it changes, and comparing it with every second angle does not
+    reveal that: +1, 0, -1 is a line to both.
+    """
+    change = np.diff(contrast)
+    steep = np.abs(change)
+    bend, noise = np.abs(np.diff(change)), u[:-2] + 2.0 * u[1:-1] + u[2:]
+    most = np.maximum(BEND * np.maximum(steep[1:], steep[:-1]), MOST_CHANGE * float(np.ptp(contrast)))
+    bends = bend > most + noise
+    few = (contrast.size < 2 * LEAST_ANGLES - 1) & (steep > MOST_CHANGE_OF_FEW)
+    return np.asarray(np.r_[False, bends] | np.r_[bends, False] | few)
+
+
+def _largest_change(contrast: FloatArray, steps: BoolArray) -> float:
+    """Largest change of the contrast within some of its steps; 0 for none."""
+    return float(np.abs(np.diff(contrast))[steps].max(initial=0.0))
+
+
+def unresolved_change(response: Response) -> float:
+    """Largest change of the contrast within a step whose course the angles do not show; 0 where they show all."""
+    contrast = response.contrast
+    if contrast.size < LEAST_ANGLES or not np.isfinite(contrast).all():
+        return 0.0
+    return _largest_change(contrast, _unresolved(contrast, response.u_contrast))
 
 
 def _every_second(number: int) -> IntArray:

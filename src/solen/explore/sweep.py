@@ -21,7 +21,7 @@ from solen.arrays import FloatArray, Progress, part_of
 from solen.errors import DesignError, SpecError
 from solen.explore.axes import Axis, axis, check_axes, grid, sampled
 from solen.explore.machines import Here, Machine
-from solen.explore.merits import LEAST_ANGLES, MERITS, NAMES, merits_of, worst_place
+from solen.explore.merits import LEAST_ANGLES, MERITS, NAMES, merits_of, unresolved_change, worst_place
 from solen.explore.robust import cases_of
 from solen.explore.still import still_in_samples, still_on_grid
 from solen.explore.store import Accuracy, Point, Store, Variant, no_response
@@ -363,10 +363,24 @@ def merits_of_points(angle_deg: FloatArray, points: Sequence[Point]) -> dict[str
     table = np.full((len(points), len(NAMES)), np.nan)
     for row, point in zip(table, points, strict=True):
         if point.right.size:
-            response = Response("power", angle_deg, point.right, point.left, point.u_power, ())
-            found = merits_of(response, point.resolution_deg)
+            found = merits_of(_response(angle_deg, point), point.resolution_deg)
             row[:] = [getattr(found, name) for name in NAMES]
     return dict(zip(NAMES, table.T, strict=True))
+
+
+def _response(angle_deg: FloatArray, point: Point) -> Response:
+    return Response("power", angle_deg, point.right, point.left, point.u_power, ())
+
+
+def too_wide_a_step(points: Sequence[Point]) -> Iterator[str]:
+    """Warning where the contrast of points changes too much between two angles for these to show its course."""
+    changes = [unresolved_change(_response(np.arange(one.right.size, dtype=float), one)) for one in points]
+    if wide := sum(change > 0.0 for change in changes):
+        of = f" at {wide} of {len(points)} points" if len(points) > 1 else ""
+        yield (
+            f"the contrast changes by up to {max(changes):.2g} within one step of motion.step_deg{of}, and the angles "
+            "do not show how: slope, linearity and resolution are unknown there; take a smaller step"
+        )
 
 
 def failures_of(points: Sequence[Point]) -> dict[str, int]:
@@ -422,6 +436,7 @@ def point_warnings(points: Sequence[Point], failures: Mapping[str, int]) -> Iter
         others = "".join(f"; {number} of them: {why}" for why, number in list(failures.items())[1:MOST_REASONS])
         more = f"; and {len(failures) - MOST_REASONS} further reasons" if len(failures) > MOST_REASONS else ""
         yield f"{many} of {len(points)} points have no response: {first}{others}{more}"
+    yield from too_wide_a_step(points)
     rough = [point.why for point in points if point.right.size and point.why]
     if rough:
         yield f"{len(rough)} of {len(points)} points missed the tolerance; their u states what was reached: {rough[0]}"

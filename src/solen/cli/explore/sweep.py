@@ -1,6 +1,5 @@
 """The command that sweeps numbers of a design."""
 
-import math
 from collections.abc import Iterator
 
 from solen.cli.app import lines
@@ -44,4 +43,4 @@ def _value(value: object) -> str:
 def _merits(result: Sweep, place: int) -> Iterator[str]:
     for name in MERITS:
         value, u = result.merits[name][place], result.merits[f"u_{name}"][place]
-        yield f"about {value:.1g}" if math.isinf(u) else measured(value, u, sign=False)
+        yield measured(value, u, sign=False)

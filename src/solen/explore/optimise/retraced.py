@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from solen.explore.optimise.judge import Judge, Verdict
+from solen.explore.sweep import too_wide_a_step
 from solen.sensor import Sensor
 from solen.spec import Design
 
@@ -45,6 +46,7 @@ class Retraced(NamedTuple):
 
     def doubts(self) -> Iterator[str]:
         """Warnings where the search exploited its tracing, or a condition is missed."""
+        yield from too_wide_a_step(self.claimed.points)
         for now, was in zip(self.verdict.by_goal, self.claimed.by_goal, strict=True):
             if abs(now.goal - was.goal) > SURE * math.hypot(now.u_goal, was.u_goal):
                 yield (

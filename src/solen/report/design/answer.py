@@ -51,9 +51,11 @@ class Matter(NamedTuple):
 
 
 def measured(value: float | None, u: float | None, *, sign: bool = True) -> str:
-    """A value and its uncertainty, rounded to one or two digits of the uncertainty; a zero has no sign."""
+    """A value and its uncertainty, rounded to one or two digits of the uncertainty, or "about" where that is infinite."""
     if value is None or not math.isfinite(value):
         return "none"
+    if u == math.inf:
+        return f"about {value:.1g}"
     if u is None or not u > 0.0 or not math.isfinite(u):
         return f"{_unsigned(value, 5e-5):{'+' if sign and abs(value) > 5e-5 else ''}.4g}"
     power = math.floor(math.log10(u))
