@@ -48,7 +48,7 @@ def test_the_uncertainty_covers_what_the_step_between_angles_costs(width_deg: fl
 @pytest.mark.parametrize("step_deg", [3.0, 1.5, 1.0, 0.5, 0.25, 0.1])
 @pytest.mark.parametrize("width_deg", [0.1, 0.22])
 @pytest.mark.parametrize("null_deg", [0.0, 0.11])
-def test_a_step_too_wide_for_a_steep_null_is_not_passed_over(step_deg: float, width_deg: float, null_deg: float) -> None:
+def test_a_step_too_wide_for_a_steep_null_is_said(step_deg: float, width_deg: float, null_deg: float) -> None:
     angle = np.arange(-3.0, 3.0 + 1e-9, step_deg)
     power = 0.5 + 0.5 * np.tanh((angle - null_deg) / width_deg)
     found = Response("power", angle, power, 1.0 - power, np.full(angle.size, 3e-7), ())

@@ -51,7 +51,7 @@ class Matter(NamedTuple):
 
 
 def measured(value: float | None, u: float | None, *, sign: bool = True) -> str:
-    """A value and its uncertainty, rounded to one or two digits of the uncertainty, or "about" where that is infinite."""
+    """A value and its uncertainty, rounded to one or two digits of the uncertainty, "about" if that is infinite."""
     if value is None or not math.isfinite(value):
         return "none"
     if u == math.inf:
