@@ -135,6 +135,8 @@ def test_the_worst_deviation_counts_and_conditions_hold(centred: tuple[Store, Op
         ({"subject_to": ("worst(light) > 0.1",)}, "--robust"),
         ({"process": "absent.toml"}, "--as-printed"),
         ({"free": ()}, "--free"),
+        ({"front": 3}, "--front"),
+        ({"free": ("emitter.offset_mm=0.03:-0.03",)}, "0.03:-0.03"),
         ({"free": ("emitter.offset_mm=1,2",)}, "range"),
         ({"free": ("emitter.offset_mm=1:1",)}, "empty range"),
         ({"free": ("emitter.offset_mm=a:1",)}, "KEY=LOW:HIGH"),

@@ -5,6 +5,7 @@ values by dotted keys.
 """
 
 import math
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -51,6 +52,18 @@ def axis(text: str, design: Design, option: str = "--over", forms: str = FORMS) 
     if len(set(map(str, listed))) < len(listed):
         raise SpecError(f"{option} {key}", value=values, limit="has a value twice", remedy="leave one out")
     return Axis(key, listed)
+
+
+def check_not_set(option: str, texts: Sequence[str], assignments: Sequence[str] | None) -> None:
+    """`SpecError` where an option's key is one that an assignment sets."""
+    fixed = {parse_assignment(text)[0] for text in assignments or ()}
+    for text in texts:
+        for key in re.split(r"[-+*\s]+", text.partition("=")[0]):
+            if key in fixed:
+                limit = f"--set {key} states one value of the same key"
+                raise SpecError(
+                    f"{option} {key}", limit=limit, remedy="leave one out, or write the value in the design"
+                )
 
 
 def _spaced(what: str, key: str, text: str, forms: str) -> Axis:

@@ -224,6 +224,9 @@ def sweep(
     axes = [axis(text, design) for text in options.over]
     numbers = check_axes(axes, options.samples, options.part)
     _check_axes(design, axes)
+    if options.samples is None and "seed" in options.model_fields_set:
+        limit = "is the seed of --samples, and a grid has none"
+        raise SpecError("--seed", value=options.seed, limit=limit, remedy="add --samples N, or leave it out")
     points = list(grid(axes, numbers) if options.samples is None else sampled(axes, numbers, options.seed))
     known = len(store.points)
     cases = list(cases_of(Sensor.of(design), options.robust, mirrors=False))

@@ -198,6 +198,9 @@ def tolerance(
 
 
 def _varied(sensor: Sensor, options: ToleranceOptions) -> list[Variation]:
+    if options.compensated and options.process is None:
+        limit = "is for the process of --process, and none is stated"
+        raise SpecError("--compensated", limit=limit, remedy="add --process FILE, or leave it out")
     return variations_of(sensor, options.vary, options.process, compensated=options.compensated)
 
 

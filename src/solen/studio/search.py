@@ -44,7 +44,8 @@ class Sought(Strict):
     @property
     def options(self) -> OptimiseOptions:
         """The same as options of the search."""
-        return OptimiseOptions(**self.model_dump())
+        is_front = len(self.minimise) + len(self.maximise) > 1
+        return OptimiseOptions(**self.model_dump(exclude=set() if is_front else {"front"}))
 
 
 class Search:

@@ -136,6 +136,9 @@ def _check_goals(goals: Sequence[Goal], options: OptimiseOptions) -> None:
         raise SpecError(both, value=f"{len(goals)} values", limit=limit, remedy="as in --minimise linearity_percent")
     if len({goal.text for goal in goals}) < len(goals):
         raise SpecError(both, value=goals[0].text, limit="is stated twice", remedy="leave one out")
+    if len(goals) == 1 and "front" in options.model_fields_set:
+        limit = "a front is of two values, and one is stated"
+        raise SpecError("--front", value=options.front, limit=limit, remedy="state another, or leave --front out")
     least = FEWEST_TRIED * options.front
     if len(goals) > 1 and options.evaluations < least:
         limit = f"a front of {options.front} designs needs at least {least}"
@@ -156,6 +159,10 @@ def _free(sensor: Sensor, texts: Sequence[str]) -> Iterator[Axis]:
         one = axis(text, sensor.design, "--free", FORMS)
         if one.kind != "range":
             raise SpecError(f"--free {one.key}", limit="is not a range", remedy=FORMS)
+        low, high = one.values
+        if low > high:
+            remedy = "write the lower end first"
+            raise SpecError(f"--free {one.key}", value=f"{low:g}:{high:g}", limit="descends", remedy=remedy)
         check_key(sensor, one.key, "--free")
         if one.key in known:
             raise SpecError(f"--free {one.key}", limit="is stated twice", remedy="leave one out")

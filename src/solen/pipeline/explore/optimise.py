@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Annotated
 
 from solen import files
+from solen.explore.axes import check_not_set
 from solen.explore.optimise import Front, Grown, OptimiseOptions, Optimum
 from solen.explore.optimise import optimise as optimise_design
 from solen.explore.store import Store
@@ -41,6 +42,7 @@ def optimise(
         responses traced so far; made if need be.
     """
     figure.check()
+    check_not_set("--free", options.free, set_)
     design = open_design(file, set_)
     with files.output_folder(out):
         best = out / f"{stem_of(file)}-best.toml"

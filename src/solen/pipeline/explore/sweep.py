@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Annotated
 
 from solen import files
+from solen.explore.axes import check_not_set
 from solen.explore.machines import machine_at
 from solen.explore.store import Store
 from solen.explore.sweep import Sweep, SweepOptions
@@ -46,6 +47,7 @@ def sweep(
     """
     figure.check()
     check_installed()
+    check_not_set("--over", options.over, set_)
     design = open_design(file, set_)
     with files.output_folder(out):
         result = sweep_design(design, options, Store(options.folder(out)), progress, machine_at(cluster))

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Annotated
 
 from solen import files
+from solen.explore.axes import check_not_set
 from solen.explore.machines import machine_at
 from solen.explore.store import Store
 from solen.explore.tolerance import ToleranceOptions, Tolerances, print_design
@@ -43,6 +44,7 @@ def tolerance(
         cluster (.toml).
     """
     figure.check()
+    check_not_set("--vary", options.vary, set_)
     design = open_design(file, set_)
     print_ = print_design(design, options)
     with files.output_folder(out):
