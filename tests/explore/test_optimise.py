@@ -18,6 +18,7 @@ from solen.explore.optimise import Front, Grown, OptimiseOptions, Optimum, optim
 from solen.explore.optimise.course import Course
 from solen.explore.optimise.front import sought, weights_of
 from solen.explore.optimise.judge import Judge
+from solen.explore.optimise.optimum import at_ends
 from solen.explore.optimise.search import Tried, search
 from solen.explore.optimise.task import Task
 from solen.explore.store import Accuracy, Store, Variant
@@ -95,6 +96,18 @@ def test_the_same_search_goes_on_from_what_is_known(centred: tuple[Store, Optimu
     again = optimum(DESIGN, OptimiseOptions(**CENTRE), store)
     assert again.traced == 0
     assert again.design == found.design
+
+
+def test_an_optimum_at_a_limit_and_a_design_beyond_it_are_said(centred: tuple[Store, Optimum]) -> None:
+    free = ("emitter.offset_mm=0.005:0.015",)
+    found = at_ends(
+        Task.of(DESIGN, OptimiseOptions(**CENTRE | {"free": free})), DESIGN.set({"emitter.offset_mm": 0.005})
+    )
+    beyond, limit = found
+    assert "0.02" in beyond
+    assert "0.005" in limit
+    assert not any("emitter.offset_mm" in text for text in centred[1].warnings)
+    assert not centred[1].robust
 
 
 def at_half(done: float) -> None:

@@ -159,7 +159,8 @@ def test_a_design_that_cannot_be_built_is_a_point_without_a_response(tmp_path: P
     assert list(found.failures.values()) == [2, 1]  # by kind, whatever the numbers
     assert "3 of 4 points" in found.warnings[0]
     with pytest.raises(SpecError, match="no point has a response"):
-        sweep(DESIGN, SweepOptions(over=("lens.half_width_mm=1000,2000",)), Store(tmp_path))
+        sweep(DESIGN, SweepOptions(over=("lens.half_width_mm=1000,2000",)), Store(tmp_path / "refused"))
+    assert not (tmp_path / "refused").exists()
 
 
 @pytest.mark.parametrize(("samples", "values"), [(None, "0.1,0.2"), (2, "0.1:0.2")])

@@ -87,9 +87,9 @@ class Store:
                     files.remove(path)
 
     def add(self, points: Mapping[str, Point]) -> Path | None:
-        """Keep points, as one block on disk, and return that."""
+        """Keep points, as one block on disk if one of them has a response, and return that."""
         self.points |= points
-        if not points or self.folder is None:
+        if self.folder is None or not any(point.right.size for point in points.values()):
             return None
         with files.output_folder(self.folder):
             name = hashlib.sha256("".join(points).encode()).hexdigest()[:32]

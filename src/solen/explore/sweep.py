@@ -287,7 +287,9 @@ def _check_axes(design: Design, axes: Sequence[Axis]) -> None:
 
 
 def check_angles(design: Design) -> None:
-    """`SpecError` where a design has too few angles for merits."""
+    """`SpecError` where a design has too few angles for merits; `DesignError` of a network, which has none."""
+    if (sensor := Sensor.of(design)).is_network:
+        sensor.check_pair()
     if (number := len(design.motion.angles_deg())) < LEAST_ANGLES:
         remedy = "take a smaller motion.step_deg"
         raise SpecError("motion", value=f"{number} angles", limit=f"merits need {LEAST_ANGLES}", remedy=remedy)

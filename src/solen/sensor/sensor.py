@@ -169,6 +169,9 @@ class Sensor:
 
     def check_pair(self) -> None:
         """`DesignError` unless there are two receivers, ``right`` and ``left``, as the contrast requires."""
+        if self.is_network:
+            limit, remedy = "a network has other readings than right and left", "use check, trace, sensitivity or run"
+            raise DesignError("body.kind", value="network", limit=limit, remedy=remedy)
         body = self.body()
         receivers = sorted({face.whose for face in (*body.all_faces, *body.apart) if face.part == "receiver"})
         if receivers != ["left", "right"]:

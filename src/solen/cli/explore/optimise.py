@@ -14,16 +14,20 @@ def _(result: Optimum) -> Iterator[str]:
     yield f"simulated: {result.name}, {result.goal}: {result.evaluations} designs, {result.traced} responses traced"
     before, after = (measured(one.goal, one.u_goal, sign=False) for one in (result.before, result.after))
     yield from _printed(result)
-    yield f"worst of the deviations: {before} before, {after} after (the search saw {result.claimed:.4g})"
+    what = "worst of the deviations" if result.robust else "value"
+    yield f"{what}: {before} before, {after} after (the search saw {result.claimed:.4g})"
     width = max(len(one.key) for one in result.free)
     for one in result.free:
         yield f"  {one.key:{width}}  {one.before:.6g} -> {one.after:.6g}  (free from {one.low:g} to {one.high:g})"
     for text, met in result.after.meets.items():
         yield f"  {'holds' if met else 'MISSED'}: {text}"
-    yield f"{'':18}  {'before':>18}  {'after':>18}  {'after, at worst':>18}"
+    worst = [f"{'after, at worst':>18}"] * result.robust
+    yield "  ".join([f"{'':18}", f"{'before':>18}", f"{'after':>18}", *worst])
     for name in MERITS:
-        cells = (_merit(result.before, name), _merit(result.after, name), _merit(result.after, name, worst=True))
-        yield f"{name:18}  {cells[0]:>18}  {cells[1]:>18}  {cells[2]:>18}"
+        worst = [f"{_merit(result.after, name, worst=True):>18}"] * result.robust
+        yield "  ".join(
+            [f"{name:18}", f"{_merit(result.before, name):>18}", f"{_merit(result.after, name):>18}", *worst]
+        )
     by_samples = measured(result.sampled_difference, result.u_sampled_difference, sign=False)
     yield f"contrast by samples less that by integration: {by_samples} at most"
 

@@ -17,6 +17,8 @@ from solen.results import HIDDEN, Result
 from solen.sensor import Sensor
 from solen.spec import Design
 
+AT_END = 1e-3
+"""Share of the range of a free number from its end that counts as there."""
 INTERRUPTED = "interrupted: the best so far; the same command goes on from here"
 
 
@@ -60,6 +62,8 @@ class Optimum(Result):
     sampled_difference, u_sampled_difference
         Largest difference of the result's contrast between integration and samples over its angles, and the
         uncertainty there.
+    robust
+        Whether deviations were stated, and the goal is the worst over them.
     evaluations, traced
         Number of designs tried, and of responses traced now; the others were known.
     interrupted
@@ -81,6 +85,7 @@ class Optimum(Result):
     claimed: float
     sampled_difference: float
     u_sampled_difference: float
+    robust: bool
     evaluations: int
     traced: int
     interrupted: bool
@@ -117,6 +122,7 @@ def optimum_of(course: Course, best: Candidate, known: int, *, interrupted: bool
         claimed=after.claimed.by_goal[0].goal,
         sampled_difference=sampled.difference,
         u_sampled_difference=sampled.u_difference,
+        robust=len(task.cases) > 1,
         evaluations=len(course.tried),
         traced=traced,
         interrupted=interrupted,
@@ -124,6 +130,7 @@ def optimum_of(course: Course, best: Candidate, known: int, *, interrupted: bool
             *task.warnings,
             *after.doubts(),
             *sampled.doubts(),
+            *at_ends(task, found),
             *_doubts(before, after, task, interrupted=interrupted),
         ),
         design=found,
@@ -132,6 +139,19 @@ def optimum_of(course: Course, best: Candidate, known: int, *, interrupted: bool
         contrast_after=_curves(after.verdict, task),
         history=np.where(np.isfinite(history), history, np.nan),
     )
+
+
+def at_ends(task: Task, found: Design) -> Iterator[str]:
+    """Warnings where a free number of a result ends at its limit, and where the design's own is not between them."""
+    was, now = task.stated(task.sensor), task.stated(Sensor.of(found))
+    for one in task.free:
+        low, high = one.values
+        if not low <= was[one.key] <= high:
+            ends = f"{low:g} to {high:g}"
+            yield f"{one.key} of the design, {was[one.key]:g}, is not within {ends}: the search cannot keep it"
+        end = next((end for end in one.values if abs(now[one.key] - end) <= AT_END * (high - low)), None)
+        if end is not None:
+            yield f"{one.key} ends at its limit, {end:g}; widen --free {one.key} if the part allows"
 
 
 def _doubts(before: Retraced, after: Retraced, task: Task, *, interrupted: bool) -> Iterator[str]:
