@@ -241,8 +241,7 @@ def test_a_damaged_block_is_refused_by_name(tmp_path: Path) -> None:
 
 def test_many_small_blocks_become_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("solen.explore.store.MOST_BLOCKS", 8)
-    nothing = np.empty(0)
-    point = Point(nothing, nothing, nothing, (0.0, 0.0), "none")
+    point = Point(np.ones(3), np.ones(3), np.zeros(3), (0.0, 0.0))
     store = Store(tmp_path)
     for number in range(9):
         store.add({f"point {number}": point})

@@ -93,7 +93,9 @@ class Judge:
         for goal, value in zip(task.goals, verdict.goals.tolist(), strict=True):
             if math.isnan(value):
                 limit = f"{goal.text} does not exist for the design, or not with a number off"
-                raise SpecError(goal.option, limit=limit, remedy="begin with a design that has it")
+                raise SpecError(
+                    goal.option, limit=limit, remedy="begin with one that has it, or take a smaller motion.step_deg"
+                )
         return judge, verdict
 
     def needed(self, design: Design, what: str) -> Verdict:
