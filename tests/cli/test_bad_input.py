@@ -91,7 +91,10 @@ FILES: dict[str, tuple[Callable[[], str], str]] = {
     "newer schema": (text_file(GOOD.replace("schema = 1 ", "schema = 9 ")), "newer solen"),
     "no material": (text_file(HEAD), "material"),
     "unknown table": (text_file(GOOD + "\n[lense]\nfocus_mm = 3\n"), "did you mean lens?"),
-    "several emitters": (text_file(HEAD + "[material]\nindex = 1.44\n[[emitters]]\nrays = 3\n"), "not yet supported"),
+    "several emitters": (
+        text_file(HEAD + "[material]\nindex = 1.44\n[[emitters]]\nrays = 3\n"),
+        "did you mean network.emitters?",
+    ),
     "missing resin file": (text_file(HEAD + '[material]\nresin = "none.toml"\n'), "none.toml"),
     "unknown resin": (text_file(HEAD + '[material]\nresin = "pmna"\n'), "did you mean pmma?"),
 }

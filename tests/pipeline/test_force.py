@@ -140,7 +140,11 @@ def test_noise_of_the_cell_leaves_rest_and_hold_in_the_range(
     (tmp_path / "cell.toml").write_text("[load_cell]\nN_per_V = 0.5\n", encoding="utf-8")
     options = AnalysisOptions(load_cell=tmp_path / "cell.toml", tare_s=0.9)
     path = Presses(cell_noise_V=cell_noise_V).write(tmp_path / "a.csv")
-    found = calibrated_sensors(study([path], options)).calibrations[0].calibration
+    studied = study([path], options)
+    assert "tare for longer" not in str(studied.warnings)
+    short = study([path], options.model_copy(update={"tare_s": 0.05}))
+    assert ("tare for longer" in str(short.warnings)) is (cell_noise_V > 2e-3)
+    found = calibrated_sensors(studied).calibrations[0].calibration
     other = Presses(seed=7, cell_noise_V=cell_noise_V)
     decoded = Decoder(found).decode(other.volts)
     assert not decoded.outside.mean() > 0.01

@@ -8,6 +8,7 @@ The interface: `driven` of a recording; `refuse_without` where nothing drives it
 """
 
 import json
+import math
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -31,6 +32,8 @@ if TYPE_CHECKING:
 _TURN_DEG = 360.0
 _FAR_DEG = 720.0  # an angle beyond two turns is not in degrees
 _OF_ANGLES = ("zero_deg", "flip_angle", "step_deg")
+_LARGEST_TARE = 1e-3
+"""Standard error of a tare, as a share of the range, from which on it is warned of."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +90,11 @@ def driven(recording: Recording, options: "SignalOptions", base: TimeBase, warni
         values = _by_cell(channel, cell if options.load_cell else None, options, base, f"{file}: {channel.name}")
     else:
         values = scale * (channel.values[base.order] - _tare(channel, options, base))
+    if options.tare_s is not None:
+        u, n = _u_tare(values, options.tare_s, base)
+        if u > _LARGEST_TARE * float(np.ptp(values[np.isfinite(values)])):
+            doubt = f"is known to ± {u:.1g} {stimulus.unit} only, from {n} readings, which no band counts"
+            warnings.append(of("the zero", look_at(f"{doubt}; tare for longer")))
     return Drive(stimulus, values, columns, cell)
 
 
@@ -185,6 +193,14 @@ def _tare(channel: Channel, options: "SignalOptions", base: TimeBase) -> float:
         limit = "are without a number in the column of the force or depth"
         raise SpecError("--tare-s", value=options.tare_s, limit=limit, remedy="take more")
     return float(np.nanmean(first))
+
+
+def _u_tare(values: FloatArray, tare_s: float, base: TimeBase) -> tuple[float, int]:
+    """Standard error of the mean that a tare subtracts, in the unit of the values, and its readings."""
+    first = values[base.time_s <= base.time_s[0] + tare_s]
+    first = first[np.isfinite(first)]
+    n = len(first)
+    return (float(np.std(first, ddof=1)) / math.sqrt(n) if n > 1 else math.inf), n
 
 
 def _of_rig(recording: Recording) -> LoadCell | None:
