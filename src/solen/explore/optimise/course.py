@@ -45,7 +45,7 @@ class Candidate(NamedTuple):
 class Grown(NamedTuple):
     """A design that meets every limit, and to which none tried so far is equal or better in every goal.
 
-    Attributes
+    Parameters
     ----------
     number
         Which one it was of all that were tried, from 1.

@@ -24,7 +24,7 @@ SAMPLED_ANGLES = 5
 class Retraced(NamedTuple):
     """A design traced again.
 
-    Attributes
+    Parameters
     ----------
     design
         With twice as many angles.

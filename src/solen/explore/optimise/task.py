@@ -32,7 +32,7 @@ FORMS = "write KEY=LOW:HIGH"
 class Task(NamedTuple):
     """What is asked.
 
-    Attributes
+    Parameters
     ----------
     sensor
         What the search begins with.
