@@ -54,6 +54,28 @@ def test_a_load_cells_volts_become_newtons(folder: Path, capfd: pytest.CaptureFi
     assert all("force (N)" in (folder / name).read_text(encoding="utf-8") for name in ("r.svg", "t.svg"))
 
 
+def test_uncertainties_hold_what_all_readings_of_the_cell_share(folder: Path, tmp_path: Path) -> None:
+    # cells two of their standard uncertainties off, in scale and in bow: the scatter of the cycles knows of neither
+    options = AnalysisOptions(load_cell=folder / "cell.toml", tare_s=0.9)
+    for scale, bow in ((0.02, 0.0), (-0.02, 0.0), (0.0, 0.005), (0.01, -0.005)):
+        path = Presses(cycles=4, scale=scale, bow=bow).write(tmp_path / "a.csv")
+        for own, true in zip(study([path], options).sensors["a"].receivers.values(), TRUE_V_PER_N, strict=True):
+            off, u = abs(own.sensitivity_V_per_deg - true), own.u_sensitivity_V_per_deg
+            assert off < 2.1 * u
+            assert 0.01 * abs(true) < u < 0.02 * abs(true)
+
+
+def test_of_a_force_in_newtons_a_cell_states_only_how_well_it_is_known(folder: Path) -> None:
+    bare, stated = (
+        study([folder / "both.csv"], AnalysisOptions(load_cell=cell)) for cell in (None, folder / "cell.toml")
+    )
+    ours, theirs = (one.sensors["both"].receivers["left_V"] for one in (bare, stated))
+    assert ours.sensitivity_V_per_deg == theirs.sensitivity_V_per_deg
+    assert ours.u_sensitivity_V_per_deg < 0.1 * theirs.u_sensitivity_V_per_deg
+    assert any("u_sensitivity_percent" in line for line in bare.warnings)
+    assert any("--load-cell" in line for line in stated.warnings)
+
+
 @pytest.mark.parametrize("header", ["force_N", "Kraft [kN]", "Force (gf)", "Load (lbf)", "load_mN"])
 def test_units_of_force_are_known_by_their_header(header: str, tmp_path: Path) -> None:
     unit = header.strip(")]").replace("_", "(").replace("[", "(").rpartition("(")[2]
@@ -119,12 +141,16 @@ def test_forces_are_decoded_with_their_bands(folder: Path, capfd: pytest.Capture
     figure = ["--figure", str(folder / "c.svg")]
     motion = ["--motion", "loaded"]
     assert run_command(["bench", "calibrate", str(folder / "a.csv"), *by_cell(folder), *motion, *figure]) == 0
-    assert "decoded force (N)" in (folder / "c.svg").read_text(encoding="utf-8")
+    drawn, said = (folder / "c.svg").read_text(encoding="utf-8"), capfd.readouterr().out
+    assert "decoded force (N)" in drawn
+    assert "true" not in drawn
+    assert all("load cell" in text for text in (drawn, said))
+    assert "share an error of 1 %" in said
     again = ["bench", "decode", str(known), str(folder / "again.csv"), *by_cell(folder), *motion, "--out", str(table)]
-    capfd.readouterr()
     assert run_command(again) == 0
     printed = capfd.readouterr()
     assert "own force" in printed.out
+    assert "share an error of 1 %" in printed.err
     assert "WARNING" not in printed.err
     rows = np.genfromtxt(table, delimiter=",", names=True, dtype=None, encoding="utf-8")
     assert rows.dtype.names == COLUMNS
@@ -224,6 +250,7 @@ CELL_FILE, TARE = "--load-cell {}/cell.toml", "--tare-s 0.9"
         ("load_cell_V", "--load-cell {}/empty.toml", ("[load_cell]",)),
         ("load_cell_V", "--load-cell {}/both.toml", ("mV_per_V", "N_per_V")),
         ("load_cell_V", "--against depth", ("depth", "--depth")),
+        ("force_N", "--against angle", ("this recording has force", "--angle")),
         ("Force (g)", "", ("no unit", "force_gf")),
         ("force_N", "--against angle --angle force", ("unit of angle",)),
         ("angle_deg", f"{CELL_FILE}", ("--load-cell", "angle")),
@@ -256,3 +283,13 @@ def test_a_calibration_of_force_judges_only_forces(folder: Path) -> None:
     found = pipeline.decode(folder / "a.calibration.json", str(turned), signals=SignalOptions()).result
     assert found.against_angle is None
     assert found.highest_deg == pytest.approx(0.3, abs=0.01)
+
+
+@pytest.mark.parametrize("option", ["--angle depth_mm", "--depth depth_mm", "--against depth"])
+def test_a_column_of_what_is_not_decoded_is_refused(
+    option: str, folder: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    files = [str(folder / "a.calibration.json"), str(folder / "both.csv")]
+    assert run_command(["bench", "decode", *files, *option.split()]) == 2
+    line = capfd.readouterr().err
+    assert all(word in line for word in (*option.split(), "force")), line

@@ -89,6 +89,9 @@ def driven(recording: Recording, options: "SignalOptions", base: TimeBase, warni
     if scale is None:
         values = _by_cell(channel, cell if options.load_cell else None, options, base, f"{file}: {channel.name}")
     else:
+        if stimulus is FORCE and options.load_cell is not None:
+            unused = f"is in {channel.unit} already: of --load-cell only its uncertainties are used"
+            warnings.append(of(channel.name, note(unused)))
         values = scale * (channel.values[base.order] - _tare(channel, options, base))
     if options.tare_s is not None:
         u, n = _u_tare(values, options.tare_s, base)
@@ -127,7 +130,9 @@ def _chosen(
                 warnings.append(note(more))
             return STIMULI[name], channel
     if options.against:
-        limit = f"no column is recognised as the {options.against}"
+        there = [name for name in STIMULI if name != options.against and _there(recording, name, named)]
+        has = f"; this recording has {' and '.join(there)}" if there else ""
+        limit = f"no column is recognised as the {options.against}{has}"
         remedy = f"name it with --{STIMULI[options.against].column}; {existing(recording)}"
         raise DataError(recording.provenance.file or "recording", limit=limit, remedy=remedy)
     return None

@@ -2,13 +2,15 @@
 
 The idea: one factor for all of its range, and the two errors that every reading shares: that of the factor, and how far
 the cell is from a straight line. They move a whole calibration, not one reading against the next, so that scatter does
-not show them; a decoded force carries both (`LoadCell.u_N`). What is the same in both halves of a comparison stays out
+not show them; a sensitivity and a decoded force carry both. What is the same in both halves of a comparison stays out
 of it: forces of one recording are held against the cell's own reading.
 
-The interface: `LoadCell`, the table ``[load_cell]`` of a rig or a file of its own; `load_cell_of` a file.
+The interface: `LoadCell`, the table ``[load_cell]`` of a rig or a file of its own; `load_cell_of` a file; of several
+cells the `least_known`.
 """
 
 import math
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, ClassVar, Self
 
@@ -79,9 +81,29 @@ class LoadCell(Strict):
         """Standard uncertainty by its distance from a straight line: anything up to the largest is equally likely."""
         return 0.01 * self.nonlinearity_percent * (self.capacity_N or 0.0) / math.sqrt(3.0)
 
+    @property
+    def u_slope(self) -> float | None:
+        """Relative standard uncertainty of a slope against its force, None where that of its scale is not stated.
+
+        With a bow of b from end to end, b·4x(1 − x) of the share x of its capacity, a slope is off by 4b over the
+        capacity where that is most: near either end.
+        """
+        if self.u_sensitivity_percent is None:
+            return None
+        return math.hypot(0.01 * self.u_sensitivity_percent, 4.0 * self.u_line_N / (self.capacity_N or 1.0))
+
     def force_N(self, volts: FloatArray, zero_V: float) -> FloatArray:
         """Forces at voltages, of any shape."""
         return self.sensitivity_N_per_V * (volts - zero_V)
+
+
+def least_known(cells: Iterable[LoadCell | None]) -> LoadCell | None:
+    """The cell whose scale is least known; None if one of them is not stated, or there are none."""
+    every = list(cells)
+    stated = [cell for cell in every if cell is not None]
+    if not stated or len(stated) < len(every):
+        return None
+    return max(stated, key=lambda cell: math.inf if cell.u_slope is None else cell.u_slope)
 
 
 def load_cell_of(path: Path) -> LoadCell:

@@ -9,9 +9,9 @@ The interface: `sensor_response` of a sensor's `Signals`; `group_of` several sen
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import field
+from dataclasses import field, replace
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -19,6 +19,7 @@ from pydantic import Field, model_validator
 from solen.analysis.ageing import Ageing, ageing_of
 from solen.analysis.clipping import clipped
 from solen.analysis.figures_of_merit import ReceiverResponse, receiver_response
+from solen.analysis.load_cell import LoadCell, least_known
 from solen.analysis.motion import Motion, find_motion
 from solen.analysis.noise import Scatter, noise_of, pooled_noise
 from solen.analysis.protocol_angle import Protocol
@@ -30,7 +31,7 @@ from solen.arrays import BoolArray, FloatArray
 from solen.errors import DataError
 from solen.ranks import Caution, do_not_use, look_at, note, of
 from solen.recording.column_roles import left_right
-from solen.recording.stimulus import ANGLE, Stimulus
+from solen.recording.stimulus import ANGLE, FORCE, Stimulus
 from solen.results import HIDDEN, Result, reported
 from solen.spec.strict import Finite, refused
 
@@ -166,6 +167,11 @@ class SensorResponse(Result):
         """What the response is against."""
         return self.runs[0].signals.stimulus
 
+    @property
+    def cell(self) -> LoadCell | None:
+        """Load cell that the forces were read from, the least known of several; its errors are in every u."""
+        return least_known(run.signals.cell for run in self.runs)
+
     @reported
     def cycles_used(self) -> int:
         """Cycles of all recordings that the numbers rest on."""
@@ -243,9 +249,32 @@ def sensor_response(
         ageing = ageing_of(
             ways, [one for run in runs for one in _cycle_scatters(run)], first.receivers, sides, options.every
         )
+    cell = least_known(signals.cell for signals in recordings)
+    warnings += _cell_warnings(first.stimulus, cell)
+    if cell is not None:
+        receivers = {name: replace(own, **_u_by_cell(own, cell)) for name, own in receivers.items()}
+        pair = None if pair is None else replace(pair, **_u_by_cell(pair, cell))
     return SensorResponse(
         first.label, first.lens, first.unit, receivers, pair, timing, runs, ways, near_zero, tuple(warnings), ageing
     )
+
+
+def _u_by_cell(own: ReceiverResponse, cell: LoadCell) -> dict[str, Any]:
+    """Uncertainties of a response against a force with what all readings of its load cell share."""
+    share = cell.u_slope or 0.0
+    names = ("sensitivity_V_per_deg", "sensitivity_near_zero_V_per_deg")
+    wider = {f"u_{name}": math.hypot(getattr(own, f"u_{name}"), share * getattr(own, name)) for name in names}
+    if isinstance(own, PairResponse):
+        wider["u_balance_deg"] = math.hypot(own.u_balance_deg, share * own.balance_deg, cell.u_line_N)
+    return wider
+
+
+def _cell_warnings(stimulus: Stimulus, cell: LoadCell | None) -> list[Caution]:
+    """Whether it is unknown how well forces are known."""
+    if stimulus is not FORCE or (cell is not None and cell.u_slope is not None):
+        return []
+    unknown = "how well the load cell is known is not stated: uncertainties and bands hold for the force by its reading"
+    return [note(f"{unknown}; u_sensitivity_percent of [load_cell] states it")]
 
 
 def _scatter(run: Run, start_s: float = -math.inf, end_s: float = math.inf) -> Scatter:

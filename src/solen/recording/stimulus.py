@@ -44,6 +44,16 @@ class Stimulus:
         return f"{self.name} ({self.sign.strip()})"
 
     @property
+    def known_label(self) -> str:
+        """Label of the axis of what it is compared with: a force is known by a load cell's reading alone."""
+        return f"force, {self.known} (N)" if self.name == "force" else f"true {self.label}"
+
+    @property
+    def known(self) -> str:
+        """What it is compared with."""
+        return "the load cell's reading" if self.name == "force" else "true"
+
+    @property
     def column(self) -> str:
         """Option that names its column; --force replaces files."""
         return "load" if self.name == "force" else self.name

@@ -3,7 +3,6 @@
 The interface: `calibrated_sensors` of a `Study` gives `SensorCalibrations`; `place_of` is where one is written.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import field
 from pathlib import Path
@@ -15,6 +14,7 @@ from solen.analysis.calibration.cross_validation import Check, leave_one_cycle_o
 from solen.analysis.calibration.estimate import Calibration, calibrated, pooled
 from solen.analysis.calibration.file import SUFFIX, CalibrationFile, Cell, Checked, curves_of, rails_of
 from solen.analysis.calibration.training import training_of
+from solen.analysis.load_cell import least_known
 from solen.analysis.sensor_response import Run, SensorResponse
 from solen.analysis.study import Study
 from solen.errors import DataError, SpecError
@@ -141,6 +141,7 @@ def _file(
         "high_deg": max(one.high_deg for one in motions),
         "speed_deg_per_s": sorted(one.speed_deg_per_s for one in motions)[len(motions) // 2],
     }
+    cell = _cell(runs) if study.stimulus is FORCE else None
     checked = None if check is None else Checked(whole=check.whole, parts=check.parts)
     return CalibrationFile(
         solen=__version__,
@@ -150,7 +151,7 @@ def _file(
         cycles=calibration.cycles,
         unit=study.unit,
         stimulus=study.stimulus.name,
-        load_cell=_cell(runs) if study.stimulus is FORCE else None,
+        load_cell=cell,
         range_deg=(float(calibration.angle_deg[0]), float(calibration.angle_deg[-1])),
         freedom_repeat=calibration.freedom[0],
         rails_V=rails_of(calibration),
@@ -160,20 +161,24 @@ def _file(
         curves=curves_of(calibration),
         leave_one_cycle_out=None if options.pool else checked,
         leave_one_sensor_out=checked if options.pool else None,
-        words=() if check is None else (_sentence(check, "print" if options.pool else "cycle", study.stimulus),),
+        words=_words(check, "print" if options.pool else "cycle", study.stimulus, cell),
         sources=tuple(plain(source) for source in study.sources),
         warnings=tuple(warnings),
     )
 
 
-def _sentence(check: Check, left_out: str, stimulus: Stimulus) -> str:
-    """Result of a check in words."""
+def _words(check: Check | None, left_out: str, stimulus: Stimulus, cell: Cell | None) -> tuple[str, ...]:
+    """Result of a check in words, and what it cannot show."""
+    if check is None:
+        return ()
     one, sign = check.whole, stimulus.sign
-    return (
-        f"{stimulus.plural} of a {left_out} left out are decoded to {one.rms_deg:.2g}{sign} (rms; mean error "
+    against = " of the load cell's reading" if stimulus is FORCE else ""
+    sentence = (
+        f"{stimulus.plural} of a {left_out} left out are decoded to {one.rms_deg:.2g}{sign}{against} (rms; mean error "
         f"{one.bias_deg:+.1g}{sign}, worst {one.worst_deg:.2g}{sign}); {100 * one.within_68:.0f} % lie within the "
         f"68 % bands, {100 * one.within_95:.0f} % within the 95 % bands"
     )
+    return (sentence,) if cell is None or cell.u_scale is None else (sentence, cell.shared)
 
 
 def _cautions(sensor: SensorResponse, calibration: Calibration, check: Check | None) -> list[Caution]:
@@ -195,25 +200,20 @@ def _cautions(sensor: SensorResponse, calibration: Calibration, check: Check | N
         sign = sensor.stimulus.sign
         part = f"both receivers have readings from {first:g}{sign} to {last:g}{sign} only, of {low:.3g} to {high:.3g}"
         warnings.append(look_at(part))
-    cell = _cell(sensor.runs)
-    if sensor.stimulus is FORCE and (cell is None or cell.u_scale is None):
-        unknown = "how well the load cell is known is not stated: bands hold for the force by its reading"
-        warnings.append(note(f"{unknown}; u_sensitivity_percent of [load_cell] states it"))
     return warnings
 
 
 def _cell(runs: Sequence[Run]) -> Cell | None:
     """The load cell of some recordings, the least known of several."""
-    cells = [run.signals.cell for run in runs if run.signals.cell is not None]
-    if not cells or len(cells) < len(runs):
+    worst = least_known(run.signals.cell for run in runs)
+    if worst is None:
         return None
-    worst = max(cells, key=lambda cell: math.inf if cell.u_sensitivity_percent is None else cell.u_sensitivity_percent)
     each, percent = worst.sensitivity_N_per_V, worst.u_sensitivity_percent
     return Cell(
         name=worst.name,
         sensitivity_deg_per_V=each,
         u_sensitivity_deg_per_V=None if percent is None else 0.01 * percent * abs(each),
-        off_line_deg=max(cell.u_line_N for cell in cells),
+        off_line_deg=max(run.signals.cell.u_line_N for run in runs if run.signals.cell is not None),
     )
 
 

@@ -252,8 +252,14 @@ class StreamDecoder:
             simulated=self._known.simulated or self._stream.simulated,
             interrupted=interrupted,
             sources=() if provenance is None else (provenance,),
-            warnings=(*self.warnings, *self._flag_warnings()),
+            warnings=(*self.warnings, *self._flag_warnings(), *self._cell_notes()),
         )
+
+    def _cell_notes(self) -> Iterator[Caution]:
+        """What errors against a recording's own force do not show."""
+        cell = self._known.load_cell
+        if self._parts and cell is not None and cell.u_scale is not None:
+            yield note(cell.shared)
 
     def _flag_warnings(self) -> Iterator[Caution]:
         for name, meaning in _MEANING.items():

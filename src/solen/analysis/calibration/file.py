@@ -71,6 +71,15 @@ class Cell(Strict):
             else self.u_sensitivity_deg_per_V / abs(self.sensitivity_deg_per_V)
         )
 
+    @property
+    def shared(self) -> str:
+        """What all its readings share, in words."""
+        line = f" and {self.off_line_deg:.1g} N" if self.off_line_deg else ""
+        return (
+            f"all readings of the load cell share an error of {100.0 * (self.u_scale or 0.0):.2g} %{line} (standard "
+            "uncertainty): errors against its reading do not show it, and bands of decoded forces hold it"
+        )
+
 
 class Circuit(Strict):
     """Circuit that the voltages come from."""

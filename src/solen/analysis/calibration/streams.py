@@ -95,6 +95,7 @@ def recorded_stream(
     DataError, SpecError
         If the file has no such sensor, or no left and right receiver.
     """
+    _check_drive(options, stimulus)
     streams: dict[str, Stream] = {}
     for group, recording in read_parts(path, sheet=options.sheet, columns=options.columns or None):
         own = options.model_copy(update={"against": stimulus.name})
@@ -111,6 +112,16 @@ def recorded_stream(
         raise DataError(path.name, limit="has no pair of a left and a right receiver", remedy=remedy)
     name = chosen_sensor(list(streams), sensor, calibrated, path.name)
     return replace(streams[name], named=sensor is not None or name != path.stem)
+
+
+def _check_drive(options: SignalOptions, stimulus: Stimulus) -> None:
+    """`SpecError` for the column of a quantity that is not decoded."""
+    limit = f"has no use: the calibration is of the {stimulus.name}"
+    for name, other in STIMULI.items():
+        if name != stimulus.name and (column := getattr(options, other.column)) is not None:
+            raise SpecError(f"--{other.column}", value=column, limit=limit, remedy=f"name it with --{stimulus.column}")
+    if options.against not in {None, stimulus.name}:
+        raise SpecError("--against", value=options.against, limit=limit, remedy="leave it out")
 
 
 def _has(recording: Recording, options: SignalOptions) -> bool:

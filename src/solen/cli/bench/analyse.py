@@ -35,11 +35,13 @@ def _sensor(sensor: SensorResponse, *, simulated: bool) -> Iterator[str]:
     yield f"{sensor.label}{LENS[sensor.lens]}: {cycles}, {reach}{speeds}{'; simulated' if simulated else ''}"
     for name, receiver in sensor.receivers.items():
         yield from _receiver(name, receiver, sensor.timing.receivers[name], sensor.unit, sign)
+    if sensor.cell is not None and (share := sensor.cell.u_slope) is not None:
+        yield f"  load cell: as stated, {100.0 * share:.2g} % of each sensitivity, which its uncertainty holds"
     yield _timing(sensor.timing, sensor.stimulus)
     if sensor.ageing is not None:
         yield from _ageing(sensor.ageing, sensor.unit, sign)
     pair = sensor.left_minus_right
-    if pair is not None:
+    if pair is not None and math.isfinite(pair.balance_deg):
         what = "voltage" if sensor.unit == "V" else "value"
         yield f"  left and right show one {what} at {_pm(pair.balance_deg, pair.u_balance_deg, sign)}"
 

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from solen.analysis.calibration import Calibration, CalibrationFile, Check, SensorCalibrations
 from solen.arrays import IndexArray
+from solen.recording.stimulus import Stimulus
 from solen.report.bench.analyse import label_of, state_origin
 from solen.report.canvas import INK, LOST, RIGHT, SOFT, receiver
 
@@ -39,11 +40,11 @@ def _draw_calibration(row: Sequence[Axes], file: CalibrationFile, check: Check |
             panel.text(0.5, 0.5, "not checked: too few", ha="center", transform=panel.transAxes, color=LOST)
         return
     left_out = "a cycle" if file.leave_one_sensor_out is None else "a print"
-    _draw_angles(angles, check)
-    angles.set(xlabel=f"true {stimulus.label}", ylabel=f"decoded {stimulus.label}")
+    _draw_angles(angles, check, stimulus)
+    angles.set(xlabel=stimulus.known_label, ylabel=f"decoded {stimulus.label}")
     angles.set_title(f"{left_out} left out: rms {check.whole.rms_deg:.2g}{stimulus.sign}", loc="left")
-    _draw_errors(errors, check)
-    errors.set(xlabel=f"true {stimulus.label}", ylabel=f"error ({stimulus.sign.strip()})")
+    _draw_errors(errors, check, stimulus)
+    errors.set(xlabel=stimulus.known_label, ylabel=f"error ({stimulus.sign.strip()})")
     shares = f"{100 * check.whole.within_68:.0f} and {100 * check.whole.within_95:.0f} %"
     errors.set_title(f"in the 68 and 95 % bands: {shares}", loc="left")
 
@@ -67,21 +68,23 @@ def _places(check: Check) -> IndexArray:
     return order[:: max(1, order.size // _DRAWN)]
 
 
-def _draw_angles(axes: Axes, check: Check) -> None:
+def _draw_angles(axes: Axes, check: Check, stimulus: Stimulus) -> None:
     shown = _places(check)
     true = check.true_deg[shown]
     axes.vlines(true, check.low_deg[shown, 1], check.high_deg[shown, 1], color=RIGHT, alpha=0.15, lw=0.8)
     axes.plot(true, check.angle_deg[shown], ".", color=RIGHT, ms=2.5, label="decoded, with its 95 % band")
     ends = np.array([true.min(), true.max()])
-    axes.plot(ends, ends, color=INK, lw=0.8, label="true")
+    axes.plot(ends, ends, color=INK, lw=0.8, label=stimulus.known)
     axes.legend()
 
 
-def _draw_errors(axes: Axes, check: Check) -> None:
+def _draw_errors(axes: Axes, check: Check, stimulus: Stimulus) -> None:
     shown = _places(check)
     true = check.true_deg[shown]
     low, high = (side[shown, 1] - check.angle_deg[shown] for side in (check.low_deg, check.high_deg))
-    axes.plot(true, check.angle_deg[shown] - true, ".", color=RIGHT, ms=2.5, label="decoded − true", zorder=3)
+    axes.plot(
+        true, check.angle_deg[shown] - true, ".", color=RIGHT, ms=2.5, label=f"decoded − {stimulus.known}", zorder=3
+    )
     axes.vlines(true, low, high, color=SOFT, lw=0.8)
     axes.plot(np.nan, np.nan, color=SOFT, label="95 % band")
     axes.axhline(0.0, color=INK, lw=0.8)
