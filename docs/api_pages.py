@@ -32,7 +32,7 @@ WHOLE = ("solen.curve", "solen.sensor")
 INNER = ("solen.trace.kernel", "solen.recording", "solen.scene.rayoptics", "solen.geometry.drawing", "solen.report")
 """Packages of which only the package itself is part of the reference, and the modules of `OPEN`."""
 OPEN = (
-    *(f"solen.recording.{name}" for name in ("reader", "model", "spectrum", "grid", "source")),
+    *(f"solen.recording.{name}" for name in ("reader", "model", "spectrum", "grid", "source", "stimulus")),
     *("solen.scene.rayoptics.importer", "solen.geometry.drawing.model", "solen.report.design.figures"),
 )
 LEFT_OUT = {

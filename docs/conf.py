@@ -39,7 +39,7 @@ napoleon_use_rtype = False
 # Every cross-reference must resolve. Those to other projects cannot: their inventories would have to be downloaded.
 nitpicky = True
 OTHERS = "abc annotated_types collections enum matplotlib numpy np npt os pathlib pydantic pydantic_core shapely typing"
-OTHERS += " datetime decimal functools importlib tifffile types xarray xr"
+OTHERS += " ast datetime decimal functools importlib re tifffile types xarray xr"
 nitpick_ignore_regex = [
     (r"py:.*", rf"({OTHERS.replace(' ', '|')})\..*"),
     (r"py:.*", r"(ArrayLike|Path|PathLike)"),
