@@ -56,7 +56,7 @@ contracts: $(VENV)/.dev-ready
 	$(BIN)/lint-imports
 
 docs: $(VENV)/.dev-ready
-	$(BIN)/sphinx-build -q -W --keep-going -n -j auto docs docs/_build
+	$(BIN)/sphinx-build -q -W --keep-going -n docs docs/_build
 
 pins: $(VENV)/.dev-ready
 	$(BIN)/python tools/pins.py --wheels
