@@ -173,7 +173,7 @@ def _by_cell(
     unit = channel.unit or ("V" if ENDS_IN_V.search(channel.name) else "")
     scale = factor(unit, "V") if unit else None
     if scale is None:
-        limit = "is no unit of what it should be" if unit else "states no unit"
+        limit = "is not a unit of this quantity" if unit else "states no unit"
         remedy = "write it into the header: force_N, force_gf or depth_mm; load_cell_V of a load cell"
         raise DataError(what, value=unit or None, limit=limit, remedy=remedy)
     if cell is None:

@@ -116,7 +116,7 @@ def _part(text: str, number: int) -> range:
     """Numbers of the points of one of several parts of even size."""
     place, slash, parts = text.partition("/")
     if not (slash and place.isdecimal() and parts.isdecimal() and 1 <= int(place) <= int(parts) <= number):
-        limit = f"is no part of {number:,} points"
+        limit = f"is not a part of {number:,} points"
         raise SpecError("--part", value=text, limit=limit, remedy="write NUMBER/PARTS, as in 3/10")
     return range((int(place) - 1) * number // int(parts), int(place) * number // int(parts))
 

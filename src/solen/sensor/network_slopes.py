@@ -26,7 +26,7 @@ from solen.spec.network import NamedMotion
 SLOPE_TOLERANCE = 3e-4
 """Uncertainty of the powers that a difference is taken of."""
 SURE = 2.0
-"""How many uncertainties a singular value must exceed for a combination of motions to count as told apart."""
+"""How many uncertainties a singular value must exceed for a combination of motions to be determined."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class NetworkSensitivities(Result):
     skipped
         Reasons why numbers were left out, by key.
     combinations
-        Combinations of the motions among the keys, from the best told one to the worst.
+        Combinations of the motions among the keys, from the best determined to the worst.
     told_apart
         Whether every one of them changes the readings by more than the uncertainty; None without a motion.
     warnings
@@ -189,7 +189,7 @@ def _ends(design: Design, key: str, value: float, tolerance: float) -> tuple[flo
 def _combinations(
     motions: dict[str, NamedMotion], keys: Sequence[str], slope: FloatArray, u_slope: FloatArray
 ) -> tuple[Combination, ...]:
-    """Combinations of motions, from the best told to the worst, by singular values of their derivatives."""
+    """Combinations of motions, from the best determined to the worst, by singular values of their derivatives."""
     places = [place for place, key in enumerate(keys) if key in motions]
     if not places:
         return ()

@@ -1,6 +1,6 @@
 """Forces of a noisy load cell, averaged over time before curves are laid through them.
 
-The idea: noise of the cell is no noise of the receivers. Left in, it moves the ends of the calibrated range inwards, to
+The idea: noise of the cell is not that of the receivers. Left in, it moves the ends of the calibrated range inwards, to
 where every press was read, and shows as scatter of the voltages. Within a ramp a straight line over few samples, in a
 hold their mean (or a line, where it drifts), leave little of it; a cell whose noise is small stays as it was read.
 
