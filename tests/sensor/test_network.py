@@ -14,8 +14,8 @@ from solen.report.design.network import csv_table
 from solen.scene import Fan, Interface, Region, Scene
 from solen.sensor import Sensor
 from solen.sensor.network import network_check, network_response, network_study, network_trace
-from solen.sensor.network_readings import readings_of
-from solen.sensor.network_slopes import network_sensitivities
+from solen.sensor.network.readings import readings_of
+from solen.sensor.network.slopes import network_sensitivities
 from solen.sensor.traced import one_lit
 from solen.spec import Design, with_values
 from solen.trace import trace

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from solen.sensor.network import network_response
-from solen.sensor.network_slopes import network_sensitivities
+from solen.sensor.network.slopes import network_sensitivities
 from solen.spec import loads, template, with_values
 
 PLANE: dict[str, Any] = {"trace.dimension": "2d"}

@@ -6,7 +6,7 @@ from solen.cli.app import lines, short
 from solen.cli.design.trace import signed
 from solen.pipeline.design.trace import convergence as convergence
 from solen.pipeline.design.trace import sensitivity as sensitivity
-from solen.sensor.network_slopes import NetworkSensitivities, words
+from solen.sensor.network.slopes import NetworkSensitivities, words
 from solen.sensor.traced import DesignConvergence, Sensitivities, where
 
 

@@ -13,7 +13,7 @@ from solen.report.options import FigureOptions
 from solen.results import Outcome
 from solen.sensor import Sensor
 from solen.sensor.network import NetworkTrace, network_trace, refuse_in_turn
-from solen.sensor.network_slopes import NetworkSensitivities, network_sensitivities
+from solen.sensor.network.slopes import NetworkSensitivities, network_sensitivities
 from solen.sensor.traced import (
     DesignConvergence,
     DesignTrace,

@@ -18,7 +18,7 @@ from solen.report.canvas import INK, LOST, series
 from solen.report.design.figures import SHOWN_RAYS, colours_of, draw_rays, sensor_view
 from solen.sensor import Sensor
 from solen.sensor.network import NetworkStudy, NetworkTrace
-from solen.sensor.network_slopes import NetworkSensitivities
+from solen.sensor.network.slopes import NetworkSensitivities
 
 MOST_COLUMNS = 3
 PANEL_IN, LEAST_IN = 3.4, 2.2

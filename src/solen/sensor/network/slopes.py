@@ -18,7 +18,7 @@ from solen.arrays import FloatArray, Progress
 from solen.errors import SolenError, SpecError
 from solen.ranks import look_at
 from solen.results import Result
-from solen.sensor.network import NetworkResponse, in_turn, network_response, unread_in
+from solen.sensor.network.response import NetworkResponse, in_turn, network_response, unread_in
 from solen.sensor.numbers import number, tolerance_of
 from solen.spec import Design, value_at, with_values
 from solen.spec.network import NamedMotion

@@ -1,0 +1,38 @@
+"""Networks of guides: check, powers by emitter and receiver, readings, slopes, and what tells motions apart.
+
+With one emitter lit and the motions at their angles a network is a sensor like any other, so a response is that of as
+many sensors as there are emitters. Powers are fractions of what the emitter that lights emits.
+"""
+
+from solen.sensor.network.check import EmitterOfNetwork, LensOfNetwork, NetworkCheck, network_check
+from solen.sensor.network.response import (
+    USUAL_TOLERANCE,
+    NetworkResponse,
+    NetworkTrace,
+    in_turn,
+    network_response,
+    network_trace,
+    refuse_in_turn,
+    unread_in,
+)
+from solen.sensor.network.slopes import NetworkSensitivities, network_sensitivities
+from solen.sensor.network.study import NetworkStudy, network_study
+
+__all__ = [
+    "USUAL_TOLERANCE",
+    "EmitterOfNetwork",
+    "LensOfNetwork",
+    "NetworkCheck",
+    "NetworkResponse",
+    "NetworkSensitivities",
+    "NetworkStudy",
+    "NetworkTrace",
+    "in_turn",
+    "network_check",
+    "network_response",
+    "network_sensitivities",
+    "network_study",
+    "network_trace",
+    "refuse_in_turn",
+    "unread_in",
+]

@@ -1,0 +1,111 @@
+"""Check of a network: whether it can be built in the states of its motions, and what it consists of."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from solen.geometry.network import network_lenses
+from solen.lens import CurvedLens
+from solen.material import Optical
+from solen.results import Result
+from solen.sensor.network.response import in_turn, receivers_of, warnings_of
+from solen.sensor.sensor import Sensor
+from solen.spec import Design
+from solen.spec.placed import states
+
+
+@dataclass(frozen=True)
+class LensOfNetwork:
+    """A lens of a network, and where its emitter's light meets in the material, mm behind its vertex."""
+
+    name: str
+    shape: str
+    half_width_mm: float
+    depth_mm: float
+    best_focus_mm: float | None
+
+
+@dataclass(frozen=True)
+class EmitterOfNetwork:
+    """An emitter of a network: its place, its direction, counter-clockwise from +z, and its light."""
+
+    name: str
+    x_mm: float
+    z_mm: float
+    axis_deg: float
+    wavelength_nm: float
+
+
+class NetworkCheck(Result):
+    """A network that can be built in the checked states of its motions.
+
+    Attributes
+    ----------
+    name
+        Name of the design.
+    states
+        States in which its body was built: each motion over its range, and the ends of all together.
+    material
+        Index and absorption at the first emitter's wavelength.
+    guides, receivers, motions
+        Their names.
+    readings
+        Expressions of its readings, by name.
+    lenses, emitters
+        Its lenses, and its emitters at rest.
+    faces
+        Names of all faces.
+    area_mm2
+        Area of the section.
+    warnings
+        Warnings about the design, and keys of it that have no effect.
+    """
+
+    name: str
+    states: int
+    material: Optical
+    guides: tuple[str, ...]
+    lenses: tuple[LensOfNetwork, ...]
+    emitters: tuple[EmitterOfNetwork, ...]
+    receivers: tuple[str, ...]
+    motions: tuple[str, ...]
+    readings: dict[str, str]
+    faces: tuple[str, ...]
+    area_mm2: float
+    warnings: tuple[str, ...]
+
+
+def network_check(design: Design) -> NetworkCheck:
+    """Check that a network can be built in all states of its motions; `DesignError` if it cannot."""
+    sensors = in_turn(design)
+    for sensor in sensors:
+        sensor.check()
+    body, network = sensors[0].body(), design.network
+    return NetworkCheck(
+        name=design.name,
+        states=len(list(states(network))),
+        material=sensors[0].material,
+        guides=tuple(guide.name for guide in network.guides),
+        lenses=tuple(_lens(sensors, name) for name in network_lenses(design)),
+        emitters=tuple(_emitter(sensor) for sensor in sensors),
+        receivers=receivers_of(sensors),
+        motions=tuple(motion.name for motion in network.motion),
+        readings={one.name: one.value for one in network.reading},
+        faces=tuple(face.name for face in (*body.all_faces, *body.apart)),
+        area_mm2=body.area_mm2(),
+        warnings=warnings_of(sensors),
+    )
+
+
+def _lens(sensors: Sequence[Sensor], name: str) -> LensOfNetwork:
+    """A lens, with its focus in the material at the wavelength of the emitter before it."""
+    network = sensors[0].design.network
+    lens = network_lenses(sensors[0].design)[name]
+    before = [sensor for sensor, emitter in zip(sensors, network.emitters, strict=True) if emitter.lens == name]
+    index = (before or sensors)[0].material.index
+    focus = lens.best_focus_mm(index) if isinstance(lens, CurvedLens) else None
+    return LensOfNetwork(name, lens.shape, lens.half_width_mm, lens.depth_mm, focus)
+
+
+def _emitter(sensor: Sensor) -> EmitterOfNetwork:
+    pose = sensor.body().emitter
+    return EmitterOfNetwork(sensor.design.network.lit or "", *pose.point, pose.axis_deg, sensor.light.wavelength_nm)
