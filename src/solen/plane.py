@@ -114,17 +114,17 @@ def off_a_line(x: NDArray[np.float64], y: NDArray[np.float64]) -> float:
     It is half the height, along y, of the narrowest strip that contains them; one side of the strip lies on the
     convex hull.
     """
-    upper, lower = _chain(x, y, 1.0), _chain(x, y, -1.0)
-    heights = [
-        float(np.ptp(y - (y[b] - y[a]) / (x[b] - x[a]) * x)) for chain in (upper, lower) for a, b in pairwise(chain)
-    ]
-    return 0.5 * min(heights)
+    points = x.tolist(), y.tolist()
+    sides = [end for side in (1.0, -1.0) for end in pairwise(_chain(*points, side))]
+    a, b = np.array(sides).T
+    slopes = (y[b] - y[a]) / (x[b] - x[a])
+    return 0.5 * float(np.ptp(y - slopes[:, None] * x, axis=1).min())
 
 
-def _chain(x: NDArray[np.float64], y: NDArray[np.float64], side: float) -> list[int]:
+def _chain(x: list[float], y: list[float], side: float) -> list[int]:
     """Upper (1) or lower (−1) side of the convex hull, from left to right."""
     numbers: list[int] = []
-    for place in range(x.size):
+    for place in range(len(x)):
         while len(numbers) > 1:
             a, b = numbers[-2], numbers[-1]
             turn = (x[b] - x[a]) * (y[place] - y[a]) - (y[b] - y[a]) * (x[place] - x[a])

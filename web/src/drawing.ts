@@ -19,28 +19,28 @@ export class Drawing {
   x = 0; // mm at the middle of the canvas
   z = 0;
   private fitted = false;
+  size: [number, number] = [0, 0]; // in pixels of the page; asking the canvas for it makes the browser lay the page out
   private readonly context: CanvasRenderingContext2D;
   private colours: Record<string, string> = {};
+  private font = "";
   ruler: [number, number, number, number] | null = null;
 
   constructor(readonly canvas: HTMLCanvasElement) {
     this.context = canvas.getContext("2d", { desynchronized: true })!;
     this.theme();
+    this.resize();
   }
 
   theme(): void {
     const style = getComputedStyle(this.canvas);
     for (const name of ["ink", "soft", "body", "right", "left", "lost", "hit", "taken", "cut", "accent"])
       this.colours[name] = style.getPropertyValue(`--${name}`).trim();
-  }
-
-  get size(): [number, number] {
-    return [this.canvas.clientWidth, this.canvas.clientHeight];
+    this.font = `${0.86 * parseFloat(style.fontSize)}px system-ui, sans-serif`;
   }
 
   resize(): void {
     const ratio = devicePixelRatio;
-    const [width, height] = this.size;
+    const [width, height] = (this.size = [this.canvas.clientWidth, this.canvas.clientHeight]);
     this.canvas.width = Math.round(width * ratio);
     this.canvas.height = Math.round(height * ratio);
   }
@@ -135,7 +135,7 @@ export class Drawing {
     const y = height - 18;
     this.stroke([[16, y], [16 + mm * this.scale, y]], this.colours.ink, 2);
     context.fillStyle = this.colours.ink;
-    context.font = `${0.86 * parseFloat(getComputedStyle(this.canvas).fontSize)}px system-ui, sans-serif`;
+    context.font = this.font;
     context.fillText(mm < 0.1 ? `${+(1000 * mm).toPrecision(2)} µm` : `${+mm.toPrecision(2)} mm`, 16, y - 6);
   }
 
@@ -171,13 +171,14 @@ export class Drawing {
     const { context } = this;
     const { data } = picture.rays;
     context.lineWidth = 0.9;
+    const [[left, top], scale] = [this.toPixel(0, 0), this.scale];
     for (const { colour, alpha, legs } of this.bundles(picture, colouring).values()) {
       context.globalAlpha = alpha;
       context.strokeStyle = colour;
       context.beginPath();
       for (const row of legs) {
-        context.moveTo(...this.toPixel(data[6 * row], data[6 * row + 1]));
-        context.lineTo(...this.toPixel(data[6 * row + 2], data[6 * row + 3]));
+        context.moveTo(left + scale * data[6 * row], top - scale * data[6 * row + 1]);
+        context.lineTo(left + scale * data[6 * row + 2], top - scale * data[6 * row + 3]);
       }
       context.stroke();
     }

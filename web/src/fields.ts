@@ -1,5 +1,6 @@
 // Controls of the design, made from its JSON Schema.
 import { html, nothing, type TemplateResult } from "lit";
+import { guard } from "lit/directives/guard.js";
 
 // eslint-disable-next-line @typescript-eslint/no-explicit-any
 export type Schema = Record<string, any>;
@@ -102,8 +103,14 @@ function control(id: string, key: string, schema: Schema, value: unknown, rest: 
     }}>`;
 }
 
-function row(table: string, name: string, schema: Schema, given: unknown, effective: Values, changed: boolean, change: Change): TemplateResult {
+// A row is made anew only when it shows something else: a drag changes one of a hundred.
+function row(table: string, name: string, schema: Schema, given: unknown, effective: Values, changed: boolean, change: Change): unknown {
   const key = table ? `${table}.${name}` : name;
+  const shown = [key, JSON.stringify(given), effective[key], changed];
+  return guard(shown, () => made(key, name, schema, given, effective, changed, change));
+}
+
+function made(key: string, name: string, schema: Schema, given: unknown, effective: Values, changed: boolean, change: Change): TemplateResult {
   const id = `field-${key}`;
   // a number that is left to a part or a resin is shown as what holds, in the place of one that is stated
   const left = key in effective;
@@ -124,8 +131,8 @@ export function restore(place: ParentNode): void {
 }
 
 // All tables as groups, in the order of the file.
-export function fields(root: Schema, values: Values, effective: Values, changed: Set<string>, change: Change, find: string): TemplateResult[] {
-  const own: TemplateResult[] = [];
+export function fields(root: Schema, values: Values, effective: Values, changed: Set<string>, change: Change, find: string): unknown[] {
+  const own: unknown[] = [];
   const groups: TemplateResult[] = [];
   const wanted = (key: string) => !find || key.toLowerCase().includes(find.toLowerCase());
   for (const [table, given] of Object.entries(root.properties as Record<string, Schema>)) {

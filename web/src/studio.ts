@@ -161,15 +161,18 @@ class Studio extends LitElement {
   private redraw(): void {
     if (!this.picture) return;
     this.drawing.draw(this.picture, this.colouring);
-    for (const [name, [x, z]] of Object.entries(this.picture.handles)) {
+    this.placed();
+  }
+
+  private placed(): void {
+    for (const [name, [x, z]] of Object.entries(this.picture?.handles ?? {})) {
       const handle = this.querySelector<HTMLElement>(`#handle-${name}`);
       if (!handle) continue;
       if (handle === document.activeElement) this.coordinates(name);
       const [px, py] = this.drawing.toPixel(x, z);
       const [width, height] = this.drawing.size;
       handle.hidden = px < 0 || py < 0 || px > width || py > height;
-      handle.style.left = `${px}px`;
-      handle.style.top = `${py}px`;
+      handle.style.transform = `translate(${px}px, ${py}px)`; // without a new layout
     }
   }
 
@@ -537,7 +540,7 @@ class Studio extends LitElement {
   }
 
   protected updated(): void {
-    this.redraw();
+    this.placed();
   }
 }
 

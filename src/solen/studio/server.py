@@ -151,6 +151,7 @@ def server_at(document: Document, address: str = LOCAL, port: int = 0) -> "tuple
         ws="websockets-sansio",
         ws_max_size=LARGEST_MESSAGE,
         ws_max_queue=8,
+        ws_per_message_deflate=False,
         limit_concurrency=MOST_CONNECTIONS,
         h11_max_incomplete_event_size=2**14,
         lifespan="on",

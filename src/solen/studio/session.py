@@ -1,6 +1,7 @@
 """One page's session: the newest request is answered, older ones of a drag are dropped, and at rest results improve."""
 
 import asyncio
+import contextlib
 import json
 from collections.abc import Awaitable, Callable, Coroutine, Iterator
 from dataclasses import dataclass, field
@@ -17,6 +18,8 @@ MOST_WAITING = 16
 """Requests of different kinds that may wait; those of one drag count as one."""
 WATCHED_S = 0.2
 """Time between looks at a search."""
+REST_S = 0.08
+"""Time without a request after which results improve: a drag needs the processor itself."""
 Sender = Callable[[bytes], Awaitable[None]]
 
 
@@ -80,7 +83,7 @@ class Session:
             self.awake.clear()
             asked = self.waiting.pop(0) if self.waiting else Asked()
             await self._answer(asked)
-            if not self.waiting and not self.awake.is_set():
+            if not self.waiting and await self._at_rest():
                 await self._improve()
             await self._next()
 
@@ -92,6 +95,12 @@ class Session:
                 self.searched = now
                 await self.send(encoded(search.head()))
             await asyncio.sleep(WATCHED_S)
+
+    async def _at_rest(self) -> bool:
+        """Whether nothing new is asked for a moment."""
+        with contextlib.suppress(TimeoutError):
+            await asyncio.wait_for(self.awake.wait(), REST_S)
+        return not self.awake.is_set()
 
     async def _next(self) -> None:
         if not self.waiting:
