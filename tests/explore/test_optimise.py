@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,19 +14,20 @@ import numpy as np
 import pytest
 
 from solen.arrays import FloatArray
-from solen.errors import SpecError
+from solen.cli.app import lines
+from solen.cli.explore.optimise import optimise as optimise_files
+from solen.errors import OutputError, SpecError
 from solen.explore.optimise import Front, Grown, OptimiseOptions, Optimum, optimise, straighter
 from solen.explore.optimise.course import Course
 from solen.explore.optimise.front import sought, weights_of
 from solen.explore.optimise.judge import Judge
-from solen.explore.optimise.optimum import at_ends
+from solen.explore.optimise.optimum import at_ends, outside
 from solen.explore.optimise.search import Tried, search
 from solen.explore.optimise.task import Task
 from solen.explore.store import Accuracy, Store, Variant
 from solen.fabricate.process import PrintOptions, default_process, print_design, process_text
 from solen.lens import DesignedLens, MeasuredLens
 from solen.lens.build import measured_lens
-from solen.pipeline.explore.optimise import optimise as optimise_files
 from solen.report.canvas import drawn as drawn_figure
 from solen.report.canvas import encoded
 from solen.report.explore.optimise import front_figure
@@ -88,6 +90,7 @@ def test_the_emitter_is_moved_to_where_the_null_is_at_0(centred: tuple[Store, Op
     assert abs(found.free[0].after) < 0.003
     assert found.after.goal < 0.2 * found.before.goal
     assert found.sampled_difference < 4.0 * found.u_sampled_difference
+    assert found.to_dataset()["contrast"].sel(design="after", case="worst").shape == found.angle_deg.shape
     assert np.nanmin(found.history) == found.history[-1]
 
 
@@ -100,10 +103,9 @@ def test_the_same_search_goes_on_from_what_is_known(centred: tuple[Store, Optimu
 
 def test_an_optimum_at_a_limit_and_a_design_beyond_it_are_said(centred: tuple[Store, Optimum]) -> None:
     free = ("emitter.offset_mm=0.005:0.015",)
-    found = at_ends(
-        Task.of(DESIGN, OptimiseOptions(**CENTRE | {"free": free})), DESIGN.set({"emitter.offset_mm": 0.005})
-    )
-    beyond, limit = found
+    task = Task.of(DESIGN, OptimiseOptions(**CENTRE | {"free": free}))
+    (beyond,) = outside(task)
+    (limit,) = at_ends(task, DESIGN.set({"emitter.offset_mm": 0.005}))
     assert "0.02" in beyond
     assert "0.005" in limit
     assert not any("emitter.offset_mm" in text for text in centred[1].warnings)
@@ -228,7 +230,7 @@ def test_a_straighter_response_is_sought_around_the_design() -> None:
     assert not any("focus" in text for text in straighter(DESIGN.set({"lens.shape": "none"})).free)
 
 
-FRONT = {"minimise": ("abs(null_deg)",), "maximise": ("light",), "free": ("emitter.offset_mm=-0.03:0.03",)}
+FRONT = {"minimise": ("abs(null_deg)",), "maximise": ("light",), "free": ("emitter.offset_mm=0.01:0.03",)}
 
 
 def test_the_designs_of_a_front_are_files_and_none_is_worse_in_both(tmp_path: Path) -> None:
@@ -254,6 +256,20 @@ def test_the_designs_of_a_front_are_files_and_none_is_worse_in_both(tmp_path: Pa
         assert again.emitter.offset_mm == one.free["emitter.offset_mm"]
     text = encoded(drawn_figure(lambda: front_figure(found), FigureOptions()), ".svg", "optimise", 100).decode()
     assert all(word in text for word in ("abs(null_deg) (minimise)", "light (maximise)", "simulated"))
+    assert "tried" not in text
+    bars = [child for child in front_figure(found).axes[0].containers if child.has_xerr and child.has_yerr]
+    assert sorted(len(bar.lines[0].get_xdata()) for bar in bars) == sorted([1, len(found.designs)])
+    printed = list(lines(found))
+    assert not any("worst" in line for line in printed)
+    assert any("worst of the deviations" in line for line in lines(replace(found, robust=True)))
+    assert found.evaluations <= found.most_evaluations == 30
+    assert any("2 of 32" in line for line in lines(replace(found, evaluations=30, most_evaluations=32)))
+    assert any("emitter.offset_mm" in text and "design" in text for text in found.warnings), found.warnings
+    data = found.to_dataset()
+    assert data["goals"].sel(design=1, goal="maximise light") == found.designs[0].goals[1]
+    assert data["emitter.offset_mm"].sel(design=0) == 0.02
+    with pytest.raises(OutputError, match="--seed"):
+        optimise_files(design, out=tmp_path / "out", options=options.model_copy(update={"seed": 3}))
     cut = optimise(DESIGN, options, Store(tmp_path / "out"), progress=at_half)
     assert isinstance(cut, Front)
     assert cut.interrupted

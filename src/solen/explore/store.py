@@ -117,10 +117,14 @@ class Variant:
     def name(self, accuracy: Accuracy) -> str:
         """Name of its response: equal for equal inputs, different for any other."""
         design = self.design.set(name="point")
-        named = {key: hashlib.sha256(_bytes(path)).hexdigest() for key, path in sorted(design.files.items())}
         process = None if self.printed_by is None else self.printed_by.model_dump(mode="json")
-        stated = json.dumps([engine(), dumps(design), named, sorted(self.off.items()), accuracy, process])
+        stated = json.dumps([engine(), dumps(design), self.files, sorted(self.off.items()), accuracy, process])
         return hashlib.sha256(stated.encode()).hexdigest()
+
+    @property
+    def files(self) -> dict[str, str]:
+        """Digests of the files that the design names, by key."""
+        return {key: hashlib.sha256(bytes_of(path)).hexdigest() for key, path in sorted(self.design.files.items())}
 
     def sensor(self) -> Sensor:
         """The sensor as built."""
@@ -128,7 +132,8 @@ class Variant:
         return built if self.printed_by is None else as_printed(built, self.printed_by)
 
 
-def _bytes(path: Path) -> bytes:
+def bytes_of(path: Path) -> bytes:
+    """Content of a file that a design names; `DataError` where it cannot be read."""
     try:
         return path.read_bytes()
     except OSError as bad:

@@ -25,6 +25,7 @@ from solen.explore.merits import LEAST_ANGLES, MERITS, NAMES, merits_of, unresol
 from solen.explore.robust import cases_of
 from solen.explore.still import still_in_samples, still_on_grid
 from solen.explore.store import Accuracy, Point, Store, Variant, no_response
+from solen.explore.subject import Subject, design_of
 from solen.extras import need
 from solen.results import HIDDEN, Result, reported
 from solen.sensor import Response, Sensor
@@ -194,7 +195,7 @@ class Sweep(Result):
 
 
 def sweep(
-    design: Design,
+    subject: Subject,
     options: SweepOptions,
     store: Store | None = None,
     progress: Progress | None = None,
@@ -204,8 +205,8 @@ def sweep(
 
     Parameters
     ----------
-    design
-        What the values are set in.
+    subject
+        What the values are set in: a sensor, a design, or the path of a design file.
     options
         The axes.
     store
@@ -220,7 +221,7 @@ def sweep(
     SpecError
         Where an axis is malformed, or no point is a valid design.
     """
-    store = Store() if store is None else store
+    store, design = Store() if store is None else store, design_of(subject)
     axes = [axis(text, design) for text in options.over]
     numbers = check_axes(axes, options.samples, options.part)
     _check_axes(design, axes)

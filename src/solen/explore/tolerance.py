@@ -23,6 +23,7 @@ from solen.explore.prints import MeritSpread, Prints, VariedNumber, Yield
 from solen.explore.requirement import Requirement
 from solen.explore.still import content_of
 from solen.explore.store import Point, Store, Variant
+from solen.explore.subject import Subject, design_of
 from solen.explore.sweep import AccuracyOptions, check_angles, failures_of, merits_of_points, point_warnings, responses
 from solen.explore.usual import variations_of
 from solen.explore.variations import STATED, Variation, drawn, offs
@@ -135,7 +136,7 @@ class Tolerances(Result):
 
 
 def tolerance(
-    design: Design,
+    subject: Subject,
     options: ToleranceOptions,
     store: Store | None = None,
     progress: Progress | None = None,
@@ -148,7 +149,7 @@ def tolerance(
     SpecError
         Where a variation or a requirement is malformed, or no print has a response.
     """
-    store = Store() if store is None else store
+    store, design = Store() if store is None else store, design_of(subject)
     requirements = [Requirement.parse(text) for text in options.require]
     sensor = Sensor.of(design)
     check_angles(design)
@@ -229,7 +230,7 @@ def _missed_by_design(requirements: Sequence[Requirement], base: Mapping[str, fl
             )
 
 
-def print_design(design: Design, options: ToleranceOptions) -> Design | None:
+def print_design(subject: Subject, options: ToleranceOptions) -> Design | None:
     """Design of the print that was asked for, with its numbers as they came out; None where none was.
 
     Raises
@@ -242,6 +243,7 @@ def print_design(design: Design, options: ToleranceOptions) -> Design | None:
         return None
     if place > options.prints:
         raise SpecError("--print-number", value=place, limit=f"the prints are 1 to {options.prints}")
+    design = design_of(subject)
     sensor = Sensor.of(design)
     variations = _varied(sensor, options)
     row = drawn(variations, options.prints, options.seed)[place - 1]

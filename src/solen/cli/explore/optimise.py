@@ -39,7 +39,8 @@ def _(result: Front) -> Iterator[str]:
         f"responses traced, {len(result.designs)} on the front"
     )
     yield from _printed(result)
-    yield f"worst of the deviations:  {'   '.join(f'{goal:>28}' for goal in result.goals)}"
+    what = "worst of the deviations:" if result.robust else "values:"
+    yield f"{what:24}  {'   '.join(f'{goal:>28}' for goal in result.goals)}"
     yield f"{'before':>24}  {_goals(result.before)}"
     for one in result.designs:
         missed = [text for text, met in one.meets.items() if not met]
@@ -54,6 +55,9 @@ def _goals(one: FrontDesign) -> str:
 
 
 def _printed(result: Optimum | Front) -> Iterator[str]:
+    left = result.most_evaluations - result.evaluations
+    if left and not result.interrupted:
+        yield f"{left} of {result.most_evaluations} evaluations are left: CMA-ES tries whole generations of designs"
     if result.printed_by is not None:
         yield f"traced with the lens as printed by {result.printed_by}"
 

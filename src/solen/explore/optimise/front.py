@@ -7,19 +7,25 @@ was tried counts for every weight.
 The interface: `sought` searches, `front_of` a course gives a `Front`.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from solen.arrays import FloatArray
 from solen.explore.optimise.course import Candidate, Course, least
-from solen.explore.optimise.optimum import INTERRUPTED
+from solen.explore.optimise.optimum import INTERRUPTED, at_ends, outside
 from solen.explore.optimise.retraced import Retraced, Sampled
 from solen.explore.optimise.search import Tried, search
+from solen.explore.optimise.task import Task
+from solen.extras import need
 from solen.results import HIDDEN, Result
 from solen.sensor import Sensor
 from solen.spec import Design
+
+if TYPE_CHECKING:
+    import xarray
 
 ENDS = (np.array([1.0, 0.0]), np.array([0.0, 1.0]))
 
@@ -68,12 +74,12 @@ class Front(Result):
         The design that the search began with.
     designs
         The front, the best of the first goal first.
-    evaluations, traced
-        Number of designs tried, and of responses traced now; the others were known.
+    robust
+        Whether deviations were stated, and goals are the worst over them.
+    evaluations, most_evaluations, traced
+        Number of designs tried, the largest that was allowed, and of responses traced now; the others were known.
     interrupted
         Whether the search was stopped before its end.
-    tried
-        Goals (T, 2) of all designs tried that meet every condition, as the search saw them.
     """
 
     name: str
@@ -81,12 +87,36 @@ class Front(Result):
     printed_by: str | None
     before: FrontDesign
     designs: tuple[FrontDesign, ...]
+    robust: bool
     evaluations: int
+    most_evaluations: int
     traced: int
     interrupted: bool
     warnings: tuple[str, ...]
-    tried: FloatArray = field(metadata=HIDDEN)
     simulated: bool = True
+
+    def to_dataset(self) -> "xarray.Dataset":
+        """Goals, free numbers and merits by ``design``, 0 for that before, as an xarray dataset.
+
+        Raises
+        ------
+        OutputError
+            Where xarray is not installed.
+        """
+        need("xarray", what="to_dataset", doing="a dataset")
+        import xarray
+
+        every = (self.before, *self.designs)
+        coordinates = {"design": [one.number for one in every], "goal": list(self.goals)}
+        variables: dict[str, Any] = {
+            name: (("design", "goal"), [getattr(one, name) for one in every]) for name in ("goals", "u_goals")
+        }
+        numbers = {
+            key: ("design", [values[key] for values in rows])
+            for rows in ([one.free for one in every], [one.merits for one in every])
+            for key in rows[0]
+        }
+        return xarray.Dataset(variables | numbers, coordinates, {"title": f"Front of {self.name}", "simulated": 1})
 
 
 def weights_of(designs: int) -> list[FloatArray]:
@@ -128,7 +158,7 @@ def front_of(course: Course, designs: int, known: int, *, interrupted: bool) -> 
     chosen = _chosen(course, designs)
     again = [Retraced.of(judge, task.at(one.point)) for one in chosen]
     kept = _not_worse(np.array([one.verdict.goals for one in again]) / course.scale)
-    warnings = [*task.warnings]
+    warnings = [*task.warnings, *outside(task)]
     found: list[FrontDesign] = []
     for one, retraced, is_kept in zip(chosen, again, kept, strict=True):
         if is_kept:
@@ -143,11 +173,12 @@ def front_of(course: Course, designs: int, known: int, *, interrupted: bool) -> 
         printed_by=task.printed_by,
         before=_design(course, 0, None, Retraced.of(judge, task.sensor.design)),
         designs=tuple(found),
+        robust=len(task.cases) > 1,
         evaluations=len(course.tried),
+        most_evaluations=course.most,
         traced=traced,
         interrupted=interrupted,
-        warnings=(*warnings, *([INTERRUPTED] if interrupted else [])),
-        tried=np.array([one.goals * course.scale for one in course.feasible]),
+        warnings=(*warnings, *_at_ends(task, found), *([INTERRUPTED] if interrupted else [])),
     )
 
 
@@ -168,6 +199,16 @@ def _doubts(course: Course, candidate: Candidate, retraced: Retraced) -> Iterato
     yield from retraced.doubts()
     judge = course.judge
     yield from Sampled.of(judge.variant(judge.task.at(candidate.point)).sensor()).doubts()
+
+
+def _at_ends(task: Task, designs: Sequence[FrontDesign]) -> Iterator[str]:
+    """Warnings where free numbers end at their limits, each with the designs in which they do."""
+    by_text: dict[str, list[int]] = {}
+    for one in designs:
+        for text in at_ends(task, one.design):
+            by_text.setdefault(text, []).append(one.number)
+    for text, numbers in by_text.items():
+        yield f"design{'s' * (len(numbers) > 1)} {', '.join(map(str, numbers))}: {text}"
 
 
 def _design(course: Course, number: int, candidate: Candidate | None, retraced: Retraced) -> FrontDesign:

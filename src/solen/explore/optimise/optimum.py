@@ -5,6 +5,7 @@ The interface: `Optimum`; `optimum_of` a course.
 
 from collections.abc import Iterator
 from dataclasses import field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,9 +14,13 @@ from solen.explore.optimise.course import Candidate, Course
 from solen.explore.optimise.judge import Judged, Verdict
 from solen.explore.optimise.retraced import Retraced, Sampled
 from solen.explore.optimise.task import Task
+from solen.extras import need
 from solen.results import HIDDEN, Result
 from solen.sensor import Sensor
 from solen.spec import Design
+
+if TYPE_CHECKING:
+    import xarray
 
 AT_END = 1e-3
 """Share of the range of a free number from its end that counts as there."""
@@ -64,8 +69,8 @@ class Optimum(Result):
         uncertainty there.
     robust
         Whether deviations were stated, and the goal is the worst over them.
-    evaluations, traced
-        Number of designs tried, and of responses traced now; the others were known.
+    evaluations, most_evaluations, traced
+        Number of designs tried, the largest that was allowed, and of responses traced now; the others were known.
     interrupted
         Whether the search was stopped before its end.
     design
@@ -87,6 +92,7 @@ class Optimum(Result):
     u_sampled_difference: float
     robust: bool
     evaluations: int
+    most_evaluations: int
     traced: int
     interrupted: bool
     warnings: tuple[str, ...]
@@ -96,6 +102,27 @@ class Optimum(Result):
     contrast_after: FloatArray = field(metadata=HIDDEN)
     history: FloatArray = field(metadata=HIDDEN)
     simulated: bool = True
+
+    def to_dataset(self) -> "xarray.Dataset":
+        """Contrast by design (``before``, ``after``), case and angle, and the best value by evaluation, as xarray.
+
+        Raises
+        ------
+        OutputError
+            Where xarray is not installed.
+        """
+        need("xarray", what="to_dataset", doing="a dataset")
+        import xarray
+
+        coordinates = {
+            "design": ["before", "after"],
+            "case": ["nothing off", "worst"],
+            "angle_deg": self.angle_deg,
+            "evaluation": np.arange(1, self.history.size + 1),
+        }
+        contrast = np.array([self.contrast_before, self.contrast_after])
+        variables = {"contrast": (("design", "case", "angle_deg"), contrast), "best": ("evaluation", self.history)}
+        return xarray.Dataset(variables, coordinates, {"title": f"{self.name}: {self.goal}", "simulated": 1})
 
 
 def optimum_of(course: Course, best: Candidate, known: int, *, interrupted: bool) -> Optimum:
@@ -124,12 +151,14 @@ def optimum_of(course: Course, best: Candidate, known: int, *, interrupted: bool
         u_sampled_difference=sampled.u_difference,
         robust=len(task.cases) > 1,
         evaluations=len(course.tried),
+        most_evaluations=course.most,
         traced=traced,
         interrupted=interrupted,
         warnings=(
             *task.warnings,
             *after.doubts(),
             *sampled.doubts(),
+            *outside(task),
             *at_ends(task, found),
             *_doubts(before, after, task, interrupted=interrupted),
         ),
@@ -141,14 +170,21 @@ def optimum_of(course: Course, best: Candidate, known: int, *, interrupted: bool
     )
 
 
-def at_ends(task: Task, found: Design) -> Iterator[str]:
-    """Warnings where a free number of a result ends at its limit, and where the design's own is not between them."""
-    was, now = task.stated(task.sensor), task.stated(Sensor.of(found))
+def outside(task: Task) -> Iterator[str]:
+    """Warnings where a number of the design that a search begins with is not between its ends."""
+    was = task.stated(task.sensor)
     for one in task.free:
         low, high = one.values
         if not low <= was[one.key] <= high:
             ends = f"{low:g} to {high:g}"
             yield f"{one.key} of the design, {was[one.key]:g}, is not within {ends}: the search cannot keep it"
+
+
+def at_ends(task: Task, found: Design) -> Iterator[str]:
+    """Warnings where a free number of a result ends at its limit."""
+    now = task.stated(Sensor.of(found))
+    for one in task.free:
+        low, high = one.values
         end = next((end for end in one.values if abs(now[one.key] - end) <= AT_END * (high - low)), None)
         if end is not None:
             yield f"{one.key} ends at its limit, {end:g}; widen --free {one.key} if the part allows"

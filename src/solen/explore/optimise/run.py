@@ -14,13 +14,13 @@ from solen.explore.optimise.options import OptimiseOptions
 from solen.explore.optimise.search import Tried, search
 from solen.explore.optimise.task import Task
 from solen.explore.store import Store
-from solen.spec import Design
+from solen.explore.subject import Subject, design_of
 
 ONE = np.ones(1)
 
 
 def optimise(
-    design: Design,
+    subject: Subject,
     options: OptimiseOptions,
     store: Store | None = None,
     progress: Progress | None = None,
@@ -30,8 +30,9 @@ def optimise(
 
     Parameters
     ----------
-    design
-        What the search begins with; where a free number lies beyond its ends, at the nearer one.
+    subject
+        What the search begins with: a sensor, a design, or the path of a design file. Where a free number lies beyond
+        its ends, it begins at the nearer one.
     options
         Goals, free numbers, conditions, deviations.
     store
@@ -49,7 +50,7 @@ def optimise(
         Where goals, conditions, free numbers or deviations are malformed, or the design has no response.
     """
     store = Store() if store is None else store
-    task = Task.of(design, options)
+    task = Task.of(design_of(subject), options)
     known = len(store.points)
     judge, begun = Judge.begun(task, store, options.tolerance)
     course = Course(judge, begun.goals, options.evaluations, progress, keep)

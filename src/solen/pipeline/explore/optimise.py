@@ -8,6 +8,7 @@ from solen import files
 from solen.explore.axes import check_not_set
 from solen.explore.optimise import Front, Grown, OptimiseOptions, Optimum
 from solen.explore.optimise import optimise as optimise_design
+from solen.explore.request import Request
 from solen.explore.store import Store
 from solen.pipeline.design.designs import open_design
 from solen.pipeline.names import stem_of
@@ -38,21 +39,25 @@ def optimise(
     file
         The design file.
     out
-        Folder for the best design, NAME-best.toml, or the designs of a front, NAME-front-1.toml and so on, and the
-        responses traced so far; made if need be.
+        Folder for the best design, NAME-best.toml, or the designs of a front, NAME-front-1.toml and so on, what was
+        asked, NAME-optimise.json, and the responses traced so far; made if need be. Designs of another search are not
+        overwritten.
     """
     figure.check()
     check_not_set("--free", options.free, set_)
     design = open_design(file, set_)
+    request = Request(out / f"{stem_of(file)}-optimise.json", design, options)
+    request.check()
     with files.output_folder(out):
         best = out / f"{stem_of(file)}-best.toml"
 
         def keep(grown: Sequence[Grown]) -> None:
             if len(grown[0].by_goal) == 1:
+                files.write_all(request.content)
                 save(best, grown[0].design)
 
         result = optimise_design(design, options, Store(out), progress, keep)
-        files.write_all(drawn(result, figure, "optimise"))
+        files.write_all(drawn(result, figure, "optimise") | request.content)
         made = _front_files(result, out, stem_of(file)) if isinstance(result, Front) else {"best": best}
     return Outcome(result, named(figure=figure.figure, **made))
 

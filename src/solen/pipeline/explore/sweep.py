@@ -6,6 +6,7 @@ from typing import Annotated
 from solen import files
 from solen.explore.axes import check_not_set
 from solen.explore.machines import machine_at
+from solen.explore.request import Request
 from solen.explore.store import Store
 from solen.explore.sweep import Sweep, SweepOptions
 from solen.explore.sweep import sweep as sweep_design
@@ -39,8 +40,8 @@ def sweep(
     file
         The design file.
     out
-        Folder for the table, NAME-sweep.nc or of a part NAME-sweep-3-of-10.nc, and the points traced so far; made if
-        need be.
+        Folder for the table, NAME-sweep.nc or of a part NAME-sweep-3-of-10.nc, what was asked for it, NAME-sweep.json,
+        and the points traced so far; made if need be. A table of other options is not overwritten.
     cluster
         Trace on the workers of a Dask cluster, by the address of its scheduler, tcp://HOST:PORT, or the file of a SLURM
         cluster (.toml).
@@ -49,8 +50,12 @@ def sweep(
     check_installed()
     check_not_set("--over", options.over, set_)
     design = open_design(file, set_)
+    stem = f"{stem_of(file)}-{options.stem}"
+    request = Request(out / f"{stem}.json", design, options)
+    request.check()
     with files.output_folder(out):
         result = sweep_design(design, options, Store(options.folder(out)), progress, machine_at(cluster))
-        table = out / f"{stem_of(file)}-{options.stem}.nc"
-        files.write_all(drawn(result, figure, "sweep") | {table: netcdf_writer(result.to_dataset())})
+        table = out / f"{stem}.nc"
+        tables = {table: netcdf_writer(result.to_dataset())}
+        files.write_all(drawn(result, figure, "sweep") | request.content | tables)
     return Outcome(result, named(figure=figure.figure, table=table))

@@ -6,6 +6,7 @@ from typing import Annotated
 from solen import files
 from solen.explore.axes import check_not_set
 from solen.explore.machines import machine_at
+from solen.explore.request import Request
 from solen.explore.store import Store
 from solen.explore.tolerance import ToleranceOptions, Tolerances, print_design
 from solen.explore.tolerance import tolerance as tolerance_of_design
@@ -38,7 +39,8 @@ def tolerance(
     file
         The design file.
     out
-        Folder for the table of prints, NAME-prints.csv, and the responses traced so far; made if need be.
+        Folder for the table of prints, NAME-prints.csv, what was asked for it, NAME-prints.json, and the responses
+        traced so far; made if need be. A table of other options is not overwritten.
     cluster
         Trace on the workers of a Dask cluster, by the address of its scheduler, tcp://HOST:PORT, or the file of a SLURM
         cluster (.toml).
@@ -47,9 +49,11 @@ def tolerance(
     check_not_set("--vary", options.vary, set_)
     design = open_design(file, set_)
     print_ = print_design(design, options)
+    request = Request(out / f"{stem_of(file)}-prints.json", design, options)
+    request.check()
     with files.output_folder(out):
         result = tolerance_of_design(design, options, Store(out), progress, machine_at(cluster))
         table = out / f"{stem_of(file)}-prints.csv"
-        files.write_all(drawn(result, figure, "tolerance") | {table: result.table().encode()})
+        files.write_all(drawn(result, figure, "tolerance") | request.content | {table: result.table().encode()})
         chosen = None if print_ is None else save(out / f"{stem_of(file)}-print-{options.print_number}.toml", print_)
     return Outcome(result, named(figure=figure.figure, table=table, print=chosen))

@@ -1,12 +1,15 @@
 """Figures of searches: responses before and after with the course of the search, and the front of two goals."""
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from solen.arrays import FloatArray
-from solen.explore.optimise import Front, Optimum
-from solen.report.canvas import INK, LEFT, LOST, RIGHT
+from solen.explore.optimise import Front, FrontDesign, Optimum
+from solen.report.canvas import INK, LEFT, RIGHT
 
 
 def optimum_figure(result: Optimum) -> Figure:
@@ -33,10 +36,25 @@ def _response(axes: Axes, angle_deg: FloatArray, contrast: FloatArray, colour: s
 
 
 def _course(axes: Axes, result: Optimum) -> None:
-    axes.plot(np.arange(1, result.history.size + 1), result.history, color=RIGHT, lw=1.6, drawstyle="steps-post")
-    axes.axhline(result.before.goal, color=LEFT, lw=1.0, ls="--", label="design")
+    axes.plot(
+        np.arange(1, result.history.size + 1),
+        result.history,
+        color=RIGHT,
+        lw=1.6,
+        drawstyle="steps-post",
+        label="as the search saw it",
+    )
+    before, u_before = result.before.goal, result.before.u_goal
+    axes.axhline(before, color=LEFT, lw=1.0, ls="--", label="before, retraced")
+    axes.axhspan(before - u_before, before + u_before, color=LEFT, alpha=0.15, lw=0.0)
     axes.errorbar(
-        result.history.size, result.after.goal, yerr=result.after.u_goal, color=INK, marker="o", ms=4, label="retraced"
+        result.history.size,
+        result.after.goal,
+        yerr=result.after.u_goal,
+        color=INK,
+        marker="o",
+        ms=4,
+        label="after, retraced",
     )
     axes.set_xlabel("designs tried")
     axes.set_ylabel(f"best {result.goal.partition(' ')[2]}")
@@ -44,22 +62,25 @@ def _course(axes: Axes, result: Optimum) -> None:
 
 
 def front_figure(result: Front) -> Figure:
-    """The front with its numbers, all designs tried that meet the conditions, and the design before."""
+    """The front with its numbers, and the design before, all traced finely and with their uncertainties."""
     figure = Figure(figsize=(7.0, 5.2))
     axes = figure.add_subplot()
-    axes.plot(result.tried[:, 0], result.tried[:, 1], ".", color=LOST, ms=4, label="tried, meeting all conditions")
-    goals, u = (np.array([getattr(one, name) for one in result.designs]).T for name in ("goals", "u_goals"))
-    axes.errorbar(
-        goals[0], goals[1], xerr=u[0], yerr=u[1], fmt="o-", color=RIGHT, ms=5, lw=1.2, label="front, traced again"
-    )
+    _designs(axes, result.designs, fmt="o-", color=RIGHT, ms=5, lw=1.2, label="front")
+    _designs(axes, [result.before], fmt="s", color=LEFT, ms=7, label="before")
     for one in result.designs:
         axes.annotate(
             str(one.number), (one.goals[0], one.goals[1]), xytext=(5, 5), textcoords="offset points", color=RIGHT
         )
-    axes.plot(*result.before.goals, "s", color=LEFT, ms=7, label="before")
     words = [goal.partition(" ") for goal in result.goals]
     axes.set_xlabel(f"{words[0][2]} ({words[0][0]})")
     axes.set_ylabel(f"{words[1][2]} ({words[1][0]})")
-    axes.set_title(f"simulated: {result.name}")
+    worst = ", worst of the deviations" if result.robust else ""
+    axes.set_title(f"simulated: {result.name}{worst}")
     axes.legend()
     return figure
+
+
+def _designs(axes: Axes, designs: Sequence[FrontDesign], **look: Any) -> None:
+    """Goals of some designs with their uncertainties."""
+    goals, u = (np.array([getattr(one, name) for one in designs]).T for name in ("goals", "u_goals"))
+    axes.errorbar(goals[0], goals[1], xerr=u[0], yerr=u[1], capsize=2, ecolor=INK, elinewidth=1.0, **look)
