@@ -17,7 +17,16 @@ from solen.arrays import FloatArray
 from solen.cli.app import lines
 from solen.cli.explore.optimise import optimise as optimise_files
 from solen.errors import OutputError, SpecError
-from solen.explore.optimise import Front, Grown, OptimiseOptions, Optimum, optimise, straighter
+from solen.explore.optimise import (
+    Front,
+    Grown,
+    OptimiseOptions,
+    Optimum,
+    check_prints,
+    optimise,
+    straighter,
+    with_prints,
+)
 from solen.explore.optimise.course import Course
 from solen.explore.optimise.front import sought, weights_of
 from solen.explore.optimise.judge import Judge
@@ -25,12 +34,13 @@ from solen.explore.optimise.optimum import at_ends, outside
 from solen.explore.optimise.search import Tried, search
 from solen.explore.optimise.task import Task
 from solen.explore.store import Accuracy, Store, Variant
+from solen.explore.tolerance import ToleranceOptions, tolerance
 from solen.fabricate.process import PrintOptions, default_process, print_design, process_text
 from solen.lens import DesignedLens, MeasuredLens
 from solen.lens.build import measured_lens
 from solen.report.canvas import drawn as drawn_figure
 from solen.report.canvas import encoded
-from solen.report.explore.optimise import front_figure
+from solen.report.explore.optimise import front_figure, optimum_figure
 from solen.report.options import FigureOptions
 from solen.sensor import Sensor
 from solen.spec import Design, load, save
@@ -110,6 +120,59 @@ def test_an_optimum_at_a_limit_and_a_design_beyond_it_are_said(centred: tuple[St
     assert "0.005" in limit
     assert not any("emitter.offset_mm" in text for text in centred[1].warnings)
     assert not centred[1].robust
+
+
+PRINTS = {
+    "vary": ("emitter.offset_mm=normal:0:0.02", "material.index=uniform:-0.005:0.005"),
+    "require": ("abs(null_deg) < 0.3",),
+    "prints": 32,
+}
+
+
+def test_prints_before_and_after_are_those_of_both_designs(centred: tuple[Store, Optimum]) -> None:
+    """The decentre of the design, a standard deviation of the prints, is what the search removes."""
+    store, found = centred
+    options = OptimiseOptions(**CENTRE | PRINTS)
+    assert check_prints(DESIGN, options)
+    both = with_prints(found, DESIGN, options, store)
+    before, after = both.prints_before, both.prints_after
+    assert before is not None
+    assert after is not None
+    assert both.traced >= found.traced + 64
+    alone = tolerance(found.design, ToleranceOptions(**PRINTS, tolerance=CENTRE["tolerance"]), store)
+    assert alone.traced == 0
+    assert after.yields == alone.yields
+    assert before.deviations["emitter.offset_mm"].tolist() == after.deviations["emitter.offset_mm"].tolist()
+    nulls = [np.nanmean(prints.merits["null_deg"]) for prints in (before, after)]
+    assert abs(nulls[1]) < 0.3 * abs(nulls[0])
+    printed = "\n".join(lines(both))
+    assert all(word in printed for word in ("32 prints", "emitter.offset_mm", "yield of all"))
+    texts = {axes.get_xlabel() for axes in optimum_figure(both).axes}
+    assert {"null_deg of prints", "light of prints"} <= texts
+
+
+@pytest.mark.parametrize(
+    ("changed", "named"),
+    [
+        ({"prints": 8}, "at least 32"),
+        ({"vary": ("emitter.ofset_mm=normal:0:1",)}, "ofset"),
+        ({"require": ("ligt > 1",)}, "light"),
+        ({"prints": 0, "require": ("light > 1",)}, "--prints"),
+        ({"maximise": ("light",), "evaluations": 80, "require": ("light > 1",)}, "--require"),
+    ],
+)
+def test_prints_that_cannot_be_compared_are_refused_before_the_search(changed: dict[str, Any], named: str) -> None:
+    with pytest.raises(SpecError) as refused:
+        check_prints(DESIGN, OptimiseOptions(**CENTRE | changed))
+    assert named in str(refused.value)
+
+
+def test_prints_that_are_interrupted_leave_the_result(centred: tuple[Store, Optimum]) -> None:
+    options = OptimiseOptions(**CENTRE | PRINTS)
+    cut = with_prints(centred[1], DESIGN, options, Store(), progress=at_half)
+    assert cut.interrupted
+    assert cut.prints_after is None
+    assert cut.design == centred[1].design
 
 
 def at_half(done: float) -> None:

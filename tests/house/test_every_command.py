@@ -122,7 +122,7 @@ ROWS = {
     ),
     "explore optimise": (
         f"{DESIGN} --out better --maximise light --free lens.focus_mm=15:25 --evaluations 20 --set motion.step_deg=3 "
-        "--set trace.dimension=2d --tolerance 1e-2 --figure better.svg"
+        "--prints 32 --require light>0.1 --set trace.dimension=2d --tolerance 1e-2 --figure better.svg"
     ),
 }
 """Arguments of each command; after # what tells two of one command apart."""

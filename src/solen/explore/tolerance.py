@@ -28,6 +28,7 @@ from solen.explore.sweep import AccuracyOptions, check_angles, failures_of, meri
 from solen.explore.usual import variations_of
 from solen.explore.variations import STATED, Variation, drawn, offs
 from solen.extras import need
+from solen.fabricate.process import Settings
 from solen.results import HIDDEN, Result
 from solen.sensor import Sensor
 from solen.sensor.effects import as_built
@@ -141,8 +142,11 @@ def tolerance(
     store: Store | None = None,
     progress: Progress | None = None,
     machine: Machine | None = None,
+    printed_by: Settings | None = None,
 ) -> Tolerances:
     """What prints of a design do whose numbers vary; arguments as those of `solen.explore.sweep`.
+
+    With ``printed_by`` each print has the lens that this process makes of the designed one.
 
     Raises
     ------
@@ -160,7 +164,7 @@ def tolerance(
     known = len(store.points)
 
     def traced(every: Sequence[Mapping[str, float]], progress: Progress | None) -> list[Point]:
-        variants = (partial(Variant, design, off) for off in every)
+        variants = (partial(Variant, design, off, printed_by) for off in every)
         return responses(variants, options.accuracy, store, progress, machine)
 
     passes = 1 if adjustment is None else 2

@@ -3,8 +3,10 @@
 from collections.abc import Iterator
 
 from solen.cli.app import lines
+from solen.cli.explore.tolerance import varied
 from solen.explore.merits import MERITS
 from solen.explore.optimise import Front, FrontDesign, Judged, Optimum
+from solen.explore.tolerance import Tolerances
 from solen.pipeline.explore.optimise import optimise as optimise
 from solen.report.design.answer import measured
 
@@ -30,6 +32,22 @@ def _(result: Optimum) -> Iterator[str]:
         )
     by_samples = measured(result.sampled_difference, result.u_sampled_difference, sign=False)
     yield f"contrast by samples less that by integration: {by_samples} at most"
+    if result.prints_before is not None and result.prints_after is not None:
+        yield from _prints(result.prints_before, result.prints_after)
+
+
+def _prints(before: Tolerances, after: Tolerances) -> Iterator[str]:
+    """Prints of both designs, side by side."""
+    yield f"{before.prints} prints of each, by the same deviations (solen explore tolerance says what each costs):"
+    yield from varied(before, costs=False)
+    yield f"{'mean, SD of prints':18}  {'before':>22}  {'after':>22}"
+    others = {one.merit: one for one in after.spreads}
+    for one in before.spreads:
+        texts = [f"{each.mean:.4g}, SD {each.sd:.2g}" if each else "" for each in (one, others.get(one.merit))]
+        yield f"{one.merit:18}  {texts[0]:>22}  {texts[1]:>22}"
+    for old, new in zip(before.yields, after.yields, strict=True):
+        shares = [f"{measured(100 * one.share, 100 * one.u_share, sign=False)} %" for one in (old, new)]
+        yield f"yield {old.requirement or 'of all'}: {shares[0]} before, {shares[1]} after"
 
 
 @lines.register

@@ -19,10 +19,7 @@ def _(result: Tolerances) -> Iterator[str]:
     for one in result.yields:
         yield _yield(one)
     yield f"varied, as deviations from the design{_sources(result)}:"
-    width = max(len(one.key) for one in result.varied)
-    for row in result.varied:
-        value = "together" if row.value is None else f"{row.value:.6g}"
-        yield f"  {row.key:{width}}  {value:>9}  {_distribution(row)}{_source(row)}{_cost(row)}"
+    yield from varied(result, costs=True)
     factor = result.varied[0].factor_together
     if factor is not None and factor < 1.0:
         yield f"  95 % yield needs all deviations {factor:.2g} times as large"
@@ -35,6 +32,15 @@ def _(result: Tolerances) -> Iterator[str]:
             due = "causes not resolved"
         base = measured(merit.base, merit.u_base, sign=False)
         yield f"  {merit.merit:{width}}  {base}; prints {merit.mean:.4g}, SD {merit.sd:.2g}; {due or 'constant'}"
+
+
+def varied(result: Tolerances, *, costs: bool) -> Iterator[str]:
+    """Lines of what varies, the costliest first, with what each costs."""
+    width = max(len(one.key) for one in result.varied)
+    for row in result.varied:
+        value = "together" if row.value is None else f"{row.value:.6g}"
+        cost = _cost(row) if costs else ""
+        yield f"  {row.key:{width}}  {value:>9}  {_distribution(row)}{_source(row)}{cost}"
 
 
 def _yield(one: Yield) -> str:
@@ -58,7 +64,7 @@ def _source(row: VariedNumber) -> str:
 
 
 def _distribution(row: VariedNumber) -> str:
-    first, second = row.deviation
+    first, second = (end + 0.0 for end in row.deviation)  # 0 for −0
     if row.distribution == "uniform":
         return f"uniform {first:+.3g} to {second:+.3g}"
     return f"normal {first:+.3g}, SD {second:.3g}" if first else f"normal, SD {second:.3g}"

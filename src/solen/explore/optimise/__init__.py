@@ -7,7 +7,8 @@ tracing leaves open, so its results are traced again, more finely and by samples
 `solen.explore.optimise.options` is what may be asked, `solen.explore.optimise.task` checks it;
 `solen.explore.optimise.judge` judges a design, `solen.explore.optimise.course` keeps what a search has tried,
 `solen.explore.optimise.search` is the algorithm; `solen.explore.optimise.optimum` and `solen.explore.optimise.front`
-are the results, with what tracing them again says. `solen.explore.optimise.straighter` is what is asked where somebody
+are the results, with what tracing them again says; `solen.explore.optimise.prints` adds prints of a result and of the
+design before. `solen.explore.optimise.straighter` is what is asked where somebody
 only wants a straighter response.
 """
 
@@ -16,6 +17,7 @@ from solen.explore.optimise.front import Front, FrontDesign
 from solen.explore.optimise.judge import Judged
 from solen.explore.optimise.optimum import FreeNumber, Optimum
 from solen.explore.optimise.options import OptimiseOptions
+from solen.explore.optimise.prints import check_prints, with_prints
 from solen.explore.optimise.run import optimise
 from solen.explore.optimise.straighter import straighter
 
@@ -27,6 +29,8 @@ __all__ = [
     "Judged",
     "OptimiseOptions",
     "Optimum",
+    "check_prints",
     "optimise",
     "straighter",
+    "with_prints",
 ]

@@ -14,6 +14,7 @@ from solen.explore.optimise.course import Candidate, Course
 from solen.explore.optimise.judge import Judged, Verdict
 from solen.explore.optimise.retraced import Retraced, Sampled
 from solen.explore.optimise.task import Task
+from solen.explore.tolerance import Tolerances
 from solen.extras import need
 from solen.results import HIDDEN, Result
 from solen.sensor import Sensor
@@ -73,6 +74,8 @@ class Optimum(Result):
         Number of designs tried, the largest that was allowed, and of responses traced now; the others were known.
     interrupted
         Whether the search was stopped before its end.
+    prints_before, prints_after
+        What prints of the design and of the result do, by the same tolerances; None where none were traced.
     design
         The result.
     angle_deg, contrast_before, contrast_after
@@ -101,6 +104,8 @@ class Optimum(Result):
     contrast_before: FloatArray = field(metadata=HIDDEN)
     contrast_after: FloatArray = field(metadata=HIDDEN)
     history: FloatArray = field(metadata=HIDDEN)
+    prints_before: Tolerances | None = None
+    prints_after: Tolerances | None = None
     simulated: bool = True
 
     def to_dataset(self) -> "xarray.Dataset":

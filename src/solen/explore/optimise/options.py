@@ -33,3 +33,10 @@ class OptimiseOptions(ProcessOptions, Options):
     tolerance: Finite = Field(1e-3, ge=1e-6, le=1e-2)
     """Largest uncertainty of a power while searching, as a share of the emitted power; results are traced ten times as
     closely."""
+    vary: tuple[str, ...] = ()
+    """What varies between prints of the design and of the result, as in solen explore tolerance; default: what varies
+    there, and growth and shrinkage by --process."""
+    require: tuple[str, ...] = ()
+    """A condition on merits that a good print meets; repeatable."""
+    prints: int = Field(64, ge=0, le=100_000)
+    """Number of prints that are traced of the design and of the result; 0 for none, else at least 32."""

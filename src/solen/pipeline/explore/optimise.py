@@ -5,8 +5,9 @@ from pathlib import Path
 from typing import Annotated
 
 from solen import files
+from solen.arrays import part_of
 from solen.explore.axes import check_not_set
-from solen.explore.optimise import Front, Grown, OptimiseOptions, Optimum
+from solen.explore.optimise import Front, Grown, OptimiseOptions, Optimum, check_prints, with_prints
 from solen.explore.optimise import optimise as optimise_design
 from solen.explore.request import Request
 from solen.explore.store import Store
@@ -32,7 +33,8 @@ def optimise(
     """Search for the numbers of a design that make a merit best, within limits and under deviations.
 
     The best design so far is written whenever there is a better one, and Ctrl-C ends the search with it. The same
-    command goes on where it stopped. Of two merits a front of designs is sought.
+    command goes on where it stopped. At the end prints of the design and of the result are compared, whose numbers
+    vary as in solen explore tolerance. Of two merits a front of designs is sought.
 
     Parameters
     ----------
@@ -48,6 +50,7 @@ def optimise(
     design = open_design(file, set_)
     request = Request(out / f"{stem_of(file)}-optimise.json", design, options)
     request.check()
+    parts = 2 if check_prints(design, options) else 1
     with files.output_folder(out):
         best = out / f"{stem_of(file)}-best.toml"
 
@@ -56,7 +59,10 @@ def optimise(
                 files.write_all(request.content)
                 save(best, grown[0].design)
 
-        result = optimise_design(design, options, Store(out), progress, keep)
+        store = Store(out)
+        result = optimise_design(design, options, store, part_of(progress, 0, parts), keep)
+        if isinstance(result, Optimum):
+            result = with_prints(result, design, options, store, part_of(progress, 1, parts))
         files.write_all(drawn(result, figure, "optimise") | request.content)
         made = _front_files(result, out, stem_of(file)) if isinstance(result, Front) else {"best": best}
     return Outcome(result, named(figure=figure.figure, **made))

@@ -8,30 +8,56 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from solen.arrays import FloatArray
+from solen.explore.merits import MERITS
 from solen.explore.optimise import Front, FrontDesign, Optimum
 from solen.report.canvas import INK, LEFT, RIGHT
 
 
 def optimum_figure(result: Optimum) -> Figure:
-    """Contrast over the angle before and after, as designed and at worst; best value by number of designs tried."""
-    figure = Figure(figsize=(9.0, 6.2))
-    grid = figure.add_gridspec(2, 2)
+    """Contrast over the angle before and after, best value by number of designs tried, and prints of both."""
+    has_prints = result.prints_before is not None and result.prints_after is not None
+    rows = 3 if has_prints else 2
+    figure = Figure(figsize=(9.0, 3.1 * rows))
+    grid = figure.add_gridspec(rows, 2)
     before, after = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[0, 1])
     nothing_off = "as designed" if result.printed_by is None else "as printed"
-    _response(before, result.angle_deg, result.contrast_before, LEFT, nothing_off)
-    _response(after, result.angle_deg, result.contrast_after, RIGHT, nothing_off)
+    cases = 2 if result.robust else 1
+    _response(before, result.angle_deg, result.contrast_before[:cases], LEFT, nothing_off)
+    _response(after, result.angle_deg, result.contrast_after[:cases], RIGHT, nothing_off)
     before.set_title("before")
     after.set_title("after")
     _course(figure.add_subplot(grid[1, :]), result)
+    for place, name in enumerate(_shown(result) if has_prints else ()):
+        _prints(figure.add_subplot(grid[2, place]), result, name)
     figure.suptitle(f"simulated: {result.name}, {result.goal}")
     return figure
 
 
 def _response(axes: Axes, angle_deg: FloatArray, contrast: FloatArray, colour: str, nothing_off: str) -> None:
     axes.plot(angle_deg, contrast[0], color=colour, lw=2.0, label=nothing_off)
-    axes.plot(angle_deg, contrast[1], "--", color=INK, lw=1.2, label="where the goal is worst")
+    for worst in contrast[1:]:
+        axes.plot(angle_deg, worst, "--", color=INK, lw=1.2, label="where the goal is worst")
     axes.set_xlabel("angle in deg")
     axes.set_ylabel("contrast")
+    axes.legend()
+
+
+def _shown(result: Optimum) -> list[str]:
+    """Merits of which prints are drawn: the first of the goal, and the null or the light."""
+    of_goal = next(name for name in MERITS if name in result.goal)
+    return [of_goal, "null_deg" if of_goal != "null_deg" else "light"]
+
+
+def _prints(axes: Axes, result: Optimum, name: str) -> None:
+    """Histograms of a merit over the prints of both designs."""
+    of = {"before": (result.prints_before, LEFT), "after": (result.prints_after, RIGHT)}
+    values = {label: prints.merits[name] for label, (prints, _) in of.items() if prints is not None}
+    finite = {label: column[np.isfinite(column)] for label, column in values.items()}
+    bins = np.histogram_bin_edges(np.concatenate(list(finite.values())), bins="fd").tolist()
+    for label, column in finite.items():
+        axes.hist(column, bins=bins, color=of[label][1], alpha=0.6, label=label)
+    axes.set_xlabel(f"{name} of prints")
+    axes.set_ylabel("prints")
     axes.legend()
 
 
@@ -67,10 +93,10 @@ def front_figure(result: Front) -> Figure:
     axes = figure.add_subplot()
     _designs(axes, result.designs, fmt="o-", color=RIGHT, ms=5, lw=1.2, label="front")
     _designs(axes, [result.before], fmt="s", color=LEFT, ms=7, label="before")
+    side = -1 if result.designs[-1].goals[1] > result.designs[0].goals[1] else 1  # where the front leaves room
+    look = {"textcoords": "offset points", "ha": "right" if side < 0 else "left", "color": RIGHT}
     for one in result.designs:
-        axes.annotate(
-            str(one.number), (one.goals[0], one.goals[1]), xytext=(5, 5), textcoords="offset points", color=RIGHT
-        )
+        axes.annotate(str(one.number), (one.goals[0], one.goals[1]), xytext=(6 * side, 5), **look)
     words = [goal.partition(" ") for goal in result.goals]
     axes.set_xlabel(f"{words[0][2]} ({words[0][0]})")
     axes.set_ylabel(f"{words[1][2]} ({words[1][0]})")

@@ -1,0 +1,101 @@
+"""Prints of the design that a search begins with and of its result, by the same tolerances.
+
+The interface: `check_prints` before a search, `with_prints` of its result.
+"""
+
+from dataclasses import replace
+
+from solen.arrays import Progress, part_of
+from solen.errors import SolenError, SpecError
+from solen.explore.optimise.optimum import INTERRUPTED, Optimum
+from solen.explore.optimise.options import OptimiseOptions
+from solen.explore.optimise.task import Task
+from solen.explore.requirement import Requirement
+from solen.explore.store import Store
+from solen.explore.subject import Subject, design_of
+from solen.explore.tolerance import ToleranceOptions, Tolerances, tolerance
+from solen.explore.usual import variations_of
+from solen.sensor import Sensor
+
+FEWEST = 32
+OF_PRINTS = ("prints", "vary", "require")
+
+
+def check_prints(subject: Subject, options: OptimiseOptions) -> bool:
+    """Whether prints are to be traced after a search.
+
+    Raises
+    ------
+    SpecError
+        Where what varies or is required is malformed, or would be ignored.
+    """
+    stated = next((name for name in OF_PRINTS if name in options.model_fields_set), None)
+    if len(options.minimise) + len(options.maximise) > 1:
+        if stated is not None:
+            limit = "is for prints of one result, and a front has several"
+            remedy = "leave it out, and take solen explore tolerance of a design of the front"
+            raise SpecError(f"--{stated}", limit=limit, remedy=remedy)
+        return False
+    if not options.prints and (options.vary or options.require):
+        raise SpecError("--prints", value=0, limit="leaves --vary and --require without prints", remedy="leave it out")
+    if 0 < options.prints < FEWEST:
+        raise SpecError("--prints", value=options.prints, limit=f"must be 0 or at least {FEWEST}")
+    if options.prints:
+        asked = _of_prints(options)
+        variations_of(Sensor.of(design_of(subject)), asked.vary, asked.process, compensated=asked.compensated)
+        for text in asked.require:
+            Requirement.parse(text)
+    return bool(options.prints)
+
+
+def with_prints(
+    optimum: Optimum,
+    subject: Subject,
+    options: OptimiseOptions,
+    store: Store | None = None,
+    progress: Progress | None = None,
+) -> Optimum:
+    """Result of a search with prints of it and of the design before; as it is where none are asked for.
+
+    Ctrl-C ends without them, and a warning says so; another says why they cannot be traced.
+    """
+    design = design_of(subject)
+    if optimum.interrupted or not check_prints(design, options):
+        return optimum
+    store, asked = Store() if store is None else store, _of_prints(options)
+    process = Task.of(design, options).process if options.as_printed else None
+    settings = None if process is None else process.process
+    known, traced = len(store.points), []
+    try:
+        for place, one in enumerate((design, optimum.design)):
+            part = part_of(progress, place, 2)
+            traced.append(tolerance(one, asked, store, part, printed_by=settings))
+    except KeyboardInterrupt:
+        return replace(optimum, interrupted=True, warnings=(*optimum.warnings, INTERRUPTED))
+    except SolenError as bad:
+        return replace(optimum, warnings=(*optimum.warnings, f"prints are not compared: {bad}"))
+    before, after = traced
+    return replace(
+        optimum,
+        prints_before=before,
+        prints_after=after,
+        traced=optimum.traced + len(store.points) - known,
+        warnings=(*optimum.warnings, *_warnings("the design", before), *_warnings("the result", after)),
+    )
+
+
+def _of_prints(options: OptimiseOptions) -> ToleranceOptions:
+    """What a search is asked about prints; walls grow about what is drawn, as the search traces that."""
+    return ToleranceOptions(
+        vary=options.vary,
+        require=options.require,
+        prints=options.prints,
+        seed=options.seed,
+        tolerance=options.tolerance,
+        process=options.process,
+        compensated=options.process is not None,
+    )
+
+
+def _warnings(what: str, prints: Tolerances) -> list[str]:
+    return [f"prints of {what}: {text}" for text in prints.warnings]
