@@ -1,9 +1,13 @@
 """The sensor as it is drawn: rays of the plane, and handles that come where they are dragged."""
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from solen.errors import DesignError
+from solen.plane import Point
 from solen.sensor import Sensor, dragged, in_plane, picture
 from solen.spec import loads, template
 from solen.trace import trace
@@ -54,11 +58,93 @@ def test_a_drag_beyond_the_motion_stops_at_its_end(sensor: Sensor) -> None:
     assert dragged(sensor, "turn", (-100.0, -1.0))[0] == -3.0
 
 
-def test_a_handle_that_is_not_there_is_refused() -> None:
-    bent = Sensor.of(loads(template("paper-860")).set({"motion.kind": "bend"}))
-    assert picture(bent, 1.0).handles == {}
+def brought(sensor: Sensor, handle: str, to: Point, angle_deg: float = 0.0) -> Point:
+    """Where a handle comes by three steps of a drag: an emitter's distance changes the lens, and with it the base."""
+    for _ in range(3):
+        sensor = sensor.set(dragged(sensor, handle, to, angle_deg)[1])
+    return picture(sensor, angle_deg).handles[handle]
+
+
+def test_a_bend_is_dragged(sensor: Sensor) -> None:
+    bent = sensor.set({"motion.kind": "bend", "motion.to_deg": 20.0})
+    angle, values = dragged(bent, "turn", picture(bent, 12.5).handles["turn"], 3.0)
+    assert (angle, values) == (12.5, {})
+    assert dragged(bent, "turn", (100.0, -1.0))[0] == 20.0
+    x, z = picture(bent, 12.5).handles["emitter"]
+    assert brought(bent, "emitter", (x + 0.1, z - 0.2), 12.5) == pytest.approx((x + 0.1, z - 0.2), abs=0.002)
     with pytest.raises(DesignError, match="pivot"):
         dragged(bent, "pivot", (0.0, 0.0))
+
+
+THROUGH = {
+    "network.nodes[5].at_mm": [-11.0, 22.5],
+    "network.guides[1].direction_deg": None,
+    "network.guides[1].length_mm": None,
+    "network.guides[1].through_mm": [[-5.5, 20.0]],
+}
+SLAB = {
+    "solen_outline": 1,
+    "faces": [
+        {"name": name, "curve": {"kind": "segment", "a": a, "b": b}}
+        for name, a, b in (
+            ("lens", [2.0, 0.0], [-2.0, 0.0]),
+            ("wall", [-2.0, 0.0], [-2.0, 9.0]),
+            ("receiver-left", [-2.0, 9.0], [0.0, 9.0]),
+            ("receiver-right", [0.0, 9.0], [2.0, 9.0]),
+            ("wall", [2.0, 9.0], [2.0, 0.0]),
+        )
+    ],
+    "emitters": [{"point": [0.2, -1.0], "axis_deg": 5.0, "width_mm": 0.3}],
+}
+OUTLINE = """schema = 1
+name = "drawn"
+[material]
+index = 1.44
+[body]
+kind = "outline"
+file = "slab.json"
+[emitter]
+pattern = "lambertian"
+[motion]
+moves = ["emitter"]
+pivot = [0.5, 2.0]
+"""
+
+
+def test_an_outlines_emitter_and_motion_are_dragged(tmp_path: Path) -> None:
+    """Where the drawing shows the emitter, its direction and width stay as drawn."""
+    (tmp_path / "slab.json").write_text(json.dumps(SLAB), encoding="utf-8")
+    drawn = Sensor.of(loads(OUTLINE, folder=tmp_path))
+    image = picture(drawn, 2.0)
+    assert list(image.handles) == ["turn", "pivot", "emitter"]
+    x, z = image.handles["emitter"]
+    _, values = dragged(drawn, "emitter", (x + 0.1, z - 0.2), 2.0)
+    moved = picture(drawn.set(values), 2.0)
+    assert moved.handles["emitter"] == pytest.approx((x + 0.1, z - 0.2), abs=0.002)
+    assert moved.emitter - image.emitter == pytest.approx(np.tile([0.1, -0.2], (2, 1)), abs=0.002)
+    assert dragged(drawn, "turn", picture(drawn, 1.25).handles["turn"])[0] == 1.25
+
+
+@pytest.fixture(scope="module")
+def net() -> Sensor:
+    return Sensor.of(loads(template("hand-860")).set(THROUGH))
+
+
+@pytest.mark.parametrize(
+    "handle",
+    ["node-thumb-tip", "node-index-tip", "node-ring-tip", "emitter-index", "receiver-ring-side", "through-thumb-1"],
+)
+def test_a_networks_parts_are_dragged(net: Sensor, handle: str) -> None:
+    """Also with the fingers bent: to where it is dragged, on a side along it."""
+    angle = 0.0 if handle.startswith("through") else 6.0
+    bent = net.set({"network.motion[0].at_deg": angle, "network.motion[1].at_deg": -angle, "network.lit": "index"})
+    x, z = picture(bent).handles[handle]
+    by = (0.1, -0.2)
+    if handle.startswith("receiver"):
+        face = bent.body().face("receiver-ring-side").curve
+        by = tuple(np.subtract(face.end, face.start) / 8.0)
+    to = (x + by[0], z + by[1])
+    assert brought(bent, handle, to) == pytest.approx(to, abs=0.01)
 
 
 def test_a_lens_of_space_is_drawn_as_the_oval() -> None:

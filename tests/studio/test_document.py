@@ -10,8 +10,9 @@ import pytest
 
 from solen.errors import OutputError, SpecError
 from solen.pipeline.design.designs import open_design
+from solen.sensor import dragged, picture
 from solen.spec import json_schema, load, template, template_names
-from solen.studio.answers import View, drawn, effective, shown
+from solen.studio.answers import View, alight, better, drawn, effective, shown
 from solen.studio.commands import same_as
 from solen.studio.document import Document
 from solen.studio.frames import VERSION, decoded, encoded
@@ -136,6 +137,25 @@ def test_every_shipped_design_is_drawn(tmp_path: Path, name: str) -> None:
     assert set(head["values"]) == set(json_schema()["properties"]) - {"schema"}
     if name == "hand-860":
         assert "a network" in head["no_curve"]
+        assert {"emitter-wrist", "node-thumb-tip", "receiver-ring-side"} <= set(head["handles"])
+        assert head["emitters"] == ["wrist", "index", "ring"]
+
+
+def test_a_network_shows_the_powers_of_all_emitters_and_lights_the_chosen_one(tmp_path: Path) -> None:
+    (tmp_path / "a.toml").write_text(template("hand-860"), encoding="utf-8")
+    document = Document(tmp_path / "a.toml")
+    document.change({"network.motion[0].at_deg": 3.0})
+    head, _ = decoded(next(better(document.state, 1, View(), lambda: False)))
+    index = alight(document.state, View(lit="index"))
+    found = index.trace(mode="power", rays=20_000).detectors
+    for k, receiver in enumerate(head["receivers"]):
+        power, u = head["power"][0][1][k], head["u_power"][0][1][k]
+        assert power == pytest.approx(found[receiver].power, abs=4.0 * (u + 1e-3))
+    x, z = picture(index).handles["emitter-index"]
+    changed = document.change(dragged(index, "emitter-index", (x, z + 0.5))[1]).design.network.emitters
+    assert changed[1].distance_mm is not None, "of the chosen one"
+    assert changed[0].distance_mm is None
+    assert alight(document.state, View(lit="none")) is document.state.sensor
 
 
 def test_what_a_part_states_is_shown_as_what_holds(tmp_path: Path) -> None:

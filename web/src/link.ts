@@ -9,6 +9,7 @@ export interface View {
   light: "design" | "plane" | "space";
   lens: "own" | "designed" | "flat";
   tolerances: boolean;
+  lit?: string;
 }
 
 export interface Request {

@@ -2,6 +2,27 @@
 import { html, type TemplateResult } from "lit";
 import type { Curve } from "./response";
 
+// What each receiver of a network gets of each emitter, and its readings.
+export interface Powers {
+  emitters: string[];
+  receivers: string[];
+  readings: string[];
+  power: number[][][];
+  u_power: number[][][];
+  reading: (number | null)[][];
+  u_reading: (number | null)[][];
+  in_space: boolean;
+}
+
+export function powers({ emitters, receivers, readings, power, u_power, reading, u_reading, in_space }: Powers): TemplateResult {
+  const head = (first: string, names: string[]) => html`<thead><tr><th scope="col">${first}</th>${names.map((name) => html`<th scope="col">${name}</th>`)}</tr></thead>`;
+  return html`<p class="quality">Share of each emitter's power at each receiver, as the motions stand, ${in_space ? "in space" : "in the plane"}.</p>
+    <table class="merits powers">${head("Receiver", emitters)}<tbody>${receivers.map((name, k) => html`<tr><th scope="row">${name}</th>
+      ${emitters.map((_, i) => html`<td>${measured(power[0][i][k], u_power[0][i][k])}</td>`)}</tr>`)}</tbody></table>
+    ${readings.length ? html`<table class="merits readings">${head("Reading", ["value"])}<tbody>${readings.map((name, i) => html`<tr><th scope="row">${name}</th>
+      <td>${measured(reading[0][i], u_reading[0][i])}</td></tr>`)}</tbody></table>` : ""}`;
+}
+
 // A value with as many digits as its uncertainty warrants.
 export function measured(value: number | null | undefined, u: number | null | undefined): string {
   if (value === null || value === undefined) return "–";

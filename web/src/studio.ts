@@ -4,7 +4,7 @@ import { Drawing, type Colouring, type Picture } from "./drawing";
 import { fields, nameOf, restore, unitOf, type Schema, type Values } from "./fields";
 import type { Frame } from "./frames";
 import { Link, type Request, type View } from "./link";
-import { measured, merits, sign } from "./merits";
+import { measured, merits, powers, sign, type Powers } from "./merits";
 import { asked, front, progress, type Search, type Sought } from "./search";
 import { curveOf, ResponsePlot, type Band, type Curve, type Name } from "./response";
 
@@ -12,13 +12,29 @@ const HANDLES: Record<string, [string, string]> = {
   turn: ["Turn the lens", "arrow keys turn by 0.1°"],
   emitter: ["Emitter", "arrow keys move it by 0.01 mm"],
   pivot: ["Pivot of the motion", "arrow keys move it by 0.05 mm"],
-  "arm-right": ["End of the right arm", "arrow keys move it by 0.1 mm"],
-  "arm-left": ["End of the left arm", "arrow keys move it by 0.1 mm"],
+  arm: ["End of the arm", "arrow keys move it by 0.1 mm"],
+  node: ["Node", "arrow keys move it by 0.1 mm"],
+  through: ["Point of the guide", "arrow keys move it by 0.1 mm"],
+  lens: ["Lens", "arrow keys move it by 0.1 mm along its side"],
+  receiver: ["Receiver", "arrow keys move it by 0.1 mm along its side"],
+};
+// Kind of a handle, and which of its kind: "arm-right" is the right arm.
+const kindOf = (name: string) => name.split("-")[0];
+const handled = (name: string): [string, string] => {
+  const [words, keys] = HANDLES[kindOf(name)];
+  const which = name.slice(kindOf(name).length + 1);
+  return [which ? `${words} ${which}` : words, keys];
 };
 const STEPS: Record<string, number> = { emitter: 0.01, pivot: 0.05 };
 const ARROWS: Record<string, [number, number]> = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
 const LATE_MS = 400;
 const FEW = 5000; // rays of a response while something is dragged
+
+interface Motion {
+  name: string;
+  at_deg: number;
+  range_deg: [number, number];
+}
 
 interface Matter {
   key: string;
@@ -47,6 +63,7 @@ class Studio extends LitElement {
   private refused = "";
   private misleading = "";
   private noCurve = "";
+  private powers: Powers | null = null;
   private matters: Matter[] = [];
   private band: Band | undefined;
   private connected = false;
@@ -135,6 +152,8 @@ class Studio extends LitElement {
       this.matters = head.rows;
       this.band = { angle: arrays.angle.data, size: arrays.band.data };
       this.plot.show(this.curves, this.view.angle_deg, this.band);
+    } else if (head.kind === "powers") {
+      this.powers = head as unknown as Powers;
     } else if (head.kind === "words") {
       this.misleading = head.misleading;
     } else if (head.kind === "rest") {
@@ -254,7 +273,7 @@ class Studio extends LitElement {
       this.turnTo(this.view.angle_deg + (arrow[0] + arrow[1]) * by * step);
       return;
     }
-    const step = (STEPS[name] ?? 0.1) * by;
+    const step = (STEPS[kindOf(name)] ?? 0.1) * by;
     const [x, z] = this.picture.handles[name];
     this.dragHandle(name, [x + arrow[0] * step, z + arrow[1] * step], `keys ${name}`);
   }
@@ -355,7 +374,9 @@ class Studio extends LitElement {
 
   private legend(): TemplateResult {
     const entries: [string, string][] =
-      this.colouring === "receiver"
+      this.colouring === "receiver" && this.powers
+        ? [["hit", "a receiver"], ["lost", "lost"]]
+        : this.colouring === "receiver"
         ? [["right", "right receiver"], ["left", "left receiver"], ["lost", "lost"]]
         : this.colouring === "fate"
           ? [["hit", "detected"], ["lost", "escaped"], ["taken", "absorbed"], ["cut", "followed no further"]]
@@ -369,6 +390,16 @@ class Studio extends LitElement {
     return html`<fieldset class="choice" title=${hint}><legend>${label}</legend>${options.map(
       ([one, words]) => html`<button type="button" aria-pressed=${String(one === value)} @click=${() => take(one)}>${words}</button>`,
     )}</fieldset>`;
+  }
+
+  // The motions of a network, each by its name.
+  private stated(motions: Motion[]): TemplateResult {
+    return html`<div class="motions">${motions.map(({ name, at_deg, range_deg: [low, high] }, i) => html`<div class="angle">
+      <label for="motion-${i}">${name}</label>
+      <input id="motion-${i}" type="range" min=${low} max=${high} step=${(high - low) / 240} .value=${String(at_deg)}
+        @input=${(e: Event) => this.change(`network.motion[${i}].at_deg`, +(+(e.target as HTMLInputElement).value).toFixed(3), `motion ${name}`)}>
+      <output>${at_deg.toFixed(2).replace("-", "−")}°</output>
+    </div>`)}</div>`;
   }
 
   private tolerances(): void {
@@ -445,6 +476,8 @@ class Studio extends LitElement {
     const { whole, view, curves } = this;
     const shown = whole.in_space ? "space" : "plane";
     const light = view.light === "design" ? shown : view.light;
+    const emitters = (whole.emitters ?? []) as string[];
+    const motions = (whole.motions ?? []) as Motion[];
     return html`
       <header>
         <h1><span class="brand">solen studio</span> ${this.file}${this.changed.size && !whole.is_saved ? html`<span class="dot" title="not saved"> ●</span>` : nothing}</h1>
@@ -473,6 +506,8 @@ class Studio extends LitElement {
               this.redraw();
             })}
             ${whole.has_lens ? this.choice<View["lens"]>("Entry", view.lens, whole.is_measured ? [["own", "as printed"], ["designed", "designed"], ["flat", "flat face"]] : [["own", "lens"], ["flat", "flat face"]], (lens) => this.look({ lens })) : nothing}
+            ${emitters.length > 1 ? html`<label class="rays">Lit <select id="lit" @change=${(e: Event) => this.look({ lit: (e.target as HTMLSelectElement).value })}>
+              ${emitters.map((one) => html`<option .selected=${one === (view.lit ?? whole.lit)}>${one}</option>`)}</select></label>` : nothing}
             <label class="rays">Rays <input type="number" min="1" max="5000" .value=${String(view.rays)} @change=${(e: Event) => {
               const rays = Math.round(+(e.target as HTMLInputElement).value);
               this.look({ rays: Math.min(Math.max(rays || 200, 1), 5000) });
@@ -480,8 +515,8 @@ class Studio extends LitElement {
           </div>
           <div class="stage">
             <canvas role="img" aria-label="Section of the sensor with its rays in the plane, turned by ${view.angle_deg.toFixed(2)} ${this.unit}"></canvas>
-            ${Object.keys(this.picture?.handles ?? {}).map((name) => html`<button type="button" class="handle ${name}" id="handle-${name}"
-              aria-label="${HANDLES[name][0]}: ${HANDLES[name][1]}" title="${HANDLES[name][0]}: drag, or ${HANDLES[name][1]}"
+            ${Object.keys(this.picture?.handles ?? {}).map((name) => html`<button type="button" class="handle ${kindOf(name)}" id="handle-${name}"
+              aria-label=${handled(name).join(": ")} title=${handled(name).join(": drag, or ")}
               @pointerdown=${(e: PointerEvent) => this.grab(e, name)} @keydown=${(e: KeyboardEvent) => this.nudge(e, name)} @focus=${() => this.coordinates(name)}></button>`)}
             ${this.commands && whole.same ? this.same() : nothing}
             ${whole.offered ? html`<aside class="guide offered" aria-label="Unsaved changes">
@@ -503,22 +538,22 @@ class Studio extends LitElement {
             ${this.legend()}
             <output class="coordinates"></output>
           </div>
-          <div class="angle">
+          ${motions.length ? this.stated(motions) : html`<div class="angle">
             <label for="angle">${this.unit === "deg" ? "Angle" : "Driven"}</label>
             <input id="angle" type="range" min=${this.angles[0]} max=${this.angles[1]} step=${(this.angles[1] - this.angles[0]) / 600}
               .value=${String(view.angle_deg)} @input=${(e: Event) => this.turnTo(+(e.target as HTMLInputElement).value)}>
             <output>${view.angle_deg.toFixed(2).replace("-", "−")}${this.unit === "deg" ? "°" : ` ${this.unit}`}</output>
-          </div>
+          </div>`}
         </section>
         <section class="answer" aria-label="Response">
           <div class="tools">
             ${this.choice("Light", light, [["plane", "plane"], ["space", "space"]], (value) => this.look({ light: value === shown ? "design" : value }), "Where the response is traced; rays are drawn in the plane")}
-            <button type="button" aria-pressed=${String(view.tolerances)} @click=${() => this.tolerances()} title="What each number changes that is off by its tolerance">Tolerances</button>
+            ${emitters.length ? nothing : html`<button type="button" aria-pressed=${String(view.tolerances)} @click=${() => this.tolerances()} title="What each number changes that is off by its tolerance">Tolerances</button>
             <button type="button" aria-pressed=${String(!!curves.pinned)} @click=${() => this.pin()} title="Keep this curve to compare with">Pin</button>
-            <button type="button" aria-expanded=${String(this.searching)} @click=${() => this.searches()} title="Search for designs with a straighter response">Make it straighter</button>
+            <button type="button" aria-expanded=${String(this.searching)} @click=${() => this.searches()} title="Search for designs with a straighter response">Make it straighter</button>`}
           </div>
-          <div class="plot" role="img" aria-label="Contrast against the angle, with its uncertainty"></div>
-          <ul class="legend" aria-label="Curves">
+          <div class="plot" ?hidden=${emitters.length > 0} role="img" aria-label="Contrast against the angle, with its uncertainty"></div>
+          ${emitters.length ? (this.powers ? powers(this.powers) : html`<p class="quality">The powers are being traced …</p>`) : html`<ul class="legend" aria-label="Curves">
             <li><span class="line accent"></span>design, ± u</li>
             ${curves.flat ? html`<li><span class="line dashed lost"></span>no lens</li>` : nothing}
             ${curves.other ? html`<li><span class="line dashed hit"></span>${curves.other.head.in_space ? "in space" : "in the plane"}</li>` : nothing}
@@ -528,11 +563,11 @@ class Studio extends LitElement {
           <p class="quality">${this.quality()}
             <span class="kept">Curve as
               <button type="button" @click=${() => this.download("response", "svg")} aria-label="Response as SVG">SVG</button>
-              <button type="button" @click=${() => this.download("response", "png")} aria-label="Response as PNG">PNG</button></span></p>
+              <button type="button" @click=${() => this.download("response", "png")} aria-label="Response as PNG">PNG</button></span></p>`}
           ${this.misleading ? html`<p class="warning" role="alert">${this.misleading}</p>` : nothing}
           ${this.searching ? this.straighter() : nothing}
           ${view.tolerances ? this.ranking() : nothing}
-          ${merits(curves.own, curves.flat, this.angles, this.unit)}
+          ${emitters.length ? nothing : merits(curves.own, curves.flat, this.angles, this.unit)}
         </section>
       </main>
       <div role="status" class="status ${this.refused || !this.connected ? "refused" : ""}">${this.status()}</div>

@@ -1,22 +1,21 @@
 """A sensor at an angle as it is drawn in its plane: outline, emitter, rays, and handles by which it is taken.
 
 Whatever the design's rays, those drawn are rays of the plane: they show where light goes, and no power is read from
-them. A handle is a point that is dragged; `dragged` says which numbers of the design that changes.
+them. `dragged` says which numbers of the design change where a handle is dragged.
 
 The interface: `in_plane`, `picture` and `dragged`.
 """
 
-import math
-from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
 from solen.arrays import FloatArray
 from solen.errors import DesignError
-from solen.geometry import Body, arm_angle_deg
+from solen.geometry import Body
 from solen.plane import Point, Rigid
 from solen.results import Result
+from solen.sensor.handles import handles_of
 from solen.sensor.sensor import OF_SHAPES, Sensor
 from solen.spec import with_values
 from solen.trace import Limits, Trace, trace
@@ -27,9 +26,6 @@ WEAKEST = 0.01
 """Share of its ray's power below which a branch is not drawn."""
 FLAT_MM = 2e-3
 """Distance by which drawn outlines may leave the exact ones."""
-LEVER_MM = 8.0
-"""Distance of the handle that turns the lens from the pivot."""
-LEAST_MM = 1e-3
 
 
 class Picture(Result):
@@ -105,7 +101,7 @@ def picture(sensor: Sensor, angle_deg: float = 0.0, rays: int = RAYS, *, split: 
         emitter=_chip(body, flat.light.width_mm or body.emitter.width_mm),
         ends=(*names, *FATES[DETECTED + 1 :]),
         rays=_stretches(found, [names.index(name) if name else -1 for name in receivers], len(names), rays),
-        handles={name: place(sensor, angle_deg) for name, (place, _) in _handles(sensor).items()},
+        handles={name: handle.point for name, handle in handles_of(sensor, body, angle_deg).items()},
     )
 
 
@@ -117,12 +113,11 @@ def dragged(sensor: Sensor, handle: str, to: Point, angle_deg: float = 0.0) -> t
     DesignError
         If the sensor has no such handle.
     """
-    handles = _handles(sensor)
+    handles = handles_of(sensor, sensor.body(angle_deg), angle_deg)
     if handle not in handles:
         raise DesignError("handle", value=handle, limit=f"this sensor has {', '.join(handles) or 'none'}")
-    if handle == "turn":
-        return _turned_to(sensor, to), {}
-    return angle_deg, handles[handle][1](sensor, to, angle_deg)
+    one = handles[handle]
+    return angle_deg if one.angle is None else one.angle(to), one.values(to)
 
 
 def _chip(body: Body, width_mm: float) -> FloatArray:
@@ -146,88 +141,3 @@ def _stretches(found: Trace, receiver: list[int], receivers: int, rays: int) -> 
     stop = start + length[:, None] * np.column_stack([legs["dx"], legs["dz"]])
     power = (legs["power_s"] + legs["power_p"]) * rays
     return np.column_stack([start, stop, power, np.repeat(end, last - new + 1)])
-
-
-Place = Callable[[Sensor, float], Point]
-Values = Callable[[Sensor, Point, float], dict[str, Any]]
-
-
-def _handles(sensor: Sensor) -> Mapping[str, tuple[Place, Values]]:
-    """Handles of a sensor: those of a Y whose parts turn about a pivot."""
-    design = sensor.design
-    if design.body.kind != "y" or design.motion.kind != "rotation":
-        return {}
-    emitter = {"emitter": (_emitter, _with_emitter)} if sensor.light.ray_file is None else {}
-    arms = {f"arm-{side}": (_arm(sign), _with_arm(sign)) for side, sign in (("right", 1), ("left", -1))}
-    return {"turn": (_lever, lambda *_: {}), **emitter, "pivot": (lambda own, _: _pivot(own), _with_pivot), **arms}
-
-
-def _pivot(sensor: Sensor) -> Point:
-    pivot = sensor.design.motion.pivot
-    if pivot == "emitter":
-        return (0.0, -sensor.design.emitter.distance_mm)
-    return sensor.body(0.0).marks["stem-base"] if pivot == "stem-base" else pivot
-
-
-def _turn(sensor: Sensor, angle_deg: float) -> Rigid:
-    """Turn of the emitter."""
-    return Rigid.about(_pivot(sensor), angle_deg if "emitter" in sensor.design.motion.moves else 0.0)
-
-
-def _lever(sensor: Sensor, angle_deg: float) -> Point:
-    x, z = _pivot(sensor)
-    return Rigid.about((x, z), angle_deg).point((x, z - LEVER_MM))
-
-
-def _turned_to(sensor: Sensor, to: Point) -> float:
-    """Angle within the motion at which the lever points to ``to``."""
-    x, z = _pivot(sensor)
-    angle = math.degrees(math.atan2(to[0] - x, z - to[1]))
-    motion = sensor.design.motion
-    return round(min(max(angle, motion.from_deg), motion.to_deg), 2)
-
-
-def _emitter(sensor: Sensor, angle_deg: float) -> Point:
-    emitter = sensor.design.emitter
-    return _turn(sensor, angle_deg).point((emitter.offset_mm, -emitter.distance_mm))
-
-
-def _with_emitter(sensor: Sensor, to: Point, angle_deg: float) -> dict[str, Any]:
-    x, z = _turn(sensor, -angle_deg).point(to)
-    return {"emitter.offset_mm": round(x, 3), "emitter.distance_mm": max(round(-z, 3), LEAST_MM)}
-
-
-def _with_pivot(_: Sensor, to: Point, __: float) -> dict[str, Any]:
-    return {"motion.pivot": [round(to[0], 2), round(to[1], 2)]}
-
-
-def _arm(side: int) -> Place:
-    """Middle of an arm's end."""
-
-    def place(sensor: Sensor, _: float) -> Point:
-        x, z = _shoulder(sensor, side)
-        angle, length = math.radians(arm_angle_deg(sensor.design)), sensor.design.body.arm_length_mm
-        return (x + side * length * math.sin(angle), z + length * math.cos(angle))
-
-    return place
-
-
-def _with_arm(side: int) -> Values:
-    def values(sensor: Sensor, to: Point, _: float) -> dict[str, Any]:
-        fork = sensor.body(0.0).marks["fork-right" if side > 0 else "fork-left"]
-        half = 0.5 * sensor.design.body.arm_width_mm
-        across, up = side * (to[0] - fork[0]), to[1] - fork[1]
-        # the arm's axis runs beside the fork at half its width: a triangle with a right angle at the fork
-        angle = math.atan2(across, up) + math.asin(min(half / max(math.hypot(across, up), half), 1.0))
-        length = math.sqrt(max(across**2 + up**2 - half**2, LEAST_MM))
-        limited = min(max(round(math.degrees(angle), 2), 0.01), 89.0)
-        return {"body.arm_angle_deg": limited, "body.arm_length_mm": round(length, 2)}
-
-    return values
-
-
-def _shoulder(sensor: Sensor, side: int) -> Point:
-    """Where the middle line of an arm begins: half its width inwards of the fork."""
-    fork = sensor.body(0.0).marks["fork-right" if side > 0 else "fork-left"]
-    angle, half = math.radians(arm_angle_deg(sensor.design)), 0.5 * sensor.design.body.arm_width_mm
-    return (fork[0] - side * half * math.cos(angle), fork[1] + half * math.sin(angle))

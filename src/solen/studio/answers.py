@@ -12,8 +12,10 @@ from solen.explore.matters import Matter, band, matters
 from solen.explore.optimise import straighter
 from solen.results import plain
 from solen.sensor import Sensor, as_built, in_plane, picture
+from solen.sensor.network.response import network_response
 from solen.sensor.picture import MOST_RAYS, RAYS
 from solen.spec import json_schema
+from solen.spec.placed import lit
 from solen.spec.strict import Number, Strict
 from solen.spec.toml import DEFERRED
 from solen.studio.commands import same_as
@@ -38,6 +40,7 @@ class View(Strict):
     lens: Literal["own", "designed", "flat"] = Field(
         "own", description="The design's lens, of a measured one that which it was designed as, or a flat face."
     )
+    lit: str | None = Field(None, max_length=200, description="Emitter of a network that lights; default: network.lit.")
 
 
 class Asked(Strict):
@@ -46,7 +49,7 @@ class Asked(Strict):
     id: int = Field(0, ge=0, lt=2**53, description="Number of the request, which the answer bears.")
     view: View | None = Field(None, description="How the page looks at the design from now on.")
     values: dict[str, Any] = Field(default_factory=dict, max_length=64, description="Values by dotted key.")
-    handle: str | None = Field(None, max_length=20, description="Handle that is dragged.")
+    handle: str | None = Field(None, max_length=200, description="Handle that is dragged.")
     to: tuple[Number, Number] | None = Field(None, description="Where to.")
     gesture: str = Field("", max_length=60, description="Changes of one gesture are undone together.")
     do: Literal["undo", "redo", "save", "reload", "cancel", "suggest", "restore", "leave"] | None = Field(
@@ -70,9 +73,20 @@ def suggested(state: State) -> bytes:
     return encoded({"kind": "suggested", "sought": sought.model_dump()})
 
 
+def in_space(sensor: Sensor) -> bool:
+    """Whether rays are traced in space."""
+    return sensor.design.trace.dimension == "extruded"
+
+
+def alight(state: State, view: View) -> Sensor:
+    """The design's sensor, of a network with the emitter alight that a page chose, while there is one."""
+    names = [one.name for one in state.design.network.emitters]
+    return state.sensor if view.lit not in names else Sensor.of(lit(state.design, view.lit))
+
+
 def shown(state: State, view: View) -> Sensor:
     """Sensor whose response a page shows."""
-    sensor = state.sensor
+    sensor = alight(state, view)
     if view.lens == "designed" and sensor.is_measured:
         sensor = sensor.as_designed
     elif view.lens == "flat" and sensor.has_lens and not sensor.is_drawn:
@@ -83,7 +97,9 @@ def shown(state: State, view: View) -> Sensor:
 
 
 def within(state: State, angle_deg: float) -> float:
-    """The nearest angle within the motion, or whatever else that drives."""
+    """The nearest angle within the motion, or whatever else that drives; 0 of a network, whose motions have names."""
+    if state.sensor.is_network:
+        return 0.0
     values = state.design.motion.values()
     return min(max(angle_deg, values[0]), values[-1])
 
@@ -137,7 +153,13 @@ def _whole(document: Document, state: State) -> dict[str, Any]:
         "offered": "" if document.offered is None else document.offered.name,
         "has_lens": state.sensor.has_lens and not state.sensor.is_drawn,
         "is_measured": state.sensor.is_measured,
-        "in_space": state.design.trace.dimension == "extruded",
+        "in_space": in_space(state.sensor),
+        "emitters": [one.name for one in state.design.network.emitters],
+        "lit": state.sensor.design.network.lit,
+        "motions": [
+            {"name": one.name, "at_deg": one.at_deg, "range_deg": [one.from_deg, one.to_deg]}
+            for one in state.design.network.motion
+        ],
     }
 
 
@@ -159,6 +181,10 @@ def effective(sensor: Sensor) -> dict[str, Any]:
 def better(state: State, version: int, view: View, stop: Callable[[], bool]) -> Iterator[bytes]:
     """Frames of the response as it becomes better, and of what it is compared with; ends early where ``stop``."""
     sensor = shown(state, view)
+    if sensor.is_network:
+        yield encoded({"kind": "powers", "in_space": in_space(sensor), **plain(network_response(sensor.design, [{}]))})
+        yield encoded({"kind": "rest", "version": version})
+        return
     compared = False
     for own in refined(sensor, stop):
         yield _frame("own", own)

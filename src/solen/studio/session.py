@@ -9,7 +9,7 @@ from typing import Any
 
 from solen.errors import SolenError, SpecError
 from solen.sensor.picture import dragged
-from solen.studio.answers import Asked, View, better, drawn, hello, suggested, tolerated, within
+from solen.studio.answers import Asked, View, alight, better, drawn, hello, suggested, tolerated, within
 from solen.studio.document import Document
 from solen.studio.frames import encoded
 from solen.studio.search import adopted, begin
@@ -125,7 +125,7 @@ class Session:
             notes.append(suggested(document.state))
         values = asked.values
         if asked.handle is not None and asked.to is not None:
-            angle, values = dragged(document.state.sensor, asked.handle, asked.to, view.angle_deg)
+            angle, values = dragged(alight(document.state, view), asked.handle, asked.to, view.angle_deg)
             view = view.model_copy(update={"angle_deg": angle})
         if values:
             document.change(values, asked.gesture, within(document.state, view.angle_deg))
