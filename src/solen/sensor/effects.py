@@ -19,6 +19,8 @@ import numpy as np
 
 from solen.arrays import FloatArray, Progress
 from solen.errors import SolenError
+from solen.geometry.network import network_lenses
+from solen.lens import Lens
 from solen.material import Optical, Tabulated
 from solen.parts import Light
 from solen.results import Result, reported
@@ -42,6 +44,8 @@ TOLERANCE, STANDARD_ERROR = 3e-4, 1e-3
 """Tolerance of integrated powers, and standard error of sampled ones."""
 NEAR_SHARE = 1 / 3
 OF_MATERIAL = {"material.absorption_per_mm", "emitter.wavelength_nm"}
+OFF_A_DRAWING = ("emitter.", "material.", "network.emitters[")
+"""Beginnings of keys of numbers that a network's lenses are not drawn again for."""
 """Numbers beside the index that the material at the emitter's wavelength depends on."""
 RESOLVED = 2.0
 """A change counts if it exceeds this multiple of its uncertainty."""
@@ -134,12 +138,19 @@ def as_built(sensor: Sensor, steps: Mapping[str, float]) -> Sensor:
     values = {key: number(sensor, key) + step for key, step in steps.items() if key != "material.index"}
     other = Sensor.of(with_values(sensor.design, values)) if values else sensor
     drawn = {key: value for key, value in values.items() if key.startswith("lens.")}
-    material = other.material if OF_MATERIAL & values.keys() else sensor.material
+    material = other.material if sensor.is_network or OF_MATERIAL & values.keys() else sensor.material
     return replace(
         other,
         material=_offset(material, index, other.light) if index else material,
         cut=Sensor.of(with_values(sensor.design, drawn)).cut if drawn else sensor.cut,
+        lenses=_lenses_cut(sensor, values) if sensor.is_network else None,
     )
+
+
+def _lenses_cut(sensor: Sensor, values: Mapping[str, float]) -> dict[str, Lens]:
+    """Lenses of a network, drawn for what was designed: emitters and the material are off, drawings are not."""
+    drawn = {key: value for key, value in values.items() if not key.startswith(OFF_A_DRAWING)}
+    return network_lenses(with_values(sensor.design, drawn))
 
 
 def swept(sensor: Sensor, angles: Sequence[float], known: Response | None = None) -> Response:

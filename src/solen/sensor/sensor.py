@@ -5,7 +5,7 @@ Everything that depends on the angle is a method.
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from threading import RLock
@@ -16,7 +16,7 @@ import numpy as np
 from solen.arrays import Progress
 from solen.errors import DesignError, SolenError, SpecError
 from solen.geometry import BODY_KINDS, Body, are_mirrored, body_of
-from solen.geometry.network import network_lenses
+from solen.geometry.network import network_body, network_lenses
 from solen.lens import FlatFace, Lens, LensInSpace, MeasuredLens, lens_of
 from solen.material import Optical, optical
 from solen.mechanics.design import LoadedBody
@@ -66,12 +66,14 @@ class TraceKeywords(TypedDict, total=False):
 class Sensor:
     """A design with its material and lens; make it with `Sensor.of`. A drawn body and a network have no ``cut`` lens.
 
-    Of a network it is that of one emitter, ``design.network.lit``, with the motions at their ``at_deg``.
+    Of a network it is that of one emitter, ``design.network.lit``, with the motions at their ``at_deg``; ``lenses`` are
+    its lenses by name where they were cut for other numbers than those of the design.
     """
 
     design: Design
     material: Optical
     cut: Lens | None
+    lenses: Mapping[str, Lens] | None = field(default=None, compare=False)
 
     @classmethod
     def of(cls, design: Design | Path | str) -> "Sensor":
@@ -150,6 +152,8 @@ class Sensor:
 
         Of a loaded design the value is that of what is driven, in deg, mm or N: here and wherever an angle is asked.
         """
+        if self.lenses is not None:
+            return network_body(self.design, angle_deg or 0.0, self.lenses)
         if angle_deg is None or not self.is_loaded:
             return body_of(self.design, self.cut, angle_deg or 0.0)
         return self.loaded.state(angle_deg).body

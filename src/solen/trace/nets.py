@@ -25,6 +25,7 @@ def by_nets(
     most_legs: int | None = None,
     threads: int | None = None,
     first_rays: int = FIRST_RAYS,
+    seed: int = 0,
 ) -> Trace:
     """Power at every receiver by ever more rays, until every receiver's standard error is within the tolerance.
 
@@ -42,10 +43,12 @@ def by_nets(
         Number of straight stretches of light beyond which no more rays follow.
     first_rays
         Number of rays that it begins with.
+    seed
+        Of the nets: another gives others.
     """
     rays = first_rays
     while True:
-        found = trace(with_rays(scene, rays), mode, limits, sampling="sobol", threads=threads)
+        found = trace(with_rays(scene, rays), mode, limits, sampling="sobol", seed=seed, threads=threads)
         if found.u_power <= tolerance:
             return found
         if rays >= most_rays or (most_legs is not None and TIMES * found.hits > most_legs):

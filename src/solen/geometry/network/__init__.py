@@ -1,5 +1,8 @@
 """A body that is a network of guides: nodes, guides between them, and what stands on their ends and sides."""
 
+from collections.abc import Mapping
+from dataclasses import replace
+
 from solen.errors import DesignError
 from solen.geometry.body import Body
 from solen.geometry.network.outline import Walk, check_places, outlines
@@ -13,8 +16,10 @@ from solen.spec.placed import lit
 __all__ = ["Plan", "at_rest", "network_body", "network_lenses", "plan_of"]
 
 
-def network_body(design: Design, angle_deg: float = 0.0) -> Body:
+def network_body(design: Design, angle_deg: float = 0.0, lenses: Mapping[str, Lens] | None = None) -> Body:
     """Checked body of a network with its motions at their angles, before the emitter that lights.
+
+    It has ``lenses`` by name in place of those cut for the design, where they are stated.
 
     Raises
     ------
@@ -25,7 +30,8 @@ def network_body(design: Design, angle_deg: float = 0.0) -> Body:
         limit = "a network has motions by name, and no single angle"
         raise DesignError("angle_deg", value=angle_deg, limit=limit, remedy="set network.motion[0].at_deg")
     design = lit(design)
-    walk = Walk.of(plan_of(design))
+    plan = plan_of(design)
+    walk = Walk.of(plan if lenses is None else replace(plan, lenses=dict(lenses)))
     check_places(walk)
     bare = [behind_gap(outline, design.receivers.gap_mm) for outline in outlines(walk)]
     first, *others = with_walls([faces for faces, _ in bare], design.wall)

@@ -16,7 +16,7 @@ from solen.sensor.network.response import (
     unread_in,
 )
 from solen.sensor.network.slopes import NetworkSensitivities, network_sensitivities
-from solen.sensor.network.study import NetworkStudy, network_study
+from solen.sensor.network.study import NetworkStudy, courses, network_study
 
 __all__ = [
     "USUAL_TOLERANCE",
@@ -27,6 +27,7 @@ __all__ = [
     "NetworkSensitivities",
     "NetworkStudy",
     "NetworkTrace",
+    "courses",
     "in_turn",
     "network_check",
     "network_response",

@@ -8,7 +8,7 @@ The interface: `in_turn` for its sensors, `network_trace` at one state, `network
 
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import field
 
@@ -132,6 +132,9 @@ def network_response(
     angles_deg: Sequence[Mapping[str, float]],
     tolerance: float = USUAL_TOLERANCE,
     progress: Progress | None = None,
+    *,
+    built: Callable[[Sensor], Sensor] | None = None,
+    lattice: int = 0,
 ) -> NetworkResponse:
     """Response of a network in power over states, each the angles of its motions by name.
 
@@ -145,6 +148,10 @@ def network_response(
         Largest uncertainty of a power, as of `Sensor.power`.
     progress
         Called with the completed share, up to 1.
+    built
+        Makes of a sensor what is traced in its place, as a part that is off its design.
+    lattice
+        Number of the rays' lattice: another gives others.
 
     Raises
     ------
@@ -155,9 +162,14 @@ def network_response(
     """
     moved = [state_of(design, state) for state in angles_deg]
     rows: list[list[Trace]] = []
+
+    def traced(each: Design) -> list[Trace]:
+        sensors = in_turn(each) if built is None else map(built, in_turn(each))
+        return [_traced(sensor, tolerance, lattice) for sensor in sensors]
+
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
         try:
-            for row in pool.map(lambda each: [_traced(sensor, tolerance) for sensor in in_turn(each)], moved):
+            for row in pool.map(traced, moved):
                 rows.append(row)
                 if progress is not None:
                     progress(len(rows) / len(moved))
@@ -166,14 +178,13 @@ def network_response(
     return _response(in_turn(design), [[one.at_deg for one in each.network.motion] for each in moved], rows)
 
 
-def _traced(sensor: Sensor, tolerance: float) -> Trace:
+def _traced(sensor: Sensor, tolerance: float, lattice: int) -> Trace:
     """Powers of one emitter's light: by samples to a rough tolerance, else integrated, or sampled where that fails."""
     if tolerance < ROUGH:
         return sensor.reading(tolerance=tolerance)[0]
-    first = 2 ** round(math.log2(RAYS_OF_ONE / tolerance**2))
-    return by_nets(
-        sensor.scene(), tolerance, "roulette", most_rays=MOST_SAMPLED, threads=1, first_rays=max(first, FEWEST_RAYS)
-    )
+    first = max(2 ** round(math.log2(RAYS_OF_ONE / tolerance**2)), FEWEST_RAYS)
+    scene = sensor.scene()
+    return by_nets(scene, tolerance, "roulette", most_rays=MOST_SAMPLED, threads=1, first_rays=first, seed=lattice)
 
 
 def _response(

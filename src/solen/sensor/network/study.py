@@ -1,8 +1,8 @@
 """Response of a network over the range of each of its motions."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import field, replace
-from itertools import pairwise
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from solen.sensor.network.check import NetworkCheck, network_check
 from solen.sensor.network.response import USUAL_TOLERANCE, NetworkResponse, in_turn, network_response, unread_in
 from solen.sensor.sensor import Sensor
 from solen.spec import Design
+from solen.spec.network import Network
 
 
 class NetworkStudy(Result):
@@ -50,32 +51,39 @@ class NetworkStudy(Result):
 def network_study(design: Design, progress: Progress | None = None, tolerance: float = USUAL_TOLERANCE) -> NetworkStudy:
     """Response of a network as it stands, and over the range of each of its motions; see `network_response`."""
     check, sensors = network_check(design), in_turn(design)
-    ranges = {motion.name: [{motion.name: angle} for angle in motion.angles_deg()] for motion in design.network.motion}
-    every = [{}, *(state for row in ranges.values() for state in row)]
+    every, places = courses(design.network)
     whole = network_response(design, every, tolerance, progress)
-    ends = np.cumsum([1, *(len(row) for row in ranges.values())]).tolist()
-    parts = pairwise(ends)
-    sweeps = {name: _part(whole, *part) for name, part in zip(ranges, parts, strict=True)}
+    sweeps = {name: _part(whole, part) for name, part in places.items()}
     return NetworkStudy(
         sensors=sensors,
         design=design,
         check=check,
-        at_rest=_part(whole, 0, 1),
+        at_rest=_part(whole, [0]),
         sweeps=sweeps,
         warnings=(*check.warnings, *_rough(whole, design), *unread_in(whole)),
     )
 
 
-def _part(whole: NetworkResponse, low: int, high: int) -> NetworkResponse:
+def courses(network: Network) -> tuple[list[dict[str, float]], dict[str, list[int]]]:
+    """States of each motion over its range, the others as they stand, and their places by motion; the first is rest."""
+    every: list[dict[str, float]] = [{}]
+    places: dict[str, list[int]] = {}
+    for motion in network.motion:
+        angles = motion.angles_deg()
+        moved = [angle for angle in angles if angle != motion.at_deg]
+        own = {angle: len(every) + place for place, angle in enumerate(moved)}
+        every += [{motion.name: angle} for angle in moved]
+        places[motion.name] = [own.get(angle, 0) for angle in angles]
+    return every, places
+
+
+def _part(whole: NetworkResponse, places: Sequence[int]) -> NetworkResponse:
     """Some states of a response."""
+    own = ("angle_deg", "power", "u_power", "reading", "u_reading")
     return replace(
         whole,
-        angle_deg=whole.angle_deg[low:high],
-        power=whole.power[low:high],
-        u_power=whole.u_power[low:high],
-        reading=whole.reading[low:high],
-        u_reading=whole.u_reading[low:high],
-        ledgers=whole.ledgers[low:high],
+        ledgers=tuple(whole.ledgers[place] for place in places),
+        **{name: getattr(whole, name)[list(places)] for name in own},
     )
 
 
