@@ -18,7 +18,8 @@ from solen.trace import Limits, Trace, derivative, integrate, trace
 from solen.trace.adaptive import Lights, why_not
 from solen.trace.cells import Cell, Cells
 from solen.trace.cone import DOUBLE
-from solen.trace.kernel.paths import add_rays, at_angles, heading, integrate_path, path_room, trace_rays
+from solen.trace.kernel.family import at_angles, heading
+from solen.trace.kernel.paths import add_rays, integrate_path, path_room, trace_rays
 from solen.trace.kernel.prism import NO_DRAW
 from solen.trace.space import LightInSpace
 

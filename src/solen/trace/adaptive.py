@@ -24,8 +24,9 @@ from solen.scene import Scene, Source
 from solen.scene.sources import Emission, Emitter
 from solen.trace.cone import COARSE, COARSE_TOLERANCE, RULE, Cone, Integral, weighted_sum
 from solen.trace.kernel import adapt
+from solen.trace.kernel.family import FamilyInSpace
 from solen.trace.kernel.nearest import walls_of
-from solen.trace.kernel.prism import MORE_COLUMNS, FamilyInSpace
+from solen.trace.kernel.prism import MORE_COLUMNS
 from solen.trace.kernel.step import Rules
 from solen.trace.kernel.surface import SPLITTING
 from solen.trace.kernel.tree import Family

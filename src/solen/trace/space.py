@@ -29,8 +29,9 @@ from solen.trace.cells import COARSE, FINE, POINT, Bounds, Cell, Over, accounted
 from solen.trace.cone import COARSE_TOLERANCE, DOUBLE, Integral, weighted_sum
 from solen.trace.kernel import paths
 from solen.trace.kernel.cells import Light, new_nodes, over_cells
+from solen.trace.kernel.family import FamilyInSpace
 from solen.trace.kernel.nearest import Walls, walls_of
-from solen.trace.kernel.prism import MORE_COLUMNS, FamilyInSpace
+from solen.trace.kernel.prism import MORE_COLUMNS
 from solen.trace.kernel.step import Rules
 from solen.trace.tables import Tables
 from solen.trace.tail import Tail

@@ -18,8 +18,8 @@ from solen.scene.sources import Source
 from solen.scene.sources.points import sample
 from solen.trace.cone import DOUBLE, Integral
 from solen.trace.kernel import paths
+from solen.trace.kernel.family import FamilyInSpace
 from solen.trace.kernel.nearest import Walls
-from solen.trace.kernel.prism import FamilyInSpace
 
 SCRAMBLINGS, SEED = 16, 20260
 FIRST_SAMPLES, MOST_SAMPLES = 32, 1 << 20

@@ -13,8 +13,7 @@ import numpy as np
 
 from solen.arrays import FloatArray, IntArray
 from solen.trace.kernel import tally
-from solen.trace.kernel.batch import Starts, Tasks, trace_tasks
-from solen.trace.kernel.batch_space import trace_tasks_in_space
+from solen.trace.kernel.batch import Starts, Tasks, trace_tasks, trace_tasks_in_space
 from solen.trace.kernel.extruded import RowsInSpace, Slab, room_in_space
 from solen.trace.kernel.lots import Bins, Sensors, launch_all, launch_all_in_space, prepare
 from solen.trace.kernel.room import BLOCK, Rows, room

@@ -304,22 +304,10 @@ def integrate_pieces(  # noqa: C901  pieces, parts and nodes: three loops of one
 
 @called
 def integrate_cone(
-    k: Precision,
-    tables: Tables,
-    family: Family,
-    samples: Samples,
-    pieces: Pieces,
-    ends: FloatArray,
-    rule: Rule,
-    density: float,
-    narrow: float,
-    narrowest: float,
-    widest: float,
-    first_stretches: int,
-    most_legs: int,
-    work: FloatArray,
-    total: FloatArray,
-) -> tuple[float, float, int]:
+    k: Precision, tables: Tables, family: Family, samples: Samples, pieces: Pieces, ends: FloatArray, rule: Rule,
+    density: float, narrow: float, narrowest: float, widest: float, first_stretches: int, most_legs: int,
+    work: FloatArray, total: FloatArray,
+) -> tuple[float, float, int]:  # fmt: skip
     """Integral over the family's angles of all that one ray gives, to an error of ``density`` per angle.
 
     Gaps are cut on down to ``narrow`` at first, and further where they are wider than ``widest`` together, down to

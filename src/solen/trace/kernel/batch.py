@@ -1,9 +1,10 @@
-"""Many scenes in one call: their tables and rays one after the other in long arrays, and where each begins."""
+"""Many scenes in one call, of the plane or of space: their tables and rays one after the other in long arrays."""
 
 from typing import NamedTuple
 
 from solen.arrays import IntArray
-from solen.trace.kernel.compiled import called
+from solen.trace.kernel.compiled import called, compiled
+from solen.trace.kernel.extruded import RoomInSpace, RowsInSpace, Slab, trace_in_space
 from solen.trace.kernel.loop import trace_rays
 from solen.trace.kernel.room import Rows, Space
 from solen.trace.kernel.rows import Floats, Precision
@@ -37,6 +38,38 @@ class Tasks(NamedTuple):
     bin: IntArray
 
 
+@compiled
+def tables_of(tables: Tables, starts: Starts, i: int) -> Tables:
+    """Tables of one scene."""
+    p, q = starts.piece[i], starts.piece[i + 1]
+    v, w = starts.wavelength[i], starts.wavelength[i + 1]
+    m, n = starts.monitor[i], starts.monitor[i + 1]
+    g, h = 2 * i, 2 * i + 2
+    return Tables(
+        tables.kind[p:q], tables.shape[p:q], tables.middle[p:q], tables.box[p:q], tables.owner[p:q],
+        tables.before[p:q], tables.behaviour[p:q], tables.treatment[p:q], tables.left[p:q], tables.right[p:q],
+        tables.receiver[p:q], tables.height[p:q], tables.refractive_index[v:w], tables.absorption[v:w],
+        tables.scattering[v:w], tables.anisotropy[v:w], tables.wavelength[v:w],
+        tables.treatments[starts.treatment[i] : starts.treatment[i + 1]],
+        tables.layers[starts.layer[i] : starts.layer[i + 1]],
+        tables.monitor[m:n], tables.bins[m:n], tables.first_bin[m:n],
+        tables.grid_low[g:h], tables.grid_cell[g:h], tables.grid_many[g:h],
+        tables.grid_first[starts.cell[i] : starts.cell[i + 1]], tables.grid_item[starts.item[i] : starts.item[i + 1]],
+    )  # fmt: skip
+
+
+@compiled
+def sums_of(sums: Sums, tasks: Tasks, j: int) -> Sums:
+    """Sums of one task."""
+    d, e = tasks.receiver[j], tasks.receiver[j + 1]
+    a, b = tasks.monitor[j], tasks.monitor[j + 1]
+    return Sums(
+        sums.fate[j], sums.detected[d:e], sums.arrived[d:e], sums.optical[d:e], sums.position, sums.angle,
+        sums.crossed[a:b], sums.crossings[a:b], sums.maps[tasks.bin[j] : tasks.bin[j + 1]], sums.counts[j],
+        sums.place[j], sums.legs,
+    )  # fmt: skip
+
+
 @called
 def trace_tasks(
     k: Precision,
@@ -57,54 +90,7 @@ def trace_tasks(
     """
     for j in range(begin, stop):
         i = tasks.scene[j]
-        p, q = starts.piece[i], starts.piece[i + 1]
-        v, w = starts.wavelength[i], starts.wavelength[i + 1]
-        m, n = starts.monitor[i], starts.monitor[i + 1]
-        mine = Tables(
-            tables.kind[p:q],
-            tables.shape[p:q],
-            tables.middle[p:q],
-            tables.box[p:q],
-            tables.owner[p:q],
-            tables.before[p:q],
-            tables.behaviour[p:q],
-            tables.treatment[p:q],
-            tables.left[p:q],
-            tables.right[p:q],
-            tables.receiver[p:q],
-            tables.height[p:q],
-            tables.refractive_index[v:w],
-            tables.absorption[v:w],
-            tables.scattering[v:w],
-            tables.anisotropy[v:w],
-            tables.wavelength[v:w],
-            tables.treatments[starts.treatment[i] : starts.treatment[i + 1]],
-            tables.layers[starts.layer[i] : starts.layer[i + 1]],
-            tables.monitor[m:n],
-            tables.bins[m:n],
-            tables.first_bin[m:n],
-            tables.grid_low[2 * i : 2 * i + 2],
-            tables.grid_cell[2 * i : 2 * i + 2],
-            tables.grid_many[2 * i : 2 * i + 2],
-            tables.grid_first[starts.cell[i] : starts.cell[i + 1]],
-            tables.grid_item[starts.item[i] : starts.item[i + 1]],
-        )
-        d, e = tasks.receiver[j], tasks.receiver[j + 1]
-        a, b = tasks.monitor[j], tasks.monitor[j + 1]
-        own = Sums(
-            sums.fate[j],
-            sums.detected[d:e],
-            sums.arrived[d:e],
-            sums.optical[d:e],
-            sums.position,
-            sums.angle,
-            sums.crossed[a:b],
-            sums.crossings[a:b],
-            sums.maps[tasks.bin[j] : tasks.bin[j + 1]],
-            sums.counts[j],
-            sums.place[j],
-            sums.legs,
-        )
+        mine, own = tables_of(tables, starts, i), sums_of(sums, tasks, j)
         x, y = tasks.ray[j], tasks.ray[j + 1]
         some = Rows(rays.x[x:y], rays.z[x:y], rays.dx[x:y], rays.dz[x:y], rays.s[x:y], rays.p[x:y], rays.colour[x:y])
         rule = Rules(
@@ -122,5 +108,24 @@ def trace_tasks(
         for ray in range(y - x):
             room.branches[ray] = 1
         if not trace_rays(k, mine, own, some, rule, room, None if treatments is None else mine.treatments):
+            return False
+    return True
+
+
+@called
+def trace_tasks_in_space(
+    k: Precision, tables: Tables, starts: Starts, tasks: Tasks, sums: Sums, rays: RowsInSpace, rules: Rules, slab: Slab,
+    room: RoomInSpace,
+) -> bool:  # fmt: skip
+    """As `trace_tasks` of all tasks, of scenes of one slab."""
+    for j in range(len(tasks.scene)):
+        i = tasks.scene[j]
+        mine, own = tables_of(tables, starts, i), sums_of(sums, tasks, j)
+        x, y = tasks.ray[j], tasks.ray[j + 1]
+        some = RowsInSpace(
+            rays.x[x:y], rays.y[x:y], rays.z[x:y], rays.dx[x:y], rays.dy[x:y], rays.dz[x:y], rays.s[x:y], rays.p[x:y],
+            rays.cr[x:y], rays.ci[x:y], rays.optical[x:y], rays.colour[x:y],
+        )  # fmt: skip
+        if not trace_in_space(k, mine, own, some, rules, slab, room):
             return False
     return True

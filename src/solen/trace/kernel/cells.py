@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from solen.arrays import FloatArray, IntArray
 from solen.trace.kernel.compiled import called, compiled
+from solen.trace.kernel.family import FamilyInSpace, at_angles
 from solen.trace.kernel.nearest import Walls
-from solen.trace.kernel.paths import FIRST, FIRST_ANGLES, PathRoom, at_angles, integrate_path
-from solen.trace.kernel.prism import FamilyInSpace
+from solen.trace.kernel.paths import FIRST, FIRST_ANGLES, PathRoom, integrate_path
 from solen.trace.kernel.rows import Precision
 from solen.trace.kernel.surface import scrambled
 

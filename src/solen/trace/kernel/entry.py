@@ -17,12 +17,15 @@ from solen.arrays import FloatArray, IntArray
 from solen.lens.face import Face
 from solen.trace.kernel.compiled import called, compiled
 from solen.trace.kernel.space import (
+    Beam,
+    Border,
     Coherency,
     Vector,
     divided,
+    power_of,
     scalar,
-    scaled,
     smooth_parts,
+    times,
     turned_basis,
     unit_of,
     upright,
@@ -257,12 +260,10 @@ def layer_of(f: Face, y: float) -> int:
 
 
 class Walk(NamedTuple):
-    """A ray on its way: place, direction, basis and polarisation, and the optical path behind it."""
+    """A ray on its way: place, light, and the optical path behind it."""
 
     at: Vector
-    d: Vector
-    e: Vector
-    light: Coherency
+    beam: Beam
     optical: float
     fate: int
 
@@ -271,12 +272,6 @@ class Walk(NamedTuple):
 def ahead(at: Vector, d: Vector, way: float) -> Vector:
     """Place so far along a direction."""
     return Vector(at.x + way * d.x, at.y + way * d.y, at.z + way * d.z)
-
-
-@compiled
-def power_of(light: Coherency) -> float:
-    """Power of both fields."""
-    return light.i1 + light.i2
 
 
 @compiled
@@ -303,7 +298,7 @@ def beside(f: Faced, walk: Walk) -> Walk:
 
     Behind the base the prism is cut away before a deeper face: there it is put beside the wall.
     """
-    face, at, d = f.face, walk.at, walk.d
+    face, at, d = f.face, walk.at, walk.beam.d
     if not d.z > 0.0 or d.x == 0.0:
         return walk
     way = (math.copysign(face.half_width, d.x) - at.x) / d.x
@@ -311,17 +306,17 @@ def beside(f: Faced, walk: Walk) -> Walk:
     way = max(way, 0.0)
     there = ahead(at, d, way)
     if abs(there.y) > face.half_height and over_body(face, there.y, there.z):
-        return Walk(at, d, walk.e, walk.light, walk.optical, OVER)
+        return Walk(at, walk.beam, walk.optical, OVER)
     y = min(max(there.y, -face.half_height), face.half_height)
-    return Walk(Vector(there.x, y, there.z), d, walk.e, walk.light, walk.optical + f.outside * way, PASSED)
+    return Walk(Vector(there.x, y, there.z), walk.beam, walk.optical + f.outside * way, PASSED)
 
 
 @compiled
 def write(f: Faced, rays: Passage, i: int, walk: Walk) -> None:
     """Write a ray into a row, its polarisation in the upright basis; what goes over the body is put beyond the slab."""
-    at, d = walk.at, walk.d
+    at, (d, e, light) = walk.at, walk.beam
     basis = upright(d)
-    light = turned_basis(walk.light, scalar(basis, walk.e), scalar(basis, vector(d, walk.e)))
+    light = turned_basis(light, scalar(basis, e), scalar(basis, vector(d, e)))
     rays.s[i], rays.p[i], rays.cr[i], rays.ci[i] = light.i1, light.i2, light.cr, light.ci
     rays.x[i], rays.y[i], rays.z[i] = at.x, at.y, at.z
     rays.dx[i], rays.dy[i], rays.dz[i] = d.x, d.y, d.z
@@ -335,12 +330,12 @@ def write(f: Faced, rays: Passage, i: int, walk: Walk) -> None:
 @called
 def set_aside(f: Faced, rays: Passage, free: IntArray, i: int, layer: int, chance: float, walk: Walk) -> None:
     """Write what the face reflects of a ray into a row of its own, where it may get to the body; the rest goes back."""
-    power = power_of(walk.light)
+    power = power_of(walk.beam.light)
     rays.lost[REFLECTED] += power
     row, inside = free[0], rays.inside[i]
     if power == 0.0:
         return
-    if row == len(rays.x) or not (walk.d.z > 0.0 or to_face(f.face, layer, walk.at, walk.d).met):
+    if row == len(rays.x) or not (walk.beam.d.z > 0.0 or to_face(f.face, layer, walk.at, walk.beam.d).met):
         rays.lost[TURNED_BACK] += power
         return
     write(f, rays, row, walk)
@@ -352,39 +347,39 @@ def set_aside(f: Faced, rays: Passage, free: IntArray, i: int, layer: int, chanc
 def met(f: Faced, rays: Passage, i: int, free: IntArray) -> Walk:
     """A ray at the face, on its way in, or as it misses it."""
     at, d = Vector(rays.x[i], rays.y[i], rays.z[i]), Vector(rays.dx[i], rays.dy[i], rays.dz[i])
-    e, light = upright(d), Coherency(rays.s[i], rays.p[i], rays.cr[i], rays.ci[i])
+    beam = Beam(d, upright(d), Coherency(rays.s[i], rays.p[i], rays.cr[i], rays.ci[i]))
     inside, chance, optical = rays.inside[i], rays.chance[i], rays.optical[i]
     layer = layer_of(f.face, at.y)
     while True:
+        d = beam.d
         step = to_face(f.face, layer, at, d)
         if not step.met:
-            return Walk(at, d, e, light, optical, OVER if goes_over(f.face, at, d, step.way) else PASSED)
+            return Walk(at, beam, optical, OVER if goes_over(f.face, at, d, step.way) else PASSED)
         at, layer = ahead(at, d, step.way), step.layer
         optical += f.outside * step.way
         normal = Vector(0.0, -math.copysign(1.0, d.y), 0.0) if step.ledge else facing(f.face, layer, at.x, at.y, at.z)
         if not scalar(d, normal) < 0.0:  # it only grazes
-            return Walk(at, d, e, light, optical, PASSED)
-        parts = smooth_parts(d, e, normal, light, f.outside, inside)
+            return Walk(at, beam, optical, PASSED)
+        border = Border(normal, f.outside, inside, False)
+        parts = smooth_parts(beam, border)
         if f.counts:
-            open_way = Amplitudes(0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 0.0)
-            parts = divided(d, e, normal, light, f.outside, inside, open_way)
-        on, back = power_of(parts.on_light), power_of(parts.back_light)
+            parts = divided(beam, border, Amplitudes(0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 0.0))
+        on, back = power_of(parts.on.light), power_of(parts.back.light)
         if not step.ledge:
-            mirrored = Walk(at, parts.back, parts.s, parts.back_light, optical, PASSED)
-            set_aside(f, rays, free, i, layer, chance, mirrored)
-            return Walk(at, parts.on, parts.s, parts.on_light, optical, ENTERED)
+            set_aside(f, rays, free, i, layer, chance, Walk(at, parts.back, optical, PASSED))
+            return Walk(at, parts.on, optical, ENTERED)
         returned = back / (on + back)
         if not chance < returned:
-            return Walk(at, parts.on, parts.s, scaled(parts.on_light, 1.0 / (1.0 - returned)), optical, ENTERED)
+            return Walk(at, times(parts.on, 1.0 / (1.0 - returned)), optical, ENTERED)
         chance /= returned
-        d, e, light = parts.back, parts.s, scaled(parts.back_light, 1.0 / returned)
+        beam = times(parts.back, 1.0 / returned)
 
 
 @called
 def carried(f: Faced, rays: Passage, i: int, walk: Walk) -> Walk:
     """A ray in the body at the plane of the stem's base, by its bounces off top, bottom and sides, or where it was."""
-    at, d, e, light, optical = walk.at, walk.d, walk.e, walk.light, walk.optical
-    inside = rays.inside[i]
+    at, beam, optical, _ = walk
+    d, inside = beam.d, rays.inside[i]
     way = max((f.face.base - at.z) / d.z, 0.0) if d.z > 0.0 else 0.0
     for _ in range(MOST_BOUNCES):
         over = max((math.copysign(f.face.half_height, d.y) - at.y) / d.y, 0.0) if d.y != 0.0 else math.inf
@@ -393,8 +388,8 @@ def carried(f: Faced, rays: Passage, i: int, walk: Walk) -> Walk:
         at = ahead(at, d, to)
         optical += inside * to
         kept = math.exp(-f.loss * to)
-        rays.lost[ABSORBED] += (1.0 - kept) * power_of(light)
-        light = scaled(light, kept)
+        rays.lost[ABSORBED] += (1.0 - kept) * power_of(beam.light)
+        beam = times(beam, kept)
         way -= to
         if not way > 0.0:
             break
@@ -402,11 +397,12 @@ def carried(f: Faced, rays: Passage, i: int, walk: Walk) -> Walk:
             normal, outside = Vector(0.0, -math.copysign(1.0, d.y), 0.0), f.above if d.y > 0.0 else f.below
         else:
             normal, outside = Vector(-math.copysign(1.0, d.x), 0.0, 0.0), f.outside
-        parts = smooth_parts(d, e, normal, light, inside, outside)
-        rays.lost[LEAKED if over <= side else TURNED_BACK] += power_of(parts.on_light)  # by a side it escapes, too
-        d, e, light = parts.back, parts.s, parts.back_light
+        parts = smooth_parts(beam, Border(normal, inside, outside, False))
+        rays.lost[LEAKED if over <= side else TURNED_BACK] += power_of(parts.on.light)  # by a side it escapes, too
+        beam = parts.back
+        d = beam.d
     at = Vector(at.x + INSIDE_MM * d.x, at.y, at.z + INSIDE_MM * d.z)
-    return Walk(at, d, e, light, optical, ENTERED)
+    return Walk(at, beam, optical, ENTERED)
 
 
 @called

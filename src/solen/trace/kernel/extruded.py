@@ -18,13 +18,17 @@ from solen.trace.kernel.nearest import Hit, Ray
 from solen.trace.kernel.room import BLOCK, Found, Rays, room_of_block
 from solen.trace.kernel.rows import MIRROR, RECEIVER, REFRACTING, TREATED, Floats, Precision
 from solen.trace.kernel.space import (
+    Beam,
+    Border,
     Coherency,
     Parts,
     Vector,
     bare,
     divided,
+    power_of,
     scalar,
     scaled,
+    times,
     unpolarised,
     upright,
 )
@@ -103,37 +107,30 @@ def room_in_space(capacity: int) -> RoomInSpace:
     )
 
 
+class Stretch(NamedTuple):
+    """A way through a medium in mm, its absorption per mm, and the length of the direction's projection."""
+
+    way: float
+    n1: float
+    loss: float
+    flat: float
+
+
 class Flight(NamedTuple):
     """A ray after its way through a medium, bounces off top and bottom included."""
 
     y: float
-    d: Vector
-    e: Vector
-    light: Coherency
+    beam: Beam
     hits: int
     ended: bool
 
 
 @compiled
 def fly(
-    tables: Tables,
-    sums: Sums,
-    rules: Rules,
-    slab: Slab,
-    x: float,
-    z: float,
-    y: float,
-    d: Vector,
-    e: Vector,
-    light: Coherency,
-    flat: float,
-    way: float,
-    n1: float,
-    loss: float,
-    hits: int,
-    least: float,
+    tables: Tables, sums: Sums, rules: Rules, slab: Slab, at: Vector, beam: Beam, stretch: Stretch, load: Load
 ) -> Flight:
-    """Carry a ray over a ``way`` in mm through a medium; add up what is absorbed and what leaves at top and bottom."""
+    """Carry a ray through a medium; add up what is absorbed and what leaves at top and bottom."""
+    (d, e, light), (x, y, z), (way, n1, loss, flat), hits = beam, at, stretch, load.hits
     gone, ended = 0.0, False
     ux, uz, has_monitors = d.x / flat, d.z / flat, len(tables.monitor) > 0
     while True:
@@ -153,61 +150,48 @@ def fly(
             sums.fate[ABSORBED] += power - (light.i1 + light.i2)
         gone += to
         if not reaches:
-            return Flight(y + to * d.y, d, e, light, hits, False)
+            return Flight(y + to * d.y, Beam(d, e, light), hits, False)
         y, upwards = (slab.half, 1.0) if d.y > 0.0 else (-slab.half, -1.0)
         n2 = slab.above if d.y > 0.0 else slab.below
         sums.counts[HITS] += 1
         hits += 1
         power = light.i1 + light.i2
-        parts = divided(d, e, Vector(0.0, -upwards, 0.0), light, n1, n2, bare(n1, n2, n1 * abs(d.y)))
-        leaves = parts.on_light.i1 + parts.on_light.i2
+        border = Border(Vector(0.0, -upwards, 0.0), n1, n2, False)
+        parts = divided(Beam(d, e, light), border, bare(n1, n2, n1 * abs(d.y)))
+        leaves = power_of(parts.on.light)
         if n1 == n2 or (rules.splitting == COUNT and leaves > 0.0):
             leaves, ended = power, True
         sums.fate[ESCAPED] += leaves
         sums.fate[MISSED if n1 == n2 else LEAKED] += leaves
-        d, e, light = parts.back, parts.s, parts.back_light
+        d, e, light = parts.back
         power = light.i1 + light.i2
-        if not ended and (hits + 1 >= rules.max_hits or power < least):
+        if not ended and (hits + 1 >= rules.max_hits or power < load.least):
             sums.fate[TRUNCATED] += power
             note_place(sums, CUT, x + gone * flat * ux, z + gone * flat * uz)
             ended = True
         if ended:
-            return Flight(y, d, e, light, hits, True)
+            return Flight(y, Beam(d, e, light), hits, True)
 
 
 @compiled
 def wall_parts(
-    tables: Tables,
-    rules: Rules,
-    behaviour: int,
-    c: int,
-    colour: int,
-    number: int,
-    hits: int,
-    d: Vector,
-    e: Vector,
-    n: Vector,
-    from_right: bool,
-    light: Coherency,
-    n1: float,
-    n2: float,
-) -> tuple[Parts, Vector, Vector]:
-    """Both parts at a wall, and the basis that each is described in."""
+    tables: Tables, splitting: int, c: int, behaviour: int, colour: int, event: Event, beam: Beam, border: Border
+) -> Parts:
+    """Both parts at a wall, which may be taken for one of another behaviour."""
     if behaviour >= TREATED:
-        event = Event(rules.seed, rules.first + rules.step * number, hits)
-        return treated_parts(tables, rules.splitting, c, colour, event, from_right, d, e, n, light, n1, n2)
-    a = bare(n1, n2, -n1 * scalar(d, n))
+        return treated_parts(tables, splitting, c, colour, event, beam, border)
+    a = bare(border.n1, border.n2, -border.n1 * scalar(beam.d, border.n))
     if behaviour == MIRROR:
         a = Amplitudes(1.0, 1.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    elif rules.splitting == COUNT and a.on_s > 0.0:
+    elif splitting == COUNT and a.on_s > 0.0:
         a = Amplitudes(0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 0.0)
-    found = divided(d, e, n, light, n1, n2, a)
-    return found, found.s, found.s
+    return divided(beam, border, a)
 
 
 @compiled
-def note_direction(row: Floats, d: Vector, e: Vector, light: Coherency) -> None:
+def note_beam(row: Floats, beam: Beam) -> None:
     """Write direction, basis and coherency of a ray."""
+    d, e, light = beam
     flat = math.sqrt(d.x * d.x + d.z * d.z)
     if flat < UPRIGHT:
         row[UX], row[UZ], row[FLAT] = 1.0, 0.0, UPRIGHT
@@ -252,7 +236,7 @@ def trace_in_space(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                 launched += 1
                 continue
             state[X, n], state[Y, n], state[Z, n] = rays.x[launched], rays.y[launched], rays.z[launched]
-            note_direction(state[:, n], d, upright(d), Coherency(s, p, rays.cr[launched], rays.ci[launched]))
+            note_beam(state[:, n], Beam(d, upright(d), Coherency(s, p, rays.cr[launched], rays.ci[launched])))
             state[LEAST, n], state[AT, n], state[OPTICAL, n] = rules.min_weight * (s + p), 0.0, rays.optical[launched]
             tags[REGION, n], tags[LAST, n], tags[HIT, n] = -1, -1, 0
             tags[NUMBER, n], tags[COLOUR, n] = launched, rays.colour[launched]
@@ -267,8 +251,8 @@ def trace_in_space(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
             c, length, place = hit.curve, hit.distance, hit.place
             x, z, y, flat, least = state[X, i], state[Z, i], state[Y, i], state[FLAT, i], state[LEAST, i]
             d = Vector(flat * state[UX, i], state[DY, i], flat * state[UZ, i])
-            e = Vector(state[EX, i], state[EY, i], state[EZ, i])
             light = Coherency(state[I1, i], state[I2, i], state[CR, i], state[CI, i])
+            beam = Beam(d, Vector(state[EX, i], state[EY, i], state[EZ, i]), light)
             region, colour, number, hits = tags[REGION, i], tags[COLOUR, i], tags[NUMBER, i], tags[HIT, i]
             power = light.i1 + light.i2
             if c < 0:
@@ -284,8 +268,8 @@ def trace_in_space(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
             met = meet(k, tables, rules, ray, hit, load)
             if met.corner:
                 copy_ray(state, tags, i, left)
-                ahead = carried_on(k, ray, hit)
-                state[X, left], state[Z, left], tags[LAST, left], state[AT, left] = ahead.x, ahead.z, c, place
+                ray = carried_on(k, ray, hit)
+                state[X, left], state[Z, left], tags[LAST, left], state[AT, left] = ray.x, ray.z, c, place
                 left += 1
                 continue
             sums.counts[HITS] += 1
@@ -299,11 +283,11 @@ def trace_in_space(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                 free = free_path(k, tables, rules, met.here, load)
                 scatters = free < way
                 way = min(free, way)
-            flight = fly(tables, sums, rules, slab, x, z, y, d, e, light, flat, way, n1, met.loss, hits, least)
-            if flight.ended:
+            stretch = Stretch(way, n1, met.loss, flat)
+            y, beam, hits, ended = fly(tables, sums, rules, slab, Vector(x, y, z), beam, stretch, load)
+            if ended:
                 continue
-            y, d, e, light, hits = flight.y, flight.d, flight.e, flight.light, flight.hits
-            power, optical = light.i1 + light.i2, state[OPTICAL, i] + n1 * way
+            d, power, optical = beam.d, power_of(beam.light), state[OPTICAL, i] + n1 * way
             worn_out = hits + 1 >= rules.max_hits or power < least
             if scatters:
                 px, pz = x + way * d.x, z + way * d.z
@@ -315,7 +299,7 @@ def trace_in_space(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                 one, two = chance_of(event, PHASE), chance_of(event, PHASE + 1)
                 d = henyey_greenstein(one, two, tables.anisotropy[colour, met.here], d)
                 copy_ray(state, tags, i, left)
-                note_direction(state[:, left], d, upright(d), unpolarised(light))
+                note_beam(state[:, left], Beam(d, upright(d), unpolarised(beam.light)))
                 state[X, left], state[Y, left], state[Z, left] = px, y, pz
                 state[AT, left], state[OPTICAL, left] = 0.0, optical
                 tags[HIT, left], tags[LAST, left], tags[REGION, left] = hits + 1, -1, met.here
@@ -335,19 +319,17 @@ def trace_in_space(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                     count_arrival(k, tables, sums, Ray(x, z, d.x, d.z, c, place), hit, met, power, optical)
                 continue
             normal = Vector(-met.nx, 0.0, -met.nz) if from_right else Vector(met.nx, 0.0, met.nz)
-            n2 = tables.refractive_index[colour, met.there]
-            parts, on_e, back_e = wall_parts(
-                tables, rules, behaviour, c, colour, number, hits, d, e, normal, from_right, light, n1, n2
-            )
-            on_light, back_light = parts.on_light, parts.back_light
-            on, back = on_light.i1 + on_light.i2, back_light.i1 + back_light.i2
+            event = Event(rules.seed, rules.first + rules.step * number, hits)
+            border = Border(normal, n1, tables.refractive_index[colour, met.there], from_right)
+            ahead, behind = wall_parts(tables, rules.splitting, c, behaviour, colour, event, beam, border)
+            on, back = power_of(ahead.light), power_of(behind.light)
             sums.fate[ABSORBED] += max(power - on - back, 0.0) if behaviour >= TREATED else 0.0
             if rules.splitting == ROULETTE and on > 0.0 and back > 0.0:
                 whole = on + back
-                if chance(rules.seed, rules.first + rules.step * number, hits) * whole < back:
-                    back_light, back, on = scaled(back_light, whole / back), whole, 0.0
+                if chance(event.seed, event.ray, hits) * whole < back:
+                    behind, back, on = times(behind, whole / back), whole, 0.0
                 else:
-                    on_light, on, back = scaled(on_light, whole / on), whole, 0.0
+                    ahead, on, back = times(ahead, whole / on), whole, 0.0
             cut = (on if on < least else 0.0) + (back if back < least else 0.0)
             if cut > 0.0:
                 sums.fate[TRUNCATED] += cut
@@ -361,18 +343,18 @@ def trace_in_space(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
             if both:
                 row, tag = waiting_state[waiting], waiting_tags[waiting]
                 if goes_back:
-                    note_direction(row, parts.on, on_e, on_light)
+                    note_beam(row, ahead)
                 else:
-                    note_direction(row, parts.back, back_e, back_light)
+                    note_beam(row, behind)
                 row[X], row[Y], row[Z], row[AT] = met.x, y, met.z, place
                 row[LEAST], row[OPTICAL] = least, optical
                 tag[REGION], tag[LAST], tag[HIT] = met.there if goes_back else met.here, c, hits + 1
                 tag[NUMBER], tag[COLOUR] = number, colour
                 waiting += 1
             if goes_back:
-                note_direction(state[:, left], parts.back, back_e, back_light)
+                note_beam(state[:, left], behind)
             else:
-                note_direction(state[:, left], parts.on, on_e, on_light)
+                note_beam(state[:, left], ahead)
             state[X, left], state[Y, left], state[Z, left], state[AT, left] = met.x, y, met.z, place
             state[LEAST, left], state[OPTICAL, left] = least, optical
             tags[REGION, left], tags[LAST, left], tags[HIT, left] = met.here if goes_back else met.there, c, hits + 1

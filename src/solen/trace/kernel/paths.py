@@ -16,15 +16,9 @@ from numpy.typing import NDArray
 from solen.arrays import FloatArray, IntArray
 from solen.trace.kernel.adapt import holds
 from solen.trace.kernel.compiled import called, compiled
+from solen.trace.kernel.family import FamilyInSpace, Heading, heading
 from solen.trace.kernel.nearest import Walls
-from solen.trace.kernel.prism import (
-    NO_DRAW,
-    STACK_IN_SPACE,
-    WIDTH_IN_SPACE,
-    FamilyInSpace,
-    intensity_in_space,
-    trace_prism,
-)
+from solen.trace.kernel.prism import NO_DRAW, STACK_IN_SPACE, WIDTH_IN_SPACE, trace_prism
 from solen.trace.kernel.rows import Floats, Precision
 from solen.trace.kernel.space import Vector
 
@@ -73,22 +67,6 @@ def path_room(columns: int) -> PathRoom:
         stack=np.empty((STACK_IN_SPACE, WIDTH_IN_SPACE)),
         counts=np.zeros(4, np.int64),
     )
-
-
-class Heading(NamedTuple):
-    """Direction of a ray, and how much it counts."""
-
-    d: Vector
-    weight: float
-
-
-@compiled
-def heading(family: FamilyInSpace, u: float) -> Heading:
-    """Direction and weight of the ray at a parameter."""
-    angle = family.axis + family.angle + u * family.turn
-    flat = math.sqrt(1.0 - family.rise * family.rise)
-    d = Vector(-flat * math.sin(angle), family.rise, flat * math.cos(angle))
-    return Heading(d, intensity_in_space(family, u))
 
 
 @called
@@ -303,13 +281,3 @@ def integrate_path(  # noqa: C901  one loop over stretches
         room.waiting[waiting + 1, 0], room.waiting[waiting + 1, 1] = m, j
         waiting += 2
     return error
-
-
-@compiled
-def at_angles(family: FamilyInSpace, angle: float, turn: float, rise: float, low: float, high: float) -> FamilyInSpace:
-    """The family along another path."""
-    f = family
-    return FamilyInSpace(
-        f.x, f.z, f.along_x, f.along_z, f.axis, angle, turn, rise, f.y_low, f.y_high, f.s, f.p, f.colour, f.rules,
-        f.far, f.half, f.above, f.below, low, high, f.power, f.theta, f.relative,
-    )  # fmt: skip

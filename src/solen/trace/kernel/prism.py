@@ -12,18 +12,30 @@ cost that grows with the number of hits and not with that of branches.
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from solen.trace.kernel.compiled import compiled
 from solen.trace.kernel.extruded import wall_parts
+from solen.trace.kernel.family import FamilyInSpace
 from solen.trace.kernel.nearest import Ray, Walls, nearest_wall
 from solen.trace.kernel.rows import RECEIVER, REFRACTING, SEGMENT, TREATED, Floats, Precision
-from solen.trace.kernel.space import Coherency, Vector, bare, in_plane_of_incidence, passed, scaled, upright
-from solen.trace.kernel.step import Load, Rules, carried_on, escape, meet
-from solen.trace.kernel.surface import COUNT, chance, end_fate, scrambled
+from solen.trace.kernel.space import (
+    Beam,
+    Border,
+    Coherency,
+    Vector,
+    bare,
+    in_plane_of_incidence,
+    passed,
+    power_of,
+    scaled,
+    times,
+    upright,
+)
+from solen.trace.kernel.step import Load, carried_on, escape, meet
+from solen.trace.kernel.surface import COUNT, Event, chance, end_fate, scrambled
 from solen.trace.kernel.treated import acting
 from solen.trace.result import DETECTED, ESCAPED, GOES_ON, TRUNCATED
 
@@ -42,61 +54,10 @@ NO_DRAW = -1
 """No sample: the exact part."""
 
 
-class FamilyInSpace(NamedTuple):
-    """Rays of an emitter along a path of one parameter, from ``low`` to ``high``: its angle, its place, or both.
-
-    At parameter u a ray starts at (x + u along_x, z + u along_z), at heights from ``y_low`` to ``y_high``. It leaves
-    at ``angle`` + u ``turn`` from the axis in projection, in radians, with the y-component ``rise`` of its direction.
-    One at θ from the axis in space counts cos(θ)^``power`` times, or by the table of ``relative`` intensities over
-    ``theta`` where that has entries.
-    """
-
-    x: float
-    z: float
-    along_x: float
-    along_z: float
-    axis: float
-    angle: float
-    turn: float
-    rise: float
-    y_low: float
-    y_high: float
-    s: float
-    p: float
-    colour: int
-    rules: Rules
-    far: float
-    half: float
-    """half the thickness, mm"""
-    above: float
-    below: float
-    low: float
-    high: float
-    power: float
-    theta: Floats
-    relative: Floats
-
-
 @compiled
-def intensity_in_space(family: FamilyInSpace, u: float) -> float:
-    """How much the ray at a parameter counts, per angle in projection and per sine out of the plane."""
-    cos = math.sqrt(1.0 - family.rise * family.rise) * math.cos(family.angle + u * family.turn)
-    if len(family.theta) == 0:
-        return 1.0 if family.power == 0.0 else max(cos, 0.0) ** family.power
-    theta = math.acos(min(max(cos, -1.0), 1.0))
-    if theta > family.theta[-1]:
-        return 0.0
-    i = 1
-    while family.theta[i] < theta and i < len(family.theta) - 1:
-        i += 1
-    share = (theta - family.theta[i - 1]) / (family.theta[i] - family.theta[i - 1])
-    value: float = family.relative[i - 1] + share * (family.relative[i] - family.relative[i - 1])
-    return value
-
-
-@compiled
-def put(w: Floats, x: float, z: float, low: float, high: float, d: Vector, e: Vector, light: Coherency) -> None:
+def put(w: Floats, x: float, z: float, low: float, high: float, beam: Beam) -> None:
     """Write a branch that waits."""
+    d, e, light = beam
     w[X], w[Z], w[LOW], w[HIGH] = x, z, low, high
     w[DX], w[DY], w[DZ], w[EX], w[EY], w[EZ] = d.x, d.y, d.z, e.x, e.y, e.z
     w[I1], w[I2], w[CR], w[CI] = light.i1, light.i2, light.cr, light.ci
@@ -257,10 +218,10 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                     elif share > 1e-12:
                         tip = 1e-15 * half
                         if rise > 0.0:
-                            put(w, x, z, cut + tip, yb, d, e, scaled(light, share))
+                            put(w, x, z, cut + tip, yb, Beam(d, e, scaled(light, share)))
                             yb = cut
                         else:
-                            put(w, x, z, ya, cut - tip, d, e, scaled(light, share))
+                            put(w, x, z, ya, cut - tip, Beam(d, e, scaled(light, share)))
                             ya = cut
                         w[REGION], w[LAST], w[HIT], w[AT], w[LEAST] = region, last, hits, at, least * share
                         w[STATE] = SEEN if leaky and not silent else SILENT
@@ -372,8 +333,8 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                 legs[many, 0], legs[many, 1], legs[many, 2], legs[many, 3] = x, z, px, pz
                 legs[many, 4], legs[many, 5] = 0.0 if tables.kind[c] == SEGMENT else 1.0, tables.owner[c]
             many += 1
-            event = np.uint64((tables.owner[c] + 2) * 8 + fate)
-            way_hash = scrambled(way_hash ^ event ^ (np.uint64(hits) << np.uint64(40)))
+            end = np.uint64((tables.owner[c] + 2) * 8 + fate)
+            way_hash = scrambled(way_hash ^ end ^ (np.uint64(hits) << np.uint64(40)))
             if fate == DETECTED:
                 tree = scrambled(tree ^ np.uint64((tables.receiver[c] + 2) * 8 + fate))
             elif fate != GOES_ON:
@@ -390,27 +351,26 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
             running = False
             continue
         normal = Vector(-nx, 0.0, -nz) if from_right else Vector(nx, 0.0, nz)
-        n2 = tables.refractive_index[colour, there]
-        parts, on_e, back_e = wall_parts(
-            tables, rules, behaviour, c, colour, 0, hits, d, e, normal, from_right, light, n1, n2
-        )
-        on = parts.on_light.i1 + parts.on_light.i2
-        back = parts.back_light.i1 + parts.back_light.i2
+        event = Event(rules.seed, rules.first, hits)
+        border = Border(normal, n1, tables.refractive_index[colour, there], from_right)
+        ahead, behind = wall_parts(tables, rules.splitting, c, behaviour, colour, event, Beam(d, e, light), border)
+        on, back = power_of(ahead.light), power_of(behind.light)
         if behaviour >= TREATED:
             value[receivers + 1] += gain * (1.0 + above) * max(power - on - back, 0.0)
-        for goes_on in (True, False):
-            other = above * (on if goes_on else back)
-            faint = other < above * least
-            if other > 0.0 and (sampling or not faint):
-                w = stack[waiting]
-                if goes_on:
-                    put(w, px, pz, above_low, above_high, parts.on, on_e, scaled(parts.on_light, above))
-                else:
-                    put(w, px, pz, above_low, above_high, parts.back, back_e, scaled(parts.back_light, above))
-                w[REGION], w[LAST], w[HIT], w[AT] = there if goes_on else here, c, hits + 1, place
-                w[STATE], w[LEAST] = TAIL if faint else SILENT if silent else SEEN, above * least
-                waiting += 1
-            value[unfinished] += other if faint else 0.0
+        if above > 0.0:
+            for goes_on in (True, False):
+                other = above * (on if goes_on else back)
+                faint = other < above * least
+                if other > 0.0 and (sampling or not faint):
+                    w = stack[waiting]
+                    if goes_on:
+                        put(w, px, pz, above_low, above_high, times(ahead, above))
+                    else:
+                        put(w, px, pz, above_low, above_high, times(behind, above))
+                    w[REGION], w[LAST], w[HIT], w[AT] = there if goes_on else here, c, hits + 1, place
+                    w[STATE], w[LEAST] = TAIL if faint else SILENT if silent else SEEN, above * least
+                    waiting += 1
+                value[unfinished] += other if faint else 0.0
         if not on + back > 0.0:
             running = False
             continue
@@ -419,7 +379,8 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
             tree = scrambled(tree ^ np.uint64(34))
         goes_back = back <= on if both else back >= least
         if not tail:
-            value[unfinished] += (on if on < least else 0.0) + (back if back < least else 0.0)
+            if not both:
+                value[unfinished] += (on if on < least else 0.0) + (back if back < least else 0.0)
             if not (on >= least or back >= least):
                 one_way = sampling and on + back > 0.0
                 if not one_way:
@@ -431,9 +392,9 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
             if both or weak > 0.0:
                 w = stack[waiting]
                 if goes_back:
-                    put(w, px, pz, ya, yb, parts.on, on_e, parts.on_light)
+                    put(w, px, pz, ya, yb, ahead)
                 else:
-                    put(w, px, pz, ya, yb, parts.back, back_e, parts.back_light)
+                    put(w, px, pz, ya, yb, behind)
                 w[REGION], w[LAST], w[HIT], w[AT] = there if goes_back else here, c, hits + 1, place
                 w[STATE], w[LEAST] = SILENT if silent else SEEN, least
                 waiting += 1
@@ -445,7 +406,7 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
             goes_back = chance(rules.seed, draw, draws) * (on + back) < back
             scale, draws = (on + back) / (back if goes_back else on), draws + 1
         if goes_back:
-            d, e, light, region = parts.back, back_e, scaled(parts.back_light, scale), here
+            (d, e, light), region = times(behind, scale), here
         else:
-            d, e, light, region = parts.on, on_e, scaled(parts.on_light, scale), there
+            (d, e, light), region = times(ahead, scale), there
         x, z, last, at, hits = px, pz, c, place, hits + 1

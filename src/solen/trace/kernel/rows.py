@@ -189,23 +189,23 @@ def as_in(sample: N, number: float) -> N:
 
 
 @overload(as_in)
-def _as_in(sample: Any, number: Any) -> Any:  # noqa: ARG001  numba compares the names
-    kind = TYPES.get(sample, np.float64)
+def _as_in(_sample: Any, _number: Any) -> Any:
+    kind = TYPES.get(_sample, np.float64)
 
-    def convert(sample: Any, number: Any) -> Any:  # noqa: ARG001
-        return kind(number)
+    def convert(_sample: Any, _number: Any) -> Any:
+        return kind(_number)
 
     return convert
 
 
 @intrinsic
-def _least(context: Any, a: Any, b: Any) -> Any:  # noqa: ARG001
+def _least(_: Any, a: Any, b: Any) -> Any:
     """The less of two numbers, none of which is NaN, in a form that a loop can take for many at once."""
     return a(a, b), _extreme("llvm.minnum")
 
 
 @intrinsic
-def _greatest(context: Any, a: Any, b: Any) -> Any:  # noqa: ARG001
+def _greatest(_: Any, a: Any, b: Any) -> Any:
     """The greater of two numbers; see `least`."""
     return a(a, b), _extreme("llvm.maxnum")
 
@@ -215,7 +215,7 @@ greatest = cast("Callable[[float, float], float]", _greatest)
 
 
 def _extreme(name: str) -> Callable[..., Any]:
-    def code(_: Any, builder: Any, signature: Any, numbers: Any) -> Any:  # noqa: ARG001
+    def code(_context: Any, builder: Any, _signature: Any, numbers: Any) -> Any:
         kind = numbers[0].type
         function = builder.module.declare_intrinsic(name, (kind,), ir.FunctionType(kind, (kind, kind)))
         return builder.call(function, numbers, fastmath=("nnan", "nsz"))

@@ -32,14 +32,29 @@ class Coherency(NamedTuple):
     ci: float
 
 
-class Parts(NamedTuple):
-    """What goes on through a surface and what goes back: directions and coherencies in the basis of ``s``."""
+class Beam(NamedTuple):
+    """Light on its way: direction, the vector e of its basis, and its coherency."""
 
-    on: Vector
-    back: Vector
-    s: Vector
-    on_light: Coherency
-    back_light: Coherency
+    d: Vector
+    e: Vector
+    light: Coherency
+
+
+class Border(NamedTuple):
+    """A surface as light meets it: the normal faces the light, which comes from the index n1."""
+
+    n: Vector
+    n1: float
+    n2: float
+    from_right: bool
+    """of the curve in projection; of no matter to bare surfaces"""
+
+
+class Parts(NamedTuple):
+    """What goes on through a surface and what goes back."""
+
+    on: Beam
+    back: Beam
 
 
 @compiled
@@ -86,6 +101,18 @@ def turned_basis(light: Coherency, cos: float, sin: float) -> Coherency:
 def scaled(light: Coherency, by: float) -> Coherency:
     """Coherency of so many times the power."""
     return Coherency(by * light.i1, by * light.i2, by * light.cr, by * light.ci)
+
+
+@compiled
+def power_of(light: Coherency) -> float:
+    """Power of both fields."""
+    return light.i1 + light.i2
+
+
+@compiled
+def times(beam: Beam, by: float) -> Beam:
+    """Light of so many times the power."""
+    return Beam(beam.d, beam.e, scaled(beam.light, by))
 
 
 @compiled
@@ -153,21 +180,18 @@ def bent(d: Vector, n: Vector, cos: float, n1: float, n2: float) -> Vector:
 
 
 @compiled
-def divided(d: Vector, e: Vector, n: Vector, light: Coherency, n1: float, n2: float, amplitudes: Amplitudes) -> Parts:
-    """Both parts of a ray at a surface whose normal ``n`` faces it."""
+def divided(beam: Beam, border: Border, a: Amplitudes) -> Parts:
+    """Both parts of a ray at a surface, in the basis of s."""
+    d, n = beam.d, border.n
     cos = -scalar(d, n)
-    s, own = in_plane_of_incidence(d, e, n, light)
-    a = amplitudes
+    s, own = in_plane_of_incidence(d, beam.e, n, beam.light)
     return Parts(
-        bent(d, n, cos, n1, n2),
-        mirrored(d, n, cos),
-        s,
-        passed(a.on_s, a.on_p, a.on_cr, a.on_ci, own),
-        passed(a.back_s, a.back_p, a.back_cr, a.back_ci, own),
+        Beam(bent(d, n, cos, border.n1, border.n2), s, passed(a.on_s, a.on_p, a.on_cr, a.on_ci, own)),
+        Beam(mirrored(d, n, cos), s, passed(a.back_s, a.back_p, a.back_cr, a.back_ci, own)),
     )
 
 
 @compiled
-def smooth_parts(d: Vector, e: Vector, n: Vector, light: Coherency, n1: float, n2: float) -> Parts:
+def smooth_parts(beam: Beam, border: Border) -> Parts:
     """Both parts at a smooth, clean and bare surface."""
-    return divided(d, e, n, light, n1, n2, bare(n1, n2, -n1 * scalar(d, n)))
+    return divided(beam, border, bare(border.n1, border.n2, -border.n1 * scalar(beam.d, border.n)))

@@ -18,7 +18,8 @@ from solen.trace.kernel.rows import (
     treatment_row,
 )
 from solen.trace.kernel.space import (
-    Coherency,
+    Beam,
+    Border,
     Parts,
     Vector,
     bare,
@@ -48,25 +49,14 @@ from solen.trace.tables import Tables
 
 @called
 def treated_parts(
-    tables: Tables,
-    splitting: int,
-    c: int,
-    colour: int,
-    event: Event,
-    from_right: bool,
-    d: Vector,
-    e: Vector,
-    n: Vector,
-    light: Coherency,
-    n1: float,
-    n2: float,
-) -> tuple[Parts, Vector, Vector]:
-    """Both parts at a treated wall whose normal faces the ray, and for each the basis that it is then described in."""
+    tables: Tables, splitting: int, c: int, colour: int, event: Event, beam: Beam, border: Border
+) -> Parts:
+    """Both parts at a treated wall."""
     t, behaviour = treatment_row(tables.treatments, tables.treatment[c]), acting(tables, c, colour)
     if behaviour < 0:
-        found = smooth_parts(d, e, n, light, n1, n2)
-        return found, found.s, found.s
-    f = facet(t, event, d, n, n1, n2) if t.tilt > 0.0 else n
+        return smooth_parts(beam, border)
+    d, (n, n1, n2, from_right) = beam.d, border
+    f = facet(t, event, d, border) if t.tilt > 0.0 else n
     counting = splitting == COUNT
     cos = -scalar(d, f)
     if t.rows > 0.0 and not counting:
@@ -86,25 +76,23 @@ def treated_parts(
             a = Amplitudes(1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         if a.on_s > 0.0 and (counting or t.partial == 0.0):
             a = Amplitudes(0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 0.0)
-    found = divided(d, e, f, light, n1, n2, a)
-    on_d, back_d, on_e, back_e = found.on, found.back, found.s, found.s
-    on_light, back_light = found.on_light, found.back_light
+    on, back = divided(beam, Border(f, n1, n2, from_right), a)
     if behaviour == SPLITTER:
-        on_d = d
+        on = Beam(d, on.e, on.light)
     if t.scatter != SMOOTH:
-        away = Vector(-n.x, -n.y, -n.z)
         if chance_of(event, ON) < t.share:
-            on_d = scattered(tables, t, event, ON, on_d, away)
-            on_e, on_light = upright(on_d), unpolarised(on_light)
+            d = scattered(tables, t, event, ON, on.d, Vector(-n.x, -n.y, -n.z))
+            on = Beam(d, upright(d), unpolarised(on.light))
         if chance_of(event, BACK) < t.share:
-            back_d = scattered(tables, t, event, BACK, back_d, n)
-            back_e, back_light = upright(back_d), unpolarised(back_light)
-    return Parts(on_d, back_d, found.s, on_light, back_light), on_e, back_e
+            d = scattered(tables, t, event, BACK, back.d, n)
+            back = Beam(d, upright(d), unpolarised(back.light))
+    return Parts(on, back)
 
 
 @compiled
-def facet(t: Treatment, event: Event, d: Vector, n: Vector, n1: float, n2: float) -> Vector:
+def facet(t: Treatment, event: Event, d: Vector, border: Border) -> Vector:
     """Normal of the stretch of a ripple that a ray meets; see `solen.trace.kernel.treated.facet`."""
+    n, n1, n2, _ = border
     along = Vector(0.0, 1.0, 0.0) if t.across > 0.0 else Vector(-n.z, 0.0, n.x)
     cos_in, sine = -scalar(d, n), scalar(d, along)
     steepest = 1.0 + t.tilt * abs(sine) / cos_in
