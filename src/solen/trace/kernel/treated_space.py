@@ -76,17 +76,17 @@ def treated_parts(
             a = Amplitudes(1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         if a.on_s > 0.0 and (counting or t.partial == 0.0):
             a = Amplitudes(0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 0.0)
-    on, back = divided(beam, Border(f, n1, n2, from_right), a)
+    ahead, behind = divided(beam, Border(f, n1, n2, from_right), a)
     if behaviour == SPLITTER:
-        on = Beam(d, on.e, on.light)
+        ahead = Beam(d, ahead.e, ahead.light)
     if t.scatter != SMOOTH:
         if chance_of(event, ON) < t.share:
-            d = scattered(tables, t, event, ON, on.d, Vector(-n.x, -n.y, -n.z))
-            on = Beam(d, upright(d), unpolarised(on.light))
+            d = scattered(tables, t, event, ON, ahead.d, Vector(-n.x, -n.y, -n.z))
+            ahead = Beam(d, upright(d), unpolarised(ahead.light))
         if chance_of(event, BACK) < t.share:
-            d = scattered(tables, t, event, BACK, back.d, n)
-            back = Beam(d, upright(d), unpolarised(back.light))
-    return Parts(on, back)
+            d = scattered(tables, t, event, BACK, behind.d, n)
+            behind = Beam(d, upright(d), unpolarised(behind.light))
+    return Parts(ahead, behind)
 
 
 @compiled
