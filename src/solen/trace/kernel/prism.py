@@ -31,7 +31,6 @@ from solen.trace.kernel.space import (
     passed,
     power_of,
     scaled,
-    times,
     upright,
 )
 from solen.trace.kernel.step import Load, carried_on, escape, meet
@@ -55,9 +54,8 @@ NO_DRAW = -1
 
 
 @compiled
-def put(w: Floats, x: float, z: float, low: float, high: float, beam: Beam) -> None:
+def put(w: Floats, x: float, z: float, low: float, high: float, d: Vector, e: Vector, light: Coherency) -> None:
     """Write a branch that waits."""
-    d, e, light = beam
     w[X], w[Z], w[LOW], w[HIGH] = x, z, low, high
     w[DX], w[DY], w[DZ], w[EX], w[EY], w[EZ] = d.x, d.y, d.z, e.x, e.y, e.z
     w[I1], w[I2], w[CR], w[CI] = light.i1, light.i2, light.cr, light.ci
@@ -218,10 +216,10 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                     elif share > 1e-12:
                         tip = 1e-15 * half
                         if rise > 0.0:
-                            put(w, x, z, cut + tip, yb, Beam(d, e, scaled(light, share)))
+                            put(w, x, z, cut + tip, yb, d, e, scaled(light, share))
                             yb = cut
                         else:
-                            put(w, x, z, ya, cut - tip, Beam(d, e, scaled(light, share)))
+                            put(w, x, z, ya, cut - tip, d, e, scaled(light, share))
                             ya = cut
                         w[REGION], w[LAST], w[HIT], w[AT], w[LEAST] = region, last, hits, at, least * share
                         w[STATE] = SEEN if leaky and not silent else SILENT
@@ -357,20 +355,19 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
         on, back = power_of(ahead.light), power_of(behind.light)
         if behaviour >= TREATED:
             value[receivers + 1] += gain * (1.0 + above) * max(power - on - back, 0.0)
-        if above > 0.0:
-            for goes_on in (True, False):
-                other = above * (on if goes_on else back)
-                faint = other < above * least
-                if other > 0.0 and (sampling or not faint):
-                    w = stack[waiting]
-                    if goes_on:
-                        put(w, px, pz, above_low, above_high, times(ahead, above))
-                    else:
-                        put(w, px, pz, above_low, above_high, times(behind, above))
-                    w[REGION], w[LAST], w[HIT], w[AT] = there if goes_on else here, c, hits + 1, place
-                    w[STATE], w[LEAST] = TAIL if faint else SILENT if silent else SEEN, above * least
-                    waiting += 1
-                value[unfinished] += other if faint else 0.0
+        for goes_on in (True, False):
+            other = above * (on if goes_on else back)
+            faint = other < above * least
+            if other > 0.0 and (sampling or not faint):
+                w = stack[waiting]
+                if goes_on:
+                    put(w, px, pz, above_low, above_high, ahead.d, ahead.e, scaled(ahead.light, above))
+                else:
+                    put(w, px, pz, above_low, above_high, behind.d, behind.e, scaled(behind.light, above))
+                w[REGION], w[LAST], w[HIT], w[AT] = there if goes_on else here, c, hits + 1, place
+                w[STATE], w[LEAST] = TAIL if faint else SILENT if silent else SEEN, above * least
+                waiting += 1
+            value[unfinished] += other if faint else 0.0
         if not on + back > 0.0:
             running = False
             continue
@@ -379,8 +376,7 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
             tree = scrambled(tree ^ np.uint64(34))
         goes_back = back <= on if both else back >= least
         if not tail:
-            if not both:
-                value[unfinished] += (on if on < least else 0.0) + (back if back < least else 0.0)
+            value[unfinished] += (on if on < least else 0.0) + (back if back < least else 0.0)
             if not (on >= least or back >= least):
                 one_way = sampling and on + back > 0.0
                 if not one_way:
@@ -392,9 +388,9 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
             if both or weak > 0.0:
                 w = stack[waiting]
                 if goes_back:
-                    put(w, px, pz, ya, yb, ahead)
+                    put(w, px, pz, ya, yb, ahead.d, ahead.e, ahead.light)
                 else:
-                    put(w, px, pz, ya, yb, behind)
+                    put(w, px, pz, ya, yb, behind.d, behind.e, behind.light)
                 w[REGION], w[LAST], w[HIT], w[AT] = there if goes_back else here, c, hits + 1, place
                 w[STATE], w[LEAST] = SILENT if silent else SEEN, least
                 waiting += 1
@@ -406,7 +402,7 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
             goes_back = chance(rules.seed, draw, draws) * (on + back) < back
             scale, draws = (on + back) / (back if goes_back else on), draws + 1
         if goes_back:
-            (d, e, light), region = times(behind, scale), here
+            d, e, light, region = behind.d, behind.e, scaled(behind.light, scale), here
         else:
-            (d, e, light), region = times(ahead, scale), there
+            d, e, light, region = ahead.d, ahead.e, scaled(ahead.light, scale), there
         x, z, last, at, hits = px, pz, c, place, hits + 1
