@@ -1,11 +1,13 @@
-// Builds the page into src/solen/studio/page. Run it by `make studio`; the output is committed.
+// Builds the page into src/solen/studio/page. Run it by `make page`; the output is committed.
 import { build } from "esbuild";
-import { copyFileSync, readFileSync, writeFileSync } from "node:fs";
+import { copyFileSync, readdirSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 
 const out = new URL("../src/solen/studio/page/", import.meta.url).pathname;
 const common = { bundle: true, minify: true, target: "es2022", legalComments: "none", logLevel: "warning" };
 
-await build({ ...common, entryPoints: ["src/studio.ts"], format: "esm", outfile: `${out}studio.js` });
+// Each tab is a file of its own, loaded when it is opened; what several need is a chunk.
+for (const name of readdirSync(out)) if (name.endsWith(".js")) rmSync(out + name);
+await build({ ...common, entryPoints: ["src/studio.ts"], format: "esm", splitting: true, chunkNames: "[name]-[hash]", outdir: out });
 await build({ ...common, entryPoints: ["src/studio.css"], outfile: `${out}studio.css` });
 for (const name of ["index.html", "icon.svg"]) copyFileSync(`src/${name}`, `${out}${name}`);
 

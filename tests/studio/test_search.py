@@ -2,18 +2,18 @@
 
 import time
 from collections.abc import Callable
-from multiprocessing import Pipe
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from solen.errors import SpecError
+from solen.errors import SolenError, SpecError
 from solen.explore.optimise import Front, optimise
 from solen.explore.store import Store
-from solen.spec import Design, load
+from solen.spec import load
 from solen.studio.document import Document
-from solen.studio.search import Search, Sought, adopted, begin, work
+from solen.studio.jobs import Job
+from solen.studio.search import Sought, adopted, begin, work
 
 DESIGN = """schema = 1
 name = "a"
@@ -39,26 +39,12 @@ def document(tmp_path: Path) -> Document:
     return Document(tmp_path / "a.toml")
 
 
-def waited(search: Search, until: Callable[[dict[str, Any]], Any]) -> dict[str, Any]:
+def waited(job: Job, until: Callable[[dict[str, Any]], Any]) -> dict[str, Any]:
     for _ in range(6000):
-        if until(head := search.head()):
+        if until(head := job.head()):
             return head
         time.sleep(0.02)
     raise AssertionError("it never came")
-
-
-def news(design: Design, sought: Sought, folder: Path) -> list[dict[str, Any]]:
-    """What a search sends, here in this process: little enough for a pipe to hold."""
-    heard, sender = Pipe(duplex=False)
-    work(sender, design, sought.options, folder)
-    sender.close()
-    found = [heard.recv()]
-    while heard.poll():
-        try:
-            found.append(heard.recv())
-        except EOFError:
-            break
-    return found
 
 
 def test_a_cancelled_search_goes_on_to_the_front_of_the_command(document: Document) -> None:
@@ -69,15 +55,15 @@ def test_a_cancelled_search_goes_on_to_the_front_of_the_command(document: Docume
         begin(document, SOUGHT)
     first = document.search
     assert first is not None
-    seen = waited(first, lambda head: head["rows"] and head["share"] > 0.2)
+    seen = waited(first.job, lambda head: head["rows"] and head["share"] > 0.2)
     assert seen["state"] == "running", seen
-    first.cancel()
-    assert not first.process.is_alive()
-    assert first.head()["rows"], "what was reached stays"
+    first.job.cancel()
+    assert first.job.state == "cancelled"
+    assert first.job.head()["rows"], "what was reached stays"
     traced = len(Store(first.folder).points)
     assert traced > 0, "and what was traced"
 
-    number = first.head()["rows"][0]["number"]
+    number = first.job.head()["rows"][0]["number"]
     document.change({"material.index": 1.5})
     taken = adopted(document, number)
     assert taken.changes == {**began.changes, **first.chosen(number)}
@@ -85,14 +71,13 @@ def test_a_cancelled_search_goes_on_to_the_front_of_the_command(document: Docume
     assert document.step(-1).design.material.index == 1.5
 
     document.step(-1)
-    done = news(began.design, SOUGHT, first.folder)[-1]
-    assert done["state"] == "done", done
+    done = work(lambda **_: None, began.design, SOUGHT.options, first.folder)
     exact = optimise(began.design, SOUGHT.options, Store(first.folder))
     assert isinstance(exact, Front)
     assert exact.traced == 0, "the same search"
-    assert done["told"]["traced"] <= len(Store(first.folder).points) - traced
+    assert done["traced"] <= len(Store(first.folder).points) - traced
     assert [row["goals"] for row in done["rows"]] == [one.goals for one in exact.designs]
-    first.rows = done["rows"]
+    first.job.news |= {"rows": done["rows"]}
     assert adopted(document, 1).design == exact.designs[0].design
     document.save()
     assert load(document.path) == exact.designs[0].design
@@ -111,6 +96,5 @@ def test_what_cannot_be_sought_is_refused_at_once(document: Document, asked: dic
 
 def test_what_fails_in_a_search_is_said(document: Document) -> None:
     sought = SOUGHT.model_copy(update={"subject_to": ("light > 2",), "maximise": (), "evaluations": 20})
-    last = news(document.state.design, sought, document.path.parent / "kept")[-1]
-    assert last["state"] == "failed"
-    assert "light > 2" in last["told"]["why"]
+    with pytest.raises(SolenError, match="light > 2"):
+        work(lambda **_: None, document.state.design, sought.options, document.path.parent / "kept")

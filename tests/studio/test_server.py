@@ -131,7 +131,8 @@ def test_strangers_are_refused(served: Served) -> None:
     assert httpx.get(f"{served.origin}/").status_code == 404
     assert httpx.get(served.page, headers={"Host": "studio.example"}).status_code == 403, "a name pointed here"
     assert httpx.get(served.page, headers={"Origin": "http://studio.example"}).status_code == 403
-    assert httpx.post(served.page, content=b"x" * 1000).status_code == 405
+    assert httpx.post(served.page, content=b"x" * 1000).status_code == 403, "no Origin"
+    assert httpx.patch(served.page, content=b"x" * 1000).status_code == 405
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ export type Values = Record<string, unknown>;
 export type Change = (key: string, value: unknown, gesture?: string) => void;
 
 const UNITS: [string, string][] = [
-  ["_per_mm", "1/mm"], ["_deg", "°"], ["_mm", "mm"], ["_nm", "nm"], ["_um", "µm"], ["_N", "N"], ["_MPa", "MPa"],
+  ["_mW_per_cm2", "mW/cm²"], ["_mJ_per_cm2", "mJ/cm²"], ["_per_mm", "1/mm"], ["_percent", "%"], ["_px", "px"], ["_s", "s"], ["_mm2", "mm²"], ["_deg", "°"], ["_mm", "mm"], ["_nm", "nm"], ["_um", "µm"], ["_N", "N"], ["_MPa", "MPa"],
   ["_ohm", "Ω"], ["_ma", "mA"], ["_hz", "Hz"], ["_c", "°C"], ["_mw_cm2", "mW/cm²"], ["_v", "V"],
 ];
 const FAR = 1e5; // a limit beyond is none that a person meets
@@ -66,7 +66,8 @@ function scrub(key: string, value: unknown, change: Change) {
 function control(id: string, key: string, schema: Schema, value: unknown, rest: string, change: Change): TemplateResult {
   const help = `${id}-help`;
   if (schema.enum)
-    return html`<select id=${id} data-shown=${String(value)} aria-describedby=${help} @change=${(e: Event) => change(key, (e.target as HTMLSelectElement).value)}>
+    return html`<select id=${id} data-shown=${String(value)} aria-describedby=${help} @change=${(e: Event) => change(key, (e.target as HTMLSelectElement).value || null)}>
+      ${value === null || value === undefined ? html`<option value="" selected>default</option>` : nothing}
       ${(schema.enum as string[]).map((one) => html`<option .selected=${one === value}>${one}</option>`)}
     </select>`;
   if (schema.type === "boolean")
@@ -104,7 +105,7 @@ function control(id: string, key: string, schema: Schema, value: unknown, rest: 
 }
 
 // A row is made anew only when it shows something else: a drag changes one of a hundred.
-function row(table: string, name: string, schema: Schema, given: unknown, effective: Values, changed: boolean, change: Change): unknown {
+export function row(table: string, name: string, schema: Schema, given: unknown, effective: Values, changed: boolean, change: Change): unknown {
   const key = table ? `${table}.${name}` : name;
   const shown = [key, JSON.stringify(given), effective[key], changed];
   return guard(shown, () => made(key, name, schema, given, effective, changed, change));

@@ -1,5 +1,6 @@
 // "Make it straighter": what a search is asked, how far it is, and its front as it grows. The search runs in the server.
 import { html, nothing, svg, type TemplateResult } from "lit";
+import { bar, type Job } from "./job";
 import { measured } from "./merits";
 
 export interface Sought {
@@ -18,16 +19,11 @@ interface Row {
   values: Record<string, unknown>;
 }
 
-export interface Search {
-  state: "running" | "done" | "cancelled" | "failed";
-  share: number;
+export interface Search extends Job {
   goals: string[];
   rows: Row[];
   before?: Row;
-  why?: string;
   warnings?: string[];
-  folder: string;
-  shell: string;
 }
 
 const [WIDTH, HEIGHT, EDGE] = [320, 190, 26];
@@ -107,10 +103,8 @@ const STATES = {
   failed: "",
 };
 
-export function progress(search: Search, cancel: () => void): TemplateResult {
-  return html`<div class="progress"><progress max="1" .value=${search.share} aria-label="Share of the search that is done"></progress>
-      <output>${Math.floor(100 * search.share)} %</output>
-      <button type="button" ?disabled=${search.state !== "running"} @click=${cancel}>Cancel</button></div>
+export function progress(search: Search): TemplateResult {
+  return html`${bar(search, "the search")}
     <p class="quality">${search.state === "running" && search.share >= 1 ? "Tracing the front again, more closely …" : STATES[search.state]}
       Responses are kept in ${search.folder}.</p>
     ${search.why ? html`<p class="warning" role="alert">${search.why}</p>` : nothing}

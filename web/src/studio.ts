@@ -1,11 +1,13 @@
 // The page: it shows what the server sends, and asks for what a person does. No physics is computed here.
 import { html, LitElement, nothing, type TemplateResult } from "lit";
+import { copied, give } from "./copied";
 import { Drawing, type Colouring, type Picture } from "./drawing";
 import { fields, nameOf, restore, unitOf, type Schema, type Values } from "./fields";
 import type { Frame } from "./frames";
 import { Link, type Request, type View } from "./link";
 import { measured, merits, powers, sign, type Powers } from "./merits";
 import { asked, front, progress, type Search, type Sought } from "./search";
+import type { Command, Host, Tab } from "./tab";
 import { curveOf, ResponsePlot, type Band, type Curve, type Name } from "./response";
 
 const HANDLES: Record<string, [string, string]> = {
@@ -27,6 +29,11 @@ const handled = (name: string): [string, string] => {
 };
 const STEPS: Record<string, number> = { emitter: 0.01, pivot: 0.05 };
 const ARROWS: Record<string, [number, number]> = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+const TABS = {
+  design: { label: "Design", load: () => Promise.resolve() },
+  resin: { label: "Resin", load: () => import("./tabs/resin") },
+};
+type TabName = keyof typeof TABS;
 const LATE_MS = 400;
 const FEW = 5000; // rays of a response while something is dragged
 
@@ -44,7 +51,10 @@ interface Matter {
   at_deg: number;
 }
 
-class Studio extends LitElement {
+class Studio extends LitElement implements Host {
+  private tab: TabName = "design";
+  private opened = new Map<TabName, Tab>();
+  private jobs = new Map<number, Command>();
   private link!: Link;
   private drawing!: Drawing;
   private plot!: ResponsePlot;
@@ -166,10 +176,8 @@ class Studio extends LitElement {
       restore(this);
     } else if (head.kind === "suggested") {
       this.sought = head.sought;
-    } else if (head.kind === "search") {
-      this.search = head as unknown as Search;
-      if (!this.sought) this.ask({ do: "suggest" });
-      this.searching = true;
+    } else if (head.kind === "job") {
+      this.work(head as unknown as Command);
     } else if (head.kind === "saved") {
       this.note = `Saved in ${head.file}`;
       this.refused = "";
@@ -177,8 +185,46 @@ class Studio extends LitElement {
     this.requestUpdate();
   }
 
+  // News of work in the background: of the search, or of a tab.
+  private work(job: Command): void {
+    if (job.name === "explore optimise") {
+      this.search = job as unknown as Search;
+      if (!this.sought) this.ask({ do: "suggest" });
+      this.searching = true;
+    } else {
+      this.jobs.set(job.number, job);
+      for (const tab of this.opened.values()) tab.take(job);
+    }
+  }
+
+  // Show a tab; its part of the page is loaded when it is opened first.
+  private async turn(name: TabName): Promise<void> {
+    this.tab = name;
+    this.requestUpdate();
+    if (name === "design" || this.opened.has(name)) return;
+    await TABS[name].load();
+    if (this.opened.has(name)) return;
+    const tab = document.createElement(`solen-${name}`) as Tab;
+    tab.host = this;
+    tab.className = "columns";
+    this.opened.set(name, tab);
+    for (const job of this.jobs.values()) tab.take(job);
+    this.querySelector(`#panel-${name}`)!.append(tab);
+  }
+
+  private tabKey(event: KeyboardEvent): void {
+    const names = Object.keys(TABS) as TabName[];
+    const place = names.indexOf(this.tab);
+    const next = { ArrowLeft: place - 1, ArrowRight: place + 1, Home: 0, End: names.length - 1 }[event.key];
+    if (next === undefined) return;
+    event.preventDefault();
+    const name = names[(next + names.length) % names.length];
+    void this.turn(name);
+    this.querySelector<HTMLElement>(`#tab-${name}`)!.focus();
+  }
+
   private redraw(): void {
-    if (!this.picture) return;
+    if (!this.picture || this.tab !== "design") return;
     this.drawing.draw(this.picture, this.colouring);
     this.placed();
   }
@@ -196,6 +242,7 @@ class Studio extends LitElement {
   }
 
   private resized(): void {
+    if (this.tab !== "design") return;
     this.drawing.resize();
     if (this.picture) this.drawing.fit(this.picture);
     this.redraw();
@@ -209,7 +256,7 @@ class Studio extends LitElement {
   }
 
   // Requests of one animation frame go as one.
-  private ask(request: Request): void {
+  ask(request: Request): void {
     this.note = "";
     if (this.pending) {
       this.pending = { ...this.pending, ...request, values: { ...this.pending.values, ...request.values } };
@@ -360,16 +407,9 @@ class Studio extends LitElement {
   private download(what: "drawing" | "response", kind: "svg" | "png"): void {
     if (!this.picture || (what === "response" && !this.plot.picture())) return;
     const name = `${this.file.replace(/\.toml$/, "")}${what === "drawing" ? "" : "-response"}.${kind}`;
-    const give = (blob: Blob) => {
-      const link = document.createElement("a");
-      link.href = URL.createObjectURL(blob);
-      link.download = name;
-      link.click();
-      setTimeout(() => URL.revokeObjectURL(link.href), 1000);
-    };
     const text = () => (what === "drawing" ? this.drawing.svg(this.picture!, this.colouring) : this.plot.svg());
-    if (kind === "svg") give(new Blob([text()], { type: "image/svg+xml" }));
-    else (what === "drawing" ? this.drawing.canvas : this.plot.picture()!).toBlob((blob) => blob && give(blob));
+    if (kind === "svg") give(new Blob([text()], { type: "image/svg+xml" }), name);
+    else (what === "drawing" ? this.drawing.canvas : this.plot.picture()!).toBlob((blob) => blob && give(blob, name));
   }
 
   private legend(): TemplateResult {
@@ -420,11 +460,6 @@ class Studio extends LitElement {
     </table>`;
   }
 
-  private copied(name: string, text: string): TemplateResult {
-    return html`<p>${name} <button type="button" @click=${() => navigator.clipboard.writeText(text)}>Copy</button></p>
-      <pre tabindex="0">${text}</pre>`;
-  }
-
   private searches(): void {
     this.searching = !this.searching;
     if (this.searching && !this.search) this.ask({ do: "suggest" });
@@ -439,8 +474,8 @@ class Studio extends LitElement {
       this.ask({ take: number });
     };
     return html`<div class="search-panel" role="region" aria-label="Search">
-      ${search ? html`${progress(search, () => this.ask({ do: "cancel" }))} ${search.rows.length ? front(search, this.chosen, take) : nothing}
-        <div class="same">${this.copied("The same from the command line", search.shell)}</div>` : nothing}
+      ${search ? html`${progress(search)} ${search.rows.length ? front(search, this.chosen, take) : nothing}
+        <div class="same">${copied("The same from the command line", search.shell)}</div>` : nothing}
       ${sought ? asked(sought, search?.state === "running", (given) => {
         this.sought = given;
         this.chosen = 0;
@@ -452,7 +487,7 @@ class Studio extends LitElement {
   private same(): TemplateResult {
     const { shell, python } = this.whole.same as { shell: string; python: string };
     return html`<aside class="guide same" aria-label="The same elsewhere">
-      ${this.copied("The same from the command line", shell)} ${this.copied("The same in Python", python)}
+      ${copied("The same from the command line", shell)} ${copied("The same in Python", python)}
     </aside>`;
   }
 
@@ -481,18 +516,21 @@ class Studio extends LitElement {
     return html`
       <header>
         <h1><span class="brand">solen studio</span> ${this.file}${this.changed.size && !whole.is_saved ? html`<span class="dot" title="not saved"> ●</span>` : nothing}</h1>
+        <div class="tabs" role="tablist" aria-label="Steps from design to sensor" @keydown=${(e: KeyboardEvent) => this.tabKey(e)}>
+          ${(Object.keys(TABS) as TabName[]).map((name) => html`<button type="button" role="tab" id="tab-${name}" aria-controls="panel-${name}"
+            aria-selected=${String(name === this.tab)} tabindex=${name === this.tab ? 0 : -1} @click=${() => void this.turn(name)}>${TABS[name].label}</button>`)}
+        </div>
         <nav aria-label="File">
           <button type="button" ?disabled=${!whole.can_undo} @click=${() => this.ask({ do: "undo" })} title="Ctrl+Z">Undo</button>
           <button type="button" ?disabled=${!whole.can_redo} @click=${() => this.ask({ do: "redo" })} title="Ctrl+Y">Redo</button>
           <button type="button" class="main" ?disabled=${whole.is_saved as boolean} @click=${() => this.ask({ do: "save" })} title="Ctrl+S; comments of the file are kept">Save</button>
-          <button type="button" @click=${() => this.download("drawing", "svg")} title="The drawing">SVG</button>
-          <button type="button" @click=${() => this.download("drawing", "png")} title="The drawing">PNG</button>
           <button type="button" aria-expanded=${String(this.commands)} @click=${() => ((this.commands = !this.commands), this.requestUpdate())} title="The same from the command line and in Python">&gt;_</button>
           <button type="button" @click=${() => this.theme()} aria-label="Light or dark">◐</button>
           <button type="button" @click=${() => ((this.guide = !this.guide), this.requestUpdate())} aria-label="Guide" aria-expanded=${String(this.guide)}>?</button>
         </nav>
       </header>
       <main>
+        <div class="columns" role="tabpanel" id="panel-design" aria-labelledby="tab-design" ?hidden=${this.tab !== "design"}>
         <section class="design" aria-label="Design">
           <div class="search"><label for="find">Find a number</label>
             <input id="find" type="search" .value=${this.find} @input=${(e: Event) => ((this.find = (e.target as HTMLInputElement).value), this.requestUpdate())}></div>
@@ -534,6 +572,8 @@ class Studio extends LitElement {
               <button type="button" @click=${() => this.zoomBy(1.4)} aria-label="Larger">+</button>
               <button type="button" @click=${() => this.zoomBy(1 / 1.4)} aria-label="Smaller">−</button>
               <button type="button" @click=${() => this.zoomBy(0)} aria-label="Whole sensor">⤢</button>
+              <button type="button" class="small" @click=${() => this.download("drawing", "svg")} title="The drawing">SVG</button>
+              <button type="button" class="small" @click=${() => this.download("drawing", "png")} title="The drawing">PNG</button>
             </div>
             ${this.legend()}
             <output class="coordinates"></output>
@@ -569,6 +609,8 @@ class Studio extends LitElement {
           ${view.tolerances ? this.ranking() : nothing}
           ${emitters.length ? nothing : merits(curves.own, curves.flat, this.angles, this.unit)}
         </section>
+        </div>
+        ${(Object.keys(TABS) as TabName[]).slice(1).map((name) => html`<div role="tabpanel" id="panel-${name}" aria-labelledby="tab-${name}" ?hidden=${this.tab !== name}></div>`)}
       </main>
       <div role="status" class="status ${this.refused || !this.connected ? "refused" : ""}">${this.status()}</div>
     `;

@@ -52,7 +52,7 @@ class Asked(Strict):
     handle: str | None = Field(None, max_length=200, description="Handle that is dragged.")
     to: tuple[Number, Number] | None = Field(None, description="Where to.")
     gesture: str = Field("", max_length=60, description="Changes of one gesture are undone together.")
-    do: Literal["undo", "redo", "save", "reload", "cancel", "suggest", "restore", "leave"] | None = Field(
+    do: Literal["undo", "redo", "save", "reload", "suggest", "restore", "leave"] | None = Field(
         None, description="An order."
     )
     search: Sought | None = Field(None, description="A search to be begun in the background.")

@@ -19,6 +19,7 @@ from solen.files import read_text
 from solen.sensor import Sensor
 from solen.spec import Design, loads, template, with_values
 from solen.spec.edited import edited
+from solen.studio.jobs import Jobs
 
 if TYPE_CHECKING:
     from solen.studio.search import Search
@@ -60,6 +61,7 @@ class Document:
         self.version = 0
         self.kept: Path | None = None
         self.kept_text = self.why_not_kept = ""
+        self.jobs = Jobs()
         self.search: Search | None = None
         self._open()
         self.offered = self._left_behind()

@@ -15,6 +15,8 @@ Receive = Callable[[], Awaitable[Message]]
 Send = Callable[[Message], Awaitable[None]]
 App = Callable[[Scope, Receive, Send], Awaitable[None]]
 
+READS, CHANGES = {"GET", "HEAD"}, {"PUT", "POST", "DELETE"}
+"""Methods; browsers state an Origin with those that change something, and so must all others."""
 LOCAL = "127.0.0.1"
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; "
@@ -50,10 +52,11 @@ class Guard:
         own = f"http://{self.host}".encode()
         if hosts != [self.host.encode()] or any(origin != own for origin in origins):
             return 403
-        if scope["type"] == "websocket" and not origins:
-            return 403
-        if scope["type"] == "http" and scope["method"] not in {"GET", "HEAD"}:
+        method = scope.get("method", "")
+        if scope["type"] == "http" and method not in READS | CHANGES:
             return 405
+        if method not in READS and not origins:
+            return 403
         token = scope["path"].split("/")[1]
         return 200 if secrets.compare_digest(token.encode(), self.token.encode()) else 404
 

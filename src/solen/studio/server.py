@@ -6,12 +6,16 @@ import secrets
 import socket
 from collections.abc import AsyncIterator, Callable
 from importlib.resources import files
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from solen.errors import SolenError, SpecError
 from solen.extras import need
+from solen.studio import routes
+from solen.studio.desk import Desk
 from solen.studio.document import Document
 from solen.studio.guard import LOCAL, Guard
+from solen.studio.offers import Shown
 from solen.studio.session import Session
 
 if TYPE_CHECKING:
@@ -20,13 +24,13 @@ if TYPE_CHECKING:
 
 PAGE = files("solen.studio") / "page"
 TYPES = {
-    "index.html": "text/html; charset=utf-8",
-    "studio.js": "text/javascript; charset=utf-8",
-    "studio.css": "text/css; charset=utf-8",
-    "icon.svg": "image/svg+xml",
-    "licences.txt": "text/plain; charset=utf-8",
+    ".html": "text/html; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".svg": "image/svg+xml",
+    ".txt": "text/plain; charset=utf-8",
 }
-"""The files of the page, and what they are; no other is served."""
+"""What the files of the page are, by their endings; no other is served."""
 LARGEST_MESSAGE = 2**16
 """Bytes of a message of a page; a longer one ends its connection."""
 MOST_PAGES, MOST_CONNECTIONS = 8, 64
@@ -35,27 +39,30 @@ KEPT_S = 2.0
 TRY_AGAIN = 1013
 
 
-def application(document: Document, token: str, address: str, port: int) -> Guard:
-    """ASGI application of a document at an address."""
+def application(desk: Desk, token: str, address: str, port: int) -> Guard:
+    """ASGI application of a desk at an address."""
     from fastapi import FastAPI, HTTPException, Response, WebSocket
+
+    document = desk.document
+    names = {file.name for file in PAGE.iterdir()}
 
     @contextlib.asynccontextmanager
     async def whole(_: FastAPI) -> AsyncIterator[None]:
         keeping = asyncio.create_task(_keep(document))
         yield
         keeping.cancel()
-        if document.search is not None:
-            document.search.cancel()
+        document.jobs.end()
         document.keep_unsaved()  # here, as a signal that ends the server may end the process after it
 
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None, lifespan=whole)
     sessions: set[Session] = set()
 
     async def page(name: str) -> Response:
-        kind = TYPES.get(name or "index.html")
-        if kind is None:
+        name = name or "index.html"
+        kind = TYPES.get(Path(name).suffix)
+        if kind is None or name not in names:
             raise HTTPException(404)
-        return Response((PAGE / (name or "index.html")).read_bytes(), media_type=kind)
+        return Response((PAGE / name).read_bytes(), media_type=kind)
 
     async def talk(socket: WebSocket) -> None:
         if len(sessions) >= MOST_PAGES:
@@ -65,6 +72,7 @@ def application(document: Document, token: str, address: str, port: int) -> Guar
         await _serve(socket, document, sessions)
 
     app.add_api_websocket_route("/{token}/ws", talk)
+    routes.add(app, desk)
     app.add_api_route("/{token}/{name:path}", page, response_class=Response, response_model=None)
     return Guard(app, token, address, port)
 
@@ -113,7 +121,14 @@ async def _listen(page: "WebSocket", session: Session) -> None:
         await session.take(message.get("text") or "")
 
 
-def serve(document: Document, *, address: str = LOCAL, port: int = 0, opened: Callable[[str], object]) -> None:
+def serve(
+    document: Document,
+    *,
+    address: str = LOCAL,
+    port: int = 0,
+    opened: Callable[[str], object],
+    shown: Shown | None = None,
+) -> None:
     """Serve a document until Ctrl-C, and write what was not saved beside its file.
 
     Parameters
@@ -124,6 +139,8 @@ def serve(document: Document, *, address: str = LOCAL, port: int = 0, opened: Ca
         Address of this computer to listen at; port 0 takes a free one.
     opened
         Called with the page's address once connections are accepted.
+    shown
+        Lines that a command prints of its result, by the command's name; a function of a module.
 
     Raises
     ------
@@ -132,13 +149,15 @@ def serve(document: Document, *, address: str = LOCAL, port: int = 0, opened: Ca
     SpecError
         If nothing can listen at the address.
     """
-    server, listening, page = server_at(document, address, port)
+    server, listening, page = server_at(document, address, port, shown)
     opened(page)
     with contextlib.suppress(KeyboardInterrupt), listening:
         server.run(sockets=[listening])
 
 
-def server_at(document: Document, address: str = LOCAL, port: int = 0) -> "tuple[uvicorn.Server, socket.socket, str]":
+def server_at(
+    document: Document, address: str = LOCAL, port: int = 0, shown: Shown | None = None
+) -> "tuple[uvicorn.Server, socket.socket, str]":
     """Server of a document, the socket that it listens at, and the page's address; see `serve`."""
     need("fastapi", "uvicorn", "websockets", "tomlkit", what="solen studio")
     import uvicorn
@@ -146,7 +165,7 @@ def server_at(document: Document, address: str = LOCAL, port: int = 0) -> "tuple
     listening = _listening(address, port)
     port, token = listening.getsockname()[1], secrets.token_urlsafe(24)
     config = uvicorn.Config(
-        application(document, token, address, port),
+        application(Desk(document, shown), token, address, port),
         http="h11",
         ws="websockets-sansio",
         ws_max_size=LARGEST_MESSAGE,

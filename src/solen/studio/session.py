@@ -17,21 +17,21 @@ from solen.studio.search import adopted, begin
 MOST_WAITING = 16
 """Requests of different kinds that may wait; those of one drag count as one."""
 WATCHED_S = 0.2
-"""Time between looks at a search."""
+"""Time between looks at the work in the background."""
 REST_S = 0.08
 """Time without a request after which results improve: a drag needs the processor itself."""
 Sender = Callable[[bytes], Awaitable[None]]
 
 
-def request_of(message: str) -> Asked:
-    """The request in a message; `SpecError` where it is none."""
+def request_of(message: str | bytes) -> dict[str, Any]:
+    """The JSON object in a message; `SpecError` where it is none."""
     try:
         data = json.loads(message)
     except (ValueError, RecursionError):
         data = None
     if not isinstance(data, dict):
         raise SpecError("message", limit="must be a JSON object", remedy="reload the page")
-    return Asked(**data)
+    return data
 
 
 def merged(waiting: list[Asked], new: Asked) -> list[Asked]:
@@ -61,12 +61,12 @@ class Session:
     traced: tuple[int, View] | None = None
     finished: tuple[int, View] | None = None
     tolerated: tuple[int, View] | None = None
-    searched: tuple[int, int] = (0, 0)
+    known: dict[int, int] = field(default_factory=dict)
 
     async def take(self, message: str) -> None:
         """Take a message of the page; a malformed one is refused, and the session goes on."""
         try:
-            waiting = merged(self.waiting, request_of(message))
+            waiting = merged(self.waiting, Asked(**request_of(message)))
             if len(waiting) > MOST_WAITING:
                 raise SpecError("requests", limit=f"at most {MOST_WAITING} may wait", remedy="wait for an answer")
         except SolenError as bad:
@@ -88,12 +88,12 @@ class Session:
             await self._next()
 
     async def watch(self) -> None:
-        """Send what becomes of a search, until cancelled."""
+        """Send what becomes of the work in the background, until cancelled."""
         while True:
-            search = self.document.search
-            if search is not None and (now := (id(search), search.version)) != self.searched:
-                self.searched = now
-                await self.send(encoded(search.head()))
+            for job in self.document.jobs.all:
+                if self.known.get(job.number) != (version := job.version):
+                    self.known[job.number] = version
+                    await self.send(encoded(job.head()))
             await asyncio.sleep(WATCHED_S)
 
     async def _at_rest(self) -> bool:
@@ -147,8 +147,6 @@ class Session:
             document.step(-1 if asked.do == "undo" else 1)
         elif asked.do in {"reload", "restore", "leave"}:
             {"reload": document.reload, "restore": document.restore, "leave": document.leave}[asked.do]()
-        elif asked.do == "cancel" and document.search is not None:
-            document.search.cancel()
         elif asked.do == "save":
             document.save()
         if asked.search is not None:

@@ -1,5 +1,6 @@
 """`solen studio`: the design in a browser, as it is changed, or as a page for a mail."""
 
+import importlib
 import json
 import sys
 import webbrowser
@@ -11,6 +12,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from solen.cli.app import SHOWN, lines
+from solen.cli.commands import COMMANDS
 from solen.errors import SpecError
 from solen.explore.sliders import Sliders, SlidersOptions
 from solen.pipeline.design.designs import DESIGN_NAME
@@ -70,9 +72,17 @@ def _serve(file: Path, changes: dict[str, Any], listen: str, no_browser: bool) -
         if not no_browser:
             webbrowser.open(address)
 
-    serve(document, address=listen, opened=opened)
+    serve(document, address=listen, opened=opened, shown=printed)
     if document.kept is not None:
         print(f"not saved, kept in {document.kept}", file=sys.stderr)
+
+
+def printed(command: str, result: Any) -> list[str]:
+    """Lines that a command, as ``resin cure``, prints of its result."""
+    group, _, own = command.rpartition(" ")
+    where = {name: place for name, place, _ in COMMANDS[group]}[own]
+    importlib.import_module(f"solen.cli.{where.partition(':')[0]}")
+    return list(lines(result))
 
 
 @lines.register

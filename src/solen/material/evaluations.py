@@ -1,0 +1,59 @@
+"""Which evaluations of a resin a recording is for: those whose columns it has."""
+
+from collections.abc import Callable
+
+from solen.errors import DataError
+from solen.material.cure.disc_table import DOSES, THICKNESSES, TIMES
+from solen.material.cure.exposures import samples_of
+from solen.material.loss.readings import LENGTHS, LOSSES, POWERS
+from solen.material.stiffness.columns import FORCE, STRESS, TRUE_STRESS
+from solen.recording import Recording
+from solen.recording.optical import kind_of
+
+
+def evaluations(recording: Recording) -> tuple[str, ...]:
+    """Names of the evaluations that a recording suits, as ``cure``, the likeliest first.
+
+    Raises
+    ------
+    DataError
+        If it suits none.
+    """
+    found = tuple(name for name, suits in _SUITS.items() if suits(recording))
+    if not found:
+        columns = ", ".join((*recording.names, *recording.texts)[:12])
+        limit = f"is for no evaluation of a resin: its columns are {columns}"
+        remedy = "name columns as wavelength_nm and T, thickness_um and dose_mJ_per_cm2, length_mm and power_uW, or "
+        raise DataError(recording.provenance.file or "recording", limit=limit, remedy=f"{remedy}force_N and travel_mm")
+    return found
+
+
+def _kinds(recording: Recording) -> set[str | None]:
+    """Kinds of the spectra: T, R or A."""
+    axes = {one.name for one in recording.channels if one.quantity == "wavelength"}
+    return {kind_of(one) for one in recording.channels if one.axis in axes and one.name not in axes} - {None}
+
+
+def _exposures(recording: Recording) -> bool:
+    try:
+        return "T" in _kinds(recording) and len({one.exposure_s for one in samples_of(recording)}) > 1
+    except DataError:
+        return False
+
+
+def _discs(recording: Recording) -> bool:
+    return recording.find(*THICKNESSES) is not None and recording.find(*DOSES, *TIMES) is not None
+
+
+def _guides(recording: Recording) -> bool:
+    return recording.find(*LENGTHS) is not None and recording.find(*POWERS, *LOSSES) is not None
+
+
+_SUITS: dict[str, Callable[[Recording], bool]] = {
+    "exposures": _exposures,
+    "index": lambda recording: "T" in _kinds(recording) or "R" in _kinds(recording),
+    "penetration": lambda recording: bool(_kinds(recording) & {"A", "T"}),
+    "stiffness": lambda recording: recording.find(*FORCE, *STRESS, *TRUE_STRESS) is not None,
+    "cure": lambda recording: not _kinds(recording) and _discs(recording),
+    "cutback": lambda recording: not _kinds(recording) and _guides(recording),
+}

@@ -1,0 +1,83 @@
+"""What the tabs beside the design work on: dropped files, offered commands, and jobs of one document."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field
+
+from solen.errors import SolenError, SpecError
+from solen.spec.strict import Strict
+from solen.studio import tabs
+from solen.studio.commands import SAVE_FIRST, assigned
+from solen.studio.document import Document
+from solen.studio.jobs import Job
+from solen.studio.offers import Shown, perform
+from solen.studio.storage import Storage
+
+
+class Order(Strict):
+    """What a page asks of a tab."""
+
+    command: str = Field(max_length=60, description="Name of an offered command, as resin cure.")
+    asked: dict[str, Any] = Field(default_factory=dict, max_length=200, description="Values of its form.")
+
+
+@dataclass(eq=False)
+class Desk:
+    """Files and jobs of a document; ``shown`` gives the lines that a command prints."""
+
+    document: Document
+    shown: Shown | None = None
+    storage: Storage = field(init=False)
+
+    def __post_init__(self) -> None:
+        path = self.document.path
+        self.storage = Storage(path.with_name(f"{path.stem}-studio"))
+
+    def forms(self, name: str) -> dict[str, Any]:
+        """What a tab offers, and the files that are there; a process gets ready for it."""
+        offers = tabs.offers_of(name)
+        self.document.jobs.warm(["solen.report.canvas", *dict.fromkeys(one.module for one in offers)])
+        return {"tab": name, "offers": [one.form() for one in offers], "files": self.storage.names()}
+
+    def suits(self, tab: str, name: str) -> dict[str, Any]:
+        """Which commands of a tab take a file, or why none does."""
+        try:
+            return {"name": name, "suits": tabs.suitable(tab, self.storage.path(name)), "why": ""}
+        except SolenError as bad:
+            return {"name": name, "suits": (), "why": str(bad)}
+
+    def begin(self, order: Order) -> Job:
+        """Begin what is asked, in the background.
+
+        Raises
+        ------
+        SolenError
+            If a value is refused, a file is not there, or the design must be saved first.
+        """
+        offer = tabs.offer(order.command)
+        folder = self.storage.new_folder(offer.short)
+        try:
+            call = offer.call(order.asked, self.storage.path, folder, *(self._design() if offer.design else ()))
+            about = {"shell": call.shell, "python": call.python, "folder": folder.name, "label": offer.label}
+            return self.document.jobs.begin(offer.name, perform, (call, self.shown), about)
+        except SolenError:
+            folder.rmdir()
+            raise
+
+    def _design(self) -> tuple[Path, list[str]]:
+        """File of the design, and what is changed in it."""
+        document = self.document
+        changes: Mapping[str, Any] = {} if document.is_saved else document.state.changes
+        if document.saved is None or None in changes.values():
+            raise SpecError(str(document.path), limit="is not saved", remedy=SAVE_FIRST)
+        return document.path, assigned(changes)[1::2]
+
+    def file_of(self, number: int, name: str) -> Path:
+        """A file that a job wrote, by its name in the result; `SpecError` where there is none."""
+        files: Mapping[str, str] = self.document.jobs.of(number).news.get("files", {})
+        if name not in files:
+            raise SpecError("file", limit="was not written by this job")
+        return Path(files[name])

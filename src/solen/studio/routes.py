@@ -1,0 +1,81 @@
+"""Addresses of the tabs: forms, files and jobs, each of which answers as JSON, or with the line of a refusal."""
+
+import asyncio
+import functools
+import json
+from collections.abc import AsyncIterator, Awaitable, Callable
+from typing import TYPE_CHECKING, Any
+
+from solen.errors import SolenError, SpecError
+from solen.results import plain
+from solen.studio.desk import Desk, Order
+from solen.studio.session import request_of
+
+if TYPE_CHECKING:
+    from fastapi import FastAPI, Response
+
+LARGEST_ORDER = 2**16
+"""Bytes of what a page asks of a tab."""
+
+
+def add(app: "FastAPI", desk: Desk) -> None:
+    """Add the addresses of a desk to an application."""
+    from fastapi import Request
+    from fastapi.responses import FileResponse
+
+    async def forms(tab: str) -> Any:
+        return await asyncio.to_thread(desk.forms, tab)
+
+    async def drop(request: Request, tab: str, name: str) -> Any:
+        return await asyncio.to_thread(desk.suits, tab, await desk.storage.keep(name, request.stream()))
+
+    async def begin(request: Request) -> Any:
+        order = Order(**request_of(await _whole(request.stream())))
+        return (await asyncio.to_thread(desk.begin, order)).head()
+
+    async def cancel(number: int) -> Any:
+        await asyncio.to_thread(desk.document.jobs.of(number).cancel)
+
+    async def result(number: int) -> Any:
+        return desk.document.jobs.of(number).result
+
+    async def file(number: int, name: str) -> Any:
+        path = desk.file_of(number, name)
+        return FileResponse(path, filename=None if path.suffix == ".svg" else path.name)
+
+    for method, path, end in (
+        ("GET", "/tabs/{tab}", forms),
+        ("PUT", "/files/{tab}/{name}", drop),
+        ("POST", "/jobs", begin),
+        ("DELETE", "/jobs/{number}", cancel),
+        ("GET", "/jobs/{number}", result),
+        ("GET", "/jobs/{number}/{name}", file),
+    ):
+        app.add_api_route(f"/{{token}}{path}", _refusing(end), methods=[method], response_model=None)
+
+
+def _refusing(end: Callable[..., Awaitable[Any]]) -> Callable[..., Awaitable["Response"]]:
+    """The end of an address, with its answer as JSON, and what it refuses in one line."""
+    from fastapi import Response
+
+    @functools.wraps(end)
+    async def answered(**given: Any) -> "Response":
+        try:
+            answer, status = await end(**given), 200
+        except SolenError as bad:
+            answer, status = {"what": str(bad)}, 400
+        if isinstance(answer, Response):
+            return answer
+        return Response(json.dumps(plain(answer), allow_nan=False), status, media_type="application/json")
+
+    return answered
+
+
+async def _whole(parts: AsyncIterator[bytes]) -> bytes:
+    """A message; `SpecError` for one that is too long."""
+    message = b""
+    async for some in parts:
+        message += some
+        if len(message) > LARGEST_ORDER:
+            raise SpecError("message", limit=f"is longer than {LARGEST_ORDER} bytes")
+    return message

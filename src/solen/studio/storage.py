@@ -1,0 +1,90 @@
+"""Files of the studio beside the design: what was dropped on a page, and what its jobs wrote.
+
+A name that a page sends becomes at most a name within one folder, never a path; files are found again by comparing
+names, not by opening what was asked for.
+"""
+
+import re
+import secrets
+from collections.abc import AsyncIterator
+from pathlib import Path
+
+from solen.errors import OutputError, SpecError
+from solen.files import DEVICES, output_folder
+
+LARGEST_FILE = 2**28
+"""Bytes of a dropped file."""
+_OTHER = re.compile(r"[^\w .,()+%°µ-]+")
+_LONGEST = 80
+
+
+def safe_name(name: str) -> str:
+    """A file name on every system that resembles a name; nothing in it leads elsewhere."""
+    cleaned = _OTHER.sub("_", name.replace("\\", "/").rpartition("/")[2]).strip(" .")
+    stem, dot, ending = cleaned.rpartition(".")
+    stem, ending = (stem, f".{ending[:12]}") if dot and stem else (cleaned, "")
+    stem = stem[:_LONGEST].strip(" .") or "file"
+    return f"{'_' if stem.partition('.')[0].strip().upper() in DEVICES else ''}{stem}{ending}"
+
+
+class Storage:
+    """A folder for the files of a document; it is made with the first of them."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    async def keep(self, name: str, parts: AsyncIterator[bytes]) -> str:
+        """Write a file as it arrives; the name under which it is kept, that of an earlier one with the same content.
+
+        Raises
+        ------
+        OutputError
+            If it is too large, or cannot be written; then nothing is kept.
+        """
+        with output_folder(self.folder):
+            part = self.folder / f".{secrets.token_hex(8)}.part"
+            try:
+                size = 0
+                with part.open("xb") as file:
+                    async for some in parts:
+                        size += len(some)
+                        if size > LARGEST_FILE:
+                            limit = f"is larger than {LARGEST_FILE // 2**20} MB"
+                            raise OutputError(safe_name(name), limit=limit, remedy="use it from the command line")
+                        file.write(some)
+                return self._kept(part, safe_name(name))
+            finally:
+                part.unlink(missing_ok=True)
+
+    def _kept(self, part: Path, name: str) -> str:
+        """Rename a file to the first name that is free, or whose file is the same."""
+        stem, ending = Path(name).stem, Path(name).suffix
+        number = 1
+        while (path := self.folder / name).exists():
+            if path.is_file() and path.read_bytes() == part.read_bytes():
+                return name
+            number += 1
+            name = f"{stem}-{number}{ending}"
+        part.rename(path)
+        return name
+
+    def names(self) -> list[str]:
+        """Names of dropped files, and of results as ``cure-1/cure.json``, in the order of the alphabet."""
+        dropped = [one for one in self.folder.glob("[!.]*") if one.is_file()]
+        written = [one for one in self.folder.glob("*/*") if one.suffix in {".json", ".toml"}]
+        return sorted(one.relative_to(self.folder).as_posix() for one in (*dropped, *written))
+
+    def path(self, name: str) -> Path:
+        """Path of a file that is kept; `SpecError` for any other name."""
+        if name not in self.names():
+            raise SpecError("file", value=safe_name(name), limit="is not kept here", remedy="drop it again")
+        return self.folder / name
+
+    def new_folder(self, name: str) -> Path:
+        """An empty folder for what a job writes: ``cure-1``, ``cure-2``."""
+        number = 1
+        while (folder := self.folder / f"{name}-{number}").exists():
+            number += 1
+        with output_folder(self.folder):
+            folder.mkdir()
+        return folder
