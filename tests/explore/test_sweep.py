@@ -150,7 +150,7 @@ def test_a_point_is_traced_once_whichever_sweep_asks_for_it(tmp_path: Path) -> N
     first = sweep(DESIGN, SweepOptions(over=("lens.focus_mm=18,20,22",)), Store(tmp_path))
     second = sweep(DESIGN, SweepOptions(over=("lens.focus_mm=20,24",)), Store(tmp_path))
     assert (first.traced, second.traced) == (3, 1)
-    assert np.array_equal(first.right[1], second.right[0])
+    assert np.array_equal(first.power[1], second.power[0])
 
 
 def test_a_design_that_cannot_be_built_is_a_point_without_a_response(tmp_path: Path) -> None:
@@ -209,7 +209,7 @@ def test_the_compiled_batch_gives_the_same_table_within_its_uncertainty(tmp_path
     sure = sweep(chip, SweepOptions(over=over, tolerance=1e-3))
     assert rough.traced == sure.traced == 6
     u = np.hypot(rough.u_power, sure.u_power)
-    off = np.abs(rough.right - sure.right) / u
+    off = np.abs(rough.power - sure.power) / u
     assert np.sqrt(np.nanmean(off**2)) < 1.5
     assert 0 < np.nanmax(rough.u_power) < 5e-3
 
@@ -218,7 +218,7 @@ def test_a_point_of_the_batch_does_not_depend_on_its_neighbours() -> None:
     chip = DESIGN.set({"emitter.width_mm": 0.2})
     alone = sweep(chip, SweepOptions(over=("emitter.offset_mm=0,0.01",), rays=1024))
     others = sweep(chip, SweepOptions(over=("emitter.offset_mm=0,0.3",), rays=1024))
-    assert np.array_equal(alone.right[0], others.right[0])
+    assert np.array_equal(alone.power[0], others.power[0])
 
 
 def test_a_failure_of_the_machine_is_not_kept_as_a_response(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -241,7 +241,7 @@ def test_a_damaged_block_is_refused_by_name(tmp_path: Path) -> None:
 
 def test_many_small_blocks_become_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("solen.explore.store.MOST_BLOCKS", 8)
-    point = Point(np.ones(3), np.ones(3), np.zeros(3), (0.0, 0.0))
+    point = Point(np.ones((3, 2)), np.zeros((3, 2)), np.zeros((1, 2)))
     store = Store(tmp_path)
     for number in range(9):
         store.add({f"point {number}": point})

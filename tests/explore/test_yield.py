@@ -7,8 +7,9 @@ import pytest
 
 from solen.arrays import FloatArray
 from solen.explore import Store, ToleranceOptions, tolerance
+from solen.explore.measures import measure_of, merits_of_points
 from solen.explore.store import Variant
-from solen.explore.sweep import merits_of_points, responses
+from solen.explore.sweep import responses
 from solen.explore.usual import variations_of
 from solen.explore.variations import offs
 from solen.sensor import Sensor
@@ -50,7 +51,7 @@ def _counted() -> float:
 
 def _merits(off: list[dict[str, float]]) -> dict[str, FloatArray]:
     points = responses([partial(Variant, DESIGN, one) for one in off], OPTIONS.accuracy, Store())
-    return merits_of_points(np.array(DESIGN.motion.angles_deg()), points)
+    return merits_of_points(measure_of(DESIGN), points)
 
 
 @pytest.mark.evidence

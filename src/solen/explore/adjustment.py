@@ -32,7 +32,10 @@ class Adjustment:
 
     @classmethod
     def parse(cls, text: str, sensor: Sensor) -> Self:
-        """Adjustment of a text, ``emitter.offset_mm=0.05``; `SpecError` where it is malformed."""
+        """Adjustment of a text, ``emitter.offset_mm=0.05``; `SpecError` where it is malformed, or of a network."""
+        if sensor.is_network:
+            limit = "moves a number until two receivers read alike; a network has other readings"
+            raise SpecError(OPTION, value=text, limit=limit, remedy="leave it out")
         return cls(*deviation_of(text, sensor, OPTION))
 
     @property
@@ -85,8 +88,4 @@ class Adjustment:
 
 def _contrast(angle_deg: FloatArray, point: Point, at_deg: float) -> float:
     """Contrast of a point at an angle; NaN without a response or in the dark."""
-    if not point.right.size:
-        return np.nan
-    both = point.right + point.left
-    with np.errstate(invalid="ignore"):
-        return float(np.interp(at_deg, angle_deg, (point.right - point.left) / both))
+    return float(np.interp(at_deg, angle_deg, point.response(angle_deg).contrast)) if point.is_traced else np.nan

@@ -22,6 +22,7 @@ from pydantic import Field
 
 from solen.errors import DataError, DesignError, SpecError
 from solen.explore.merits import worst_resolution_deg
+from solen.explore.network_merits import network_point
 from solen.explore.store import Accuracy, Point, Variant, engine, no_response
 from solen.extras import need
 from solen.files import read_text
@@ -58,7 +59,7 @@ class Here:
 def responses_of(variants: Sequence[tuple[str, Variant]], accuracy: Accuracy) -> dict[str, Point]:
     """Responses of designs over their motions, and their resolutions, by name."""
     if accuracy.rays is None:
-        return {name: _integrated(variant, accuracy.tolerance) for name, variant in variants}
+        return {name: _integrated(variant, accuracy) for name, variant in variants}
     found: dict[str, Point] = {}
     batched: dict[str, Sensor] = {}
     for name, variant in variants:
@@ -68,7 +69,7 @@ def responses_of(variants: Sequence[tuple[str, Variant]], accuracy: Accuracy) ->
             found[name] = no_response(bad)
             continue
         if why_not_batched(sensor):
-            found[name] = _integrated(variant, accuracy.tolerance)
+            found[name] = _integrated(variant, accuracy)
         else:
             batched[name] = sensor
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
@@ -76,10 +77,12 @@ def responses_of(variants: Sequence[tuple[str, Variant]], accuracy: Accuracy) ->
         return found | dict(zip(batched, points, strict=True))
 
 
-def _integrated(variant: Variant, tolerance: float | None) -> Point:
+def _integrated(variant: Variant, accuracy: Accuracy) -> Point:
     try:
+        if variant.design.body.kind == "network":
+            return network_point(variant, accuracy)
         sensor = variant.sensor()
-        response = sensor.power(tolerance=tolerance)
+        response = sensor.power(tolerance=accuracy.tolerance)
     except (SpecError, DesignError) as bad:
         return no_response(bad)
     return _point(sensor, response, next((trace.why for trace in response.traces if not trace.reached), ""))
@@ -96,8 +99,9 @@ def _batched(sensor: Sensor, rays: int) -> Point:
 
 
 def _point(sensor: Sensor, response: Response, why: str) -> Point:
-    resolution_deg = worst_resolution_deg(readings_from(sensor, response))
-    return Point(response.right, response.left, response.u_power, resolution_deg, why)
+    power = np.column_stack([response.right, response.left])
+    u_power = np.repeat(response.u_power[:, None], 2, axis=1)
+    return Point(power, u_power, np.array([worst_resolution_deg(readings_from(sensor, response))]), why)
 
 
 def _chunk(digest: str, variants: Sequence[tuple[str, Variant]], accuracy: Accuracy) -> dict[str, Point]:

@@ -8,6 +8,7 @@ angles are too far apart.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import fields
 
 import numpy as np
@@ -72,8 +73,10 @@ class Merits(Result, eq=True):
 
 NAMES = tuple(field.name for field in fields(Merits))
 MERITS = tuple(name for name in NAMES if not name.startswith("u_"))
-_WORSE_IF_SMALL = ("slope_per_deg", "span", "range_deg", "light")
-"""Merits that are worse the smaller their size; of the others the larger."""
+CHANNEL = "light_"
+"""Beginning of the names of merits of single channels of a network."""
+_WORSE_IF_SMALL = ("slope", "span", "range", "light")
+"""Beginnings of the names of merits that are worse the smaller their size; of the others the larger."""
 
 
 def merits_of(response: Response, resolution_deg: tuple[float, float] = (math.nan, math.nan)) -> Merits:
@@ -99,7 +102,7 @@ def merits_of(response: Response, resolution_deg: tuple[float, float] = (math.na
     if unresolved.any():
         u_linearity += _largest_change(contrast, unresolved) / (2.0 * math.sqrt(3.0))
         resolution_deg = (math.nan, math.nan)
-    monotone, u_monotone = _monotone_deg(angle, contrast, u, null)
+    monotone, u_monotone = monotone_deg(angle, contrast, u, null)
     return Merits(
         null_deg=null,
         u_null_deg=u_null,
@@ -125,8 +128,8 @@ def _null(angle: FloatArray, contrast: FloatArray, u: FloatArray) -> tuple[float
     null, slope = _root(angle, contrast)
     if math.isnan(null):
         return math.nan, math.nan, math.nan, math.nan
-    every_second = _every_second(angle.size)
-    rough_null, rough_slope = _root(angle[every_second], contrast[every_second])
+    second = every_second(angle.size)
+    rough_null, rough_slope = _root(angle[second], contrast[second])
     near = int(np.argmin(np.abs(angle - null)))
     step = float(np.diff(angle).max())
     noise = float(u[max(0, near - 1) : near + 2].max())
@@ -163,7 +166,7 @@ def _linearity(angle: FloatArray, contrast: FloatArray) -> tuple[float, float]:
     anything up to half the span.
     """
     dense = np.linspace(angle[0], angle[-1], DENSE * (angle.size - 1) + 1)
-    second = _every_second(angle.size)
+    second = every_second(angle.size)
     fine, coarse = (
         off_a_line(dense, PchipInterpolator(angle[part], contrast[part])(dense)) if len(part) > 1 else 0.0
         for part in (np.arange(angle.size), second)
@@ -201,12 +204,12 @@ def unresolved_change(response: Response) -> float:
     return _largest_change(contrast, _unresolved(contrast, response.u_contrast))
 
 
-def _every_second(number: int) -> IntArray:
+def every_second(number: int) -> IntArray:
     """Every second of some places, the last among them."""
     return np.unique(np.r_[0:number:2, number - 1])
 
 
-def _monotone_deg(angle: FloatArray, contrast: FloatArray, u: FloatArray, null_deg: float) -> tuple[float, float]:
+def monotone_deg(angle: FloatArray, contrast: FloatArray, u: FloatArray, null_deg: float) -> tuple[float, float]:
     """Length of the range about the null without a turn beyond the uncertainty; a step may be missed where it ends."""
     if math.isnan(null_deg):
         return math.nan, math.nan
@@ -225,7 +228,12 @@ def _monotone_deg(angle: FloatArray, contrast: FloatArray, u: FloatArray, null_d
 def worst_place(name: str, values: FloatArray) -> int:
     """Place of the worst of some values (C,) of a merit: one that does not exist, else the smallest or the largest."""
     size = np.abs(values)
-    return int(np.argmax(np.where(np.isnan(values), np.inf, -size if name in _WORSE_IF_SMALL else size)))
+    return int(np.argmax(np.where(np.isnan(values), np.inf, -size if name.startswith(_WORSE_IF_SMALL) else size)))
+
+
+def shown(merits: Mapping[str, object]) -> list[str]:
+    """Names of merits that a table has room for, without those of single channels of a network."""
+    return [name for name in merits if not name.startswith(("u_", "worst_", CHANNEL))]
 
 
 def worst_resolution_deg(readings: Readings) -> tuple[float, float]:

@@ -40,7 +40,8 @@ def check_printable(sensor: Sensor) -> DesignedLens:
     if isinstance(sensor.cut, DesignedLens) and not sensor.is_sampled:
         return sensor.cut
     limit = "only an oval or a free form is printed as one profile"
-    raise SpecError("--as-printed", value=sensor.design.lens.shape, limit=limit, remedy="leave it out")
+    shape = "the lenses of a network" if sensor.is_network else sensor.design.lens.shape
+    raise SpecError("--as-printed", value=shape, limit=limit, remedy="leave it out")
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from solen.arrays import BoolArray, FloatArray
-from solen.explore.merits import MERITS, NAMES
+from solen.explore.merits import shown
 from solen.explore.requirement import Requirement
 from solen.explore.surrogate import FOLDS, Surrogate, fit, parts
 from solen.explore.variations import Variation, drawn
@@ -40,7 +40,7 @@ class Yield(Result, eq=True):
         Share of the prints as they come out.
     calibrated_share, u_calibrated_share
         After a calibration of each sensor, which removes the null's offset and the gain: null and slope count as
-        those of the design.
+        those of the design; None of a network, whose merits no calibration changes.
     adjusted_share, u_adjusted_share
         After each print is adjusted as stated, and then not calibrated; None where no adjustment is.
     """
@@ -48,8 +48,8 @@ class Yield(Result, eq=True):
     requirement: str
     share: float
     u_share: float
-    calibrated_share: float
-    u_calibrated_share: float
+    calibrated_share: float | None
+    u_calibrated_share: float | None
     adjusted_share: float | None = None
     u_adjusted_share: float | None = None
 
@@ -133,6 +133,8 @@ class Prints:
         Merits of the design itself.
     adjusted
         The same prints after an adjustment; None where none is.
+    calibrated
+        Merits that a calibration of each sensor makes those of the design, where the first of them exists.
     """
 
     variations: Sequence[Variation]
@@ -140,14 +142,15 @@ class Prints:
     merits: Mapping[str, FloatArray]
     base: Mapping[str, float]
     adjusted: "Prints | None" = None
+    calibrated: tuple[str, ...] = ("null_deg", "slope_per_deg")
 
     @cached_property
     def surrogates(self) -> dict[str, Surrogate]:
         """Surrogates of the merits that enough prints have."""
         return {
             name: fit(self.variations, self.deviations, self.merits[name])
-            for name in MERITS
-            if np.isfinite(self.merits[name]).sum() >= 2 * FOLDS
+            for name in self.merits
+            if not name.startswith("u_") and np.isfinite(self.merits[name]).sum() >= 2 * FOLDS
         }
 
     @cached_property
@@ -170,7 +173,8 @@ class Prints:
             groups = [*((one.text, [one]) for one in requirements), *groups]
         for text, group in groups:
             after = () if self.adjusted is None else self.adjusted.share(group)
-            yield Yield(text, *self.share(group), *self.share(group, calibrated=True), *after)
+            calibrated = self.share(group, calibrated=True) if self.calibrated else (None, None)
+            yield Yield(text, *self.share(group), *calibrated, *after)
 
     def share(self, requirements: Sequence[Requirement], *, calibrated: bool = False) -> tuple[float, float]:
         """Share of prints that meet requirements, with its standard uncertainty.
@@ -218,9 +222,10 @@ class Prints:
         return sorted(rows, key=lambda row: row.share_if_exact or 0.0, reverse=True)
 
     def spreads(self) -> Iterator[MeritSpread]:
-        """Spread of each merit that has a surrogate."""
+        """Spread of each merit that has a surrogate, but not of single channels of a network."""
         keys = [one.key for one in self.variations]
-        for name, made in self.surrogates.items():
+        for name in (name for name in shown(self.merits) if name in self.surrogates):
+            made = self.surrogates[name]
             values = self.merits[name][np.isfinite(self.merits[name])]
             yield MeritSpread(
                 merit=name,
@@ -244,10 +249,10 @@ class Prints:
         """
         named = list(dict.fromkeys(name for one in requirements for name in one.merits))
         merits = dict(self.merits)
-        if self.surrogates.keys() >= {*named, "null_deg"}:
+        if self.surrogates.keys() >= {*named, *self.calibrated[:1]}:
             nothing = np.full(len(self.modelled), np.nan)
-            merits = dict.fromkeys(NAMES, nothing) | {
-                name: self.surrogates[name](self.modelled) for name in (*named, "null_deg")
+            merits = dict.fromkeys(self.merits, nothing) | {
+                name: self.surrogates[name](self.modelled) for name in (*named, *self.calibrated[:1])
             }
 
         def met(name: str, by: float, base_by: float) -> float:
@@ -256,7 +261,7 @@ class Prints:
             at = replace(self, base={**self.base, name: self.base[name] + base_by})
             return float(at.met(requirements, at._calibrated(moved) if calibrated else moved).mean())
 
-        share, squares = met("null_deg", 0.0, 0.0), 0.0
+        share, squares = met(named[0], 0.0, 0.0), 0.0
         for name in named:
             own, common, of_base = self._parts_of_u(name)
             squares += (0.5 * (met(name, own, 0.0) + met(name, -own, 0.0)) - share) ** 2
@@ -281,17 +286,17 @@ class Prints:
 
     def _calibrated(self, merits: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
         """Merits after a calibration of offset and gain: null and slope of the design, where there is a null."""
-        exists = np.isfinite(merits["null_deg"])
-        return {**merits} | {name: np.where(exists, self.base[name], np.nan) for name in ("null_deg", "slope_per_deg")}
+        exists = [np.isfinite(merits[name]) for name in self.calibrated[:1]]
+        return {**merits} | {name: np.where(exists[0], self.base[name], np.nan) for name in self.calibrated}
 
     def _by_surrogates(
         self, requirements: Sequence[Requirement], deviations: FloatArray, fold: int | None, *, calibrated: bool = False
     ) -> BoolArray:
         named = dict.fromkeys(name for one in requirements for name in one.merits)
         nothing = np.full(len(deviations), np.nan)
-        merits = dict.fromkeys(NAMES, nothing) | {
+        merits = dict.fromkeys(self.merits, nothing) | {
             name: self.surrogates[name](deviations, fold)
-            for name in (*named, *(("null_deg",) if calibrated else ()))
+            for name in (*named, *(self.calibrated[:1] if calibrated else ()))
             if name in self.surrogates
         }
         return self.met(requirements, self._calibrated(merits) if calibrated else merits)

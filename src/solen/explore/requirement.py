@@ -36,20 +36,23 @@ class Expression:
         Merits that it names.
     worst
         Those of which it names the worst.
+    known
+        Merits that there are.
     """
 
     text: str
     merits: tuple[str, ...]
     worst: tuple[str, ...] = ()
+    known: tuple[str, ...] = MERITS
 
     option: ClassVar[str] = "--require"
     is_condition: ClassVar[bool] = True
     has_cases: ClassVar[bool] = False
 
     @classmethod
-    def parse(cls, text: str) -> Self:
-        """Expression of a text; `SpecError` where it is malformed or names no merit."""
-        grammar = cls._grammar(text)
+    def parse(cls, text: str, known: tuple[str, ...] = MERITS) -> Self:
+        """Expression of a text about the merits that there are; `SpecError` where it is malformed or names none."""
+        grammar = cls._grammar(text, known)
         stated = dict.fromkeys(names(parsed(text, grammar), grammar))
         bare = [name.removeprefix(f"{_BASE}_").removeprefix(f"{_WORST} ") for name in stated if name != _BASE]
         merits = tuple(dict.fromkeys(bare))
@@ -59,10 +62,10 @@ class Expression:
                 text, "worst(...) is over the numbers off of --robust, and there are none", "leave it out"
             )
         if not merits:
-            raise cls.refusal(text, "names no merit", f"the merits are {', '.join(MERITS)}")
+            raise cls.refusal(text, "names no merit", f"the merits are {', '.join(known)}")
         if _BASE in stated and len(merits) > 1:
             raise cls.refusal(text, "base stands for one merit, and several are named", f"write {_BASE}_{merits[0]}")
-        return cls(text, merits, worst)
+        return cls(text, merits, worst, known)
 
     @classmethod
     def refusal(cls, text: str, limit: str, remedy: str = "") -> SpecError:
@@ -72,11 +75,11 @@ class Expression:
         return SpecError(cls.option, value=text, limit=limit, remedy=remedy or f"write as in {example}")
 
     @classmethod
-    def _grammar(cls, text: str) -> Grammar:
+    def _grammar(cls, text: str, known: tuple[str, ...]) -> Grammar:
         def check(name: str) -> None:
-            if name != _BASE and name.removeprefix(f"{_BASE}_").removeprefix(f"{_WORST} ") not in MERITS:
-                near = nearest(name, MERITS)
-                remedy = f"did you mean {near}?" if near else f"the merits are {', '.join(MERITS)}"
+            if name != _BASE and name.removeprefix(f"{_BASE}_").removeprefix(f"{_WORST} ") not in known:
+                near = nearest(name, known)
+                remedy = f"did you mean {near}?" if near else f"the merits are {', '.join(known)}"
                 raise cls.refusal(text, f"{name} is not a merit", remedy)
 
         return Grammar(
@@ -85,7 +88,7 @@ class Expression:
 
     @property
     def _tree(self) -> ast.expr:
-        return parsed(self.text, self._grammar(self.text))
+        return parsed(self.text, self._grammar(self.text, self.known))
 
     def _values(self, merits: Mapping[str, FloatArray], base: Mapping[str, float]) -> dict[str, Any]:
         named = {f"{_BASE}_{name}": value for name, value in base.items()}

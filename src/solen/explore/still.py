@@ -17,8 +17,8 @@ TRIED = 3
 
 def still_on_grid(axes: Sequence[Axis], points: Sequence[Point]) -> list[str]:
     """Keys along whose axes all points are the same, the last axis running fastest."""
-    same = {content_of(point): place for place, point in enumerate(points)}
-    kinds = np.array([same[content_of(point)] for point in points]).reshape([len(one.values) for one in axes])
+    same = {point.content: place for place, point in enumerate(points)}
+    kinds = np.array([same[point.content] for point in points]).reshape([len(one.values) for one in axes])
     return [one.key for place, one in enumerate(axes) if len(one.values) > 1 and not np.diff(kinds, axis=place).any()]
 
 
@@ -29,14 +29,9 @@ def still_in_samples(
     traced: Callable[[Sequence[Mapping[str, Any]]], Sequence[Point]],
 ) -> Iterator[str]:
     """Keys that change none of a few samples where they alone take all values of a list, or both ends of a range."""
-    finished = [place for place, point in enumerate(points) if point.right.size][:TRIED]
+    finished = [place for place, point in enumerate(points) if point.is_traced][:TRIED]
     for one in axes:
         moved = [{**values[place], one.key: value} for place in finished for value in one.values]
-        own = [content_of(points[place]) for place in finished for _ in one.values]
-        if len(one.values) > 1 and own == [content_of(point) for point in traced(moved)]:
+        own = [points[place].content for place in finished for _ in one.values]
+        if len(one.values) > 1 and own == [point.content for point in traced(moved)]:
             yield one.key
-
-
-def content_of(point: Point) -> tuple[bytes, ...]:
-    """What is equal for equal responses and resolutions."""
-    return tuple(one.tobytes() for one in (point.right, point.left, np.array(point.resolution_deg)))

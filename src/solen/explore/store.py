@@ -11,7 +11,6 @@ The interface: `Store` of a folder; `Variant`, which names a point.
 import hashlib
 import io
 import json
-import math
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -30,7 +29,7 @@ from solen.errors import DataError, SolenError
 from solen.explore.printed_lens import as_printed
 from solen.fabricate.process import Settings
 from solen.registry import BODY_KINDS, FINISHES, offered
-from solen.sensor import Sensor
+from solen.sensor import Response, Sensor
 from solen.sensor.effects import as_built
 from solen.spec import Design, dumps
 
@@ -49,25 +48,41 @@ class Point:
 
     Attributes
     ----------
-    right, left, u_power
-        Shape (A,), as in `solen.sensor.Response`; empty where the design cannot be built or traced.
-    resolution_deg
-        Worst resolution and its uncertainty.
+    power, u_power
+        (A, C) powers and their uncertainties at A angles or states, of the right and the left receiver, or of a network
+        of each emitter's receivers in turn; empty where the design cannot be built or traced.
+    sd_deg
+        (K, 2) standard deviation of an angle from one reading and its uncertainty: where it is worst, or of a network
+        of each motion.
     why
         Why there is no response, or why its tolerance was not reached; empty otherwise.
     """
 
-    right: FloatArray
-    left: FloatArray
+    power: FloatArray
     u_power: FloatArray
-    resolution_deg: tuple[float, float]
+    sd_deg: FloatArray
     why: str = ""
+
+    @property
+    def is_traced(self) -> bool:
+        """Whether there is a response."""
+        return bool(self.power.size)
+
+    @property
+    def content(self) -> tuple[bytes, ...]:
+        """What is equal for equal responses."""
+        return (self.power.tobytes(), self.sd_deg.tobytes())
+
+    def response(self, angle_deg: FloatArray) -> Response:
+        """The same as a response of two receivers."""
+        right, left = self.power.T
+        return Response("power", angle_deg, right, left, self.u_power.max(axis=1), ())
 
 
 def no_response(why: SolenError) -> Point:
     """Point of a design that cannot be built or traced."""
-    nothing = np.empty(0)
-    return Point(nothing, nothing, nothing, (math.nan, math.nan), str(why))
+    nothing = np.empty((0, 2))
+    return Point(nothing, nothing, nothing, str(why))
 
 
 class Store:
@@ -89,7 +104,7 @@ class Store:
     def add(self, points: Mapping[str, Point]) -> Path | None:
         """Keep points, as one block on disk if one of them has a response, and return that."""
         self.points |= points
-        if self.folder is None or not any(point.right.size for point in points.values()):
+        if self.folder is None or not any(point.is_traced for point in points.values()):
             return None
         with files.output_folder(self.folder):
             name = hashlib.sha256("".join(points).encode()).hexdigest()[:32]
@@ -97,10 +112,14 @@ class Store:
 
 
 class Accuracy(NamedTuple):
-    """How closely responses are traced: integrated to a tolerance, or by so many rays of the compiled batch."""
+    """How closely responses are traced: integrated to a tolerance, or by so many rays of the compiled batch.
+
+    Powers of a network are sampled, by the lattice of that number.
+    """
 
     tolerance: float | None = None
     rays: int | None = None
+    lattice: int = 0
 
 
 @dataclass(frozen=True)
@@ -165,15 +184,15 @@ def _sources(module: str) -> list[tuple[str, Path]]:
 
 
 def _block(points: Mapping[str, Point]) -> bytes:
-    """Bytes of a block: arrays of points one after the other, and how many angles each has."""
+    """Bytes of a block: arrays of points one after the other, and the shape of each."""
     values = list(points.values())
     buffer = io.BytesIO()
     np.savez_compressed(
         buffer,
         name=np.array(list(points)),
-        angles=np.array([point.right.size for point in values]),
-        power=np.concatenate([np.array([point.right, point.left, point.u_power]).T for point in values]),
-        resolution_deg=np.array([point.resolution_deg for point in values]),
+        shape=np.array([(*point.power.shape, len(point.sd_deg)) for point in values]),
+        power=np.concatenate([np.stack([point.power, point.u_power], axis=-1).reshape(-1, 2) for point in values]),
+        sd_deg=np.concatenate([point.sd_deg for point in values]),
         why=np.array([point.why for point in values]),
     )
     return buffer.getvalue()
@@ -182,12 +201,15 @@ def _block(points: Mapping[str, Point]) -> bytes:
 def _read(path: Path) -> dict[str, Point]:
     try:
         with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as block:
-            ends = np.cumsum(block["angles"])[:-1]
-            powers = np.split(block["power"], ends)
-            rows = zip(block["name"], powers, block["resolution_deg"], block["why"], strict=True)
+            if "shape" not in block:
+                return {}  # of an earlier solen, whose points are no longer asked for
+            shapes = block["shape"]
+            powers = np.split(block["power"], np.cumsum(shapes[:, 0] * shapes[:, 1])[:-1])
+            sds = np.split(block["sd_deg"], np.cumsum(shapes[:, 2])[:-1])
+            rows = zip(block["name"], shapes[:, :2].tolist(), powers, sds, block["why"], strict=True)
             return {
-                str(name): Point(power[:, 0], power[:, 1], power[:, 2], (float(worst[0]), float(worst[1])), str(why))
-                for name, power, worst, why in rows
+                str(name): Point(power[:, 0].reshape(shape), power[:, 1].reshape(shape), sd, str(why))
+                for name, shape, power, sd, why in rows
             }
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as bad:
         raise DataError(str(path), limit=f"is not a whole block of a sweep: {bad}", remedy="remove it") from None

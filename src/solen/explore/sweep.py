@@ -21,14 +21,15 @@ from solen.arrays import FloatArray, Progress, part_of
 from solen.errors import DesignError, SpecError
 from solen.explore.axes import Axis, axis, check_axes, grid, sampled
 from solen.explore.machines import Here, Machine
-from solen.explore.merits import LEAST_ANGLES, MERITS, NAMES, merits_of, unresolved_change, worst_place
+from solen.explore.measures import Measure, measure_of, merits_of_points
+from solen.explore.merits import worst_place
 from solen.explore.robust import cases_of
 from solen.explore.still import still_in_samples, still_on_grid
 from solen.explore.store import Accuracy, Point, Store, Variant, no_response
 from solen.explore.subject import Subject, design_of
 from solen.extras import need
 from solen.results import HIDDEN, Result, reported
-from solen.sensor import Response, Sensor
+from solen.sensor import Sensor
 from solen.sensor.numbers import inert
 from solen.spec import Design, dumps, with_values
 from solen.spec.strict import Finite, Options
@@ -42,7 +43,7 @@ LOT = 2**14
 BLOCK_S, BLOCK_POINTS = 5.0, 256
 """Points are written after this time at the latest, and so many at once at most."""
 NUMBER = re.compile(r"[-+]?\d[\d.,]*(e[-+]?\d+)?")
-OF_THE_MOTION = ("motion.from_deg", "motion.to_deg", "motion.step_deg")
+OF_THE_MOTION = ("motion.from_deg", "motion.to_deg", "motion.step_deg", "network.motion[")
 
 
 class AccuracyOptions(Options):
@@ -114,8 +115,11 @@ class Sweep(Result):
         Number of responses traced now; the others were known.
     robust
         Deviations with which each point was traced as well.
-    angle_deg, right, left, u_power
-        Angles (A,) and powers (P, A), as in `solen.sensor.Response`; NaN where a point has no response.
+    angle_deg, power, u_power
+        Angles (A,) and powers (P, A, 2) at the right and the left receiver; of a network the angles (A, M) of M motions
+        in A states and powers (P, A, C) of C receivers, of each emitter in turn. NaN where a point has no response.
+    labels
+        Of a network the names of its motions, emitters and receivers.
     design
         The design before its values are set, as TOML.
     """
@@ -130,13 +134,19 @@ class Sweep(Result):
     robust: tuple[dict[str, float], ...]
     warnings: tuple[str, ...]
     angle_deg: FloatArray = field(metadata=HIDDEN)
-    right: FloatArray = field(metadata=HIDDEN)
-    left: FloatArray = field(metadata=HIDDEN)
+    power: FloatArray = field(metadata=HIDDEN)
     u_power: FloatArray = field(metadata=HIDDEN)
     design: str = field(metadata=HIDDEN)
     part: str | None = None
     first: int = 0
+    labels: Mapping[str, tuple[str, ...]] = field(default_factory=dict, metadata=HIDDEN)
     simulated: bool = True
+
+    @property
+    def contrast(self) -> FloatArray:
+        """Contrast (P, A) of two receivers."""
+        with np.errstate(invalid="ignore"):
+            return np.asarray((self.power[..., 0] - self.power[..., 1]) / self.power.sum(axis=-1))
 
     @reported
     def points(self) -> int:
@@ -171,19 +181,19 @@ class Sweep(Result):
             if self.is_grid
             else {key: ("sample", list(own)) for key, own in self.values.items()}
         )
-        coordinates: dict[str, Any] = {"angle_deg": ("angle_deg", self.angle_deg), **values, **numbers}
+        coordinates: dict[str, Any] = {**values, **numbers}
         variables: dict[str, Any] = {name: (names, merit.reshape(self.shape)) for name, merit in self.merits.items()}
-        with np.errstate(invalid="ignore"):
-            both = self.right + self.left
-            curves = {
-                "right": self.right,
-                "left": self.left,
-                "u_power": self.u_power,
-                "contrast": (self.right - self.left) / both,
-                "u_contrast": 2.0 * self.u_power / both,
-            }
-        for name, curve in curves.items():
-            variables[name] = ((*names, "angle_deg"), curve.reshape(*self.shape, -1))
+        if self.labels:
+            coordinates |= {name: (name, list(own)) for name, own in self.labels.items()}
+            coordinates["angle_deg"] = (("state", "motion"), self.angle_deg)
+            ends = [len(self.labels[name]) for name in ("emitter", "receiver")]
+            for name in ("power", "u_power"):
+                curve = getattr(self, name).reshape(*self.shape, -1, *ends)
+                variables[name] = ((*names, "state", "emitter", "receiver"), curve)
+        else:
+            coordinates["angle_deg"] = ("angle_deg", self.angle_deg)
+            for name, curve in self._curves().items():
+                variables[name] = ((*names, "angle_deg"), curve.reshape(*self.shape, -1))
         attributes = {
             "title": f"Sweep of {self.name}",
             "comment": "Simulated, not measured. Powers are fractions of the emitted power.",
@@ -192,6 +202,14 @@ class Sweep(Result):
             "simulated": 1,
         }
         return xarray.Dataset(variables, coordinates, attributes)
+
+    def _curves(self) -> dict[str, FloatArray]:
+        """Responses (P, A) of two receivers."""
+        u_power = self.u_power.max(axis=-1)
+        with np.errstate(invalid="ignore"):
+            u_contrast = 2.0 * u_power / self.power.sum(axis=-1)
+        right, left = np.moveaxis(self.power, -1, 0)
+        return {"right": right, "left": left, "u_power": u_power, "contrast": self.contrast, "u_contrast": u_contrast}
 
 
 def sweep(
@@ -224,7 +242,8 @@ def sweep(
     store, design = Store() if store is None else store, design_of(subject)
     axes = [axis(text, design) for text in options.over]
     numbers = check_axes(axes, options.samples, options.part)
-    _check_axes(design, axes)
+    measure = measure_of(design)
+    _check_axes(axes)
     if options.samples is None and "seed" in options.model_fields_set:
         limit = "is the seed of --samples, and a grid has none"
         raise SpecError("--seed", value=options.seed, limit=limit, remedy="add --samples N, or leave it out")
@@ -247,7 +266,7 @@ def sweep(
     values = {one.key: [point[one.key] for point in points] for one in axes}
     shape = tuple(len(one.values) for one in axes) if is_grid else (len(points),)
     seed = None if options.samples is None else options.seed
-    swept = _swept(design, values, shape, seed, traced, cases, len(store.points) - known)
+    swept = _swept(design, measure, values, shape, seed, traced, cases, len(store.points) - known)
     swept = replace(swept, part=options.part, first=numbers.start)
     return replace(swept, warnings=(*swept.warnings, *(_has_no_effect(design, key) for key in still)))
 
@@ -265,11 +284,11 @@ def _set_in(design: Design, point: Mapping[str, Any], off: Mapping[str, float]) 
     return Variant(with_values(design, point), off)
 
 
-def _worst(angle_deg: FloatArray, points: Sequence[Point], cases: int) -> dict[str, FloatArray]:
+def _worst(measure: Measure, points: Sequence[Point], cases: int) -> dict[str, FloatArray]:
     """Worst of each merit over the cases of each point, and its uncertainty there."""
-    table = {name: column.reshape(-1, cases) for name, column in merits_of_points(angle_deg, points).items()}
+    table = {name: column.reshape(-1, cases) for name, column in merits_of_points(measure, points).items()}
     found = {}
-    for name in MERITS:
+    for name in measure.names:
         place = np.array([worst_place(name, row) for row in table[name]])[:, None]
         for key in (name, f"u_{name}"):
             found[f"u_worst_{name}" if key != name else f"worst_{name}"] = np.take_along_axis(table[key], place, 1)[
@@ -278,22 +297,12 @@ def _worst(angle_deg: FloatArray, points: Sequence[Point], cases: int) -> dict[s
     return found
 
 
-def _check_axes(design: Design, axes: Sequence[Axis]) -> None:
+def _check_axes(axes: Sequence[Axis]) -> None:
     """All points of a sweep have the same angles."""
-    check_angles(design)
-    bad = next((one.key for one in axes if one.key in OF_THE_MOTION), None)
+    bad = next((one.key for one in axes if one.key.startswith(OF_THE_MOTION)), None)
     if bad is not None:
         limit = "all points of a sweep have the same angles"
         raise SpecError(f"--over {bad}", limit=limit, remedy="set it with --set")
-
-
-def check_angles(design: Design) -> None:
-    """`SpecError` where a design has too few angles for merits; `DesignError` of a network, which has none."""
-    if (sensor := Sensor.of(design)).is_network:
-        sensor.check_pair()
-    if (number := len(design.motion.angles_deg())) < LEAST_ANGLES:
-        remedy = "take a smaller motion.step_deg"
-        raise SpecError("motion", value=f"{number} angles", limit=f"merits need {LEAST_ANGLES}", remedy=remedy)
 
 
 def responses(
@@ -364,43 +373,19 @@ def _trace(
         store.add(fresh)
 
 
-def merits_of_points(angle_deg: FloatArray, points: Sequence[Point]) -> dict[str, FloatArray]:
-    """Merits of P points by name, each (P,); NaN where a point has no response."""
-    table = np.full((len(points), len(NAMES)), np.nan)
-    for row, point in zip(table, points, strict=True):
-        if point.right.size:
-            found = merits_of(_response(angle_deg, point), point.resolution_deg)
-            row[:] = [getattr(found, name) for name in NAMES]
-    return dict(zip(NAMES, table.T, strict=True))
-
-
-def _response(angle_deg: FloatArray, point: Point) -> Response:
-    return Response("power", angle_deg, point.right, point.left, point.u_power, ())
-
-
-def too_wide_a_step(points: Sequence[Point]) -> Iterator[str]:
-    """Warning where the contrast of points changes too much between two angles for these to show its course."""
-    changes = [unresolved_change(_response(np.arange(one.right.size, dtype=float), one)) for one in points]
-    if wide := sum(change > 0.0 for change in changes):
-        of = f" at {wide} of {len(points)} points" if len(points) > 1 else ""
-        yield (
-            f"the contrast changes by up to {max(changes):.2g} within one step of motion.step_deg{of}, and the angles "
-            "do not show how: slope, linearity and resolution are unknown there; take a smaller step"
-        )
-
-
 def failures_of(points: Sequence[Point]) -> dict[str, int]:
     """Reasons why points have no response, the most frequent first, with their numbers.
 
     Reasons that differ in their numbers alone count as the first of them.
     """
-    reasons = [point.why for point in points if not point.right.size]
+    reasons = [point.why for point in points if not point.is_traced]
     first = {NUMBER.sub("", why): why for why in reversed(reasons)}
     return {first[kind]: number for kind, number in Counter(NUMBER.sub("", why) for why in reasons).most_common()}
 
 
 def _swept(
     design: Design,
+    measure: Measure,
     values: Mapping[str, Sequence[Any]],
     shape: tuple[int, ...],
     seed: int | None,
@@ -409,40 +394,40 @@ def _swept(
     traced: int,
 ) -> Sweep:
     points, failures = every[:: len(cases)], failures_of(every)
-    if not any(point.right.size for point in points):
+    first = next((point for point in points if point.is_traced), None)
+    if first is None:
         raise SpecError("sweep", limit=f"no point has a response; the first: {next(iter(failures))}")
-    angle_deg = np.array(design.motion.angles_deg())
-    nothing = np.full(angle_deg.size, np.nan)
-    right, left, u_power = (
-        np.array([getattr(point, name) if point.right.size else nothing for point in points])
-        for name in ("right", "left", "u_power")
+    nothing = np.full_like(first.power, np.nan)
+    power, u_power = (
+        np.array([getattr(point, name) if point.is_traced else nothing for point in points])
+        for name in ("power", "u_power")
     )
     return Sweep(
         name=design.name,
         values=values,
         shape=shape,
         seed=seed,
-        merits=merits_of_points(angle_deg, points) | (_worst(angle_deg, every, len(cases)) if cases[1:] else {}),
+        merits=merits_of_points(measure, points) | (_worst(measure, every, len(cases)) if cases[1:] else {}),
         failures=failures,
         traced=traced,
         robust=tuple(dict(case) for case in cases[1:]),
-        warnings=tuple(point_warnings(every, failures)),
-        angle_deg=angle_deg,
-        right=right,
-        left=left,
+        warnings=tuple(point_warnings(measure, every, failures)),
+        angle_deg=measure.angle_deg,
+        power=power,
         u_power=u_power,
+        labels=measure.labels,
         design=dumps(design),
     )
 
 
-def point_warnings(points: Sequence[Point], failures: Mapping[str, int]) -> Iterator[str]:
+def point_warnings(measure: Measure, points: Sequence[Point], failures: Mapping[str, int]) -> Iterator[str]:
     """Warnings about points without a response, and about those that did not reach the tolerance."""
     if failures:
         many, first = sum(failures.values()), next(iter(failures))
         others = "".join(f"; {number} of them: {why}" for why, number in list(failures.items())[1:MOST_REASONS])
         more = f"; and {len(failures) - MOST_REASONS} further reasons" if len(failures) > MOST_REASONS else ""
         yield f"{many} of {len(points)} points have no response: {first}{others}{more}"
-    yield from too_wide_a_step(points)
-    rough = [point.why for point in points if point.right.size and point.why]
+    yield from measure.warnings(points)
+    rough = [point.why for point in points if point.is_traced and point.why]
     if rough:
         yield f"{len(rough)} of {len(points)} points missed the tolerance; their u states what was reached: {rough[0]}"

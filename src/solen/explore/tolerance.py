@@ -19,12 +19,12 @@ from solen.arrays import BoolArray, FloatArray, Progress, part_of
 from solen.errors import SpecError
 from solen.explore.adjustment import Adjustment
 from solen.explore.machines import Machine
+from solen.explore.measures import measure_of, merits_of_points
 from solen.explore.prints import MeritSpread, Prints, VariedNumber, Yield
 from solen.explore.requirement import Requirement
-from solen.explore.still import content_of
 from solen.explore.store import Point, Store, Variant
 from solen.explore.subject import Subject, design_of
-from solen.explore.sweep import AccuracyOptions, check_angles, failures_of, merits_of_points, point_warnings, responses
+from solen.explore.sweep import AccuracyOptions, failures_of, point_warnings, responses
 from solen.explore.usual import variations_of
 from solen.explore.variations import STATED, Variation, drawn, offs
 from solen.extras import need
@@ -154,9 +154,9 @@ def tolerance(
         Where a variation or a requirement is malformed, or no print has a response.
     """
     store, design = Store() if store is None else store, design_of(subject)
-    requirements = [Requirement.parse(text) for text in options.require]
+    measure = measure_of(design)
+    requirements = [Requirement.parse(text, measure.names) for text in options.require]
     sensor = Sensor.of(design)
-    check_angles(design)
     adjustment = None if options.adjust is None else Adjustment.parse(options.adjust, sensor)
     variations = _varied(sensor, options)
     deviations = drawn(variations, options.prints, options.seed)
@@ -170,19 +170,19 @@ def tolerance(
     passes = 1 if adjustment is None else 2
     points = traced(every, part_of(progress, 0, passes))
     failures = failures_of(points[1:])
-    if not points[0].right.size:
+    if not points[0].is_traced:
         raise SpecError("design", limit=f"has no response: {points[0].why}")
     if sum(failures.values()) == options.prints:
         raise SpecError("prints", limit=f"none has a response; the first: {next(iter(failures))}")
-    angle_deg = np.array(design.motion.angles_deg())
-    merits = merits_of_points(angle_deg, points)
+    merits = merits_of_points(measure, points)
     base = {name: float(values[0]) for name, values in merits.items()}
-    study = Prints(variations, deviations, {name: values[1:] for name, values in merits.items()}, base)
+    of_prints = {name: values[1:] for name, values in merits.items()}
+    study = Prints(variations, deviations, of_prints, base, calibrated=measure.calibrated)
     if adjustment is not None:
         alone = traced([{adjustment.key: step} for step in adjustment.steps], None)
-        offs_adjusted = adjustment.of(angle_deg, base["null_deg"], alone, points[1:], every[1:])
+        offs_adjusted = adjustment.of(measure.angle_deg, base["null_deg"], alone, points[1:], every[1:])
         again = traced(offs_adjusted, part_of(progress, 1, passes))
-        study = replace(study, adjusted=replace(study, merits=merits_of_points(angle_deg, again)))
+        study = replace(study, adjusted=replace(study, merits=merits_of_points(measure, again)))
     return Tolerances(
         name=design.name,
         prints=options.prints,
@@ -192,7 +192,7 @@ def tolerance(
         spreads=tuple(study.spreads()),
         traced=len(store.points) - known,
         warnings=(
-            *point_warnings(points, failures),
+            *point_warnings(measure, points, failures),
             *_missed_by_design(requirements, base),
             *_without_effect(variations, points[0], traced),
         ),
@@ -218,7 +218,7 @@ def _without_effect(
     stated = [one for one in variations if one.source == STATED]
     off = [offs([one], one.deviation(np.array([OFF])).tolist()) for one in stated]
     for one, point in zip(stated, traced(off, None), strict=True):
-        if content_of(point) == content_of(base):
+        if point.content == base.content:
             yield f"{one.key} changes no response where it alone is off; leave --vary {one.key} out"
 
 

@@ -64,6 +64,9 @@ def of_process(sensor: Sensor, process: Process, *, compensated: bool) -> list[V
 
     Where a calibration fitted both, shrinkage deviates with growth as their covariance says, and the rest is its own.
     """
+    if sensor.is_network:
+        limit = "grows the walls of a Y; those of a network are not among its numbers"
+        raise SpecError("--process", value=process.name, limit=limit, remedy="vary network.guides[0].width_mm")
     process = with_resin(process, sensor.design)
     keys, covariance = process.covariance()
     by_key = np.array([_of_one(process, key, math.sqrt(covariance[place, place])) for place, key in enumerate(keys)])

@@ -104,7 +104,7 @@ def check_key(sensor: Sensor, key: str, option: str, *, material: bool = False) 
 
     With ``material`` its numbers may be off even where they follow from a resin.
     """
-    if key.partition(".")[0] in UNSEEN:
+    if key.partition(".")[0] in UNSEEN or key.startswith("network.motion["):
         limit = "is not a number that a response depends on, or the same for all designs"
         raise SpecError(f"{option} {key}", limit=limit, remedy="leave it out")
     number(sensor, key)

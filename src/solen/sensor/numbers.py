@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING
 
 from solen.errors import SpecError
 from solen.geometry import arm_angle_deg
-from solen.spec import value_at
+from solen.spec import Design, value_at
+from solen.spec.network import Network
 
 if TYPE_CHECKING:
     from solen.sensor.sensor import Sensor
@@ -80,7 +81,10 @@ def inert(sensor: "Sensor", key: str) -> str:
     flat, in_plane = design.trace.dimension == "2d", "has no effect in the plane"
     if sensor.is_measured and key.startswith("lens."):
         return "the lens is measured"
-    if sensor.is_drawn and key.startswith(("lens.", "body.", "emitter.distance_mm")) and key != "body.thickness_mm":
+    if sensor.is_network:
+        if why := _without_effect_on(design, key):
+            return why
+    elif sensor.is_drawn and key.startswith(("lens.", "body.", "emitter.distance_mm")) and key != "body.thickness_mm":
         return "the body is drawn"
     cases = {
         "lens.layer_mm": (True, LAYERS),
@@ -116,6 +120,18 @@ def inert(sensor: "Sensor", key: str) -> str:
     return why if applies else ""
 
 
+def _without_effect_on(design: Design, key: str) -> str:
+    """Reason why a number has none on a network: another kind of body has it, or all parts state their own."""
+    table, _, name = key.partition(".")
+    if table == "body" and name != "thickness_mm":
+        return "the body is a network"
+    parts = {"lens": design.network.lenses, "emitter": design.network.emitters}.get(table, ())
+    if table == "lens" and not parts:
+        return "the network has no lens"
+    own = bool(parts) and all(getattr(one, name, None) is not None for one in parts)
+    return f"every {table} of the network states its own" if own else ""
+
+
 def _is_matched(sensor: "Sensor") -> bool:
     """Whether a medium of the body's own index touches a bare wall; behind a film the dependence is smooth."""
     bare = [wall for wall in sensor.design.wall if wall.gap_um is None and not wall.coating]
@@ -124,9 +140,23 @@ def _is_matched(sensor: "Sensor") -> bool:
 
 def usual_keys(sensor: "Sensor") -> tuple[str, ...]:
     """Numbers that a sensor's light depends on, inert ones included."""
+    if sensor.is_network:
+        return (*OPTICAL_KEYS, *_of_network(sensor.design.network))
     knots = (f"lens.knots_um[{place}]" for place in range(len(sensor.design.lens.knots_um or ())))
     in_space = OF_A_LENS_IN_SPACE if sensor.is_sampled else ()
     return (*OPTICAL_KEYS, *in_space, *knots, *(_of_loads(sensor) if sensor.is_loaded else ()))
+
+
+def _of_network(network: Network) -> Iterator[str]:
+    """Widths, lengths and directions of guides, and what lenses and emitters state of their own."""
+    for number, guide in enumerate(network.guides):
+        key = f"network.guides[{number}]"
+        yield f"{key}.width_mm" if isinstance(guide.width_mm, float) else f"{key}.width_mm[0]"
+        yield from (f"{key}.{name}" for name in ("length_mm", "direction_deg") if getattr(guide, name) is not None)
+    for table in ("lenses", "emitters"):
+        for number, one in enumerate(getattr(network, table)):
+            stated = {name: value for name, value in one if isinstance(value, float)}
+            yield from (f"network.{table}[{number}].{name}" for name in stated)
 
 
 def _of_loads(sensor: "Sensor") -> Iterator[str]:

@@ -73,7 +73,7 @@ class Sensor:
     design: Design
     material: Optical
     cut: Lens | None
-    lenses: Mapping[str, Lens] | None = field(default=None, compare=False)
+    lenses: Mapping[str, Lens] | None = field(default=None, hash=False)
 
     @classmethod
     def of(cls, design: Design | Path | str) -> "Sensor":
@@ -131,10 +131,16 @@ class Sensor:
         return isinstance(self.cut, MeasuredLens)
 
     @property
+    def all_lenses(self) -> tuple[Lens, ...]:
+        """Its lens, or those of a network; none where the body is drawn."""
+        if self.is_network:
+            return tuple((network_lenses(self.design) if self.lenses is None else self.lenses).values())
+        return () if self.cut is None else (self.cut,)
+
+    @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings about its material's numbers, its light and its lens."""
-        lenses = list(network_lenses(self.design).values()) if self.is_network else [self.cut]
-        of_lenses = (text for lens in lenses if lens is not None for text in lens.warnings)
+        of_lenses = (text for lens in self.all_lenses for text in lens.warnings)
         return (*self.material.warnings, *self.light.warnings, *of_lenses)
 
     @cached_property

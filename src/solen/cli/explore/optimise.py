@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from solen.cli.app import lines
 from solen.cli.explore.tolerance import varied
-from solen.explore.merits import MERITS
+from solen.explore.merits import shown
 from solen.explore.optimise import Front, FrontDesign, Judged, Optimum
 from solen.explore.tolerance import Tolerances
 from solen.pipeline.explore.optimise import optimise as optimise
@@ -24,14 +24,19 @@ def _(result: Optimum) -> Iterator[str]:
     for text, met in result.after.meets.items():
         yield f"  {'holds' if met else 'MISSED'}: {text}"
     worst = [f"{'after, at worst':>18}"] * result.robust
-    yield "  ".join([f"{'':18}", f"{'before':>18}", f"{'after':>18}", *worst])
-    for name in MERITS:
+    names = shown(result.before.merits)
+    width = max(18, *map(len, names))
+    yield "  ".join([f"{'':{width}}", f"{'before':>18}", f"{'after':>18}", *worst])
+    for name in names:
         worst = [f"{_merit(result.after, name, worst=True):>18}"] * result.robust
         yield "  ".join(
-            [f"{name:18}", f"{_merit(result.before, name):>18}", f"{_merit(result.after, name):>18}", *worst]
+            [f"{name:{width}}", f"{_merit(result.before, name):>18}", f"{_merit(result.after, name):>18}", *worst]
         )
-    by_samples = measured(result.sampled_difference, result.u_sampled_difference, sign=False)
-    yield f"contrast by samples less that by integration: {by_samples} at most"
+    if result.sampled_difference is None or result.u_sampled_difference is None:
+        yield "before and after are traced again, by other samples at half the steps"
+    else:
+        by_samples = measured(result.sampled_difference, result.u_sampled_difference, sign=False)
+        yield f"contrast by samples less that by integration: {by_samples} at most"
     if result.prints_before is not None and result.prints_after is not None:
         yield from _prints(result.prints_before, result.prints_after)
 

@@ -46,8 +46,10 @@ def varied(result: Tolerances, *, costs: bool) -> Iterator[str]:
 def _yield(one: Yield) -> str:
     what = f"{one.requirement}: " if one.requirement else "yield: "
     as_printed = measured(100 * one.share, 100 * one.u_share, sign=False)
-    calibrated = measured(100 * one.calibrated_share, 100 * one.u_calibrated_share, sign=False)
-    text = f"{what}{as_printed} % as printed, {calibrated} % after null and gain are calibrated"
+    text = f"{what}{as_printed} % as printed"
+    if one.calibrated_share is not None and one.u_calibrated_share is not None:
+        calibrated = measured(100 * one.calibrated_share, 100 * one.u_calibrated_share, sign=False)
+        text += f", {calibrated} % after null and gain are calibrated"
     if one.adjusted_share is None or one.u_adjusted_share is None:
         return text
     return f"{text}, {measured(100 * one.adjusted_share, 100 * one.u_adjusted_share, sign=False)} % after adjustment"

@@ -168,10 +168,10 @@ def front_of(course: Course, designs: int, known: int, *, interrupted: bool) -> 
         few = len(kept) - sum(kept)
         warnings.append(f"traced more closely, {few} of {len(kept)} designs are worse in both goals than another")
     return Front(
-        name=task.sensor.design.name,
+        name=task.design.name,
         goals=task.names,
         printed_by=task.printed_by,
-        before=_design(course, 0, None, Retraced.of(judge, task.sensor.design)),
+        before=_design(course, 0, None, Retraced.of(judge, task.design)),
         designs=tuple(found),
         robust=len(task.cases) > 1,
         evaluations=len(course.tried),
@@ -198,7 +198,8 @@ def _not_worse(goals: FloatArray) -> list[bool]:
 def _doubts(course: Course, candidate: Candidate, retraced: Retraced) -> Iterator[str]:
     yield from retraced.doubts()
     judge = course.judge
-    yield from Sampled.of(judge.variant(judge.task.at(candidate.point)).sensor()).doubts()
+    sampled = Sampled.of(judge.variant(judge.task.at(candidate.point)).sensor())
+    yield from () if sampled is None else sampled.doubts()
 
 
 def _at_ends(task: Task, designs: Sequence[FrontDesign]) -> Iterator[str]:
@@ -213,7 +214,7 @@ def _at_ends(task: Task, designs: Sequence[FrontDesign]) -> Iterator[str]:
 
 def _design(course: Course, number: int, candidate: Candidate | None, retraced: Retraced) -> FrontDesign:
     task, judged = course.judge.task, retraced.verdict.by_goal
-    design = task.sensor.design if candidate is None else task.at(candidate.point)
+    design = task.design if candidate is None else task.at(candidate.point)
     return FrontDesign(
         number=number,
         goals=tuple(one.goal for one in judged),

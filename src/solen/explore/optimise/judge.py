@@ -12,11 +12,11 @@ import numpy as np
 
 from solen.arrays import FloatArray
 from solen.errors import SpecError
-from solen.explore.merits import NAMES
+from solen.explore.measures import measure_of, merits_of_points
 from solen.explore.optimise.task import Task
 from solen.explore.requirement import Goal
 from solen.explore.store import Accuracy, Point, Store, Variant
-from solen.explore.sweep import merits_of_points, responses
+from solen.explore.sweep import responses
 from solen.lens import SplineLens
 from solen.results import Result
 from solen.sensor import Sensor
@@ -71,9 +71,12 @@ class Verdict(NamedTuple):
 class Judge:
     """Judges designs by a task, from responses to a tolerance; ``why`` is why the last one has none."""
 
-    def __init__(self, task: Task, store: Store, tolerance: float, base: Mapping[str, float] | None = None) -> None:
+    def __init__(
+        self, task: Task, store: Store, tolerance: float, base: Mapping[str, float] | None = None, lattice: int = 0
+    ) -> None:
         self.task, self.store, self.tolerance = task, store, tolerance
-        self.base: Mapping[str, float] = dict.fromkeys(NAMES, math.nan) if base is None else base
+        self.measure, self.lattice = measure_of(task.design), lattice
+        self.base: Mapping[str, float] = dict.fromkeys(self.measure.names, math.nan) if base is None else base
         self.why = ""
 
     @classmethod
@@ -85,17 +88,16 @@ class Judge:
         SpecError
             Where that has no response or a goal does not exist there.
         """
-        design = task.sensor.design
+        design = task.design
         judge = cls(task, store, tolerance)
         first = judge.needed(design, "design")
-        judge = cls(task, store, tolerance, {name: first.by_goal[0].merits[name] for name in NAMES})
+        judge = cls(task, store, tolerance, first.by_goal[0].merits)
         verdict = judge.needed(design, "design")
         for goal, value in zip(task.goals, verdict.goals.tolist(), strict=True):
             if math.isnan(value):
                 limit = f"{goal.text} does not exist for the design, or not with a number off"
-                raise SpecError(
-                    goal.option, limit=limit, remedy="begin with one that has it, or take a smaller motion.step_deg"
-                )
+                remedy = "begin with one that has it, or take smaller steps of the motion"
+                raise SpecError(goal.option, limit=limit, remedy=remedy)
         return judge, verdict
 
     def needed(self, design: Design, what: str) -> Verdict:
@@ -108,8 +110,8 @@ class Judge:
     def of(self, design: Design) -> Verdict | None:
         """Verdict on a design; None where it has no response in one of the cases."""
         variants = [partial(self.variant, design, case) for case in self.task.cases]
-        points = responses(variants, Accuracy(self.tolerance), self.store)
-        self.why = next((point.why for point in points if not point.right.size), "")
+        points = responses(variants, Accuracy(self.tolerance, lattice=self.lattice), self.store)
+        self.why = next((point.why for point in points if not point.is_traced), "")
         return None if self.why else self._verdict(design, points)
 
     def variant(self, design: Design, case: Mapping[str, float] = NOTHING_OFF) -> Variant:
@@ -118,7 +120,7 @@ class Judge:
         return Variant(design, case, None if process is None else process.process)
 
     def _verdict(self, design: Design, points: list[Point]) -> Verdict:
-        merits = merits_of_points(np.array(design.motion.angles_deg()), points)
+        merits = merits_of_points(measure_of(design), points)
         missed = {limit.text: float(limit.violation(merits, self.base).max()) for limit in self.task.limits}
         missed |= self._too_fine(design)
         meets = {text: not by for text, by in missed.items()}
@@ -130,11 +132,13 @@ class Judge:
 
     def _too_fine(self, design: Design) -> dict[str, float]:
         """By how much a free-form lens is finer than what can be printed."""
-        lens = Sensor.of(design).cut
-        if not isinstance(lens, SplineLens):
-            return {}
-        least_um = self.task.least_feature_um(lens)
-        return {f"lens without features below {least_um:.3g} µm": lens.missed_share(least_um)}
+        found: dict[str, float] = {}
+        for lens in Sensor.of(design).all_lenses:
+            if isinstance(lens, SplineLens):
+                least_um = self.task.least_feature_um(lens)
+                text = f"lens without features below {least_um:.3g} µm"
+                found[text] = max(found.get(text, 0.0), lens.missed_share(least_um))
+        return found
 
     def _by(self, goal: Goal, sign: float, merits: Mapping[str, FloatArray], meets: dict[str, bool]) -> Judged:
         """Judgement by a goal from the merits (C,) of all cases."""

@@ -67,7 +67,7 @@ class Optimum(Result):
         Goal of the result as the search saw it.
     sampled_difference, u_sampled_difference
         Largest difference of the result's contrast between integration and samples over its angles, and the
-        uncertainty there.
+        uncertainty there; None of a network, which is traced again by other samples.
     robust
         Whether deviations were stated, and the goal is the worst over them.
     evaluations, most_evaluations, traced
@@ -79,7 +79,7 @@ class Optimum(Result):
     design
         The result.
     angle_deg, contrast_before, contrast_after
-        Responses as designed and where the goal is worst, (2, A).
+        Responses as designed and where the goal is worst, (2, A); of a network (2, 0).
     history
         Best value so far, by evaluation (E,); NaN before one met all conditions.
     """
@@ -91,8 +91,8 @@ class Optimum(Result):
     before: Judged
     after: Judged
     claimed: float
-    sampled_difference: float
-    u_sampled_difference: float
+    sampled_difference: float | None
+    u_sampled_difference: float | None
     robust: bool
     evaluations: int
     most_evaluations: int
@@ -135,13 +135,13 @@ def optimum_of(course: Course, best: Candidate, known: int, *, interrupted: bool
     judge, task = course.judge, course.judge.task
     traced = len(judge.store.points) - known
     found = task.at(best.point)
-    before, after = Retraced.of(judge, task.sensor.design), Retraced.of(judge, found)
+    before, after = Retraced.of(judge, task.design), Retraced.of(judge, found)
     sampled = Sampled.of(judge.variant(found).sensor())
     was, now = task.stated(task.sensor), task.stated(Sensor.of(found))
     totals = np.array([one.goals[0] if one.violation == 0.0 else np.inf for one in course.tried])
     history = np.minimum.accumulate(np.where(np.isnan(totals), np.inf, totals)) * course.scale[0]
     return Optimum(
-        name=task.sensor.design.name,
+        name=task.design.name,
         goal=task.names[0],
         free=tuple(
             FreeNumber(one.key, low, high, was[one.key], now[one.key])
@@ -152,8 +152,8 @@ def optimum_of(course: Course, best: Candidate, known: int, *, interrupted: bool
         before=before.verdict.by_goal[0],
         after=after.verdict.by_goal[0],
         claimed=after.claimed.by_goal[0].goal,
-        sampled_difference=sampled.difference,
-        u_sampled_difference=sampled.u_difference,
+        sampled_difference=None if sampled is None else sampled.difference,
+        u_sampled_difference=None if sampled is None else sampled.u_difference,
         robust=len(task.cases) > 1,
         evaluations=len(course.tried),
         most_evaluations=course.most,
@@ -162,13 +162,13 @@ def optimum_of(course: Course, best: Candidate, known: int, *, interrupted: bool
         warnings=(
             *task.warnings,
             *after.doubts(),
-            *sampled.doubts(),
+            *(() if sampled is None else sampled.doubts()),
             *outside(task),
             *at_ends(task, found),
             *_doubts(before, after, task, interrupted=interrupted),
         ),
         design=found,
-        angle_deg=np.array(after.design.motion.angles_deg()),
+        angle_deg=np.array([] if task.sensor.is_network else after.design.motion.angles_deg()),
         contrast_before=_curves(before.verdict, task),
         contrast_after=_curves(after.verdict, task),
         history=np.where(np.isfinite(history), history, np.nan),
@@ -204,7 +204,9 @@ def _doubts(before: Retraced, after: Retraced, task: Task, *, interrupted: bool)
 
 
 def _curves(verdict: Verdict, task: Task) -> FloatArray:
-    """Contrast of a design as it is, and in the case where its goal is worst."""
+    """Contrast of a design as it is, and in the case where its goal is worst; a network has none."""
+    if task.sensor.is_network:
+        return np.empty((2, 0))
     worst = task.cases.index(verdict.by_goal[0].worst_off)
     chosen = (verdict.points[0], verdict.points[worst])
-    return np.array([(point.right - point.left) / (point.right + point.left) for point in chosen])
+    return np.array([point.response(np.arange(float(len(point.power)))).contrast for point in chosen])

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from solen.arrays import Progress, part_of
 from solen.errors import SolenError, SpecError
+from solen.explore.measures import measure_of
 from solen.explore.optimise.optimum import INTERRUPTED, Optimum
 from solen.explore.optimise.options import OptimiseOptions
 from solen.explore.optimise.task import Task
@@ -42,9 +43,10 @@ def check_prints(subject: Subject, options: OptimiseOptions) -> bool:
         raise SpecError("--prints", value=options.prints, limit=f"must be 0 or at least {FEWEST}")
     if options.prints:
         asked = _of_prints(options)
-        variations_of(Sensor.of(design_of(subject)), asked.vary, asked.process, compensated=asked.compensated)
+        design = design_of(subject)
+        variations_of(Sensor.of(design), asked.vary, asked.process, compensated=asked.compensated)
         for text in asked.require:
-            Requirement.parse(text)
+            Requirement.parse(text, measure_of(design).names)
     return bool(options.prints)
 
 

@@ -9,13 +9,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from solen.explore.measures import Measure
 from solen.explore.optimise.judge import Judge, Verdict
-from solen.explore.sweep import too_wide_a_step
 from solen.sensor import Sensor
 from solen.spec import Design
 
-FINER = 10.0
-"""How much more closely than candidates, at twice as many angles."""
+FINER, FINER_OF_NETWORK = 10.0, 2.5
+"""How much more closely than candidates, at twice as many angles; a network is sampled, by another lattice."""
 SURE, SURE_OF_FIVE = 2.0, 3.0
 """Difference in uncertainties that is none by chance, of one number and of the largest of `SAMPLED_ANGLES`."""
 SAMPLED_ANGLES = 5
@@ -28,30 +28,35 @@ class Retraced(NamedTuple):
     ----------
     design
         With twice as many angles.
+    measure
+        Its merits.
     claimed, verdict
         What the search saw, and what finer tracing gives.
     """
 
     design: Design
+    measure: Measure
     claimed: Verdict
     verdict: Verdict
 
     @classmethod
     def of(cls, judge: Judge, design: Design) -> "Retraced":
         """A design that a judge knows; `SpecError` where it has no response when traced more closely."""
-        fine = Judge(judge.task, judge.store, judge.tolerance / FINER, judge.base)
-        denser = design.set({"motion.step_deg": design.motion.step_deg / 2.0})
+        denser, is_network = judge.measure.denser(design), design.body.kind == "network"
+        tolerance = judge.tolerance / (FINER_OF_NETWORK if is_network else FINER)
+        fine = Judge(judge.task, judge.store, tolerance, judge.base, lattice=int(is_network))
         verdict = fine.needed(denser, "result, traced more closely")
-        return cls(denser, judge.needed(design, "result"), verdict)
+        return cls(denser, judge.measure, judge.needed(design, "result"), verdict)
 
     def doubts(self) -> Iterator[str]:
         """Warnings where the search exploited its tracing, or a condition is missed."""
-        yield from too_wide_a_step(self.claimed.points)
+        yield from self.measure.warnings(self.claimed.points)
+        step = "the steps of its motions" if self.design.body.kind == "network" else "motion.step_deg"
         for now, was in zip(self.verdict.by_goal, self.claimed.by_goal, strict=True):
             if abs(now.goal - was.goal) > SURE * math.hypot(now.u_goal, was.u_goal):
                 yield (
                     f"the search saw {was.goal:.4g}, and finer tracing gives {now.goal:.4g}: it exploited the "
-                    "roughness of its tracing; lower --tolerance or motion.step_deg"
+                    f"roughness of its tracing; lower --tolerance or {step}"
                 )
         for text, met in self.verdict.meets.items():
             if not met:
@@ -65,8 +70,10 @@ class Sampled(NamedTuple):
     u_difference: float
 
     @classmethod
-    def of(cls, sensor: Sensor) -> "Sampled":
-        """The same of a sensor."""
+    def of(cls, sensor: Sensor) -> "Sampled | None":
+        """The same of a sensor; None of a network."""
+        if sensor.is_network:
+            return None
         motion = sensor.design.motion
         angles = np.linspace(motion.from_deg, motion.to_deg, SAMPLED_ANGLES)
         integrated = sensor.power(angles.tolist())

@@ -11,11 +11,11 @@ import numpy as np
 from solen.arrays import FloatArray
 from solen.errors import SpecError
 from solen.explore.axes import Axis, axis
+from solen.explore.measures import measure_of
 from solen.explore.optimise.options import OptimiseOptions
 from solen.explore.printed_lens import check_printable
 from solen.explore.requirement import Expression, Goal, Limit
 from solen.explore.robust import cases_of
-from solen.explore.sweep import check_angles
 from solen.explore.variations import check_key
 from solen.fabricate.process import Process, process_of, with_resin
 from solen.lens import SplineLens
@@ -34,7 +34,7 @@ class Task(NamedTuple):
 
     Parameters
     ----------
-    sensor
+    design, sensor
         What the search begins with.
     goals, signs
         What is sought, and 1 where it is to be small, −1 where large.
@@ -50,6 +50,7 @@ class Task(NamedTuple):
         Whether they are traced with the lens that it prints.
     """
 
+    design: Design
     sensor: Sensor
     goals: tuple[Goal, ...]
     signs: tuple[float, ...]
@@ -70,18 +71,19 @@ class Task(NamedTuple):
         DataError
             Where the process cannot be read.
         """
-        goals = tuple(Goal.parse(text) for text in (*options.minimise, *options.maximise))
+        known = measure_of(design).names
+        goals = tuple(Goal.parse(text, known) for text in (*options.minimise, *options.maximise))
         _check_goals(goals, options)
-        check_angles(design)
         sensor = Sensor.of(design)
         free = tuple(_free(sensor, options.free))
-        limits = tuple(Limit.parse(text) for text in options.subject_to)
+        limits = tuple(Limit.parse(text, known) for text in options.subject_to)
         _check_worst((*goals, *limits), options)
         named = {name for one in (*goals, *limits) for name in one.merits}
         motion = design.motion
-        mirrors = motion.from_deg == -motion.to_deg and "null_deg" not in named
+        mirrors = motion.from_deg == -motion.to_deg and "null_deg" not in named and not sensor.is_network
         mirrors = mirrors and all(one.key != "emitter.offset_mm" for one in free)
         return cls(
+            design=design,
             sensor=sensor,
             goals=goals,
             signs=(1.0,) * len(options.minimise) + (-1.0,) * len(options.maximise),
@@ -122,7 +124,7 @@ class Task(NamedTuple):
     def at(self, point: FloatArray) -> Design:
         """Design at a point of the box; `SpecError` where it is not valid."""
         values = {one.key: one.at(share) for one, share in zip(self.free, point.tolist(), strict=True)}
-        return with_values(self.sensor.design, values)
+        return with_values(self.design, values)
 
     def least_feature_um(self, lens: SplineLens) -> float:
         """Least feature of a free form: that of the process, else that of the lens itself."""
@@ -176,7 +178,7 @@ def _process(sensor: Sensor, options: OptimiseOptions) -> Process | None:
         check_printable(sensor)
     elif not (options.process or options.printer or options.cure):
         return None
-    elif not isinstance(sensor.cut, SplineLens):
+    elif not any(isinstance(lens, SplineLens) for lens in sensor.all_lenses):
         limit = "bounds the features of a free-form lens, and the design has none"
         raise SpecError("--process, --printer, --cure", limit=limit, remedy="add --as-printed, or leave it out")
     return with_resin(process_of(options)[0], sensor.design)

@@ -6,19 +6,52 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.gridspec import GridSpec
 
 from solen.arrays import FloatArray
-from solen.explore.merits import MERITS
+from solen.explore.merits import shown
 from solen.explore.optimise import Front, FrontDesign, Optimum
 from solen.report.canvas import INK, LEFT, RIGHT
 
 
 def optimum_figure(result: Optimum) -> Figure:
-    """Contrast over the angle before and after, best value by number of designs tried, and prints of both."""
+    """Contrast over the angle before and after, best value by number of designs tried, and prints of both.
+
+    Of a network all merits after, as parts of those before, in place of the contrast.
+    """
     has_prints = result.prints_before is not None and result.prints_after is not None
     rows = 3 if has_prints else 2
     figure = Figure(figsize=(9.0, 3.1 * rows))
     grid = figure.add_gridspec(rows, 2)
+    if result.contrast_before.size:
+        _contrasts(figure, grid, result)
+    else:
+        _merits(figure.add_subplot(grid[0, :]), result)
+    _course(figure.add_subplot(grid[1, :]), result)
+    for place, name in enumerate(_shown(result) if has_prints else ()):
+        _prints(figure.add_subplot(grid[2, place]), result, name)
+    figure.suptitle(f"simulated: {result.name}, {result.goal}")
+    return figure
+
+
+def _merits(axes: Axes, result: Optimum) -> None:
+    """Merits after as parts of those before, with their uncertainties, where those before exceed theirs."""
+    before, after = result.before.merits, result.after.merits
+    names = [name for name in shown(before) if abs(before[name]) > before[f"u_{name}"] and np.isfinite(after[name])]
+    part = np.array([after[name] / before[name] for name in names])
+    u = [
+        np.hypot(after[f"u_{name}"], ratio * before[f"u_{name}"]) / abs(before[name])
+        for name, ratio in zip(names, part, strict=True)
+    ]
+    axes.errorbar(part, range(len(names)), xerr=u, fmt="o", color=RIGHT, ecolor=INK, ms=5, capsize=2)
+    axes.axvline(1.0, color=LEFT, lw=1.0, ls="--")
+    axes.set_yticks(range(len(names)), names)
+    axes.invert_yaxis()
+    axes.set_xlabel("after, as a part of before")
+
+
+def _contrasts(figure: Figure, grid: GridSpec, result: Optimum) -> None:
+    """Contrast over the angle before and after."""
     before, after = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[0, 1])
     nothing_off = "as designed" if result.printed_by is None else "as printed"
     cases = 2 if result.robust else 1
@@ -26,11 +59,6 @@ def optimum_figure(result: Optimum) -> Figure:
     _response(after, result.angle_deg, result.contrast_after[:cases], RIGHT, nothing_off)
     before.set_title("before")
     after.set_title("after")
-    _course(figure.add_subplot(grid[1, :]), result)
-    for place, name in enumerate(_shown(result) if has_prints else ()):
-        _prints(figure.add_subplot(grid[2, place]), result, name)
-    figure.suptitle(f"simulated: {result.name}, {result.goal}")
-    return figure
 
 
 def _response(axes: Axes, angle_deg: FloatArray, contrast: FloatArray, colour: str, nothing_off: str) -> None:
@@ -44,8 +72,10 @@ def _response(axes: Axes, angle_deg: FloatArray, contrast: FloatArray, colour: s
 
 def _shown(result: Optimum) -> list[str]:
     """Merits of which prints are drawn: the first of the goal, and the null or the light."""
-    of_goal = next(name for name in MERITS if name in result.goal)
-    return [of_goal, "null_deg" if of_goal != "null_deg" else "light"]
+    names = shown(result.before.merits)
+    of_goal = next((name for name in result.before.merits if name in result.goal), names[0])
+    other = next(name for name in ("null_deg", "light", *names) if name in names and name != of_goal)
+    return [of_goal, other]
 
 
 def _prints(axes: Axes, result: Optimum, name: str) -> None:

@@ -5,7 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import ScalarFormatter
 
-from solen.explore.merits import MERITS
+from solen.explore.merits import shown
 from solen.explore.sweep import Sweep
 from solen.report.canvas import INK, RIGHT, SOFT, series
 
@@ -18,11 +18,11 @@ COLUMNS, FEW, EXACT = 3, 5, 12
 def sweep_figure(sweep: Sweep) -> Figure:
     """Merits against what varies: curves over one key, heat maps over the two first, dots where it is sampled."""
     draw = _curve if len(sweep.values) == 1 else _map if sweep.is_grid else _dots
-    names = [name for name in MERITS if np.isfinite(sweep.merits[name]).any()]
+    names = [name for name in shown(sweep.merits) if np.isfinite(sweep.merits[name]).any()]
     keys = [""] if len(sweep.values) == 1 or sweep.is_grid else list(sweep.values)
     panels = [(name, key) for name in names for key in keys]
     columns = COLUMNS if len(keys) == 1 else len(keys)
-    extra = len(sweep.values) == 1
+    extra = len(sweep.values) == 1 and not sweep.labels
     rows = -(-(len(panels) + extra) // columns)
     figure = Figure(figsize=(3.0 * columns, 0.5 + 2.4 * rows))
     for place, (name, key) in enumerate(panels, start=1):
@@ -71,12 +71,10 @@ def _responses(axes: Axes, sweep: Sweep) -> None:
     """Contrast of some points of a sweep over one key."""
     ((key, values),) = sweep.values.items()
     chosen = np.unique(np.linspace(0, sweep.points - 1, MOST_CURVES).round().astype(int))
-    with np.errstate(invalid="ignore"):
-        contrast = (sweep.right - sweep.left) / (sweep.right + sweep.left)
     for number, place in enumerate(chosen):
         value = values[place]
         label = f"{value:.4g}" if isinstance(value, float) else str(value)
-        axes.plot(sweep.angle_deg, contrast[place], label=label, **series(number))
+        axes.plot(sweep.angle_deg, sweep.contrast[place], label=label, **series(number))
     axes.set_xlabel("angle in deg")
     axes.set_ylabel("contrast")
     axes.legend(title=key)

@@ -58,7 +58,8 @@ def _yields(axes: Axes, result: Tolerances) -> None:
     for one in result.yields:
         name = one.requirement or "all"
         rows.append((name, one.share, one.u_share, LEFT))
-        rows.append(("calibrated", one.calibrated_share, one.u_calibrated_share, RIGHT))
+        if one.calibrated_share is not None:
+            rows.append(("calibrated", one.calibrated_share, one.u_calibrated_share or 0.0, RIGHT))
         if one.adjusted_share is not None:
             rows.append(("adjusted", one.adjusted_share, one.u_adjusted_share or 0.0, SERIES[2]))
     for place, (_, share, u, colour) in enumerate(rows):

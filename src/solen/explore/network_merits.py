@@ -1,0 +1,137 @@
+"""Merits of a network: how readings follow motions, how much light each channel gets, how well motions are known.
+
+The idea: a network is traced in the states of `solen.sensor.network.courses`, each motion over its range while the
+others stand. A reading has a slope, a span and a range by each motion. A name is made of the merit, of what it is about
+and of its unit, with _ for whatever a name may not hold: ``slope_lean_index_bends_per_deg``.
+
+The interface: `network_point` traces one; `NetworkMerits` sums it up.
+"""
+
+import math
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+from itertools import product
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from solen.arrays import FloatArray
+from solen.errors import DesignError, SpecError
+from solen.explore.merits import CHANNEL, COARSE_SHARE, every_second, monotone_deg
+from solen.explore.store import Accuracy, Point, Variant
+from solen.sensor.effects import as_built
+from solen.sensor.network import USUAL_TOLERANCE, courses, network_response
+from solen.sensor.network.readings import readings_of
+from solen.spec import Design
+
+LEAST_STEPS = 2
+
+
+def network_point(variant: Variant, accuracy: Accuracy) -> Point:
+    """Powers of a network in the states of its motions; errors as of `network_response`."""
+    tolerance = accuracy.tolerance or USUAL_TOLERANCE
+    found = network_response(
+        variant.design,
+        courses(variant.design.network)[0],
+        tolerance,
+        built=partial(as_built, steps=variant.off) if variant.off else None,
+        lattice=accuracy.lattice,
+    )
+    power, u_power = (each.reshape(len(each), -1) for each in (found.power, found.u_power))
+    reached = float(u_power.max())
+    why = f"powers are known to {reached:.1e} and not {tolerance:g}" if reached > tolerance else ""
+    return Point(power, u_power, np.empty((0, 2)), why)
+
+
+class NetworkMerits:
+    """Merits of a network's points, as `solen.explore.measures.Measure` says."""
+
+    calibrated: tuple[str, ...] = ()
+
+    def __init__(self, design: Design) -> None:
+        """Of a design; `SpecError` where a motion has too few steps, or two merits would have one name."""
+        self.network = design.network
+        self.states, self.places = courses(self.network)
+        for number, motion in enumerate(self.network.motion):
+            if motion.steps < LEAST_STEPS:
+                limit = f"merits need {LEAST_STEPS}"
+                raise SpecError(f"network.motion[{number}].steps", value=motion.steps, limit=limit)
+        twice = next((name for name, times in Counter(self._stated()).items() if times > 1), None)
+        if twice is not None:
+            raise DesignError("network", value=twice, limit="would be two merits", remedy="rename a part or a reading")
+        self.names = tuple(self._stated())
+        rest = {one.name: one.at_deg for one in self.network.motion}
+        self.angle_deg = np.array([[state.get(name, at) for name, at in rest.items()] for state in self.states])
+        self.labels: Mapping[str, tuple[str, ...]] = {
+            "motion": tuple(rest),
+            "emitter": tuple(one.name for one in self.network.emitters),
+            "receiver": tuple(one.name for one in self.network.receivers),
+        }
+
+    def merits(self, point: Point) -> dict[str, float]:
+        """Merits of a point and their uncertainties, NaN where one does not exist."""
+        shape = (len(self.states), len(self.network.emitters), len(self.network.receivers))
+        power, u_power = (each.reshape(shape) for each in (point.power, point.u_power))
+        rows = dict(self._light(power, u_power))
+        reading, u_reading = readings_of(self.network, power, u_power)
+        for (number, one), motion in product(enumerate(self.network.reading), self.network.motion):
+            places = self.places[motion.name]
+            course = reading[places, number], u_reading[places, number]
+            about = word(one.name), word(motion.name)
+            names = _names_of_course(*about)
+            rows |= zip(names, _of_course(np.array(motion.angles_deg()), *course, motion.at_deg), strict=True)
+        return {key: value for name, pair in rows.items() for key, value in zip((name, f"u_{name}"), pair, strict=True)}
+
+    def warnings(self, _points: Sequence[Point]) -> Iterator[str]:
+        """None: the step between states is in the uncertainties."""
+        yield from ()
+
+    def denser(self, design: Design) -> Design:
+        """A design with half the step between states."""
+        return design.set({f"network.motion[{i}].steps": 2 * one.steps for i, one in enumerate(self.network.motion)})
+
+    def _light(self, power: FloatArray, u_power: FloatArray) -> Iterator[tuple[str, tuple[float, float]]]:
+        """Least light of any emitter at all receivers together, and of each channel."""
+        yield "light", (float(power.sum(axis=2).min()), float(u_power.sum(axis=2).max()))
+        for i, emitter in enumerate(self.network.emitters):
+            for j, receiver in enumerate(self.network.receivers):
+                place = int(np.argmin(power[:, i, j]))
+                yield _channel(emitter.name, receiver.name), (float(power[place, i, j]), float(u_power[place, i, j]))
+
+    def _stated(self) -> Iterator[str]:
+        yield "light"
+        yield from (_channel(a.name, b.name) for a, b in product(self.network.emitters, self.network.receivers))
+        for reading, motion in product(self.network.reading, self.network.motion):
+            yield from _names_of_course(word(reading.name), word(motion.name))
+
+
+def word(name: str) -> str:
+    """A name as a part of the name of a merit."""
+    return re.sub(r"\W", "_", name)
+
+
+def _channel(emitter: str, receiver: str) -> str:
+    return f"{CHANNEL}{word(emitter)}_{word(receiver)}"
+
+
+def _names_of_course(reading: str, motion: str) -> tuple[str, str, str]:
+    return f"slope_{reading}_{motion}_per_deg", f"span_{reading}_{motion}", f"range_{reading}_{motion}_deg"
+
+
+def _of_course(
+    angle: FloatArray, value: FloatArray, u: FloatArray, at_deg: float
+) -> tuple[tuple[float, float], tuple[float, float], tuple[float, float]]:
+    """Slope of a reading where the motion stands, its span, and how far from there it only rises or only falls."""
+    if not (np.isfinite(value).all() and np.isfinite(u).all()):
+        return ((math.nan, math.nan),) * 3
+    second = every_second(angle.size)
+    slope = float(CubicSpline(angle, value)(at_deg, 1))
+    rough = float(CubicSpline(angle[second], value[second])(at_deg, 1)) if second.size > LEAST_STEPS else 2.0 * slope
+    step = float(np.diff(angle).max())
+    near = int(np.argmin(np.abs(angle - at_deg)))
+    u_slope = 1.5 * float(u[max(0, near - 1) : near + 2].max()) / step + COARSE_SHARE * abs(rough - slope)
+    high, low = int(np.argmax(value)), int(np.argmin(value))
+    span = float(value[high] - value[low]), float(u[high] + u[low])
+    return (slope, u_slope), span, monotone_deg(angle, value, u, at_deg)
