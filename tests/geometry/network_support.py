@@ -94,3 +94,48 @@ def random_network(seed: int) -> Design:
             "receivers": [{"name": end, "node": end} for end in ends],
         },
     )
+
+
+INDEX = 1.44
+
+
+def three_guides(**network: Any) -> Design:
+    """A trunk from a lens to a node, a branch to a second lens on the right, and one to a receiver on the left."""
+    guides = [
+        {"name": "trunk", "nodes": ("base", "fork"), "width_mm": 3.0, "direction_deg": 0.0, "length_mm": 12.0},
+        {"name": "branch", "nodes": ("fork", "tip"), "width_mm": 2.0, "direction_deg": -40.0, "length_mm": 10.0},
+        {"name": "other", "nodes": ("fork", "end"), "width_mm": 2.0, "direction_deg": 40.0, "length_mm": 11.0},
+    ]
+    tables = {
+        "nodes": [{"name": "base", "at_mm": (0.0, 0.0)}, *({"name": name} for name in ("fork", "tip", "end"))],
+        "guides": guides,
+        "lenses": [
+            {"name": "main", "node": "base", "focus_mm": 15.0, "half_width_mm": 1.4},
+            {"name": "second", "node": "tip", "focus_mm": 12.0},
+        ],
+        "emitters": [{"name": "a", "lens": "main"}, {"name": "b", "lens": "second", "distance_mm": 1.5}],
+        "receivers": [
+            {"name": "end", "node": "end"},
+            {"name": "side", "guide": "trunk", "side": "left", "from_mm": 2.0, "to_mm": 5.0},
+        ],
+    }
+    return Design(
+        name="three",
+        material={"index": INDEX, "absorption_per_mm": 0.01},
+        emitter={"rays": 300},
+        body={"kind": "network"},
+        trace={"mode": "power"},
+        network=tables | network,
+    )
+
+
+WAYS = [
+    {"name": "lean", "kind": "bend", "part": "branch", "from_deg": -8.0, "to_deg": 8.0, "steps": 8},
+    {"name": "swing", "kind": "rotation", "part": "other", "from_deg": -8.0, "to_deg": 8.0, "steps": 8},
+]
+
+
+READINGS = [
+    {"name": "bend", "value": "(a.end - b.side) / (a.end + b.side)"},
+    {"name": "most", "value": "max(abs(a.end - 2 * b.end), b.side ** 2) / 3 - -a.side"},
+]

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import fields
-from typing import Any
 
 import numpy as np
 import pytest
@@ -21,9 +20,7 @@ from solen.spec import Design, with_values
 from solen.trace import trace
 from solen.trace import trace_reference as reference
 from solen.trace.options import TraceOptions
-from tests.geometry.network_support import random_network, y_network
-
-INDEX = 1.44
+from tests.geometry.network_support import INDEX, READINGS, WAYS, random_network, three_guides, y_network
 
 
 def the_y() -> Design:
@@ -35,36 +32,6 @@ def test_the_y_as_a_network_has_the_ys_numbers() -> None:
     own, found = Sensor.of(design).trace(), network_trace(y_network(design))
     assert found.power[0, 0].tolist() == [own.detectors[side].power for side in ("right", "left")]
     assert found.ledgers[0] == (own.ledger,)
-
-
-def three_guides(**network: Any) -> Design:
-    """A trunk from a lens to a node, a branch to a second lens on the right, and one to a receiver on the left."""
-    guides = [
-        {"name": "trunk", "nodes": ("base", "fork"), "width_mm": 3.0, "direction_deg": 0.0, "length_mm": 12.0},
-        {"name": "branch", "nodes": ("fork", "tip"), "width_mm": 2.0, "direction_deg": -40.0, "length_mm": 10.0},
-        {"name": "other", "nodes": ("fork", "end"), "width_mm": 2.0, "direction_deg": 40.0, "length_mm": 11.0},
-    ]
-    tables = {
-        "nodes": [{"name": "base", "at_mm": (0.0, 0.0)}, *({"name": name} for name in ("fork", "tip", "end"))],
-        "guides": guides,
-        "lenses": [
-            {"name": "main", "node": "base", "focus_mm": 15.0, "half_width_mm": 1.4},
-            {"name": "second", "node": "tip", "focus_mm": 12.0},
-        ],
-        "emitters": [{"name": "a", "lens": "main"}, {"name": "b", "lens": "second", "distance_mm": 1.5}],
-        "receivers": [
-            {"name": "end", "node": "end"},
-            {"name": "side", "guide": "trunk", "side": "left", "from_mm": 2.0, "to_mm": 5.0},
-        ],
-    }
-    return Design(
-        name="three",
-        material={"index": INDEX, "absorption_per_mm": 0.01},
-        emitter={"rays": 300},
-        body={"kind": "network"},
-        trace={"mode": "power"},
-        network=tables | network,
-    )
 
 
 def meeting(p: Point, p_deg: float, q: Point, q_deg: float) -> Point:
@@ -213,12 +180,6 @@ def test_a_study_goes_over_each_motion() -> None:
     assert np.abs(np.diff(study.sweeps["lean"].power[:, 1], axis=0)).max() > 10.0 * study.at_rest.u_power.max()
 
 
-WAYS = [
-    {"name": "lean", "kind": "bend", "part": "branch", "from_deg": -8.0, "to_deg": 8.0, "steps": 8},
-    {"name": "swing", "kind": "rotation", "part": "other", "from_deg": -8.0, "to_deg": 8.0, "steps": 8},
-]
-
-
 def test_a_slope_is_the_difference_of_integrals() -> None:
     design = three_guides(motion=WAYS)
     found = network_sensitivities(design, ["network.motion[0].at_deg", "network.emitters[1].distance_mm"])
@@ -233,18 +194,6 @@ def test_a_slope_is_the_difference_of_integrals() -> None:
             slope = (high.detectors[receiver].power - low.detectors[receiver].power) / (2.0 * found.step[number])
             u = 4.0 * found.u_slope[number, 1, place] + 2e-4 / found.step[number]
             assert found.slope[number, 1, place] == pytest.approx(slope, abs=u), (key, receiver)
-
-
-def test_one_reading_does_not_tell_two_motions_and_more_do() -> None:
-    two = three_guides(motion=WAYS)
-    assert network_sensitivities(two).told_apart is True
-    network = two.network.model_copy(
-        update={"emitters": two.network.emitters[1:], "receivers": two.network.receivers[1:]}
-    )
-    one = network_sensitivities(two.model_copy(update={"network": network}))
-    assert one.told_apart is False
-    assert one.combinations[1].singular_per_deg == 0.0
-    assert any("do not tell this combination" in text for text in one.warnings)
 
 
 @pytest.mark.parametrize(
@@ -274,12 +223,6 @@ def test_the_contrast_of_the_y_is_a_reading() -> None:
     found = network_trace(design)
     right, left = (found.power[0, 0, found.receivers.index(side)] for side in ("right", "left"))
     assert found.reading.tolist() == [[(right - left) / (right + left)]]
-
-
-READINGS = [
-    {"name": "bend", "value": "(a.end - b.side) / (a.end + b.side)"},
-    {"name": "most", "value": "max(abs(a.end - 2 * b.end), b.side ** 2) / 3 - -a.side"},
-]
 
 
 def test_readings_follow_the_powers_and_their_uncertainties_cover() -> None:

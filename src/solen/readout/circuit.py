@@ -104,6 +104,15 @@ class Circuit:
         knee, loads = (self.transistor.saturation_V, self.transistor.knee_V), np.array(self.load_ohm)
         return load_line(current_mA, loads, self.supply_V, *knee)
 
+    def slope_V(
+        self, power_fraction: FloatArray, ambient_mW_cm2: Floats = 0.0, temperature_C: Floats = REFERENCE_C
+    ) -> FloatArray:
+        """Change of the voltages (..., R) per fraction of the emitted power; below 0, as brighter is lower."""
+        ends = (np.ones_like(power_fraction), np.zeros_like(power_fraction))
+        lit, dark = (self.current_mA(end, ambient_mW_cm2, temperature_C) for end in ends)
+        line = self.load_line(self.current_mA(power_fraction, ambient_mW_cm2, temperature_C))
+        return np.asarray(-1e-3 * (lit - dark) * line.drive_ohm)
+
     @reported
     def time_constant_us(self) -> FloatArray:
         """Time constant of each receiver (R,), in µs."""

@@ -107,11 +107,7 @@ class Readings(Result):
     @reported
     def u_trace_V(self) -> FloatArray:
         """Uncertainty of the voltages due to that of the traced power (A, R)."""
-        circuit = self.circuit
-        whole = circuit.transistor.response * circuit.irradiance_mW_cm2(np.ones_like(self.power_fraction))
-        asked_A = 1e-6 * np.array(circuit.sensitivity_uA) * whole
-        drive_ohm = circuit.load_line(circuit.current_mA(self.power_fraction)).drive_ohm
-        return np.asarray(self.u_power[:, None] * asked_A * drive_ohm)
+        return np.asarray(self.u_power[:, None] * np.abs(self.circuit.slope_V(self.power_fraction)))
 
     @reported
     def range(self) -> VoltageRange:

@@ -12,7 +12,7 @@ then the factor for smooth walls is used.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -62,13 +62,13 @@ class Acceptance:
         """Whether all light through the face counts equally."""
         return abs(self.exponent - 1.0) < FLAT
 
-    def factors(self, scene: Scene) -> FloatArray:
-        """Shares (2,) of the power from a scene's first source that the right and the left receiver detect.
+    def factors(self, scene: Scene, receivers: Sequence[str] = SIDES) -> FloatArray:
+        """Shares (R,) of the power from a scene's first source that receivers detect, by default right and left.
 
         1 if no light arrives.
         """
         if self.is_flat:
-            return np.ones(len(SIDES))
+            return np.ones(len(receivers))
         scene = through_face(scene, "power")
         edges = np.linspace(-90.0, 90.0, ANGLE_BINS + 1)
         sine = self.index * np.sin(np.radians(0.5 * (edges[1:] + edges[:-1])))
@@ -76,7 +76,7 @@ class Acceptance:
         for light, ups in _bands(scene):
             detectors = trace(replace(scene, sources=(light,)), "power", angle_bins=ANGLE_BINS).detectors
             window_deg += [np.degrees(np.arcsin(np.minimum(np.hypot(sine, up), 1.0))) for up in ups]
-            powers += [np.array([detectors[side].power_by_angle for side in SIDES])] * len(ups)
+            powers += [np.array([detectors[name].power_by_angle for name in receivers])] * len(ups)
         return angular_factor(self.exponent, np.concatenate(window_deg), np.concatenate(powers, axis=1))
 
 

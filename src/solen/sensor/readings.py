@@ -29,8 +29,13 @@ def received(sensor: Sensor, response: Response) -> FloatArray:
     power = np.maximum(np.column_stack([response.right, response.left]), 0.0)
     if acceptance.is_flat:
         return power
-    rays = ANGLE_RAYS if sensor.design.trace.dimension == "2d" else ANGLE_RAYS_IN_SPACE
+    rays = angle_rays(sensor)
     return np.asarray(power * [acceptance.factors(sensor.scene(angle, rays)) for angle in response.angle_deg.tolist()])
+
+
+def angle_rays(sensor: Sensor) -> int:
+    """Rays by which a directional part's share is sampled."""
+    return ANGLE_RAYS if sensor.design.trace.dimension == "2d" else ANGLE_RAYS_IN_SPACE
 
 
 @dataclass(frozen=True)

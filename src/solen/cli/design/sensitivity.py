@@ -1,12 +1,14 @@
 """The commands for sensitivities and for convergence of a design."""
 
+import math
 from collections.abc import Iterator
 
 from solen.cli.app import lines, short
 from solen.cli.design.trace import signed
 from solen.pipeline.design.trace import convergence as convergence
 from solen.pipeline.design.trace import sensitivity as sensitivity
-from solen.sensor.network.slopes import NetworkSensitivities, words
+from solen.sensor.network import NetworkSensitivities
+from solen.sensor.network.motions import Determination, words
 from solen.sensor.traced import DesignConvergence, Sensitivities, where
 
 
@@ -54,9 +56,20 @@ def _(result: NetworkSensitivities) -> Iterator[str]:
         yield from (f"    {name}: {signed(slope, u)}" for name, slope, u in rows)
     for key, why in result.skipped.items():
         yield f"left out: {key}: {why}"
-    for one in result.combinations:
-        by = f"{short(one.singular_per_deg)} ± {short(one.u_singular_per_deg)} per degree"
-        yield f"  all powers change by {by} for {words(one)}"
+    if result.by_voltages is not None:
+        yield "  one reading of every receiver, emitters in turn, with the noise of the readout, determines"
+        yield from _determines(result.by_voltages)
+    if result.by_readings is not None:
+        yield f"  and from {', '.join(result.readings)} alone"
+        yield from _determines(result.by_readings)
+
+
+def _determines(found: Determination) -> Iterator[str]:
+    for name, sd, u in zip(found.motions, found.sd_deg.tolist(), found.u_sd_deg.tolist(), strict=True):
+        yield f"    {name}: " + (f"to ± {short(sd)} deg, itself ± {short(u)}" if math.isfinite(sd) else "not at all")
+    for one in found.combinations:
+        by = f"{short(one.singular_per_deg)} ± {short(one.u_singular_per_deg)} times their noise per degree"
+        yield f"    readings change by {by} for {words(one)}"
 
 
 def _short(value: float) -> str:

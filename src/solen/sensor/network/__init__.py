@@ -5,6 +5,7 @@ many sensors as there are emitters. Powers are fractions of what the emitter tha
 """
 
 from solen.sensor.network.check import EmitterOfNetwork, LensOfNetwork, NetworkCheck, network_check
+from solen.sensor.network.motions import Combination, Determination, determined
 from solen.sensor.network.response import (
     USUAL_TOLERANCE,
     NetworkResponse,
@@ -15,11 +16,14 @@ from solen.sensor.network.response import (
     refuse_in_turn,
     unread_in,
 )
-from solen.sensor.network.slopes import NetworkSensitivities, network_sensitivities
+from solen.sensor.network.signals import Signals, circuits_of, signals
+from solen.sensor.network.slopes import NetworkSensitivities, network_sensitivities, worst_sd_deg
 from solen.sensor.network.study import NetworkStudy, courses, network_study
 
 __all__ = [
     "USUAL_TOLERANCE",
+    "Combination",
+    "Determination",
     "EmitterOfNetwork",
     "LensOfNetwork",
     "NetworkCheck",
@@ -27,7 +31,10 @@ __all__ = [
     "NetworkSensitivities",
     "NetworkStudy",
     "NetworkTrace",
+    "Signals",
+    "circuits_of",
     "courses",
+    "determined",
     "in_turn",
     "network_check",
     "network_response",
@@ -35,5 +42,7 @@ __all__ = [
     "network_study",
     "network_trace",
     "refuse_in_turn",
+    "signals",
     "unread_in",
+    "worst_sd_deg",
 ]

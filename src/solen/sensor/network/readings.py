@@ -5,7 +5,7 @@ known. The uncertainty of a reading is therefore the sum of its parts by exact d
 Where a reading is too curved for derivatives it is what the reading changes by with every power off by its uncertainty.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -20,8 +20,7 @@ def readings_of(network: Network, power: FloatArray, u_power: FloatArray) -> tup
 
     NaN where a reading has no value, as a contrast in the dark.
     """
-    emitters, receivers = ([one.name for one in many] for many in (network.emitters, network.receivers))
-    rows = [_reading(formula, emitters, receivers, power, u_power) for formula in network.formulas]
+    rows = [_reading(formula, places, power, u_power) for formula, places in _places(network)]
     if not rows:
         none = np.empty((*power.shape[:-2], 0))
         return none, none
@@ -40,12 +39,28 @@ def without_value(names: Sequence[str], reading: FloatArray, u_reading: FloatArr
     ]
 
 
+def slopes_of(network: Network, power: FloatArray) -> FloatArray:
+    """Exact derivatives (readings, emitters, receivers) of all readings by the powers (emitters, receivers)."""
+    found = np.zeros((len(network.formulas), *power.shape))
+    for slope, (formula, places) in zip(found, _places(network), strict=True):
+        with np.errstate(all="ignore"):
+            for pair, value in formula.slopes({pair: power[place] for pair, place in places.items()}).items():
+                slope[places[pair]] = value
+    return found
+
+
+def _places(network: Network) -> Iterator[tuple[Formula, dict[tuple[str, str], tuple[int, int]]]]:
+    """Formulas with the places of their powers."""
+    emitters, receivers = ([one.name for one in many] for many in (network.emitters, network.receivers))
+    for formula in network.formulas:
+        yield formula, {pair: (emitters.index(pair[0]), receivers.index(pair[1])) for pair in formula.powers}
+
+
 def _reading(
-    formula: Formula, emitters: Sequence[str], receivers: Sequence[str], power: FloatArray, u_power: FloatArray
+    formula: Formula, places: Mapping[tuple[str, str], tuple[int, int]], power: FloatArray, u_power: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Value and uncertainty of one reading."""
-    places = {pair: (..., emitters.index(pair[0]), receivers.index(pair[1])) for pair in formula.powers}
-    at, off = ({pair: every[place] for pair, place in places.items()} for every in (power, u_power))
+    at, off = ({pair: every[..., *place] for pair, place in places.items()} for every in (power, u_power))
     with np.errstate(all="ignore"):
         value = np.asarray(formula.value(at), dtype=float)
         slopes = {pair: np.broadcast_to(slope, value.shape) for pair, slope in formula.slopes(at).items()}

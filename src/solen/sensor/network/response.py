@@ -161,6 +161,18 @@ def network_response(
         If the body cannot be built in a state.
     """
     moved = [state_of(design, state) for state in angles_deg]
+    return response_of(moved, tolerance, progress, built=built, lattice=lattice)
+
+
+def response_of(
+    designs: Sequence[Design],
+    tolerance: float = USUAL_TOLERANCE,
+    progress: Progress | None = None,
+    *,
+    built: Callable[[Sensor], Sensor] | None = None,
+    lattice: int = 0,
+) -> NetworkResponse:
+    """Response of designs with the same motions, emitters and receivers, as they stand; see `network_response`."""
     rows: list[list[Trace]] = []
 
     def traced(each: Design) -> list[Trace]:
@@ -169,13 +181,13 @@ def network_response(
 
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
         try:
-            for row in pool.map(traced, moved):
+            for row in pool.map(traced, designs):
                 rows.append(row)
                 if progress is not None:
-                    progress(len(rows) / len(moved))
+                    progress(len(rows) / len(designs))
         finally:
             pool.shutdown(cancel_futures=True)
-    return _response(in_turn(design), [[one.at_deg for one in each.network.motion] for each in moved], rows)
+    return _response(in_turn(designs[0]), [[one.at_deg for one in each.network.motion] for each in designs], rows)
 
 
 def _traced(sensor: Sensor, tolerance: float, lattice: int) -> Trace:

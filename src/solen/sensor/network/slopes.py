@@ -1,49 +1,33 @@
-"""Derivatives of a network's powers by its motions and its numbers, and which motions they tell apart.
+"""Derivatives of a network's powers by its motions and its numbers, and which motions its readings distinguish.
 
 The idea: light of a chip in a network is divided at many faces, and its integral is no smooth function to 1e-6, as a
 derivative in the limit needs. So a derivative is a difference over a stated step, both ends sampled by the same rays.
 Its uncertainty is that of the two powers; what curves within the step is part of the value.
 
-The singular values of the derivatives by the motions say what the readings tell of them: a combination of motions whose
-singular value is small changes all readings by little.
+Voltages and their noise are those of the readout; `solen.sensor.network.motions` says what they determine.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from solen.arrays import FloatArray, Progress
 from solen.errors import SolenError, SpecError
-from solen.ranks import look_at
+from solen.ranks import look_at, note
 from solen.results import Result
-from solen.sensor.network.response import NetworkResponse, in_turn, network_response, unread_in
+from solen.sensor.network.motions import Determination, determined, in_words
+from solen.sensor.network.readings import readings_of, slopes_of
+from solen.sensor.network.response import NetworkResponse, in_turn, response_of, unread_in
+from solen.sensor.network.signals import Signals, signals
 from solen.sensor.numbers import number, tolerance_of
 from solen.spec import Design, value_at, with_values
 from solen.spec.network import NamedMotion
+from solen.spec.placed import state_of
 
 SLOPE_TOLERANCE = 3e-4
 """Uncertainty of the powers that a difference is taken of."""
-SURE = 2.0
-"""How many uncertainties a singular value must exceed for a combination of motions to be determined."""
-
-
-@dataclass(frozen=True)
-class Combination:
-    """A combination of motions, by their shares of a unit vector, and how much it changes all readings together.
-
-    Attributes
-    ----------
-    shares
-        By motion: angles whose squares add up to 1 deg².
-    singular_per_deg, u_singular_per_deg
-        Root of the sum of squares of the changes of all powers, per degree; its uncertainty is a bound.
-    """
-
-    shares: dict[str, float]
-    singular_per_deg: float
-    u_singular_per_deg: float
 
 
 class NetworkSensitivities(Result):
@@ -66,10 +50,12 @@ class NetworkSensitivities(Result):
         its uncertainty.
     skipped
         Reasons why numbers were left out, by key.
-    combinations
-        Combinations of the motions among the keys, from the best determined to the worst.
-    told_apart
-        Whether every one of them changes the readings by more than the uncertainty; None without a motion.
+    signals
+        Voltages and noise with the motions as they stand, as one state; None without a motion among the keys.
+    by_voltages
+        What all voltages determine of the motions among the keys; None without one.
+    by_readings
+        The same from the readings of ``[[network.reading]]`` alone; None without one.
     warnings
         Warnings about the numbers.
     simulated
@@ -88,8 +74,9 @@ class NetworkSensitivities(Result):
     reading_slope: FloatArray
     u_reading_slope: FloatArray
     skipped: dict[str, str]
-    combinations: tuple[Combination, ...]
-    told_apart: bool | None
+    signals: Signals | None
+    by_voltages: Determination | None
+    by_readings: Determination | None
     warnings: tuple[str, ...]
     simulated: bool = True
 
@@ -126,54 +113,106 @@ def network_sensitivities(
         )
     for key in chosen:
         number(sensors[0], key)
-    rows: list[tuple[str, float, float, FloatArray, FloatArray, FloatArray, FloatArray]] = []
-    unread: dict[str, None] = {}
+    rows: list[_Slope] = []
     skipped: dict[str, str] = {}
-    rest: NetworkResponse | None = None
     for done, key in enumerate(chosen, start=1):
         value = number(sensors[0], key)
         low, high = _ends(design, key, value, tolerance_of(sensors[0], key)[0])
         try:
-            ends = [network_response(with_values(design, {key: end}), [{}], tolerance) for end in (low, high)]
+            designs = [with_values(design, {key: end}) for end in (low, high)]
+            ends = response_of(designs, tolerance)
         except SolenError as bad:
             skipped[key] = f"not on both sides of {value:g}: {bad}"
         else:
-            rest, step = ends[0], high - low
-            u, u_read = (np.hypot(*sides) / step for sides in _pairs(ends, "u_power", "u_reading"))
-            slope, read = ((after - before) / step for before, after in _pairs(ends, "power", "reading"))
-            rows.append((key, value, 0.5 * step, slope, u, read, u_read))
-            unread |= dict.fromkeys(text for end in ends for text in unread_in(end))
+            rows.append(_Slope(key, value, high - low, designs, ends))
         if progress is not None:
-            progress(done / len(chosen))
-    if rest is None:
+            progress(done / (len(chosen) + 1))
+    if not rows:
         key, why = next(iter(skipped.items()))
         raise SpecError(key, limit=why, remedy="name other keys")
-    names, values, steps, slopes, u_slopes, read_slopes, u_read_slopes = zip(*rows, strict=True)
-    motions = {f"network.motion[{i}].at_deg": one for i, one in enumerate(design.network.motion)}
-    found = _combinations(motions, names, np.array(slopes), np.array(u_slopes))
-    told = all(one.singular_per_deg > SURE * one.u_singular_per_deg for one in found) if found else None
+    motions = {f"network.motion[{i}].at_deg": one.name for i, one in enumerate(design.network.motion)}
+    moved = [(motions[row.key], row) for row in rows if row.key in motions]
+    here, by_voltages, by_readings = _determined(design, moved, tolerance) if moved else (None, None, None)
+    unread = dict.fromkeys(text for row in rows for text in unread_in(row.ends))
+    unsure = [look_at(text) for text in in_words(by_voltages)] if by_voltages else []
+    unsure += [note(f"from network.reading alone: {text}") for text in in_words(by_readings)] if by_readings else []
+    (slope, u_slope), (read_slope, u_read_slope) = (
+        zip(*(row.slope(name) for row in rows), strict=True) for name in ("power", "reading")
+    )
+    rest = rows[0].ends
     return NetworkSensitivities(
         name=design.name,
         emitters=rest.emitters,
         receivers=rest.receivers,
         readings=rest.readings,
-        keys=names,
-        value=np.array(values),
-        step=np.array(steps),
-        slope=np.array(slopes),
-        u_slope=np.array(u_slopes),
-        reading_slope=np.array(read_slopes),
-        u_reading_slope=np.array(u_read_slopes),
+        keys=tuple(row.key for row in rows),
+        value=np.array([row.value for row in rows]),
+        step=np.array([0.5 * row.step for row in rows]),
+        slope=np.array(slope),
+        u_slope=np.array(u_slope),
+        reading_slope=np.array(read_slope),
+        u_reading_slope=np.array(u_read_slope),
         skipped=skipped,
-        combinations=found,
-        told_apart=told,
-        warnings=(*dict.fromkeys(text for sensor in sensors for text in sensor.warnings), *unread, *_untold(found)),
+        signals=here,
+        by_voltages=by_voltages,
+        by_readings=by_readings,
+        warnings=(*dict.fromkeys(text for sensor in sensors for text in sensor.warnings), *unread, *unsure),
     )
 
 
-def _pairs(ends: Sequence[NetworkResponse], *names: str) -> list[list[FloatArray]]:
-    """Arrays of two responses in one state, by the names of their fields."""
-    return [[getattr(end, name)[0] for end in ends] for name in names]
+def worst_sd_deg(
+    design: Design, angles_deg: Sequence[Mapping[str, float]] = ({},), tolerance: float = SLOPE_TOLERANCE
+) -> float:
+    """Largest standard deviation of a motion of a network, from one reading of all, over states of its motions.
+
+    Infinite where the readings do not determine a motion in some state; states as of `network_response`. Raises as
+    `network_sensitivities` does.
+    """
+    found = (network_sensitivities(state_of(design, state), tolerance=tolerance) for state in angles_deg)
+    return max(one.by_voltages.worst_sd_deg if one.by_voltages else math.inf for one in found)
+
+
+@dataclass(frozen=True)
+class _Slope:
+    """A network at two values of a number."""
+
+    key: str
+    value: float
+    step: float
+    designs: Sequence[Design]
+    ends: NetworkResponse
+
+    def slope(self, name: str) -> tuple[FloatArray, FloatArray]:
+        """Slope of an array of the response, with its uncertainty."""
+        (low, high), u = getattr(self.ends, name), getattr(self.ends, f"u_{name}")
+        return (high - low) / self.step, np.hypot(*u) / self.step
+
+
+def _determined(
+    design: Design, moved: Sequence[tuple[str, _Slope]], tolerance: float
+) -> tuple[Signals, Determination, Determination | None]:
+    """Signals of a network as it stands, and what they and its readings determine of the motions."""
+    here = signals([design], response_of([design], tolerance).power)
+    names = [name for name, _ in moved]
+    ends = [signals(row.designs, row.ends.power) for _, row in moved]
+    steps = np.array([row.step for _, row in moved])
+    slopes = np.stack([np.diff(end.voltage_V, axis=0)[0] for end in ends], axis=-1) / steps
+    u = np.stack([np.hypot(*(row.ends.u_power * end.slope_V)) for (_, row), end in zip(moved, ends, strict=True)], -1)
+    count = slopes.size // len(names)
+    covariance = here.covariance_V2()
+    by_voltages = determined(names, slopes.reshape(count, -1), u.reshape(count, -1) / steps, covariance)
+    if not design.network.reading:
+        return here, by_voltages, None
+    by_power = slopes_of(design.network, here.received[0]).reshape(-1, count) / here.slope_V[0].ravel()
+    values = [
+        readings_of(design.network, end.received, row.ends.u_power) for (_, row), end in zip(moved, ends, strict=True)
+    ]
+    read_slope = np.stack([np.diff(value, axis=0)[0] for value, _ in values], axis=-1) / steps
+    u_read = np.stack([np.hypot(*u) for _, u in values], axis=-1) / steps
+    noise = by_power @ covariance @ by_power.T
+    exists = np.isfinite(read_slope).all(axis=1) & np.isfinite(noise).all(axis=1)
+    by_readings = determined(names, read_slope[exists], u_read[exists], noise[np.ix_(exists, exists)])
+    return here, by_voltages, by_readings
 
 
 def _ends(design: Design, key: str, value: float, tolerance: float) -> tuple[float, float]:
@@ -184,37 +223,3 @@ def _ends(design: Design, key: str, value: float, tolerance: float) -> tuple[flo
         return value - tolerance, value + tolerance
     half = 0.5 * (motion.to_deg - motion.from_deg) / motion.steps
     return max(motion.at_deg - half, motion.from_deg), min(motion.at_deg + half, motion.to_deg)
-
-
-def _combinations(
-    motions: dict[str, NamedMotion], keys: Sequence[str], slope: FloatArray, u_slope: FloatArray
-) -> tuple[Combination, ...]:
-    """Combinations of motions, from the best determined to the worst, by singular values of their derivatives."""
-    places = [place for place, key in enumerate(keys) if key in motions]
-    if not places:
-        return ()
-    names = [motions[keys[place]].name for place in places]
-    jacobian = slope[places].reshape(len(places), -1).T
-    _, singular, rows = np.linalg.svd(jacobian, full_matrices=False)
-    u = math.sqrt(float(np.sum(u_slope[places] ** 2)))
-    values = [*singular.tolist(), *[0.0] * (len(places) - len(singular))]
-    rows = np.linalg.svd(jacobian)[2] if len(places) > len(singular) else rows
-    shares = [dict(zip(names, row.tolist(), strict=True)) for row in rows]
-    return tuple(Combination(share, value, u) for share, value in zip(shares, values, strict=True))
-
-
-def _untold(found: Sequence[Combination]) -> list[str]:
-    """Warnings about combinations of motions that the readings do not tell."""
-    return [
-        look_at(
-            f"the readings do not tell this combination of motions: {words(one)}; together they change by "
-            f"{one.singular_per_deg:.1e} ± {one.u_singular_per_deg:.1e} of the emitted power per degree"
-        )
-        for one in found
-        if one.singular_per_deg <= SURE * one.u_singular_per_deg
-    ]
-
-
-def words(combination: Combination) -> str:
-    """A combination of motions: ``+0.71 index, -0.70 ring``."""
-    return ", ".join(f"{share:+.2f} {name}" for name, share in combination.shares.items())

@@ -1,0 +1,124 @@
+"""What the receivers of a network read with each emitter lit in turn: volts, and the noise of every reading.
+
+A reading is the voltage with one emitter on, less the mean of those with all emitters off before and after it. As every
+emitter's turn is followed by an off phase, two emitters that follow one another share one: readings of the same
+receiver under them are correlated by it.
+
+The interface: `circuits_of` a network; `signals` of its powers.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from solen.arrays import FloatArray
+from solen.readout import Circuit, circuit_of, face_areas_mm2, noise, volts
+from solen.readout.readings import difference_sd_V
+from solen.results import Result
+from solen.sensor.acceptance import Acceptance
+from solen.sensor.network.response import in_turn
+from solen.sensor.readings import angle_rays
+from solen.spec import Design
+
+SHARED_OFF = 0.25
+"""Covariance of two emitters' readings that share an off reading, in squares of its noise: half of it is in either."""
+
+
+class Signals(Result):
+    """Voltages of a network's receivers, emitters in turn, and their noise, by state, emitter and receiver.
+
+    Attributes
+    ----------
+    emitters, receivers
+        Their names.
+    received
+        (states, emitters, receivers) shares of the emitted power that receivers convert to current.
+    voltage_V, off_V
+        (states, emitters, receivers) voltages with an emitter on, and (receivers,) with all off.
+    sd_V
+        (states, emitters, receivers) noise of a reading: on, less the mean of the off readings before and after.
+    sd_off_V
+        (receivers,) noise of an off reading.
+    slope_V
+        (states, emitters, receivers) change of the voltage per share of the emitted power, below 0.
+    """
+
+    emitters: tuple[str, ...]
+    receivers: tuple[str, ...]
+    received: FloatArray
+    voltage_V: FloatArray
+    off_V: FloatArray
+    sd_V: FloatArray
+    sd_off_V: FloatArray
+    slope_V: FloatArray
+
+    @property
+    def sd_power(self) -> FloatArray:
+        """(states, emitters, receivers) noise of a reading as a share of the emitted power; infinite if saturated."""
+        with np.errstate(divide="ignore"):
+            return np.asarray(self.sd_V / np.abs(self.slope_V))
+
+    def covariance_V2(self, state: int = 0) -> FloatArray:
+        """Covariance (emitters·receivers, emitters·receivers) of the readings in one state, in V²."""
+        sd = self.sd_V[state]
+        count, receivers = sd.shape
+        found = np.diag(sd.ravel() ** 2)
+        first = np.arange((count - 1) * receivers)
+        shared = SHARED_OFF * np.tile(self.sd_off_V**2, count - 1)
+        found[first, first + receivers] = found[first + receivers, first] = shared
+        return found
+
+
+def circuits_of(design: Design) -> tuple[Circuit, ...]:
+    """Circuit of a network for each emitter, typical parts; raises as `solen.readout.circuit_of` does."""
+    sensors = in_turn(design)
+    areas = face_areas_mm2(design, sensors[0].body())
+    named = {one.name: areas[one.name] for one in design.network.receivers}
+    return tuple(circuit_of(sensor.design, named) for sensor in sensors)
+
+
+def received_by(designs: Sequence[Design], power: FloatArray) -> FloatArray:
+    """Shares (states, emitters, receivers) that receivers convert to current, of powers of designs as they stand."""
+    power = np.maximum(power, 0.0)
+    names = [one.name for one in designs[0].network.receivers]
+    sensors = [in_turn(design) for design in designs]
+    if all(Acceptance.of(sensor).is_flat for sensor in sensors[0]):
+        return power
+    rows = [
+        [Acceptance.of(sensor).factors(sensor.scene(rays=angle_rays(sensor)), names) for sensor in row]
+        for row in sensors
+    ]
+    return np.asarray(power * rows)
+
+
+def signals(designs: Sequence[Design], power: FloatArray) -> Signals:
+    """Voltages and noise of a network in several states.
+
+    Parameters
+    ----------
+    designs
+        The network in each state, as `solen.spec.placed.state_of` makes it; they share one circuit, the first one's.
+    power
+        (states, emitters, receivers) shares of the emitted power through the receivers' faces.
+
+    Raises
+    ------
+    DataError
+        If a part of the circuit is not found, or is of another kind.
+    """
+    circuits, received = circuits_of(designs[0]), received_by(designs, power)
+    stated = designs[0].readout
+    ambient, warm = stated.ambient_mw_cm2, stated.temperature_c
+    each = [(one, received[:, i]) for i, one in enumerate(circuits)]
+    dark = np.zeros(len(circuits[0].names))
+    sd_off = noise(circuits[0], dark, ambient, warm).reading_V
+    return Signals(
+        emitters=tuple(one.name for one in designs[0].network.emitters),
+        receivers=circuits[0].names,
+        received=received,
+        voltage_V=np.stack([volts(shares, one, ambient, warm) for one, shares in each], axis=1),
+        off_V=volts(dark, circuits[0], ambient, warm),
+        sd_V=difference_sd_V(np.stack([noise(*one, ambient, warm).reading_V for one in each], axis=1), sd_off),
+        sd_off_V=sd_off,
+        slope_V=np.stack([one.slope_V(shares, ambient, warm) for one, shares in each], axis=1),
+    )

@@ -1,0 +1,130 @@
+"""What readings of a network determine of its motions, against noisy readings drawn and fitted."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from solen.readout import volts
+from solen.sensor.network import NetworkSensitivities, network_sensitivities
+from solen.sensor.network.motions import Determination, determined, in_words
+from solen.sensor.network.readings import readings_of
+from solen.sensor.network.signals import circuits_of
+from solen.spec import Design, loads, template, with_values
+from tests.geometry.network_support import READINGS, WAYS, three_guides
+
+
+def estimates(design: Design, found: NetworkSensitivities, draws: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Estimates (draws, motions) from all voltages, and from the readings, of noisy voltages with the motions at 0.
+
+    Every emitter's turn is a sample with it on and one with all off, drawn, quantised and subtracted; motions follow
+    by least squares, weighted by the scatter of the draws themselves.
+    """
+    assert found.signals is not None
+    rng = np.random.default_rng(seed)
+    circuits, received = circuits_of(design), found.signals.received[0]
+    on = [volts(np.tile(row, (draws, 1)), one, rng=rng) for one, row in zip(circuits, received, strict=True)]
+    off = [volts(np.zeros_like(on[0]), circuits[0], rng=rng) for _ in range(len(on) + 1)]
+    seen = np.stack([one - 0.5 * (off[i] + off[i + 1]) for i, one in enumerate(on)], axis=1)
+    slope_V = found.signals.slope_V[0]
+    powers = received + (seen - (found.signals.voltage_V[0] - found.signals.off_V)) / slope_V
+    readings = readings_of(design.network, powers, np.zeros_like(powers))[0]
+    jacobian_V = (found.slope * slope_V).reshape(len(found.keys), -1).T
+    rows = ((seen.reshape(draws, -1), jacobian_V), (readings, found.reading_slope.T))
+    first, second = (fitted(values, jacobian) for values, jacobian in rows)
+    return first, second
+
+
+def fitted(values: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
+    """Motions (draws, M) by generalised least squares of values (draws, N)."""
+    weight = np.linalg.pinv(np.cov(values, rowvar=False))
+    solved = np.linalg.solve(jacobian.T @ weight @ jacobian, jacobian.T @ weight)
+    return np.asarray((values - values.mean(axis=0)) @ solved.T)
+
+
+def check_scatter(design: Design, draws: int) -> None:
+    found = network_sensitivities(design, tolerance=1e-3)
+    for stated, drawn in zip((found.by_voltages, found.by_readings), estimates(design, found, draws, 7), strict=True):
+        assert stated is not None
+        off = np.std(drawn, axis=0) / stated.sd_deg - 1.0
+        print(f"{design.name}: sd of {draws} fits over the stated one less 1: {np.round(off, 4).tolist()}")
+        assert np.abs(off).max() < 4.0 / math.sqrt(2.0 * draws) + 0.01
+        correlation = np.corrcoef(drawn, rowvar=False)[0, 1]
+        variance = np.diag(stated.covariance_deg2)
+        assert correlation == pytest.approx(
+            stated.covariance_deg2[0, 1] / math.sqrt(variance[0] * variance[1]), abs=0.1
+        )
+
+
+def test_noisy_readings_give_the_motions_to_the_stated_sd() -> None:
+    check_scatter(three_guides(motion=WAYS, reading=READINGS), 3000)
+
+
+RATIOS = {
+    "hand-860": ["(index.palm-right - index.palm-left) / index.thumb", "ring.palm-left / ring.thumb"],
+    "robot-860": ["head.back-right / head.back-left", "tail.front-right / tail.front-left"],
+}
+
+
+@pytest.mark.evidence
+@pytest.mark.parametrize("name", RATIOS)
+@pytest.mark.parametrize("circuit", [{}, {"readout.samples": 16, "readout.emitter_current_ma": 0.5}])
+def test_shipped_networks_give_their_motions_to_the_stated_sd(name: str, circuit: dict[str, Any]) -> None:
+    reading = [{"name": text, "value": text} for text in RATIOS[name]]
+    values = {"trace.dimension": "2d", "network.reading": reading} | circuit
+    check_scatter(with_values(loads(template(name)), values), 20000)
+
+
+def of(slope: list[list[float]], u: float = 1e-3, noise: float = 0.1) -> Determination:
+    jacobian = np.array(slope)
+    names = ["index", "ring", "thumb"][: jacobian.shape[1]]
+    return determined(names, jacobian, np.full(jacobian.shape, u), noise**2 * np.eye(len(jacobian)))
+
+
+def test_motions_that_change_readings_alike_are_named_with_what_is_left() -> None:
+    alike = of([[1.0, 1.0], [2.0, 2.0]])
+    assert alike.rank == 1
+    assert np.isinf(alike.sd_deg).all()
+    (text,) = in_words(alike)  # the sum s changes the readings by s·(1, 2): sd 0.1/√5
+    assert "index and ring change the readings in the same way: only their sum" in text
+    assert "± 0.045°" in text
+    assert "only their difference" in next(in_words(of([[1.0, -1.0], [2.0, -2.0]])))
+    assert "only ring + 0.5 index can be measured, to ± 0.022°" in next(in_words(of([[1.0, 2.0], [2.0, 4.0]])))
+
+
+def test_a_motion_apart_from_those_not_distinguished_keeps_its_sd() -> None:
+    found = of([[1.0, 1.0, 0.0], [0.0, 0.0, 4.0], [1.0, 1.0, 0.0]])
+    assert np.isinf(found.sd_deg).tolist() == [True, True, False]
+    assert found.sd_deg[2] == pytest.approx(0.1 / 4.0)
+    assert found.worst_sd_deg == math.inf
+    assert "thumb changes the readings by no more" in next(in_words(of([[1.0, 0.0, 0.0], [0.0, 4.0, 0.0]])))
+    assert "only 1 combination can" in next(in_words(of([[1.0, 2.0, 3.0]])))
+
+
+def test_the_uncertainty_of_an_sd_covers_slopes_that_are_off() -> None:
+    rng = np.random.default_rng(5)
+    true, u = rng.normal(size=(6, 3)), np.abs(rng.normal(size=(6, 3))) * 0.03
+    noise = np.diag(rng.uniform(0.5, 2.0, 6)) + 0.2
+    names = ["a", "b", "c"]
+    exact = determined(names, true, u, noise)
+    away = []
+    for _ in range(300):
+        one = determined(names, true + u * rng.normal(size=u.shape), u, noise)
+        away.append((one.sd_deg - exact.sd_deg) / one.u_sd_deg)
+    assert 0.8 < np.sqrt(np.mean(np.square(away))) < 1.2
+
+
+def test_one_power_does_not_distinguish_two_motions_and_more_do() -> None:
+    two = three_guides(motion=WAYS)
+    several = network_sensitivities(two, tolerance=1e-3)
+    assert several.by_voltages is not None
+    assert several.by_voltages.all_distinguished
+    network = two.network.model_copy(
+        update={"emitters": two.network.emitters[1:], "receivers": two.network.receivers[1:]}
+    )
+    one = network_sensitivities(two.model_copy(update={"network": network}), tolerance=1e-3)
+    assert one.by_voltages is not None
+    assert one.by_voltages.rank == 1
+    assert one.by_voltages.combinations[1].singular_per_deg == 0.0
+    assert any("cannot be measured" in text for text in one.warnings)
