@@ -16,7 +16,7 @@ from solen.sensor.network.response import (
     refuse_in_turn,
     unread_in,
 )
-from solen.sensor.network.signals import Signals, circuits_of, signals
+from solen.sensor.network.signals import Signals, circuits_of, network_signals
 from solen.sensor.network.slopes import NetworkSensitivities, network_sensitivities, worst_sd_deg
 from solen.sensor.network.study import NetworkStudy, courses, network_study
 
@@ -39,10 +39,10 @@ __all__ = [
     "network_check",
     "network_response",
     "network_sensitivities",
+    "network_signals",
     "network_study",
     "network_trace",
     "refuse_in_turn",
-    "signals",
     "unread_in",
     "worst_sd_deg",
 ]

@@ -4,7 +4,7 @@ A reading is the voltage with one emitter on, less the mean of those with all em
 emitter's turn is followed by an off phase, two emitters that follow one another share one: readings of the same
 receiver under them are correlated by it.
 
-The interface: `circuits_of` a network; `signals` of its powers.
+The interface: `circuits_of` a network; `network_signals` of its powers.
 """
 
 from collections.abc import Sequence
@@ -91,7 +91,7 @@ def received_by(designs: Sequence[Design], power: FloatArray) -> FloatArray:
     return np.asarray(power * rows)
 
 
-def signals(designs: Sequence[Design], power: FloatArray) -> Signals:
+def network_signals(designs: Sequence[Design], power: FloatArray) -> Signals:
     """Voltages and noise of a network in several states.
 
     Parameters

@@ -20,7 +20,7 @@ from solen.results import Result
 from solen.sensor.network.motions import Determination, determined, in_words
 from solen.sensor.network.readings import readings_of, slopes_of
 from solen.sensor.network.response import NetworkResponse, in_turn, response_of, unread_in
-from solen.sensor.network.signals import Signals, signals
+from solen.sensor.network.signals import Signals, network_signals
 from solen.sensor.numbers import number, tolerance_of
 from solen.spec import Design, value_at, with_values
 from solen.spec.network import NamedMotion
@@ -192,9 +192,9 @@ def _determined(
     design: Design, moved: Sequence[tuple[str, _Slope]], tolerance: float
 ) -> tuple[Signals, Determination, Determination | None]:
     """Signals of a network as it stands, and what they and its readings determine of the motions."""
-    here = signals([design], response_of([design], tolerance).power)
+    here = network_signals([design], response_of([design], tolerance).power)
     names = [name for name, _ in moved]
-    ends = [signals(row.designs, row.ends.power) for _, row in moved]
+    ends = [network_signals(row.designs, row.ends.power) for _, row in moved]
     steps = np.array([row.step for _, row in moved])
     slopes = np.stack([np.diff(end.voltage_V, axis=0)[0] for end in ends], axis=-1) / steps
     u = np.stack([np.hypot(*(row.ends.u_power * end.slope_V)) for (_, row), end in zip(moved, ends, strict=True)], -1)
