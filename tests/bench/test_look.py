@@ -156,7 +156,7 @@ def test_a_simulated_rig_is_looked_over_and_watched(bench: Path, kind: str) -> N
     seen: list[Seen] = []
     told = watch(rig, WatchOptions(seconds=0.5), seen.append)
     assert told.looks == len(seen) >= 4
-    assert seen[0].signal_V["A"][0] == pytest.approx(found.sensors["A"]["right"].signal_V, abs=0.05)
+    assert seen[0].signal_V["A"]["right"] == pytest.approx(found.sensors["A"]["right"].signal_V, abs=0.05)
 
 
 def changed(bench: Path, *changes: tuple[str, str]) -> Path:
@@ -224,7 +224,7 @@ def test_switching_slower_than_a_look_leaves_no_gaps(bench: Path, setup: str) ->
     assert np.isfinite(found.answers_V).all()
     seen: list[Seen] = []
     assert watch(rig, WatchOptions(seconds=1.0, every_s=0.02), seen.append).looks >= 3
-    assert np.isfinite([one.signal_V["A"] + one.off_V["B"] for one in seen]).all()
+    assert np.isfinite([[*one.signal_V["A"].values(), *one.off_V["B"].values()] for one in seen]).all()
 
 
 def test_lines_that_are_watched_are_a_table(bench: Path) -> None:

@@ -25,6 +25,7 @@ from solen.bench.glance import Glance, Glances, sampler_of, stage_of
 from solen.bench.homing import Confirm, knows_zero, make_known
 from solen.bench.interrupts import ended_by_signals
 from solen.bench.rig import Rig, SensorOf, load_rig
+from solen.bench.rig_instruments import StageOf
 from solen.errors import BenchError, SpecError
 from solen.ranks import Caution, do_not_use, look_at, note, of
 from solen.results import HIDDEN, Result, in_unit, reported
@@ -184,7 +185,7 @@ def judged(rig: Rig, glance: Glance) -> RigCheck:
     signal = glance.signal
     mean, error = signal.mean(axis=0), signal.std(axis=0) / math.sqrt(max(len(signal), 1))
     answers = np.abs(mean) > np.maximum(ANSWERS_SD * error, ANSWERS * (glance.high_V - glance.low_V))
-    inputs = {one.name: {side: _input(rig, one, side, glance) for side in ("right", "left")} for one in rig.sensor}
+    inputs = {one.name: {name: _input(rig, one, name, glance) for name in one.read_on} for one in rig.sensor}
     faults = [line for one in rig.sensor for line in _faults(rig, one, inputs[one.name], glance, mean, answers)]
     if dark := [str(number) for number, seen in enumerate(answers.any(axis=1).tolist(), 1) if not seen]:
         wire = "check its wire, its transistor and its supply"
@@ -212,17 +213,23 @@ def _cell_faults(cell: CellCheck, glance: Glance) -> list[Caution]:
 
 
 def _input(rig: Rig, sensor: SensorOf, side: str, glance: Glance) -> InputCheck:
-    number = getattr(sensor, side)
-    on, off = (float(values[:, sensor.emitter - 1, number - 1].mean()) for values in (glance.on, glance.off))
+    number = sensor.read_on[side]
+    emitter = _brightest(sensor, number, glance.signal.mean(axis=0))
+    on, off = (float(values[:, emitter - 1, number - 1].mean()) for values in (glance.on, glance.off))
     return InputCheck(
         input=number,
         off_V=off,
         on_V=on,
         signal_V=off - on,
-        noise_V=_noise(glance.time_s, glance.signal[:, sensor.emitter - 1, number - 1]),
-        room_V=float(glance.off[:, sensor.emitter - 1, number - 1].std()),
+        noise_V=_noise(glance.time_s, glance.signal[:, emitter - 1, number - 1]),
+        room_V=float(glance.off[:, emitter - 1, number - 1].std()),
         load_factor=_load_factor(sensor, off, off - on) if rig.unit == "V" else None,
     )
+
+
+def _brightest(sensor: SensorOf, number: int, mean: FloatArray) -> int:
+    """Emitter of a sensor that an input sees most of; of most sensors the only one."""
+    return max(sensor.lit_by.values(), key=lambda emitter: abs(float(mean[emitter - 1, number - 1])))
 
 
 def _load_factor(sensor: SensorOf, off_V: float, signal_V: float) -> float | None:
@@ -245,19 +252,19 @@ def _faults(
     short_V, circuit = SHORTED * (glance.high_V - glance.low_V), rig.unit == "V"
     for side, own in inputs.items():
         what = f"{sensor.name} {side} (input {own.input})"
-        mine = answers[:, own.input - 1]
+        mine, emitter = answers[:, own.input - 1], _brightest(sensor, own.input, mean)
         strongest = int(np.argmax(np.where(mine, np.abs(mean[:, own.input - 1]), 0.0))) + 1
         if circuit and own.on_V < short_V and own.off_V < short_V:
             yield of(what, do_not_use("is near 0 V, lit or not: a short circuit, or far too much light"))
         elif not mine.any():
             yield of(what, do_not_use("answers to no emitter; check its wire and its receiver"))
-        elif strongest != sensor.emitter:
-            wires = f"answers to emitter {strongest}, not to {sensor.emitter}; check rig file and wires"
+        elif strongest not in sensor.lit_by.values():
+            wires = f"answers to emitter {strongest}, not to {emitter}; check rig file and wires"
             yield of(what, do_not_use(wires))
-        elif circuit and mean[sensor.emitter - 1, own.input - 1] < 0.0:
+        elif circuit and mean[emitter - 1, own.input - 1] < 0.0:
             yield of(what, do_not_use("rises with its emitter on; load and receiver are swapped"))
         else:
-            yield from (of(what, line) for line in _settings(own, glance, sensor.emitter - 1, rig))
+            yield from (of(what, line) for line in _settings(own, glance, emitter - 1, rig))
 
 
 def _settings(own: InputCheck, glance: Glance, emitter: int, rig: Rig) -> Iterator[Caution]:
@@ -294,6 +301,8 @@ class JogOptions(Options):
     """Relative move in deg or mm."""
     velocity: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1.0
     """Velocity in deg/s or mm/s."""
+    motion: str | None = None
+    """Motion whose stage it is, of a rig with several."""
 
 
 class Jogged(Result):
@@ -327,6 +336,10 @@ def jog(rig_file: Path, options: JogOptions = JogOptions(), *, confirm: Confirm 
     if options.to is not None and options.by is not None:
         raise SpecError("--to", value=options.to, limit="cannot be combined with --by", remedy="give one of them")
     rig, clock = load_rig(rig_file), WallClock()
+    if rig.stages:
+        rig = rig.as_one(_named_stage(rig, options.motion))
+    elif options.motion is not None:
+        raise SpecError("--motion", value=options.motion, limit="names no motion: the rig has one stage")
     with ended_by_signals(), stage_of(rig, clock) as stage:
         if options.to is not None or options.by is not None:
             make_known(stage, rig.stage.home, rig.stage.zero, confirm)
@@ -344,6 +357,13 @@ def jog(rig_file: Path, options: JogOptions = JogOptions(), *, confirm: Confirm 
                 clock.sleep(0.02)
         places = {f"begun_{stage.unit}": begun, f"stands_{stage.unit}": begun if target is None else stage.position()}
         return Jogged(stage.name, **{key: at for key, at in places.items() if math.isfinite(at)})
+
+
+def _named_stage(rig: Rig, motion: str | None) -> StageOf:
+    if motion not in rig.stages:
+        limit = f"must be one of {', '.join(rig.stages)}: the rig has a stage for each"
+        raise SpecError("--motion", value=motion, limit=limit)
+    return rig.stages[motion]
 
 
 def _check_way(rig: Rig, name: str, target: float) -> None:

@@ -7,7 +7,7 @@ The interface: `Driver`; `DRIVERS`; `open_instruments` of a rig.
 """
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, cast
 
@@ -215,13 +215,20 @@ DRIVERS: registry.Registry[Driver] = registry.Registry(
 """Drivers by name; ``simulated`` is none of them, as a simulated rig is made as a whole."""
 
 
-def open_instruments(rig: "Rig", clock: Clock) -> tuple[Stage, Sampler]:
-    """Stage and sampler of a real rig; where the second cannot be opened, the first is closed.
+def open_instruments(rig: "Rig", clock: Clock) -> tuple[dict[str, Stage], Sampler]:
+    """Stages by motion, and the sampler, of a real rig; where one cannot be opened, those before it are closed.
 
     A stage that is the motor of the board that samples brings it with it.
     """
-    stage = cast("Stage", DRIVERS[rig.stage.driver].open(rig, clock))  # the rig has checked the roles
-    if rig.stage.port is None and (board := getattr(stage, "board", None)) is not None:
-        return stage, board
-    with on_failure(stage.close):
-        return stage, cast("Sampler", DRIVERS[rig.sampler.driver].open(rig, clock))
+    stages: dict[str, Stage] = {}
+    sampler: Sampler | None = None
+    with ExitStack() as opened:
+        for motion, table in rig.axes.items():
+            own = rig.as_one(table) if rig.stages else rig
+            stages[motion] = cast("Stage", DRIVERS[table.driver].open(own, clock))  # the rig has checked the roles
+            opened.callback(stages[motion].close)
+            if table.port is None:
+                sampler = getattr(stages[motion], "board", sampler)
+        sampler = sampler or cast("Sampler", DRIVERS[rig.sampler.driver].open(rig, clock))
+        opened.pop_all()
+    return stages, sampler

@@ -10,7 +10,6 @@ The interface: `Following` a journal; `Following.readings` gives what is new.
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +17,7 @@ from numpy.typing import NDArray
 from solen.arrays import FloatArray
 from solen.bench.journal import read_journal, read_on
 from solen.bench.journal_content import Rows, dtypes_of
-from solen.bench.readings import Converter, sound, subtracted
+from solen.bench.readings import Converter, View, sound, subtracted, views_of
 from solen.bench.records import END, ROWS
 from solen.errors import DataError
 
@@ -53,10 +52,10 @@ class Following:
     def readings(self, sensor: str) -> Iterator[Fresh]:
         """Readings of a sensor that are new since the last call, a piece for each part of the run."""
         fresh = self._fresh()
-        wires = next(one for one in self.header["sensors"] if one["name"] == sensor)
+        view = next(one for one in views_of(self.header) if one.name == sensor)
         edges = np.flatnonzero(np.diff(fresh["part"].astype(np.int64))) + 1
         for rows in np.split(fresh, edges) if len(fresh) else ():
-            yield self._read(rows, wires)
+            yield self._read(rows, view)
 
     def _fresh(self) -> Rows:
         """Periods that are new; a journal that is gone was closed, so that its run has ended."""
@@ -68,15 +67,15 @@ class Following:
         data = b"".join(payload for kind, stream, payload in records if kind == ROWS and stream == self._number)
         return np.frombuffer(data, self._dtypes["board"])
 
-    def _read(self, rows: Rows, wires: dict[str, Any]) -> Fresh:
+    def _read(self, rows: Rows, view: View) -> Fresh:
         part = int(rows["part"][0])
         before = self._last if self._last is not None and int(self._last["part"][0]) == part else rows[:0]
         self._last = rows[-1:]
         begun = self._begun_us.setdefault(part, int(rows["board_us"][0]))
         both = np.concatenate([before, rows])
         time_s = 1e-6 * (both["board_us"] - begun).astype(np.float64)
-        inputs, converter = [wires["right"] - 1, wires["left"] - 1], Converter.of(self.header)
-        readings = subtracted(both["counts"], time_s, wires["emitter"], inputs, converter)
-        kept = readings.of(wires["emitter"]) & (readings.time_s >= time_s[len(before)])
+        inputs, converter = [one - 1 for one in view.inputs.values()], Converter.of(self.header)
+        readings = subtracted(both["counts"], time_s, view.emitter, inputs, converter)
+        kept = readings.of(view.emitter) & (readings.time_s >= time_s[len(before)])
         kept &= sound(both["flags"], time_s, readings.time_s)
         return Fresh(readings.time_s[kept], readings.signal[kept][:, ::-1], readings.clipped[kept][:, ::-1])

@@ -155,9 +155,10 @@ def sampler_of(rig: Rig, folder: Path, clock: Clock) -> Iterator[EmitterBoard | 
     if rig.sampler.driver == "simulated":
         from solen.bench.simulated.instruments import simulated_instruments  # the tracer is loaded where it is needed
 
-        unit = rig.stage.moves_in
+        unit = rig.moves_in
         reach = rig.stage.zero + SHALLOW_MM if rig.stage.drives == "depth" else REACH[unit]
-        far = {f"to_{unit}": reach, f"velocity_{unit}_per_s": 1.0}
+        to = {motion: axis.zero for motion, axis in rig.stages.items()} or reach
+        far = {f"to_{unit}": to, f"velocity_{unit}_per_s": 1.0}
         noise = np.random.default_rng([rig.seed, 2])
         protocol = Protocol(name="no motion", step=(Step.model_validate(far),))
         _, sampler, _ = simulated_instruments(rig, protocol, folder, clock, noise)

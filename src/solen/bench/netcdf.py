@@ -2,10 +2,10 @@
 
 The idea: the root of the file holds what came, count by count, on the clock of the run, and where the stage was. What
 came are a board's periods, or a data acquisition's samples, which `solen.bench.waveform` makes readings of. Each
-sensor has a group of its own with what analysis reads: the times of its emitter's on phases, the angle at them, and the
-volts of its two receivers, on less the mean of off before and after. Nothing is smoothed. A cycle that was cut short in
-a resumed run is repeated: it stays in the root and is left out of the groups. The file is written under a
-temporary name and renamed; the journal stays.
+sensor, and each emitter of a network, has a group of its own with what analysis reads: the times of its emitter's on
+phases, the angles at them, and the volts of its receivers, on less the mean of off before and after. Nothing is
+smoothed. A cycle that was cut short in a resumed run is repeated: it stays in the root and is left out of the groups.
+The file is written under a temporary name and renamed; the journal stays.
 
 The interface: `write_recording` of a journal gives a `RecordedRun`; extra ``netcdf``.
 """
@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from solen import files
 from solen.analysis.load_cell import LoadCell
 from solen.arrays import FloatArray
+from solen.bench.axes import stream_of
 from solen.bench.clock_fit import ClockLine, fit_clock
 from solen.bench.frames import UNSOUND
 from solen.bench.journal_content import JournalContent, Rows, signal_unit
@@ -32,12 +33,16 @@ from solen.bench.readings import (
     CELL,
     Columns,
     Read,
+    View,
     columns_of,
     cut_short,
+    drive_of,
     inputs_of,
     looks_of,
+    motions_of,
     sensor_readings,
     stretches,
+    views_of,
 )
 from solen.bench.timing import Timing, came_by, exchanges, known_at_rest_alone, reach_of
 from solen.bench.waveform import Waveform, create_variable
@@ -159,24 +164,24 @@ def _periods(file: Any, journaled: JournalContent) -> Content:
     _attributes(file, journaled, {str(place): line for place, line in enumerate(lines)})
     _sampled(file, board, time_s, header)
     cuts, readings, bent = cut_short(journaled), {}, []
-    for sensor in header["sensors"]:
-        parts = list(sensor_readings(sensor, journaled, time_s, cuts))
-        bent += _bent(sensor["name"], parts, header.get("rig", {}).get("board", {}).get("straight_v"))
-        readings[sensor["name"]] = _sensor(file, sensor, parts, journaled)
+    for view in views_of(header):
+        parts = list(sensor_readings(view, journaled, time_s, cuts))
+        bent += _bent(view, parts, header.get("rig", {}).get("board", {}).get("straight_v"))
+        readings[view.name] = _sensor(file, view, parts, journaled)
     return time_s, readings, [*_unsound(board), *bent]
 
 
-def _bent(name: str, parts: Sequence[Columns], ends: Sequence[float] | None) -> list[Caution]:
+def _bent(view: View, parts: Sequence[Columns], ends: Sequence[float] | None) -> list[Caution]:
     """Readings that rest on levels where the converter is not linear."""
     if ends is None or not parts:
         return []
     outside = []
     for part in parts:
-        levels = [part[f"{side}_ambient"] + more for side in ("right", "left") for more in (0.0, part[side])]
+        levels = [part[f"{name}_ambient"] + more for name in view.inputs for more in (0.0, part[name])]
         outside.append(np.any([(level < ends[0]) | (level > ends[1]) for level in levels], axis=0))
     share = float(np.concatenate(outside).mean())
     beyond = f"levels beyond {ends[0]:g} to {ends[1]:g}, where the converter is not linear"
-    return [of(name, look_at(f"{100 * share:.3g} % of the readings rest on {beyond}"))] if share > 0.0 else []
+    return [of(view.name, look_at(f"{100 * share:.3g} % of the readings rest on {beyond}"))] if share > 0.0 else []
 
 
 def _unsound(board: Rows) -> list[Caution]:
@@ -199,11 +204,11 @@ def _waveform(file: Any, journaled: JournalContent) -> Content:
     _variable(
         file, "coefficients", ("channel", "power"), coefficients, "V", "volts = sum of coefficient * counts^power"
     )
-    cuts = cut_short(journaled)
-    parts: dict[str, list[Columns]] = {sensor["name"]: [] for sensor in header["sensors"]}
-    for sensor, found, kept in wave.readings(header["sensors"]):
-        parts[sensor["name"]].append(columns_of(found, kept, journaled, cuts))
-    readings = {one["name"]: _sensor(file, one, parts.pop(one["name"]), journaled) for one in header["sensors"]}
+    cuts, views = cut_short(journaled), views_of(header)
+    parts: dict[str, list[Columns]] = {view.name: [] for view in views}
+    for view, found, kept in wave.readings(views):
+        parts[view.name].append(columns_of(view, found, kept, journaled, cuts))
+    readings = {view.name: _sensor(file, view, parts.pop(view.name), journaled) for view in views}
     file.attrs["remarks"] = json.dumps(wave.remarks)
     return wave.time_s, readings, wave.remarks
 
@@ -222,11 +227,11 @@ def _readings(file: Any, journaled: JournalContent) -> Content:
     for name, text in (("on", "inputs with the emitters on"), ("off", "inputs with the emitters off; NaN: unknown")):
         _variable(file, name, ("period", "input"), rows[name], header["meter"]["unit"], text)
     cuts, readings = cut_short(journaled), {}
-    for sensor in header["sensors"]:
-        inputs = inputs_of(sensor, header)
-        columns = columns_of(_read_by(rows, time_s, inputs), np.ones(len(rows), bool), journaled, cuts)
+    for view in views_of(header):
+        inputs = inputs_of(view, header)
+        columns = columns_of(view, _read_by(rows, time_s, inputs), np.ones(len(rows), bool), journaled, cuts)
         switched = header["meter"]["switched"]
-        readings[sensor["name"]] = _sensor(file, sensor, [columns], journaled, switched=switched)
+        readings[view.name] = _sensor(file, view, [columns], journaled, switched=switched)
     return time_s, readings, []
 
 
@@ -306,15 +311,17 @@ def _sampled(file: Any, board: Rows, time_s: FloatArray, header: Mapping[str, An
 
 
 def _positions(file: Any, journaled: JournalContent) -> None:
-    stage, looks = journaled.streams["stage"], looks_of(journaled)
-    file.dimensions["look"] = len(stage)
-    for name, values, unit, text in (
-        ("stage_time_s", looks.time_s, "s", "time of the position: the middle of query and answer"),
-        ("stage_bound_s", looks.bound_s, "s", "how far that may be off, to either side"),
-        ("stage_answer_s", stage["t_s"], "s", "when its answer had come, by the run's clock as it was read"),
-        ("stage_position", looks.position, journaled.header["unit"], "where it was"),
-    ):
-        _variable(file, name, ("look",), values, unit, text)
+    for motion in motions_of(journaled.header):
+        stage, looks = journaled.streams[stream_of(motion)], looks_of(journaled, motion)
+        own = f"{motion}_" if motion else ""
+        file.dimensions[f"{own}look"] = len(stage)
+        for name, values, unit, text in (
+            ("stage_time_s", looks.time_s, "s", "time of the position: the middle of query and answer"),
+            ("stage_bound_s", looks.bound_s, "s", "how far that may be off, to either side"),
+            ("stage_answer_s", stage["t_s"], "s", "when its answer had come, by the run's clock as it was read"),
+            ("stage_position", looks.position, journaled.header["unit"], "where it was"),
+        ):
+            _variable(file, f"{own}{name}", (f"{own}look",), values, unit, text)
 
 
 def _ended(journaled: JournalContent) -> list[Caution]:
@@ -338,31 +345,31 @@ def _damage(journaled: JournalContent) -> list[Caution]:
 
 def _timing(file: Any, journaled: JournalContent) -> list[Caution]:
     """State the timing uncertainty due to clocks and lines, for hysteresis; with a remark if notable."""
-    header, stage = journaled.header, journaled.streams["stage"]
+    header, remarks = journaled.header, []
     lines = [ClockLine(**line) for line in json.loads(file.attrs["clock"]).values()]
-    timing = Timing.of(stage, header.get("clock_resolution_s", 0.0), lines)
-    for name, value in timing.attributes.items():
-        file.attrs[name] = value
     protocol = Protocol(**header["protocol"])
-    if known_at_rest_alone(stage):
-        return []
-    remark = timing.remark(protocol.fastest, reach_of(stage["position"]), protocol.unit)
-    return [] if remark is None else [remark]
+    for motion in motions_of(header):
+        stage = journaled.streams[stream_of(motion)]
+        timing = Timing.of(stage, header.get("clock_resolution_s", 0.0), lines)
+        for name, value in timing.attributes.items():
+            file.attrs[f"{motion} {name}" if motion else name] = value
+        if not known_at_rest_alone(stage):
+            remark = timing.remark(protocol.fastest, reach_of(stage["position"]), protocol.unit)
+            remarks += [] if remark is None else [of(motion, remark)]
+    return remarks
 
 
-def _sensor(
-    file: Any, sensor: Mapping[str, Any], parts: list[Columns], journaled: JournalContent, *, switched: bool = True
-) -> int:
-    """Write a sensor's group, receivers in their unit; how many readings it has.
+def _sensor(file: Any, view: View, parts: list[Columns], journaled: JournalContent, *, switched: bool = True) -> int:
+    """Write a sensor's group, of a network one for each emitter, receivers in their unit; how many readings it has.
 
     Of emitters that are on all the time ambient light is not known.
     """
     # pieces are freed as they are joined
     columns = {name: np.concatenate([part.pop(name) for part in parts]) for name in list(parts[0])} if parts else {}
-    group = file.create_group(sensor["name"])
-    group.attrs["sensor"] = sensor["name"]
-    group.attrs["lens"] = "yes" if sensor["lens"] else "no"
-    for key, value in sensor.get("drawn", {}).items():
+    group = file.create_group(view.name)
+    group.attrs["sensor"] = view.name
+    group.attrs["lens"] = "yes" if view.sensor["lens"] else "no"
+    for key, value in view.sensor.get("drawn", {}).items():
         group.attrs[f"drawn {key}"] = value
     unit, header = signal_unit(journaled.header), journaled.header
     if header.get("load_cell") is not None and columns:
@@ -372,16 +379,34 @@ def _sensor(
         group.attrs["load_cell_zero_V"] = zero_V
     readings = len(columns["time_s"]) if columns else 0
     group.dimensions = {"reading": readings}
-    absent = {"angle_deg" if header.get("drives") == "depth" else "depth_mm"}
-    absent |= {"force_N"} if header.get("load_cell") is None else set()
-    for name, (own_unit, text) in _COLUMNS.items():
-        if name in absent or (not switched and name.endswith("_ambient")):
-            continue
-        if name in {"right", "left"}:
-            text = f"{name} receiver, {_MADE[switched]}{'; lower is brighter' if switched and unit == 'V' else ''}"
+    described = _described(view, header, unit, switched=switched)
+    for name, (own_unit, text) in described.items():
         values = columns[name] if columns else np.zeros(0)
-        _variable(group, name, ("reading",), values, own_unit or unit, text)
+        _variable(group, name, ("reading",), values, own_unit, text)
     return readings
+
+
+def _described(view: View, header: Mapping[str, Any], unit: str, *, switched: bool) -> dict[str, tuple[str, str]]:
+    """Unit and description of each column of a sensor."""
+    made = f"{_MADE[switched]}{'; lower is brighter' if switched and unit == 'V' else ''}"
+    found = {"time_s": ("s", "time of the emitter's on phase on the clock of the run")}
+    for motion, driven in motions_of(header).items():
+        found[drive_of(motion, driven)] = _drive_in_words(motion, driven)
+    if header.get("load_cell") is not None:
+        found["force_N"] = "N", "force by the load cell, the mean of on and off"
+    found |= {name: (unit, f"{name} receiver, {made}") for name in view.inputs}
+    if switched:
+        found |= {f"{name}_ambient": (unit, f"{name} receiver with the emitter off") for name in view.inputs}
+    clipped = "receiver was at an end of the converter's range"
+    return found | {f"{name}_clipped": ("1", f"1 where a sample of the {name} {clipped}") for name in view.inputs}
+
+
+def _drive_in_words(motion: str, driven: Mapping[str, Any]) -> tuple[str, str]:
+    """Unit of what moves a sensor, and what its values are."""
+    by = "then, by a monotone cubic between the stage's positions"
+    if driven.get("drives") == "depth":
+        return "mm", f"depth of the finger {by}"
+    return "deg", f"angle of {motion or 'the sensor'} {by}"
 
 
 def _without_load_V(cell: LoadCell, columns: Columns, journaled: JournalContent) -> float:
@@ -399,25 +424,13 @@ def _overloaded(file: Any, journaled: JournalContent) -> list[Caution]:
     """Readings at which the load cell was at an end of its input's range, or its voltage without load is unknown."""
     if journaled.header.get("load_cell") is None:
         return []
-    forces = [file.groups[sensor["name"]].variables["force_N"][...] for sensor in journaled.header["sensors"]]
+    forces = [file.groups[view.name].variables["force_N"][...] for view in views_of(journaled.header)]
     missing = int(np.isnan(np.concatenate(forces)).sum())
     limit = "readings have no force: the load cell was at an end of the input's range, or never seen without load"
     return [do_not_use(f"{missing} {limit}")] if missing else []
 
 
 _MADE = {True: "on less the mean of off before and after", False: "emitters being on all the time"}
-_COLUMNS = {
-    "time_s": ("s", "time of the emitter's on phase on the clock of the run"),
-    "angle_deg": ("deg", "angle of the sensor then, by a monotone cubic between the stage's positions"),
-    "depth_mm": ("mm", "depth of the finger then, by a monotone cubic between the stage's positions"),
-    "force_N": ("N", "force by the load cell, the mean of on and off"),
-    "right": ("", "receiver"),
-    "left": ("", "receiver"),
-    "right_ambient": ("", "right receiver with the emitter off"),
-    "left_ambient": ("", "left receiver with the emitter off"),
-    "right_clipped": ("1", "1 where a sample of the right receiver was at an end of the converter's range"),
-    "left_clipped": ("1", "1 where a sample of the left receiver was at an end of the converter's range"),
-}
 
 
 def _variable(group: Any, name: str, dims: tuple[str, ...], values: NDArray[Any], unit: str, text: str) -> None:

@@ -2,19 +2,22 @@
 
 The idea: a protocol is a list of steps, each a place to go to, how fast, and how long to stay, done over and over. A
 step in degrees is for a rotation stage, one in mm for a linear stage; which of them moves, and what it moves, is for
-the rig to say. A step to a force moves a linear stage until a load cell reads it.
+the rig to say. A step to a force moves a linear stage until a load cell reads it. Several motions are named,
+``to_deg = {neck = 3.0, trunk = -5.0}``, and move together; a `Grid` visits every combination of their places.
 
 The interface: `Protocol` and `Step`; `load_protocol` of a file.
 """
 
 import math
+from collections.abc import Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self, TypeVar
 
 from pydantic import Field, model_validator
 
 from solen.bench.tables import BenchTable, load_table
-from solen.spec.strict import NotNegative, Number, Positive, Text, refused
+from solen.spec.strict import NotNegative, Number, Positive, Text, or_refuse, refused
 
 LONGEST_S = 7 * 86_400.0
 """A protocol that moves for longer than a week is a slip of the pen."""
@@ -23,13 +26,26 @@ SLOW_SHARE = 1.0 / 3.0
 """Velocity of slow cycles as a share of that of the others."""
 
 
+MOST_STATES = 100_000
+"""Most places that a grid may visit."""
+Turn = Annotated[Number, Field(ge=-360, le=360)]
+Shift = Annotated[Number, Field(ge=-1000, le=1000)]
+T = TypeVar("T")
+OfMotions = Annotated[dict[Text, T], Field(min_length=1, max_length=16)]
+_PLACE = or_refuse("must be a number up to 360 deg or 1000 mm, or one for each motion: {neck = 3.0, trunk = -5.0}")
+
+
 class Step(BenchTable):
     """One move and the rest after it."""
 
     table: ClassVar[str] = "step"
 
-    to_deg: Annotated[Number, Field(ge=-360, le=360)] | None = Field(None, description="Where to turn to, in degrees.")
-    to_mm: Annotated[Number, Field(ge=-1000, le=1000)] | None = Field(None, description="Where to shift to, in mm.")
+    to_deg: Annotated[Turn | OfMotions[Turn], _PLACE] | None = Field(
+        None, description="Where to turn to, in degrees; of several motions by name, the others stay."
+    )
+    to_mm: Annotated[Shift | OfMotions[Shift], _PLACE] | None = Field(
+        None, description="Where to shift to, in mm; of several motions by name, the others stay."
+    )
     to_N: Positive | None = Field(None, description="What force to press to, in N, by the rig's load cell.")
     velocity_deg_per_s: Positive | None = Field(None, description="How fast, in degrees per second.")
     velocity_mm_per_s: Positive | None = Field(None, description="How fast, in mm per second.")
@@ -53,9 +69,17 @@ class Step(BenchTable):
         return "mm" if self.to_deg is None else "deg"
 
     @property
-    def target(self) -> float:
-        """Where to, in its unit; NaN of a step to a force, whose place is found."""
-        return math.nan if self.to_N is not None else self.to_mm or self.to_deg or 0.0
+    def targets(self) -> dict[str, float]:
+        """Where to, in its unit, by motion, the only one without a name; NaN of a force, whose place is found."""
+        if self.to_N is not None:
+            return {"": math.nan}
+        place = self.to_deg if self.to_mm is None else self.to_mm
+        return dict(place) if isinstance(place, dict) else {"": place or 0.0}
+
+    @property
+    def farthest(self) -> float:
+        """Largest distance from zero that it goes to."""
+        return max(map(abs, self.targets.values()))
 
     @property
     def velocity(self) -> float:
@@ -66,6 +90,54 @@ class Step(BenchTable):
         """The step at a share of its velocity."""
         key = "velocity_deg_per_s" if self.unit == "deg" else "velocity_mm_per_s"
         return self.model_copy(update={key: share * self.velocity})
+
+
+class Grid(BenchTable):
+    """Every combination of places of several motions, in an order in which one motion moves at a time."""
+
+    table: ClassVar[str] = "grid"
+
+    to_deg: OfMotions[tuple[Turn, ...]] | None = Field(None, description="Places of each motion by name, in degrees.")
+    to_mm: OfMotions[tuple[Shift, ...]] | None = Field(None, description="The same of linear stages, in mm.")
+    velocity_deg_per_s: Positive | None = Field(None, description="How fast, in degrees per second.")
+    velocity_mm_per_s: Positive | None = Field(None, description="How fast, in mm per second.")
+    hold_s: Positive = Field(0.5, description="How long to stay at each, in s.")
+
+    @model_validator(mode="after")
+    def _has_places(self) -> Self:
+        if (self.to_deg is None) == (self.to_mm is None):
+            raise refused("", "must state to_deg or to_mm, one of them")
+        for name, places in self._places.items():
+            if not places:
+                raise refused(f"to_{self._unit}.{name}", "must be a list of places")
+        if (states := math.prod(map(len, self._places.values()))) > MOST_STATES:
+            raise refused("", f"has {states} combinations; a protocol goes to {MOST_STATES} at most")
+        _ = self.steps[:1]  # a step refuses what is missing
+        return self
+
+    @property
+    def _unit(self) -> str:
+        return "deg" if self.to_mm is None else "mm"
+
+    @property
+    def _places(self) -> Mapping[str, tuple[float, ...]]:
+        return self.to_deg or self.to_mm or {}
+
+    @cached_property
+    def steps(self) -> tuple[Step, ...]:
+        """A step to each combination; every motion goes back the way that it came."""
+        speeds = {key: value for key in ("velocity_deg_per_s", "velocity_mm_per_s") if (value := getattr(self, key))}
+        rest = speeds | {"hold_s": self.hold_s}
+        return tuple(Step(**{f"to_{self._unit}": state}, **rest) for state in there_and_back(self._places))
+
+
+def there_and_back(places: Mapping[str, Sequence[float]]) -> list[dict[str, float]]:
+    """Every combination of places by motion, neighbours of which differ in one motion by one place."""
+    if not places:
+        return [{}]
+    name, inner = next(iter(places)), there_and_back(dict(list(places.items())[1:]))
+    ways = (inner if number % 2 == 0 else inner[::-1] for number in range(len(places[name])))
+    return [{name: place} | state for place, way in zip(places[name], ways, strict=True) for state in way]
 
 
 class Protocol(BenchTable):
@@ -83,15 +155,20 @@ class Protocol(BenchTable):
     position_rate_hz: Annotated[Number, Field(gt=0, le=1000)] = Field(
         50.0, description="Position queries of the stage per second."
     )
-    step: Annotated[tuple[Step, ...], Field(min_length=1, max_length=1000)] = Field(description="the steps, [[step]].")
+    grid: Grid | None = Field(None, description="places of several motions, [grid], visited before the steps.")
+    step: Annotated[tuple[Step, ...], Field(max_length=1000)] = Field((), description="the steps, [[step]].")
 
     @model_validator(mode="after")
     def _alike(self) -> Self:
-        if self.step[-1].to_N is not None:
+        if not self.steps:
+            raise refused("step", "missing: where to go", remedy="add [[step]] or [grid]")
+        if self.steps[-1].to_N is not None:
             limit = "of the last step is not where a cycle can begin"
-            raise refused("step", limit, value=self.step[-1].to_N, remedy="end with a step to_mm, as back to 0")
-        if len({step.unit for step in self.step}) > 1:
+            raise refused("step", limit, value=self.steps[-1].to_N, remedy="end with a step to_mm, as back to 0")
+        if len({step.unit for step in self.steps}) > 1:
             raise refused("step", "must all be in deg, or all in mm")
+        if len({"" in step.targets for step in self.steps}) > 1:
+            raise refused("step", "must all name motions, or none of them")
         if self.slow_share is not None and self.slow_cycles == 0:
             raise refused("slow_share", "has no use without slow_cycles", value=self.slow_share)
         if self.shortest_s > LONGEST_S:
@@ -99,20 +176,34 @@ class Protocol(BenchTable):
             raise refused("cycles", f"take {days:.3g} days; a protocol takes a week at most", value=self.cycles)
         return self
 
+    @cached_property
+    def steps(self) -> tuple[Step, ...]:
+        """Steps of a cycle at full velocity: those of the grid, then the others."""
+        return (*(() if self.grid is None else self.grid.steps), *self.step)
+
     @property
     def unit(self) -> Literal["deg", "mm"]:
         """Unit of its moves."""
-        return self.step[0].unit
+        return self.steps[0].unit
 
     @property
     def reach(self) -> float:
         """Farthest that it goes from zero, in its unit."""
-        return max(abs(step.target) for step in self.step if step.to_N is None)
+        return max(step.farthest for step in self.steps if step.to_N is None)
+
+    @cached_property
+    def places(self) -> dict[str, tuple[float, float]]:
+        """Lowest and highest place of each motion, the only one without a name; of forces none."""
+        found: dict[str, list[float]] = {}
+        for step in (one for one in self.steps if one.to_N is None):
+            for name, place in step.targets.items():
+                found.setdefault(name, []).append(place)
+        return {name: (min(places), max(places)) for name, places in found.items()}
 
     @property
     def forces_N(self) -> tuple[float, ...]:
         """Forces that it presses to."""
-        return tuple(step.to_N for step in self.step if step.to_N is not None)
+        return tuple(step.to_N for step in self.steps if step.to_N is not None)
 
     @property
     def all_cycles(self) -> int:
@@ -122,20 +213,20 @@ class Protocol(BenchTable):
     @property
     def fastest(self) -> float:
         """Its highest velocity, in its unit per s."""
-        return max(step.velocity for step in self.step)
+        return max(step.velocity for step in self.steps)
 
     def steps_of(self, cycle: int) -> tuple[Step, ...]:
         """Steps of a cycle, which counts from 1; slow cycles come after the others."""
-        return self.step if cycle <= self.cycles else tuple(step.slowed(self._share) for step in self.step)
+        return self.steps if cycle <= self.cycles else tuple(step.slowed(self._share) for step in self.steps)
 
     @property
     def shortest_s(self) -> float:
         """How long it takes with a stage that is at its velocity at once."""
-        here, way_s = self.step[-1].target, 0.0
-        for step in (one for one in self.step if one.to_N is None):
-            way_s += abs(step.target - here) / step.velocity
-            here = step.target
-        holds_s = self.all_cycles * sum(step.hold_s for step in self.step)
+        here, way_s = self.steps[-1].targets, 0.0
+        for step in (one for one in self.steps if one.to_N is None):
+            way_s += max(abs(to - here.get(name, to)) for name, to in step.targets.items()) / step.velocity
+            here = here | step.targets
+        holds_s = self.all_cycles * sum(step.hold_s for step in self.steps)
         return 2.0 * self.rest_s + holds_s + way_s * (self.cycles + self.slow_cycles / self._share)
 
     @property

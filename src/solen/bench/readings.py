@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from solen.analysis.demodulation import Demodulated, slots_of, subtract
 from solen.arrays import FloatArray
+from solen.bench.axes import stream_of
 from solen.bench.frames import ANEW, UNSOUND
 from solen.bench.journal_content import JournalContent, Rows
 from solen.bench.rig import driven_values
@@ -18,7 +19,7 @@ from solen.bench.timing import Looks
 
 @dataclass(frozen=True, eq=False)
 class Read:
-    """Readings of two inputs: times (N,); signal, what was subtracted, and whether something clipped, (N, 2)."""
+    """Readings of inputs: times (N,); signal, what was subtracted, and whether something clipped, (N, R)."""
 
     time_s: FloatArray
     signal: FloatArray
@@ -53,13 +54,41 @@ def cut_short(journaled: JournalContent) -> list[tuple[float, float]]:
     return found if open_s is None else [*found, (open_s, math.inf)]
 
 
-def looks_of(journaled: JournalContent) -> Looks:
-    """Positions of the stage, as it was asked for them."""
-    return Looks.of(journaled.streams["stage"], journaled.header.get("clock_resolution_s", 0.0))
+class View(NamedTuple):
+    """A sensor under one of its emitters: its name, the emitter, and the inputs of its receivers, from 1.
+
+    ``sensor`` is its entry in a journal's header. Most sensors have one emitter, and their own name.
+    """
+
+    name: str
+    emitter: int
+    inputs: dict[str, int]
+    sensor: Mapping[str, Any]
+
+
+def views_of(header: Mapping[str, Any]) -> list[View]:
+    """Every sensor of a run under each of its emitters."""
+    views = []
+    for one in header["sensors"]:
+        if one.get("emitters"):
+            views += [View(f"{one['name']}.{own}", lit, one["inputs"], one) for own, lit in one["emitters"].items()]
+        else:
+            views.append(View(one["name"], one["emitter"], {side: one[side] for side in ("right", "left")}, one))
+    return views
+
+
+def motions_of(header: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
+    """What makes positions of a run's stages values, by motion; of a run with one stage it has no name."""
+    return dict(header["motions"]) if header.get("motions") else {"": header}
+
+
+def looks_of(journaled: JournalContent, motion: str = "") -> Looks:
+    """Positions of the stage of a motion, as it was asked for them."""
+    return Looks.of(journaled.streams[stream_of(motion)], journaled.header.get("clock_resolution_s", 0.0))
 
 
 def sensor_readings(
-    sensor: Mapping[str, Any], journaled: JournalContent, time_s: FloatArray, cuts: Sequence[tuple[float, float]]
+    view: View, journaled: JournalContent, time_s: FloatArray, cuts: Sequence[tuple[float, float]]
 ) -> Iterator[Columns]:
     """Readings of a sensor, stretch by stretch, less those of cycles that were cut short."""
     board, header = journaled.streams["board"], journaled.header
@@ -67,15 +96,13 @@ def sensor_readings(
         for begin in range(first, last, AT_ONCE):
             end = min(begin + AT_ONCE, last)
             low, high = max(begin - 1, first), min(end + 1, last)  # neighbours lend their off phases
-            inputs = inputs_of(sensor, header)
-            readings = subtracted(
-                board["counts"][low:high], time_s[low:high], sensor["emitter"], inputs, Converter.of(header)
-            )
-            kept = readings.of(sensor["emitter"]) & (readings.time_s >= time_s[begin])
+            inputs, counts = inputs_of(view, header), board["counts"][low:high]
+            readings = subtracted(counts, time_s[low:high], view.emitter, inputs, Converter.of(header))
+            kept = readings.of(view.emitter) & (readings.time_s >= time_s[begin])
             kept &= sound(board["flags"][low:high], time_s[low:high], readings.time_s)
             if end < last:
                 kept &= readings.time_s < time_s[end]
-            yield columns_of(readings, kept, journaled, cuts)
+            yield columns_of(view, readings, kept, journaled, cuts)
 
 
 class Converter(NamedTuple):
@@ -91,10 +118,10 @@ class Converter(NamedTuple):
         return cls(header["period_s"], header["volts_per_count"], header["top_count"])
 
 
-def inputs_of(sensor: Mapping[str, Any], header: Mapping[str, Any]) -> list[int]:
-    """Inputs of a sensor's right and left receiver, from 0, and of the load cell, where a run has one."""
+def inputs_of(view: View, header: Mapping[str, Any]) -> list[int]:
+    """Inputs of a sensor's receivers, from 0, right before left, and of the load cell, where a run has one."""
     cell = header.get("load_cell")
-    return [one - 1 for one in (sensor["right"], sensor["left"], *(() if cell is None else (cell["input"],)))]
+    return [one - 1 for one in (*view.inputs.values(), *(() if cell is None else (cell["input"],)))]
 
 
 def subtracted(
@@ -125,6 +152,7 @@ def sound(flags: NDArray[np.uint8], period_s: FloatArray, reading_s: FloatArray)
 
 
 def columns_of(
+    view: View,
     readings: Demodulated | Read,
     kept: NDArray[np.bool_],
     journaled: JournalContent,
@@ -133,28 +161,31 @@ def columns_of(
     """Columns of the kept readings, without those of incomplete cycles."""
     for cut_s, rest_s in cuts:
         kept &= (readings.time_s <= cut_s) | (readings.time_s >= rest_s)
-    header, looks = journaled.header, looks_of(journaled)
-    if not np.isfinite(looks.position).all():  # a stage that is turned by hand: nobody knows the angle on the way
-        kept = kept & np.isfinite(looks.at(readings.time_s))
+    motions = {motion: (looks_of(journaled, motion), driven) for motion, driven in motions_of(journaled.header).items()}
+    for looks, _ in motions.values():
+        if not np.isfinite(looks.position).all():  # a stage that is turned by hand: nobody knows the angle on the way
+            kept = kept & np.isfinite(looks.at(readings.time_s))
     time = readings.time_s[kept]
-    position = looks.at(time)
-    drive = "depth_mm" if header.get("drives") == "depth" else "angle_deg"
-    return _cell_volts(readings, kept) | {
-        "time_s": time,
-        drive: driven_values(position, header),
-        "right": readings.signal[kept, 0],
-        "left": readings.signal[kept, 1],
-        "right_ambient": readings.ambient[kept, 0],
-        "left_ambient": readings.ambient[kept, 1],
-        "right_clipped": readings.clipped[kept, 0].astype(np.uint8),
-        "left_clipped": readings.clipped[kept, 1].astype(np.uint8),
+    columns = {"time_s": time} | {
+        drive_of(motion, driven): driven_values(looks.at(time), driven) for motion, (looks, driven) in motions.items()
     }
+    for what, values in (("", readings.signal), ("_ambient", readings.ambient), ("_clipped", readings.clipped)):
+        kind = np.uint8 if what == "_clipped" else np.float64
+        columns |= {f"{name}{what}": values[kept, place].astype(kind) for place, name in enumerate(view.inputs)}
+    return _cell_volts(readings, kept, len(view.inputs)) | columns
 
 
-def _cell_volts(readings: Demodulated | Read, kept: NDArray[np.bool_]) -> Columns:
+def drive_of(motion: str, driven: Mapping[str, Any]) -> str:
+    """Column of the angles of a motion, or of depths."""
+    if motion:
+        return f"{motion}_deg"
+    return "depth_mm" if driven.get("drives") == "depth" else "angle_deg"
+
+
+def _cell_volts(readings: Demodulated | Read, kept: NDArray[np.bool_], receivers: int) -> Columns:
     """Volts of the load cell, which no emitter changes: the mean of on and off; NaN where one was at a limit."""
-    if readings.signal.shape[1] < 3:
+    if readings.signal.shape[1] <= receivers:
         return {}
-    off, signal = readings.ambient[kept, 2], readings.signal[kept, 2]
+    off, signal = readings.ambient[kept, receivers], readings.signal[kept, receivers]
     volts = np.where(np.isfinite(off), off + 0.5 * signal, signal)
-    return {CELL: np.where(readings.clipped[kept, 2], np.nan, volts)}
+    return {CELL: np.where(readings.clipped[kept, receivers], np.nan, volts)}

@@ -7,10 +7,11 @@ The interface: `record` with `RecordOptions`; `recover`; `close_journal`.
 """
 
 import datetime as dt
+import math
 import platform
 import shutil
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Annotated, Any
@@ -19,6 +20,7 @@ import numpy as np
 from pydantic import Field
 
 from solen import __version__, files
+from solen.bench.axes import STREAM
 from solen.bench.catalogue import Catalogue, header_of
 from solen.bench.clock import Clock, SimulatedClock, WallClock
 from solen.bench.drivers import DRIVERS, open_instruments
@@ -29,9 +31,10 @@ from solen.bench.journal_content import JournalContent
 from solen.bench.lock import locked
 from solen.bench.netcdf import RecordedRun, check_installed, write_recording
 from solen.bench.protocol import Protocol, load_protocol
-from solen.bench.rig import Rig, load_rig
+from solen.bench.rig import Rig, check_names, load_rig
+from solen.bench.rig_instruments import StageOf
 from solen.bench.roles import Sampler, Stage
-from solen.bench.run import Instruments, Watch, begin, run
+from solen.bench.run import Instruments, Watch, begin, check_motions, run
 from solen.errors import BenchError, DataError, OutputError, SolenError, SpecError
 from solen.spec.strict import Options
 
@@ -118,12 +121,12 @@ def record(
         noise = _noise(rig, options.name, before)
         with (
             ended_by_signals(),
-            _instruments(rig, protocol, rig_file.parent, clock, noise, report) as (stage, sampler, drawn),
+            _instruments(rig, protocol, rig_file.parent, clock, noise, report) as (stages, sampler, drawn),
         ):
-            make_known(stage, rig.stage.home, rig.stage.zero, confirm, resumed=before is not None)
-            on = Instruments(
-                stage, sampler, clock, _read_every_s(protocol, simulated_time), rig.stage.travel, rig.load_cell
-            )
+            for motion, axis in rig.axes.items():
+                make_known(stages[motion], axis.home, axis.zero, confirm, resumed=before is not None)
+            travel = {motion: axis.travel for motion, axis in rig.axes.items()}
+            on = Instruments(stages, sampler, clock, _read_every_s(protocol, simulated_time), travel, rig.load_cell)
             if journal is None:
                 header = _header(protocol, rig, rig_file.parent, simulated_time)
                 journal = begin(path, on, header | drawn)
@@ -201,17 +204,18 @@ def _without_streams(header: dict[str, Any]) -> dict[str, Any]:
 
 
 def _check_compatible(protocol: Protocol, rig: Rig, protocol_file: Path, rig_file: Path) -> None:
-    unit = rig.stage.moves_in
+    unit = rig.moves_in
     if protocol.unit != unit:
         remedy = "take the protocol or the rig of the other kind"
         raise BenchError(str(protocol_file), limit=f"moves in {protocol.unit}, and the stage in {unit}", remedy=remedy)
-    if rig.stage.travel is not None:
-        low, high = rig.stage.travel
-        for number, step in enumerate(protocol.step):
-            if step.to_N is None and not low <= step.target <= high:
+    check_motions(protocol, rig.axes, str(protocol_file))
+    for number, step in enumerate(protocol.steps):
+        for motion, target in step.targets.items() if step.to_N is None else ():
+            low, high = rig.axes[motion].travel or (-math.inf, math.inf)
+            if not low <= target <= high:
                 limit = f"is beyond the travel of {rig_file}, {low:g} to {high:g} {unit}"
-                raise BenchError(f"{protocol_file}: step[{number}]", value=step.target, limit=limit)
-    stops = rig.stage.driver in DRIVERS and DRIVERS[rig.stage.driver].stops
+                raise BenchError(f"{protocol_file}: step[{number}]", value=target, limit=limit)
+    stops = any(one.driver in DRIVERS and DRIVERS[one.driver].stops for one in rig.axes.values())
     if stops:
         _check_stops(protocol, protocol_file)
     if protocol.forces_N:
@@ -220,7 +224,7 @@ def _check_compatible(protocol: Protocol, rig: Rig, protocol_file: Path, rig_fil
         limit = "is 0: the load cell's voltage without load is that of the rest before the first cycle"
         remedy = "give it 0.5 s, or state load_cell.zero_V"
         raise BenchError(f"{protocol_file}: rest_s", value=0.0, limit=limit, remedy=remedy)
-    if rig.simulated and {rig.stage.driver, rig.sampler.driver} != {"simulated"}:
+    if rig.simulated and {rig.sampler.driver, *(one.driver for one in rig.axes.values())} != {"simulated"}:
         raise BenchError(str(rig_file), limit="has one real and one simulated instrument", remedy="make both one kind")
 
 
@@ -244,7 +248,7 @@ def _check_forces(most_N: float, rig: Rig, what: str, *, stops: bool) -> None:
 def _check_stops(protocol: Protocol, protocol_file: Path) -> None:
     """Reject stops that are too short if only they are used."""
     least_s = STOP_LOOKS / protocol.position_rate_hz
-    for number, step in enumerate(protocol.step):
+    for number, step in enumerate(protocol.steps):
         if step.hold_s < least_s:
             limit = f"is too short: the stage is known at stops alone, of {least_s:g} s or more"
             raise BenchError(f"{protocol_file}: step[{number}].hold_s", value=step.hold_s, limit=limit)
@@ -279,20 +283,24 @@ def _header(protocol: Protocol, rig: Rig, folder: Path, simulated_time: bool) ->
         "rig": rig.model_dump(mode="json"),
         "designs": designs,
         "sensors": [sensor.model_dump(mode="json") for sensor in rig.sensor],
-        "zero": rig.stage.zero,
-        "lever_mm": rig.stage.lever_mm,
-        "drives": rig.stage.drives,
+        **({"motions": {name: _driven(one) for name, one in rig.stages.items()}} if rig.stages else _driven(rig.stage)),
         "load_cell": None if rig.load_cell is None else rig.load_cell.model_dump(mode="json"),
         "signal_unit": rig.unit,
         "top_count": 2**rig.board.bits - 1,
     }
 
 
+def _driven(stage: StageOf) -> dict[str, Any]:
+    """What of a stage makes its positions values of a motion."""
+    return {"zero": stage.zero, "lever_mm": stage.lever_mm, "drives": stage.drives}
+
+
 def _clock(simulated_time: bool, before: JournalContent | None) -> Clock:
     """Time of a run; that of a resumed run goes on, by as much as passed since."""
     if before is None:
         return SimulatedClock() if simulated_time else WallClock()
-    last_s = max(float(before.streams[name]["t_s"][-1:].max(initial=0.0)) for name in ("came", "stage"))
+    streams = ("came", *(name for name in before.streams if name.startswith(STREAM)))
+    last_s = max(float(before.streams[name]["t_s"][-1:].max(initial=0.0)) for name in streams)
     if simulated_time:
         return SimulatedClock(last_s + PAUSE_S)
     since = dt.datetime.now(dt.UTC) - dt.datetime.fromisoformat(before.header["begun_utc"])
@@ -314,23 +322,24 @@ def _read_every_s(protocol: Protocol, simulated_time: bool) -> float:
 @contextmanager
 def _instruments(
     rig: Rig, protocol: Protocol, folder: Path, clock: Clock, noise: np.random.Generator, report: Report | None
-) -> Iterator[tuple[Stage, Sampler, dict[str, Any]]]:
-    """Stage and sampler of a rig, closed on exit, and what a header states of simulated ones."""
-    stage: Stage
+) -> Iterator[tuple[Mapping[str, Stage], Sampler, dict[str, Any]]]:
+    """Stages and sampler of a rig, closed on exit, and what a header states of simulated ones."""
+    stages: Mapping[str, Stage]
     sampler: Sampler
     drawn: dict[str, Any] = {}
     if rig.simulated:
         from solen.bench.simulated.instruments import simulated_instruments  # the tracer is loaded where it is needed
 
-        stage, sampler, sensors = simulated_instruments(rig, protocol, folder, clock, noise, report)
+        stages, sampler, sensors = simulated_instruments(rig, protocol, folder, clock, noise, report)
         drawn = {"sensors": sensors}
     else:
-        stage, sampler = open_instruments(rig, clock)
+        check_names(rig, folder)
+        stages, sampler = open_instruments(rig, clock)
     try:
-        yield stage, sampler, drawn
+        yield stages, sampler, drawn
     finally:
         with uninterrupted():
-            for instrument in (sampler, stage):
+            for instrument in (sampler, *stages.values()):
                 # how the run ended matters more, and what could not be stopped is in its journal
                 with suppress(SolenError):
                     instrument.close()

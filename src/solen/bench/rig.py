@@ -23,6 +23,7 @@ from solen.bench.rig_instruments import BoardOf, DaqOf, MeterOf, StageOf
 from solen.bench.tables import BenchTable, load_table
 from solen.errors import BenchError
 from solen.files import check_name
+from solen.spec import load
 from solen.spec.strict import NotNegative, Number, Positive, Text, error_context, refused
 
 Input = Annotated[int, Field(strict=True, ge=1, le=64)]
@@ -38,14 +39,50 @@ class SensorOf(BenchTable):
     )
     design: Text = Field(description="its design file, relative to the rig file.")
     lens: bool = Field(True, description="Whether it has its lens; false is the control without one.")
-    emitter: Input = Field(description="which emitter of the board lights it.")
-    right: Input = Field(description="which input of the board its right receiver is on.")
-    left: Input = Field(description="which input of the board its left receiver is on.")
+    emitter: Input | None = Field(None, description="which emitter of the board lights it.")
+    right: Input | None = Field(None, description="which input of the board its right receiver is on.")
+    left: Input | None = Field(None, description="which input of the board its left receiver is on.")
+    emitters: Annotated[dict[str, Input], Field(min_length=1)] | None = Field(
+        None, description="Of a network: which emitter of the board is which of its own, {wrist = 1, index = 2}."
+    )
+    inputs: Annotated[dict[str, Input], Field(min_length=1)] | None = Field(
+        None, description="Of a network: which input of the board each of its receivers is on, {thumb = 1, middle = 2}."
+    )
 
     @model_validator(mode="after")
-    def _names_a_file(self) -> Self:
+    def _is_wired(self) -> Self:
         check_name("name", self.name, BenchError)
+        pair = {key: getattr(self, key) for key in ("emitter", "right", "left")}
+        network = {key: getattr(self, key) for key in ("emitters", "inputs")}
+        stated, beside = (network, pair) if any(network.values()) else (pair, network)
+        for key, value in stated.items():
+            if value is None:
+                raise refused(key, "missing", remedy="of a network state emitters and inputs")
+        for key, value in beside.items():
+            if value is not None:
+                raise refused(key, "has no meaning with emitters and inputs", value=value, remedy="leave it out")
+        for key, wires in network.items():
+            twice = [number for number, times in Counter((wires or {}).values()).items() if times > 1]
+            if twice:
+                raise refused(key, f"has {twice[0]} twice", remedy="give each its own")
+        if self.is_network and not self.lens:
+            raise refused("lens", "is of a sensor with one lens", value=False, remedy="leave it out")
         return self
+
+    @property
+    def is_network(self) -> bool:
+        """Whether it has several emitters, by name."""
+        return self.emitters is not None
+
+    @property
+    def lit_by(self) -> dict[str, int]:
+        """Numbers of the board's emitters by the sensor's own names; the only one of a sensor has none."""
+        return self.emitters or {"": self.emitter or 1}
+
+    @property
+    def read_on(self) -> dict[str, int]:
+        """Inputs of the board by the names of the receivers."""
+        return self.inputs or {"right": self.right or 1, "left": self.left or 1}
 
 
 class Spread(BenchTable):
@@ -80,6 +117,9 @@ class Rig(BenchTable):
     name: Text = Field(description="what the rig is called.")
     seed: Annotated[int, Field(strict=True, ge=0, le=2**63 - 1)] = Field(0, description="Seed of everything drawn.")
     stage: StageOf = Field(default_factory=StageOf, description="What moves.")
+    stages: dict[str, StageOf] = Field(
+        default_factory=dict, description="What makes each motion of a network, [stages.NAME] by its name."
+    )
     board: BoardOf = Field(default_factory=BoardOf, description="What lights and samples.")
     daq: DaqOf | None = Field(None, description="What samples only, instead of a board.")
     meter: MeterOf | None = Field(None, description="What reads at its own pace, instead of a board.")
@@ -94,17 +134,20 @@ class Rig(BenchTable):
     def _wired_once(self) -> Self:
         for what, used in (
             ("name", [one.name for one in self.sensor]),
-            ("input", [one for sensor in self.sensor for one in (sensor.right, sensor.left)]),
+            ("input", [one for sensor in self.sensor for one in sensor.read_on.values()]),
         ):
             twice = [value for value, times in Counter(used).items() if times > 1]
             if twice:
                 raise refused("sensor", f"{what} {twice[0]} is used twice", remedy=f"give each its own {what}")
+        self._check_motions()
         samples = self.sampler is self.board and self.board.driver == "serial"
-        if self.stage.driver == "board" and self.stage.port is None and not samples:
-            raise refused("stage.driver", 'needs a port, or [board] with driver = "serial"', value="board")
-        if samples and self.stage.port == self.board.port:
-            remedy = "leave it out, and the board that samples drives its motor"
-            raise refused("stage.port", "is the port of [board]", value=self.stage.port, remedy=remedy)
+        for motion, stage in self.axes.items():
+            key = f"stages.{motion}" if motion else "stage"
+            if stage.driver == "board" and stage.port is None and not samples:
+                raise refused(f"{key}.driver", 'needs a port, or [board] with driver = "serial"', value="board")
+            if samples and stage.port == self.board.port:
+                remedy = "leave it out, and the board that samples drives its motor"
+                raise refused(f"{key}.port", "is the port of [board]", value=stage.port, remedy=remedy)
         if self.load_cell is not None:
             self._check_cell(self.load_cell)
         stated = [key for key in ("board", "daq", "meter") if key in self.model_fields_set and getattr(self, key)]
@@ -118,9 +161,39 @@ class Rig(BenchTable):
                     raise refused(key, "is for a simulated rig: a real one shows what there is", remedy="leave it out")
         return self
 
+    def _check_motions(self) -> None:
+        """Refuse stages by motion without a network, a network without them, and what several stages cannot do."""
+        networks = [one.name for one in self.sensor if one.is_network]
+        if networks and not self.stages:
+            limit = f"missing: the motions of {networks[0]} are made by stages of their own"
+            raise refused("stages", limit, remedy="state [stages.NAME] for each motion")
+        if not self.stages:
+            return
+        if len(networks) < len(self.sensor):
+            limit = "are of networks; a sensor with emitter, right and left has one motion"
+            raise refused("stages", limit, remedy="state [stage], or emitters and inputs of each sensor")
+        if "stage" in self.model_fields_set:
+            raise refused("stage", "cannot be combined with [stages.NAME]", remedy="leave it out")
+        if self.load_cell is not None:
+            raise refused("load_cell", "has no meaning with [stages.NAME]", remedy="leave it out")
+        for name, one in self.stages.items():
+            if one.drives != "angle":
+                limit = "a motion of a network is an angle"
+                raise refused(f"stages.{name}.drives", limit, value=one.drives, remedy="leave it out")
+        if len({one.moves_in for one in self.stages.values()}) > 1:
+            raise refused("stages", "move in deg and in mm", remedy="take stages of one kind")
+        ports = Counter(
+            one.port or one.driver for one in self.stages.values() if one.driver not in {"simulated", "hand"}
+        )
+        if ports and (most := ports.most_common(1)[0])[1] > 1:
+            limit = "makes two motions; each needs a stage on a line of its own"
+            raise refused("stages", limit, value=most[0], remedy="connect them apart")
+        if len({one.driver == "simulated" for one in self.stages.values()}) > 1:
+            raise refused("stages", "are partly simulated", remedy="make all of one kind")
+
     def _check_cell(self, cell: LoadCell) -> None:
         """Refuse a load cell without an input of its own, or whose force is on several sensors."""
-        wired = [one for sensor in self.sensor for one in (sensor.right, sensor.left)]
+        wired = [one for sensor in self.sensor for one in sensor.read_on.values()]
         if cell.input is None:
             raise refused("load_cell.input", "missing: the input that it is on", remedy=f"add input = {max(wired) + 1}")
         if cell.input in wired:
@@ -150,18 +223,57 @@ class Rig(BenchTable):
     @property
     def emitters(self) -> int:
         """Emitters that take turns."""
-        return max(sensor.emitter for sensor in self.sensor)
+        return max(one for sensor in self.sensor for one in sensor.lit_by.values())
 
     @property
     def inputs(self) -> int:
         """Inputs that are sampled."""
         cell = 0 if self.load_cell is None else self.load_cell.input or 0
-        return max(cell, *(max(sensor.right, sensor.left) for sensor in self.sensor))
+        return max(cell, *(one for sensor in self.sensor for one in sensor.read_on.values()))
 
     @property
     def simulated(self) -> bool:
         """Whether anything that is read from it is simulated."""
-        return "simulated" in {self.stage.driver, self.sampler.driver}
+        return "simulated" in {self.sampler.driver, *(one.driver for one in self.axes.values())}
+
+    @property
+    def axes(self) -> dict[str, StageOf]:
+        """Stages by the motions that they make; the only one of a rig without a network has no name."""
+        return self.stages or {"": self.stage}
+
+    @property
+    def moves_in(self) -> str:
+        """Unit of what moves."""
+        return next(iter(self.axes.values())).moves_in
+
+    def as_one(self, stage: StageOf) -> "Rig":
+        """The rig with one of its stages as the only one, for a driver that opens it."""
+        return self.model_copy(update={"stage": stage, "stages": {}})
+
+
+def check_names(rig: Rig, folder: Path) -> None:
+    """`BenchError` if a network of a rig has no emitter, receiver or motion of a name that the rig wires or moves.
+
+    Sensors that are no networks are not looked at.
+    """
+    for number, sensor in enumerate(rig.sensor):
+        if not sensor.is_network:
+            continue
+        design = load(folder / sensor.design)
+        if design.body.kind != "network":
+            limit = f"is a {design.body.kind}; emitters and inputs by name are those of a network"
+            raise BenchError(sensor.design, limit=limit, remedy="state emitter, right and left")
+        network = design.network
+        for key, kind, names, there in (
+            (f"sensor[{number}].emitters", "emitter", sensor.lit_by, network.emitters),
+            (f"sensor[{number}].inputs", "receiver", sensor.read_on, network.receivers),
+            ("stages", "motion", rig.stages, network.motion),
+        ):
+            known = [one.name for one in there]
+            for name in names:
+                if name not in known:
+                    limit = f"names no {kind} of {sensor.design}; there are {', '.join(known) or 'none'}"
+                    raise BenchError(key, value=name, limit=limit)
 
 
 def driven_values(position: FloatArray, header: Mapping[str, Any]) -> FloatArray:

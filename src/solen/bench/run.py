@@ -10,7 +10,7 @@ The interface: `Instruments`; `begin` writes a header, `run` the rest of the jou
 
 import datetime as dt
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from solen.analysis.load_cell import LoadCell
+from solen.bench.axes import Axis, axes_of, stream_of
 from solen.bench.clock import Clock
 from solen.bench.interrupts import Ended, uninterrupted
 from solen.bench.journal import Journal
@@ -32,12 +33,6 @@ ARRIVE_S = 10.0
 """How much longer than its way needs a move may take before it counts as stuck."""
 SILENT_S = 2.0
 """A board that says nothing for so long is a fault."""
-SETTLE_S = 0.5
-"""After a move's shortest time, a stage that does not come to rest is asked all the same whether it has arrived."""
-OVERSHOOT = 1e-3
-"""Share of the travel by which a stage at its end may stand beyond it."""
-RESTING = 0.01
-"""Share of its velocity below which a stage counts as at rest."""
 EXCHANGE_EVERY_S, EXCHANGES = 1.0, 5
 """While the stage rests, clocks are compared so often, and so many times at once."""
 
@@ -49,21 +44,27 @@ class Instruments:
     Attributes
     ----------
     stage, board, clock
-        The instruments, and the clock of the run; in place of a board there may be a data acquisition or a meter.
+        The instruments, and the clock of the run; in place of a board there may be a data acquisition or a meter, in
+        place of a stage one for each motion, by name.
     read_every_s
         Interval of reading the board: the data that a kill may lose.
     travel
-        Lowest and highest allowed position of the stage; None for its own limits only.
+        Lowest and highest allowed position of the stage, or of each by its motion; None for its own limits only.
     cell
         What reads the force on the sensor, for steps to a force.
     """
 
-    stage: Stage
+    stage: Stage | Mapping[str, Stage]
     board: Sampler
     clock: Clock
     read_every_s: float = 0.1
-    travel: tuple[float, float] | None = None
+    travel: Mapping[str, tuple[float, float] | None] | tuple[float, float] | None = None
     cell: LoadCell | None = None
+
+    @property
+    def stages(self) -> dict[str, Stage]:
+        """Stages by motion; the only one has no name."""
+        return dict(self.stage) if isinstance(self.stage, Mapping) else {"": self.stage}
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +78,7 @@ class Tick:
     cycle, cycles
         Number of the cycle, from 1, and of all cycles.
     position
-        Position of the stage, in its unit.
+        Position of each stage by its motion, in its unit; the only one has no name.
     counts
         The last period, shape (emitters, 2, receivers), or its lowest and highest samples, shape (1, 2, channels); None
         before the first.
@@ -86,7 +87,7 @@ class Tick:
     t_s: float
     cycle: int
     cycles: int
-    position: float
+    position: dict[str, float]
     counts: Counts | None
 
 
@@ -95,9 +96,13 @@ Watch = Callable[[Tick], None]
 
 def begin(path: Path, instruments: Instruments, header: Mapping[str, Any]) -> Journal:
     """A new journal for a run; its header states protocol, rig and instruments."""
-    sampling, stage = sampling_of(instruments.board), instruments.stage
-    of_run = {"stage": stage.name, "unit": stage.unit, "clock_resolution_s": instruments.clock.resolution_s}
-    streams = {**sampling.streams(), "stage": STAGE, "exchange": EXCHANGE}
+    sampling, stages = sampling_of(instruments.board), instruments.stages
+    of_run = {
+        "stage": ", ".join(stage.name for stage in stages.values()),
+        "unit": next(iter(stages.values())).unit,
+        "clock_resolution_s": instruments.clock.resolution_s,
+    }
+    streams = {**sampling.streams(), **{stream_of(motion): STAGE for motion in stages}, "exchange": EXCHANGE}
     return Journal.create(path, {**header, **sampling.header(), **of_run}, streams)
 
 
@@ -119,9 +124,12 @@ def run(
     KeyboardInterrupt
         If Ctrl-C stopped it; likewise. Of either, notes name what could not be stopped.
     """
-    if instruments.stage.unit != protocol.unit:
-        limit = f"moves in {protocol.unit}, and the stage {instruments.stage.name} in {instruments.stage.unit}"
-        raise BenchError("protocol", limit=limit, remedy="a linear stage needs lever_mm and steps in mm")
+    stages = instruments.stages
+    for stage in stages.values():
+        if stage.unit != protocol.unit:
+            limit = f"moves in {protocol.unit}, and the stage {stage.name} in {stage.unit}"
+            raise BenchError("protocol", limit=limit, remedy="a linear stage needs lever_mm and steps in mm")
+    check_motions(protocol, stages)
     part, done = (0, 0) if before is None else (before.parts, before.cycles)
     runner = _Runner(protocol, instruments, journal, part, done, watch)
     outcome, reason = "done", ""
@@ -145,6 +153,19 @@ def run(
             journal.sync()
 
 
+def check_motions(protocol: Protocol, known: Collection[str], what: str = "protocol") -> None:
+    """`BenchError` for a motion of a protocol that no stage makes."""
+    for name in protocol.places:
+        if name in known:
+            continue
+        there = ", ".join(known)
+        if not name:
+            remedy = f"say to_deg = {{{next(iter(known))} = ...}}"
+            raise BenchError(what, limit=f"names no motion, and the rig's stages make {there}", remedy=remedy)
+        limit = f"names no motion of the rig; there are {there}" if there else "is a motion's name; the rig has one"
+        raise BenchError(f"{what}: step", value=name, limit=limit)
+
+
 @dataclass
 class _Runner:
     """One run under way."""
@@ -160,14 +181,13 @@ class _Runner:
     _due_s: float = 0.0
     _last: Counts | None = None
     _cycle: int = 0
-    _looks: list[tuple[int, float, float, float]] = field(default_factory=list)
-    _last_two: list[tuple[float, float]] = field(default_factory=list)
     _compared_s: float = -math.inf
     _cell_V: list[float] = field(default_factory=list)
     _zero_V: float = math.nan
 
     def __post_init__(self) -> None:
         self._sampling = sampling_of(self.on.board)
+        self._axes = axes_of(self.on.stage, self.on.clock, self.part, self.on.travel)
 
     @property
     def now_s(self) -> float:
@@ -182,7 +202,7 @@ class _Runner:
         self._exchange(self._sampling.start)
         self._due_s = self._read_s = self._heard_s = self.now_s
         self._cycle = self.done + 1
-        self._go(self.protocol.step[-1])  # to where a cycle begins
+        self._go(self._begin())  # to where a cycle begins
         self.journal.event(self.now_s, "at rest")
         self._cell_V.clear()
         self._stay(self.protocol.rest_s)
@@ -191,8 +211,7 @@ class _Runner:
             self._cycle = cycle
             self.journal.event(self.now_s, "cycle", number=cycle)
             for number, step in enumerate(self.protocol.steps_of(cycle), 1):
-                aim = {"target": step.target} if step.to_N is None else {"to_N": step.to_N}
-                self.journal.event(self.now_s, "step", number=number, **aim)
+                self.journal.event(self.now_s, "step", number=number, **_aim(step))
                 self._go(step) if step.to_N is None else self._press(step, step.to_N)
                 self.journal.event(self.now_s, "arrived", number=number)
                 self._stay(step.hold_s)
@@ -207,7 +226,8 @@ class _Runner:
         Then what was seen of the stage since the last reading is written down. Gives a line for what did not stop.
         """
         left = []
-        for name, stop in (("board", self.on.board.stop), ("stage", self.on.stage.stop)):
+        stages = [(axis.name, axis.stage.stop) for axis in self._axes.values()]
+        for name, stop in (("board", self.on.board.stop), *stages):
             try:
                 stop()
             except SolenError as bad:
@@ -216,18 +236,36 @@ class _Runner:
         self._write_looks()
         return left
 
+    def _begin(self) -> Step:
+        """The last step, with every motion where a cycle leaves it."""
+        last = self.protocol.steps[-1]
+        left: dict[str, float] = {}
+        if "" in last.targets:
+            return last
+        for step in self.protocol.steps:
+            left |= step.targets
+        return last.model_copy(update={f"to_{last.unit}": left})
+
     def _go(self, step: Step) -> None:
         """Move and wait for arrival; while moving, only the position is queried."""
-        start = self._look()
-        self._check_travel(step, start, step.target)
-        shortest_s = abs(step.target - start) / step.velocity if math.isfinite(start) else 0.0
-        patience_s = getattr(self.on.stage, "patience_s", ARRIVE_S)
-        self.on.stage.begin_move(step.target, step.velocity)
-        arrives_s = self.now_s + shortest_s
-        while not self._arrived(step, arrives_s):
+        due: dict[str, float] = {}
+        starts = {motion: self._axes[motion].look() for motion in step.targets}
+        for motion, target in step.targets.items():
+            self._axes[motion].check_travel(step, starts[motion], target)
+        for motion, target in step.targets.items():
+            start = starts[motion]
+            self._axes[motion].stage.begin_move(target, step.velocity)
+            due[motion] = self.now_s + (abs(target - start) / step.velocity if math.isfinite(start) else 0.0)
+        for motion, arrives_s in due.items():
+            self._wait(self._axes[motion], step, arrives_s)
+
+    def _wait(self, axis: Axis, step: Step, arrives_s: float) -> None:
+        patience_s = getattr(axis.stage, "patience_s", ARRIVE_S)
+        while not axis.arrived(step, arrives_s):
             if self.now_s > arrives_s + patience_s:
-                limit = f"has not arrived at {step.target:g} {step.unit} in {shortest_s + patience_s:.0f} s"
-                raise BenchError(self.on.stage.name, limit=limit, remedy="is it free to move?")
+                late = f"{patience_s:.0f} s after it was due"
+                limit = f"has not arrived at {step.targets[axis.motion]:g} {step.unit} {late}"
+                raise BenchError(axis.stage.name, limit=limit, remedy="is it free to move?")
             self._tick(self.now_s + 1.0)
 
     def _tare(self) -> None:
@@ -243,14 +281,15 @@ class _Runner:
 
         It goes on by its velocity times what a look and a reading take; the place where it then stands is not sought.
         """
-        low, high = self.on.travel or (math.nan, math.nan)  # a protocol with such steps needs both
-        begun = self._look()
+        (axis,) = self._axes.values()
+        low, high = axis.travel or (math.nan, math.nan)  # a protocol with such steps needs both
+        begun = axis.look()
         deeper = self._force_N() < to_N
         end = high if deeper else low
-        self._check_travel(step, begun, end)
-        self.on.stage.begin_move(end, step.velocity)
+        axis.check_travel(step, begun, end)
+        axis.stage.begin_move(end, step.velocity)
         while (self._force_N() < to_N) == deeper:
-            if self.on.stage.on_target():
+            if axis.stage.on_target():
                 limit = (
                     f"reads {self._force_N():.3g} N at the end of travel, {end:g} {step.unit}, and {to_N:g} N is asked"
                 )
@@ -259,35 +298,14 @@ class _Runner:
                 )
             self._tick(self.now_s + 1.0)
             self._read()
-        self.on.stage.stop()
-        self._look()
+        axis.stage.stop()
+        axis.look()
 
     def _force_N(self) -> float:
         """Force by the newest reading; `BenchError` without one."""
         if self.on.cell is None or not (self._cell_V and math.isfinite(self._zero_V)):
             raise BenchError("load cell", limit="has no reading to press by", remedy="check its input")
         return self.on.cell.sensitivity_N_per_V * (self._cell_V[-1] - self._zero_V)
-
-    def _check_travel(self, step: Step, start: float, target: float) -> None:
-        """Refuse a way that is not within the rig's travel from end to end."""
-        if self.on.travel is None:
-            return
-        low, high = self.on.travel
-        slack = OVERSHOOT * (high - low)
-        for what, position in (("stands at", start), ("is sent to", target)):
-            if position < low - slack or position > high + slack:
-                limit = f"{what} {position:g} {step.unit}, and travel in the rig is {low:g} to {high:g}"
-                raise BenchError(self.on.stage.name, limit=limit, remedy="move it back by hand, or widen travel")
-
-    def _arrived(self, step: Step, arrives_s: float) -> bool:
-        """Whether the stage has arrived; queried from the earliest possible time, and only if it seems to rest."""
-        if self.now_s < arrives_s:
-            return False
-        if self.now_s < arrives_s + SETTLE_S and len(self._last_two) == 2:
-            (before_s, before), (at_s, at) = self._last_two
-            if abs(at - before) > RESTING * step.velocity * (at_s - before_s):
-                return False
-        return self.on.stage.on_target()
 
     def _stay(self, duration_s: float) -> None:
         until = self.now_s + duration_s
@@ -312,20 +330,11 @@ class _Runner:
             self.journal.rows("exchange", row)
         return device_s is not None
 
-    def _look(self) -> float:
-        """Ask the stage where it is; question and answer are stamped."""
-        sent_s = self.now_s
-        position = self.on.stage.position()
-        at_s = self.now_s
-        self._looks.append((self.part, sent_s, at_s, position))
-        self._last_two = [*self._last_two[-1:], (at_s, position)]
-        return position
-
     def _tick(self, until_s: float) -> None:
         """Wait for the next time to look, then look."""
         self._due_s = max(self._due_s + 1.0 / self.protocol.position_rate_hz, self.now_s)
         self.on.clock.sleep(max(0.0, min(self._due_s, until_s) - self.now_s))
-        position = self._look()
+        position = {motion: axis.look() for motion, axis in self._axes.items()}
         if self.now_s - self._read_s >= self.on.read_every_s:
             self._read()
             if self.watch is not None:
@@ -355,5 +364,12 @@ class _Runner:
         self.journal.rows("came", came)
 
     def _write_looks(self) -> None:
-        looks, self._looks = self._looks, []
-        self.journal.rows("stage", np.array(looks, self.journal.dtype("stage")))
+        for axis in self._axes.values():
+            axis.write(self.journal)
+
+
+def _aim(step: Step) -> dict[str, Any]:
+    """Where a step goes to, for its event."""
+    if step.to_N is not None:
+        return {"to_N": step.to_N}
+    return {"target": step.targets.get("", step.targets)}

@@ -1,9 +1,13 @@
-"""Files to start from: protocols, simulated rigs with their designs."""
+"""Files to start from: protocols, simulated rigs with their designs; those of a network's own design."""
 
 from importlib.resources import files as resources
 from typing import Any
 
-from solen.spec import loads, template, with_values
+import numpy as np
+
+from solen.errors import SpecError
+from solen.spec import Design, loads, template, with_values
+from solen.spec.network import Network
 from solen.spec.toml import dumps
 
 SHIPPED = {
@@ -32,3 +36,98 @@ def starter_files() -> dict[str, str]:
     texts = {name: (folder / f"{shipped}.toml").read_text(encoding="utf-8") for name, shipped in SHIPPED.items()}
     designs = {name: dumps(with_values(loads(template(one)), values)) for name, (one, values) in DESIGNS.items()}
     return texts | designs
+
+
+MOST_STATES, VISITS = 400, 12
+"""States of a plan for a calibration at most, and states beside them that a second plan visits."""
+_RIG = """# A simulated rig for {name}: emitters of the board and its inputs by the design's names, a stage for each
+# motion.
+schema = 1
+name = "rig of {name}"
+seed = 1
+
+{stages}
+[board]
+rate_hz = 200.0
+trim_v = 1.0    # each receiver's trimmer is turned until its brightest reading stands here
+
+[[sensor]]
+name = "network"
+design = "{file}"
+emitters = {{{emitters}}}
+inputs = {{{inputs}}}
+
+[spread]
+parts = true    # receivers and emitters differ as their datasheets allow
+
+[ambient]
+mean_mw_cm2 = 0.02
+flicker_percent = 30.0
+flicker_hz = 100.0
+"""
+_PLAN = """# Every combination of places of the motions, held long enough to be averaged: what a calibration needs.
+schema = 1
+name = "grid"
+
+[grid]
+velocity_deg_per_s = 15.0
+hold_s = 0.3
+
+[grid.to_deg]
+{places}
+"""
+_VISITS = """# States beside those of the grid, drawn at random: what a calibration can be held against.
+schema = 1
+name = "visits"
+
+{steps}
+"""
+_STEP = """[[step]]
+to_deg = {{{to}}}
+velocity_deg_per_s = 15.0
+hold_s = 0.3
+"""
+
+
+def network_files(design: Design, file: str) -> dict[str, str]:
+    """A simulated rig of a network, a plan for its calibration and one to check it; ``file`` names the design.
+
+    `SpecError` if the design is no network, or has no motion.
+    """
+    network = design.network
+    if design.body.kind != "network":
+        limit = "is not a network, whose rig has a stage for each motion"
+        raise SpecError("body.kind", value=design.body.kind, limit=limit, remedy="leave --design out")
+    if not network.motion:
+        raise SpecError("network.motion", limit="missing: nothing moves", remedy="add [[network.motion]]")
+    wired = {key: _numbered([one.name for one in getattr(network, key)]) for key in ("emitters", "receivers")}
+    stages = "".join(f"[stages.{one.name}]\n" for one in network.motion)
+    rig = {"name": design.name.replace('"', "'"), "file": file, "stages": stages}
+    return {
+        "rig": _RIG.format(**rig, emitters=wired["emitters"], inputs=wired["receivers"]),
+        "grid": _PLAN.format(places="\n".join(_places(network))),
+        "visits": _VISITS.format(steps="\n".join(_visits(network))),
+    }
+
+
+def _numbered(names: list[str]) -> str:
+    return ", ".join(f"{name} = {number}" for number, name in enumerate(names, 1))
+
+
+def _places(network: Network) -> list[str]:
+    """Places of each motion over its range: as many as its steps make, fewer where all together are too many."""
+    most = max(3, int(MOST_STATES ** (1.0 / len(network.motion)) + 1e-9))
+    rows = []
+    for one in network.motion:
+        places = np.linspace(one.from_deg, one.to_deg, min(one.steps + 1, most))
+        rows.append(f"{one.name} = [{', '.join(f'{place:.6g}' for place in places.tolist())}]")
+    return rows
+
+
+def _visits(network: Network) -> list[str]:
+    rng = np.random.default_rng(1)
+    low, high = np.array([(one.from_deg, one.to_deg) for one in network.motion]).T
+    states = np.round(rng.uniform(low, high, (VISITS, len(network.motion))), 3).tolist()
+    names = [one.name for one in network.motion]
+    rows = (", ".join(f"{name} = {place:g}" for name, place in zip(names, state, strict=True)) for state in states)
+    return [_STEP.format(to=row) for row in rows]

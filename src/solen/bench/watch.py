@@ -35,14 +35,14 @@ class WatchOptions(Options):
 
 @dataclass(frozen=True)
 class Seen:
-    """A look: its time in s, and of each sensor its signals and its levels with the emitter off, right and left.
+    """A look: its time in s, and of each sensor its signals and its levels with the emitter off, by receiver.
 
-    They are in V, or in the ``unit`` of the rig's receivers.
+    They are in V, or in the ``unit`` of the rig's receivers. Of a network each emitter counts as a sensor.
     """
 
     t_s: float
-    signal_V: dict[str, tuple[float, float]]
-    off_V: dict[str, tuple[float, float]]
+    signal_V: dict[str, dict[str, float]]
+    off_V: dict[str, dict[str, float]]
     unit: str = "V"
 
 
@@ -91,9 +91,12 @@ def _left_s(options: WatchOptions, since_s: float) -> float:
     return left_s if left_s >= 0.1 * SHORTEST_S else 0.0
 
 
-def _by_sensor(rig: Rig, volts: FloatArray) -> dict[str, tuple[float, float]]:
-    """Right and left of each sensor, of volts of all emitters and inputs."""
+def _by_sensor(rig: Rig, volts: FloatArray) -> dict[str, dict[str, float]]:
+    """Receivers of each sensor, or of each emitter of a network, of volts of all emitters and inputs."""
     return {
-        one.name: (float(volts[one.emitter - 1, one.right - 1]), float(volts[one.emitter - 1, one.left - 1]))
+        ".".join(filter(None, (one.name, own))): {
+            name: float(volts[emitter - 1, number - 1]) for name, number in one.read_on.items()
+        }
         for one in rig.sensor
+        for own, emitter in one.lit_by.items()
     }

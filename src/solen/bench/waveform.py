@@ -8,7 +8,7 @@ border, however little the two differ in where an edge lies.
 The interface: `Waveform` takes a file and a journal; `Waveform.readings` gives readings by sensor.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -21,12 +21,10 @@ from solen.bench.clock_fit import ClockLine, fit_clock
 from solen.bench.daq import Setup, ends_of, volts_of
 from solen.bench.journal_content import JournalContent
 from solen.bench.phases import clock_of, seen_by, states
-from solen.bench.readings import inputs_of
+from solen.bench.readings import View, inputs_of
 from solen.bench.timing import came_by, exchanges
 from solen.errors import DataError
 from solen.ranks import Caution, look_at
-
-Sensor = Mapping[str, Any]
 
 WINDOW_S = 10.0
 """Samples that are worked on at once."""
@@ -89,19 +87,19 @@ class Waveform:
         """The instrument's clock on the run's, by part and stretch."""
         return {stretch.name: stretch.line for stretch in self._stretches}
 
-    def readings(self, sensors: Sequence[Sensor]) -> Iterator[tuple[Sensor, Demodulated, BoolArray]]:
-        """Readings of each sensor, window by window, and which of them are new."""
+    def readings(self, views: Sequence[View]) -> Iterator[tuple[View, Demodulated, BoolArray]]:
+        """Readings of each sensor under each of its emitters, window by window, and which of them are new."""
         last: dict[str, float] = {}
         half_s = 0.5 / self._setup.switch_hz
         for stretch in self._stretches:
             for begin, end in self._windows(stretch):
-                for sensor, found in self._window(stretch, begin, end, sensors):
+                for view, found in self._window(stretch, begin, end, views):
                     until = self._until(stretch, end)
-                    kept = found.of(sensor["emitter"]) & (found.time_s < until)
-                    kept &= found.time_s > last.get(sensor["name"], -np.inf) + half_s
+                    kept = found.of(view.emitter) & (found.time_s < until)
+                    kept &= found.time_s > last.get(view.name, -np.inf) + half_s
                     if kept.any():
-                        last[sensor["name"]] = float(found.time_s[kept][-1])
-                    yield sensor, found, kept
+                        last[view.name] = float(found.time_s[kept][-1])
+                    yield view, found, kept
 
     def _fill(self, journaled: JournalContent) -> None:
         """Counts into the file, record by record, and what each frame is."""
@@ -141,36 +139,37 @@ class Waveform:
         return np.inf if end == stretch.end else float(self.time_s[end])
 
     def _window(
-        self, stretch: _Stretch, begin: int, end: int, sensors: Sequence[Sensor]
-    ) -> Iterator[tuple[Sensor, Demodulated]]:
+        self, stretch: _Stretch, begin: int, end: int, views: Sequence[View]
+    ) -> Iterator[tuple[View, Demodulated]]:
         """Readings of every sensor in a window and a little beyond."""
         low, high = max(begin - OVERLAP, stretch.begin), min(end + OVERLAP, stretch.end)
         frame = self._setup.frame
         volts = volts_of(self._counts[low * frame : high * frame], self._coefficients)
         taken_s = (self.number[low] + np.arange(len(volts))) / self._rate_hz
         try:
-            wired = (one for sensor in sensors for one in inputs_of(sensor, self._header)[:2])
+            wired = {one: None for view in views for one in inputs_of(view, self._header)[: len(view.inputs)]}
             seen, place = seen_by(self._setup, wired)
             clock = clock_of(taken_s, volts[:, seen], self._setup, self._switch_hz)
-            for sensor in sensors:
-                yield sensor, self._subtracted(volts, taken_s, clock, place, stretch.line, sensor)
+            for view in views:
+                yield view, self._subtracted(volts, taken_s, clock, place, stretch.line, view)
         except DataError as bad:
             span = f"{self.time_s[begin]:.1f} to {self.time_s[end - 1]:.1f} s"
             self.remarks.append(look_at(f"no readings from {span}: {bad}"))
 
     def _subtracted(
-        self, volts: FloatArray, taken_s: FloatArray, clock: Clock, place: float, line: ClockLine, sensor: Sensor
+        self, volts: FloatArray, taken_s: FloatArray, clock: Clock, place: float, line: ClockLine, view: View
     ) -> Demodulated:
-        """Readings of a sensor's two inputs, and of the load cell; a sample is used where both are in the same phase.
+        """Readings of a sensor's inputs, and of the load cell; a sample is used where all are in the same phase.
 
         ``place`` is the channel at whose conversions the clock's phase is.
         """
-        inputs = inputs_of(sensor, self._header)
-        delays = self._convert_s * (np.array(inputs[:2]) - place)
-        right, left = (states(clock, delay, 1e-6 * self._setup.settle_us, self._setup.emitters) for delay in delays)
-        time = line.at(taken_s + self._convert_s * float(np.mean(inputs[:2])))
+        inputs = inputs_of(view, self._header)
+        own = inputs[: len(view.inputs)]
+        delays = self._convert_s * (np.array(own) - place)
+        each = [states(clock, delay, 1e-6 * self._setup.settle_us, self._setup.emitters) for delay in delays]
+        time = line.at(taken_s + self._convert_s * float(np.mean(own)))
         low, high = self._limits[:, inputs]
-        state = np.where(right == left, right, -1)
+        state = np.where(np.ptp(each, axis=0) == 0, each[0], -1)
         return subtract(slots_of(time, volts[:, inputs], state, limits=(low, high)))
 
 

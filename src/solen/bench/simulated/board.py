@@ -18,6 +18,7 @@ from solen.bench.clock import Clock
 from solen.bench.frames import Layout, Losses, Periods
 from solen.bench.rig import RoomLight
 from solen.bench.simulated.cell import SimulatedCell
+from solen.bench.simulated.networks import SimulatedNetwork
 from solen.bench.simulated.sensors import SimulatedSensor, room_light_mw_cm2
 from solen.readout import volts
 
@@ -36,7 +37,7 @@ class SimulatedBoard:
     sensors
         Those on its inputs.
     angle_deg
-        Angles of the sensors at ascending times.
+        Angles of the sensors (N,) at ascending times (N,), or of their motions (N, M).
     room
         Light of the room.
     layout, period_s, volts_per_count, losses
@@ -52,7 +53,7 @@ class SimulatedBoard:
     """
 
     clock: Clock
-    sensors: tuple[SimulatedSensor, ...]
+    sensors: tuple[SimulatedSensor, ...] | tuple[SimulatedNetwork, ...]
     angle_deg: Callable[[FloatArray], FloatArray]
     room: RoomLight
     layout: Layout
@@ -122,12 +123,8 @@ class SimulatedBoard:
             return counts
         angle, room = self.angle_deg(time_s), room_light_mw_cm2(self.room, time_s, self._phase)
         for sensor in self.sensors:
-            light = np.zeros((len(time_s), 2))
-            on = lit == sensor.wires.emitter - 1
-            light[on] = sensor.at(angle[on])
-            read = volts(light, sensor.circuit, room, rng=self.rng)
-            inputs = [sensor.wires.right - 1, sensor.wires.left - 1]
-            counts[:, inputs] = np.rint(read / sensor.circuit.adc.step_V).astype(np.uint16)
+            read = volts(sensor.shares(angle, lit), sensor.circuit, room, rng=self.rng)
+            counts[:, sensor.places] = np.rint(read / sensor.circuit.adc.step_V).astype(np.uint16)
         if self.cell is not None:
             step_V = self.sensors[0].circuit.adc.step_V
             counts[:, self.cell.place] = np.rint(self.cell.volts(angle, self.rng) / step_V).astype(np.uint16)

@@ -21,6 +21,7 @@ from solen.bench.clock import Clock
 from solen.bench.daq import MODELS, DaqLosses, Samples, Setup
 from solen.bench.rig import RoomLight
 from solen.bench.simulated.cell import SimulatedCell
+from solen.bench.simulated.networks import SimulatedNetwork
 from solen.bench.simulated.sensors import SimulatedSensor, room_light_mw_cm2
 from solen.readout import noisy
 from solen.readout.emitter import REFERENCE_C
@@ -45,7 +46,7 @@ class SimulatedDaq:
     sensors
         Those on its inputs.
     angle_deg
-        Angles of the sensors at ascending times.
+        Angles of the sensors (N,) at ascending times (N,), or of their motions (N, M).
     room
         Light of the room.
     setup
@@ -59,7 +60,7 @@ class SimulatedDaq:
     """
 
     clock: Clock
-    sensors: tuple[SimulatedSensor, ...]
+    sensors: tuple[SimulatedSensor, ...] | tuple[SimulatedNetwork, ...]
     angle_deg: Callable[[FloatArray], FloatArray]
     room: RoomLight
     setup: Setup
@@ -119,8 +120,11 @@ class SimulatedDaq:
         time = (self._begun_s or 0.0) + number / (self.rate_hz * (1.0 + 1e-6 * self.ppm))
         counts = np.zeros((n, len(self.setup.channels)), np.int16)
         for sensor in self.sensors:
-            inputs = [sensor.wires.right - 1, sensor.wires.left - 1]
-            counts[:, inputs] = np.rint(self._read(sensor, inputs, time) / self._step_V)
+            if isinstance(sensor, SimulatedNetwork):
+                read_V = self._in_turn(sensor, time)
+            else:
+                read_V = self._read(sensor, sensor.places, time)
+            counts[:, sensor.places] = np.rint(read_V / self._step_V)
         if self.cell is not None:
             depth = self.angle_deg(time + self.convert_s * self.cell.place)
             counts[:, self.cell.place] = np.rint(self.cell.volts(depth, self.rng) / self._step_V)
@@ -146,9 +150,8 @@ class SimulatedDaq:
         circuit = replace(sensor.circuit, samples=1)
         shares = sensor.at(self.angle_deg(time_s + self.convert_s * float(np.mean(inputs))))
         light = room_light_mw_cm2(self.room, time_s, self._flicker)
-        since = np.stack(
-            [self._since_on(time_s + self.convert_s * place, sensor.wires.emitter) for place in inputs], axis=1
-        )
+        emitter = next(iter(sensor.wires.lit_by.values()))
+        since = np.stack([self._since_on(time_s + self.convert_s * place, emitter) for place in inputs], axis=1)
         lit = since < self._on_share
         line = circuit.load_line(circuit.current_mA(np.where(lit, shares, 0.0), light))
         settling_s = 1e-6 * circuit.time_constant_us
@@ -159,6 +162,28 @@ class SimulatedDaq:
         volts = line.volts.copy()
         volts[moving] = settling(volts[moving], other, after_s[moving], before_s, 1.0 / self.switch_hz, settling_s)
         return noisy(circuit, replace(line, volts=volts), REFERENCE_C, self.rng)
+
+    def _in_turn(self, network: SimulatedNetwork, time_s: FloatArray) -> FloatArray:
+        """Volts (N, R) that the converter reads of a network's receivers, whose emitters have a slot each.
+
+        A phase begins where the other phase of the same slot would have left it, which is where the slot before left
+        it but for what is not yet dark after a whole off phase.
+        """
+        circuit, emitters, inputs = replace(network.circuit, samples=1), self.setup.emitters, network.places
+        states = self.angle_deg(time_s + self.convert_s * float(np.mean(inputs)))
+        every = np.stack([network.shares(states, np.full(len(states), one)) for one in range(emitters)], axis=1)
+        turns = np.stack([self._since_on(time_s + self.convert_s * place, 1) for place in inputs], axis=1) * emitters
+        slot = np.minimum(turns.astype(int), emitters - 1)
+        shares, since = np.take_along_axis(every, slot[:, None, :], axis=1)[:, 0], turns - slot
+        light, lit = room_light_mw_cm2(self.room, time_s, self._flicker), since < 0.5
+        on, off = (circuit.load_line(circuit.current_mA(each, light)) for each in (shares, np.zeros_like(shares)))
+        slot_s = 1.0 / (self.switch_hz * emitters)
+        after_s, settling_s = np.where(lit, since, since - 0.5) * slot_s, 1e-6 * circuit.time_constant_us
+        here, other = np.where(lit, on.volts, off.volts), np.where(lit, off.volts, on.volts)
+        half_s = np.full_like(after_s, 0.5 * slot_s)
+        line = circuit.load_line(circuit.current_mA(np.where(lit, shares, 0.0), light))
+        settled = settling(here, other, after_s, half_s, slot_s, settling_s)
+        return noisy(circuit, replace(line, volts=settled), REFERENCE_C, self.rng)
 
 
 def settling(

@@ -1,6 +1,6 @@
 """Stage and sampler of a simulated rig, made as a whole: the sampler needs to know where the stage is."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,8 @@ from solen.bench.roles import Daq, EmitterBoard
 from solen.bench.simulated.board import SimulatedBoard
 from solen.bench.simulated.cell import SimulatedCell
 from solen.bench.simulated.daq import SimulatedDaq
-from solen.bench.simulated.sensors import simulated_sensors
+from solen.bench.simulated.networks import SimulatedNetwork
+from solen.bench.simulated.sensors import SimulatedSensor, simulated_networks, simulated_sensors
 from solen.bench.simulated.stage import SimulatedStage
 
 
@@ -26,8 +27,8 @@ def simulated_instruments(
     clock: Clock,
     noise: np.random.Generator,
     report: Callable[[str], None] | None = None,
-) -> tuple[SimulatedStage, EmitterBoard | Daq, list[dict[str, Any]]]:
-    """Stage and sampler of a simulated rig, and its sensors with their drawn parameters, for a journal's header.
+) -> tuple[dict[str, SimulatedStage], EmitterBoard | Daq, list[dict[str, Any]]]:
+    """Stages of a simulated rig by motion, its sampler, and its sensors with what was drawn, for a journal's header.
 
     Parameters
     ----------
@@ -46,21 +47,24 @@ def simulated_instruments(
     BenchError, SpecError, DataError, DesignError
         If a design cannot be read, built, or vary as the rig states.
     """
-    of_run = {"zero": rig.stage.zero, "lever_mm": rig.stage.lever_mm, "drives": rig.stage.drives}
-    targets = np.array([step.target for step in protocol.step if step.to_N is None])
-    if protocol.forces_N and rig.stage.travel is not None:
-        targets = np.append(targets, rig.stage.travel[1])
-    if rig.stage.drives == "angle":
-        targets = np.array([-protocol.reach, protocol.reach]) + rig.stage.zero
-    reach_deg = float(np.abs(driven_values(targets, of_run)).max())
-    sensors = simulated_sensors(rig, folder, reach_deg, np.random.default_rng([rig.seed, 0]), report)
-    stage = SimulatedStage(clock, protocol.unit)
+    rng = np.random.default_rng([rig.seed, 0])
+    driven = {name: one.model_dump(include={"zero", "lever_mm", "drives"}) for name, one in rig.axes.items()}
+    stages = {motion: SimulatedStage(clock, protocol.unit, f"simulated stage {motion}".strip()) for motion in driven}
+    for motion, stage in stages.items():
+        low, high = protocol.places.get(motion, (0.0, 0.0))
+        stage.axis.rest = min(max(0.0, low), high) if motion else 0.0
+    sensors: tuple[SimulatedSensor, ...] | tuple[SimulatedNetwork, ...]
+    if rig.stages:
+        sensors = simulated_networks(rig, folder, _ranges_deg(protocol, driven), rng, report)
+    else:
+        sensors = simulated_sensors(rig, folder, _reach_deg(rig, protocol, driven[""]), rng, report)
 
     def angles(time_s: FloatArray) -> FloatArray:
-        return driven_values(stage.axis.positions(time_s), of_run)
+        each = [driven_values(stages[motion].axis.positions(time_s), one) for motion, one in driven.items()]
+        return np.stack(each, axis=1) if rig.stages else each[0]
 
     cell = None
-    if rig.load_cell is not None:
+    if rig.load_cell is not None and isinstance(sensors[0], SimulatedSensor):
         cell = SimulatedCell.drawn(rig.load_cell, sensors[0], np.random.default_rng([rig.seed, 2]))
 
     sampler: EmitterBoard | Daq
@@ -73,4 +77,21 @@ def simulated_instruments(
             clock, sensors, angles, rig.ambient, layout, period_s, noise, per_count=per_count, cell=cell
         )
     drawn = [sensor.wires.model_dump(mode="json") | {"drawn": sensor.drawn} for sensor in sensors]
-    return stage, sampler, drawn
+    return stages, sampler, drawn
+
+
+def _reach_deg(rig: Rig, protocol: Protocol, driven: Mapping[str, Any]) -> float:
+    """Farthest angle, or depth, that a protocol goes to."""
+    targets = np.array([step.targets[""] for step in protocol.steps if step.to_N is None])
+    if protocol.forces_N and rig.stage.travel is not None:
+        targets = np.append(targets, rig.stage.travel[1])
+    if rig.stage.drives == "angle":
+        targets = np.array([-protocol.reach, protocol.reach]) + rig.stage.zero
+    return float(np.abs(driven_values(targets, driven)).max())
+
+
+def _ranges_deg(protocol: Protocol, driven: Mapping[str, Mapping[str, Any]]) -> dict[str, tuple[float, float]]:
+    """Lowest and highest angle of each motion."""
+    places = {motion: np.array(protocol.places.get(motion, (one["zero"],))) for motion, one in driven.items()}
+    ends = {motion: driven_values(places[motion], one) for motion, one in driven.items()}
+    return {motion: (float(angles.min()), float(angles.max())) for motion, angles in ends.items()}

@@ -4,11 +4,11 @@ The idea: prints of one design differ in index, decentre of the emitter, chip an
 parts. Each print is drawn once, with the rig's seed, and its response is **traced**, angle by angle;
 in between it is interpolated monotonically, with as many traced angles as needed.
 
-The interface: `simulated_sensors` of a rig; `room_light_mw_cm2` at times.
+The interface: `simulated_sensors` of a rig, `simulated_networks` of one with networks; `room_light_mw_cm2` at times.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -16,8 +16,9 @@ from typing import cast
 
 import numpy as np
 
-from solen.arrays import FloatArray
-from solen.bench.rig import Rig, RoomLight, SensorOf
+from solen.arrays import FloatArray, IntArray
+from solen.bench.rig import Rig, RoomLight, SensorOf, check_names
+from solen.bench.simulated.networks import SimulatedNetwork, traced_network, with_parts
 from solen.errors import BenchError
 from solen.parts import AdcPart, library_part
 from solen.readout import Adc, Circuit, circuit_of, face_areas_mm2
@@ -25,6 +26,7 @@ from solen.sensor import Response, Sensor
 from solen.sensor.loaded import force_of
 from solen.sensor.readings import received
 from solen.spec import Design, load, with_values
+from solen.spec.placed import state_of
 from solen.spec.soft import driven
 
 ANGLES, DEPTHS = 25, 9
@@ -72,6 +74,18 @@ class SimulatedSensor:
         inside = np.clip(angle_deg, self.angle_deg[0], self.angle_deg[-1])
         return np.asarray(self._curve(inside))
 
+    @property
+    def places(self) -> list[int]:
+        """Inputs of its receivers, from 0."""
+        return [number - 1 for number in self.wires.read_on.values()]
+
+    def shares(self, angle_deg: FloatArray, emitter: IntArray) -> FloatArray:
+        """Shares of the emitted power (N, 2) at angles (N,), with an emitter of the board lit, from 0, or none, -1."""
+        light = np.zeros((len(angle_deg), 2))
+        on = emitter == next(iter(self.wires.lit_by.values())) - 1
+        light[on] = self.at(angle_deg[on])
+        return light
+
     def pressed_N(self, depth_mm: FloatArray) -> FloatArray:
         """Forces (...) on the finger at depths (...); 0 where it does not touch, or of a sensor that is turned."""
         if self.force_N is None:
@@ -85,6 +99,46 @@ class SimulatedSensor:
     @cached_property
     def _curve(self) -> Callable[[FloatArray], FloatArray]:
         return between(self.angle_deg, self.fractions)
+
+
+def simulated_networks(
+    rig: Rig,
+    folder: Path,
+    visited_deg: Mapping[str, tuple[float, float]],
+    rng: np.random.Generator,
+    progress: Progress | None = None,
+) -> tuple[SimulatedNetwork, ...]:
+    """All networks of a simulated rig, traced over the whole ranges of their motions.
+
+    Parameters
+    ----------
+    rig, folder, rng, progress
+        As of `simulated_sensors`.
+    visited_deg
+        Angles that each motion reaches, which must be within its range.
+
+    Raises
+    ------
+    BenchError, SpecError, DataError, DesignError
+        If a design cannot be read, built, or differ as the rig says, or a motion is sent beyond its range.
+    """
+    check_names(rig, folder)
+    made = []
+    for wires in rig.sensor:
+        if progress is not None:
+            progress(f"tracing {wires.name}")
+        design = load(folder / wires.design)
+        for end in (0, 1):
+            state_of(design, {motion: reached[end] for motion, reached in visited_deg.items()})
+        motions = {one.name: (one.from_deg, one.to_deg) for one in design.network.motion}
+        ranges = {motion: motions[motion] for motion in visited_deg}
+        drawn = _drawn(rig, wires, design, rng)
+        kept = folder / f"{wires.name}.traced.npz"
+        network = replace(traced_network(wires, with_values(design, drawn), ranges, kept), drawn=drawn)
+        network = with_parts(network, rng) if rig.spread.parts else network
+        light = network.strength[:, None] * network.fractions
+        made.append(replace(network, circuit=_set(rig, network.circuit, light.reshape(-1, light.shape[-1]))))
+    return tuple(made)
 
 
 def simulated_sensors(
@@ -123,9 +177,7 @@ def _print(rig: Rig, wires: SensorOf, design: Design, reach_deg: float, rng: np.
     circuit = circuit_of(sensor.design, {name: areas[name] for name in ("right", "left")})
     if rig.spread.parts:
         circuit = circuit.drawn(rng)
-    circuit = replace(circuit, adc=converter(rig), rate_hz=rig.board.rate_hz if rig.daq is None else rig.daq.switch_hz)
-    if (rig.daq or rig.board).trim_v is not None:
-        circuit = _trimmed(circuit, fractions, rig.ambient.mean_mw_cm2, (rig.daq or rig.board).trim_v)
+    circuit = _set(rig, circuit, fractions)
     forces = np.array([force_of(sensor, value) for value in angle_deg.tolist()]) if pressed else None
     made = SimulatedSensor(wires, drawn | _gains(circuit), angle_deg, fractions, circuit, forces)
     made.at(made.angle_deg[:1])  # what it needs is loaded here, not while a run waits for it
@@ -202,6 +254,13 @@ def converter(rig: Rig) -> Adc:
     part = cast(AdcPart, library_part(daq.kind))  # of that kind in the library that is shipped
     adc = Adc.of(part, daq.range_v, (-daq.range_v, daq.range_v))
     return adc if daq.noise_uv is None else replace(adc, noise_V=1e-6 * daq.noise_uv)
+
+
+def _set(rig: Rig, circuit: Circuit, fractions: FloatArray) -> Circuit:
+    """A circuit with the rig's converter, and trimmers that are set where the rig says so."""
+    rate_hz = rig.board.rate_hz if rig.daq is None else rig.daq.switch_hz
+    circuit, to_v = replace(circuit, adc=converter(rig), rate_hz=rate_hz), (rig.daq or rig.board).trim_v
+    return circuit if to_v is None else _trimmed(circuit, fractions, rig.ambient.mean_mw_cm2, to_v)
 
 
 def _trimmed(circuit: Circuit, fractions: FloatArray, room_mw_cm2: float, to_v: float) -> Circuit:

@@ -109,10 +109,10 @@ class _Rows:
 
     def show(self, seen: Seen) -> None:
         if not self._begun:
-            names = ",".join(f"{name} {side}/{seen.unit}" for name in seen.signal_V for side in ("right", "left"))
+            names = ",".join(f"{name} {side}/{seen.unit}" for name, both in seen.signal_V.items() for side in both)
             print(f"time/s,{names}", flush=True)
         self._begun = True
-        values = ",".join(f"{value:.7g}" for both in seen.signal_V.values() for value in both)
+        values = ",".join(f"{value:.7g}" for both in seen.signal_V.values() for value in both.values())
         print(f"{seen.t_s:.3f},{values}", flush=True)
 
 
@@ -122,10 +122,10 @@ def _plot(seen: Seen, history: dict[str, "deque[float]"]) -> "Table":
     titles = f"signal / {seen.unit}", f"off / {seen.unit}", f"last {KEPT} looks"
     table = Table("receiver", *titles, title=f"{seen.t_s:.1f} s", expand=False)
     for name, signals in seen.signal_V.items():
-        for side, signal, off in zip(("right", "left"), signals, seen.off_V[name], strict=True):
+        for side, signal in signals.items():
             past = history[f"{name} {side}"]
             past.append(signal)
-            table.add_row(f"{name} {side}", f"{signal:.5g}", f"{off:.5g}", sparkline(past))
+            table.add_row(f"{name} {side}", f"{signal:.5g}", f"{seen.off_V[name][side]:.5g}", sparkline(past))
     return table
 
 

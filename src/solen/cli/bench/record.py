@@ -44,7 +44,7 @@ def run(
 
 @lines.register
 def _(result: pipeline.BenchFolder) -> Iterator[str]:
-    yield f"next: solen bench run rotation.toml --rig rig.toml --out recordings, in {result.folder}"
+    yield f"next: solen bench run {result.protocol} --rig rig.toml --out recordings, in {result.folder}"
 
 
 @lines.register
@@ -120,4 +120,5 @@ def _line(tick: Tick) -> str:
         levels = " ".join(
             f"{number}:{'▁▂▃▄▅▆▇█'[min(7, int(8 * max(0.0, level)))]}" for number, level in enumerate(share, 1)
         )
-    return f"cycle {tick.cycle}/{tick.cycles}  {tick.t_s:7.1f} s  at {tick.position:+7.3f}  {levels}"
+    at = " ".join(f"{position:+7.3f}" for position in tick.position.values())
+    return f"cycle {tick.cycle}/{tick.cycles}  {tick.t_s:7.1f} s  at {at}  {levels}"

@@ -1,5 +1,6 @@
 """Commands of the bench: example files, runs from protocol to recording, recovery of interrupted runs."""
 
+import os
 from pathlib import Path
 
 from solen import files
@@ -8,18 +9,20 @@ from solen.bench import record as bench
 from solen.bench.homing import Confirm
 from solen.bench.netcdf import RecordedRun
 from solen.bench.run import Watch
-from solen.bench.starter import starter_files
+from solen.bench.starter import network_files, starter_files
 from solen.errors import OutputError
 from solen.results import Outcome, Result
+from solen.spec import load
 
 
 class BenchFolder(Result):
-    """A folder with example files."""
+    """A folder with example files, and the protocol to begin with."""
 
     folder: Path
+    protocol: str = "rotation.toml"
 
 
-def new(folder: Path, /) -> Outcome[BenchFolder]:
+def new(folder: Path, /, *, design: Path | None = None) -> Outcome[BenchFolder]:
     """Write protocols and simulated rigs with their designs into a folder.
 
     Parameters
@@ -27,15 +30,27 @@ def new(folder: Path, /) -> Outcome[BenchFolder]:
     folder
         Folder for rotation.toml, bending.toml, rig.toml (with a board), rig-daq.toml (with a data acquisition),
         sensor.toml, and the same for bending and for a press under a load cell.
+    design
+        Design of a network: write its own rig in their place, and the plans grid.toml, for its calibration, and
+        visits.toml, to check it.
     """
-    texts = starter_files()
+    texts = starter_files() if design is None else network_files(load(design), _beside(folder, design))
     targets = {name: folder / f"{name}.toml" for name in texts}
     with files.output_folder(folder):
         for target in targets.values():
             if target.exists():
                 raise OutputError(str(target), limit="exists already", remedy="name another folder or remove it")
         files.write_all({targets[name]: text.encode() for name, text in texts.items()})
-    return Outcome(BenchFolder(folder), targets)
+    plan = "rotation.toml" if design is None else "grid.toml"
+    return Outcome(BenchFolder(folder, plan), targets)
+
+
+def _beside(folder: Path, design: Path) -> str:
+    """Path of a design from a folder, with slashes; absolute where there is no way between drives."""
+    try:
+        return Path(os.path.relpath(design.absolute(), folder.absolute())).as_posix()
+    except ValueError:
+        return design.absolute().as_posix()
 
 
 def run(

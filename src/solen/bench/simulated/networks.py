@@ -1,0 +1,213 @@
+"""Simulated networks: each a print of its design, traced over the ranges of its motions.
+
+The idea: a print is drawn once, by the rig's seed, as other sensors are. Its powers, emitter by emitter, are traced on
+a grid over the ranges of its motions, made finer, motion by motion, where a state midway differs from the surface
+through the others; between the grid's states the surface holds. That takes a minute or more, so the powers are kept in
+a file, and traced again when the design differs.
+
+The interface: `traced_network`; `SimulatedNetwork`, which a simulated board or data acquisition reads.
+"""
+
+import hashlib
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import cached_property
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+import numpy as np
+
+from solen import __version__
+from solen.analysis.surface import Surface
+from solen.arrays import FloatArray, IntArray
+from solen.bench.rig import SensorOf
+from solen.errors import OutputError
+from solen.files import write_bytes
+from solen.readout import Circuit, circuit_of, face_areas_mm2
+from solen.sensor import Sensor
+from solen.sensor.network import network_response
+from solen.spec import Design
+from solen.spec.placed import lit
+from solen.spec.toml import dumps
+
+Range = tuple[float, float]
+TRACED = 5e-4
+"""Uncertainty of a traced power, as a share of the emitted one."""
+FEWEST, MOST = 6, 24
+"""Steps over the range of a motion, at first and at most."""
+NEAR = 4e-3
+"""Largest difference, as a share of the emitter's brightest power, between a state midway and the surface."""
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedNetwork:
+    """One simulated network.
+
+    Attributes
+    ----------
+    wires
+        Its wires.
+    drawn
+        Values drawn for it.
+    angles_deg
+        Angles of each motion at which it was traced, in the order of the rig's stages.
+    fractions
+        Shares of the emitted power, (n_1, ..., n_M, emitters, receivers), in the order of its wires.
+    strength
+        Current by a share of each emitter's power, relative to that of the first, (emitters,).
+    circuit
+        Its receivers and converter, driven by the first emitter.
+    """
+
+    wires: SensorOf
+    drawn: dict[str, float]
+    angles_deg: tuple[FloatArray, ...]
+    fractions: FloatArray
+    strength: FloatArray
+    circuit: Circuit
+
+    @property
+    def places(self) -> list[int]:
+        """Inputs of its receivers, from 0."""
+        return [number - 1 for number in self.wires.read_on.values()]
+
+    def at(self, angles_deg: FloatArray) -> FloatArray:
+        """Shares of the emitted power (N, emitters, receivers) in states (N, motions)."""
+        found = self._surface.at(angles_deg)
+        return np.maximum(found, 0.0).reshape(len(angles_deg), *self.fractions.shape[-2:])
+
+    def shares(self, angles_deg: FloatArray, emitter: IntArray) -> FloatArray:
+        """Light (N, receivers) in states (N, motions), with an emitter of the board lit, from 0, or none, -1.
+
+        It is that share of the first emitter's power which makes the same current.
+        """
+        light = np.zeros((len(angles_deg), len(self.places)))
+        for place, number in enumerate(self.wires.lit_by.values()):
+            on = emitter == number - 1
+            if on.any():
+                light[on] = self.strength[place] * self.at(angles_deg[on])[:, place]
+        return light
+
+    @cached_property
+    def _surface(self) -> Surface:
+        grid = self.fractions.shape[:-2]
+        return Surface.through(self.angles_deg, self.fractions.reshape(*grid, -1))
+
+
+def traced_network(
+    wires: SensorOf, design: Design, ranges_deg: Mapping[str, Range], kept: Path | None = None
+) -> SimulatedNetwork:
+    """A network with typical parts, traced over ranges of its motions by name.
+
+    Parameters
+    ----------
+    wires, design
+        Its wires and its design.
+    ranges_deg
+        Lowest and highest angle of each motion, in the order of the rig's stages.
+    kept
+        File of the traced powers; read where it is of this network, else written.
+
+    Raises
+    ------
+    SpecError
+        If a range is not within that of the motion.
+    DesignError
+        If the body cannot be built in a state.
+    """
+    made_of = __version__, dumps(design), Sensor.of(design).material, wires, dict(ranges_deg)
+    key = hashlib.sha256(repr(made_of).encode()).hexdigest()
+    found = None if kept is None else _read(kept, key)
+    if found is None:
+        found = _traced(wires, design, ranges_deg)
+        if kept is not None:
+            _keep(kept, key, *found)
+    each = [_circuit(wires, lit(design, name)) for name in wires.lit_by]
+    strength = np.array([_strength(one) for one in each])
+    return SimulatedNetwork(wires, {}, *found, strength / strength[0], each[0])
+
+
+def _traced(
+    wires: SensorOf, design: Design, ranges_deg: Mapping[str, Range]
+) -> tuple[tuple[FloatArray, ...], FloatArray]:
+    """Angles of each motion, and powers over their grid."""
+    middle = {name: 0.5 * (low + high) for name, (low, high) in ranges_deg.items()}
+    angles = {name: _nodes(wires, design, name, ends, middle) for name, ends in ranges_deg.items()}
+    mesh = np.stack(np.meshgrid(*angles.values(), indexing="ij"), axis=-1)
+    shares = _powers(wires, design, list(angles), mesh.reshape(-1, len(angles)))
+    return tuple(angles.values()), shares.reshape(*mesh.shape[:-1], *shares.shape[1:])
+
+
+def _read(kept: Path, key: str) -> tuple[tuple[FloatArray, ...], FloatArray] | None:
+    """Powers of a file; None where it is of something else, or no such file."""
+    try:
+        with np.load(kept, allow_pickle=False) as file:
+            if str(file["key"]) != key:
+                return None
+            angles = tuple(file[f"angles_{number}"] for number in range(file["fractions"].ndim - 2))
+            return angles, file["fractions"]
+    except (OSError, ValueError, KeyError, BadZipFile):
+        return None
+
+
+def _keep(kept: Path, key: str, angles: tuple[FloatArray, ...], fractions: FloatArray) -> None:
+    content = BytesIO()
+    arrays: dict[str, Any] = {f"angles_{number}": one for number, one in enumerate(angles)}
+    np.savez(content, key=np.array(key), fractions=fractions, **arrays)
+    with suppress(OutputError):  # a folder that cannot be written to costs another trace, no more
+        write_bytes(kept, content.getvalue())
+
+
+def with_parts(network: SimulatedNetwork, rng: np.random.Generator) -> SimulatedNetwork:
+    """A network with random parts: receivers, and each emitter's power, within the limits of the datasheets."""
+    first, *others = (network.circuit.drawn(rng) for _ in network.wires.lit_by)
+    power = np.array([one.drive.typical_mW for one in (first, *others)])
+    return replace(network, circuit=first, strength=network.strength * power / power[0])
+
+
+def _strength(circuit: Circuit) -> float:
+    """Current of a receiver by the whole of an emitter's power, up to a factor that all emitters share."""
+    return circuit.transistor.response * float(circuit.drive.power_mW())
+
+
+def _circuit(wires: SensorOf, design: Design) -> Circuit:
+    areas = face_areas_mm2(design, Sensor.of(design).body())
+    return circuit_of(design, {name: areas[name] for name in wires.read_on})
+
+
+def _nodes(wires: SensorOf, design: Design, name: str, ends: Range, middle: Mapping[str, float]) -> FloatArray:
+    """Angles of one motion, the others at the middle of their ranges: as many as its response needs."""
+    low, high = ends
+    if low == high:
+        return np.array([low])
+    motions, steps = list(middle), FEWEST
+    column = motions.index(name)
+
+    def along(angles: FloatArray) -> FloatArray:
+        rows = np.tile([middle[one] for one in motions], (len(angles), 1))
+        rows[:, column] = angles
+        return _powers(wires, design, motions, rows).reshape(len(angles), -1)
+
+    angles = np.linspace(low, high, steps + 1)
+    found = along(angles)
+    while True:
+        between = 0.5 * (angles[1:] + angles[:-1])
+        more = along(between)
+        surface = Surface.through([angles], found)
+        off = np.abs(surface.at(between[:, None]) - more).max() / found.max()
+        order = np.argsort(np.concatenate([angles, between]))
+        if off <= NEAR:
+            return angles
+        angles, found = np.concatenate([angles, between])[order], np.concatenate([found, more])[order]
+        if len(angles) > MOST:
+            return angles
+
+
+def _powers(wires: SensorOf, design: Design, motions: list[str], states: FloatArray) -> FloatArray:
+    """Powers (states, emitters, receivers) in the order of the wires."""
+    found = network_response(design, [dict(zip(motions, row, strict=True)) for row in states.tolist()], TRACED)
+    lights = [found.emitters.index(name) for name in wires.lit_by]
+    return found.power[:, lights][:, :, [found.receivers.index(name) for name in wires.read_on]]
