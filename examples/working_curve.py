@@ -4,15 +4,14 @@ The paper gives no penetration depth and no critical dose, but statements: 3 s a
 layers of 25 µm are printed with 2 s. The discs here are simulated, with values that such statements allow.
 """
 
-from pathlib import Path
-
 import numpy as np
 
 from solen.material.cure import largest_Ec, stack_dose, working_curve
 from solen.recording import read
+from solen.samples import FOLDER
 
 IRRADIANCE_MW_PER_CM2, LAYER_UM, EXPOSURE_S = 13.0, 25.0, 2.0
-DISCS = Path(__file__).parent / "discs-simulated.csv"
+DISCS = FOLDER / "discs-simulated.csv"
 
 
 def main() -> dict[str, float]:

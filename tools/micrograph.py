@@ -1,27 +1,21 @@
-"""Write the simulated micrograph beside the examples: ``python tools/micrograph.py``, from any folder.
+"""The sample micrograph, which ``python -m tools.samples`` writes.
 
 A lens of the 860 nm design at 6 µm to a pixel, with a bump of 20 µm at x = 0.8 mm and a hollow of 15 µm at x = −0.6 mm,
 turned by 4°, in uneven light, with dust. The image model is that of the tests: areas, a blur by the Airy disc, noise.
 """
 
 import io
-import sys
-from pathlib import Path
 
 import numpy as np
 import tifffile
 from numpy.typing import NDArray
 
-ROOT = Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(ROOT))  # the image model is that of the tests
+from tests.metrology.render.camera import Camera
+from tests.metrology.render.micrograph import Scene, reflected
+from tests.metrology.render.optics import airy
+from tests.metrology.render.scenery import dust, fibres, gradient
+from tests.metrology.render.shape import Placing, bump, outline_mm, shipped
 
-from tests.metrology.render.camera import Camera  # noqa: E402
-from tests.metrology.render.micrograph import Scene, reflected  # noqa: E402
-from tests.metrology.render.optics import airy  # noqa: E402
-from tests.metrology.render.scenery import dust, fibres, gradient  # noqa: E402
-from tests.metrology.render.shape import Placing, bump, outline_mm, shipped  # noqa: E402
-
-EXAMPLES = ROOT / "examples"
 NAME = "lens-simulated.ome.tif"
 UM_PER_PX, TURN_DEG = 6.0, 4.0
 BUMP_UM, BUMP_AT_MM = 20.0, 0.8
@@ -58,12 +52,3 @@ def _ome_tiff(levels: NDArray[np.uint8]) -> bytes:
     }
     tifffile.imwrite(file, levels, ome=True, metadata=metadata, compression="zlib", predictor=True, software="solen")
     return file.getvalue()
-
-
-def main() -> None:
-    """Write it."""
-    (EXAMPLES / NAME).write_bytes(micrograph())
-
-
-if __name__ == "__main__":
-    main()

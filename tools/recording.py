@@ -1,15 +1,13 @@
-"""The shipped recording of `solen bench analyse --example`: three simulated prints with a lens and one without.
+"""Two of the sample recordings: three simulated prints with a lens and one without, and one of them on another day.
 
 Each print is the shipped 860 nm design with an index and an emitter that are a little off, traced angle by angle; its
 light goes through the readout of the design (parts, load, converter, noise), and what the stage does is the paper's
-test. Nothing in it was measured, and its first line says so.
-
-    python tools/recording.py        # writes the file again; the same seed gives the same bytes
+test. Nothing in them was measured, and their first lines say so. ``python -m tools.samples`` writes the files again;
+the same seed gives the same bytes.
 """
 
 import io
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
@@ -19,7 +17,6 @@ from solen.readout import circuit_of, face_areas_mm2, volts
 from solen.sensor import Sensor
 from solen.spec import loads, template, with_values
 
-TARGET = Path(__file__).resolve().parents[1] / "src" / "solen" / "analysis" / "examples" / "rotation-simulated.csv"
 SEED = 20
 RATE_HZ, SPEED_DEG_PER_S, HOLD_S, REACH_DEG, CYCLES, REST_S = 100.0, 15.0, 0.8, 3.0, 6, 0.5
 PRINTS = {"S1": (0.0, 0.004), "S2": (0.003, -0.003), "S3": (-0.003, 0.001), "C": (0.0, 0.004)}
@@ -29,7 +26,7 @@ CHIP_MM, ANGLE_NOISE_DEG, DRIFT = 0.2, 0.002, -0.002
 REMARK = """\
 # simulated: yes
 # control: C
-# design: solen-860, three prints with a lens (S1, S2, S3) and one without (C), traced; tools/recording.py made it
+# design: solen-860, three prints with a lens (S1, S2, S3) and one without (C), traced
 """
 
 
@@ -64,22 +61,24 @@ def recording() -> str:
     end = 2.0 * REST_S + CYCLES * (4.0 * REACH_DEG / SPEED_DEG_PER_S + 2.0 * HOLD_S)
     time_s = np.arange(0.0, end, 1.0 / RATE_HZ)
     angle = angle_of(time_s)
-    columns = np.column_stack([readings(name, angle, rng) for name in PRINTS])
+    return REMARK + written(time_s, angle, list(PRINTS), rng)
+
+
+def second() -> str:
+    """The file of another day: S1 alone, moved by hand, with the angle of the encoder to compare with."""
+    time_s = np.arange(0.0, 12.0, 1.0 / RATE_HZ)
+    angle = 1.7 * np.sin(2.0 * np.pi * 0.21 * time_s) + 0.8 * np.sin(2.0 * np.pi * 0.57 * time_s + 1.0)
+    remark = "# simulated: yes\n# design: solen-860, the print S1 of rotation-simulated.csv on another day\n"
+    return remark + written(time_s, angle, ["S1"], np.random.default_rng(SEED + 1))
+
+
+def written(time_s: FloatArray, angle: FloatArray, prints: list[str], rng: np.random.Generator) -> str:
+    """Table of time, angle and volts of some prints."""
+    columns = np.column_stack([readings(name, angle, rng) for name in prints])
     shown = angle + ANGLE_NOISE_DEG * rng.standard_normal(angle.size)
     text = io.StringIO()
-    names = [f"{name}.{side} (V)" for name in PRINTS for side in ("left", "right")]
+    names = [f"{name}.{side} (V)" for name in prints for side in ("left", "right")]
     form = ["%.2f", "%.3f", *["%.4f"] * len(names)]
     rows = np.column_stack([time_s, shown, columns])
     np.savetxt(text, rows, fmt=form, delimiter=",", header=",".join(["time_s", "angle_deg", *names]), comments="")
-    return REMARK + text.getvalue().replace("-0.000,", "0.000,")
-
-
-def main() -> None:
-    """Write the file."""
-    TARGET.parent.mkdir(exist_ok=True)
-    TARGET.write_text(recording(), encoding="utf-8", newline="\n")
-    print(f"{TARGET.name}: {TARGET.stat().st_size} bytes")
-
-
-if __name__ == "__main__":
-    main()
+    return text.getvalue().replace("-0.000,", "0.000,")

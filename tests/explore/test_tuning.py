@@ -12,6 +12,7 @@ from solen.explore import TunedPrint, TuneOptions, log_text, read_log, tune
 from solen.explore.print_model import PrintModel
 from solen.metrology import measure_lens, read_image
 from solen.pipeline.print.tune import tune as tune_files
+from solen.samples import FOLDER
 from solen.sensor import Sensor
 from solen.spec import template, with_values
 from tests.explore.print_simulator import Printer
@@ -20,7 +21,7 @@ from tests.metrology.inspect_support import lens
 from tests.metrology.render.optics import gaussian
 
 PRINTS = 3
-EXAMPLE = Path(__file__).parents[2] / "examples" / "lens-simulated.ome.tif"
+EXAMPLE = FOLDER / "lens-simulated.ome.tif"
 
 
 @pytest.fixture(scope="module")

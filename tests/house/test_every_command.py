@@ -8,50 +8,38 @@ import io
 import json
 import sys
 from collections.abc import Iterator
-from contextlib import redirect_stdout, suppress
+from contextlib import redirect_stdout
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from PIL import Image as Pillow
 
 import solen
 import solen.cli
 from solen.analysis.diagnosis import Response
-from solen.bench.record import RecordOptions, record
 from solen.cli.app import show_outcome
 from solen.cli.design.schema import commands, result_schema, result_type
-from solen.geometry.coupons import layout
-from solen.material.index import forward
 from solen.report.options import FigureOptions
 from solen.report.plot import FIGURES
 from solen.results import Outcome, Result
 from solen.spec import template
 from tests.analysis.diagnosis_support import response
-from tests.analysis.made_support import Protocol, Truth, made
-from tests.analysis.switching_support import stream
 from tests.bench.rig_support import PROTOCOL, RIG
-from tests.bench.video_support import Camera as VideoCamera
-from tests.bench.video_support import cells, seen_by, write_avi
 from tests.command_support import misfits
 from tests.fabricate.test_printed_command import features_file, sure
-from tests.metrology.coupon_support import Camera, Print
-from tests.metrology.inspect_support import Shot, lens
-from tests.metrology.render.camera import png
-from tests.metrology.test_micrometer import picture as ruler
-from tests.pipeline.test_dose_files import discs, guides, layers, resin
-from tests.pipeline.test_fidelity_command import png as coupon_png
-from tests.pipeline.test_stiffness import pressed
 from tests.report.lettering import faults
 
 SCENE = Path(__file__).resolve().parents[1] / "scenes" / "oval-relay.json"
 DESIGN = "part/sensor.toml"
+IN = "samples"
+LENS, ROTATION = f"{IN}/lens-simulated.ome.tif", f"{IN}/rotation-simulated.csv"
+CALIBRATION = f"{IN}/rotation-simulated.S1.calibration.json"
 
 ROWS = {
+    "project examples": f"--out {IN}",
     "new": "part",
     "new #soft": "soft --example press-860",
     "new #network": "net --example hand-860",
@@ -74,14 +62,19 @@ ROWS = {
     "export": f"{DESIGN} --out solid --stl --figure solid.png",
     "doctor": "",
     "completion": "bash",
-    "resin spectra": "layer.csv --figure spectra.svg",
-    "resin index": "layer.csv --thickness-um 50 --figure index.svg --out index.json",
+    "resin spectra": f"{IN}/layer-simulated.csv --figure spectra.svg",
+    "resin index": f"{IN}/layer-simulated.csv --thickness-um 50 --figure index.svg --out index.json",
     "resin refractometer": "1.49 --u 0.001 --figure refractometer.svg --out refractometer.json",
-    "resin cutback": "guides.csv --launched 800 --figure cutback.svg --out cutback.json",
-    "resin cure": "discs.csv --irradiance-mW-per-cm2 13 --layer-um 25 --exposure-s 2 --figure cure.svg --out cure.json",
-    "resin penetration": "resin.csv --path-um 93 --led-nm 400 --led-fwhm-nm 12 --figure penetration.svg",
-    "resin exposures": "layers.csv --wavelength-nm 450 --wavelength-nm 860 --figure exposures.svg",
-    "resin stiffness": "cube.csv --cube-mm 10 --fit yeoh --figure stiffness.svg --out stiffness.json",
+    "resin cutback": f"{IN}/guides-simulated.csv --launched 800 --figure cutback.svg --out cutback.json",
+    "resin cure": (
+        f"{IN}/discs-simulated.csv --irradiance-mW-per-cm2 13 --layer-um 25 --exposure-s 2 --figure cure.svg "
+        "--out cure.json"
+    ),
+    "resin penetration": (
+        f"{IN}/absorbance-simulated.csv --path-um 93 --led-nm 400 --led-fwhm-nm 12 --figure penetration.svg"
+    ),
+    "resin exposures": (f"{IN}/exposures-simulated.csv --wavelength-nm 450 --wavelength-nm 860 --figure exposures.svg"),
+    "resin stiffness": (f"{IN}/cube-simulated.csv --cube-mm 10 --fit yeoh --figure stiffness.svg --out stiffness.json"),
     "resin build": (
         "own.toml --name own --index index.json --cutback cutback.json --cure cure.json --stiffness stiffness.json"
     ),
@@ -90,15 +83,15 @@ ROWS = {
     "resin show": "own.toml --at-nm 860 --figure resin.svg",
     "print layers": f"{DESIGN} --out stack --layer-um 200 --exposure-s 2 --figure layers.png",
     "print coupons": "--out coupons --only group-a --figure plans.svg",
-    "print fidelity": "a.png --job coupons/group-a.json --um-per-px 14 --figure fidelity.svg --out a.json",
-    "print calibrate": "features.json --figure printer.svg --out process.toml",
-    "print grey": "steps.csv --u-thickness-um 2 --out greys.toml",
-    "print predict": f"{DESIGN} --process sure/process.toml --no-response --figure printed.svg --out printed.json",
-    "print scale": "ruler.png --spacing-mm 0.01 --out scale.toml",
-    "print inspect": f"lens.png --design {DESIGN} --um-per-px 5 --figure inspected.svg --out lens.json",
-    "print tune": (
-        f"lens.png --design {DESIGN} --out tuned --um-per-px 5 --no-response --sheet-only --figure tuned.svg"
+    "print fidelity": (
+        f"{IN}/pillars-simulated.png --job coupons/group-a.json --um-per-px 14 --figure fidelity.svg --out a.json"
     ),
+    "print calibrate": "features.json --figure printer.svg --out process.toml",
+    "print grey": f"{IN}/greys-simulated.csv --u-thickness-um 2 --out greys.toml",
+    "print predict": f"{DESIGN} --process sure/process.toml --no-response --figure printed.svg --out printed.json",
+    "print scale": f"{IN}/micrometer-simulated.png --spacing-mm 0.01 --out scale.toml",
+    "print inspect": f"{LENS} --design {DESIGN} --figure inspected.svg --out lens.json",
+    "print tune": (f"{LENS} --design {DESIGN} --out tuned --no-response --sheet-only --figure tuned.svg"),
     "print printers": "",
     "bench new": "bench",
     "bench firmware": "board --board uno",
@@ -106,15 +99,15 @@ ROWS = {
     "bench watch": "--rig rig/rig.toml --seconds 1",
     "bench jog": "--rig rig/rig.toml --to 0.1",
     "bench run": "rig/protocol.toml --rig rig/rig.toml --out recorded",
-    "bench recover": "left/protocol.journal",
+    "bench recover": f"{IN}/interrupted-simulated.journal",
     "bench recordings": "recorded",
-    "bench video": "turn.avi --out turn.csv",
-    "bench demodulate": "switched.csv --figure switched.svg --out readings.csv",
-    "bench analyse": "S1.csv --figure response.svg --traces traces.svg --out analysis.json",
-    "bench diagnose": f"S1.csv --design {DESIGN} --figure diagnosis.svg --out diagnosis.json",
-    "bench calibrate": f"S1.csv --design {DESIGN} --figure calibration.svg",
-    "bench table": "S1.calibration.json coded",
-    "bench decode": "S1.calibration.json S1.csv --out angles.csv",
+    "bench video": f"{IN}/marker-simulated.avi --out turn.csv",
+    "bench demodulate": f"{IN}/switched-simulated.csv --figure switched.svg --out readings.csv",
+    "bench analyse": f"{ROTATION} --figure response.svg --traces traces.svg --out analysis.json",
+    "bench diagnose": f"{ROTATION} --sensor S1 --design {DESIGN} --figure diagnosis.svg --out diagnosis.json",
+    "bench calibrate": f"{ROTATION} --sensor S1 --design {DESIGN} --figure calibration.svg",
+    "bench table": f"{CALIBRATION} coded",
+    "bench decode": f"{CALIBRATION} {IN}/again-simulated.csv --out angles.csv",
     "explore sweep": f"{DESIGN} --out swept --over lens.focus_mm=18,20 --set motion.step_deg=2 --figure swept.svg",
     "explore tolerance": (
         f"{DESIGN} --out prints --vary emitter.offset_mm=normal:0:0.02 --prints 32 --set motion.step_deg=2 "
@@ -136,55 +129,12 @@ class Answer:
     outcome: Outcome[Result]
 
 
-def write_inputs(folder: Path) -> None:
-    """Files of measurements, all simulated."""
-    nm = np.arange(400.0, 901.0, 20.0)
-    reflected, transmitted = forward(1.49 + 4e3 / nm**2, 1e-5, 50.0, nm)
-    np.savetxt(
-        folder / "layer.csv", np.column_stack([nm, transmitted, reflected]), delimiter=",", comments="",
-        header="wavelength_nm,T,R",
-    )  # fmt: skip
-    guides(folder / "guides.csv")
-    discs(folder / "discs.csv")
-    resin(folder / "resin.csv")
-    layers(folder / "layers.csv")
-    pressed(folder / "cube.csv", 1.0)
-    (folder / "sure").mkdir()
-    sure(folder / "sure")
-    features_file(folder / "features.json")
-    (folder / "steps.csv").write_text("grey,thickness_um\n255,300\n200,270\n150,230\n90,170\n", encoding="utf-8")
-    coupon_png(folder / "a.png", Camera(14.0, 3.0, blur_px=1.2).picture(Print(layout("group-a"))))
-    Pillow.fromarray(np.rint(255 * ruler(np.random.default_rng(1), 16.0, 3.0)).astype(np.uint8)).save(
-        folder / "ruler.png"
-    )
-    (folder / "lens.png").write_bytes(png(Shot(lens("solen-860")).taken(1)))
-    time, volts, state = stream(60, lambda t: 4.0 - 0.5 * t, 1)
-    table = np.column_stack([time, volts[:, 0], state])
-    np.savetxt(folder / "switched.csv", table, delimiter=",", header="time_s,right (V),led", comments="", fmt="%.9g")
-    eye = VideoCamera(seen_by(20.0, 0.0), cells("DICT_4X4_1000", 3, 6))
-    write_avi(folder / "turn.avi", (eye.picture(0.1 * place) for place in range(20)), 30.0)
-    signals = made(Truth(noise_V=0.01, protocol=Protocol(hold_s=0.2)))
-    rows = np.column_stack([signals.time_s, signals.angle_deg, signals.volts])
-    np.savetxt(
-        folder / "S1.csv", rows, delimiter=",", header="time_s,angle_deg,left_V,right_V", comments="", fmt="%.6f"
-    )
-
-
 def write_rig(folder: Path) -> None:
-    """A small rig, and the journal of a run on it that was interrupted."""
+    """A small rig."""
     (folder / "rig").mkdir()
     files = {"sensor.toml": template("paper-860"), "rig.toml": RIG, "protocol.toml": PROTOCOL}
     for name, text in files.items():
         (folder / "rig" / name).write_text(text, encoding="utf-8")
-
-    def interrupt(_: object) -> None:
-        raise KeyboardInterrupt
-
-    with suppress(KeyboardInterrupt):
-        record(
-            folder / "rig" / "protocol.toml", folder / "rig" / "rig.toml", folder / "left", RecordOptions(),
-            watch=interrupt,
-        )  # fmt: skip
 
 
 def answer(arguments: list[str], monkeypatch: pytest.MonkeyPatch) -> Answer:
@@ -206,7 +156,9 @@ def answer(arguments: list[str], monkeypatch: pytest.MonkeyPatch) -> Answer:
 def answers(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Answer]]:
     """Answers of all commands, by their rows."""
     folder = tmp_path_factory.mktemp("workshop")
-    write_inputs(folder)
+    (folder / "sure").mkdir()
+    sure(folder / "sure")
+    features_file(folder / "features.json")
     found = {}
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)

@@ -24,12 +24,13 @@ from scipy.integrate import quad
 from scipy.optimize import brentq, minimize
 from skimage import data, filters, segmentation
 
+from solen.samples import sample
 from solen.sensor import Sensor
 from solen.sensor.loaded import force_of
 from solen.spec import loads, template, with_values
 from solen.trace import trace_reference
 from tools.micrograph import NAME, micrograph
-from tools.tables import TABLES
+from tools.samples import TABLES
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
@@ -361,7 +362,7 @@ def test_the_index_of_a_layer_is_what_each_route_makes_of_it(route: str) -> None
 def test_working_curve_is_that_of_the_likeliest_scatter_and_its_dose_is_a_sum() -> None:
     """Likelihood of discs that scatter as a share of their thickness, by a search; the torn one is left out by hand."""
     found = result("working_curve")
-    text = (ROOT / "examples" / "discs-simulated.csv").read_text(encoding="utf-8").splitlines()[2:]
+    text = sample("discs-simulated.csv").decode().splitlines()[2:]
     rows = [tuple(float(cell) for cell in line.split(",")) for line in text]
     used = [(13.0 * s, um) for s, um, replicate in rows if um > 0.0 and (s, replicate) != (4.0, 2.0)]
 
@@ -398,7 +399,7 @@ def test_coins_have_the_size_that_counting_pixels_gives_and_keep_it() -> None:
 
 
 def test_the_simulated_micrograph_is_that_of_its_script() -> None:
-    with tifffile.TiffFile(ROOT / "examples" / NAME) as file:
+    with tifffile.TiffFile(io.BytesIO(sample(NAME))) as file:
         levels, about = file.asarray().astype(int), file.ome_metadata or ""
     with tifffile.TiffFile(io.BytesIO(micrograph())) as file:
         off = np.abs(levels - file.asarray())
@@ -409,7 +410,7 @@ def test_the_simulated_micrograph_is_that_of_its_script() -> None:
 
 def test_simulated_tables_are_those_of_their_script() -> None:
     for name, table in TABLES.items():
-        assert (ROOT / "examples" / name).read_text(encoding="utf-8") == table()
+        assert sample(name).decode() == table()
 
 
 def test_a_characterised_resin_is_what_it_was_made_of_and_moves_the_response_as_two_designs_do() -> None:

@@ -4,13 +4,14 @@ A command is loaded when it runs or shows its own help, so `solen --help` loads 
 function in `solen.pipeline`, a module in the folder of its group that imports it and prints its result, and a row here.
 """
 
-DESIGN, RESIN, PRINT, BENCH, EXPLORE = "", "resin", "print", "bench", "explore"
+DESIGN, RESIN, PRINT, BENCH, EXPLORE, PROJECT = "", "resin", "print", "bench", "explore", "project"
 
 GROUPS = {
     RESIN: "Characterise a resin: index, loss, cure and stiffness from what instruments export.",
     PRINT: "Print and inspect: layers, coupons, the predicted and the measured lens.",
     BENCH: "Record, analyse and calibrate sensors on a real or a simulated bench.",
     EXPLORE: "Explore designs: sweeps over their numbers, tolerances, inverse design.",
+    PROJECT: "Whole projects: sample data to begin with.",
 }
 
 COMMANDS: dict[str, tuple[tuple[str, str, str], ...]] = {
@@ -81,5 +82,8 @@ COMMANDS: dict[str, tuple[tuple[str, str, str], ...]] = {
         ("sweep", "explore.sweep:sweep", "Trace a design over values of its numbers: merits and responses."),
         ("tolerance", "explore.tolerance:tolerance", "Trace prints whose numbers vary: yield and what costs most."),
         ("optimise", "explore.optimise:optimise", "Search for the numbers of a design that make a merit best."),
+    ),
+    PROJECT: (
+        ("examples", "project.examples:examples", "Copy sample data for every command, all simulated, into a folder."),
     ),
 }

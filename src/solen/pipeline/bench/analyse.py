@@ -1,25 +1,20 @@
 """Response and figures of merit of sensors, from recordings of solen's bench or any other."""
 
-import importlib.resources
 from pathlib import Path
 from typing import Annotated
 
 from solen.analysis import Study, study
 from solen.errors import OutputError
-from solen.files import write_bytes
 from solen.pipeline.bench.recorded import ANALYSED, Analysed, split_files
 from solen.pipeline.options import FLAT, Out
 from solen.pipeline.outputs import check_out, figure_bytes, write
 from solen.report.options import FigureOptions
 from solen.results import Outcome
 
-EXAMPLE = "rotation-simulated.csv"
-
 
 def analyse(
     *files: Path,
     options: Analysed = ANALYSED,
-    example: Path | None = None,
     traces: Path | None = None,
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     out: Out = None,
@@ -33,8 +28,6 @@ def analyse(
     ----------
     files
         Recordings: tables (CSV, TSV, ;, .xlsx) with a time, an angle and receivers' voltages.
-    example
-        Write the simulated recording that solen ships to this .csv, and analyse it as well.
     traces
         Draw voltages over time with the detected cycles into this .svg, .png or .pdf.
 
@@ -48,9 +41,6 @@ def analyse(
     if traces is not None and figure.figure == traces:
         raise OutputError(str(traces), limit="is the name of both figures", remedy="give each its own name")
     files, options = split_files(files, options)
-    if example is not None:
-        write_example(example)
-        files = (*files, example)
     result = study(files, options)
 
     def over_time() -> bytes:
@@ -59,13 +49,3 @@ def analyse(
         return figure_bytes(lambda: traces_figure(result), traces or Path(), "traces", figure)
 
     return write(result, "analysis", out, {"traces": (traces, over_time)}, figure=figure)
-
-
-def write_example(path: Path) -> None:
-    """Write the simulated recording that solen ships to a new file."""
-    if path.suffix.lower() != ".csv":
-        raise OutputError(str(path), limit="a recording ends in .csv", remedy="rename it")
-    if path.exists():
-        raise OutputError(str(path), limit="exists already", remedy="name another file or remove it")
-    shipped = importlib.resources.files("solen.analysis") / "examples" / EXAMPLE
-    write_bytes(path, shipped.read_bytes())

@@ -1,0 +1,103 @@
+"""Sample data for every command: `solen project examples` copies them, and the tutorials start from them.
+
+Nothing in them was measured. Tables say so in their first line, pictures, video and journal in their names as well;
+designs, protocols and rigs state what to simulate.
+"""
+
+from pathlib import Path
+from typing import NamedTuple
+
+from solen.bench.starter import starter_files
+from solen.results import Result
+from solen.spec import template
+
+FOLDER = Path(__file__).parent / "examples"
+
+
+class Sample(NamedTuple):
+    """A file of simulated measurements: its name without ``-simulated``, what it holds, and a command that reads it."""
+
+    name: str
+    holds: str
+    command: str
+
+
+MEASURED = (
+    Sample(
+        "layer.csv", "T and R of a printed layer of 50 µm", "resin index FILE --thickness-um 50 --u-T 0.001 --u-R 0.001"
+    ),
+    Sample("guides.csv", "power behind guides of five lengths", "resin cutback FILE"),
+    Sample("discs.csv", "thickness of cured discs", "resin cure FILE --irradiance-mW-per-cm2 13"),
+    Sample("absorbance.csv", "absorbance of 93 µm of liquid resin", "resin penetration FILE --path-um 93 --led-nm 385"),
+    Sample("exposures.csv", "T of layers exposed for 2, 4 and 6 s", "resin exposures FILE"),
+    Sample(
+        "cube.csv", "force on a cube of 10 mm, pressed twice", "resin stiffness FILE --cube-mm 10 --fit neo-hookean"
+    ),
+    Sample("pillars.png", "the coupon group-a", "print fidelity FILE --coupon group-a --um-per-px 14"),
+    Sample("holes.png", "the coupon holes", "print fidelity FILE --coupon holes --um-per-px 14"),
+    Sample("greys.csv", "discs of the coupon grey-steps", "print grey FILE --u-thickness-um 2"),
+    Sample("micrometer.png", "a stage micrometer, 10 µm a line", "print scale FILE --spacing-mm 0.01"),
+    Sample("lens.ome.tif", "a printed lens, with a bump and a hollow", "print inspect FILE --design sensor.toml"),
+    Sample("rotation.csv", "three prints with a lens, one without", "bench analyse FILE"),
+    Sample("again.csv", "the print S1 on another day, moved by hand", "bench decode S1.calibration.json FILE"),
+    Sample("switched.csv", "a receiver under a switched emitter", "bench demodulate FILE"),
+    Sample("marker.avi", "a marker that turns by ±3°", "bench video FILE --out turn.csv"),
+    Sample("interrupted.journal", "a run on a rig that was interrupted", "bench recover FILE"),
+)
+DESIGNS = {
+    "sensor.toml": ("solen-860", "the 860 nm sensor with an LED, in space", "run sensor.toml --out results"),
+    "press.toml": ("press-860", "a soft body under a finger", "deform press.toml"),
+    "hand.toml": ("hand-860", "a network of guides", "check hand.toml"),
+}
+"""Designs: template, what it is, a command that reads it."""
+SCENE = "scene.json"
+BENCH = "bench"
+"""Subfolder of protocols and simulated rigs, the same as `solen bench new` writes."""
+
+
+class Samples(Result):
+    """Sample data that were copied: the folder and how many files; nothing was measured."""
+
+    folder: Path
+    count: int
+    simulated: bool = True
+
+
+def simulated_name(name: str) -> str:
+    """Name of the file of a sample: ``layer.csv`` is ``layer-simulated.csv``."""
+    stem, _, ending = name.partition(".")
+    return f"{stem}-simulated.{ending}"
+
+
+def sample(name: str) -> bytes:
+    """Content of a sample, by its name as shipped: ``discs-simulated.csv``."""
+    return (FOLDER / name).read_bytes()
+
+
+def sample_files() -> dict[str, bytes]:
+    """All sample data by path within the folder they are copied to, with a README.md of what each is for."""
+    measured = {name: sample(name) for name in map(simulated_name, (one.name for one in MEASURED))}
+    designs = {name: template(shipped).encode() for name, (shipped, _, _) in DESIGNS.items()}
+    bench = {f"{BENCH}/{name}.toml": text.encode() for name, text in starter_files().items()}
+    return {"README.md": readme().encode(), SCENE: sample(SCENE)} | designs | measured | bench
+
+
+def readme() -> str:
+    """Table of the files, what each holds, and a command that reads it."""
+    rows = [(name, holds, command) for name, (_, holds, command) in DESIGNS.items()]
+    rows.append((SCENE, "a scene: two ovals in glass, a source, a screen", f"trace {SCENE}"))
+    named = ((simulated_name(one.name), one) for one in MEASURED)
+    rows += [(name, one.holds, one.command.replace("FILE", name)) for name, one in named]
+    rows.append(
+        (f"{BENCH}/", "protocols, simulated rigs and their designs", "bench run rotation.toml --rig rig.toml --out .")
+    )
+    table = "\n".join(f"| `{name}` | {holds} | `solen {command}` |" for name, holds, command in rows)
+    return f"{INTRODUCTION}\n| File | Holds | Try |\n|---|---|---|\n{table}\n"
+
+
+INTRODUCTION = """\
+# Sample data of solen
+
+Everything here is simulated, nothing was measured: designs, rigs and a scene say what to simulate, and each file whose
+name ends in `-simulated` stands for one that an instrument would have written.
+"""

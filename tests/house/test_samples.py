@@ -1,0 +1,42 @@
+"""Sample data: complete, called simulated wherever they are read, and never copied over anything."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from solen.cli import run_command
+from solen.cli.design.schema import commands
+from solen.metrology.image import read_plane
+from solen.pipeline.project.examples import examples
+from solen.recording import read
+from solen.samples import FOLDER, MEASURED, readme, sample, simulated_name
+from tests.command_support import refusal
+
+
+def test_every_command_that_it_names_exists_and_every_file_is_copied(tmp_path: Path) -> None:
+    copied = examples(out=tmp_path / "samples").result
+    listed = re.findall(r"^\| `([^`]+)` \|.*\| `solen ([^`]+)` \|$", readme(), re.MULTILINE)
+    assert len(listed) == len(MEASURED) + 5
+    for name, command in listed:
+        assert (copied.folder / name).exists(), name
+        assert any(command.startswith(f"{known} ") for known in commands()), command
+    assert copied.count == sum(path.is_file() for path in copied.folder.rglob("*"))
+    assert {path.name for path in FOLDER.iterdir()} == {simulated_name(one.name) for one in MEASURED} | {"scene.json"}
+
+
+@pytest.mark.parametrize("name", [simulated_name(one.name) for one in MEASURED])
+def test_a_measurement_is_called_simulated_by_what_reads_it(name: str) -> None:
+    path = FOLDER / name
+    if path.suffix == ".csv":
+        assert sample(name).startswith(b"# simulated")
+        assert read(path).provenance.simulated
+    elif path.suffix in {".png", ".tif"}:
+        assert read_plane(path)[1].simulated
+    assert path.stat().st_size < 130_000
+
+
+def test_nothing_is_replaced(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "sensor.toml").write_text("mine", encoding="utf-8")
+    assert "sensor.toml" in refusal(capsys, tmp_path, "project", "examples", "--out", str(tmp_path))
+    assert run_command(["project", "examples", "--out", str(tmp_path / "new")]) == 0

@@ -1,0 +1,215 @@
+"""The sample data that `solen project examples` copies: ``python -m tools.samples`` writes all of it again.
+
+Nothing was measured: tables say so in their first line, pictures and the video in their names and their descriptions.
+What describes a picture is an image model of the tests, which shares nothing with what measures it.
+"""
+
+import io
+import math
+import tempfile
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from unittest.mock import patch
+
+import numpy as np
+from numpy.typing import ArrayLike
+from PIL import Image, PngImagePlugin
+
+from solen.arrays import FloatArray
+from solen.bench.record import RecordOptions, record
+from solen.bench.starter import starter_files
+from solen.geometry.coupons import layout
+from solen.material.index import forward
+from tests.bench.video_support import Camera as VideoCamera
+from tests.bench.video_support import cells, seen_by, write_avi
+from tests.metrology.coupon_support import Camera, Print
+from tests.metrology.test_micrometer import picture as ruler
+from tools.micrograph import NAME, micrograph
+from tools.recording import recording, second
+
+ROOT = Path(__file__).resolve().parents[1]
+SAMPLES = ROOT / "src" / "solen" / "examples"
+IRRADIANCE_MW_PER_CM2 = 13.0
+DP_UM, EC_MJ_PER_CM2 = 110.0, 6.0
+SECONDS = (0.6, 0.8, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0)
+LOSSES_DB_PER_CM = {"flat": 1.3, "upright": 2.1}
+LENGTHS_MM = (10, 20, 30, 40, 50)
+
+
+def discs() -> str:
+    """Cured discs, three of each exposure, that scatter by 5 %; one is torn, and one exposure was too short."""
+    rng = np.random.default_rng(39)
+    rows = [
+        f"# simulated: Dp {DP_UM:g} µm, Ec {EC_MJ_PER_CM2:g} mJ/cm², 13 mW/cm²; discs scatter by 5 %, one is torn",
+        "exposure_s,thickness_um,replicate",
+        "0.4,0,1",
+    ]
+    for seconds in SECONDS:
+        for replicate in (1, 2, 3):
+            depth = DP_UM * math.log(IRRADIANCE_MW_PER_CM2 * seconds / EC_MJ_PER_CM2) * rng.normal(1.0, 0.05)
+            torn = 0.55 if (seconds, replicate) == (4.0, 2) else 1.0
+            rows.append(f"{seconds:g},{torn * depth:.1f},{replicate}")
+    return "\n".join(rows) + "\n"
+
+
+def guides() -> str:
+    """Guides of five lengths, three of each in two orientations, read twice; one has a defect that costs 4 dB."""
+    rng = np.random.default_rng(41)
+    rows = [
+        "# simulated: 1.3 dB/cm flat, 2.1 upright; coupling 5 dB; guides scatter by 0.3 dB; guide 8 is bad",
+        "length_mm,power_uW,guide,orientation",
+    ]
+    number = 0
+    for way, loss in LOSSES_DB_PER_CM.items():
+        for mm in LENGTHS_MM:
+            for _ in range(3):
+                number += 1
+                level = -5.0 - loss * mm / 10.0 + rng.normal(0.0, 0.3) - (4.0 if number == 8 else 0.0)
+                for _ in range(2):
+                    power = 800.0 * 10.0 ** ((level + rng.normal(0.0, 0.05)) / 10.0)
+                    rows.append(f"{mm},{power:.4g},{number},{way}")
+    return "\n".join(rows) + "\n"
+
+
+def table(header: str, *columns: ArrayLike, form: str = "%.6g", remark: str = "# simulated") -> str:
+    """A table of simulated numbers, which says so."""
+    text = io.StringIO()
+    rows = np.column_stack([np.asarray(one, float) for one in columns])
+    np.savetxt(text, rows, form, ",", header=f"{remark}\n{header}", comments="")
+    return text.getvalue()
+
+
+def layer() -> str:
+    """T and R of a layer of 50 µm, n = 1.48 + 0.005 µm²/λ² and k = 1e-6, with noise of 0.05 %."""
+    nm = np.arange(430.0, 901.0, 2.0)
+    reflected, transmitted = forward(1.48 + 5e3 / nm**2, 1e-6, 50.0, nm)
+    noise = 5e-4 * np.random.default_rng(5).standard_normal((2, nm.size))
+    remark = "# simulated: 50 µm, n = 1.48 + 0.005 µm²/λ², k = 1e-6; noise of 0.05 % in T and in R"
+    return table("wavelength_nm,T,R", nm, transmitted + noise[0], reflected + noise[1], remark=remark)
+
+
+def absorbance() -> str:
+    """Decadic absorbance of a film of 93 µm of liquid resin, which falls off over the violet."""
+    nm = np.arange(360.0, 441.0, 2.0)
+    noise = 0.002 * np.random.default_rng(6).standard_normal(nm.size)
+    falls = 0.02 + 0.9 / (1.0 + np.exp((nm - 398.0) / 7.0))
+    return table("wavelength_nm,absorbance", nm, falls + noise, remark="# simulated: 93 µm of liquid resin")
+
+
+def exposures() -> str:
+    """Transmittance of layers that were exposed for 2, 4 and 6 s."""
+    nm, rng = np.arange(440.0, 881.0, 10.0), np.random.default_rng(7)
+    curves = [91.0 - 0.5 * s + 1e-3 * nm + 0.05 * rng.standard_normal(nm.size) for s in (2, 4, 6)]
+    return table("wavelength_nm,layer 2 s (%T),layer 4 s (%T),layer 6 s (%T)", nm, *curves, form="%.5g")
+
+
+def cube() -> str:
+    """Two cycles of compression of a neo-Hookean cube of 10 mm, C10 = 0.2 MPa, behind a gap of 0.2 mm."""
+    travel = np.concatenate([np.linspace(0, 3, 150), np.linspace(3, 0, 150)[1:]] * 2)
+    stretch = 1.0 - np.maximum(travel - 0.2, 0.0) / 10.0
+    force = 100.0 * 0.4 * (stretch**-2 - stretch) + 0.02 * np.random.default_rng(8).standard_normal(travel.size)
+    return table("displacement (mm),force (N)", travel, force, remark="# simulated: cube of 10 mm, C10 = 0.2 MPa")
+
+
+def greys() -> str:
+    """Thickness of the discs of the coupon grey-steps, three of each, where light goes as grey to the power of 1.8."""
+    grey = np.repeat([255.0, 225.0, 200.0, 175.0, 150.0, 125.0], 3)
+    um = 300.0 + DP_UM * 1.8 * np.log(grey / 255.0) + 2.0 * np.random.default_rng(9).standard_normal(grey.size)
+    return table("grey,thickness_um", grey, um, form="%.1f", remark="# simulated: light = (grey / 255)^1.8, Dp 110 µm")
+
+
+def switched() -> str:
+    """A receiver under an emitter that is switched at 100 Hz, in light of the room that drifts and flickers."""
+    time_s = np.arange(0.0, 3.0, 0.005)
+    on = np.arange(time_s.size) % 2 == 0
+    room = 0.4 + 0.05 * time_s + 0.03 * np.sin(2 * np.pi * 1.3 * time_s)
+    turn = 0.3 * np.sin(2 * np.pi * 0.5 * time_s)
+    noise = 0.002 * np.random.default_rng(10).standard_normal(time_s.size)
+    volts = 4.5 - room - np.where(on, 1.0 + turn, 0.0) + noise
+    return table("time_s,right (V),led", time_s, volts, on, remark="# simulated: an emitter switched at 100 Hz")
+
+
+def png(grey: FloatArray, about: str) -> bytes:
+    """A grey picture of 32 levels that is described as simulated."""
+    file, words = io.BytesIO(), PngImagePlugin.PngInfo()
+    words.add_text("Description", f"simulated: {about}")
+    Image.fromarray(8 * np.rint(31.0 * np.clip(grey, 0.0, 1.0)).astype(np.uint8)).save(
+        file, "PNG", pnginfo=words, optimize=True
+    )
+    return file.getvalue()
+
+
+def pillars() -> bytes:
+    """The coupon group-a under a microscope, 14 µm to a pixel."""
+    return png(Camera(14.0, 3.0, blur_px=1.2, noise=0.005).picture(Print(layout("group-a"))), "coupon group-a")
+
+
+def holes() -> bytes:
+    """The coupon holes under the same microscope."""
+    return png(Camera(14.0, -2.0, blur_px=1.2, noise=0.005).picture(Print(layout("holes"))), "coupon holes")
+
+
+def micrometer() -> bytes:
+    """A stage micrometer with a line every 10 µm, 0.625 µm to a pixel."""
+    return png(ruler(np.random.default_rng(1), 16.0, 3.0, noise=0.01), "stage micrometer, 10 µm")
+
+
+def marker() -> bytes:
+    """A marker that rests, then turns by ±3° and back, in two seconds."""
+    eye = VideoCamera(seen_by(20.0, 0.0), cells("DICT_4X4_1000", 3, 6), noise=1.0)
+    angles = 3.0 * np.sin(2 * np.pi * np.clip(np.arange(42) - 12, 0, 30) / 30)
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "marker.avi"
+        write_avi(file, (eye.picture(float(angle)) for angle in angles), 20.0)
+        return file.read_bytes()
+
+
+def journal() -> bytes:
+    """The journal of a run on the simulated rig that was interrupted."""
+
+    def interrupt(_: object) -> None:
+        raise KeyboardInterrupt
+
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        for stem, text in starter_files().items():
+            (folder / f"{stem}.toml").write_text(text, encoding="utf-8")
+        with suppress(KeyboardInterrupt), patch("platform.platform", return_value="simulated"):
+            record(folder / "rotation.toml", folder / "rig.toml", folder, RecordOptions(), watch=interrupt)
+        return next(folder.glob("*.journal")).read_bytes()
+
+
+TABLES: dict[str, Callable[[], str]] = {
+    "discs-simulated.csv": discs,
+    "guides-simulated.csv": guides,
+    "layer-simulated.csv": layer,
+    "absorbance-simulated.csv": absorbance,
+    "exposures-simulated.csv": exposures,
+    "cube-simulated.csv": cube,
+    "greys-simulated.csv": greys,
+    "switched-simulated.csv": switched,
+}
+OTHERS: dict[str, Callable[[], bytes]] = {
+    NAME: micrograph,
+    "pillars-simulated.png": pillars,
+    "holes-simulated.png": holes,
+    "micrometer-simulated.png": micrometer,
+    "marker-simulated.avi": marker,
+    "interrupted-simulated.journal": journal,
+    "rotation-simulated.csv": lambda: recording().encode(),
+    "scene.json": (ROOT / "tests" / "scenes" / "oval-relay.json").read_bytes,
+    "again-simulated.csv": lambda: second().encode(),
+}
+
+
+def main() -> None:
+    """Write them all."""
+    tables = {name: lambda made=made: made().encode() for name, made in TABLES.items()}
+    for name, made in (tables | OTHERS).items():
+        (SAMPLES / name).write_bytes(made())
+        print(f"{name}: {(SAMPLES / name).stat().st_size} bytes")
+
+
+if __name__ == "__main__":
+    main()
