@@ -158,6 +158,26 @@ def test_a_network_shows_the_powers_of_all_emitters_and_lights_the_chosen_one(tm
     assert alight(document.state, View(lit="none")) is document.state.sensor
 
 
+def test_two_designs_are_shown_side_by_side(document: Document) -> None:
+    """The one that was pinned stays as it was, and both are turned alike."""
+    before = document.state.sensor
+    document.pin()
+    state = document.change({"emitter.offset_mm": 0.2})
+    head, arrays = decoded(drawn(document, state, View(angle_deg=2.0, light="plane"), 1, whole=True, curve=False))
+    assert head["is_beside"]
+    assert arrays["beside_outline"] == pytest.approx(picture(before, 2.0).outline, abs=1e-5)
+    assert arrays["emitter"].mean(axis=0) - arrays["beside_emitter"].mean(axis=0) == pytest.approx(
+        [0.2 * np.cos(np.radians(2.0)), 0.2 * np.sin(np.radians(2.0))], abs=1e-5
+    )
+    frames = better(state, 1, View(light="plane"), lambda: False, document.beside)
+    curves = {head["curve"]["name"]: head["curve"] for head, _ in map(decoded, frames) if head["kind"] == "curve"}
+    exact = before.power([before.design.motion.from_deg]).contrast[0]
+    assert curves["pinned"]["ends"][0] == pytest.approx(exact, abs=4 * curves["pinned"]["u_ends"][0] + 1e-3)
+    assert curves["own"]["ends"][0] != pytest.approx(exact, abs=0.01)
+    document.pin()
+    assert document.beside is None
+
+
 def test_what_a_part_states_is_shown_as_what_holds(tmp_path: Path) -> None:
     sensor = Document(tmp_path / "new.toml").state.sensor
     assert effective(sensor)["emitter.width_mm"] == sensor.light.width_mm == 0.2

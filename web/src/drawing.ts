@@ -67,6 +67,11 @@ export class Drawing {
     this.fitted = true;
   }
 
+  // The same part of the plane as another drawing shows.
+  like({ scale, x, z }: Drawing): void {
+    Object.assign(this, { scale, x, z, fitted: true });
+  }
+
   toPixel(x: number, z: number): [number, number] {
     const [width, height] = this.size;
     return [width / 2 + (x - this.x) * this.scale, height / 2 - (z - this.z) * this.scale];

@@ -18,7 +18,7 @@ export interface Request {
   handle?: string;
   to?: [number, number];
   gesture?: string;
-  do?: "undo" | "redo" | "save" | "reload" | "suggest" | "restore" | "leave";
+  do?: "undo" | "redo" | "save" | "reload" | "suggest" | "restore" | "leave" | "pin";
   search?: Sought;
   take?: number;
 }

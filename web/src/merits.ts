@@ -17,7 +17,7 @@ export interface Powers {
 export function powers({ emitters, receivers, readings, power, u_power, reading, u_reading, in_space }: Powers): TemplateResult {
   const head = (first: string, names: string[]) => html`<thead><tr><th scope="col">${first}</th>${names.map((name) => html`<th scope="col">${name}</th>`)}</tr></thead>`;
   return html`<p class="quality">Share of each emitter's power at each receiver, as the motions stand, ${in_space ? "in space" : "in the plane"}.</p>
-    <table class="merits powers">${head("Receiver", emitters)}<tbody>${receivers.map((name, k) => html`<tr><th scope="row">${name}</th>
+    <table class="merits many powers">${head("Receiver", emitters)}<tbody>${receivers.map((name, k) => html`<tr><th scope="row">${name}</th>
       ${emitters.map((_, i) => html`<td>${measured(power[0][i][k], u_power[0][i][k])}</td>`)}</tr>`)}</tbody></table>
     ${readings.length ? html`<table class="merits readings">${head("Reading", ["value"])}<tbody>${readings.map((name, i) => html`<tr><th scope="row">${name}</th>
       <td>${measured(reading[0][i], u_reading[0][i])}</td></tr>`)}</tbody></table>` : ""}`;
@@ -47,18 +47,19 @@ const ROWS: [string, string, string, string][] = [
   ["resolution_deg", "resolution", "°", "Standard deviation of an angle from one reading, where it is worst."],
 ];
 
-export function merits(own: Curve | undefined, flat: Curve | undefined | null, angles: [number, number], unit: string): TemplateResult {
+export function merits(own: Curve | undefined, flat: Curve | undefined | null, angles: [number, number], unit: string, pinned?: Curve): TemplateResult {
+  const curves = [own, ...(flat === null ? [] : [flat]), ...(pinned ? [pinned] : [])];
   const at = (curve: Curve | undefined | null, end: number) => (curve ? measured(curve.head.ends[end], curve.head.u_ends[end]) : "–");
   const row = (id: string, name: string, help: string, values: string[], unit: string) => html`<tr id="merit-${id}">
-    <th scope="row" title=${help}>${name}${unit ? html` <span class="unit">${unit}</span>` : ""}</th>${(flat !== null ? values : values.slice(0, 1)).map((value) => html`<td>${value}</td>`)}
+    <th scope="row" title=${help}>${name}${unit ? html` <span class="unit">${unit}</span>` : ""}</th>${values.map((value) => html`<td>${value}</td>`)}
   </tr>`;
   const of = (curve: Curve | undefined | null, key: string) => measured(curve?.head.merits?.[key], curve?.head.merits?.[`u_${key}`]);
-  return html`<table class="merits">
-    <thead><tr><th scope="col">Merit</th><th scope="col">design</th>${flat !== null ? html`<th scope="col">no lens</th>` : ""}</tr></thead>
+  return html`<table class="merits ${pinned ? "many" : ""}">
+    <thead><tr><th scope="col">Merit</th><th scope="col">design</th>${flat !== null ? html`<th scope="col">no lens</th>` : ""}${pinned ? html`<th scope="col">pinned</th>` : ""}</tr></thead>
     <tbody>
-      ${row("from", `contrast at ${sign(angles[0], unit)}`, "At the first angle of the motion.", [at(own, 0), at(flat, 0)], "")}
-      ${row("to", `contrast at ${sign(angles[1], unit)}`, "At the last angle of the motion.", [at(own, 1), at(flat, 1)], "")}
-      ${ROWS.map(([key, name, unit, help]) => row(key, name, help, [of(own, key), of(flat, key)], unit))}
+      ${row("from", `contrast at ${sign(angles[0], unit)}`, "At the first angle of the motion.", curves.map((curve) => at(curve, 0)), "")}
+      ${row("to", `contrast at ${sign(angles[1], unit)}`, "At the last angle of the motion.", curves.map((curve) => at(curve, 1)), "")}
+      ${ROWS.map(([key, name, unit, help]) => row(key, name, help, curves.map((curve) => of(curve, key)), unit))}
     </tbody>
   </table>`;
 }

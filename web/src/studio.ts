@@ -64,6 +64,8 @@ class Studio extends LitElement implements Host {
   private view: View = { angle_deg: 0, rays: 200, split: false, light: "design", lens: "own", tolerances: false };
   private colouring: Colouring = "receiver";
   private picture: Picture | null = null;
+  private second!: Drawing;
+  private beside: (Picture & { name: string }) | null = null;
   private values: Values = {};
   private changed = new Set<string>();
   private whole: Record<string, unknown> = {};
@@ -97,6 +99,7 @@ class Studio extends LitElement implements Host {
   protected firstUpdated(): void {
     const canvas = this.querySelector("canvas")!;
     this.drawing = new Drawing(canvas);
+    this.second = new Drawing(this.querySelector("canvas.beside")!);
     this.plot = new ResponsePlot(this.querySelector(".plot")!, (angle) => this.turnTo(angle), this.unit);
     this.plot.theme();
     this.hands(canvas);
@@ -135,6 +138,8 @@ class Studio extends LitElement implements Host {
       const { faces, ends, handles } = head as unknown as Picture;
       this.picture = { faces, ends, handles, outline: arrays.outline, emitter: arrays.emitter, rays: arrays.rays };
       this.angles = head.angles_deg;
+      this.beside = head.beside
+        ? { ...head.beside, outline: arrays.beside_outline, emitter: arrays.beside_emitter, rays: arrays.beside_rays } : null;
       if (head.id >= this.turned) this.view = { ...this.view, angle_deg: head.angle_deg };
       if (head.values) {
         this.values = head.values;
@@ -144,7 +149,7 @@ class Studio extends LitElement implements Host {
       }
       const curve = curveOf({ head, arrays });
       if (curve || head.no_curve !== undefined) {
-        this.curves = { own: curve ?? undefined, pinned: this.curves.pinned };
+        this.curves = { own: curve ?? undefined, pinned: this.whole.is_beside ? this.curves.pinned : undefined };
         this.noCurve = head.no_curve ?? "";
         this.misleading = "";
         this.matters = [];
@@ -155,7 +160,7 @@ class Studio extends LitElement implements Host {
     } else if (head.kind === "curve") {
       const curve = curveOf({ head, arrays })!;
       const name = curve.head.name;
-      this.curves = { ...this.curves, [name === "own" || name === "flat" ? name : "other"]: curve };
+      this.curves = { ...this.curves, [name === "plane" || name === "space" ? "other" : (name as Name)]: curve };
       this.noCurve = "";
       this.plot.show(this.curves, this.view.angle_deg, this.band);
     } else if (head.kind === "matters") {
@@ -226,6 +231,10 @@ class Studio extends LitElement implements Host {
   private redraw(): void {
     if (!this.picture || this.tab !== "design") return;
     this.drawing.draw(this.picture, this.colouring);
+    if (this.beside) {
+      this.second.like(this.drawing);
+      this.second.draw(this.beside, this.colouring);
+    }
     this.placed();
   }
 
@@ -244,12 +253,14 @@ class Studio extends LitElement implements Host {
   private resized(): void {
     if (this.tab !== "design") return;
     this.drawing.resize();
+    this.second.resize();
     if (this.picture) this.drawing.fit(this.picture);
     this.redraw();
   }
 
   private themed(): void {
     this.drawing.theme();
+    this.second.theme();
     this.plot.theme();
     this.plot.show(this.curves, this.view.angle_deg, this.band);
     this.redraw();
@@ -395,12 +406,6 @@ class Studio extends LitElement implements Host {
     const dark = root.dataset.theme ? root.dataset.theme === "dark" : matchMedia("(prefers-color-scheme: dark)").matches;
     root.dataset.theme = dark ? "light" : "dark";
     this.themed();
-  }
-
-  private pin(): void {
-    this.curves = { ...this.curves, pinned: this.curves.pinned ? undefined : this.curves.own };
-    this.plot.show(this.curves, this.view.angle_deg, this.band);
-    this.requestUpdate();
   }
 
   // The drawing or the response as a file; a response as SVG needs a curve.
@@ -551,8 +556,10 @@ class Studio extends LitElement implements Host {
               this.look({ rays: Math.min(Math.max(rays || 200, 1), 5000) });
             }}></label>
           </div>
-          <div class="stage">
+          <div class="stage ${this.beside ? "two" : ""}">
             <canvas role="img" aria-label="Section of the sensor with its rays in the plane, turned by ${view.angle_deg.toFixed(2)} ${this.unit}"></canvas>
+            <canvas class="beside" ?hidden=${!this.beside} role="img" aria-label="The same of ${this.beside?.name ?? "no other design"}"></canvas>
+            ${this.beside ? html`<p class="beside">beside: ${this.beside.name}</p>` : nothing}
             ${Object.keys(this.picture?.handles ?? {}).map((name) => html`<button type="button" class="handle ${kindOf(name)}" id="handle-${name}"
               aria-label=${handled(name).join(": ")} title=${handled(name).join(": drag, or ")}
               @pointerdown=${(e: PointerEvent) => this.grab(e, name)} @keydown=${(e: KeyboardEvent) => this.nudge(e, name)} @focus=${() => this.coordinates(name)}></button>`)}
@@ -589,7 +596,7 @@ class Studio extends LitElement implements Host {
           <div class="tools">
             ${this.choice("Light", light, [["plane", "plane"], ["space", "space"]], (value) => this.look({ light: value === shown ? "design" : value }), "Where the response is traced; rays are drawn in the plane")}
             ${emitters.length ? nothing : html`<button type="button" aria-pressed=${String(view.tolerances)} @click=${() => this.tolerances()} title="What each number changes that is off by its tolerance">Tolerances</button>
-            <button type="button" aria-pressed=${String(!!curves.pinned)} @click=${() => this.pin()} title="Keep this curve to compare with">Pin</button>
+            <button type="button" aria-pressed=${String(!!whole.is_beside)} @click=${() => this.ask({ do: "pin" })} title="Show this design beside what it becomes, or no longer">Pin</button>
             <button type="button" aria-expanded=${String(this.searching)} @click=${() => this.searches()} title="Search for designs with a straighter response">Make it straighter</button>`}
           </div>
           <div class="plot" ?hidden=${emitters.length > 0} role="img" aria-label="Contrast against the angle, with its uncertainty"></div>
@@ -607,7 +614,7 @@ class Studio extends LitElement implements Host {
           ${this.misleading ? html`<p class="warning" role="alert">${this.misleading}</p>` : nothing}
           ${this.searching ? this.straighter() : nothing}
           ${view.tolerances ? this.ranking() : nothing}
-          ${emitters.length ? nothing : merits(curves.own, curves.flat, this.angles, this.unit)}
+          ${emitters.length ? nothing : merits(curves.own, curves.flat, this.angles, this.unit, curves.pinned)}
         </section>
         </div>
         ${(Object.keys(TABS) as TabName[]).slice(1).map((name) => html`<div role="tabpanel" id="panel-${name}" aria-labelledby="tab-${name}" ?hidden=${this.tab !== name}></div>`)}

@@ -106,13 +106,18 @@ def sliders(design: Design, options: SlidersOptions = SlidersOptions(), progress
     Sensor.of(design).check_pair()
     places = list(grid(axes))
     found: list[Slid | None] = []
-    for done, values in enumerate(places, start=1):
+    for done, values in enumerate(places):
+
+        def share(of_point: float, done: int = done) -> None:
+            if progress is not None:
+                progress((done + of_point) / len(places))
+
+        share(0.0)
         try:
-            found.append(_point(Sensor.of(design.set(values)), options.drawn_rays))
+            found.append(_point(Sensor.of(design.set(values)), options.drawn_rays, share))
         except SolenError:
             found.append(None)
-        if progress is not None:
-            progress(done / len(places))
+        share(1.0)
     if not any(found):
         raise SpecError(
             "--over", limit="none of these sensors can be built", remedy="take values nearer to the design's"
@@ -150,18 +155,18 @@ def _usual(design: Design) -> list[Axis]:
     ]
 
 
-def _point(sensor: Sensor, rays: int) -> Slid:
+def _point(sensor: Sensor, rays: int, progress: Progress) -> Slid:
     angles = spread(sensor.design.motion.values(), MOST_ANGLES)
-    curve, flat = _curve(sensor, angles), in_plane(sensor)
+    curve, flat = _curve(sensor, angles, progress), in_plane(sensor)
     words = ""
     if curve.in_space and not why_not_batched(flat):
         words = misleading(batched_response(flat, angles, FIRST_RAYS), curve.response)
     return Slid(curve, words, tuple(picture(sensor, angle, rays) for angle in angles))
 
 
-def _curve(sensor: Sensor, angles: Sequence[float]) -> Curve:
+def _curve(sensor: Sensor, angles: Sequence[float], progress: Progress) -> Curve:
     if why_not_batched(sensor):
-        return curve_of(sensor, sensor.power(angles, tolerance=GOAL), None, finished=True)
+        return curve_of(sensor, sensor.power(angles, progress, tolerance=GOAL), None, finished=True)
     for rays in (FIRST_RAYS, MORE_RAYS):
         response = batched_response(sensor, angles, rays)
         if largest_u(response) <= GOAL:

@@ -52,7 +52,7 @@ class Asked(Strict):
     handle: str | None = Field(None, max_length=200, description="Handle that is dragged.")
     to: tuple[Number, Number] | None = Field(None, description="Where to.")
     gesture: str = Field("", max_length=60, description="Changes of one gesture are undone together.")
-    do: Literal["undo", "redo", "save", "reload", "suggest", "restore", "leave"] | None = Field(
+    do: Literal["undo", "redo", "save", "reload", "suggest", "restore", "leave", "pin"] | None = Field(
         None, description="An order."
     )
     search: Sought | None = Field(None, description="A search to be begun in the background.")
@@ -121,10 +121,24 @@ def drawn(document: Document, state: State, view: View, asked: int, *, whole: bo
     if whole:
         head |= _whole(document, state)
     arrays = {"outline": image.outline, "emitter": image.emitter, "rays": image.rays}
+    if document.beside is not None:
+        described, columns = _beside(document.beside, view)
+        head, arrays = head | described, arrays | columns
     if curve:
         described, columns = _rough(sensor)
         head, arrays = head | described, arrays | columns
     return encoded(head, arrays)
+
+
+def _beside(state: State, view: View) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The picture of a design that is shown beside the open one; nothing where it cannot be built."""
+    try:
+        image = picture(shown(state, view), within(state, view.angle_deg), view.rays, split=view.split)
+    except SolenError:
+        return {}, {}
+    head = {"name": state.design.name, "faces": image.faces, "ends": image.ends, "handles": {}}
+    arrays = {"beside_outline": image.outline, "beside_emitter": image.emitter, "beside_rays": image.rays}
+    return {"beside": head}, arrays
 
 
 def _rough(sensor: Sensor) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -145,6 +159,7 @@ def _whole(document: Document, state: State) -> dict[str, Any]:
         "values": state.design.model_dump(),
         "effective": effective(state.sensor),
         "changed": sorted(state.changes),
+        "is_beside": document.beside is not None,
         "can_undo": document.place > 0,
         "can_redo": document.place < len(document.states) - 1,
         "is_saved": document.is_saved,
@@ -178,7 +193,9 @@ def effective(sensor: Sensor) -> dict[str, Any]:
     return found
 
 
-def better(state: State, version: int, view: View, stop: Callable[[], bool]) -> Iterator[bytes]:
+def better(
+    state: State, version: int, view: View, stop: Callable[[], bool], beside: State | None = None
+) -> Iterator[bytes]:
     """Frames of the response as it becomes better, and of what it is compared with; ends early where ``stop``."""
     sensor = shown(state, view)
     if sensor.is_network:
@@ -189,7 +206,7 @@ def better(state: State, version: int, view: View, stop: Callable[[], bool]) -> 
     for own in refined(sensor, stop):
         yield _frame("own", own)
         if not compared:
-            yield from _compared(sensor, own, stop)
+            yield from _compared(sensor, own, stop, None if beside is None else shown(beside, view))
             compared = True
     if not stop():
         yield encoded({"kind": "rest", "version": version})
@@ -204,7 +221,7 @@ def tolerated(state: State, view: View, stop: Callable[[], bool]) -> Iterator[by
         yield encoded({"kind": "matters", "rows": rows}, {"angle": one.angle_deg, "band": band(found)})
 
 
-def _compared(sensor: Sensor, own: Curve, stop: Callable[[], bool]) -> Iterator[bytes]:
+def _compared(sensor: Sensor, own: Curve, stop: Callable[[], bool], pinned: Sensor | None) -> Iterator[bytes]:
     """Frames of the curves beside the design's own, and what they say of the plane."""
     flat = sensor.design.trace.dimension == "2d"
     others: dict[str, Callable[[], Sensor]] = {
@@ -212,6 +229,8 @@ def _compared(sensor: Sensor, own: Curve, stop: Callable[[], bool]) -> Iterator[
     }
     if sensor.has_lens and not sensor.is_drawn:
         others["flat"] = lambda: sensor.without_lens
+    if pinned is not None:
+        others["pinned"] = lambda: pinned
     for name, made in others.items():
         try:
             beside = None if stop() else coarse(made(), BESIDE_RAYS)
@@ -220,7 +239,7 @@ def _compared(sensor: Sensor, own: Curve, stop: Callable[[], bool]) -> Iterator[
         if beside is None:
             continue
         yield _frame(name, beside)
-        if name != "flat":
+        if name in ("plane", "space"):
             plane, space = (own, beside) if flat else (beside, own)
             yield encoded({"kind": "words", "misleading": misleading(plane.response, space.response)})
 

@@ -63,6 +63,7 @@ class Document:
         self.kept_text = self.why_not_kept = ""
         self.jobs = Jobs()
         self.search: Search | None = None
+        self.beside: State | None = None
         self._open()
         self.offered = self._left_behind()
 
@@ -143,6 +144,17 @@ class Document:
             self.on_disk, self.saved = text, self.state
             self.version += 1
             return self.path
+
+    def pin(self) -> None:
+        """Show the present state beside what it becomes, or no longer."""
+        with self.lock:
+            self.beside = self.state if self.beside is None else None
+            self.version += 1
+
+    def put_beside(self, path: Path) -> None:
+        """Show another design beside this one; raises as `Document` does."""
+        design = loads(read_text(path, SpecError), what=str(path), folder=path.absolute().parent)
+        self.beside = State(Sensor.of(design), {})
 
     def reload(self) -> State:
         """Open the file anew; what was not saved is lost."""

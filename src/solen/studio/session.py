@@ -145,8 +145,8 @@ class Session:
         document = self.document
         if asked.do in {"undo", "redo"}:
             document.step(-1 if asked.do == "undo" else 1)
-        elif asked.do in {"reload", "restore", "leave"}:
-            {"reload": document.reload, "restore": document.restore, "leave": document.leave}[asked.do]()
+        elif asked.do in {"reload", "restore", "leave", "pin"}:
+            getattr(document, asked.do)()
         elif asked.do == "save":
             document.save()
         if asked.search is not None:
@@ -159,7 +159,7 @@ class Session:
         """Send better responses, and what matters, until something new is asked."""
         key = self._key(self.view)
         state, view, stop = self.document.state, self.view, self.awake.is_set
-        if key != self.finished and await self._sent(better(state, key[0], view, stop)):
+        if key != self.finished and await self._sent(better(state, key[0], view, stop, self.document.beside)):
             self.finished = key
         if view.tolerances and key != self.tolerated and await self._sent(tolerated(state, view, stop)):
             self.tolerated = key

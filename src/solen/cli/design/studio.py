@@ -29,6 +29,7 @@ def studio(
     *,
     listen: str = LOCAL,
     no_browser: Annotated[bool, Parameter(name="--no-browser")] = False,
+    beside: Path | None = None,
     export: Path | None = None,
     options: Annotated[SlidersOptions, FLAT] = SlidersOptions(),
     set_: Set = None,
@@ -45,24 +46,32 @@ def studio(
         can read and change the design.
     no_browser
         Only print the page's address.
+    beside
+        Another design file that is shown beside this one, with its response.
     export
         Write a page with sliders to this .html file, which needs no server, and end.
     """
     if export is not None:
+        refused = {"--listen": listen != LOCAL, "--no-browser": no_browser, "--beside": beside is not None}
+        if stated := [name for name, given in refused.items() if given]:
+            limit = "has no meaning with --export, which serves nothing"
+            raise SpecError(", ".join(stated), limit=limit, remedy="leave it out")
         return write_page(file, export, options, set_, progress)
     if options != SlidersOptions():
         raise SpecError("--over, --drawn-rays", limit="are for a page of its own", remedy="add --export page.html")
-    _serve(file, dict(parse_assignment(text) for text in set_ or ()), listen, no_browser)
+    _serve(file, dict(parse_assignment(text) for text in set_ or ()), listen, beside, no_browser=no_browser)
     return None
 
 
-def _serve(file: Path, changes: dict[str, Any], listen: str, no_browser: bool) -> None:
+def _serve(file: Path, changes: dict[str, Any], listen: str, beside: Path | None, *, no_browser: bool) -> None:
     from solen.studio.document import Document
     from solen.studio.server import serve
 
     document = Document(file)
     if changes:
         document.change(changes)
+    if beside is not None:
+        document.put_beside(beside)
     if listen != LOCAL:
         line = f"warning: whoever reaches {listen} and knows the address below can read and change {file}, unencrypted"
         print(line, file=sys.stderr)

@@ -1,4 +1,4 @@
-import{a as r,c as l,d as T,e as $,f as P,i as A,m as q,p as S,q as u,r as x}from"./chunk-M7NFRGAM.js";function y(i,n){let e=t=>n[t]===void 0||n[t]===null||n[t]===""||Array.isArray(n[t])&&!n[t].length;return[...i.files.filter(t=>t.required).map(t=>t.name),...i.required].filter(e)}function E(i,n,e,t,s){let a=t.filter(h=>n.result?/\.(json|toml)$/.test(h):!h.includes("/"));if(!n.many)return r`<label class="filed">${n.label}
+import{a as r,c as l,d as T,e as $,f as P,i as A,m as q,p as S,q as u,r as x}from"./chunk-ZL6FVQRU.js";function y(i,n){let e=t=>n[t]===void 0||n[t]===null||n[t]===""||Array.isArray(n[t])&&!n[t].length;return[...i.files.filter(t=>t.required).map(t=>t.name),...i.required].filter(e)}function E(i,n,e,t,s){let a=t.filter(h=>n.result?/\.(json|toml)$/.test(h):!h.includes("/"));if(!n.many)return r`<label class="filed">${n.label}
       <select name=${n.name} @change=${h=>s(n.name,h.target.value)}>
         <option value="" .selected=${!e}>${n.required?"drop a file":"none"}</option>
         ${a.map(h=>r`<option .selected=${h===e}>${h}</option>`)}
