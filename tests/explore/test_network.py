@@ -19,9 +19,10 @@ from solen.explore import (
     tolerance,
 )
 from solen.explore.measures import measure_of
+from solen.explore.merits import shown
 from solen.sensor import Sensor, inert
 from solen.sensor.effects import as_built
-from solen.sensor.network import in_turn, network_response
+from solen.sensor.network import in_turn, network_response, network_sensitivities
 from solen.spec import Design
 from solen.spec.network import Network
 
@@ -71,6 +72,16 @@ def test_merits_of_a_network_are_those_of_its_response(swept: tuple[Path, Sweep]
     slope, u = (found.merits[f"{u}slope_share_of_b_arm_bends_per_deg"][1] for u in ("", "u_"))
     assert slope == pytest.approx((share[2] - share[1]) / 16.0)
     assert u > own.u_reading[0, 0] / 16.0
+
+
+def test_motions_are_known_as_well_as_by_the_derivatives_of_the_voltages(swept: tuple[Path, Sweep]) -> None:
+    _, found = swept
+    sensitive = network_sensitivities(DESIGN.set({WIDTH: 2.2, "network.motion[0].steps": 1}), tolerance=COARSE)
+    assert sensitive.by_voltages is not None
+    assert found.merits["sd_arm_bends_deg"][1] == pytest.approx(sensitive.by_voltages.sd_deg[0], rel=1e-9)
+    assert found.merits["worst_sd_deg"].tolist() == found.merits["sd_arm_bends_deg"].tolist()
+    assert "worst_sd_deg" in shown(found.merits)
+    assert "worst_light" not in shown({**found.merits, "worst_light": 0.0})
 
 
 def test_a_sweep_of_a_network_is_kept_and_has_its_own_dimensions(swept: tuple[Path, Sweep]) -> None:

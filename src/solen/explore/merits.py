@@ -233,7 +233,8 @@ def worst_place(name: str, values: FloatArray) -> int:
 
 def shown(merits: Mapping[str, object]) -> list[str]:
     """Names of merits that a table has room for, without those of single channels of a network."""
-    return [name for name in merits if not name.startswith(("u_", "worst_", CHANNEL))]
+    worst = {f"worst_{name}" for name in merits}
+    return [name for name in merits if not name.startswith(("u_", CHANNEL)) and name not in worst]
 
 
 def worst_resolution_deg(readings: Readings) -> tuple[float, float]:

@@ -22,9 +22,18 @@ from solen.errors import DesignError, SpecError
 from solen.explore.merits import CHANNEL, COARSE_SHARE, every_second, monotone_deg
 from solen.explore.store import Accuracy, Point, Variant
 from solen.sensor.effects import as_built
-from solen.sensor.network import USUAL_TOLERANCE, courses, network_response
+from solen.sensor.network import (
+    USUAL_TOLERANCE,
+    NetworkResponse,
+    courses,
+    determined,
+    network_response,
+    network_signals,
+)
 from solen.sensor.network.readings import readings_of
 from solen.spec import Design
+from solen.spec.network import NamedMotion
+from solen.spec.placed import state_of
 
 LEAST_STEPS = 2
 
@@ -42,7 +51,32 @@ def network_point(variant: Variant, accuracy: Accuracy) -> Point:
     power, u_power = (each.reshape(len(each), -1) for each in (found.power, found.u_power))
     reached = float(u_power.max())
     why = f"powers are known to {reached:.1e} and not {tolerance:g}" if reached > tolerance else ""
-    return Point(power, u_power, np.empty((0, 2)), why)
+    return Point(power, u_power, _sds(variant.design, found), why)
+
+
+def _sds(design: Design, found: NetworkResponse) -> FloatArray:
+    """(motions, 2) standard deviation of each motion from one reading of all, where it stands, and its uncertainty."""
+    states, places = courses(design.network)
+    if not places:
+        return np.empty((0, 2))
+    beside = [_beside(one, places[one.name]) for one in design.network.motion]
+    chosen = [0, *(place for ends, _ in beside for place in ends)]
+    seen = network_signals([state_of(design, states[place]) for place in chosen], found.power[chosen])
+    u = found.u_power[chosen] * seen.slope_V
+    low, high = slice(1, None, 2), slice(2, None, 2)
+    steps = np.array([step for _, step in beside])
+    slope = (seen.voltage_V[high] - seen.voltage_V[low]).reshape(len(steps), -1).T / steps
+    u_slope = np.hypot(u[high], u[low]).reshape(len(steps), -1).T / steps
+    known = determined(tuple(places), slope, u_slope, seen.covariance_V2())
+    return np.stack([known.sd_deg, known.u_sd_deg], axis=-1)
+
+
+def _beside(motion: NamedMotion, places: Sequence[int]) -> tuple[tuple[int, int], float]:
+    """Places of the states on either side of where a motion stands, and how far they are apart."""
+    angle = np.array(motion.angles_deg())
+    near = int(np.argmin(np.abs(angle - motion.at_deg)))
+    low, high = max(near - 1, 0), min(near + 1, angle.size - 1)
+    return (places[low], places[high]), float(angle[high] - angle[low])
 
 
 class NetworkMerits:
@@ -75,6 +109,7 @@ class NetworkMerits:
         shape = (len(self.states), len(self.network.emitters), len(self.network.receivers))
         power, u_power = (each.reshape(shape) for each in (point.power, point.u_power))
         rows = dict(self._light(power, u_power))
+        rows |= zip(self._of_motions(), self._sds(point), strict=True)
         reading, u_reading = readings_of(self.network, power, u_power)
         for (number, one), motion in product(enumerate(self.network.reading), self.network.motion):
             places = self.places[motion.name]
@@ -100,9 +135,19 @@ class NetworkMerits:
                 place = int(np.argmin(power[:, i, j]))
                 yield _channel(emitter.name, receiver.name), (float(power[place, i, j]), float(u_power[place, i, j]))
 
+    def _sds(self, point: Point) -> list[tuple[float, float]]:
+        """Standard deviations of the motions, the largest first."""
+        rows: list[tuple[float, float]] = [(sd, u) for sd, u in point.sd_deg.tolist()]
+        return [*([max(rows)] if rows else []), *rows]
+
+    def _of_motions(self) -> list[str]:
+        names = [f"sd_{word(one.name)}_deg" for one in self.network.motion]
+        return [*(["worst_sd_deg"] if names else []), *names]
+
     def _stated(self) -> Iterator[str]:
         yield "light"
         yield from (_channel(a.name, b.name) for a, b in product(self.network.emitters, self.network.receivers))
+        yield from self._of_motions()
         for reading, motion in product(self.network.reading, self.network.motion):
             yield from _names_of_course(word(reading.name), word(motion.name))
 

@@ -160,5 +160,6 @@ class Judge:
             yield self._values(goal, {**merits, name: merits[name] + merits[f"u_{name}"]})[place] - value
 
     def _values(self, goal: Goal, merits: Mapping[str, FloatArray]) -> FloatArray:
-        """A goal (C,) in all cases."""
-        return np.broadcast_to(goal.value(merits, self.base), len(self.task.cases))
+        """A goal (C,) in all cases; NaN where it does not exist, or is infinite: a motion that nothing shows."""
+        values = goal.value(merits, self.base)
+        return np.broadcast_to(np.where(np.isfinite(values), values, np.nan), len(self.task.cases))
