@@ -1,6 +1,7 @@
 """Commands run in the test's own process, and what they print."""
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -68,6 +69,12 @@ _TYPES: dict[str, type | tuple[type, ...]] = {
 
 def _is_a(kind: str, value: Any) -> bool:
     return isinstance(value, _TYPES[kind]) and not (isinstance(value, bool) and kind in {"integer", "number"})
+
+
+def without_waiting(stderr: str | bytes) -> str:
+    """What a program wrote on stderr, but for lines about a wait: they depend on how busy the computer is."""
+    text = stderr if isinstance(stderr, str) else stderr.decode("utf-8", "replace")
+    return re.sub(r"^solen [\w-]+: (working|compiling the tracer).*\r?\n", "", text, flags=re.MULTILINE)
 
 
 def snapshot(folder: Path) -> dict[str, bytes | None]:

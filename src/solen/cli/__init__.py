@@ -10,12 +10,14 @@ import os
 import re
 import sys
 from collections.abc import Sequence
+from contextlib import nullcontext
 from itertools import pairwise
 from typing import Any
 
 import cyclopts
 
 from solen.cli.app import SHOWN, app, progress_bar, show_outcome
+from solen.cli.waiting import is_silent, spoken
 from solen.errors import SolenError
 from solen.results import Outcome
 
@@ -31,7 +33,9 @@ def main() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # a terminal that lacks a letter is no reason to fail
-    code = run_command(sys.argv[1:])
+    arguments = sys.argv[1:]
+    with nullcontext() if is_silent(arguments) else spoken(f"solen {arguments[0]}"):
+        code = run_command(arguments)
     gc.freeze()  # else Python searches everything once more on its way out, a tenth of a run
     sys.exit(code)
 

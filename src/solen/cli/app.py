@@ -21,6 +21,7 @@ from cyclopts import App, Parameter
 
 from solen import __version__
 from solen.cli.commands import COMMANDS, DESIGN, GROUPS
+from solen.cli.waiting import NOW
 from solen.ranks import ranked
 from solen.results import Outcome
 
@@ -115,7 +116,7 @@ def short(value: float | None) -> str:
 
 @contextmanager
 def progress_bar(what: str) -> Iterator[Callable[[float], None]]:
-    """A progress bar on stderr, if that is a terminal and ``--quiet`` is not set."""
+    """A progress bar on stderr, if that is a terminal and ``--quiet`` is not set; else lines say how far it is."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -129,4 +130,11 @@ def progress_bar(what: str) -> Iterator[Callable[[float], None]]:
     hidden = SHOWN.quiet or not console.is_terminal
     with Progress(*columns, console=console, transient=True, disable=hidden) as bar:
         task = bar.add_task(what, total=1.0)
-        yield lambda done: bar.update(task, completed=done)
+        if not hidden:
+            NOW.describe = lambda words: bar.update(task, description=words)
+
+        def update(done: float) -> None:
+            NOW.done = done
+            bar.update(task, completed=done)
+
+        yield update

@@ -22,7 +22,7 @@ from solen.report.design.answer import matters
 from solen.scene import Scene
 from solen.sensor import SATURATED, Case, DesignStudy, Practice, Response, Sensor
 from solen.sensor.traced import DesignTrace
-from solen.trace import Convergence, Mode, Path, Trace, trace
+from solen.trace import Convergence, Mode, Path, Trace, trace_reference
 from solen.trace.described import SceneTrace
 
 COLOURS = {"right": RIGHT, "left": LEFT}
@@ -155,13 +155,14 @@ def sensor_view(
 ) -> tuple[str, Body, Scene, Trace]:
     """View of a sensor at an angle for `rays_figure`; by default with counted rays, as in the paper.
 
-    The picture shows the plane: rays of an extruded sensor are drawn as traced in the plane.
+    The picture shows the plane: rays of an extruded sensor are drawn as traced in the plane, by the readable tracer,
+    since a picture's few rays are not worth the compiling of the fast one.
     """
     lens = "" if sensor.has_lens else "no lens, "
     unit = sensor.design.motion.unit
     title = f"{lens}{angle_deg:g} {unit}" if unit != "deg" else f"{lens}{angle_deg:+g}°" if angle_deg else f"{lens}0°"
     scene = replace(sensor.scene(angle_deg, rays), extrusion=None, front=None)
-    return title, sensor.body(angle_deg), scene, trace(scene, mode, legs=True)
+    return title, sensor.body(angle_deg), scene, trace_reference(scene, mode, legs=True)
 
 
 def scene_figure(trace: SceneTrace) -> Figure:

@@ -1,0 +1,104 @@
+"""What a command says on stderr while it works, terminal or not, so that no wait over two seconds is silent.
+
+A thread looks at the time and at what numba compiles. On a terminal a progress bar says the rest.
+"""
+
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+LOOK_S, FIRST_S, AGAIN_S = 0.2, 1.5, 10.0
+"""How often the thread looks, and when the first and each further line is due."""
+COMPILING = "compiling the tracer for this computer, once; it takes a minute or less, and later runs begin at once"
+TALK = {"studio", "watch", "jog", "decode", "completion"}
+"""Commands that wait for a person or for readings, and answer as they come."""
+
+
+class Waiting:
+    """What has been done and said since a command began.
+
+    Attributes
+    ----------
+    done
+        Share that the command reports, up to 1; None if it reports none.
+    describe
+        Changes the words of a bar on the terminal; None without one.
+    compiled
+        Functions of the tracer that were compiled, or are being.
+    """
+
+    def __init__(self) -> None:
+        self.done: float | None = None
+        self.describe: Callable[[str], None] | None = None
+        self.compiled = 0
+        self._said_compiling, self._due_s = False, FIRST_S
+
+    def words(self, elapsed_s: float) -> str | None:
+        """What is to be said after so long a time, if anything."""
+        if self.compiled and not self._said_compiling:
+            self._said_compiling, self._due_s = True, elapsed_s + AGAIN_S
+            return COMPILING
+        if elapsed_s < self._due_s:
+            return None
+        self._due_s = elapsed_s + AGAIN_S
+        parts = [f"{elapsed_s:.0f} s"]
+        if self.done:
+            parts.append(f"{100.0 * self.done:.0f} % done")
+        if self.compiled:
+            parts.append(f"{self.compiled} functions of the tracer compiled")
+        return f"working, {', '.join(parts)}"
+
+
+NOW = Waiting()
+"""Of the command that runs."""
+
+
+@contextmanager
+def spoken(command: str) -> Iterator[None]:
+    """Say on stderr what takes long, from a thread that ends with the command."""
+    stop, begun = threading.Event(), time.monotonic()
+
+    def look() -> None:
+        heard = False
+        while not stop.wait(LOOK_S):
+            heard = heard or _listen()
+            words = NOW.words(time.monotonic() - begun)
+            if words is not None and NOW.describe is not None:
+                NOW.describe(words if words is COMPILING else command)
+            elif words is not None:
+                sys.stderr.write(f"{command}: {words}\n")
+                sys.stderr.flush()
+
+    thread = threading.Thread(target=look, name="solen-waiting", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        thread.join()
+
+
+def is_silent(arguments: list[str]) -> bool:
+    """Whether a command line is one that nothing is said of: quiet, or one that talks itself."""
+    shows = "run" in arguments[1:2] and arguments[0] == "bench" and sys.stderr.isatty()  # has a line of its own
+    return not arguments or "--quiet" in arguments or shows or bool(TALK & set(arguments[:2]))
+
+
+def _listen() -> bool:
+    """Count what numba compiles from now on; False while numba is not loaded."""
+    events: Any = sys.modules.get("numba.core.event")
+    if events is None or not hasattr(events, "register"):
+        return False
+
+    class Heard(events.Listener):  # type: ignore[misc]
+        def on_start(self, _: object) -> None:
+            NOW.compiled += 1
+
+        def on_end(self, _: object) -> None:
+            pass
+
+    events.register("numba:compile", Heard())
+    return True
