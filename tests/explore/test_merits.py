@@ -1,6 +1,8 @@
 """Merits of responses with known answers: nulls, slopes, deviations from a line, and their uncertainties."""
 
 import math
+from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -8,6 +10,7 @@ import pytest
 
 from solen.arrays import FloatArray
 from solen.explore.merits import MERITS, merits_of, unresolved_change
+from solen.plane import off_a_line
 from solen.sensor import Response
 
 ANGLES = np.linspace(-3.0, 3.0, 25)
@@ -37,12 +40,46 @@ def test_the_uncertainty_covers_what_the_step_between_angles_costs(width_deg: fl
     merits = merits_of(response(curve(ANGLES)))
     assert abs(merits.null_deg - null_deg) < 2.0 * merits.u_null_deg
     assert abs(merits.slope_per_deg - 1.0 / width_deg) < 2.0 * merits.u_slope_per_deg
-    assert merits.u_slope_per_deg < 0.05 / width_deg
+    assert merits.u_slope_per_deg < 0.08 / width_deg
     dense = np.linspace(-3.0, 3.0, 4001)
     away = _off_by_search(dense, curve(dense))
     assert abs(merits.linearity_percent - 100.0 * away / float(np.ptp(curve(dense)))) < max(
         2.0 * merits.u_linearity_percent, 0.02
     )
+
+
+def kinked(angle: FloatArray, null: float, kink: float, terms: Sequence[float]) -> FloatArray:
+    """Contrast with a null and a kink: slope, half the change of slope, and terms of second and third order."""
+    slope, half, second, third = terms
+    off = angle - null
+    return np.asarray(slope * off + half * (np.abs(angle - kink) - abs(null - kink)) + second * off**2 + third * off**3)
+
+
+@pytest.mark.parametrize(("from_null_deg", "on_an_angle"), [(0.0, True), (0.0, False), (0.5, False)])
+def test_the_uncertainty_covers_a_kink_wherever_it_is(from_null_deg: float, on_an_angle: bool) -> None:
+    """At the null the slope is that of either side."""
+    rng = np.random.default_rng(2)
+    off = []
+    for _ in range(30):
+        null, bend = (0.0 if on_an_angle else rng.uniform(-0.25, 0.25)), rng.uniform(0.05, 0.25) * rng.choice([-1, 1])
+        kink, second, third = null + from_null_deg * rng.uniform(-1.0, 1.0), rng.normal(0, 0.01), rng.normal(0, 0.004)
+
+        curve = partial(kinked, null=null, kink=kink, terms=(0.25, 0.5 * bend, second, third))
+        merits = merits_of(response(curve(ANGLES)))
+        near = curve(np.array([null - 1e-6, null, null + 1e-6]))
+        dense = np.linspace(-3.0, 3.0, 385)
+        true = 100.0 * off_a_line(dense, curve(dense)) / merits.span
+        off.append(
+            (
+                np.abs(np.diff(near) / 1e-6 - merits.slope_per_deg).max() / merits.u_slope_per_deg,
+                (merits.null_deg - null) / merits.u_null_deg,
+                (merits.linearity_percent - true) / merits.u_linearity_percent,
+            )
+        )
+    covered = np.abs(off) < 2.5
+    assert covered.all(), np.abs(off).max(axis=0)
+    assert np.mean(np.abs(off) < 2.0) >= 0.85
+    assert np.abs(off).max() > 0.2
 
 
 @pytest.mark.parametrize("step_deg", [3.0, 1.5, 1.0, 0.5, 0.25, 0.1])

@@ -1,7 +1,7 @@
 """Merits of a response: the numbers by which designs are compared, each with its uncertainty.
 
 Between the angles of a motion the contrast is a cubic spline. What that costs is estimated from the spline through
-every second angle, and is part of the uncertainty. docs/explore.md defines each merit.
+every second angle and from kinks of the contrast, and is part of the uncertainty. docs/explore.md defines each merit.
 
 The interface: `merits_of` a response, which returns `Merits`; `MERITS` names them; `unresolved_change` says where its
 angles are too far apart.
@@ -24,8 +24,11 @@ from solen.sensor.response import Response
 LEAST_ANGLES, DENSE = 3, 8
 COARSE_SHARE = 1 / 3
 """Share of the change from every second angle to all of them that the spline through all may be off by."""
-THIRD_SHARE = 0.1
-"""Share of the third difference near a null, over the step, that the slope may be off by at least."""
+KINK_SLOPE, KINK_HEIGHT = 0.3, 0.125
+"""Standard uncertainty by a kink within or at the ends of a step, per change of the slope there: of the slope, which
+may be that of either side, and of the contrast between the angles, per length of the step."""
+KINK_NOISE = math.sqrt(28.0)
+"""Noise of a kink times the step, per noise of the contrast."""
 BEND, MOST_CHANGE = 0.5, 0.1
 """Change of slope from one step to the next, as a share of the steeper, and as a share of the contrast's range, beyond
 both of which the angles do not show the course between them."""
@@ -98,6 +101,8 @@ def merits_of(response: Response, resolution_deg: tuple[float, float] = (math.na
     null, u_null, slope, u_slope = _null(angle, contrast, u)
     span, u_span = abs(float(contrast[-1] - contrast[0])), float(u[0] + u[-1])
     linearity, u_linearity = _linearity(angle, contrast)
+    kinks, steps = _kinks(angle, contrast, u), np.diff(angle)
+    u_linearity += KINK_HEIGHT * float((kinks * steps).max())
     unresolved = _unresolved(contrast, u)
     if unresolved.any():
         u_linearity += _largest_change(contrast, unresolved) / (2.0 * math.sqrt(3.0))
@@ -135,10 +140,12 @@ def _null(angle: FloatArray, contrast: FloatArray, u: FloatArray) -> tuple[float
     noise = float(u[max(0, near - 1) : near + 2].max())
     if math.isnan(rough_null) or angle.size < 2 * LEAST_ANGLES:  # too few angles to compare
         rough_null, rough_slope = null + step, 2.0 * slope
-    u_null = noise / abs(slope) + COARSE_SHARE * abs(rough_null - null) if slope else math.inf
-    third = np.abs(np.diff(contrast[max(0, near - 3) : near + 4], n=3)).max(initial=0.0)
-    u_slope = 1.5 * noise / step + max(COARSE_SHARE * abs(rough_slope - slope), THIRD_SHARE * float(third) / step)
     after = min(max(int(np.searchsorted(angle, null)), 1), angle.size - 1)
+    kink = float(_kinks(angle, contrast, u)[max(0, after - 2) : after + 1].max())
+    share = (null - angle[after - 1]) / (angle[after] - angle[after - 1])  # at the ends of a step the contrast is known
+    height = KINK_HEIGHT * kink * step * 4.0 * share * (1.0 - share)
+    u_null = (noise + height) / abs(slope) + COARSE_SHARE * abs(rough_null - null) if slope else math.inf
+    u_slope = 1.5 * noise / step + max(COARSE_SHARE * abs(rough_slope - slope), KINK_SLOPE * kink)
     if _unresolved(contrast, u)[after - 1 : after + 1].any():
         if abs(contrast[near]) > u[near]:  # between two angles, and the contrast may cross 0 anywhere there
             u_null = max(u_null, float(max(null - angle[after - 1], angle[after] - null)) / math.sqrt(3.0))
@@ -174,6 +181,20 @@ def _linearity(angle: FloatArray, contrast: FloatArray) -> tuple[float, float]:
     if second.size < LEAST_ANGLES:
         return fine, 0.5 * float(np.ptp(contrast)) / math.sqrt(3.0)
     return fine, COARSE_SHARE * abs(fine - coarse)
+
+
+def _kinks(angle: FloatArray, contrast: FloatArray, u: FloatArray) -> FloatArray:
+    """Change of the slope (A - 1,) within or at the ends of each step, beyond that of a smooth course and of noise.
+
+    What a smooth course changes follows from the angles around: where curvature varies evenly it is none. Neither a
+    spline nor every second angle shows a kink at an angle, as all of them have that angle.
+    """
+    if angle.size < 2 * LEAST_ANGLES:  # too few to tell a kink from curvature
+        return np.zeros(angle.size - 1)
+    change = np.pad(np.diff(np.diff(contrast) / np.diff(angle)), 2, mode="edge")
+    noise = KINK_NOISE * np.maximum(u[1:], u[:-1]) / np.diff(angle)
+    size = np.abs(change[1:-2] + change[2:-1] - change[:-3] - change[3:])
+    return np.asarray(np.maximum(size - noise, 0.0))
 
 
 def _unresolved(contrast: FloatArray, u: FloatArray) -> BoolArray:

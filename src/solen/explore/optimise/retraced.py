@@ -53,7 +53,7 @@ class Retraced(NamedTuple):
         yield from self.measure.warnings(self.claimed.points)
         step = "the steps of its motions" if self.design.body.kind == "network" else "motion.step_deg"
         for now, was in zip(self.verdict.by_goal, self.claimed.by_goal, strict=True):
-            if abs(now.goal - was.goal) > SURE * math.hypot(now.u_goal, was.u_goal):
+            if abs(now.goal - was.goal) > SURE * was.u_goal:  # a wide uncertainty of the finer one is no excuse
                 yield (
                     f"the search saw {was.goal:.4g}, and finer tracing gives {now.goal:.4g}: it exploited the "
                     f"roughness of its tracing; lower --tolerance or {step}"
