@@ -86,7 +86,7 @@ def test_parts_of_a_sweep_are_its_points(samples: int | None) -> None:
 
 def test_a_part_of_a_sweep_has_its_own_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Designs are in memory by lots, and each part keeps its points apart."""
-    monkeypatch.setattr(import_module("solen.explore.sweep"), "LOT", 2)
+    monkeypatch.setattr(import_module("solen.explore.responses"), "LOT", 2)
     seen = []
 
     class Watched(Here):

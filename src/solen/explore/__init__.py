@@ -8,7 +8,8 @@ print.
 
 from solen.explore.optimise import Front, OptimiseOptions, Optimum, optimise
 from solen.explore.store import Store
-from solen.explore.sweep import Sweep, SweepOptions, sweep
+from solen.explore.sweep import SweepOptions, sweep
+from solen.explore.swept import Sweep
 from solen.explore.tolerance import ToleranceOptions, Tolerances, tolerance
 from solen.explore.tuned_print import TunedPrint, TuneOptions
 from solen.explore.tuning import check_tunable, tune

@@ -22,9 +22,9 @@ from solen.explore.machines import Machine
 from solen.explore.measures import measure_of, merits_of_points
 from solen.explore.prints import MeritSpread, Prints, VariedNumber, Yield
 from solen.explore.requirement import Requirement
+from solen.explore.responses import AccuracyOptions, failures_of, point_warnings, responses
 from solen.explore.store import Point, Store, Variant
 from solen.explore.subject import Subject, design_of
-from solen.explore.sweep import AccuracyOptions, failures_of, point_warnings, responses
 from solen.explore.usual import variations_of
 from solen.explore.variations import STATED, Variation, drawn, offs
 from solen.extras import need

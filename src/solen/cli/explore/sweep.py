@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from solen.cli.app import lines
 from solen.explore.merits import shown
-from solen.explore.sweep import Sweep
+from solen.explore.swept import Sweep
 from solen.pipeline.explore.sweep import sweep as sweep
 from solen.report.design.answer import measured
 

@@ -15,8 +15,8 @@ from solen.errors import SpecError
 from solen.explore.measures import measure_of, merits_of_points
 from solen.explore.optimise.task import Task
 from solen.explore.requirement import Goal
+from solen.explore.responses import responses
 from solen.explore.store import Accuracy, Point, Store, Variant
-from solen.explore.sweep import responses
 from solen.lens import SplineLens
 from solen.results import Result
 from solen.sensor import Sensor

@@ -8,8 +8,9 @@ from solen.explore.axes import check_not_set
 from solen.explore.machines import machine_at
 from solen.explore.request import Request
 from solen.explore.store import Store
-from solen.explore.sweep import Sweep, SweepOptions
+from solen.explore.sweep import SweepOptions
 from solen.explore.sweep import sweep as sweep_design
+from solen.explore.swept import Sweep
 from solen.pipeline.design.designs import open_design
 from solen.pipeline.names import stem_of
 from solen.pipeline.options import FLAT, ProgressBar, Set

@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import ScalarFormatter
 
 from solen.explore.merits import shown
-from solen.explore.sweep import Sweep
+from solen.explore.swept import Sweep
 from solen.report.canvas import INK, RIGHT, SOFT, series
 
 MAP = "viridis"

@@ -1,0 +1,141 @@
+"""The result of a sweep: responses and merits of a design over values of its keys, and their table.
+
+The interface: `Sweep`.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import solen
+from solen.arrays import FloatArray
+from solen.extras import need
+from solen.results import HIDDEN, Result, reported
+
+if TYPE_CHECKING:
+    import xarray
+
+
+class Sweep(Result):
+    """Responses of a design over values of its keys, P points of A angles.
+
+    Attributes
+    ----------
+    name
+        Name of the design.
+    values
+        By key the P values; of a grid the last key runs fastest.
+    shape
+        Number of values of each key of a grid; one number, P, for samples or a part.
+    seed
+        Seed of the samples; None for a grid.
+    part
+        Part of the points, such as 3/10; None for all.
+    first
+        Number of the first point among all.
+    merits
+        By name of merit (`Merits`) the P values, and their uncertainties by ``u_`` and that name. With deviations also
+        the worst over these, by ``worst_`` and that name.
+    failures
+        Reasons why points have no response, and how many have each; those that differ in numbers alone are one.
+    traced
+        Number of responses traced now; the others were known.
+    robust
+        Deviations with which each point was traced as well.
+    angle_deg, power, u_power
+        Angles (A,) and powers (P, A, 2) at the right and the left receiver; of a network the angles (A, M) of M motions
+        in A states and powers (P, A, C) of C receivers, of each emitter in turn. NaN where a point has no response.
+    labels
+        Of a network the names of its motions, emitters and receivers.
+    design
+        The design before its values are set, as TOML.
+    """
+
+    name: str
+    values: Mapping[str, Sequence[Any]]
+    shape: tuple[int, ...]
+    seed: int | None
+    merits: Mapping[str, FloatArray]
+    failures: Mapping[str, int]
+    traced: int
+    robust: tuple[dict[str, float], ...]
+    warnings: tuple[str, ...]
+    angle_deg: FloatArray = field(metadata=HIDDEN)
+    power: FloatArray = field(metadata=HIDDEN)
+    u_power: FloatArray = field(metadata=HIDDEN)
+    design: str = field(metadata=HIDDEN)
+    part: str | None = None
+    first: int = 0
+    labels: Mapping[str, tuple[str, ...]] = field(default_factory=dict, metadata=HIDDEN)
+    simulated: bool = True
+
+    @property
+    def contrast(self) -> FloatArray:
+        """Contrast (P, A) of two receivers."""
+        with np.errstate(invalid="ignore"):
+            return np.asarray((self.power[..., 0] - self.power[..., 1]) / self.power.sum(axis=-1))
+
+    @reported
+    def points(self) -> int:
+        """Number of points."""
+        return int(np.prod(self.shape))
+
+    @property
+    def is_grid(self) -> bool:
+        """Whether it is a grid of all values, rather than samples."""
+        return self.seed is None and self.part is None
+
+    @property
+    def axes(self) -> dict[str, list[Any]]:
+        """The distinct values of each key of a grid."""
+        return {key: list(dict.fromkeys(values)) for key, values in self.values.items()}
+
+    def to_dataset(self) -> "xarray.Dataset":
+        """The sweep as an xarray dataset: a grid has a dimension for each key, samples have ``sample``.
+
+        Raises
+        ------
+        OutputError
+            Where xarray is not installed.
+        """
+        need("xarray", what="to_dataset", doing="a dataset")
+        import xarray
+
+        names = tuple(self.values) if self.is_grid else ("sample",)
+        numbers = {} if self.part is None else {"sample": np.arange(self.first, self.first + self.points)}
+        values = (
+            {key: (key, own) for key, own in self.axes.items()}
+            if self.is_grid
+            else {key: ("sample", list(own)) for key, own in self.values.items()}
+        )
+        coordinates: dict[str, Any] = {**values, **numbers}
+        variables: dict[str, Any] = {name: (names, merit.reshape(self.shape)) for name, merit in self.merits.items()}
+        if self.labels:
+            coordinates |= {name: (name, list(own)) for name, own in self.labels.items()}
+            coordinates["angle_deg"] = (("state", "motion"), self.angle_deg)
+            ends = [len(self.labels[name]) for name in ("emitter", "receiver")]
+            for name in ("power", "u_power"):
+                curve = getattr(self, name).reshape(*self.shape, -1, *ends)
+                variables[name] = ((*names, "state", "emitter", "receiver"), curve)
+        else:
+            coordinates["angle_deg"] = ("angle_deg", self.angle_deg)
+            for name, curve in self._curves().items():
+                variables[name] = ((*names, "angle_deg"), curve.reshape(*self.shape, -1))
+        attributes = {
+            "title": f"Sweep of {self.name}",
+            "comment": "Simulated, not measured. Powers are fractions of the emitted power.",
+            "source": f"solen {solen.__version__}",
+            "design": self.design,
+            "simulated": 1,
+        }
+        return xarray.Dataset(variables, coordinates, attributes)
+
+    def _curves(self) -> dict[str, FloatArray]:
+        """Responses (P, A) of two receivers."""
+        u_power = self.u_power.max(axis=-1)
+        with np.errstate(invalid="ignore"):
+            u_contrast = 2.0 * u_power / self.power.sum(axis=-1)
+        right, left = np.moveaxis(self.power, -1, 0)
+        return {"right": right, "left": left, "u_power": u_power, "contrast": self.contrast, "u_contrast": u_contrast}
