@@ -187,12 +187,12 @@ def test_a_slope_is_the_difference_of_integrals() -> None:
     for number, key in enumerate(found.keys):
         ends = (found.value[number] + sign * found.step[number] for sign in (-1.0, 1.0))
         low, high = (
-            Sensor.of(with_values(design, {key: float(end), "network.lit": "b"})).integrate(tolerance=1e-4)
+            Sensor.of(with_values(design, {key: float(end), "network.lit": "b"})).integrate(tolerance=3e-4)
             for end in ends
         )
         for place, receiver in enumerate(found.receivers):
             slope = (high.detectors[receiver].power - low.detectors[receiver].power) / (2.0 * found.step[number])
-            u = 4.0 * found.u_slope[number, 1, place] + 2e-4 / found.step[number]
+            u = 4.0 * found.u_slope[number, 1, place] + 6e-4 / found.step[number]
             assert found.slope[number, 1, place] == pytest.approx(slope, abs=u), (key, receiver)
 
 

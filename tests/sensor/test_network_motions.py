@@ -9,6 +9,7 @@ import pytest
 from solen.readout import volts
 from solen.sensor.network import NetworkSensitivities, network_sensitivities
 from solen.sensor.network.motions import Determination, determined, in_words
+from solen.sensor.network.places import suggestions
 from solen.sensor.network.readings import readings_of
 from solen.sensor.network.signals import circuits_of
 from solen.spec import Design, loads, template, with_values
@@ -128,3 +129,63 @@ def test_one_power_does_not_distinguish_two_motions_and_more_do() -> None:
     assert one.by_voltages.rank == 1
     assert one.by_voltages.combinations[1].singular_per_deg == 0.0
     assert any("cannot be measured" in text for text in one.warnings)
+
+
+STRIP = """
+schema = 1
+name = "strip"
+material = { index = 1.44 }
+emitter = { width_mm = 0.2 }
+body = { kind = "network" }
+network.nodes = [{ name = "base" }, { name = "middle" }, { name = "fork" }, { name = "right" }, { name = "left" }]
+network.guides = [
+    { name = "near", nodes = ["base", "middle"], width_mm = 3.0, direction_deg = 0.0, length_mm = 10 },
+    { name = "far", nodes = ["middle", "fork"], width_mm = 3.0, direction_deg = 0.0, length_mm = 2.2 },
+    { name = "r", nodes = ["fork", "right"], width_mm = 1.7, flush = "right", length_mm = 2.2, direction_deg = -8.0 },
+    { name = "l", nodes = ["fork", "left"], width_mm = 1.7, flush = "left", direction_deg = 8.0, length_mm = 2.2 },
+]
+network.motion = [
+    { name = "near", kind = "bend", part = "near", at_deg = 2.0, from_deg = -6.0, to_deg = 6.0, steps = 4 },
+    { name = "far", kind = "bend", part = "far", at_deg = 1.0, from_deg = -6.0, to_deg = 6.0, steps = 4 },
+]
+
+[[network.lenses]]
+name = "base"
+node = "base"
+
+[[network.emitters]]
+name = "base"
+lens = "base"
+
+[[network.receivers]]
+name = "right"
+node = "right"
+"""
+"""Two lengths that bend, lit at one end, with one receiver at the other: one combination is seen."""
+
+
+def check_suggestions(text: str, tolerance: float) -> None:
+    """The best suggested receiver, added to the design file, gives the standard deviations that were predicted."""
+    design = with_values(loads(text), {"trace.dimension": "2d"})
+    before = network_sensitivities(design, tolerance=tolerance).by_voltages
+    tried = suggestions(design, tolerance)
+    best = tried[0]
+    added = with_values(loads(f"{text}\n{best.tables}\n"), {"trace.dimension": "2d"})
+    after = network_sensitivities(added, tolerance=tolerance).by_voltages
+    assert before is not None
+    assert after is not None
+    print(f"{design.name}: {before.worst_sd_deg:.3g}°, with {best.part} at {best.place} {after.worst_sd_deg:.3g}°")
+    assert best.rank == after.rank >= before.rank
+    assert after.sd_deg.tolist() == best.by_voltages.sd_deg.tolist()
+    assert after.worst_sd_deg == best.worst_sd_deg < before.worst_sd_deg
+    assert [(-one.rank, one.worst_sd_deg) for one in tried] == sorted((-one.rank, one.worst_sd_deg) for one in tried)
+
+
+def test_the_suggested_part_lifts_a_singular_arrangement_as_predicted() -> None:
+    check_suggestions(STRIP, 2e-3)
+
+
+@pytest.mark.evidence
+@pytest.mark.parametrize("name", ["hand-860", "strip-860"])
+def test_the_suggested_part_gives_the_predicted_sd(name: str) -> None:
+    check_suggestions(template(name), 5e-4)

@@ -1,14 +1,14 @@
 """The commands for sensitivities and for convergence of a design."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from solen.cli.app import lines, short
 from solen.cli.design.trace import signed
 from solen.pipeline.design.trace import convergence as convergence
 from solen.pipeline.design.trace import sensitivity as sensitivity
 from solen.sensor.network import NetworkSensitivities
-from solen.sensor.network.motions import Determination, words
+from solen.sensor.network.motions import Determination, Suggestion, words
 from solen.sensor.traced import DesignConvergence, Sensitivities, where
 
 
@@ -62,6 +62,8 @@ def _(result: NetworkSensitivities) -> Iterator[str]:
     if result.by_readings is not None:
         yield f"  and from {', '.join(result.readings)} alone"
         yield from _determines(result.by_readings)
+    if result.suggestions is not None:
+        yield from _suggested(result.suggestions)
 
 
 def _determines(found: Determination) -> Iterator[str]:
@@ -70,6 +72,18 @@ def _determines(found: Determination) -> Iterator[str]:
     for one in found.combinations:
         by = f"{short(one.singular_per_deg)} ± {short(one.u_singular_per_deg)} times their noise per degree"
         yield f"    readings change by {by} for {words(one)}"
+
+
+def _suggested(suggestions: Sequence[Suggestion]) -> Iterator[str]:
+    if not suggestions:
+        yield "  no place was found where another receiver or emitter can stand"
+        return
+    yield "  with another part, the worst motion is determined"
+    for one in suggestions:
+        worst = f"to ± {short(one.worst_sd_deg)} deg" if math.isfinite(one.worst_sd_deg) else "not at all"
+        yield f"    {worst}: {one.part} at {one.place}"
+    yield "  add the first of these to the design file:"
+    yield from suggestions[0].tables.splitlines()
 
 
 def _short(value: float) -> str:

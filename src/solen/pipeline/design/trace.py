@@ -1,6 +1,7 @@
 """Traces of a design at an angle, or of a scene file; convergence and sensitivities of a design."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -13,6 +14,7 @@ from solen.report.options import FigureOptions
 from solen.results import Outcome
 from solen.sensor import Sensor
 from solen.sensor.network import NetworkTrace, network_trace, refuse_in_turn
+from solen.sensor.network.places import suggestions
 from solen.sensor.network.slopes import NetworkSensitivities, network_sensitivities
 from solen.sensor.traced import (
     DesignConvergence,
@@ -128,6 +130,7 @@ def sensitivity(
     *keys: str,
     angle_deg: float | None = None,
     at: float | None = None,
+    suggest: bool = False,
     set_: Set = None,
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     progress: ProgressBar = None,
@@ -144,12 +147,19 @@ def sensitivity(
         Angle in degrees, counter-clockwise: a negative one turns to the right; default: 0. Above -90, below 90.
     at
         Of a soft body: value of what its motion drives, in its unit; default: the last of the motion.
+    suggest
+        Of a network: places where another receiver or emitter would help most, ranked by what they determine.
     """
     figure.check()
     sensor = Sensor.of(open_design(file, set_))
     value = value_asked(sensor, angle_deg, at)
     if sensor.is_network:
-        return write(network_sensitivities(sensor.design, keys, progress=progress), "sensitivity", figure=figure)
+        found = network_sensitivities(sensor.design, keys, progress=None if suggest else progress)
+        if suggest:
+            found = replace(found, suggestions=suggestions(sensor.design, progress=progress))
+        return write(found, "sensitivity", figure=figure)
+    if suggest:
+        raise SpecError("--suggest", limit="is of networks of guides", remedy='leave it out, or body.kind = "network"')
     result = sensitivities(sensor, keys, value, progress)
     return write(result, "sensitivity", figure=figure)
 

@@ -8,19 +8,23 @@ from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import Normalize, SymLogNorm
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from solen.arrays import FloatArray
 from solen.geometry import Body
 from solen.report import canvas
-from solen.report.canvas import INK, LOST, series
+from solen.report.canvas import INK, LOST, SOFT, SPACE, series
 from solen.report.design.figures import SHOWN_RAYS, colours_of, draw_rays, sensor_view
 from solen.sensor import Sensor
 from solen.sensor.network import NetworkStudy, NetworkTrace
+from solen.sensor.network.motions import Determination, Suggestion
 from solen.sensor.network.slopes import NetworkSensitivities
 
 MOST_COLUMNS = 3
+DARK, BEYOND = 0.6, 1.25
+"""Share from which on a cell is dark, and the length of a bar without an end in that of the longest."""
 PANEL_IN, LEAST_IN = 3.4, 2.2
 """Width of a panel with rays, and its least height, in inches."""
 
@@ -88,18 +92,69 @@ def readings_figure(study: NetworkStudy) -> Figure:
 
 
 def slopes_figure(result: NetworkSensitivities) -> Figure:
-    """Change of every power with every number off by its step, as a table of colours: violet more, orange less."""
-    changes = (result.slope * result.step[:, None, None]).reshape(len(result.keys), -1).T
-    names = [f"{receiver}, {emitter} lit" for emitter in result.emitters for receiver in result.receivers]
-    figure = Figure(figsize=(3.0 + 0.9 * len(result.keys), 1.2 + 0.24 * len(names)))
-    axes = figure.add_subplot()
-    most = max(float(np.abs(changes).max()), 1e-12)
-    shown = axes.imshow(changes, cmap="PuOr", vmin=-most, vmax=most, aspect="auto")
-    axes.set_yticks(range(len(names)), names)
-    axes.set_xticks(range(len(result.keys)), _numbers(result), rotation=30, ha="right")
-    axes.grid(visible=False)
-    figure.colorbar(shown, label="change of the share of the emitted power")
+    """Change of every reading with every number, what that determines of the motions, and where more would help.
+
+    Colours: violet more, orange less; of motions alone per degree, in standard deviations of the readings' noise.
+    """
+    found, tried = result.by_voltages, result.suggestions
+    columns, many = len(result.keys), len(result.emitters) * len(result.receivers)
+    widths = [3.0 + 0.9 * columns, *([2.4 + 0.7 * len(found.motions)] if found else [])]
+    heights = [max(1.2 + 0.24 * many, 2.4 if found else 0.0), *([0.9 + 0.26 * (1 + len(tried))] if tried else [])]
+    figure = Figure(figsize=(max(sum(widths), 6.0 if tried else 0.0), sum(heights)))
+    grid = figure.add_gridspec(len(heights), len(widths), width_ratios=widths, height_ratios=heights)
+    _draw_changes(figure.add_subplot(grid[0, 0]), result)
+    if found is not None:
+        _draw_combinations(figure.add_subplot(grid[0, 1]), found)
+    if found is not None and tried:
+        _draw_suggestions(figure.add_subplot(grid[1, :]), found, tried)
     return figure
+
+
+def _draw_changes(axes: Axes, result: NetworkSensitivities) -> None:
+    """Change of every reading: of motions alone per degree by its noise, else of the share with every step."""
+    by_noise = result.change_by_noise if all(key.startswith("network.motion") for key in result.keys) else None
+    found = result.slope * result.step[:, None, None] if by_noise is None else by_noise
+    changes = found.reshape(len(result.keys), -1).T
+    most = max(float(np.abs(changes).max()), 1e-12)
+    norm = Normalize(-most, most) if by_noise is None else SymLogNorm(1.0, vmin=-most, vmax=most)
+    shown = axes.imshow(changes, cmap="PuOr", norm=norm, aspect="auto")
+    names = [f"{receiver}, {emitter} lit" for emitter in result.emitters for receiver in result.receivers]
+    axes.set_yticks(range(len(names)), names)
+    labels = _numbers(result) if by_noise is None or result.by_voltages is None else result.by_voltages.motions
+    axes.set_xticks(range(len(labels)), labels, rotation=30, ha="right")
+    axes.grid(visible=False)
+    what = "change of the share of the emitted power" if by_noise is None else "change per degree, in sd of its noise"
+    axes.figure.colorbar(shown, label=what)
+
+
+def _draw_combinations(axes: Axes, found: Determination) -> None:
+    """Shares of the motions in each combination, and how well it is determined."""
+    rows = np.array([list(one.shares.values()) for one in found.combinations])
+    axes.imshow(rows, cmap="PuOr", vmin=-1.0, vmax=1.0, aspect="auto")
+    for (row, column), share in np.ndenumerate(rows):
+        colour = "white" if abs(share) > DARK else INK
+        axes.text(column, row, f"{share:+.2f}", ha="center", va="center", color=colour)
+    sds = [f"± {one.sd_deg:.2g}°" if one.is_determined else "not determined" for one in found.combinations]
+    axes.set_yticks(range(len(sds)), sds)
+    axes.set_xticks(range(len(found.motions)), found.motions, rotation=30, ha="right")
+    axes.grid(visible=False)
+    axes.set_title("combinations of motions, sd")
+
+
+def _draw_suggestions(axes: Axes, now: Determination, tried: Sequence[Suggestion]) -> None:
+    """Worst standard deviation of a motion as the network is, and with each part that is suggested."""
+    rows = [("as it is", now), *((f"{one.part} at {one.place}", one.by_voltages) for one in tried)]
+    most = max((found.worst_sd_deg for _, found in rows if math.isfinite(found.worst_sd_deg)), default=1.0)
+    for place, (_, found) in enumerate(rows):
+        sd = found.worst_sd_deg
+        known = math.isfinite(sd)
+        axes.barh(place, sd if known else BEYOND * most, color=(INK if place == 0 else SPACE) if known else SOFT)
+        text = f"{sd:.2g}°" if known else f"{found.rank} of {len(found.motions)} combinations determined"
+        axes.annotate(text, (sd if known else 0.0, place), (4, 0), textcoords="offset points", va="center")
+    axes.set_yticks(range(len(rows)), [name for name, _ in rows])
+    axes.invert_yaxis()
+    axes.grid(visible=False)
+    axes.set(xlabel="sd of the worst motion (deg)", xlim=(0.0, BEYOND * most))
 
 
 def _numbers(result: NetworkSensitivities) -> list[str]:

@@ -93,6 +93,34 @@ class Determination(Result):
         return self.rank == len(self.motions)
 
 
+@dataclass(frozen=True)
+class Suggestion:
+    """A part added to a network, and what its readings then determine.
+
+    Attributes
+    ----------
+    part
+        ``"receiver"`` or ``"emitter"``.
+    place
+        Where it stands, in words.
+    tables
+        What is added to the design file, as TOML.
+    worst_sd_deg
+        Largest standard deviation of a motion then; infinite where one is still not determined.
+    rank
+        Number of combinations of motions that are determined then.
+    by_voltages
+        What all voltages determine then.
+    """
+
+    part: str
+    place: str
+    tables: str
+    worst_sd_deg: float
+    rank: int
+    by_voltages: Determination
+
+
 def determined(
     motions: Sequence[str], slope_per_deg: FloatArray, u_slope_per_deg: FloatArray, covariance: FloatArray
 ) -> Determination:

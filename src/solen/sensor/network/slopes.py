@@ -17,7 +17,7 @@ from solen.arrays import FloatArray, Progress
 from solen.errors import SolenError, SpecError
 from solen.ranks import look_at, note
 from solen.results import Result
-from solen.sensor.network.motions import Determination, determined, in_words
+from solen.sensor.network.motions import Determination, Suggestion, determined, in_words
 from solen.sensor.network.readings import readings_of, slopes_of
 from solen.sensor.network.response import NetworkResponse, in_turn, response_of, unread_in
 from solen.sensor.network.signals import Signals, network_signals
@@ -58,6 +58,8 @@ class NetworkSensitivities(Result):
         The same from the readings of ``[[network.reading]]`` alone; None without one.
     warnings
         Warnings about the numbers.
+    suggestions
+        Places where another part would help most, the best first, if asked for.
     simulated
         Always true.
     """
@@ -78,7 +80,14 @@ class NetworkSensitivities(Result):
     by_voltages: Determination | None
     by_readings: Determination | None
     warnings: tuple[str, ...]
+    suggestions: tuple[Suggestion, ...] | None = None
     simulated: bool = True
+
+    @property
+    def change_by_noise(self) -> FloatArray | None:
+        """(keys, emitters, receivers) derivative of each voltage in standard deviations of its noise, per unit."""
+        here = self.signals
+        return None if here is None else np.asarray(self.slope * np.abs(here.slope_V[0]) / here.sd_V[0])
 
 
 def network_sensitivities(
