@@ -9,7 +9,7 @@ import pytest
 from solen.curve import CartesianOval, Segment
 from solen.errors import SolenError, SpecError
 from solen.plane import Point, Rigid
-from solen.report.design.network import csv_table
+from solen.report.design.network import csv_table, network_figure
 from solen.scene import Fan, Interface, Region, Scene
 from solen.sensor import Sensor
 from solen.sensor.network import network_check, network_response, network_study, network_trace
@@ -178,6 +178,9 @@ def test_a_study_goes_over_each_motion() -> None:
     assert study.sweeps["lean"].angle_deg.tolist() == [[-10.0], [0.0], [10.0]]
     assert np.array_equal(study.sweeps["lean"].power[1], study.at_rest.power[0])
     assert np.abs(np.diff(study.sweeps["lean"].power[:, 1], axis=0)).max() > 10.0 * study.at_rest.u_power.max()
+    drawing, *panels = network_figure(study).axes
+    assert {text.get_text() for text in drawing.texts} == {"a emits", "b emits", *study.at_rest.receivers}
+    assert [axes.get_title() for axes in panels] == ["a lit", "b lit"]
 
 
 def test_a_slope_is_the_difference_of_integrals() -> None:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from solen.sensor.network import network_response
+from solen.sensor.network import network_response, network_study
 from solen.sensor.network.slopes import network_sensitivities
 from solen.spec import loads, template, with_values
 
@@ -22,6 +22,24 @@ def test_a_shipped_network_tells_its_motions(name: str, combinations: int) -> No
         print(name, values, [(one.singular_per_deg, one.u_singular_per_deg) for one in found.combinations])
         assert found.rank == combinations
         assert found.all_distinguished
+
+
+@pytest.mark.evidence
+@pytest.mark.parametrize(
+    ("name", "reading", "by", "other"),
+    [
+        ("hand-860", "index finger", "index-bends", "ring-bends"),
+        ("hand-860", "ring finger", "ring-bends", "index-bends"),
+        ("robot-860", "neck", "neck-bends", "trunk-bends"),
+        ("robot-860", "trunk", "trunk-bends", "neck-bends"),
+    ],
+)
+def test_a_shipped_reading_follows_its_motion(name: str, reading: str, by: str, other: str) -> None:
+    study = network_study(with_values(loads(template(name)), PLANE), tolerance=1e-3)
+    place = study.at_rest.readings.index(reading)
+    own, beside = (float(np.ptp(study.sweeps[motion].reading[:, place])) for motion in (by, other))
+    print(name, reading, own, beside)
+    assert own > 5.0 * beside
 
 
 @pytest.mark.evidence

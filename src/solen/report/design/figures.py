@@ -250,11 +250,7 @@ def draw_rays(
     axes: Axes, title: str, body: Body, scene: Scene, trace: Trace, *, zoom: float | None = None, names: bool = True
 ) -> None:
     """Rays in a body, as `rays_figure` shows them; ``names`` writes those of the receivers beside them."""
-    outline = body.outline(1e-3)
-    axes.fill(*outline.T, facecolor="#eef3f7", edgecolor=INK, lw=0.8, zorder=1)
-    for other in body.others:
-        ring = polyline(other, 1e-3)
-        axes.fill(*ring.T, facecolor="white" if area(ring) < 0.0 else "#eef3f7", edgecolor=INK, lw=0.8, zorder=1)
+    outline = draw_body(axes, body)
     low, high = outline.min(axis=0), outline.max(axis=0)
     beyond, colours = 0.12 * float(high[1] - low[1]), colours_of(scene)
     for colour, lines in _coloured(scene, trace, beyond, colours).items():
@@ -285,6 +281,16 @@ def draw_rays(
         return
     base = body.marks["stem-base"]
     axes.set(xlim=(base[0] - zoom, base[0] + zoom), ylim=(body.emitter.point[1] - 0.5, base[1] + zoom))
+
+
+def draw_body(axes: Axes, body: Body) -> NDArray[np.float64]:
+    """Outlines of a body, its holes white; returns the outer one."""
+    outline = body.outline(1e-3)
+    axes.fill(*outline.T, facecolor="#eef3f7", edgecolor=INK, lw=0.8, zorder=1)
+    for other in body.others:
+        ring = polyline(other, 1e-3)
+        axes.fill(*ring.T, facecolor="white" if area(ring) < 0.0 else "#eef3f7", edgecolor=INK, lw=0.8, zorder=1)
+    return outline
 
 
 def colours_of(scene: Scene) -> dict[str, str]:

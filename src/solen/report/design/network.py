@@ -13,18 +13,24 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from solen.arrays import FloatArray
-from solen.geometry import Body
+from solen.geometry import Body, body_of
+from solen.plane import Point, heading
 from solen.report import canvas
 from solen.report.canvas import INK, LOST, SOFT, SPACE, series
-from solen.report.design.figures import SHOWN_RAYS, colours_of, draw_rays, sensor_view
+from solen.report.design.figures import SHOWN_RAYS, colours_of, draw_body, draw_rays, sensor_view
 from solen.sensor import Sensor
 from solen.sensor.network import NetworkStudy, NetworkTrace
 from solen.sensor.network.motions import Determination, Suggestion
 from solen.sensor.network.slopes import NetworkSensitivities
+from solen.spec.placed import state_of
 
 MOST_COLUMNS = 3
 DARK, BEYOND = 0.6, 1.25
 """Share from which on a cell is dark, and the length of a bar without an end in that of the longest."""
+PANEL_ROW_IN, LEAST_BODY_IN, MOST_BODY_IN, NAMES_IN = 2.5, 4.2, 5.0, 1.4
+"""Height of a row of panels, least height and most width of the body beside them, and room for names, in inches."""
+NAME_PT, ACROSS = 6.0, 0.35
+"""Distance of a name from its place, and part of a direction from which on it counts as to that side."""
 PANEL_IN, LEAST_IN = 3.4, 2.2
 """Width of a panel with rays, and its least height, in inches."""
 
@@ -57,13 +63,19 @@ def rays_of(sensors: Sequence[Sensor]) -> Figure:
 
 
 def network_figure(study: NetworkStudy) -> Figure:
-    """Response over each motion, a panel for each motion and emitter: what every receiver gets; without one, rays."""
+    """The body, its parts by name, and what every receiver gets by motion and emitter; rays where nothing moves."""
     if not study.sweeps:
         return rays_of(study.sensors)
     rows, columns = len(study.sweeps), len(study.at_rest.emitters)
-    figure = Figure(figsize=(max(4.6, 2.9 * columns), 2.5 * rows))
-    panels = figure.subplots(rows, columns, squeeze=False, sharex="row", sharey=True)
+    low, high = _extent(study.sensors[0].body())
+    high_in = max(LEAST_BODY_IN, PANEL_ROW_IN * rows)
+    across = (high_in - NAMES_IN) * float((high[0] - low[0]) / (high[1] - low[1]))
+    wide_in = NAMES_IN + min(across, MOST_BODY_IN)
+    figure = Figure(figsize=(wide_in + max(4.6, 2.9 * columns), high_in))
+    grid = figure.add_gridspec(1, 2, width_ratios=(wide_in, 2.9 * columns))
     every = colours_of(study.sensors[0].scene())
+    _draw_parts(figure.add_subplot(grid[0]), study, every)
+    panels = grid[1].subgridspec(rows, columns).subplots(squeeze=False, sharex="row", sharey=True)
     colours = {name: every[name] for name in study.at_rest.receivers}
     for (name, response), line in zip(study.sweeps.items(), panels, strict=True):
         angle = response.angle_deg[:, response.motions.index(name)]
@@ -74,6 +86,48 @@ def network_figure(study: NetworkStudy) -> Figure:
     handles, labels = panels[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=3)
     return figure
+
+
+def _draw_parts(axes: Axes, study: NetworkStudy, colours: dict[str, str]) -> None:
+    """The body as it stands with its lenses, emitters and receivers by name, and dotted at the ends of each motion."""
+    sensors, body = study.sensors, study.sensors[0].body()
+    outline = draw_body(axes, body)
+    middle = 0.5 * float(outline[:, 0].min() + outline[:, 0].max())
+    for motion in study.design.network.motion:
+        for end in (motion.from_deg, motion.to_deg):
+            moved = body_of(state_of(study.design, {motion.name: end}), None)
+            axes.plot(*moved.outline(1e-2).T, color=LOST, lw=0.7, ls=":", zorder=0)
+    for face in (*body.all_faces, *body.apart):
+        if face.name.startswith("lens-"):
+            axes.plot(*face.curve.flattened().T, color=INK, lw=2.4, zorder=3)
+        elif face.part == "receiver":
+            axes.plot(*face.curve.flattened().T, color=colours[face.whose], lw=3.5, zorder=3)
+            place = max((face.curve.start, face.curve.end), key=lambda point: abs(point[0] - middle))
+            _name_beside(axes, place, (math.copysign(1.0, place[0] - middle), 0.0), face.whose, colours[face.whose])
+    for sensor in sensors:
+        pose = sensor.body().emitter
+        axes.plot(*pose.point, "o", color=INK, ms=3.5, zorder=4)
+        _name_beside(axes, pose.point, heading(pose.axis_deg + 180.0), f"{sensor.design.network.lit} emits", INK)
+    axes.set_aspect("equal")
+    axes.margins(0.24, 0.06)
+    axes.grid(visible=False)
+    axes.set(xlabel="x (mm)", ylabel="z (mm)")
+
+
+def _name_beside(axes: Axes, place: Point, away: Point, name: str, colour: str) -> None:
+    """Write a name beside a place, in a direction away from the body."""
+    x, z = away
+    axes.annotate(
+        name,
+        place,
+        xytext=(NAME_PT * x, NAME_PT * z),
+        textcoords="offset points",
+        ha="left" if x > ACROSS else "right" if x < -ACROSS else "center",
+        va="bottom" if z > ACROSS else "top" if z < -ACROSS else "center",
+        color=colour,
+        fontsize="small",
+        zorder=5,
+    )
 
 
 def readings_figure(study: NetworkStudy) -> Figure:
