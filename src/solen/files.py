@@ -69,6 +69,25 @@ def output_folder(path: Path) -> Iterator[Path]:
         raise
 
 
+@contextlib.contextmanager
+def new_folder(path: Path) -> Iterator[Path]:
+    """A new folder that appears under its name once it is complete; `OutputError` if it exists or cannot be made.
+
+    On an exception nothing is left.
+    """
+    if path.exists():
+        raise OutputError(str(path), limit="exists already", remedy="name another folder or remove it")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=".new-", dir=path.parent, ignore_cleanup_errors=True) as temporary:
+            ready = Path(temporary) / "ready"
+            ready.mkdir()
+            yield ready
+            ready.replace(path)
+    except OSError as bad:
+        raise _unwritable(path, bad, "name another place") from None
+
+
 def write_text(path: Path, text: str) -> Path:
     """Write UTF-8 text under a temporary name and rename it to ``path``; `OutputError` if that fails."""
     return write_bytes(path, text.encode("utf-8"))

@@ -1,0 +1,19 @@
+"""One sensor as one checked archive: design, resin, print, pictures, recordings, calibration and figures, to be shared.
+
+The idea: an archive is a folder or a zip file with a description of its contents as RO-Crate metadata: for each file
+its size, SHA-256 checksum, kind and quantities with units; for the whole its authors and licence. Each file is read
+once with solen's own readers when packed, and everything is checked again when unpacked elsewhere.
+
+The interface: `pack` collects and describes files, `Archive.save` writes them; `opened` checks an archive that came
+from elsewhere, and `Opened.save` unpacks it.
+"""
+
+from solen.archive.contents import Item as Item
+from solen.archive.contents import described as described
+from solen.archive.metadata import NAME as NAME
+from solen.archive.packed import Archive as Archive
+from solen.archive.packed import PackOptions as PackOptions
+from solen.archive.packed import pack as pack
+from solen.archive.unpacked import Limits as Limits
+from solen.archive.unpacked import Opened as Opened
+from solen.archive.unpacked import opened as opened

@@ -1,0 +1,161 @@
+"""What a file of an archive is: its kind, checksum, and the quantities it holds, by solen's own readers."""
+
+import hashlib
+import json
+import mimetypes
+from collections.abc import Callable, Mapping
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from solen.bench.protocol import load_protocol
+from solen.bench.rig import load_rig
+from solen.errors import DataError, SolenError
+from solen.files import check_seal
+from solen.material.resin import load_resin
+from solen.parts import load_part
+from solen.parts.printer import load_printer
+from solen.ranks import Caution, look_at, of
+from solen.recording import Recording, read
+from solen.results import Result, reported
+from solen.spec import load as load_design
+
+DESIGN, OTHER = "design", "other file"
+PICTURES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".svg", ".pdf", ".webp", ".gif"}
+VIDEOS = {".avi", ".mp4", ".mov", ".mkv"}
+SOLIDS = {".stl", ".3mf", ".step", ".stp", ".obj", ".dxf"}
+DOCUMENTS = {".md", ".txt", ".html", ".docx", ".odt", ".rst", ".ipynb", ".m", ".py"}
+TABLES: tuple[tuple[str, Callable[[Path], Any]], ...] = (
+    (DESIGN, load_design),
+    ("resin", load_resin),
+    ("rig", load_rig),
+    ("protocol", load_protocol),
+    ("printer", load_printer),
+    ("part", load_part),
+)
+"""Kinds of TOML files, and what reads them."""
+
+
+class Item(Result):
+    """One file of an archive.
+
+    Attributes
+    ----------
+    path
+        Within the archive, with forward slashes.
+    kind
+        ``design``, ``resin``, ``recording``, ``picture``, a kind of solen's own results, or ``other file``.
+    size_bytes, sha256
+        Size and checksum of its bytes.
+    media_type
+        As the web names it: ``text/csv``.
+    quantities
+        Unit of each column of a recording, by the column's name; empty where the file states none.
+    simulated
+        Whether it states that its numbers were computed rather than measured.
+    remark
+        Why it could not be read as what its name suggests; empty where it was.
+    """
+
+    path: str
+    kind: str
+    size_bytes: int
+    sha256: str
+    media_type: str
+    quantities: Mapping[str, str]
+    simulated: bool
+    remark: str = ""
+
+
+class Contents(Result):
+    """What an archive states: its name, description, licence (SPDX name or address), authors and files."""
+
+    name: str
+    description: str
+    licence: str
+    authors: tuple[str, ...]
+    items: tuple[Item, ...]
+
+    @reported
+    def size_bytes(self) -> int:
+        """Size of all files together, unpacked."""
+        return sum(item.size_bytes for item in self.items)
+
+    @reported
+    def simulated(self) -> bool:
+        """Whether any file states that its numbers were computed."""
+        return any(item.simulated for item in self.items)
+
+    @reported
+    def warnings(self) -> tuple[Caution, ...]:
+        """Files that could not be read as what their names suggest."""
+        return tuple(of(item.path, look_at(item.remark)) for item in self.items if item.remark)
+
+
+def described(file: Path, path: PurePosixPath) -> Item:
+    """Description of a file for its path in an archive.
+
+    Raises
+    ------
+    DataError
+        If the file cannot be read, or its own checksum shows that it is damaged.
+    """
+    check_seal(file, DataError)
+    kind, quantities, simulated, remark = _known(file)
+    size, sha256 = measured(file)
+    media = mimetypes.guess_type(path.name, strict=False)[0] or "application/octet-stream"
+    return Item(str(path), kind, size, sha256, media, quantities, simulated, remark)
+
+
+def measured(file: Path) -> tuple[int, str]:
+    """Size and SHA-256 checksum of a file; `DataError` if it cannot be read."""
+    try:
+        with file.open("rb") as opened:
+            checksum = hashlib.file_digest(opened, "sha256").hexdigest()
+        return file.stat().st_size, checksum
+    except OSError as bad:
+        limit = f"cannot be read: {bad.strerror or bad}"
+        raise DataError(str(file), limit=limit, remedy="check the path and its permissions") from None
+
+
+def _known(file: Path) -> tuple[str, dict[str, str], bool, str]:
+    """Kind, units by quantity, whether simulated, and a remark."""
+    ending = file.suffix.lower()
+    for kind, endings in (("picture", PICTURES), ("video", VIDEOS), ("solid", SOLIDS), ("document", DOCUMENTS)):
+        if ending in endings:
+            return kind, {}, "simulated" in file.name.lower(), ""
+    if ending == ".toml":
+        return _of_toml(file)
+    if ending == ".json":
+        return _of_json(file)
+    try:
+        return ("recording", *_of_recording(read(file)), "")
+    except SolenError as bad:
+        return OTHER, {}, False, str(bad)
+
+
+def _of_recording(recording: Recording) -> tuple[dict[str, str], bool]:
+    return {channel.name: channel.unit for channel in recording.channels}, recording.provenance.simulated
+
+
+def _of_toml(file: Path) -> tuple[str, dict[str, str], bool, str]:
+    first = ""
+    for kind, load in TABLES:
+        try:
+            found = load(file)
+        except SolenError as bad:
+            first = first or str(bad)
+        else:
+            return kind, {}, bool(getattr(found, "simulated", False)), ""
+    return OTHER, {}, False, f"is not a design, resin, rig, protocol, printer or part; as a design: {first}"
+
+
+def _of_json(file: Path) -> tuple[str, dict[str, str], bool, str]:
+    """Results of solen name their kind."""
+    try:
+        data = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as bad:
+        return OTHER, {}, False, f"{file}; is not JSON: {bad}"
+    if not isinstance(data, dict):
+        return OTHER, {}, False, ""
+    kind = data.get("kind", data.get("solen", "scene" if "solen_scene" in data else OTHER))
+    return str(kind), {}, data.get("simulated") is True, ""

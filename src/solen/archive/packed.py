@@ -1,0 +1,208 @@
+"""Collecting the files of a sensor, and writing them with their description as a folder or a zip file."""
+
+import hashlib
+import zipfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from io import BytesIO
+from pathlib import Path, PurePosixPath
+from typing import IO
+
+from pydantic import Field
+
+from solen import __version__, files
+from solen.archive.contents import OTHER, Contents, Item, described
+from solen.archive.metadata import NAME, Author, dumps, licence_name, licence_of
+from solen.arrays import Progress
+from solen.errors import DataError, SpecError
+from solen.files import check_name, new_folder, read_text
+from solen.results import HIDDEN
+from solen.spec import load
+from solen.spec.edited import edited
+from solen.spec.strict import Options
+from solen.spec.toml import value_at
+
+FIRST_DATE = (1980, 1, 1, 0, 0, 0)
+"""Date of all entries of a zip file, so that equal contents give equal files."""
+BESIDE = "files"
+"""Folder within the archive for what does not lie beside the design."""
+CHUNK = 1 << 20
+
+
+class PackOptions(Options):
+    """What an archive states about itself."""
+
+    author: tuple[str, ...] = Field(min_length=1)
+    """Author, once for each: "NAME", or "NAME <ORCID>"."""
+    licence: str
+    """Licence: its SPDX name, as CC-BY-4.0, or its address."""
+    title: str = ""
+    """Title; default: the design's name."""
+    description: str = ""
+    """What was made and measured, in a sentence or two."""
+
+
+@dataclass(frozen=True)
+class Member:
+    """A file of an archive: its description, and where it lies or, if that differs, its content."""
+
+    item: Item
+    file: Path
+    content: bytes | None = None
+
+    def copy(self, target: IO[bytes]) -> None:
+        """Write the content; `DataError` if it changed since it was described."""
+        checksum = hashlib.sha256()
+        with BytesIO(self.content) if self.content is not None else self.file.open("rb") as source:
+            while chunk := source.read(CHUNK):
+                checksum.update(chunk)
+                target.write(chunk)
+        if checksum.hexdigest() != self.item.sha256:
+            raise DataError(str(self.file), limit="changed while it was packed", remedy="pack again")
+
+
+class Archive(Contents):
+    """A sensor's files, described; `save` writes them."""
+
+    metadata: str = field(metadata=HIDDEN)
+    members: tuple[Member, ...] = field(metadata=HIDDEN)
+
+    def save(self, out: Path) -> Path:
+        """Write a zip file if the name ends in ``.zip``, else a new folder; `OutputError` if that fails.
+
+        Equal contents give equal zip files, but for the date of packing.
+        """
+        if out.suffix.lower() == ".zip":
+            files.write_all({out: self._zip})
+            return out
+        with new_folder(out) as folder:
+            (folder / NAME).write_text(self.metadata, encoding="utf-8")
+            for member in self.members:
+                target = folder / member.item.path
+                target.parent.mkdir(parents=True, exist_ok=True)
+                with target.open("xb") as file:
+                    member.copy(file)
+        return out
+
+    def _zip(self, target: Path) -> None:
+        with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as written:
+            written.writestr(_entry(NAME), self.metadata.encode())
+            for member in self.members:
+                with written.open(_entry(member.item.path), "w", force_zip64=True) as file:
+                    member.copy(file)
+
+
+def _entry(path: str) -> zipfile.ZipInfo:
+    entry = zipfile.ZipInfo(path, FIRST_DATE)
+    entry.compress_type, entry.external_attr = zipfile.ZIP_DEFLATED, 0o644 << 16
+    return entry
+
+
+def pack(
+    design: Path,
+    further: Sequence[Path],
+    options: PackOptions,
+    *,
+    leave_out: Path | None = None,
+    progress: Progress | None = None,
+) -> Archive:
+    """Collect and describe the files of a sensor.
+
+    Parameters
+    ----------
+    design
+        The design file; the files it names come along. What lies elsewhere than beside it goes to the folder ``files``,
+        and the design names it there.
+    further
+        Files, and folders with all that is in them except hidden files: print settings, pictures, recordings,
+        calibrations, figures.
+    options
+        Authors, licence, title and description.
+    leave_out
+        A file that is not packed where it lies in one of the folders: the archive itself.
+    progress
+        Called with the completed share, up to 1.
+
+    Raises
+    ------
+    SpecError
+        If the design, an author or the licence is not valid.
+    DataError
+        If a file is missing or damaged, or two would have one path.
+    """
+    authors, licence = [Author.of(text) for text in options.author], licence_of(options.licence)
+    stated = load(design)
+    base = design.absolute().parent
+    named = {key: _checked(path) for key, path in stated.files.items()}
+    text, moved = read_text(design, SpecError), {}
+    for key, path in named.items():
+        place = _place(path, base)
+        if place.parts[0] == BESIDE or Path(value_at(stated, key)).is_absolute():
+            moved[key] = str(place)
+    if moved:
+        text = edited(text, moved, what=str(design), folder=base)
+    every = {PurePosixPath(design.name): design} | {_place(path, base): path for path in named.values()}
+    for file, place in _found(further, base, leave_out):
+        if every.setdefault(place, file).resolve() != file.resolve():
+            limit, remedy = f"would stand in the archive as {place}, as {every[place]} does", "rename one of the two"
+            raise DataError(str(file), limit=limit, remedy=remedy)
+    _check_paths(every)
+    members = []
+    for number, (place, file) in enumerate(every.items(), 1):
+        item = described(file, place)
+        if item.kind == OTHER and file in named.values() and file.suffix == ".toml":
+            raise DataError(str(file), limit=item.remark, remedy="correct it: the design names it")
+        content = text.encode() if moved and file == design else None
+        if content is not None:
+            item = replace(item, size_bytes=len(content), sha256=hashlib.sha256(content).hexdigest())
+        members.append(Member(item, file, content))
+        if progress is not None:
+            progress(number / len(every))
+    items = tuple(member.item for member in members)
+    title = options.title or stated.name
+    metadata = dumps(title, options.description, licence, authors, items, __version__)
+    names = tuple(author.name for author in authors)
+    return Archive(title, options.description, licence_name(licence), names, items, metadata, tuple(members))
+
+
+def _checked(path: Path) -> Path:
+    if not path.is_file():
+        limit = "is not a file" if path.exists() else "no such file or folder"
+        raise DataError(str(path), limit=limit, remedy="check the path")
+    return path
+
+
+def _place(path: Path, base: Path) -> PurePosixPath:
+    """Path within the archive: as it lies beside the design, or in the folder for all else."""
+    try:
+        return PurePosixPath(path.resolve().relative_to(base.resolve()).as_posix())
+    except ValueError:
+        return PurePosixPath(BESIDE, path.name)
+
+
+def _found(given: Sequence[Path], base: Path, leave_out: Path | None) -> Iterator[tuple[Path, PurePosixPath]]:
+    """Files with their paths within the archive; those of folders one by one."""
+    for path in given:
+        if not path.is_dir():
+            yield _checked(path), _place(path, base)
+            continue
+        outside = not path.resolve().is_relative_to(base.resolve())
+        for file in sorted(path.rglob("*")):
+            within = file.relative_to(path)
+            hidden = any(part.startswith((".", "__pycache__")) for part in within.parts)
+            is_own = file.name == NAME or (leave_out is not None and file.resolve() == leave_out.resolve())
+            if file.is_file() and not hidden and not is_own:
+                folder = path.resolve().name
+                yield file, PurePosixPath(BESIDE, folder, within.as_posix()) if outside else _place(file, base)
+
+
+def _check_paths(places: dict[PurePosixPath, Path]) -> None:
+    """`DataError` if a path is not valid on every system."""
+    known: dict[str, PurePosixPath] = {}
+    for place, file in places.items():
+        for part in place.parts:
+            check_name(f"name of {file}", part, DataError, "rename it")
+        other = known.setdefault(str(place).lower(), place)
+        if other != place:
+            limit = f"is the same path as {other} on Windows and macOS"
+            raise DataError(str(place), limit=limit, remedy="rename one of the two")

@@ -1,0 +1,199 @@
+"""Opening an archive that came from elsewhere: nothing in it is trusted until it is checked.
+
+Paths that leave the folder, links, names that a system does not allow, more bytes than stated or allowed, missing,
+changed and unknown files, and designs that name files outside are refused, before anything appears under its name.
+"""
+
+import hashlib
+import stat
+import zipfile
+import zlib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import IO
+
+from pydantic import Field
+
+from solen.archive.contents import DESIGN, Contents, Item
+from solen.archive.metadata import NAME, loads
+from solen.errors import DataError
+from solen.files import check_name, new_folder
+from solen.spec import load
+from solen.spec.strict import Options
+
+CHUNK = 1 << 20
+MOST_METADATA = 32 << 20
+MEGABYTE = 1_000_000
+AGAIN = "have it packed and sent again"
+
+
+class Limits(Options):
+    """What an archive may hold at most."""
+
+    most_files: int = Field(10_000, ge=1)
+    """Most files."""
+    most_megabytes: float = Field(4000.0, gt=0.0)
+    """Most megabytes, unpacked."""
+
+
+class Opened(Contents):
+    """An archive as it describes itself; `save` checks its files and unpacks them."""
+
+    archive: Path
+
+    def save(self, out: Path) -> Path:
+        """Unpack into a new folder; every checksum is compared on the way.
+
+        Raises
+        ------
+        DataError
+            If a file's size or checksum is not the stated one, or a design names a file outside the folder.
+        OutputError
+            If the folder exists or cannot be written.
+        """
+        with new_folder(out) as folder, _source(self.archive) as source:
+            (folder / NAME).write_text(source.text(NAME), encoding="utf-8")
+            for item in self.items:
+                source.copy(item, folder / item.path)
+            for item in self.items:
+                if item.kind == DESIGN:
+                    _check_design(folder / item.path, folder)
+        return out
+
+
+def opened(archive: Path, limits: Limits | None = None) -> Opened:
+    """An archive's description, checked against what it holds; nothing is unpacked.
+
+    Parameters
+    ----------
+    archive
+        A folder or a zip file that `solen project pack` wrote.
+    limits
+        Most files and megabytes.
+
+    Raises
+    ------
+    DataError
+        If it is not such an archive, holds other files than stated or more than the limits, or a path in it leaves
+        the folder or is not valid on every system.
+    """
+    limits = limits or Limits()
+    with _source(archive) as source:
+        names = source.names
+        if NAME not in names:
+            remedy = "name a folder or zip file that solen project pack wrote"
+            raise DataError(str(archive), limit=f"is not an archive of solen: it has no {NAME}", remedy=remedy)
+        if len(names) > limits.most_files + 1:
+            limit = f"at most {limits.most_files}"
+            raise DataError(f"{archive}: files", value=len(names) - 1, limit=limit, remedy="raise --most-files")
+        for name in names:
+            _check_path(archive, name)
+        if len({name.lower() for name in names}) < len(names):
+            raise DataError(str(archive), limit="holds two files of one path", remedy=AGAIN)
+        stated = loads(source.text(NAME), f"{archive}: {NAME}")
+    _check_stated(archive, [item.path for item in stated.items], set(names) - {NAME})
+    size = sum(item.size_bytes for item in stated.items)
+    if size > limits.most_megabytes * MEGABYTE:
+        limit = f"at most {limits.most_megabytes:g} MB"
+        raise DataError(
+            f"{archive}: size", value=f"{size / MEGABYTE:.6g} MB", limit=limit, remedy="raise --most-megabytes"
+        )
+    return Opened(stated.name, stated.description, stated.licence, stated.authors, stated.items, archive)
+
+
+def _check_stated(archive: Path, stated: list[str], held: set[str]) -> None:
+    """`DataError` unless the files are exactly those stated, each once."""
+    if len(set(stated)) < len(stated):
+        raise DataError(str(archive), limit="describes two files of one path", remedy=AGAIN)
+    for paths, limit in ((set(stated) - held, "is described and missing"), (held - set(stated), "is not described")):
+        if paths:
+            raise DataError(f"{archive}: {min(paths)}", limit=limit, remedy=AGAIN)
+
+
+def _check_path(archive: Path, path: str) -> None:
+    """`DataError` if a path leaves the folder or is not valid on every system."""
+    what = f"{archive}: path"
+    pure = PurePosixPath(path)
+    if not path or pure.is_absolute() or ".." in pure.parts or "\\" in path or ":" in path or str(pure) != path:
+        raise DataError(what, value=path, limit="must stay within the folder", remedy="do not trust this archive")
+    for part in pure.parts:
+        check_name(what, part, DataError, "have it renamed and packed again")
+
+
+def _check_design(design: Path, folder: Path) -> None:
+    """`DataError` unless a design is valid and all files it names are in the folder."""
+    inside = folder.resolve()
+    for key, path in load(design).files.items():
+        if not path.resolve().is_relative_to(inside):
+            limit = "names a file outside the archive"
+            raise DataError(f"{design.name}: {key}", value=str(path), limit=limit, remedy=AGAIN)
+
+
+@dataclass(frozen=True)
+class _Source:
+    """A folder or a zip file: the names of its files, and what opens one."""
+
+    archive: Path
+    names: tuple[str, ...]
+    open: Callable[[str], IO[bytes]]
+
+    def text(self, name: str) -> str:
+        """Text of a file; `DataError` if it is too long or not UTF-8."""
+        with self.open(name) as file:
+            data = file.read(MOST_METADATA + 1)
+        try:
+            if len(data) > MOST_METADATA:
+                raise ValueError(f"is longer than {MOST_METADATA} bytes")
+            return data.decode()
+        except ValueError as bad:
+            raise DataError(f"{self.archive}: {name}", limit=str(bad), remedy=AGAIN) from None
+
+    def copy(self, item: Item, target: Path) -> None:
+        """Write a file; `DataError`, after no more bytes than stated, if it is not the one that was packed."""
+        checksum, left = hashlib.sha256(), item.size_bytes
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with self.open(item.path) as file, target.open("xb") as written:
+            while chunk := file.read(CHUNK):
+                left -= len(chunk)
+                if left < 0:
+                    break
+                checksum.update(chunk)
+                written.write(chunk)
+        if left != 0 or checksum.hexdigest() != item.sha256:
+            limit = "is not as it was packed: its size or checksum differs"
+            raise DataError(f"{self.archive}: {item.path}", limit=limit, remedy=AGAIN)
+
+
+@contextmanager
+def _source(archive: Path) -> Iterator[_Source]:
+    """Files of a folder or zip file; `DataError` if it is neither, is damaged, or holds links or passwords."""
+    if archive.is_dir():
+        yield _Source(archive, tuple(_names(archive)), lambda name: (archive / name).open("rb"))
+        return
+    if not archive.exists():
+        raise DataError(str(archive), limit="no such file or folder", remedy="check the path")
+    try:
+        with zipfile.ZipFile(archive) as held:
+            entries = [entry for entry in held.infolist() if not entry.is_dir()]
+            for entry in entries:
+                limit = "is encrypted" if entry.flag_bits & 1 else ""
+                limit = "is a link" if stat.S_ISLNK(entry.external_attr >> 16) else limit
+                if limit:
+                    raise DataError(f"{archive}: {entry.filename}", limit=limit, remedy=AGAIN)
+            yield _Source(archive, tuple(entry.filename for entry in entries), held.open)
+    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, OSError) as bad:
+        if isinstance(bad, OSError) and bad.errno is not None and bad.filename != str(archive):
+            raise  # of what is written
+        limit = "is neither a folder nor a zip file that can be read"
+        raise DataError(str(archive), limit=f"{limit}: {bad}", remedy=AGAIN) from None
+
+
+def _names(folder: Path) -> Iterator[str]:
+    for file in sorted(folder.rglob("*")):
+        name = file.relative_to(folder).as_posix()
+        if file.is_symlink():
+            raise DataError(f"{folder}: {name}", limit="is a link", remedy="replace it by the file")
+        if not file.is_dir():
+            yield name

@@ -1,0 +1,29 @@
+"""The commands that pack a sensor into an archive and unpack it."""
+
+from collections.abc import Iterator, Sequence
+
+from solen.archive import Archive, Item, Opened
+from solen.cli.app import lines
+from solen.pipeline.project.archive import pack as pack
+from solen.pipeline.project.archive import unpack as unpack
+
+
+@lines.register
+def _(archive: Archive) -> Iterator[str]:
+    yield from _about(archive, archive.items)
+
+
+@lines.register
+def _(archive: Opened) -> Iterator[str]:
+    yield from _about(archive, archive.items)
+    yield "every size and checksum is as packed"
+
+
+def _about(archive: Archive | Opened, items: Sequence[Item]) -> Iterator[str]:
+    yield f"{archive.name}, by {', '.join(archive.authors)}, {archive.licence}"
+    wide = max(len(item.path) for item in items)
+    for item in items:
+        columns = [f"{name} ({unit})" if unit else name for name, unit in item.quantities.items()]
+        simulated = ", simulated" if item.simulated else ""
+        held = f": {', '.join(columns)}" if columns else ""
+        yield f"{item.path:{wide}}  {item.size_bytes:>11,} bytes  {item.kind}{simulated}{held}"

@@ -1,0 +1,47 @@
+"""One sensor as one archive: packed to be shared, unpacked elsewhere."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+from solen.archive import Archive, Limits, Opened, PackOptions, opened
+from solen.archive import pack as packed
+from solen.pipeline.options import FLAT, ProgressBar
+from solen.results import Outcome
+
+
+def pack(
+    file: Path,
+    further: Sequence[Path] = (),
+    *,
+    out: Path,
+    options: Annotated[PackOptions, FLAT],
+    progress: ProgressBar = None,
+) -> Outcome[Archive]:
+    """Pack a design and all that belongs to its sensor into one described archive.
+
+    Parameters
+    ----------
+    file
+        The design file; the files that it names come along.
+    further
+        Files and folders: print settings, pictures, recordings, calibrations, figures.
+    out
+        Archive: a zip file if the name ends in .zip, else a new folder.
+    """
+    archive = packed(file, further, options, leave_out=out, progress=progress)
+    return Outcome(archive, {"out": archive.save(out)})
+
+
+def unpack(file: Path, *, out: Path, limits: Annotated[Limits, FLAT] = Limits()) -> Outcome[Opened]:
+    """Check an archive that came from elsewhere, and unpack it into a new folder.
+
+    Parameters
+    ----------
+    file
+        The archive: a zip file or folder.
+    out
+        New folder.
+    """
+    archive = opened(file, limits)
+    return Outcome(archive, {"out": archive.save(out)})
