@@ -40,6 +40,8 @@ CALIBRATION = f"{IN}/rotation-simulated.S1.calibration.json"
 
 ROWS = {
     "project examples": f"--out {IN}",
+    "project pack": f"{IN}/sensor.toml {ROTATION} --out sensor.zip --author Author --licence MIT",
+    "project unpack": "sensor.zip --out unpacked",
     "new": "part",
     "new #soft": "soft --example press-860",
     "new #network": "net --example hand-860",
