@@ -17,6 +17,7 @@ from xml.etree import ElementTree as ET
 import pytest
 
 from solen.cli import run_command
+from solen.cli.design.studio import printed
 from solen.explore.live import COARSE_RAYS, coarse
 from solen.explore.matters import matters
 from solen.explore.sliders import SlidersOptions, sliders
@@ -52,7 +53,7 @@ LEFT = FLAT.replace("1.44", "1.45")
 
 @contextmanager
 def served(file: Path) -> Iterator[str]:
-    server, listening, page = server_at(Document(file))
+    server, listening, page = server_at(Document(file), shown=printed)
     thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]})
     thread.start()
     try:
@@ -229,6 +230,22 @@ def test_a_page_without_a_server_shows_the_numbers_of_its_sliders(seen: dict[str
     for name, place in (("from", 0), ("to", 1)):
         value, u = number(seen["player"][name])
         assert value == pytest.approx(exact.contrast[place], abs=4 * u + 1e-3)
+
+
+def test_the_tab_of_the_resin_shows_what_its_command_answers(
+    seen: dict[str, Any], folder: Path, commanded: Callable[[str], dict[str, Any]]
+) -> None:
+    assert seen["tabs"] == ["Resin"]
+    assert "--irradiance-mW-per-cm2" in seen["lacking"], "the command's line"
+    found, shown = commanded(seen["resin"]["same"][0]), seen["resin"]
+    rows = {name: value for name, value in shown["rows"] if value}
+    for name in ("Dp_um", "Ec_mJ_per_cm2", "discs", "sd_thickness_um"):
+        assert float(rows[name]) == found[name]
+    assert len(rows) > 10
+    assert shown["lines"][0].startswith(f"Dp {found['Dp_um']:.4g} µm")
+    assert shown["figure"] > 300
+    assert commanded(f"solen resin show {folder / 'mine.toml'}")["cure"]["Dp_um"] == found["Dp_um"]
+    assert "mine.toml" in shown["unusable"], "it has no index"
 
 
 @pytest.mark.evidence

@@ -59,7 +59,7 @@ export function form(offer: Offer, values: Values, kept: string[], set: (name: s
     ${offer.files.map((one) => fileField(offer, one, values[one.name], kept, set))}
     ${offer.first.map(field)}
     ${later.length ? html`<details><summary>All options</summary>${later.map(field)}</details>` : nothing}
-    <p class="begin"><button type="submit" class="main" ?disabled=${lacks.length > 0 || running}>${running ? "Running …" : "Begin"}</button>
+    <p class="begin"><button type="submit" class="main" ?disabled=${running}>${running ? "Running …" : "Begin"}</button>
       ${lacks.length ? html`<span class="unit">needs ${lacks.map((one) => one.replaceAll("_", " ")).join(", ")}</span>` : nothing}</p>
   </form>`;
 }

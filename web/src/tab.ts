@@ -136,6 +136,23 @@ export abstract class Tab extends LitElement {
     if (!missing(offer, this.values[offer.name]).length) void this.begin();
   }
 
+  // A command that takes results only gets the newest of each.
+  private newest(offer: Offer): void {
+    if (!offer.files.length || offer.files.some((one) => !one.result)) return;
+    const numberOf = (name: string) => +name.split("/")[0].split("-").pop()!;
+    const found = offer.files.map(({ name }): [string, string | undefined] => {
+      const own = this.kept.filter((one) => one.endsWith(`/${name}.json`)).sort((a, b) => numberOf(a) - numberOf(b));
+      return [name, this.values[offer.name]?.[name] as string | undefined ?? own.pop()];
+    });
+    this.values = { ...this.values, [offer.name]: { ...this.values[offer.name], ...Object.fromEntries(found) } };
+  }
+
+  protected choose(name: string): void {
+    this.chosen = name;
+    this.newest(this.offer(name)!);
+    this.requestUpdate();
+  }
+
   protected set(name: string, value: unknown): void {
     this.values = { ...this.values, [this.chosen]: { ...this.values[this.chosen], [name]: value } };
     this.requestUpdate();
@@ -181,10 +198,7 @@ export abstract class Tab extends LitElement {
           }}></label>
       </div>
       ${this.refused ? html`<p class="warning refusal" role="alert">${this.refused}</p>` : nothing}
-      <label class="command">Command <select .value=${this.chosen} @change=${(event: Event) => {
-        this.chosen = (event.target as HTMLSelectElement).value;
-        this.requestUpdate();
-      }}>${this.offers.map((one) => html`<option value=${one.name} .selected=${one.name === this.chosen}>${one.label}</option>`)}</select></label>
+      <label class="command">Command <select .value=${this.chosen} @change=${(event: Event) => this.choose((event.target as HTMLSelectElement).value)}>${this.offers.map((one) => html`<option value=${one.name} .selected=${one.name === this.chosen}>${one.label}</option>`)}</select></label>
       ${offer ? form(offer, this.values[offer.name] ?? {}, this.kept, (name, value) => this.set(name, value), () => void this.begin(), running) : nothing}
       ${this.jobs.size ? html`<h2>Results</h2><ul class="jobs">${[...this.jobs.values()].reverse().map((job) => html`<li><button type="button" aria-pressed=${String(job.number === this.shown)}
         @click=${() => this.show(job.number)}>${job.label} <span class="unit">${job.folder}, ${job.state}</span></button></li>`)}</ul>` : nothing}`;

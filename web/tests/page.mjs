@@ -1,6 +1,7 @@
 // Drives the page as a person would, and prints what was seen as one JSON object. Called by tests/studio/test_page.py.
 import { readFileSync } from "node:fs";
 import { chromium } from "playwright-core";
+import { resin } from "./tabs.mjs";
 
 const [address, folder, program, extent, exported] = process.argv.slice(2);
 const whole = extent === "whole"; // with screenshots and times
@@ -11,6 +12,7 @@ const origin = new URL(address).origin;
 
 const context = await browser.newContext({ viewport: { width: 1440, height: 900 }, colorScheme: "light", acceptDownloads: true });
 const page = await context.newPage();
+page.setDefaultTimeout(120_000);
 page.on("console", (message) => ["error", "warning"].includes(message.type()) && seen.problems.push(message.text()));
 page.on("pageerror", (error) => seen.problems.push(String(error)));
 page.on("request", (request) => {
@@ -22,7 +24,7 @@ const version = () => page.evaluate(() => Number(document.querySelector("solen-s
 async function rest(act) {
   const before = await version();
   await act();
-  await page.waitForFunction((n) => Number(document.querySelector("solen-studio")?.dataset.rest ?? 0) > n, before, { timeout: 60_000 });
+  await page.waitForFunction((n) => Number(document.querySelector("solen-studio")?.dataset.rest ?? 0) > n, before);
 }
 const text = (selector) => page.locator(selector).innerText();
 const value = (key) => page.locator(`[id="field-${key}"]`).inputValue();
@@ -107,7 +109,7 @@ await page.getByTitle("The same from the command line").click();
 
 // what matters
 await page.getByRole("button", { name: "Tolerances" }).click();
-await page.waitForFunction((n) => document.querySelectorAll(".matters tbody tr").length >= n, 5, { timeout: 60_000 });
+await page.waitForFunction((n) => document.querySelectorAll(".matters tbody tr").length >= n, 5);
 seen.matters = await page.locator(".matters tbody tr").allInnerTexts();
 await page.screenshot({ path: `${folder}/matters.png` });
 await page.getByRole("button", { name: "Tolerances" }).click();
@@ -122,9 +124,9 @@ await page.locator("textarea[name=free]").fill("emitter.offset_mm=-0.03:0.03\nle
 await page.locator("textarea[name=subject_to]").fill("");
 await page.locator("input[name=evaluations]").fill("70");
 await page.getByRole("button", { name: "Begin" }).click();
-await page.waitForFunction(() => document.querySelectorAll(".designs tbody tr").length >= 1, null, { timeout: 60_000 });
+await page.waitForFunction(() => document.querySelectorAll(".designs tbody tr").length >= 1, null);
 seen.share = await page.locator(".progress progress").evaluate((one) => one.value);
-await page.waitForFunction(() => document.querySelector(".search-panel .quality").textContent.includes("traced again"), null, { timeout: 120_000 });
+await page.waitForFunction(() => document.querySelector(".search-panel .quality").textContent.includes("traced again"));
 await audit("search");
 await page.locator(".search-panel").screenshot({ path: `${folder}/search.png` });
 await page.screenshot({ path: `${folder}/searched.png` });
@@ -151,6 +153,8 @@ for (const light of whole ? ["plane", "space"] : []) {
   await page.waitForTimeout(300);
   seen[`${light}_ms`] = await times();
 }
+
+await resin(page, seen, folder, audit);
 
 await page.emulateMedia({ colorScheme: "dark" });
 await audit("dark");

@@ -29,9 +29,9 @@ def evaluations(recording: Recording) -> tuple[str, ...]:
 
 
 def _kinds(recording: Recording) -> set[str | None]:
-    """Kinds of the spectra: T, R or A."""
+    """Kinds of the spectra: T, R, A, or None for another."""
     axes = {one.name for one in recording.channels if one.quantity == "wavelength"}
-    return {kind_of(one) for one in recording.channels if one.axis in axes and one.name not in axes} - {None}
+    return {kind_of(one) for one in recording.channels if one.axis in axes and one.name not in axes}
 
 
 def _exposures(recording: Recording) -> bool:
@@ -49,11 +49,13 @@ def _guides(recording: Recording) -> bool:
     return recording.find(*LENGTHS) is not None and recording.find(*POWERS, *LOSSES) is not None
 
 
+_OPTICAL = {"T", "R", "A"}
 _SUITS: dict[str, Callable[[Recording], bool]] = {
     "exposures": _exposures,
-    "index": lambda recording: "T" in _kinds(recording) or "R" in _kinds(recording),
+    "index": lambda recording: bool(_kinds(recording) & {"T", "R"}),
     "penetration": lambda recording: bool(_kinds(recording) & {"A", "T"}),
     "stiffness": lambda recording: recording.find(*FORCE, *STRESS, *TRUE_STRESS) is not None,
-    "cure": lambda recording: not _kinds(recording) and _discs(recording),
-    "cutback": lambda recording: not _kinds(recording) and _guides(recording),
+    "cure": lambda recording: not _kinds(recording) & _OPTICAL and _discs(recording),
+    "cutback": lambda recording: not _kinds(recording) & _OPTICAL and _guides(recording),
+    "spectra": lambda recording: bool(_kinds(recording)),
 }

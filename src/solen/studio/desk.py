@@ -10,10 +10,10 @@ from pydantic import Field
 from solen.errors import SolenError, SpecError
 from solen.spec.strict import Strict
 from solen.studio import tabs
+from solen.studio.calls import Shown, perform
 from solen.studio.commands import SAVE_FIRST, assigned
 from solen.studio.document import Document
 from solen.studio.jobs import Job
-from solen.studio.offers import Shown, perform
 from solen.studio.storage import Storage
 
 
@@ -60,11 +60,12 @@ class Desk:
         offer = tabs.offer(order.command)
         folder = self.storage.new_folder(offer.short)
         try:
-            call = offer.call(order.asked, self.storage.path, folder, *(self._design() if offer.design else ()))
+            home, design = self.document.path.parent, self._design() if offer.design else ()
+            call = offer.call(order.asked, self.storage.path, folder, home, *design)
             about = {"shell": call.shell, "python": call.python, "folder": folder.name, "label": offer.label}
             return self.document.jobs.begin(offer.name, perform, (call, self.shown), about)
         except SolenError:
-            folder.rmdir()
+            self.storage.drop(folder)
             raise
 
     def _design(self) -> tuple[Path, list[str]]:

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 from solen.errors import SolenError, SpecError
 from solen.extras import need
 from solen.studio import routes
+from solen.studio.calls import Shown
 from solen.studio.desk import Desk
 from solen.studio.document import Document
 from solen.studio.guard import LOCAL, Guard
-from solen.studio.offers import Shown
 from solen.studio.session import Session
 
 if TYPE_CHECKING:

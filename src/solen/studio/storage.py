@@ -7,6 +7,7 @@ names, not by opening what was asked for.
 import re
 import secrets
 from collections.abc import AsyncIterator
+from contextlib import suppress
 from pathlib import Path
 
 from solen.errors import OutputError, SpecError
@@ -79,6 +80,12 @@ class Storage:
         if name not in self.names():
             raise SpecError("file", value=safe_name(name), limit="is not kept here", remedy="drop it again")
         return self.folder / name
+
+    @staticmethod
+    def drop(folder: Path) -> None:
+        """Remove a folder that is still empty."""
+        with suppress(OSError):
+            folder.rmdir()
 
     def new_folder(self, name: str) -> Path:
         """An empty folder for what a job writes: ``cure-1``, ``cure-2``."""

@@ -6,6 +6,15 @@ from solen.material.evaluations import evaluations
 from solen.recording import read
 from solen.studio.offers import Offer
 
+_RESULTS = {
+    "index": "the index",
+    "cutback": "the loss of guides",
+    "cure": "the working curve",
+    "stiffness": "the stiffness",
+    "penetration": "the penetration depth",
+    "refractometer": "a refractometer",
+}
+
 OFFERS = (
     Offer(
         "resin index",
@@ -56,6 +65,22 @@ OFFERS = (
         written={"out": "stiffness.json"},
         first=("cube_mm", "length_mm", "area_mm2", "mode"),
     ),
+    Offer(
+        "resin spectra",
+        "solen.pipeline.resin.spectra:spectra",
+        "List of spectra",
+        files={"files": "Spectra"},
+        first=("trace",),
+    ),
+    Offer(
+        "resin build",
+        "solen.pipeline.resin.library:build",
+        "Save a resin",
+        results={name: f"Result of {words}" for name, words in _RESULTS.items()},
+        beside={"out": "{name}.toml"},
+        first=("name", "formulation", "source"),
+    ),
+    Offer("resin show", "solen.pipeline.resin.library:show", "Show a resin", first=("name", "at_nm")),
 )
 
 

@@ -1,0 +1,133 @@
+"""A call of a command's function: run as the work of a job, and written out as a command line and as a script."""
+
+import inspect
+import shlex
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from solen.results import Outcome
+from solen.spec.strict import Options
+from solen.studio.jobs import Tell
+from solen.studio.signature import Parameter, is_fixed, option_name, parameters_of
+
+Shown = Callable[[str, Any], Sequence[str]]
+"""Lines that a command prints of its result, by the command's name."""
+
+
+@dataclass(frozen=True)
+class Call:
+    """A call of a command's function.
+
+    Attributes
+    ----------
+    name
+        The command without ``solen``.
+    function
+        Its function.
+    values
+        The values that are stated, by parameter, in the order of the function.
+    """
+
+    name: str
+    function: Callable[..., Outcome[Any]]
+    values: Mapping[str, Any]
+
+    @cached_property
+    def parameters(self) -> dict[str, Parameter]:
+        """Parameters of the function by name."""
+        return parameters_of(self.function)
+
+    def run(self, progress: Callable[[float], None] | None = None) -> Outcome[Any]:
+        """Call it."""
+        given = dict(self.values)
+        if "progress" in self.parameters:
+            given["progress"] = progress
+        first, keywords = self._split(given)
+        return self.function(*first, **keywords)
+
+    def _split(self, given: Mapping[str, Any]) -> tuple[list[Any], dict[str, Any]]:
+        first: list[Any] = []
+        keywords: dict[str, Any] = {}
+        for name, value in given.items():
+            kind = self.parameters[name].kind
+            if kind is inspect.Parameter.VAR_POSITIONAL:
+                first += value
+            elif kind is inspect.Parameter.POSITIONAL_ONLY:
+                first.append(value)
+            else:
+                keywords[name] = value
+        return first, keywords
+
+    @property
+    def shell(self) -> str:
+        """The same from the command line."""
+        words = ["solen", *self.name.split()]
+        for name, value in self.values.items():
+            parameter = self.parameters[name]
+            if isinstance(value, Options):
+                for key, one in stated(value).items():
+                    annotation = type(value).model_fields[key].annotation
+                    words += option_words(option_name(key), f"--no-{key}", one, fixed=is_fixed(annotation))
+            elif parameter.is_positional:
+                words += [str(one) for one in (value if isinstance(value, list) else [value])]
+            else:
+                words += option_words(*parameter.option, value)
+        return shlex.join(words)
+
+    @property
+    def python(self) -> str:
+        """The same in Python."""
+        imports = {f"from {self.function.__module__} import {self.function.__name__}"}
+        first, keywords = self._split({name: value for name, value in self.values.items() if stated_in_python(value)})
+        for value in keywords.values():
+            if isinstance(value, Options):
+                imports.add(f"from {type(value).__module__} import {type(value).__name__}")
+        arguments = [*map(_written, first), *(f"{name}={_written(value)}" for name, value in keywords.items())]
+        if any("Path(" in one for one in arguments):
+            imports.add("from pathlib import Path")
+        call = [f"found = {self.function.__name__}(", *(f"    {one}," for one in arguments), ")"]
+        return "\n".join([*sorted(imports), "", *call, "print(found.result)"])
+
+
+def perform(tell: Tell, call: Call, shown: Shown | None) -> Mapping[str, Any]:
+    """Run a command as the work of a job: what it prints, its result as ``--json`` states it, and its files."""
+    outcome = call.run(lambda share: tell(share=share))
+    lines = list(shown(call.name, outcome.result)) if shown is not None else []
+    files = {name: str(path) for name, path in outcome.files.items()}
+    return {"lines": lines, "result": outcome.to_dict(), "files": files}
+
+
+def option_words(option: str, negative: str, value: Any, *, fixed: bool = False) -> list[str]:
+    """Words of a command line for an option; one of a ``fixed`` number of values is stated once."""
+    if isinstance(value, bool):
+        return [option if value else negative.replace("_", "-")]
+    if fixed and isinstance(value, tuple):
+        return [option, *map(str, value)]
+    if isinstance(value, list | tuple):
+        several = [[option, str(one)] for one in value]
+        return [word for words in several for word in words]
+    return [option, str(value)]
+
+
+def stated(options: Options) -> dict[str, Any]:
+    """Values of options that are stated."""
+    return {key: getattr(options, key) for key in type(options).model_fields if key in options.model_fields_set}
+
+
+def stated_in_python(value: Any) -> bool:
+    """Whether a script states a value: not for options that are all left as they are."""
+    return not isinstance(value, Options) or bool(stated(value))
+
+
+def _written(value: Any) -> str:
+    if isinstance(value, Options):
+        inside = ", ".join(f"{key}={_written(one)}" for key, one in stated(value).items())
+        return f"{type(value).__name__}({inside})"
+    if isinstance(value, Path):
+        return f"Path({str(value)!r})"
+    if isinstance(value, list):
+        return f"[{', '.join(map(_written, value))}]"
+    return repr(value)

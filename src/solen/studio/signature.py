@@ -1,0 +1,118 @@
+"""Parameters of a command's function: what each takes, and how a command line writes it."""
+
+import inspect
+import typing
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
+
+from solen.errors import SpecError
+from solen.spec.strict import Options, option_refusal
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter of a command's function."""
+
+    name: str
+    hint: Any
+    signature: inspect.Parameter
+
+    @property
+    def kind(self) -> Any:
+        """How it is passed."""
+        return self.signature.kind
+
+    @property
+    def default(self) -> Any:
+        """Its default."""
+        return self.signature.default
+
+    @property
+    def is_required(self) -> bool:
+        """Whether it must be stated."""
+        return self.default is inspect.Parameter.empty and self.kind is not inspect.Parameter.VAR_POSITIONAL
+
+    @property
+    def is_positional(self) -> bool:
+        """Whether a command line states it without its name."""
+        return self.kind in {inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.VAR_POSITIONAL}
+
+    @property
+    def is_many(self) -> bool:
+        """Whether it takes several values."""
+        return self.kind is inspect.Parameter.VAR_POSITIONAL or any(
+            typing.get_origin(one) in {list, tuple} for one in _inside(self.hint)
+        )
+
+    @property
+    def is_path(self) -> bool:
+        """Whether it is a path, or several."""
+        return any(one is Path for one in _inside(self.hint))
+
+    @property
+    def options(self) -> type[Options] | None:
+        """Its class, if it is one of options."""
+        for one in _inside(self.hint):
+            if isinstance(one, type) and issubclass(one, Options):
+                return one
+        return None
+
+    @property
+    def option(self) -> tuple[str, str]:
+        """What a command line writes for it, and for the negative of a flag."""
+        own, negative = option_name(self.name), f"--no-{self.name}"
+        for note in getattr(self.hint, "__metadata__", ()):
+            named = [one for one in getattr(note, "name", None) or () if one.startswith("--")]
+            own = named[0] if named else own
+            negative = next(iter(getattr(note, "negative", None) or ()), negative)
+        return own, negative
+
+    def converted(self, value: Any) -> Any:
+        """A value of a page as the function takes it; `SpecError` where it is none."""
+        try:
+            return TypeAdapter(self.hint).validate_python(value)
+        except ValidationError as bad:
+            refused = option_refusal(bad)
+            raise SpecError(self.name, value=refused.value, limit=refused.limit, remedy=refused.remedy) from None
+
+
+def parameters_of(function: Callable[..., Any]) -> dict[str, Parameter]:
+    """Parameters of a function by name."""
+    hints = typing.get_type_hints(function, include_extras=True)
+    return {name: Parameter(name, hints[name], one) for name, one in inspect.signature(function).parameters.items()}
+
+
+def option_name(field: str) -> str:
+    """Name of an option by its field, as the command line has it."""
+    return f"--{field.strip('_').replace('_', '-')}"
+
+
+def is_fixed(hint: Any) -> bool:
+    """Whether a type is a tuple of a fixed number of values."""
+    return any(typing.get_origin(one) is tuple and ... not in typing.get_args(one) for one in _inside(hint))
+
+
+def _inside(hint: Any) -> Iterator[Any]:
+    """A type and all types in it."""
+    yield hint
+    if origin := typing.get_origin(hint):
+        yield origin
+    for one in typing.get_args(hint):
+        yield from _inside(one)
+
+
+def described(function: Callable[..., Any]) -> dict[str, str]:
+    """Descriptions of parameters by the function's docstring."""
+    words: dict[str, str] = {}
+    names: list[str] = []
+    text = (inspect.getdoc(function) or "").partition("Parameters\n----------\n")[2].partition("\n\n")[0]
+    for line in text.splitlines():
+        if line.startswith(" "):
+            words |= {name: f"{words.get(name, '')} {line.strip()}".strip() for name in names}
+        else:
+            names = [name.strip() for name in line.split(",")]
+    return words

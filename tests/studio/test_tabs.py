@@ -1,0 +1,195 @@
+"""Tabs: what a page asks of a command is the command, from the command line and in Python as well."""
+
+import json
+import shlex
+from collections.abc import AsyncIterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import anyio
+import numpy as np
+import pytest
+
+from solen.cli import run_command
+from solen.cli.design.studio import printed
+from solen.errors import OutputError, SolenError, SpecError
+from solen.material.evaluations import evaluations
+from solen.recording import read
+from solen.studio import storage, tabs
+from solen.studio.calls import Call, perform
+from solen.studio.desk import Desk, Order
+from solen.studio.document import Document
+from solen.studio.storage import Storage, safe_name
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+
+
+def spectrum(name: str, values: Any) -> str:
+    """A simulated table of a spectrum."""
+    return "\n".join(["# simulated", f"wavelength_nm,{name}", *(f"{nm},{one:.6f}" for nm, one in values)])
+
+
+@pytest.fixture(scope="module")
+def desk(tmp_path_factory: pytest.TempPathFactory) -> Desk:
+    """Desk of a design, onto which files were dropped."""
+    made = Desk(Document(tmp_path_factory.mktemp("desk") / "sensor.toml"))
+    kept = made.storage.folder
+    kept.mkdir()
+    for name in ("discs", "guides"):
+        (kept / f"{name}.csv").write_bytes((EXAMPLES / f"{name}-simulated.csv").read_bytes())
+    nm = np.arange(420, 901, 10)
+    n = 1.48 + 0.005 / (nm * 1e-3) ** 2
+    (kept / "layer.csv").write_text(spectrum("T", zip(nm, 2 * n / (n**2 + 1), strict=True)))
+    nm = np.arange(350, 451, 2)
+    (kept / "resin.csv").write_text(spectrum("absorbance", zip(nm, np.exp((400 - nm) / 60), strict=True)))
+    mm = np.linspace(0, 2, 40)
+    lines = [f"{x:.4f},{40 * x:.4f}" for x in mm]
+    (kept / "cube.csv").write_text("\n".join(["travel_mm,force_N", *lines]))
+    (kept / "notes.csv").write_text("apples,pears\n1,2\n2,3\n3,5\n")
+    return made
+
+
+ASKED: dict[str, dict[str, Any]] = {
+    "resin index": {"file": "layer.csv", "thickness_um": 50, "mode": "lossless", "at_nm": ["500", "860"]},
+    "resin cure": {"files": ["discs.csv"], "irradiance_mW_per_cm2": 13, "layer_um": "25", "keep_all": True},
+    "resin cutback": {"file": "guides.csv", "launched": 800},
+    "resin penetration": {"file": "resin.csv", "path_um": 93, "led_nm": 400, "led_fwhm_nm": 12},
+    "resin stiffness": {"files": ["cube.csv"], "cube_mm": 10, "fit": ["none"], "mode": "compression"},
+    "resin spectra": {"files": ["layer.csv", "resin.csv"]},
+    "resin show": {"name": "pmma", "at_nm": [860]},
+}
+
+
+def called(desk: Desk, command: str, asked: Mapping[str, Any], folder: Path) -> Call:
+    """The call of what a page asks."""
+    folder.mkdir(exist_ok=True)
+    return tabs.offer(command).call(asked, desk.storage.path, folder, desk.document.path.parent)
+
+
+def without_files(result: Mapping[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in result.items() if key != "files"}
+
+
+@pytest.mark.parametrize("command", ASKED)
+def test_a_tab_shows_what_the_command_answers(
+    command: str, desk: Desk, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    call = called(desk, command, ASKED[command], tmp_path / "a")
+    told: list[Any] = []
+    found = perform(lambda **news: told.append(news), call, printed)
+    json.dumps(found["result"], allow_nan=False)
+    figure = (tmp_path / "a" / "figure.svg").read_bytes()
+
+    assert run_command([*shlex.split(call.shell)[1:], "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert found["result"] == answer, "each number"
+    assert (tmp_path / "a" / "figure.svg").read_bytes() == figure
+
+
+def test_lines_are_those_of_the_command_and_the_same_in_python_runs(
+    desk: Desk, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    call = called(desk, "resin cure", ASKED["resin cure"], tmp_path / "a")
+    lines = perform(lambda **_: None, call, printed)["lines"]
+    assert run_command(shlex.split(call.shell)[1:]) == 0
+    assert capsys.readouterr().out.splitlines()[: len(lines)] == lines
+    names: dict[str, Any] = {}
+    exec(call.python, names)  # noqa: S102  what a page offers to copy
+    assert names["found"].result.Dp_um > 0.0
+    assert "\n".join(printed("resin cure", names["found"].result)) == "\n".join(lines)
+
+
+def test_a_resin_of_results_is_saved_beside_the_design(desk: Desk) -> None:
+    kept = desk.storage.folder
+    perform(lambda **_: None, called(desk, "resin cutback", ASKED["resin cutback"], kept / "cutback-1"), None)
+    assert "cutback-1/cutback.json" in desk.storage.names()
+    asked = {"name": "my resin", "cutback": "cutback-1/cutback.json"}
+    call = called(desk, "resin build", asked, kept / "build-1")
+    perform(lambda **_: None, call, printed)
+    file = desk.document.path.with_name("my resin.toml")
+    assert f"--cutback {kept / 'cutback-1' / 'cutback.json'}" in call.shell
+    desk.document.change({"material.index": 1.5})
+    desk.document.change({"material.resin": "pmma", "material.index": None})
+    with pytest.raises(OutputError, match="exists"):
+        perform(lambda **_: None, call, None)
+    assert file.exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "first"),
+    [("discs", "cure"), ("guides", "cutback"), ("layer", "index"), ("resin", "penetration"), ("cube", "stiffness")],
+)
+def test_the_kind_of_a_file_is_detected(desk: Desk, name: str, first: str) -> None:
+    assert evaluations(read(desk.storage.path(f"{name}.csv")))[0] == first
+    assert desk.suits("resin", f"{name}.csv")["suits"][0] == f"resin {first}"
+
+
+def test_what_is_of_no_kind_is_refused_by_its_columns(desk: Desk) -> None:
+    told = desk.suits("resin", "notes.csv")
+    assert told["suits"] == ()
+    assert "apples, pears" in told["why"]
+
+
+@pytest.mark.parametrize(
+    ("asked", "named"),
+    [
+        ({}, "discs"),
+        ({"files": ["../sensor.toml"]}, "sensor.toml"),
+        ({"files": ["discs.csv"], "layer_um": -1}, "layer_um"),
+        ({"files": ["discs.csv"], "layer_mm": 1}, "layer_mm"),
+        ({"files": ["discs.csv"], "out": "/etc/passwd"}, "out"),
+        ({"files": ["discs.csv"], "figure": "/etc/passwd"}, "figure"),
+        ({"files": ["discs.csv"], "penetration": "/etc/passwd"}, "passwd"),
+    ],
+)
+def test_what_a_command_cannot_take_is_refused_before_it_begins(desk: Desk, asked: dict[str, Any], named: str) -> None:
+    before = desk.storage.names()
+    with pytest.raises(SpecError, match=named):
+        desk.begin(Order(command="resin cure", asked=asked))
+    assert desk.storage.names() == before
+    assert not list(desk.storage.folder.glob("cure-*"))
+    assert desk.document.jobs.all == []
+
+
+def test_no_other_command_is_offered() -> None:
+    for name in ("studio", "doctor", "resin", ""):
+        with pytest.raises(SpecError):
+            tabs.offer(name)
+
+
+@pytest.mark.parametrize(
+    ("name", "kept"),
+    [
+        ("discs.csv", "discs.csv"),
+        ("../../etc/passwd", "passwd"),
+        ("C:\\temp\\a b.csv", "a b.csv"),
+        ("..", "file"),
+        ("", "file"),
+        (".bashrc", "bashrc"),
+        ("nul.csv", "_nul.csv"),
+        ("a\x00\n;rm -rf.csv", "a_rm -rf.csv"),
+        ("Schicht 2 s.csv", "Schicht 2 s.csv"),
+        ("x" * 300 + ".csv", "x" * 80 + ".csv"),
+    ],
+)
+def test_a_name_leads_nowhere(name: str, kept: str) -> None:
+    assert safe_name(name) == kept
+
+
+def test_dropped_files_are_kept_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    kept = Storage(tmp_path / "kept")
+
+    async def parts(*some: bytes) -> AsyncIterator[bytes]:
+        for part in some:
+            yield part
+
+    def keep(name: str, *some: bytes) -> str:
+        return anyio.run(lambda: kept.keep(name, parts(*some)))
+
+    assert keep("a.csv", b"1", b"2") == "a.csv"
+    assert keep("../a.csv", b"12") == "a.csv", "the same content"
+    assert keep("a.csv", b"3") == "a-2.csv"
+    monkeypatch.setattr(storage, "LARGEST_FILE", 3)
+    with pytest.raises(SolenError, match="larger"):
+        keep("b.csv", b"12", b"34")
+    assert sorted(path.name for path in (tmp_path / "kept").iterdir()) == ["a-2.csv", "a.csv"]

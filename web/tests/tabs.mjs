@@ -1,0 +1,38 @@
+// Uses the tabs beside the design as a person would; each writes what it saw into `seen`.
+const at = (path) => new URL(`../../${path}`, import.meta.url).pathname;
+
+// By keys to the tab; a dropped table, what is missing, the numbers, a saved resin.
+export async function resin(page, seen, folder, audit) {
+  const panel = page.locator("#panel-resin");
+  await page.locator("#tab-design").focus();
+  await page.keyboard.press("ArrowRight");
+  await panel.locator("form").waitFor();
+  seen.tabs = await page.getByRole("tab", { selected: true }).allInnerTexts();
+  await panel.locator("input[type=file]").setInputFiles(at("examples/discs-simulated.csv"));
+  await panel.locator(".answer .warning").waitFor();
+  seen.lacking = await panel.locator(".answer .warning").innerText();
+  await panel.locator('[id="field-resin-cure.irradiance_mW_per_cm2"]').fill("13");
+  await panel.locator("form button[type=submit]").click();
+  await panel.locator(".values").waitFor();
+  seen.resin = await shown(panel);
+  await audit("resin");
+  await page.screenshot({ path: `${folder}/resin.png` });
+  await panel.getByRole("button", { name: "Save as a resin" }).click();
+  await panel.locator('[id="field-resin-build.name"]').fill("mine");
+  await panel.locator("form button[type=submit]").click();
+  await panel.getByRole("button", { name: "Use in this design" }).click();
+  await page.waitForSelector(".status.refused");
+  seen.resin.unusable = await page.locator(".status").innerText();
+  await page.locator("#tab-design").click();
+}
+
+// What a tab shows of a result: lines, rows by name, the figure, and the same elsewhere.
+async function shown(panel) {
+  await panel.locator("summary", { hasText: "The same elsewhere" }).click();
+  return {
+    lines: await panel.locator(".lines p").allInnerTexts(),
+    rows: await panel.locator(".values tbody tr").evaluateAll((all) => all.map((one) => [one.dataset.name, one.cells[1].title])),
+    same: await panel.locator(".same pre").allInnerTexts(),
+    figure: await panel.locator("img.figure").evaluate((one) => one.decode().then(() => one.naturalWidth)),
+  };
+}
