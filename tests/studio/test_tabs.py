@@ -7,26 +7,17 @@ from pathlib import Path
 from typing import Any
 
 import anyio
-import numpy as np
 import pytest
 
 from solen.cli import run_command
 from solen.cli.design.studio import printed
 from solen.errors import OutputError, SolenError, SpecError
-from solen.material.evaluations import evaluations
-from solen.recording import read
+from solen.samples import FOLDER
 from solen.studio import storage, tabs
 from solen.studio.calls import Call, perform
 from solen.studio.desk import Desk, Order
 from solen.studio.document import Document
 from solen.studio.storage import Storage, safe_name
-
-EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
-
-
-def spectrum(name: str, values: Any) -> str:
-    """A simulated table of a spectrum."""
-    return "\n".join(["# simulated", f"wavelength_nm,{name}", *(f"{nm},{one:.6f}" for nm, one in values)])
 
 
 @pytest.fixture(scope="module")
@@ -35,27 +26,19 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Desk:
     made = Desk(Document(tmp_path_factory.mktemp("desk") / "sensor.toml"))
     kept = made.storage.folder
     kept.mkdir()
-    for name in ("discs", "guides"):
-        (kept / f"{name}.csv").write_bytes((EXAMPLES / f"{name}-simulated.csv").read_bytes())
-    nm = np.arange(420, 901, 10)
-    n = 1.48 + 0.005 / (nm * 1e-3) ** 2
-    (kept / "layer.csv").write_text(spectrum("T", zip(nm, 2 * n / (n**2 + 1), strict=True)))
-    nm = np.arange(350, 451, 2)
-    (kept / "resin.csv").write_text(spectrum("absorbance", zip(nm, np.exp((400 - nm) / 60), strict=True)))
-    mm = np.linspace(0, 2, 40)
-    lines = [f"{x:.4f},{40 * x:.4f}" for x in mm]
-    (kept / "cube.csv").write_text("\n".join(["travel_mm,force_N", *lines]))
+    for name in ("layer", "exposures", "absorbance", "cube", "discs", "guides"):
+        (kept / f"{name}.csv").write_bytes((FOLDER / f"{name}-simulated.csv").read_bytes())
     (kept / "notes.csv").write_text("apples,pears\n1,2\n2,3\n3,5\n")
     return made
 
 
 ASKED: dict[str, dict[str, Any]] = {
-    "resin index": {"file": "layer.csv", "thickness_um": 50, "mode": "lossless", "at_nm": ["500", "860"]},
+    "resin index": {"file": "layer.csv", "thickness_um": 50, "u_T": 0.001, "u_R": 0.001, "at_nm": ["500", "860"]},
     "resin cure": {"files": ["discs.csv"], "irradiance_mW_per_cm2": 13, "layer_um": "25", "keep_all": True},
     "resin cutback": {"file": "guides.csv", "launched": 800},
-    "resin penetration": {"file": "resin.csv", "path_um": 93, "led_nm": 400, "led_fwhm_nm": 12},
-    "resin stiffness": {"files": ["cube.csv"], "cube_mm": 10, "fit": ["none"], "mode": "compression"},
-    "resin spectra": {"files": ["layer.csv", "resin.csv"]},
+    "resin penetration": {"file": "absorbance.csv", "path_um": 93, "led_nm": 385},
+    "resin stiffness": {"files": ["cube.csv"], "cube_mm": 10, "fit": ["neo-hookean"]},
+    "resin spectra": {"files": ["layer.csv", "absorbance.csv"]},
     "resin show": {"name": "pmma", "at_nm": [860]},
 }
 
@@ -117,10 +100,12 @@ def test_a_resin_of_results_is_saved_beside_the_design(desk: Desk) -> None:
 
 @pytest.mark.parametrize(
     ("name", "first"),
-    [("discs", "cure"), ("guides", "cutback"), ("layer", "index"), ("resin", "penetration"), ("cube", "stiffness")],
+    [
+        *(("discs", "cure"), ("guides", "cutback"), ("layer", "index")),
+        *(("absorbance", "penetration"), ("cube", "stiffness"), ("exposures", "exposures")),
+    ],
 )
 def test_the_kind_of_a_file_is_detected(desk: Desk, name: str, first: str) -> None:
-    assert evaluations(read(desk.storage.path(f"{name}.csv")))[0] == first
     assert desk.suits("resin", f"{name}.csv")["suits"][0] == f"resin {first}"
 
 

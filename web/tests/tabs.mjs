@@ -8,7 +8,7 @@ export async function resin(page, seen, folder, audit) {
   await page.keyboard.press("ArrowRight");
   await panel.locator("form").waitFor();
   seen.tabs = await page.getByRole("tab", { selected: true }).allInnerTexts();
-  await panel.locator("input[type=file]").setInputFiles(at("examples/discs-simulated.csv"));
+  await panel.locator("input[type=file]").setInputFiles(at("src/solen/examples/discs-simulated.csv"));
   await panel.locator(".answer .warning").waitFor();
   seen.lacking = await panel.locator(".answer .warning").innerText();
   await panel.locator('[id="field-resin-cure.irradiance_mW_per_cm2"]').fill("13");
