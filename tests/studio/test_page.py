@@ -245,7 +245,7 @@ def test_the_tab_of_the_resin_shows_what_its_command_answers(
     assert shown["lines"][0].startswith(f"Dp {found['Dp_um']:.4g} µm")
     assert shown["figure"] > 300
     assert commanded(f"solen resin show {folder / 'mine.toml'}")["cure"]["Dp_um"] == found["Dp_um"]
-    assert "mine.toml" in shown["unusable"], "it has no index"
+    assert "resin mine" in shown["unusable"], "it has no index"
 
 
 @pytest.mark.evidence
