@@ -28,7 +28,7 @@ export function missing(offer: Offer, values: Values): string[] {
 }
 
 function fileField(offer: Offer, field: FileField, value: unknown, all: string[], set: (name: string, value: unknown) => void): TemplateResult {
-  const kept = all.filter((name) => (field.result ? /\.(json|toml)$/.test(name) : !name.includes("/")));
+  const kept = all.filter((name) => (field.result ? /\.(json|toml)$/.test(name) : !name.includes("/") || /\.(nc|journal)$/.test(name)));
   if (!field.many) {
     return html`<label class="filed">${field.label}
       <select name=${field.name} @change=${(e: Event) => set(field.name, (e.target as HTMLSelectElement).value)}>

@@ -32,6 +32,8 @@ const ARROWS: Record<string, [number, number]> = { ArrowLeft: [-1, 0], ArrowRigh
 const TABS = {
   design: { label: "Design", load: () => Promise.resolve() },
   resin: { label: "Resin", load: () => import("./tabs/resin") },
+  microscope: { label: "Microscope", load: () => import("./tabs/microscope") },
+  bench: { label: "Bench", load: () => import("./tabs/bench") },
 };
 type TabName = keyof typeof TABS;
 const LATE_MS = 400;
@@ -59,7 +61,7 @@ class Studio extends LitElement implements Host {
   private drawing!: Drawing;
   private plot!: ResponsePlot;
   private schema: Schema | null = null;
-  private file = "";
+  file = "";
   private unit = "deg";
   private view: View = { angle_deg: 0, rays: 200, split: false, light: "design", lens: "own", tolerances: false };
   private colouring: Colouring = "receiver";

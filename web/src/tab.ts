@@ -15,6 +15,7 @@ export interface Command extends Job {
 }
 
 export interface Host {
+  readonly file: string;
   ask(request: Request): void;
 }
 
@@ -101,7 +102,7 @@ export abstract class Tab extends LitElement {
   }
 
   private written(job: Command): string[] {
-    return Object.values(job.files ?? {}).map((path) => `${job.folder}/${path.split(/[\\/]/).pop()}`).filter((name) => /\.(json|toml)$/.test(name));
+    return Object.values(job.files ?? {}).map((path) => `${job.folder}/${path.split(/[\\/]/).pop()}`).filter((name) => /\.(json|toml|nc)$/.test(name));
   }
 
   protected show(number: number): void {

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from solen.analysis.load_cell import LoadCell
+from solen.arrays import FloatArray
 from solen.bench.axes import Axis, axes_of, stream_of
 from solen.bench.clock import Clock
 from solen.bench.interrupts import Ended, uninterrupted
@@ -89,6 +90,14 @@ class Tick:
     cycles: int
     position: dict[str, float]
     counts: Counts | None
+
+    @property
+    def levels(self) -> FloatArray:
+        """Light at each input, as a share of the highest reading in the dark; empty before the first period."""
+        if self.counts is None:
+            return np.empty(0)
+        on, off = self.counts[:, 0, :].min(axis=0), self.counts[:, 1, :].max(axis=0)
+        return np.asarray((off.astype(float) - on) / max(float(off.max()), 1.0))
 
 
 Watch = Callable[[Tick], None]

@@ -9,6 +9,7 @@ The interface: `read_image` gives an `Image`. TIFF needs the extra ``vision``.
 
 import hashlib
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -116,6 +117,18 @@ def read_plane(path: Path) -> tuple[Plane, Provenance]:
         simulated=plane.simulated,
     )
     return plane, source
+
+
+def png_of(path: Path) -> bytes:
+    """The grey values of a picture as a PNG of 8 bits, as a browser shows it; raises as `read_image`."""
+    from PIL import Image as Picture
+
+    plane, _ = read_plane(path)
+    grey = plane.grey - float(np.nanmin(plane.grey))
+    levels = np.asarray(255.0 * grey / max(float(np.nanmax(grey)), 1e-12)).astype(np.uint8)
+    written = BytesIO()
+    Picture.fromarray(levels).save(written, "PNG", compress_level=1)
+    return written.getvalue()
 
 
 def as_image(grey: FloatArray, um_per_px: float, *, u_um_per_px: float | None = None, name: str = "array") -> Image:

@@ -12,7 +12,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Self
 
 import tomli_w
 from pydantic import Field, model_validator
@@ -39,6 +39,8 @@ SAME = 0.01
 """Relative: scales that differ by no more agree."""
 COARSEST_TAG_UM = 20.0
 """A plain resolution tag coarser than this (1,270 dpi) is one for printing, not one of a microscope."""
+CLICK_PX, LEAST_BAR_PX = 1.0, 10.0
+"""Standard uncertainty of a place that is clicked, and the shortest scale bar."""
 SQUARE = 1e-3
 """Relative: pixels whose sides differ by more are not square."""
 REMEDY = "measure a stage micrometer at the same magnification (solen print scale) and give its --scale or --um-per-px"
@@ -89,22 +91,37 @@ class ScaleOptions(Options):
     """Size of a pixel in µm; it takes precedence over what the file states."""
     u_um_per_px: Annotated[Finite, Field(ge=0)] | None = None
     """Standard uncertainty of the size of a pixel, µm."""
+    bar: tuple[Finite, Finite, Finite, Finite, Annotated[Finite, Field(gt=0)]] | None = None
+    """Ends of a scale bar, or two marks, in pixels from the upper left corner, and their distance: X0 Y0 X1 Y1 UM;
+    instead of --um-per-px. Each end is taken to be known to a pixel."""
 
     @model_validator(mode="before")
     @classmethod
     def _from_file(cls, data: dict[str, Any]) -> dict[str, Any]:
+        for name in ("scale", "bar"):
+            if data.get(name) is not None:
+                cls._check_alone(data, name)
+        if data.get("bar") is not None:
+            return data | _of_bar(data["bar"])
         if data.get("scale") is None:
             return data
-        for key in ("um_per_px", "u_um_per_px"):
-            if data.get(key) is not None:
-                raise SpecError(
-                    f"--{key.replace('_', '-')}",
-                    value=data[key],
-                    limit="is stated in the file of --scale",
-                    remedy="leave one out",
-                )
         found = read_scale(Path(data["scale"]))
         return data | {"um_per_px": found.um_per_px, "u_um_per_px": found.u_um_per_px}
+
+    @classmethod
+    def _check_alone(cls, data: dict[str, Any], name: str) -> None:
+        """`SpecError` if the size of a pixel is stated twice."""
+        for key in ("um_per_px", "u_um_per_px", *(("scale",) if name == "bar" else ())):
+            if data.get(key) is not None:
+                option = f"--{key.replace('_', '-')}"
+                limit = f"is stated by --{name}"
+                raise SpecError(option, value=str(data[key]), limit=limit, remedy="leave one out")
+
+    @model_validator(mode="after")
+    def _states_it_once(self) -> Self:
+        if self.scale is not None or self.bar is not None:
+            self.model_fields_set.difference_update(("um_per_px", "u_um_per_px"))  # they are the file's, the bar's
+        return self
 
     def rescaled(self, rows: int, columns: int) -> list[Caution]:
         """Warning if a picture has the same proportions as the scale's picture but another size."""
@@ -120,6 +137,19 @@ class ScaleOptions(Options):
                 f"{taken.rows}: if it was binned or rescaled, a pixel is {taken.um_per_px / factor:.6g} µm"
             )
         ]
+
+
+def _of_bar(bar: Any) -> dict[str, float]:
+    """Size of a pixel from a distance between two places that are clicked, with its uncertainty; empty if malformed."""
+    try:
+        x0, z0, x1, z1, length_um = map(float, bar)
+    except (TypeError, ValueError):
+        return {}  # refused with its own line
+    px = math.hypot(x1 - x0, z1 - z0)
+    if px < LEAST_BAR_PX:
+        limit = f"has ends {px:.3g} pixels apart; at least {LEAST_BAR_PX:g} tell the size of one"
+        raise SpecError("--bar", limit=limit, remedy="take a longer bar, or marks farther apart")
+    return {"um_per_px": length_um / px, "u_um_per_px": length_um / px * math.sqrt(2.0) * CLICK_PX / px}
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,10 @@
 """A call of a command's function: run as the work of a job, and written out as a command line and as a script."""
 
+import importlib
 import inspect
 import shlex
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -29,22 +30,28 @@ class Call:
         Its function.
     values
         The values that are stated, by parameter, in the order of the function.
+    live
+        Parameters that take what is seen while it runs, with what makes one of a `Tell`, as ``module:name``.
     """
 
     name: str
     function: Callable[..., Outcome[Any]]
     values: Mapping[str, Any]
+    live: Mapping[str, str] = field(default_factory=dict)
 
     @cached_property
     def parameters(self) -> dict[str, Parameter]:
         """Parameters of the function by name."""
         return parameters_of(self.function)
 
-    def run(self, progress: Callable[[float], None] | None = None) -> Outcome[Any]:
-        """Call it."""
+    def run(self, tell: Tell) -> Outcome[Any]:
+        """Call it; its progress, and what is seen meanwhile, is told."""
         given = dict(self.values)
+        for name, where in self.live.items():
+            module, _, factory = where.partition(":")
+            given[name] = getattr(importlib.import_module(module), factory)(tell)
         if "progress" in self.parameters:
-            given["progress"] = progress
+            given["progress"] = lambda share: tell(share=share)
         first, keywords = self._split(given)
         return self.function(*first, **keywords)
 
@@ -94,7 +101,7 @@ class Call:
 
 def perform(tell: Tell, call: Call, shown: Shown | None) -> Mapping[str, Any]:
     """Run a command as the work of a job: what it prints, its result as ``--json`` states it, and its files."""
-    outcome = call.run(lambda share: tell(share=share))
+    outcome = call.run(tell)
     lines = list(shown(call.name, outcome.result)) if shown is not None else []
     files = {name: str(path) for name, path in outcome.files.items()}
     return {"lines": lines, "result": outcome.to_dict(), "files": files}

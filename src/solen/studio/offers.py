@@ -54,6 +54,10 @@ class Offer:
         Parameter that takes the open design; empty if there is none.
     first
         Options that are asked first; all others are behind a further click.
+    live
+        Parameters that take what is seen while it runs, with what makes one of a `Tell`, as ``module:name``.
+    hidden
+        Parameters that a page has no use for.
     """
 
     name: str
@@ -65,6 +69,8 @@ class Offer:
     beside: Mapping[str, str] = field(default_factory=dict)
     design: str = ""
     first: tuple[str, ...] = ()
+    live: Mapping[str, str] = field(default_factory=dict)
+    hidden: tuple[str, ...] = ()
 
     @property
     def taken(self) -> dict[str, str]:
@@ -101,7 +107,7 @@ class Offer:
     @cached_property
     def plain(self) -> dict[str, Parameter]:
         """Parameters that a page states one by one."""
-        known = {*INJECTED, *self.groups, *self.taken, *self.written, *self.beside, self.design}
+        known = {*INJECTED, *self.groups, *self.taken, *self.written, *self.beside, *self.live, *self.hidden, self.design}
         return {name: one for name, one in self.parameters.items() if name not in known and not one.is_path}
 
     def form(self) -> dict[str, Any]:
@@ -178,12 +184,14 @@ class Offer:
             values[name] = options(**stated | paths)
         for name in asked.keys() & self.taken.keys():
             several = [path(str(one)) for one in (asked[name] if isinstance(asked[name], list) else [asked[name]])]
+            several = several if self.parameters[name].is_path else [str(one) for one in several]
             values[name] = several if self.parameters[name].is_many else several[0]
         values |= {name: self.plain[name].converted(asked[name]) for name in asked.keys() & self.plain.keys()}
         for name in self.parameters:
             if name not in values and (self._needs(name) if name in self.taken else self.parameters[name].is_required):
                 raise SpecError(self.taken.get(name, name), limit="is missing", remedy="state it")
-        return Call(self.name, self.function, {name: values[name] for name in self.parameters if name in values})
+        given = {name: values[name] for name in self.parameters if name in values}
+        return Call(self.name, self.function, given, self.live)
 
     def _name_beside(self, name: str, asked: Mapping[str, Any]) -> str:
         """Name of a file beside the design; `SpecError` without the value that it is made of."""

@@ -20,7 +20,7 @@ LARGEST_ORDER = 2**16
 
 def add(app: "FastAPI", desk: Desk) -> None:
     """Add the addresses of a desk to an application."""
-    from fastapi import Request
+    from fastapi import Request, Response
     from fastapi.responses import FileResponse
 
     async def forms(tab: str) -> Any:
@@ -43,9 +43,16 @@ def add(app: "FastAPI", desk: Desk) -> None:
         path = desk.file_of(number, name)
         return FileResponse(path, filename=None if path.suffix == ".svg" else path.name)
 
+    async def picture(name: str) -> Any:
+        from solen.metrology.image import png_of
+
+        shown = await asyncio.to_thread(png_of, desk.storage.path(name))
+        return Response(shown, media_type="image/png")
+
     for method, path, end in (
         ("GET", "/tabs/{tab}", forms),
         ("PUT", "/files/{tab}/{name}", drop),
+        ("GET", "/pictures/{name:path}", picture),
         ("POST", "/jobs", begin),
         ("DELETE", "/jobs/{number}", cancel),
         ("GET", "/jobs/{number}", result),

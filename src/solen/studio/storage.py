@@ -15,6 +15,8 @@ from solen.files import DEVICES, output_folder
 
 LARGEST_FILE = 2**28
 """Bytes of a dropped file."""
+WRITTEN = {".json", ".toml", ".nc", ".journal"}
+"""Endings of files of jobs that other jobs take."""
 _OTHER = re.compile(r"[^\w .,()+%°µ-]+")
 _LONGEST = 80
 
@@ -72,7 +74,7 @@ class Storage:
     def names(self) -> list[str]:
         """Names of dropped files, and of results as ``cure-1/cure.json``, in the order of the alphabet."""
         dropped = [one for one in self.folder.glob("[!.]*") if one.is_file()]
-        written = [one for one in self.folder.glob("*/*") if one.suffix in {".json", ".toml"}]
+        written = [one for one in self.folder.glob("*/*") if one.suffix in WRITTEN]
         return sorted(one.relative_to(self.folder).as_posix() for one in (*dropped, *written))
 
     def path(self, name: str) -> Path:

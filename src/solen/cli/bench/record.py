@@ -112,13 +112,8 @@ def _asked(question: str) -> bool:
 
 def _line(tick: Tick) -> str:
     """Status line: progress of the run, and the brightness at each input while its emitters are on."""
-    levels = ""
-    if tick.counts is not None:
-        on = tick.counts[:, 0, :].min(axis=0)
-        off = tick.counts[:, 1, :].max(axis=0)
-        share = (off.astype(float) - on) / max(float(off.max()), 1.0)
-        levels = " ".join(
-            f"{number}:{'▁▂▃▄▅▆▇█'[min(7, int(8 * max(0.0, level)))]}" for number, level in enumerate(share, 1)
-        )
+    levels = " ".join(
+        f"{number}:{'▁▂▃▄▅▆▇█'[min(7, int(8 * max(0.0, level)))]}" for number, level in enumerate(tick.levels, 1)
+    )
     at = " ".join(f"{position:+7.3f}" for position in tick.position.values())
     return f"cycle {tick.cycle}/{tick.cycles}  {tick.t_s:7.1f} s  at {at}  {levels}"

@@ -38,6 +38,7 @@ _POLL_S = 0.05
 def decode(
     calibration: Path,
     source: str,
+    /,
     options: DecodeOptions | None = None,
     signals: SignalOptions | None = None,
     *,
@@ -48,7 +49,7 @@ def decode(
     send: str | None = None,
     force: bool = False,
 ) -> Outcome[Decoding]:
-    """Decode a source; write its angles to a file, to ``rows``, to both or to neither. Ctrl-C ends a stream.
+    """Decode angles from voltages by a saved calibration; Ctrl-C ends a stream.
 
     Parameters
     ----------

@@ -55,6 +55,7 @@ def _beside(folder: Path, design: Path) -> str:
 
 def run(
     protocol: Path,
+    /,
     rig: Path,
     out: Path,
     options: bench.RecordOptions = bench.RecordOptions(),
@@ -63,7 +64,15 @@ def run(
     report: bench.Report | None = None,
     confirm: Confirm | None = None,
 ) -> Outcome[RecordedRun]:
-    """Run a protocol on a rig and close the recording."""
+    """Run a protocol on a rig and close the recording.
+
+    Parameters
+    ----------
+    protocol
+        Motion of the stage.
+    rig
+        The instruments, and which sensors are wired to them.
+    """
     recorded = bench.record(protocol, rig, out, options, watch=watch, report=report, confirm=confirm)
     return Outcome(recorded, {"recording": recorded.path})
 

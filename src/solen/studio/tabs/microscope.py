@@ -1,0 +1,31 @@
+"""The tab of the microscope: a picture of a printed lens becomes its edge, its deviations and a measured lens."""
+
+from pathlib import Path
+
+from solen.studio.offers import Offer
+
+OFFERS = (
+    Offer(
+        "print inspect",
+        "solen.pipeline.print.inspect:inspect",
+        "Printed lens against its design",
+        files={"picture": "Micrograph of the lens, seen along y"},
+        written={"out": "lens.json"},
+        design="design",
+        first=("um_per_px", "bar", "scale", "edge"),
+    ),
+    Offer(
+        "print scale",
+        "solen.pipeline.print.scale:scale",
+        "Scale of an objective",
+        files={"picture": "Picture of a stage micrometer"},
+        written={"out": "scale.toml"},
+        first=("pitch_um",),
+        hidden=("force",),
+    ),
+)
+
+
+def suits(path: Path) -> tuple[str, ...]:  # noqa: ARG001  any file may be a picture, which the command tells
+    """Commands of the microscope that take a picture."""
+    return ("print inspect", "print scale")
