@@ -51,6 +51,7 @@ RELATIVE = {"ln_Ec", "length", "area"}
 """Values whose uncertainty is stated relative to them, or of their logarithm."""
 OF_ROWS = {
     *("value", "tolerance", "u", "u_before", "u_value", "design_value", "u_prior"),
+    *("paper_value", "u_paper_value", "solen_value", "u_solen_value"),
     *("mean", "sd", "u_reading", "mean_ambient", "sd_ambient", "sd_slot"),
 }
 """Numbers of tables over parameters or channels of any unit, whose row says which."""

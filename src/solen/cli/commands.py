@@ -11,7 +11,7 @@ GROUPS = {
     PRINT: "Print and inspect: layers, coupons, the predicted and the measured lens.",
     BENCH: "Record, analyse and calibrate sensors on a real or a simulated bench.",
     EXPLORE: "Explore designs: sweeps over their numbers, tolerances, inverse design.",
-    PROJECT: "Whole projects: sample data to begin with, archives to share.",
+    PROJECT: "Whole projects: sample data to begin with, archives to share, the paper's figures.",
 }
 
 COMMANDS: dict[str, tuple[tuple[str, str, str], ...]] = {
@@ -87,5 +87,6 @@ COMMANDS: dict[str, tuple[tuple[str, str, str], ...]] = {
         ("examples", "project.examples:examples", "Copy sample data for every command, all simulated, into a folder."),
         ("pack", "project.archive:pack", "Pack a sensor's files into one described and checked archive."),
         ("unpack", "project.archive:unpack", "Check and unpack an archive of a sensor that came from elsewhere."),
+        ("reproduce", "project.reproduce:reproduce", "Make the paper's figures, and compare its numbers with solen's."),
     ),
 }

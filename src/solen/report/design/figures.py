@@ -11,8 +11,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
+from solen.curve import Segment
 from solen.errors import OutputError
 from solen.geometry import Body
 from solen.geometry.body import area, polyline
@@ -249,7 +251,7 @@ def _draw_response(power_axes: Axes, contrast_axes: Axes, case: Case, name: str,
 def draw_rays(
     axes: Axes, title: str, body: Body, scene: Scene, trace: Trace, *, zoom: float | None = None, names: bool = True
 ) -> None:
-    """Rays in a body, as `rays_figure` shows them; ``names`` writes those of the receivers beside them."""
+    """Rays in a body, as `rays_figure` shows them; ``names`` labels LED, lens and receivers."""
     outline = draw_body(axes, body)
     low, high = outline.min(axis=0), outline.max(axis=0)
     beyond, colours = 0.12 * float(high[1] - low[1]), colours_of(scene)
@@ -262,17 +264,15 @@ def draw_rays(
         if interface.receiver is not None:
             curve, colour = interface.curve, colours[interface.receiver]
             axes.plot(*curve.flattened().T, color=colour, lw=3.5, zorder=3)
-            if names and interface.receiver not in COLOURS:  # a name that the colours do not say
-                axes.annotate(
-                    interface.receiver,
-                    curve.middle_point,
-                    xytext=(0, 4),
-                    textcoords="offset points",
-                    ha="center",
-                    color=colour,
-                    zorder=5,
-                )
+            if names:
+                _name(axes, interface.receiver, curve.middle_point, (0.0, 4.0), colour)
     axes.plot(*body.emitter.point, "o", color=INK, ms=3.5, zorder=4)
+    if names:
+        _name(axes, "LED", body.emitter.point, (6.0, -9.0), INK)
+        for face in body.faces:
+            if face.name == "lens" and not isinstance(face.curve, Segment):
+                ends = sorted((face.curve.start, face.curve.end))
+                _name(axes, "lens", ends[-1], (14.0, 3.0), INK)
     axes.set_aspect("equal")
     axes.grid(visible=False)
     axes.set(title=title, xlabel="x (mm)", ylabel="z (mm)")
@@ -291,6 +291,14 @@ def draw_body(axes: Axes, body: Body) -> NDArray[np.float64]:
         ring = polyline(other, 1e-3)
         axes.fill(*ring.T, facecolor="white" if area(ring) < 0.0 else "#eef3f7", edgecolor=INK, lw=0.8, zorder=1)
     return outline
+
+
+def _name(axes: Axes, words: str, at: tuple[float, float], offset: tuple[float, float], colour: str) -> None:
+    """A name beside a part, legible over rays."""
+    outlined = [withStroke(linewidth=2.0, foreground="white")]
+    axes.annotate(
+        words, at, xytext=offset, textcoords="offset points", ha="center", color=colour, zorder=5, path_effects=outlined
+    )
 
 
 def colours_of(scene: Scene) -> dict[str, str]:

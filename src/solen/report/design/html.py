@@ -8,7 +8,7 @@ from importlib.resources import files
 from typing import Any
 
 import jinja2
-from markupsafe import Markup
+from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 
 import solen
@@ -111,19 +111,25 @@ def page(
     **content: Any,
 ) -> str:
     """HTML text of a report: what ``page.html`` shows of every design, and the content of its own template."""
+    return rendered(
+        template,
+        name=design.name,
+        design=dumps(design),
+        figures={name: inline(text, name) for name, text in drawn.items()},
+        lead=lead,
+        warnings=warnings,
+        expected=expected,
+        **content,
+    )
+
+
+def rendered(template: str, **content: Any) -> str:
+    """HTML text of a template of `solen.report`, in the style of all pages."""
     loader = jinja2.FunctionLoader(lambda name: (files("solen.report") / name).read_text(encoding="utf-8"))
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, loader=loader)
     environment.filters["shown"] = shown
     return environment.get_template(template).render(
-        name=design.name,
-        design=dumps(design),
-        figures={name: _inline(text, name) for name, text in drawn.items()},
-        lead=lead,
-        warnings=warnings,
-        expected=expected,
-        version=solen.__version__,
-        python=platform.python_version(),
-        **content,
+        version=solen.__version__, python=platform.python_version(), **content
     )
 
 
@@ -161,9 +167,9 @@ def _cases(study: DesignStudy) -> list[tuple[str, Case]]:
     return [(labels[name], case) for name, case in study.cases.items()]
 
 
-def _inline(text: str, name: str) -> Markup:
-    """SVG element without the file header, with ids distinct from those of other figures."""
-    element = text[text.index("<svg") :]
+def inline(text: str, name: str, alt: str = "") -> Markup:
+    """SVG element without the file header, with ids distinct from those of other figures, and a text in its place."""
+    element = text[text.index("<svg") :].replace("<svg", f'<svg role="img" aria-label="{escape(alt or name)}"', 1)
     for before, after in ((' id="', '"'), ("url(#", ")"), ('href="#', '"')):
-        element = re.sub(f'({re.escape(before)})([^")]+)(?={re.escape(after)})', rf"\1{name}-\2", element)
+        element = re.sub(f'({re.escape(before)})([^")]+)(?={re.escape(after)})', rf"\g<1>{name}-\g<2>", element)
     return Markup(element)  # noqa: S704  drawn by this package, not by a user

@@ -1,0 +1,21 @@
+"""The command that makes the paper's figures."""
+
+from collections.abc import Iterator
+
+from solen.cli.app import lines
+from solen.paper.reproduction import Reproduction
+from solen.pipeline.project.reproduce import reproduce as reproduce
+
+
+@lines.register
+def _(result: Reproduction) -> Iterator[str]:
+    from solen.report.paper.page import number
+
+    kept = sum(not one.made for one in result.figures)
+    yield f"{len(result.figures)} figures of the paper, {kept} of them finished before"
+    for one in result.figures:
+        yield f"figure {one.name}"
+        yield from (f"  {row.verdict:17}  {row.paper}; {row.quantity}: {number(row)}" for row in one.comparisons)
+    yield f"{result.agrees} agree, {result.differs} differ, {result.cannot_be_checked} cannot be checked"
+    if result.not_made:
+        yield f"not made: {', '.join(result.not_made)}"

@@ -1,0 +1,56 @@
+"""What the absorbance, taken for the absorptance, makes of an index: the error of the paper's formula with it.
+
+The interface: `index_errors` of a simulated layer, `transmittance_for` an index, `fall_of_polymers` of the literature.
+"""
+
+import numpy as np
+from scipy.optimize import brentq
+
+from solen.material.index import Length, as_published, reading
+from solen.material.index.layer import LayerIndex
+from solen.material.index.literature import band
+from solen.material.resin import library, library_resin
+from solen.paper.samples import LAYER_UM, index_of
+
+_T = (0.80, 0.92)
+"""Transmittances between which the formula with the absorbance rises from below 2 to above 1.3."""
+
+
+def index_at(result: LayerIndex, nm: float) -> tuple[float, float]:
+    """Index of a layer by its fitted formula at a wavelength, and its standard uncertainty."""
+    place = int(np.argmin(np.abs(result.wavelength_nm - nm)))
+    u = float(result.u_n[place]) if np.isfinite(result.u_n[place]) else 0.0
+    return float(result.n[place]), u
+
+
+def error_of_index(result: LayerIndex, nm: float) -> tuple[float, float]:
+    """Index of a simulated layer less the one that it was made with, and its standard uncertainty."""
+    n, u = index_at(result, nm)
+    place = int(np.argmin(np.abs(result.wavelength_nm - nm)))
+    return n - float(index_of(float(result.wavelength_nm[place]))[0]), u
+
+
+def transmittance_for(index: float, nm: float) -> float:
+    """Transmittance from which the formula, with −log₁₀ T as A, makes an index."""
+
+    def off(t: float) -> float:
+        found = as_published(np.array([nm]), reading(np.array([t]), None), Length(LAYER_UM, None)).n.value
+        return float(found[0]) - index
+
+    return float(brentq(off, *_T, xtol=1e-9))
+
+
+def literature_at(nm: float) -> tuple[float, float]:
+    """Middle of the indices of acrylates and photoresins in the literature, and the standard uncertainty of a range."""
+    found = band(nm)
+    low, high = float(found.low[0]), float(found.high[0])
+    return 0.5 * (low + high), (high - low) / np.sqrt(12.0)
+
+
+def fall_of_polymers(short_nm: float, long_nm: float) -> tuple[float, float, float]:
+    """Fall of the index of the resins that solen ships: middle of their range, its uncertainty, the largest."""
+    resins = [library_resin(name) for name in library()]
+    known = [one.index for one in resins if one.index.mode == "literature"]
+    falls = [float(np.subtract(*one.along([short_nm, long_nm])[0])) for one in known]
+    low, high = min(falls), max(falls)
+    return 0.5 * (low + high), (high - low) / float(np.sqrt(12.0)), high

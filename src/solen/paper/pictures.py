@@ -1,0 +1,221 @@
+"""Micrographs and height maps of prints, as solen's own model of the printer predicts them.
+
+The idea: the outline that the model prints is laid on the pixels of a camera; each pixel holds the share of it that
+lies within, seen through a blur, under uneven light, with noise of a stated seed. The model is that of `solen print
+predict` with its default process, whose optics are assumed: a picture shows what the evaluation does, not a printer.
+
+The interface: `lens_picture`, `coupon_picture` and `coupon_heights` return the bytes of a PNG or TIFF.
+"""
+
+import io
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from PIL import Image, PngImagePlugin
+from scipy import ndimage
+
+from solen.arrays import FloatArray, IntArray
+from solen.fabricate.process import MeasuredFeature, print_design, printed_mm
+from solen.fabricate.process.process_file import default_process
+from solen.geometry.coupons import Coupon, Feature
+from solen.lens.build import measured_lens
+from solen.sensor import Sensor
+
+MODEL = "print model with its default process, blurred camera with noise"
+SEED = 1
+FINE = 4
+"""Lines through a row of pixels along which what a print covers is exact."""
+BLUR_PX, NOISE, UNEVEN = 1.2, 0.02, 0.15
+GROUND, SLAB, PART = 0.15, 0.4, 0.75
+"""Grey levels beside the print, of a coupon's slab, and of what stands on it or of a lens."""
+LENS_UM_PER_PX, COUPON_UM_PER_PX, HEIGHT_UM_PER_PX = 5.0, 8.0, 14.0
+LENS_VIEW_MM, TURNED_DEG = (-2.4, 2.4, -0.4, 2.6), 3.0
+ROUGH_UM, TILT = 1.0, 0.003
+MARGIN_MM = 0.4
+_HEAD = "simulated"
+
+
+@dataclass(frozen=True)
+class _View:
+    """A camera that looks from above: the extent of what it sees in mm, and the size of its pixels."""
+
+    extent_mm: tuple[float, float, float, float]
+    um_per_px: float
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        x0, x1, y0, y1 = self.extent_mm
+        return round(1e3 * (y1 - y0) / self.um_per_px), round(1e3 * (x1 - x0) / self.um_per_px)
+
+    def covered(self, area: shapely.Geometry) -> FloatArray:
+        """Share of each pixel that an area covers: exact along `FINE` lines through each row of pixels.
+
+        Where an edge crosses a line, all beyond it turns from outside to inside or back: the sum of such steps.
+        """
+        rows, columns = self.shape
+        steps = np.zeros((FINE * rows, columns + 2))
+        for ring in _rings(area):
+            np.add.at(steps, *self._crossings(ring))
+        inside = np.cumsum(steps, axis=1)[:, :columns]
+        return np.asarray(inside.reshape(rows, FINE, columns).mean(axis=1))
+
+    def _crossings(self, ring: FloatArray) -> tuple[tuple[IntArray, IntArray], FloatArray]:
+        """Places and sizes of the steps where the edges of a ring (n, 2) cross the lines."""
+        x = (ring[:, 0] - self.extent_mm[0]) * 1e3 / self.um_per_px
+        y = (self.extent_mm[3] - ring[:, 1]) * 1e3 / self.um_per_px * FINE - 0.5
+        low, high = np.minimum(y[:-1], y[1:]), np.maximum(y[:-1], y[1:])
+        first = np.ceil(low).astype(int)
+        count = np.maximum(np.ceil(high).astype(int) - first, 0)
+        edge = np.repeat(np.arange(count.size), count)
+        line = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + first[edge]
+        share = (line - y[:-1][edge]) / np.diff(y)[edge]
+        at = np.clip(x[:-1][edge] + share * np.diff(x)[edge], 0.0, self.shape[1])
+        seen = (line >= 0) & (line < FINE * self.shape[0])
+        line, at, way = line[seen], at[seen], np.sign(np.diff(y))[edge][seen]
+        column = np.floor(at).astype(int)
+        beyond = at - column
+        return (np.tile(line, 2), np.concatenate([column, column + 1])), np.concatenate(
+            [way * (1.0 - beyond), way * beyond]
+        )
+
+    def seen(self, levels: FloatArray, rng: np.random.Generator) -> FloatArray:
+        """Grey values of 0 to 1: blurred, unevenly lit, noisy."""
+        grey = ndimage.gaussian_filter(levels, BLUR_PX)
+        across = np.linspace(-0.5, 0.5, grey.shape[1])
+        return np.clip(grey * (1.0 + UNEVEN * across) + NOISE * rng.standard_normal(grey.shape), 0.0, 1.0)
+
+
+def _rings(area: shapely.Geometry) -> Iterator[FloatArray]:
+    """Closed rings of an area, holes the other way round than outer ones."""
+    for one in getattr(area, "geoms", [area]):
+        if not one.is_empty:
+            whole = shapely.geometry.polygon.orient(one)
+            yield from (np.asarray(ring.coords) for ring in (whole.exterior, *whole.interiors))
+
+
+def lens_picture(sensor: Sensor, number: int = 0) -> bytes:
+    """PNG of the lens of a design as the model prints it, the part turned a little."""
+    printed = print_design(sensor, response=False)
+    body = Sensor(sensor.design, sensor.material, measured_lens(sensor.cut, printed.profile)).body().upright()
+    part = shapely.affinity.rotate(shapely.Polygon(body.outline(1e-3)), TURNED_DEG, origin=(0.0, 0.0))
+    view = _View(LENS_VIEW_MM, LENS_UM_PER_PX)
+    levels = GROUND + (PART - GROUND) * view.covered(part)
+    return _png(view.seen(levels, np.random.default_rng([SEED, number])))
+
+
+def coupon_picture(coupon: Coupon) -> bytes:
+    """PNG of a coupon as the model prints it, seen from above."""
+    view, printed = _view(coupon, COUPON_UM_PER_PX), _Printed.of(coupon)
+    slab = view.covered(shapely.difference(printed.slab, shapely.union_all(printed.areas("hole"))))
+    raised = view.covered(shapely.union_all([*printed.areas("pillar"), *printed.areas("mark"), *printed.bridges]))
+    levels = GROUND + (SLAB - GROUND) * slab
+    return _png(view.seen(levels + (PART - levels) * raised, np.random.default_rng(SEED)))
+
+
+def coupon_heights(coupon: Coupon) -> bytes:
+    """TIFF of the heights of a printed coupon in µm, tilted and rough."""
+    import tifffile
+
+    rng, view, printed = np.random.default_rng(SEED), _view(coupon, HEIGHT_UM_PER_PX), _Printed.of(coupon)
+    um = 1e3 * printed.thickness_mm * view.covered(printed.slab)
+    for one in printed.standing("pillar", "mark"):
+        um = um + 1e3 * printed.height_mm(one) * view.covered(printed.area(one))
+    um = ndimage.gaussian_filter(um, 0.7) + ROUGH_UM * rng.standard_normal(um.shape)
+    um = um + TILT * HEIGHT_UM_PER_PX * np.arange(um.shape[1])
+    file = io.BytesIO()
+    tifffile.imwrite(file, um.astype(np.float32), description=f"{_HEAD}: {MODEL}", software="solen", compression="zlib")
+    return file.getvalue()
+
+
+@dataclass(frozen=True)
+class _Printed:
+    """A coupon as the default process prints it: sizes by name, 0 for what does not stand or is closed."""
+
+    coupon: Coupon
+    size_mm: dict[str, float]
+    smaller: float
+    layer_mm: float
+    lower: float
+
+    @classmethod
+    def of(cls, coupon: Coupon) -> "_Printed":
+        settings = default_process().process
+        drawn = [one for one in coupon.features if one.round]
+        asked = [("hole" if one.kind == "hole" else "pillar", one.diameter_mm) for one in drawn]
+        sizes = _sizes(asked)
+        gaps = _sizes([("gap", gap.gap_mm) for gap in coupon.gaps])
+        return cls(
+            coupon,
+            {one.name: size for one, size in zip(drawn, sizes, strict=True)}
+            | {gap.name: size for gap, size in zip(coupon.gaps, gaps, strict=True)},
+            1.0 - 0.01 * settings.shrinkage_percent,
+            1e-3 * settings.layer_um,
+            1.0 - 0.01 * settings.shrinkage_z_percent,
+        )
+
+    @property
+    def thickness_mm(self) -> float:
+        return 0.0 if self.coupon.slab is None else self.lower * self.coupon.slab.thickness_mm
+
+    @property
+    def slab(self) -> shapely.Polygon:
+        """The slab with its bevel."""
+        slab = self.coupon.slab
+        if slab is None:
+            return shapely.Polygon()
+        x, y, bevel = 0.5 * slab.width_mm, 0.5 * slab.depth_mm, slab.bevel_mm
+        corners = np.array([(-x, -y), (x, -y), (x, y - bevel), (x - bevel, y), (-x, y)])
+        return shapely.Polygon(self.smaller * corners)
+
+    @property
+    def bridges(self) -> list[shapely.Geometry]:
+        """What joins the pillars of gaps that are closed."""
+        closed = [gap for gap in self.coupon.gaps if not self.size_mm[gap.name]]
+        pairs = [[self.coupon.feature(name) for name in gap.between] for gap in closed]
+        return [
+            shapely.LineString([self.smaller * np.array((one.x_mm, one.y_mm)) for one in pair]).buffer(
+                0.35 * self.size_mm[pair[0].name]
+            )
+            for pair in pairs
+        ]
+
+    def standing(self, *kinds: str) -> list[Feature]:
+        return [one for one in self.coupon.features if one.kind in kinds and self.size_mm.get(one.name, 1.0) > 0.0]
+
+    def areas(self, kind: str) -> list[shapely.Geometry]:
+        return [self.area(one) for one in self.standing(kind)]
+
+    def area(self, one: Feature) -> shapely.Polygon:
+        x, y = self.smaller * one.x_mm, self.smaller * one.y_mm
+        if one.round:
+            radius = 0.5 * self.size_mm[one.name]
+            return shapely.Polygon(shapely.Point(x, y).buffer(radius, quad_segs=64).exterior)
+        half = 0.5 * self.smaller * np.array((one.width_mm, one.depth_mm))
+        return shapely.Polygon(shapely.box(x - half[0], y - half[1], x + half[0], y + half[1]).exterior)
+
+    def height_mm(self, one: Feature) -> float:
+        """Height of a column, in whole layers."""
+        return self.lower * self.layer_mm * round(one.height_mm / self.layer_mm)
+
+
+def _sizes(asked: Iterable[tuple[str, float]]) -> list[float]:
+    """Printed sizes in mm, 0 for what is not there."""
+    features: Sequence[MeasuredFeature] = [MeasuredFeature(kind, mm, None, None, resolved=True) for kind, mm in asked]  # type: ignore[arg-type]
+    return [float(size) for size in np.nan_to_num(printed_mm(default_process().process, features))]
+
+
+def _view(coupon: Coupon, um_per_px: float) -> _View:
+    width, depth, _ = coupon.size_mm
+    x, y = 0.5 * width + MARGIN_MM, 0.5 * depth + MARGIN_MM
+    return _View((-x, x, -y, y), um_per_px)
+
+
+def _png(grey: FloatArray) -> bytes:
+    """8 bits; its text says that it is simulated."""
+    words, file = PngImagePlugin.PngInfo(), io.BytesIO()
+    words.add_text("Description", f"{_HEAD}: {MODEL}")
+    Image.fromarray(np.rint(255.0 * grey).astype(np.uint8)).save(file, "PNG", pnginfo=words)
+    return file.getvalue()

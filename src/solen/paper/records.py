@@ -1,0 +1,130 @@
+"""Figures that were made: which letters each holds, and the record beside it by which it is not made again.
+
+The idea: a figure follows from solen alone, as its inputs ship with it. So a record holds a checksum of all that solen
+consists of and one of each file that was written; where both still hold, the figure is finished.
+
+The interface: `chosen` of the names asked for; `Record`, `read_record`, `record_text`, `code_sha256`.
+"""
+
+import hashlib
+import json
+import re
+from collections.abc import Sequence
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, ClassVar
+
+import solen
+from solen.errors import DataError, SolenError, SpecError
+from solen.paper.statements import Comparison
+from solen.results import plain
+from solen.spec.strict import Strict
+
+_NAME = re.compile(r"(S?\d+)(?:([A-Z])(?:-([A-Z]))?)?")
+_PACKAGES = ("numpy", "scipy", "numba", "matplotlib", "shapely")
+_ENDINGS = (".py", ".toml", ".html", ".csv")
+
+
+class Drawing(Strict):
+    """A picture of a figure: its file, the text for those who do not see it, and what it says of simulated data."""
+
+    error: ClassVar[type[SolenError]] = DataError
+
+    file: str
+    alt: str
+    mark: str
+
+
+class Record(Strict):
+    """What a finished figure consists of."""
+
+    error: ClassVar[type[SolenError]] = DataError
+
+    code: str
+    drawings: tuple[Drawing, ...]
+    sha256: dict[str, str]
+    comparisons: tuple[dict[str, Any], ...]
+
+    @property
+    def compared(self) -> tuple[Comparison, ...]:
+        """Its comparisons."""
+        return tuple(Comparison(**row) for row in self.comparisons)
+
+
+def letters_of(name: str) -> set[str]:
+    """Names of the letters of a figure: 3B, 3C and 3D of 3B-D."""
+    number, first, last = _parts(name)
+    return {f"{number}{chr(code)}" for code in range(ord(first), ord(last or first) + 1)} if first else {name}
+
+
+def chosen(names: Sequence[str], asked: Sequence[str]) -> tuple[str, ...]:
+    """Figures that hold what is asked for: a letter (3C), a range (3B-D), or a whole figure (3).
+
+    Raises
+    ------
+    SpecError
+        If the paper has no such figure that software can make.
+    """
+    wanted: set[str] = set()
+    for one in asked:
+        text = one.strip().replace("–", "-").replace("s", "S")
+        found = {name for name in names if _holds(name, text)}
+        if not found:
+            raise SpecError(
+                "--figure", value=one, limit="is no figure that is made", remedy=f"one of {', '.join(names)}"
+            )
+        wanted |= found
+    return tuple(name for name in names if not asked or name in wanted)
+
+
+def _holds(name: str, text: str) -> bool:
+    match = _NAME.fullmatch(text.upper())
+    if match is None:
+        return False
+    number, first, _ = _parts(text.upper())
+    same = number == _parts(name)[0]
+    return same and (not first or not _parts(name)[1] or bool(letters_of(text.upper()) & letters_of(name)))
+
+
+def _parts(name: str) -> tuple[str, str | None, str | None]:
+    match = _NAME.fullmatch(name)
+    if match is None:
+        raise SpecError("figure", value=name, limit="is not written as 3, 3B or 3B-D")
+    return match[1], match[2], match[3]
+
+
+@cache
+def code_sha256() -> str:
+    """Checksum of solen, with all that it ships, and of the libraries that its numbers and pictures rest on."""
+    folder = Path(solen.__file__).parent
+    total = hashlib.sha256(repr([(name, version(name)) for name in _PACKAGES]).encode())
+    for path in sorted(folder.rglob("*")):
+        if path.suffix in _ENDINGS:
+            total.update(str(path.relative_to(folder)).encode() + path.read_bytes())
+    return total.hexdigest()
+
+
+def read_record(path: Path) -> Record | None:
+    """Record of a finished figure; None if there is none, it is of another solen, or a file was removed or changed."""
+    try:
+        record = Record(**json.loads(path.read_text(encoding="utf-8")))
+        unchanged = all(_sha256(path.parent / file) == sha256 for file, sha256 in record.sha256.items())
+    except (OSError, ValueError, TypeError, SolenError):
+        return None
+    return record if unchanged and record.code == code_sha256() else None
+
+
+def record_text(drawings: Sequence[Drawing], comparisons: Sequence[Comparison], contents: dict[str, bytes]) -> bytes:
+    """Text of the record of a figure and its files by name."""
+    data = {
+        "code": code_sha256(),
+        "drawings": [one.model_dump() for one in drawings],
+        "sha256": {name: hashlib.sha256(content).hexdigest() for name, content in contents.items()},
+        "comparisons": plain(tuple(comparisons)),
+    }
+    return (json.dumps(data, indent=1, allow_nan=False, ensure_ascii=False) + "\n").encode()
+
+
+def _sha256(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()

@@ -1,0 +1,74 @@
+"""Result of a reproduction: the figures that were made, and how many statements of the paper agree."""
+
+from solen.paper.records import Drawing
+from solen.paper.statements import AGREES, DIFFERS, UNCHECKED, Comparison, Verdict
+from solen.ranks import Caution, note
+from solen.results import Result, reported
+
+
+class ReproducedFigure(Result):
+    """A figure of the paper as solen made it.
+
+    Attributes
+    ----------
+    name, title
+        Its name (``3B-D``), and what it shows.
+    commands
+        Commands that make it alone.
+    drawings
+        Its pictures.
+    comparisons
+        What the paper states beside solen's numbers.
+    made
+        Whether this run made it; a figure that was finished is kept.
+    """
+
+    name: str
+    title: str
+    commands: tuple[str, ...]
+    drawings: tuple[Drawing, ...]
+    comparisons: tuple[Comparison, ...]
+    made: bool
+
+
+class Reproduction(Result):
+    """The paper's figures from a run of solen.
+
+    Attributes
+    ----------
+    figures
+        Those that are finished.
+    not_made
+        Names of the others.
+    """
+
+    figures: tuple[ReproducedFigure, ...]
+    not_made: tuple[str, ...]
+
+    def _count(self, verdict: Verdict) -> int:
+        return sum(row.verdict == verdict for one in self.figures for row in one.comparisons)
+
+    @reported
+    def agrees(self) -> int:
+        """Number of statements of the paper that agree."""
+        return self._count(AGREES)
+
+    @reported
+    def differs(self) -> int:
+        """Number of statements that differ."""
+        return self._count(DIFFERS)
+
+    @reported
+    def cannot_be_checked(self) -> int:
+        """Number of statements that rest on data that are not published."""
+        return self._count(UNCHECKED)
+
+    @reported
+    def simulated(self) -> bool:
+        """Always true: nothing was measured."""
+        return True
+
+    @reported
+    def warnings(self) -> tuple[Caution, ...]:
+        """What must be known of the comparison."""
+        return (note("data that the paper does not publish were simulated; figures of them are no evidence for it"),)

@@ -1,0 +1,139 @@
+"""Measurements that the paper shows and does not publish, simulated in their place as tables that the commands read.
+
+The idea: each table is made by solen's own model of what it shows and by noise of a stated seed, and its first line
+says so. What the paper does not state is assumed here, once and by name; nothing of it is a finding.
+
+The interface: `SAMPLES` names each file and its `Sample`: the model in words and its text; `write_samples` writes some.
+"""
+
+import tomllib
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import tomli_w
+
+from solen import files
+from solen.arrays import FloatArray
+from solen.bench.starter import starter_files
+from solen.fabricate.process.process_file import default_process
+from solen.material.cure.layers import cure_depth_um
+from solen.material.index import forward
+from solen.material.resin import library_resin
+from solen.material.stiffness.models import KINDS as MODELS
+from solen.material.stiffness.modes import UNIAXIAL
+
+SEED = 1
+NM = np.arange(400.0, 901.0, 4.0)
+RESIN, LAYER_UM, EXTINCTION = "loctite-3526", 25.0, 1e-5
+"""The shipped resin that is nearest to a printing one, thickness of the paper's layer, and an assumed extinction."""
+NOISE = 5e-4
+"""Assumed standard deviation of T and R; the commands are given it as their uncertainty."""
+KINDS = ("pristine", "modified")
+EXTINCTIONS = {"pristine": 6e-5, "modified": 2e-5}
+MODULUS_MPA = {"pristine": 1.9, "modified": 1.1}
+WEAKER, SLOWER = 0.9, 1.3
+"""Assumed penetration depth and critical dose of the pristine resin, as multiples of those of the default process."""
+EXPOSURES_S, DARKER_PER_S = (2.0, 4.0, 6.0), 1e-5
+"""The paper's exposures, and the assumed extinction that each second adds."""
+SCATTER_DISCS, SCATTER_CUBES = 0.03, 0.04
+CUBE_MM = 10.0
+REPEATS = 3
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A simulated file: its model in words, and its text, made anew at each call."""
+
+    model: str
+    text: Callable[[], str]
+
+
+def index_of(nm: FloatArray | float) -> FloatArray:
+    """Index of the simulated layer."""
+    return np.asarray(library_resin(RESIN).index.along(nm)[0], dtype=float)
+
+
+def _table(model: str, header: str, *columns: FloatArray) -> str:
+    rows = (",".join(f"{value:.6g}" for value in row) for row in np.column_stack(columns))
+    return "\n".join((f"# simulated: {model}, seed {SEED}", header, *rows)) + "\n"
+
+
+def _spectra(model: str, extinction: float, number: int) -> str:
+    """T and R of a layer in air."""
+    rng = np.random.default_rng([SEED, number])
+    r, t = forward(index_of(NM), extinction, LAYER_UM, NM)
+    noise = NOISE * rng.standard_normal((2, NM.size))
+    return _table(model, "wavelength_nm,T,R", NM, t + noise[0], r + noise[1])
+
+
+def _exposures(model: str) -> str:
+    rng = np.random.default_rng([SEED, 3])
+    s, nm = (grid.ravel() for grid in np.meshgrid(EXPOSURES_S, NM, indexing="ij"))
+    _, t = forward(index_of(nm), EXTINCTION + DARKER_PER_S * s, LAYER_UM, nm)
+    return _table(model, "exposure_s,wavelength_nm,T", s, nm, t + NOISE * rng.standard_normal(nm.size))
+
+
+def _discs(model: str, kind: str) -> str:
+    """Thicknesses of cured discs; of what the working curve leaves liquid there is no row."""
+    settings = default_process().process
+    dp, ec = settings.Dp_um, settings.Ec_mJ_per_cm2
+    if kind == "pristine":
+        dp, ec = WEAKER * dp, SLOWER * ec
+    dose = np.repeat(settings.irradiance_mW_per_cm2 * np.arange(1.0, 7.0), REPEATS)
+    scatter = np.random.default_rng([SEED, 4, KINDS.index(kind)]).standard_normal(dose.size)
+    um = cure_depth_um(dose, dp, ec) * (1.0 + SCATTER_DISCS * scatter)
+    return _table(model, "dose_mJ_per_cm2,thickness_um", dose, um)
+
+
+def _cube(model: str, kind: str, number: int) -> str:
+    """Force on a cube pressed together, by a neo-Hookean solid."""
+    rng = np.random.default_rng([SEED, 5, KINDS.index(kind), number])
+    stretch = 1.0 - np.linspace(0.0, 0.3, 61)
+    modulus = MODULUS_MPA[kind] * (1.0 + SCATTER_CUBES * rng.standard_normal())
+    model_of = MODELS["neo-hookean"]
+    stress = model_of.stress(np.array([modulus / 6.0]), UNIAXIAL, stretch)
+    return _table(model, "displacement_mm,force_N", CUBE_MM * (1.0 - stretch), -(CUBE_MM**2) * stress)
+
+
+def _protocol() -> str:
+    """The shipped rotation test without the slow cycles that the paper does not have."""
+    data = tomllib.loads(starter_files()["rotation"])
+    return tomli_w.dumps(data | {"slow_cycles": 0})
+
+
+def _of(model: str, make: Callable[..., str], *arguments: str | float) -> Sample:
+    return Sample(model, partial(make, model, *arguments))
+
+
+_SLAB = f"incoherent slab of {LAYER_UM:g} µm with the index of {RESIN}"
+_KS = ", ".join(f"k = {k:g} ({kind})" for kind, k in EXTINCTIONS.items())
+SAMPLES: dict[str, Sample] = {
+    "layer.csv": _of(f"{_SLAB}, k = {EXTINCTION:g}", _spectra, EXTINCTION, 0),
+    "exposures.csv": _of(f"{_SLAB}, k growing with the exposure", _exposures),
+    "rotation.toml": Sample("", _protocol),
+    "rig.toml": Sample("", lambda: starter_files()["rig"]),
+    "sensor.toml": Sample("", lambda: starter_files()["sensor"]),
+}
+for _number, _kind in enumerate(KINDS):
+    SAMPLES[f"{_kind}.csv"] = _of(f"{_SLAB}, {_KS}", _spectra, EXTINCTIONS[_kind], 1 + _number)
+    SAMPLES[f"discs/{_kind}.csv"] = _of("Jacobs' working curve with an assumed Dp and Ec", _discs, _kind)
+    for _cube_number in range(1, REPEATS + 1):
+        SAMPLES[f"cubes/{_kind}-{_cube_number}.csv"] = _of(
+            "neo-Hookean cube of an assumed modulus", _cube, _kind, _cube_number
+        )
+
+
+def write_samples(folder: Path, *names: str) -> list[Path]:
+    """Write samples into a folder; returns their paths in the order of the names."""
+    targets = [folder / name for name in names]
+    for target in targets:
+        target.parent.mkdir(parents=True, exist_ok=True)
+    return files.write_all({target: SAMPLES[name].text().encode() for target, name in zip(targets, names, strict=True)})
+
+
+def mark_of(name: str) -> str:
+    """What a figure of a sample says of its origin."""
+    return f"SIMULATED: {SAMPLES[name].model}; seed {SEED}"

@@ -1,0 +1,106 @@
+"""Numbers of traced, recorded and measured sensors beside the paper's, each with its standard uncertainty."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from solen.analysis import Study
+from solen.metrology import FacesInspection, LensInspection
+from solen.sensor import Sensor
+from solen.sensor.check import foci_of
+from solen.sensor.network import NetworkTrace
+from solen.spec import loads, template
+
+SIDE_DEG = 3.0
+"""Rotation of the paper's test, to each side."""
+LED, POINT = "solen-860", "paper-860"
+"""Shipped designs: an LED with its chip, in space, and the paper's point in the plane."""
+
+
+class Turned(NamedTuple):
+    """Contrast of a sensor at −3°, 0° and +3°, and their standard uncertainties."""
+
+    contrast: tuple[float, ...]
+    u_contrast: tuple[float, ...]
+
+    @property
+    def apart(self) -> tuple[float, float]:
+        """Contrast at −3° less that at +3°."""
+        return self.contrast[0] - self.contrast[-1], float(np.hypot(self.u_contrast[0], self.u_contrast[-1]))
+
+
+def shipped(name: str) -> Sensor:
+    """Sensor of a shipped design."""
+    return Sensor.of(loads(template(name)))
+
+
+def turned(sensor: Sensor) -> Turned:
+    """Contrasts of a sensor at the paper's three states, in power."""
+    found = sensor.power([-SIDE_DEG, 0.0, SIDE_DEG])
+    return Turned(tuple(found.contrast.tolist()), tuple(found.u_contrast.tolist()))
+
+
+def saturated_from_deg(sensor: Sensor) -> float | None:
+    """Angle from the null from which the contrast is saturated."""
+    return sensor.smooth(sensor.power()).saturation_deg()
+
+
+def ratio(part: tuple[float, float], whole: tuple[float, float]) -> tuple[float, float]:
+    """Quotient of two numbers with independent uncertainties, and its own."""
+    value = part[0] / whole[0]
+    return value, abs(value) * float(np.hypot(part[1] / part[0] if part[0] else 0.0, whole[1] / whole[0]))
+
+
+def percent_without_lens(point: Sensor, with_lens: Turned) -> tuple[float, float]:
+    """Separation of both rotations without the lens, in per cent of that with it."""
+    value, u = ratio(turned(point.without_lens).apart, with_lens.apart)
+    return 100.0 * value, 100.0 * u
+
+
+def focus_mm(sensor: Sensor) -> float | None:
+    """Smallest spot of the rays of a design's lens, behind its vertex."""
+    return next(one.best_focus_mm for one in foci_of(sensor) if one.step == 0.0)
+
+
+def mean_slope(study: Study, side: str) -> tuple[float, float]:
+    """Mean over the sensors with a lens of the slope of one receiver's voltage, and the uncertainty of that mean."""
+    slopes = [one.receivers[side].sensitivity_V_per_deg for one in study.sensors.values() if one.lens is not False]
+    return float(np.mean(slopes)), float(np.std(slopes, ddof=1) / np.sqrt(len(slopes)))
+
+
+def control_percent(study: Study) -> tuple[float, float]:
+    """Swing without a lens in per cent of that with one, mean of both receivers; u by scatter of the sensors."""
+    lens, beside = study.mean_of_sensors, study.lens_beside_none
+    if lens is None or beside is None:
+        raise ValueError("the recording holds no sensor without a lens")
+    shares = [one.without_lens_percent for one in beside.values()]
+    scatter = [abs(lens.receivers[side].sd_swing_V / lens.receivers[side].swing_V) for side in beside]
+    mean = float(np.mean(shares))
+    return mean, mean * float(np.mean(scatter)) / float(np.sqrt(lens.n))
+
+
+def protocol_found(study: Study) -> dict[str, tuple[float, float]]:
+    """Cycles, cycles used, speed in °/s and half range in degrees that the analysis found, with uncertainties."""
+    response = next(iter(study.sensors.values()))
+    motion = response.runs[0].motion
+    return {
+        "cycles": (float(len(motion.cycles)), 0.0),
+        "cycles-used": (float(response.cycles_used), 0.0),
+        "speed": (motion.speed_deg_per_s, 0.0),
+        "reach": (0.5 * (motion.high_deg - motion.low_deg), motion.noise_deg),
+    }
+
+
+def deviation_um(found: LensInspection | FacesInspection) -> tuple[float, float, float]:
+    """Deviation (rms) of a lens from its design, its uncertainty, and that from the nearest other design, in µm."""
+    one = found.last_layer if isinstance(found, FacesInspection) else found
+    others = sorted(design.rms_um for design in one.designs.values())
+    return one.deviation.rms_um, one.deviation.u_rms_um, others[1]
+
+
+def received_percent(traced: NetworkTrace) -> tuple[float, float]:
+    """Share of an emitter's light at all receivers, in per cent, mean over the emitters."""
+    shares: Sequence[float] = traced.power[0].sum(axis=1)
+    u = np.sqrt((traced.u_power[0] ** 2).sum()) / len(shares)
+    return 100.0 * float(np.mean(shares)), 100.0 * float(u)

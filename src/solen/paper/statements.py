@@ -1,0 +1,134 @@
+"""What the paper states, each with its place in it, and whether a number of solen agrees.
+
+The idea: one table holds every number of the paper, and one rule decides. The uncertainty of a stated number is that of
+its last digit (a rectangle of that width). Within two combined standard uncertainties a value **agrees**, beyond it
+**differs**; a bound differs if it is missed by more than that; a direction agrees if its sign is certain by as much.
+"Negligible" is read as below 5 % of the effect that it is beside. What rests on measurements whose data are not
+published **cannot be checked**, whatever solen simulates in their place.
+
+The interface: `STATEMENTS`; `compared` makes a `Comparison` of a statement's key and a number of the run.
+"""
+
+import math
+import tomllib
+from functools import cache
+from importlib.resources import files
+from typing import Any, ClassVar, Final, Literal
+
+from solen.errors import DataError, SolenError
+from solen.results import Result
+from solen.spec.strict import Strict
+
+Verdict = Literal["agrees", "differs", "cannot be checked"]
+AGREES: Final = "agrees"
+DIFFERS: Final = "differs"
+UNCHECKED: Final = "cannot be checked"
+SURE = 2.0
+"""Combined standard uncertainties beyond which two numbers differ."""
+NEGLIGIBLE_PERCENT = 5.0
+
+
+class Statement(Strict):
+    """A statement of the paper, as in ``statements.toml``."""
+
+    error: ClassVar[type[SolenError]] = DataError
+
+    key: str
+    figure: str
+    panel: str
+    place: str
+    words: str
+    quantity: str
+    kind: Literal["value", "above", "positive", "negative", "negligible", "measured"]
+    value: float | None = None
+    resolution: float | None = None
+    unit: str
+    why: str
+
+    @property
+    def u_value(self) -> float:
+        """Standard uncertainty of the stated number, by its last digit."""
+        return (self.resolution or 0.0) / math.sqrt(12.0)
+
+    def verdict(self, number: float | None, u: float) -> Verdict:
+        """Whether a number of the run agrees with it."""
+        if self.kind == "measured" or number is None or not math.isfinite(number):
+            return UNCHECKED
+        if self.kind in {"positive", "negative"}:
+            signed = number if self.kind == "positive" else -number
+            return AGREES if signed > SURE * u else DIFFERS if signed < -SURE * u else UNCHECKED
+        if self.kind == "negligible":
+            return AGREES if abs(number) - SURE * u <= NEGLIGIBLE_PERCENT else DIFFERS
+        off, sure = number - (self.value or 0.0), SURE * math.hypot(u, self.u_value)
+        return AGREES if (off >= -sure if self.kind == "above" else abs(off) <= sure) else DIFFERS
+
+
+class Comparison(Result):
+    """A statement of the paper beside solen's number.
+
+    Attributes
+    ----------
+    key, figure, panel
+        Of the statement.
+    paper, place
+        What the paper states, and where.
+    paper_value, u_paper_value
+        Its number and the uncertainty by its last digit; None without a number.
+    quantity, unit
+        What solen computed.
+    solen_value, u_solen_value
+        Its number and standard uncertainty; None where it has none.
+    verdict
+        ``agrees``, ``differs`` or ``cannot be checked``.
+    why
+        The reason.
+    """
+
+    key: str
+    figure: str
+    panel: str
+    paper: str
+    place: str
+    paper_value: float | None
+    u_paper_value: float | None
+    quantity: str
+    unit: str
+    solen_value: float | None
+    u_solen_value: float
+    verdict: Verdict
+    why: str
+
+
+@cache
+def statements() -> dict[str, Statement]:
+    """All statements by their keys."""
+    text = (files("solen.paper") / "statements.toml").read_text(encoding="utf-8")
+    return {row["key"]: Statement(**row) for row in tomllib.loads(text)["statement"]}
+
+
+def stated(key: str) -> float:
+    """The number of a statement."""
+    value = statements()[key].value
+    if value is None:
+        raise KeyError(key)
+    return value
+
+
+def compared(key: str, number: float | None, u: float = 0.0, **of_the_run: Any) -> Comparison:
+    """Comparison of a statement with a number of the run; ``of_the_run`` are the numbers in its reason."""
+    one = statements()[key]
+    return Comparison(
+        key=key,
+        figure=one.figure,
+        panel=one.panel,
+        paper=one.words,
+        place=one.place,
+        paper_value=one.value,
+        u_paper_value=None if one.value is None else one.u_value,
+        quantity=one.quantity,
+        unit=one.unit,
+        solen_value=number,
+        u_solen_value=u,
+        verdict=one.verdict(number, u),
+        why=one.why.format(**of_the_run),
+    )

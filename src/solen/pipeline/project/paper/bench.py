@@ -1,0 +1,57 @@
+"""Figures of the bench: voltage against angle, and over time, of the simulated rig (4D, S6)."""
+
+from functools import lru_cache
+from pathlib import Path
+
+from solen import files
+from solen.analysis import Study
+from solen.bench.record import RecordOptions
+from solen.paper.samples import write_samples
+from solen.paper.sensor_numbers import control_percent, mean_slope, protocol_found
+from solen.paper.statements import compared
+from solen.pipeline.bench.analyse import analyse
+from solen.pipeline.bench.record import run
+from solen.pipeline.project.paper.model import Made, PaperFigure, Picture
+from solen.report.bench.traces import traces_figure
+from solen.report.plot import figure_of
+
+SEED = 1
+MARK = f"SIMULATED: the rig of solen bench new, three prints and one without a lens; seed {SEED}"
+COMMANDS = (
+    f"solen bench run data/rotation.toml --rig data/rig.toml --out recordings --seed {SEED}",
+    "solen bench analyse recordings/rotation.nc --figure fig4d.pdf --traces figs6.pdf",
+)
+
+
+@lru_cache(maxsize=1)
+def _recorded(folder: Path) -> Study:
+    """The paper's protocol on the simulated rig, analysed; once for both figures."""
+    protocol, rig, _ = write_samples(folder, "rotation.toml", "rig.toml", "sensor.toml")
+    for name in ("rotation.nc", "rotation.journal"):
+        files.remove(folder / name)
+    recorded = run(protocol, rig, folder, RecordOptions(seed=SEED))
+    return analyse(recorded.files["recording"]).result
+
+
+def _response(folder: Path) -> Made:
+    study = _recorded(folder)
+    alt = (
+        "voltage against angle of three simulated sensors with a lens, mean and standard deviation of five cycles: the "
+        "right one falls towards −3°, the left one towards +3°; of one without a lens hardly anything changes"
+    )
+    rows = [compared(f"voltage-{side}", *mean_slope(study, side)) for side in ("right", "left")]
+    control = compared("control-measured", *control_percent(study))
+    return Made((Picture("4D.svg", alt, lambda: figure_of(study), mark=MARK),), (*rows, control))
+
+
+def _traces(folder: Path) -> Made:
+    study = _recorded(folder)
+    alt = "voltages of both receivers and the angle over time, six cycles of each simulated sensor, holds in grey"
+    rows = [compared(key, *found) for key, found in protocol_found(study).items()]
+    return Made((Picture("S6.svg", alt, lambda: traces_figure(study), mark=MARK),), tuple(rows))
+
+
+RESPONSE = PaperFigure(
+    "4D", "Voltage against rotation angle, five cycles (mean curve, shaded standard deviation).", COMMANDS, _response
+)
+TRACES = PaperFigure("S6", "Voltage against time.", COMMANDS, _traces)
