@@ -16,6 +16,7 @@ import pytest
 
 from solen.errors import DataError, OutputError, SpecError
 from solen.explore.axes import axis, check_axes, check_not_set, grid, sampled
+from solen.explore.chips import chips_of
 from solen.explore.machines import Cluster, Here, Slurm, check_job
 from solen.explore.store import Accuracy, Point, Store, Variant, engine
 from solen.explore.sweep import SweepOptions, sweep
@@ -216,9 +217,42 @@ def test_the_compiled_batch_gives_the_same_table_within_its_uncertainty(tmp_path
 
 def test_a_point_of_the_batch_does_not_depend_on_its_neighbours() -> None:
     chip = DESIGN.set({"emitter.width_mm": 0.2})
-    alone = sweep(chip, SweepOptions(over=("emitter.offset_mm=0,0.01",), rays=1024))
-    others = sweep(chip, SweepOptions(over=("emitter.offset_mm=0,0.3",), rays=1024))
+    alone = sweep(chip, SweepOptions(over=("lens.focus_mm=20,21",), rays=1024))
+    others = sweep(chip, SweepOptions(over=("lens.focus_mm=20,30",), rays=1024))
     assert np.array_equal(alone.power[0], others.power[0])
+
+
+def test_chips_of_a_design_share_its_rays_and_have_the_same_table(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    chip = DESIGN.set({"emitter.pattern": "lambertian", "emitter.cone_deg": 120.0, "motion.step_deg": 0.5})
+    axes = ("emitter.offset_mm=0,0.02,0.05", "lens.focus_mm=18,22", "emitter.width_mm=0.2,0.25")
+    calls: list[int] = []
+    machines = import_module("solen.explore.machines")
+    respond = machines.respond
+    monkeypatch.setattr(machines, "respond", lambda *a, **more: (calls.append(1), respond(*a, **more))[1])
+    shared = sweep(chip, SweepOptions(over=axes, rays=4096), Store(tmp_path))
+    assert len(calls) == 2
+    apart = sweep(chip, SweepOptions(over=axes, rays=4096, robust=("emitter.distance_mm=0.01",)))
+    assert shared.shape == (3, 2, 2)
+    assert list(shared.values["emitter.offset_mm"][:5]) == [0.0] * 4 + [0.02]
+    off = (shared.power - apart.power) / np.hypot(shared.u_power, apart.u_power)
+    assert np.sqrt(np.mean(off**2)) < 1.5
+    assert np.abs(off).max() < 5.0
+    assert shared.u_power.max() < 3.0 * apart.u_power.max()
+    (block,) = (tmp_path / "blocks").iterdir()
+    known = Store(tmp_path)
+    for name in list(known.points)[::2]:  # as if it had been killed between two points of one trace
+        del known.points[name]
+    block.unlink()
+    again = sweep(chip, SweepOptions(over=axes, rays=4096), known)
+    assert again.traced == 6
+    assert np.array_equal(again.power, shared.power)
+
+
+@pytest.mark.parametrize("over", ["emitter.offset_mm=0,3", "emitter.width_mm=0,0.2", "lens.focus_mm=18,20"])
+def test_chips_that_are_far_apart_or_points_do_not_share_rays(over: str) -> None:
+    assert chips_of(DESIGN.set({"emitter.width_mm": 0.2}), [axis(over, DESIGN)]) == ()
 
 
 def test_a_failure_of_the_machine_is_not_kept_as_a_response(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -23,7 +23,7 @@ from pydantic import Field
 from solen.errors import DataError, DesignError, SpecError
 from solen.explore.merits import worst_resolution_deg
 from solen.explore.network_merits import network_point
-from solen.explore.store import Accuracy, Point, Variant, engine, no_response
+from solen.explore.store import Accuracy, Chip, Point, Variant, engine, no_response
 from solen.extras import need
 from solen.files import read_text
 from solen.sensor import Response, Sensor, respond, why_not_batched
@@ -61,7 +61,8 @@ def responses_of(variants: Sequence[tuple[str, Variant]], accuracy: Accuracy) ->
     if accuracy.rays is None:
         return {name: _integrated(variant, accuracy) for name, variant in variants}
     found: dict[str, Point] = {}
-    batched: dict[str, Sensor] = {}
+    shared: dict[str, dict[str, tuple[Chip, Sensor]]] = {}
+    chips: dict[str, Sequence[Chip]] = {}
     for name, variant in variants:
         try:
             sensor = variant.sensor()
@@ -70,11 +71,15 @@ def responses_of(variants: Sequence[tuple[str, Variant]], accuracy: Accuracy) ->
             continue
         if why_not_batched(sensor):
             found[name] = _integrated(variant, accuracy)
-        else:
-            batched[name] = sensor
+            continue
+        chip = (sensor.light.width_mm, sensor.design.emitter.offset_mm)
+        together = variant.shared_name(accuracy) if chip in variant.chips else name
+        shared.setdefault(together, {})[name] = (chip, sensor)
+        chips[together] = variant.chips if chip in variant.chips else (chip,)
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-        points = pool.map(partial(_batched, rays=accuracy.rays), batched.values())
-        return found | dict(zip(batched, points, strict=True))
+        for points in pool.map(partial(_batched, rays=accuracy.rays), shared.values(), chips.values()):
+            found |= points
+    return found
 
 
 def _integrated(variant: Variant, accuracy: Accuracy) -> Point:
@@ -88,14 +93,22 @@ def _integrated(variant: Variant, accuracy: Accuracy) -> Point:
     return _point(sensor, response, next((trace.why for trace in response.traces if not trace.reached), ""))
 
 
-def _batched(sensor: Sensor, rays: int) -> Point:
-    """Response by the compiled batch; alone, as the lattices of a call are made for all its sensors."""
+def _batched(named: Mapping[str, tuple[Chip, Sensor]], chips: Sequence[Chip], rays: int) -> dict[str, Point]:
+    """Responses by the compiled batch of chips that share its rays, some of all; the others make no difference.
+
+    Sensors that differ in more are traced one by one, as the lattices of a call are made for all its sensors.
+    """
+    sensor = next(sensor for _, sensor in named.values())
     angle_deg = np.array(sensor.design.motion.angles_deg())
-    traced = respond([sensor], angle_deg.tolist(), rays=rays, threads=1)
+    traced = respond([sensor], angle_deg.tolist(), *np.array(chips).T, rays=rays, threads=1)
     if traced.why[0]:
-        return no_response(SpecError(traced.why[0]))
-    powers = (traced.right[0, 0], traced.left[0, 0], traced.u_power[0, 0])
-    return _point(sensor, Response("power", angle_deg, *powers, ()), "")
+        return dict.fromkeys(named, no_response(SpecError(traced.why[0])))
+    found = {}
+    for name, (chip, own) in named.items():
+        k = chips.index(chip)
+        powers = (traced.right[0, k], traced.left[0, k], traced.u_power[0, k])
+        found[name] = _point(own, Response("power", angle_deg, *powers, ()), "")
+    return found
 
 
 def _point(sensor: Sensor, response: Response, why: str) -> Point:

@@ -14,11 +14,11 @@ import json
 import zipfile
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -122,23 +122,36 @@ class Accuracy(NamedTuple):
     lattice: int = 0
 
 
+Chip = tuple[float, float]
+"""Width and decentre of an emitter, in mm."""
+
+
 @dataclass(frozen=True)
 class Variant:
     """A design to be traced, how far the built part is off some of its numbers, by their keys, and what prints it.
 
-    With a process it has the lens that this prints, else the designed one.
+    With a process it has the lens that this prints, else the designed one. ``chips`` are widths and decentres of its
+    emitter that share the rays of the compiled batch with its own; none share them by default.
     """
 
     design: Design
     off: Mapping[str, float] = field(default_factory=dict)
     printed_by: Settings | None = None
+    chips: tuple[Chip, ...] = ()
 
     def name(self, accuracy: Accuracy) -> str:
         """Name of its response: equal for equal inputs, different for any other."""
         design = self.design.set(name="point")
         process = None if self.printed_by is None else self.printed_by.model_dump(mode="json")
-        stated = json.dumps([engine(), dumps(design), self.files, sorted(self.off.items()), accuracy, process])
-        return hashlib.sha256(stated.encode()).hexdigest()
+        stated: list[Any] = [engine(), dumps(design), self.files, sorted(self.off.items()), accuracy, process]
+        stated += [self.chips] if self.chips else []
+        return hashlib.sha256(json.dumps(stated).encode()).hexdigest()
+
+    def shared_name(self, accuracy: Accuracy) -> str:
+        """Name that all variants have whose chips are traced with the same rays."""
+        width_mm, offset_mm = self.chips[0]
+        first = self.design.set({"emitter.width_mm": width_mm, "emitter.offset_mm": offset_mm})
+        return replace(self, design=first).name(accuracy)
 
     @property
     def files(self) -> dict[str, str]:

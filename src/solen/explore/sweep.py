@@ -15,13 +15,14 @@ from pydantic import Field
 from solen.arrays import FloatArray, Progress
 from solen.errors import DesignError, SpecError
 from solen.explore.axes import Axis, axis, check_axes, grid, sampled
+from solen.explore.chips import chips_last, chips_of
 from solen.explore.machines import Machine
 from solen.explore.measures import Measure, measure_of, merits_of_points
 from solen.explore.merits import worst_place
 from solen.explore.responses import AccuracyOptions, failures_of, point_warnings, responses
 from solen.explore.robust import cases_of
 from solen.explore.still import still_in_samples, still_on_grid
-from solen.explore.store import Point, Store, Variant
+from solen.explore.store import Chip, Point, Store, Variant
 from solen.explore.subject import Subject, design_of
 from solen.explore.swept import Sweep
 from solen.sensor import Sensor
@@ -97,17 +98,21 @@ def sweep(
     known = len(store.points)
     cases = list(cases_of(Sensor.of(design), options.robust, mirrors=False))
 
+    is_grid = options.samples is None and options.part is None
+    chips = chips_of(design, axes) if is_grid and options.rays is not None and not cases[1:] else ()
+
     def trace(
         points: Sequence[Mapping[str, Any]],
         cases: Sequence[Mapping[str, float]] = ({},),
         progress: Progress | None = None,
     ) -> list[Point]:
-        variants = (partial(_set_in, design, point, case) for point in points for case in cases)
+        variants = (partial(_set_in, design, point, case, chips) for point in points for case in cases)
         return responses(variants, options.accuracy, store, progress, machine)
 
-    traced = trace(points, cases, progress)
+    order = chips_last(axes) if chips else range(len(points))
+    traced = trace([points[place] for place in order], cases, progress)
+    traced = [traced[place] for place in np.argsort(order)] if chips else traced
     as_it_is = traced[:: len(cases)]
-    is_grid = options.samples is None and options.part is None
     still = still_on_grid(axes, as_it_is) if is_grid else list(still_in_samples(axes, points, as_it_is, trace))
     values = {one.key: [point[one.key] for point in points] for one in axes}
     shape = tuple(len(one.values) for one in axes) if is_grid else (len(points),)
@@ -126,8 +131,10 @@ def _has_no_effect(design: Design, key: str) -> str:
     return f"{key} changes no response at any point{f': {why}' if why else ''}; leave --over {key} out"
 
 
-def _set_in(design: Design, point: Mapping[str, Any], off: Mapping[str, float]) -> Variant:
-    return Variant(with_values(design, point), off)
+def _set_in(
+    design: Design, point: Mapping[str, Any], off: Mapping[str, float], chips: tuple[Chip, ...] = ()
+) -> Variant:
+    return Variant(with_values(design, point), off, chips=chips)
 
 
 def _worst(measure: Measure, points: Sequence[Point], cases: int) -> dict[str, FloatArray]:

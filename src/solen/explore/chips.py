@@ -1,0 +1,44 @@
+"""Chips of a sweep that share their rays: points that differ only in width and decentre are one trace.
+
+The compiled batch traces a design over all places of an emitter, and each chip is a weighted sum of these
+(`solen.sensor.respond`).
+
+The interface: `chips_of` a design and the axes of a grid; `chips_last`, the order in which its points are traced.
+"""
+
+import math
+from collections.abc import Sequence
+from itertools import product
+
+import numpy as np
+
+from solen.explore.axes import Axis
+from solen.explore.store import Chip
+from solen.sensor import Sensor
+from solen.spec import Design
+
+KEYS = ("emitter.width_mm", "emitter.offset_mm")
+MOST_REACH = 8.0
+"""Longest range of places, in widths of the narrowest chip, over which sharing rays pays."""
+
+
+def chips_of(design: Design, axes: Sequence[Axis]) -> tuple[Chip, ...]:
+    """Widths and decentres of a grid that are traced together; none where that does not pay or cannot be."""
+    values = {one.key: one.values for one in axes}
+    own = Sensor.of(design)
+    widths = values.get(KEYS[0], (own.light.width_mm,))
+    offsets = values.get(KEYS[1], (own.design.emitter.offset_mm,))
+    if not all(isinstance(value, int | float) for value in (*widths, *offsets)):
+        return ()
+    chips = tuple((float(width), float(offset)) for width, offset in product(widths, offsets))
+    if len(chips) < 2 or min(widths) <= 0.0 or max(offsets) - min(offsets) + max(widths) > MOST_REACH * min(widths):
+        return ()
+    return chips
+
+
+def chips_last(axes: Sequence[Axis]) -> list[int]:
+    """Numbers of the points of a grid with the chips of each design one after the other."""
+    numbers = np.arange(math.prod(len(one.values) for one in axes)).reshape([len(one.values) for one in axes])
+    of_chips = [one.key in KEYS for one in axes]
+    order: list[int] = numbers.transpose(np.argsort(of_chips, kind="stable").tolist()).ravel().tolist()
+    return order
