@@ -311,3 +311,20 @@ def test_a_process_takes_the_place_of_tolerances_of_lengths(tmp_path: Path) -> N
     assert keys[:2] == [GROWTH, SHRINKAGE]
     assert "body.arm_width_mm" not in keys
     assert "emitter.distance_mm" in keys
+
+
+def test_a_print_that_no_design_file_describes_is_refused_with_why(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(process_text(default_process()), encoding="utf-8")
+    offset = ("emitter.offset_mm=normal:0:0.02",)
+    for more, named in (
+        ({"vary": offset, "process": path}, "growth of --process"),
+        ({"vary": ("emitter.distance_mm=normal:0:0.02",)}, "hold it"),
+    ):
+        with pytest.raises(SpecError, match=named):
+            print_design(DESIGN, ToleranceOptions(print_number=3, prints=32, **more))
+    bare = print_design(
+        DESIGN.set({"lens.shape": "none"}), ToleranceOptions(print_number=3, prints=32, vary=offset, process=path)
+    )
+    assert bare is not None
+    assert bare.emitter.distance_mm < DESIGN.emitter.distance_mm

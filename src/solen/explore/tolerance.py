@@ -254,8 +254,11 @@ def print_design(subject: Subject, options: ToleranceOptions) -> Design | None:
     off = offs(variations, row.tolist())
     values = {key: number(sensor, key) + step for key, step in off.items()}
     if "emitter.distance_mm" in values and sensor.has_lens:
-        limit = "emitter.distance_mm varies, and the lens of a design file is cut for the distance that it states"
-        raise SpecError("--print-number", value=place, limit=limit, remedy="hold it, by --vary of the others")
+        grown = any(one.moved is not None and "emitter.distance_mm" in one.weights for one in variations)
+        why = "growth of --process brings the lens nearer to the emitter" if grown else "emitter.distance_mm varies"
+        limit = f"{why}, and the lens of a design file is cut for the distance that it states"
+        remedy = "leave --process out" if grown else "hold it, by --vary of the others"
+        raise SpecError("--print-number", value=place, limit=limit, remedy=f"{remedy}; the table has this print")
     if "material.index" in values and design.material.resin is not None:
         if sensor.is_loaded or sensor.light.spectrum:
             limit = "material.index varies, and a design without its resin has neither its stiffness nor its dispersion"
