@@ -40,7 +40,7 @@ MOST_HALVINGS = 6
 MOST_LEGS, SPACE_LEGS = 400_000, 15_000_000
 SEEDS, SAMPLES, MOST_DOUBLINGS = 8, 2**15, 4
 """Independent differences of sampled light, the rays of each end of one, and how often a step is doubled at most."""
-TRAPPED_SAMPLES, TRAPPED_SHARE, TRAPPED_WEIGHT, TRAPPED_DOUBLINGS = 2**17, 1e-3, 3e-3, 1
+TRAPPED_SAMPLES, TRAPPED_SHARE, TRAPPED_WEIGHT, TRAPPED_DOUBLINGS = 2**17, 1e-3, 3e-4, 1
 """Of light that is trapped: most rays of each end, the share of the largest slope that its error may be, the weight of
 what is not followed, and how often a step is doubled: over 16 % of an index its error was four times what is stated."""
 CAUTION = 1.25
@@ -197,14 +197,15 @@ def _of_samples(
     """Derivative by differences of samples: both ends take the same points, and the spread over seeds is the error.
 
     A longer step has less noise; it is doubled as long as that is more than what the function bends within it. Over the
-    best one more samples follow, up to ``most`` of each end.
+    best one more samples follow, up to ``most`` of each end. How much more or less light is cut off counts as
+    uncertainty: all of it might have arrived.
     """
     names = scene_at(value).receivers
 
     def difference(step: float, samples: int) -> FloatArray:
         scenes = [with_rays(scene_at(value + sign * step), samples) for sign in (-1.0, 1.0)]
         low, high = (
-            np.array([_powers(trace(scene, mode, limits, sampling="sobol", seed=seed)) for seed in range(SEEDS)])
+            np.array([_and_cut_off(trace(scene, mode, limits, sampling="sobol", seed=seed)) for seed in range(SEEDS)])
             for scene in scenes
         )
         return np.asarray((high - low) / (2.0 * step))
@@ -230,7 +231,8 @@ def _of_samples(
     while samples <= most and np.max(best.u) > TRAPPED_SHARE * np.max(np.abs(best.value)):
         best = _Sampled.of(best.step, *(difference(share * best.step, samples) for share in (0.5, 1.0)))
         samples *= 4
-    each = {name: Slope(float(best.value[i]), float(best.u[i])) for i, name in enumerate(names)}
+    cut_off = abs(float(best.value[-1]))
+    each = {name: Slope(float(best.value[i]), float(best.u[i]) + cut_off) for i, name in enumerate(names)}
     return Derivative(each, best.step, reached=True)
 
 
@@ -256,6 +258,11 @@ class _Sampled(NamedTuple):
 def _powers(found: Trace) -> FloatArray:
     """Power of every receiver."""
     return np.array([reading.power for reading in found.detectors.values()])
+
+
+def _and_cut_off(found: Trace) -> FloatArray:
+    """Power of every receiver, and the power of what was not followed to its end."""
+    return np.append(_powers(found), found.ledger.truncated)
 
 
 def _slopes(names: tuple[str, ...], wide: FloatArray, close: FloatArray, noise: float) -> dict[str, Slope]:
