@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 import shapely
 
-from solen.curve import Arc, Parabola, Segment
+from solen.curve import Arc, Measure, Parabola, Segment
 from solen.errors import DesignError, SolenError, SpecError
 from solen.geometry import Body, body_of, y_body
 from solen.geometry.body import polyline
 from solen.geometry.network import Plan, plan_of
 from solen.lens import lens_of
+from solen.plane import Rigid
 from solen.spec import Design, dumps, loads, with_values
 from tests.geometry.network_support import random_network, y_network
 
@@ -62,14 +63,80 @@ def test_a_bend_of_the_ys_stem_is_the_ys_own(angle_deg: float) -> None:
 
 
 @pytest.mark.parametrize("angle_deg", [-3.0, 1.0])
-def test_a_turn_of_the_ys_lens_is_the_ys_own_with_seams(angle_deg: float) -> None:
-    design = the_y(motion={"join": "seam"})
-    turns = {"kind": "rotation", "at_deg": angle_deg}
+@pytest.mark.parametrize("join", ["seam", "bridge", "smooth"])
+@pytest.mark.parametrize("pivot", [None, "emitter", (0.3, 0.0)])
+def test_a_turn_of_the_ys_lens_is_the_ys_own(angle_deg: float, join: str, pivot: Any) -> None:
+    design = the_y(motion={"join": join} | ({} if pivot is None else {"pivot": pivot}))
+    turns = {"kind": "rotation", "at_deg": angle_deg, "join": join} | ({} if pivot is None else {"pivot": pivot})
     motion = [{"name": part, "part": part} | turns for part in ("main",)]
     own, network = y_body(design, lens_of(design, 1.44), angle_deg), built(y_network(design, motion=motion))
+    middles = [face.curve.middle_point for face in own.faces]
+    assert np.allclose([face.curve.middle_point for face in network.faces], middles, atol=1e-12)
     ends = [(face.curve.start, face.curve.end) for face in own.faces]
     assert np.allclose([(face.curve.start, face.curve.end) for face in network.faces], ends, atol=1e-13)
     assert network.emitter.point == pytest.approx(own.emitter.point, abs=1e-13)
+
+
+def test_a_spline_bends_evenly_and_keeps_its_length() -> None:
+    points = {"at_mm": [3.0, 12.0], "through_mm": [[1.5, 5.0], [3.5, 8.0]]}
+    tables: Any = {
+        "nodes": [{"name": "n"}, {"name": "m", "at_mm": points["at_mm"]}],
+        "guides": [{"name": "g", "nodes": ("n", "m"), "width_mm": [1.5, 0.02], "through_mm": points["through_mm"]}],
+        "emitters": [{"name": "e", "node": "n"}],
+        "receivers": [{"name": "r", "node": "m"}],
+    }
+
+    def way(at_deg: float, fixed: str = "n") -> Any:
+        motion = {"name": "b", "kind": "bend", "part": "g", "from_deg": -40.0, "to_deg": 40.0, "at_deg": at_deg}
+        design = Design(
+            name="s",
+            material={"index": 1.44},
+            body={"kind": "network"},
+            network=tables | {"motion": [motion], "fixed": fixed},
+        )
+        assert built(design).area_mm2() > 0.0
+        return plan_of(design).ways["g"].spine
+
+    rest, bent = way(0.0), way(25.0)
+    assert bent.end_direction == pytest.approx(Rigid.about((0.0, 0.0), 25.0).vector(rest.end_direction), abs=1e-12)
+    measure, wall = Measure(rest.free), Measure(bent.wall((0.0,), "g"))
+    assert wall.length_mm == pytest.approx(measure.length_mm, abs=1e-8)
+    for share in (0.3, 0.8):
+        lines = [
+            (one.wall((0.0,), "g"), own.u_at(share * own.length_mm)) for one, own in ((rest, measure), (bent, wall))
+        ]
+        headings = [math.degrees(math.atan2(*line.velocity_at(u))) for line, u in lines]
+        assert headings[0] - headings[1] == pytest.approx(25.0 * share, abs=1e-5)
+    steps = (np.arange(9000) + 0.5) / 9000  # by small steps, a third of them along each of three cubics
+    turn = math.radians(25.0) * measure.lengths_at(steps) / measure.length_mm
+    (x, z), cos, sin = rest.free.velocities(steps).T, np.cos(turn), np.sin(turn)
+    brute = np.array(rest.start) + np.column_stack([x * cos - z * sin, x * sin + z * cos]).mean(axis=0)
+    assert np.allclose(brute, bent.end, atol=1e-6)
+    assert way(25.0, "m").end == pytest.approx(rest.end, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("motion", "told"),
+    [
+        ({"part": "main", "pivot": (0.0, 60.0), "at_deg": 3.0}, r"would tear lens main from x = .*z = .*mm"),
+        ({"part": "arm-left", "pivot": (0.0, -60.0), "at_deg": 3.0}, r"would tear arm-left from x = .*mm"),
+        ({"part": "stem", "join": "bridge"}, r"motion\[0\]\.join = 'bridge'; is of a lens"),
+        ({"part": "stem", "pivot": "emitter"}, r"motion\[0\]\.pivot = 'emitter'; is of a lens or an emitter"),
+        ({"part": "stem", "kind": "bend", "pivot": (0.0, 1.0)}, r"pivot = .*has no meaning for a bend"),
+    ],
+)
+def test_what_tears_or_has_no_meaning_is_refused_with_its_place(motion: dict[str, Any], told: str) -> None:
+    with pytest.raises((SpecError, DesignError), match=told):
+        built(y_network(the_y(), motion=[{"name": "m", "kind": "rotation"} | motion]))
+
+
+def test_a_guide_turns_about_a_stated_pivot_with_what_it_carries() -> None:
+    turns = {"name": "m", "kind": "rotation", "part": "arm-left", "pivot": (-3.0, 18.0), "at_deg": 2.0}
+    rest, moved = built(y_network(the_y())), built(y_network(the_y(), motion=[turns]))
+    turn = Rigid.about((-3.0, 18.0), 2.0)
+    end = rest.face("receiver-left").curve
+    assert moved.face("receiver-left").curve.start == pytest.approx(turn.point(end.start), abs=1e-12)
+    assert moved.face("receiver-right").curve == rest.face("receiver-right").curve
 
 
 def lost_and_added(plan: Plan, body: Body) -> tuple[float, float]:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from solen.curve import CartesianOval, Segment
-from solen.errors import SolenError, SpecError
+from solen.errors import DesignError, SolenError, SpecError
 from solen.plane import Point, Rigid
 from solen.report.design.network import csv_table, network_figure
 from solen.scene import Fan, Interface, Region, Scene
@@ -171,6 +171,11 @@ def test_a_response_is_that_of_each_state_and_emitter() -> None:
     assert np.abs(apart).max() < 4.0 * found.u_power[1, 1].max() + alone.u_power
     assert found.u_power.max() <= 1e-3
     assert network_check(design).states == 1 + 3 + 2 + 4
+
+
+def test_a_load_on_a_network_is_refused_with_what_moves_it() -> None:
+    with pytest.raises(DesignError, match=r"body\.kind = 'network'; .*network\.motion"):
+        _ = Sensor.of(three_guides()).loaded
 
 
 def test_a_study_goes_over_each_motion() -> None:

@@ -172,6 +172,12 @@ class Sensor:
     @cached_property
     def loaded(self) -> LoadedBody:
         """Its soft body; `DesignError` where its motion is not one of a loaded body."""
+        if self.is_network:
+            limit, remedy = (
+                "is rigid: no load deforms it",
+                "bend its guides: solen run follows every [[network.motion]]",
+            )
+            raise DesignError("body.kind", value="network", limit=limit, remedy=remedy)
         if not self.is_loaded:
             limit, remedy = "is no load", 'set motion.kind = "loaded", with what holds and loads the body'
             raise DesignError("motion.kind", value=self.design.motion.kind, limit=limit, remedy=remedy)

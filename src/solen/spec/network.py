@@ -13,6 +13,7 @@ from typing import Annotated, ClassVar, Literal, Self, get_args
 
 from pydantic import AfterValidator, Field, model_validator
 
+from solen.spec.motion import Join
 from solen.spec.quantities import Index, Length, Place, Point, Size, Wavelength
 from solen.spec.reading import Formula, Reading
 from solen.spec.strict import NotNegative, Number, Positive, Strict, Text, or_refuse, refused
@@ -29,6 +30,7 @@ Heading = Annotated[Number, Field(ge=-360, le=360)]
 Through = Annotated[
     tuple[Point, ...], Field(max_length=1000), or_refuse("must be a list of points [x_mm, z_mm], at most 1000")
 ]
+PivotOf = Annotated[Point | Literal["emitter"], or_refuse('must be "emitter" or [x_mm, z_mm] with two finite numbers')]
 PlaceOf = Annotated[Point, or_refuse("must be [x_mm, z_mm] with two finite numbers")]
 
 OF_FACES = ("receiver", "mirror", "black", "lens", "end", "join", "fillet")
@@ -204,6 +206,14 @@ class NamedMotion(Strict):
     name: Name = Field(description="its name.")
     kind: Literal["bend", "rotation"] = Field(description="bend of a guide between its nodes, or rotation of a part.")
     part: Text = Field(description="guide that bends; or guide, lens or emitter that turns, with all beyond a guide.")
+    pivot: PivotOf | None = Field(
+        None,
+        description="Place [x_mm, z_mm], all at rest, that a rotation is about, or emitter; default: a guide's nearer "
+        "node, the middle of a lens's base.",
+    )
+    join: Join | None = Field(
+        None, description="How a lens that turns joins its guide, as motion.join; default: by seams."
+    )
     at_deg: Turn = Field(0.0, description="Angle at which it stands, counter-clockwise, of what moves.")
     from_deg: Turn = Field(-3.0, description="First angle of its range.")
     to_deg: Turn = Field(3.0, description="Last angle of its range, greater than from_deg.")
@@ -211,6 +221,9 @@ class NamedMotion(Strict):
 
     @model_validator(mode="after")
     def _ascends(self) -> Self:
+        for key in ("pivot", "join"):
+            if self.kind == "bend" and getattr(self, key) is not None:
+                raise refused(key, "has no meaning for a bend", value=getattr(self, key), remedy="leave it out")
         if not self.from_deg < self.to_deg:
             raise refused("from_deg", f"must be less than to_deg = {self.to_deg}", value=self.from_deg)
         if not self.from_deg <= self.at_deg <= self.to_deg:
@@ -254,11 +267,25 @@ class Network(Strict):
             if before:
                 limit = f"is moved by {before[0]} already"
                 raise refused(f"motion[{number}].part", limit, value=motion.part, remedy="leave one of them out")
+            lenses = {one.name: one for one in self.lenses}
+            if motion.join is not None and (motion.part not in lenses or lenses[motion.part].node is None):
+                limit = "is of a lens that ends a guide"
+                raise refused(f"motion[{number}].join", limit, value=motion.join, remedy="leave it out")
+            if motion.pivot == "emitter" and motion.part in [one.name for one in self.guides]:
+                raise refused(f"motion[{number}].pivot", "is of a lens or an emitter", value=motion.pivot)
+            if isinstance(motion.pivot, tuple) and motion.part in self._on_sides():
+                limit, remedy = "stands on a side", 'set pivot = "emitter", or put it at the end of a guide'
+                raise refused(f"motion[{number}].part", limit, value=motion.part, remedy=remedy)
             if motion.kind == "rotation" and parts.count(motion.part) > 1:
                 limit = "is the name of several parts"
                 raise refused(f"motion[{number}].part", limit, value=motion.part, remedy="give each its own")
         _ = self.formulas  # refuses what is none
         return self
+
+    def _on_sides(self) -> set[str]:
+        """Lenses on sides, and emitters there or before them."""
+        lenses = {one.name for one in self.lenses if one.node is None}
+        return lenses | {one.name for one in self.emitters if one.guide is not None or one.lens in lenses}
 
     @property
     def formulas(self) -> tuple[Formula, ...]:

@@ -82,6 +82,25 @@ def joined(arriving: Run, departing: Run, fillet_mm: float, node: str, at: Point
     return (*cut, None) if fillet_mm == 0.0 else _filleted(*cut, fillet_mm, node)
 
 
+def cut_at(run: Run, base: Point, ahead: Point, height_mm: float, *, at_end: bool) -> Run:
+    """A wall without what lies below a height over the section through a base; `DesignError` if nothing is left.
+
+    With ``at_end`` the section is at its end, else at its start.
+    """
+    from scipy.optimize import brentq
+
+    def above(u: float) -> float:
+        return dot(minus(run.curve.point_at(u), base), ahead) - height_mm
+
+    near, far = (run.high, run.low) if at_end else (run.low, run.high)
+    if above(far) <= 0.0:
+        limit = f"is shorter than the {height_mm:.3g} mm by which a lens joins it, at {place_text(base)}"
+        raise DesignError(f"guide {run.guide}", limit=limit, remedy="turn by less or lengthen it")
+    u = float(brentq(above, near, far, xtol=1e-15)) if above(near) < 0.0 else near
+    place = run.curve.point_at(u)
+    return replace(run, high=u, last=place) if at_end else replace(run, low=u, first=place)
+
+
 def _shouldered(arriving: Run, departing: Run, at: Point) -> tuple[Run, Run, Curve | None]:
     """Two walls that do not meet, and the straight face between them."""
     last, first = _section(arriving, arriving.end, at), _section(departing, at, departing.start)

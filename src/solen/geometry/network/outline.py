@@ -9,10 +9,10 @@ import math
 from collections import Counter
 from dataclasses import dataclass, field, replace
 
-from solen.curve import Arc, Curve, Measure, Segment
+from solen.curve import Arc, Bezier, Curve, Measure, Segment
 from solen.errors import DesignError
 from solen.geometry.body import GAP_MM, Face, Pose, place_text
-from solen.geometry.network.corners import Run, joined
+from solen.geometry.network.corners import Run, cut_at, joined
 from solen.geometry.network.plan import Plan, Way
 from solen.plane import Point, Rigid, along, dot, left_of, minus, right_of, unit
 from solen.spec.network import NamedMotion, Network, Placed, PlacedEmitter, PlacedLens, PlacedReceiver
@@ -110,8 +110,18 @@ class Walk:
         if motion is None:
             return pose
         lens = self.plan.lenses[placed.lens] if placed.lens else None
-        pivot = frame.point((0.0, 0.0 if lens is None else lens.depth_mm))
+        node = next((one.node for one in self.plan.network.lenses if one.name == placed.lens), placed.node)
+        base = frame.point((0.0, 0.0 if lens is None else lens.depth_mm))
+        pivot = self._pivot(motion, node, frame.point((0.0, -distance_mm)), base)
         return pose.moved(Rigid.about(pivot, motion.at_deg))
+
+    def _pivot(self, motion: NamedMotion, node: str | None, emitter: Point, base: Point) -> Point:
+        """Place that a lens or an emitter at a node turns about, as that node has moved."""
+        if motion.pivot is None:
+            return base
+        if motion.pivot == "emitter":
+            return emitter
+        return self.plan.carried.get(node or "", Rigid()).point(motion.pivot)
 
     def _lens_between(
         self, placed: PlacedLens, start: Point, end: Point, base: Point, ahead: Point, beside: str
@@ -127,15 +137,67 @@ class Walk:
         frame = _frame(base, ahead, lens.depth_mm)
         motion = self._turn(placed.name, "lenses")
         if motion is not None:
-            frame = _turned(frame, Rigid.about(base, motion.at_deg))
+            distance_mm = next((one.distance_mm for one in self.plan.network.emitters if one.lens == placed.name), None)
+            before = frame.point((0.0, -(distance_mm or self.plan.distance_mm)))
+            turn = Rigid.about(self._pivot(motion, placed.node, before, base), motion.at_deg)
+            rest, frame = lens.front.moved(frame), _turned(frame, turn)
+            self._check_tear(placed, motion, turn, (rest.start, rest.end), lens.half_width_mm)
         self.frames[placed.name] = frame
         front = lens.front if frame == Rigid() else lens.front.moved(frame)
         faces = [Face(f"lens-{placed.name}", front)]
+        if motion is not None and motion.join in ("bridge", "smooth"):
+            walls = self._trimmed(placed, motion, front, (start, end), base, ahead)
+            start, end = walls[0].end, walls[1].start
+            if motion.join == "smooth":
+                axis = frame.vector((0.0, 1.0))
+                low, high = (
+                    _smooth(wall, edge, axis, base, ahead)
+                    for wall, edge in zip(walls, (front.start, front.end), strict=True)
+                )
+                return [Face(beside, low.reversed()), *faces, Face(beside, high)]
         if math.dist(start, front.start) > GAP_MM:
             faces.insert(0, Face(beside, Segment(start, front.start)))
         if math.dist(front.end, end) > GAP_MM:
             faces.append(Face(beside, Segment(front.end, end)))
         return faces
+
+    def _check_tear(
+        self, placed: PlacedLens, motion: NamedMotion, turn: Rigid, edges: tuple[Point, Point], most_mm: float
+    ) -> None:
+        """`DesignError` where an edge of a lens moves away by more than its half width."""
+        place = max(edges, key=lambda edge: math.dist(turn.point(edge), edge))
+        off_mm = math.dist(turn.point(place), place)
+        if off_mm > most_mm:
+            limit = f"would tear lens {placed.name} from {place_text(place)} by {off_mm:.3g} mm, at most {most_mm:.3g}"
+            remedy = "turn by less or about a nearer pivot"
+            raise DesignError(f"network.motion {motion.name}", value=motion.at_deg, limit=limit, remedy=remedy)
+
+    def _trimmed(
+        self,
+        placed: PlacedLens,
+        motion: NamedMotion,
+        front: Curve,
+        corners: tuple[Point, Point],
+        base: Point,
+        ahead: Point,
+    ) -> tuple[Run, Run]:
+        """Walls of the guide that a turned lens ends, shortened to where the lens joins them: see `motion.join`."""
+        (way,), node = self.plan.at(placed.node or ""), placed.node or ""
+        room_mm, lens = math.dist(*corners), self.plan.lenses[placed.name]
+        if room_mm > 2.0 * lens.half_width_mm + WIDER_MM:
+            number = self.plan.network.motion.index(motion)
+            limit = f"needs a lens as wide as its guide, {room_mm:.4g} mm, at {place_text(base)}"
+            raise DesignError(
+                f"network.motion[{number}].join", value=motion.join, limit=limit, remedy='set join = "seam"'
+            )
+        keys = _arriving(way, node), _departing(way, node)
+        for key, edge in zip(keys, (front.start, front.end), strict=True):
+            risen_mm = max(0.0, dot(minus(edge, base), ahead)) + (
+                lens.half_width_mm if motion.join == "smooth" else 0.0
+            )
+            if risen_mm > 0.0:
+                self.runs[key] = cut_at(self.runs[key], base, ahead, risen_mm, at_end=key == keys[0])
+        return self.runs[keys[0]], self.runs[keys[1]]
 
     def _divided(self, whole: Face, on_it: list[Part]) -> list[Face]:
         """A side with receivers and lenses on it."""
@@ -281,6 +343,15 @@ def _in_order(plan: Plan, node: str) -> list[Way]:
         return angle, -dot(minus(way.middle(node), at), right_of(ahead))
 
     return sorted(plan.at(node), key=order)
+
+
+def _smooth(wall: Run, edge: Point, axis: Point, base: Point, ahead: Point) -> Bezier:
+    """Curve from the edge of a turned lens along its axis into the wall of its guide."""
+    at_end = math.dist(wall.end, edge) < math.dist(wall.start, edge)
+    place, u = (wall.end, wall.high) if at_end else (wall.start, wall.low)
+    slope = wall.curve.velocity_at(u)
+    third_mm = (dot(minus(place, base), ahead) - max(dot(minus(edge, base), ahead), 0.0)) / 3.0
+    return Bezier(edge, along(edge, axis, third_mm), along(place, slope, -third_mm / dot(slope, ahead)), place)
 
 
 def _frame(base: Point, ahead: Point, depth_mm: float) -> Rigid:

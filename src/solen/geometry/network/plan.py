@@ -6,7 +6,7 @@ fixed: what lies beyond a guide that bends or turns is carried along.
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 
 from numpy.polynomial import polynomial
@@ -68,12 +68,18 @@ class Way:
 
 @dataclass(frozen=True)
 class Plan:
-    """Guides by name in their state, places of the nodes, and lenses by name."""
+    """Guides by name in their state, places of the nodes, and lenses by name.
+
+    ``carried`` are the motions of the nodes from rest; none where all rest.
+    """
 
     network: Network
     ways: dict[str, Way]
     places: dict[str, Point]
     lenses: dict[str, Lens]
+    carried: dict[str, Rigid] = field(default_factory=dict)
+    distance_mm: float = 0.0
+    """before its lens of an emitter that states no other"""
 
     def at(self, node: str) -> list[Way]:
         """Guides at a node."""
@@ -88,7 +94,7 @@ def plan_of(design: Design) -> Plan:
     DesignError
         If a node is not connected, a guide has no place, a lens cannot be made, or a motion would tear a loop.
     """
-    rest = replace(at_rest(design), network=design.network)
+    rest = replace(at_rest(design), network=design.network, distance_mm=design.shared_emitter.distance_mm)
     return _in_motion(rest, design.network.motion)
 
 
@@ -276,7 +282,7 @@ def _in_motion(rest: Plan, motions: tuple[NamedMotion, ...]) -> Plan:
             raise DesignError("network.motion", value=name, limit=limit, remedy=remedy)
     order = {name: ways[name] for name in rest.ways}
     places = {node: carried[node].point(place) for node, place in rest.places.items()}
-    return replace(rest, ways=order, places=places)
+    return replace(rest, ways=order, places=places, carried=carried)
 
 
 def _outwards(plan: Plan, fixed: str) -> Iterator[tuple[Way, str]]:
@@ -295,10 +301,24 @@ def _driven(way: Way, node: str, motion: NamedMotion | None) -> tuple[Way, Rigid
         return way, Rigid()
     from_end = node == way.guide.nodes[1]
     if motion.kind == "rotation":
-        turn = Rigid.about(way.spine.end if from_end else way.spine.start, motion.at_deg)
+        near = way.spine.end if from_end else way.spine.start
+        turn = Rigid.about(near if not isinstance(motion.pivot, tuple) else motion.pivot, motion.at_deg)
+        _check_tear(way, near, turn, motion)
         return way.moved(turn), turn
     spine, beyond = way.spine.bent(motion.at_deg, from_end=from_end)
     return replace(way, spine=spine), beyond
+
+
+def _check_tear(way: Way, near: Point, turn: Rigid, motion: NamedMotion) -> None:
+    """`DesignError` where a rotation takes a guide farther from its node than half its width there."""
+    off_mm = math.dist(turn.point(near), near)
+    half_mm = 0.5 * min(way.guide.widths[0], float(polynomial.polyval(way.spine.length_mm, way.guide.widths)))
+    if off_mm > half_mm:
+        limit = (
+            f"would tear {way.guide.name} from {place_text(near)} by {off_mm:.3g} mm, at most {half_mm:.3g} mm there"
+        )
+        remedy = "turn by less or about a nearer pivot"
+        raise DesignError(f"network.motion {motion.name}", value=motion.at_deg, limit=limit, remedy=remedy)
 
 
 def _after(first: Rigid, then: Rigid) -> Rigid:

@@ -21,7 +21,8 @@ from solen.geometry.bend import BEND_TOLERANCE_MM as WALL_TOLERANCE_MM
 from solen.geometry.bend import LARGEST_RADIUS_MM
 from solen.plane import Point, Rigid, along, heading, left_of, minus, right_of, unit
 
-SAMPLES = 257
+SAMPLES, PANELS = 257, 8
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
 Offset = tuple[float, ...]
 """Coefficients of the distance to the right of the line, in mm, by the length along it."""
 
@@ -30,6 +31,7 @@ Offset = tuple[float, ...]
 class Spine:
     """Line from ``start`` along a unit direction, turning evenly by ``turn_deg`` over its length; or a ``free`` one.
 
+    A free one may be bent: each direction is turned by its share of ``bend_deg``, that of the length up to there.
     ``heading_deg`` is its direction where that was stated as an angle.
     """
 
@@ -39,6 +41,7 @@ class Spine:
     turn_deg: float = 0.0
     free: Spline | None = None
     heading_deg: float | None = None
+    bend_deg: float = 0.0
 
     @classmethod
     def towards(cls, start: Point, heading_deg: float, length_mm: float, turn_deg: float) -> "Spine":
@@ -60,7 +63,8 @@ class Spine:
     def end(self) -> Point:
         """Its last point."""
         if self.free is not None:
-            return self.free.end
+            x, z = self.free.end if self.bend_deg == 0.0 else self._begins[-1]
+            return (float(x), float(z))
         if self.turn_deg == 0.0:
             return along(self.start, self.direction, self.length_mm)
         x, z = self._places(np.array([self.length_mm]))[0]
@@ -69,10 +73,11 @@ class Spine:
     @cached_property
     def end_direction(self) -> Point:
         """Its unit direction at its end."""
+        turn_deg, last = self.turn_deg, self.direction
         if self.free is not None:
-            return unit(self.free.velocity_at(1.0))
-        turn = math.radians(self.turn_deg)
-        return Rigid(math.cos(turn), math.sin(turn)).vector(self.direction) if self.turn_deg else self.direction
+            turn_deg, last = self.bend_deg, unit(self.free.velocity_at(1.0))
+        turn = math.radians(turn_deg)
+        return Rigid(math.cos(turn), math.sin(turn)).vector(last) if turn_deg else last
 
     def moved(self, motion: Rigid) -> "Spine":
         """The line after a rigid motion."""
@@ -84,17 +89,19 @@ class Spine:
 
     def bent(self, angle_deg: float, *, from_end: bool) -> "tuple[Spine, Rigid]":
         """The line with its far end turned evenly by an angle, and the motion of that end; the other stands still."""
-        if self.free is not None:
-            raise DesignError(
-                "network.motion", value="a bend of a spline", limit="only a straight guide or an arc bends"
-            )
         if not from_end:
-            bent = replace(self, turn_deg=self.turn_deg + angle_deg)
+            bent = self._turning(angle_deg)
             return bent, carrying(self.end, bent.end, angle_deg)
-        bent = replace(self, turn_deg=self.turn_deg - angle_deg)
+        bent = self._turning(-angle_deg)
         back = carrying(bent.end, self.end, angle_deg)
         bent = bent.moved(back)
         return bent, carrying(self.start, bent.start, angle_deg)
+
+    def _turning(self, angle_deg: float) -> "Spine":
+        """The line turning by so much more, evenly along its length, its start and its length as they are."""
+        if self.free is None:
+            return replace(self, turn_deg=self.turn_deg + angle_deg)
+        return replace(self, bend_deg=self.bend_deg + angle_deg)
 
     def wall(self, offset: Offset, what: str) -> Curve:
         """Curve at a distance to the right of the line; `DesignError`, about ``what``, where it would fold over."""
@@ -133,29 +140,40 @@ class Spine:
         return Arc(center, abs(radius + offset[0]), math.degrees(math.atan2(z, x)), self.turn_deg)
 
     def _beside_free(self, free: Spline, offset: Offset, what: str) -> Curve:
-        if offset == (0.0,):
+        if offset == (0.0,) and self.bend_deg == 0.0:
             return free
-        measure, slope = Measure(free), polynomial.polyder(offset)
+        measure, slope = self._measure, polynomial.polyder(offset)
+        bend_per_mm, many = math.radians(self.bend_deg) / measure.length_mm, len(free.controls)
 
         def carry(piece: Curve, start: float, end: float) -> tuple[Function, Function, tuple[float, float]]:
             if not isinstance(piece, Spline):
                 raise AssertionError("a spline is made of splines")
             controls = np.array(piece.controls[0])
 
+            first = round(start * many) * PANELS
+
             def frame(u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-                velocity = piece.velocities(u)
+                velocity, s = piece.velocities(u), measure.lengths_at(start + (end - start) * u)
                 speed = np.hypot(*velocity.T)
-                return measure.lengths_at(start + (end - start) * u), speed, velocity / speed[:, None]
+                return s, speed, _turned(velocity / speed[:, None], bend_per_mm * s)
+
+            def centre(u: FloatArray) -> FloatArray:
+                if self.bend_deg == 0.0:
+                    return piece.points(u)
+                panel = np.minimum((u * PANELS).astype(int), PANELS - 1)
+                low = start + (end - start) * panel / PANELS
+                return np.asarray(self._begins[first + panel] + self._ways(low, start + (end - start) * u))
 
             def place(u: FloatArray) -> FloatArray:
                 s, _, ahead = frame(u)
-                return np.asarray(piece.points(u) + polynomial.polyval(s, offset)[:, None] * _right(ahead))
+                return np.asarray(centre(u) + polynomial.polyval(s, offset)[:, None] * _right(ahead))
 
             def velocity(u: FloatArray) -> FloatArray:
                 s, speed, ahead = frame(u)
                 bends = np.diff(controls, 2, axis=0)
                 second = 6.0 * ((1.0 - u)[:, None] * bends[0] + u[:, None] * bends[1])
-                per_mm = (ahead[:, 0] * second[:, 1] - ahead[:, 1] * second[:, 0]) / speed**2
+                along_it = _turned(ahead, -bend_per_mm * s)
+                per_mm = (along_it[:, 0] * second[:, 1] - along_it[:, 1] * second[:, 0]) / speed**2 + bend_per_mm
                 beside = polynomial.polyval(s, offset)
                 self._check_fold(beside, per_mm, what)
                 rise = (polynomial.polyval(s, slope) * speed)[:, None] * _right(ahead)
@@ -164,6 +182,29 @@ class Spine:
             return place, velocity, (0.0, 1.0)
 
         return carried(free, carry, WALL_TOLERANCE_MM)
+
+    @cached_property
+    def _begins(self) -> FloatArray:
+        """Places (N, 2) of a bent free line at the ends of panels, so many for each of its cubics."""
+        assert self.free is not None  # noqa: S101  asked of a free line
+        ends = np.linspace(0.0, 1.0, len(self.free.controls) * PANELS + 1)
+        ways = np.cumsum(self._ways(ends[:-1], ends[1:]), axis=0)
+        return np.asarray(np.array(self.free.start) + np.vstack([np.zeros((1, 2)), ways]))
+
+    def _ways(self, low: FloatArray, high: FloatArray) -> FloatArray:
+        """Ways (N, 2) of a bent free line between parameters within one panel, by Gauss."""
+        assert self.free is not None  # noqa: S101  asked of a free line
+        half = 0.5 * (high - low)
+        at = (low + half)[:, None] + half[:, None] * NODES
+        measure = self._measure
+        turn = math.radians(self.bend_deg) * measure.lengths_at(at.ravel()) / measure.length_mm
+        velocities = _turned(self.free.velocities(at.ravel()), turn).reshape(*at.shape, 2)
+        return np.asarray(half[:, None] * np.einsum("k,nkd->nd", WEIGHTS, velocities))
+
+    @cached_property
+    def _measure(self) -> Measure:
+        assert self.free is not None  # noqa: S101  asked of a free line
+        return Measure(self.free)
 
     def _beside(self, offset: Offset) -> tuple[Function, Function]:
         """Places and velocities of a wall beside a straight line or an arc, by the share of the length."""
@@ -195,6 +236,12 @@ class Spine:
         if float(np.min(1.0 + np.multiply(per_mm, beside))) <= 0.0:
             limit = "folds over: its centre line bends more tightly than it is wide"
             raise DesignError(what, limit=limit, remedy="bend it by less, over a greater length, or narrow it")
+
+
+def _turned(vectors: FloatArray, angle: FloatArray) -> FloatArray:
+    """Vectors (N, 2) turned by angles (N,)."""
+    (x, z), cos, sin = vectors.T, np.cos(angle), np.sin(angle)
+    return np.column_stack([x * cos - z * sin, x * sin + z * cos])
 
 
 def carrying(before: Point, after: Point, angle_deg: float) -> Rigid:
