@@ -42,6 +42,7 @@ evidence: $(VENV)/.dev-ready
 lint: $(VENV)/.dev-ready
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
+	$(BIN)/codespell *.md docs examples src tools benchmarks
 
 # The studio's page is committed as built; without Node it stays so.
 page:

@@ -59,6 +59,8 @@ suppress_warnings = ["ref.python"]  # two classes of one name, in rooms apart
 BAR = re.compile(r"(`+[^`]*`+)|\|")
 
 html_theme = "furo"
+html_static_path = ["_static"]
+html_css_files = ["cards.css"]
 html_title = f"solen {release}"
 html_use_index = False  # one page of 1 MB, which the search does better
 

@@ -74,7 +74,7 @@ def _is_a(kind: str, value: Any) -> bool:
 def without_waiting(stderr: str | bytes) -> str:
     """What a program wrote on stderr, but for lines about a wait: they depend on how busy the computer is."""
     text = stderr if isinstance(stderr, str) else stderr.decode("utf-8", "replace")
-    return re.sub(r"^solen [\w-]+: (working|compiling the tracer).*\r?\n", "", text, flags=re.MULTILINE)
+    return re.sub(r"^solen [\w -]+: (working|compiling the tracer).*\r?\n", "", text, flags=re.MULTILINE)
 
 
 def snapshot(folder: Path) -> dict[str, bytes | None]:

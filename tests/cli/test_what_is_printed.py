@@ -71,7 +71,7 @@ def test_every_command_prints_one_json_object(told: Told, design: str, tmp_path:
     assert told.json("new", str(tmp_path / "new"), "--json") == {
         "design": str(tmp_path / "new" / "sensor.toml"),
         "example": "solen-860",
-        "files": {},
+        "files": {"schema": str(tmp_path / "new" / "sensor.schema.json")},
     }
     assert told.json("schema", "--json")["title"] == "solen design file"
     assert told.json("schema") == told.json("schema", "--json")

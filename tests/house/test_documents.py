@@ -64,16 +64,13 @@ def commands(text: str) -> Iterator[tuple[str, list[str]]]:
 
 def differences(shown: list[str], printed: list[str]) -> str:
     """Empty if lines are as shown, ``...`` standing for any; else the first line that is not."""
-    parts, at = "\n".join(shown).split("\n...\n"), 0
-    text = "\n".join(line.rstrip() for line in printed)
-    for place, part in enumerate(parts):
-        piece = part.removesuffix("\n...").rstrip()
-        found = text.find(piece, at)
+    at, text = 0, "".join(f"\n{line.rstrip()}" for line in printed) + "\n"
+    for place, part in enumerate("".join(f"\n{line}" for line in shown).split("\n...")):
+        found = text.find(f"{part}\n", at)
         if found < 0 or (place == 0 and found > 0):
-            return f"shown:\n{piece}\n\nprinted:\n{text}"
-        at = found + len(piece)
-    complete = at == len(text) or shown[-1] == "..."
-    return "" if complete else f"not shown:\n{text[at:]}"
+            return f"shown:\n{part}\n\nprinted:\n{text}"
+        at = found + len(part)
+    return "" if shown[-1] == "..." or at == len(text) - 1 else f"not shown:\n{text[at:]}"
 
 
 def run_python(code: str, names: dict[str, Any]) -> list[str]:
@@ -117,6 +114,8 @@ def test_a_page_does_what_it_says(page: str, tmp_path: Path, monkeypatch: pytest
         (["a 1", "...", "c"], ["a 1", "b", "b", "c"], True),
         (["a 1", "...", "d"], ["a 1", "b", "c"], False),
         (["a 1", "..."], ["a 1", "b"], True),
+        (["..."], ["a 1", "b"], True),
+        (["a 1", "..."], ["a 12", "b"], False),
         (["b"], ["a 1", "b"], False),
     ],
 )

@@ -1,7 +1,9 @@
 """The other commands from end to end: a lens's profile as a table, a new design, a check, a figure."""
 
 import csv
+import json
 import math
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -100,7 +102,10 @@ def test_new_writes_a_design_that_checks(tmp_path: Path, example: str) -> None:
     found = new(tmp_path / "my sensor", example=example).result
     target = tmp_path / "my sensor" / "sensor.toml"
     assert (found.design, found.example) == (target, example)
-    assert target.read_text(encoding="utf-8") == template(example)
+    named, _, text = target.read_text(encoding="utf-8").partition("\n")
+    assert text == template(example)
+    schema = json.loads((target.parent / named.removeprefix("#:schema ")).read_text(encoding="utf-8"))
+    assert set(tomllib.loads(text)) <= set(schema["properties"])
     checked = pipeline.check(target).result
     assert checked.name == load(target).name
     if load(target).body.kind == "network":
@@ -131,7 +136,7 @@ def test_a_folder_that_existed_empty_stays(tmp_path: Path, monkeypatch: pytest.M
     def full(*_: object) -> None:
         raise OutputError("disk", limit="full")
 
-    monkeypatch.setattr(files, "write_text", full)
+    monkeypatch.setattr(files, "write_all", full)
     for folder, stays in ((tmp_path / "old", True), (tmp_path / "new", False)):
         if stays:
             folder.mkdir()

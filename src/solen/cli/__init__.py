@@ -17,6 +17,7 @@ from typing import Any
 import cyclopts
 
 from solen.cli.app import SHOWN, app, progress_bar, show_outcome
+from solen.cli.commands import GROUPS
 from solen.cli.waiting import is_silent, spoken
 from solen.errors import SolenError
 from solen.results import Outcome
@@ -34,7 +35,8 @@ def main() -> None:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # a terminal that lacks a letter is no reason to fail
     arguments = sys.argv[1:]
-    with nullcontext() if is_silent(arguments) else spoken(f"solen {arguments[0]}"):
+    named = " ".join(arguments[: 2 if arguments[:1] and arguments[0] in GROUPS else 1])
+    with nullcontext() if is_silent(arguments) else spoken(f"solen {named}"):
         code = run_command(arguments)
     gc.freeze()  # else Python searches everything once more on its way out, a tenth of a run
     sys.exit(code)

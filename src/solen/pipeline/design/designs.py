@@ -1,6 +1,7 @@
 """Design files: opened with assignments, or written anew."""
 
 import hashlib
+import json
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -8,9 +9,9 @@ from solen import files
 from solen.errors import OutputError
 from solen.recording import Provenance
 from solen.results import Outcome
-from solen.spec import Design, NewDesign, load, parse_assignment, template, with_values
+from solen.spec import Design, NewDesign, json_schema, load, parse_assignment, template, with_values
 
-DESIGN_NAME = "sensor.toml"
+DESIGN_NAME, SCHEMA_NAME = "sensor.toml", "sensor.schema.json"
 
 
 def open_design(path: Path, assignments: Sequence[str] | None = None) -> Design:
@@ -26,7 +27,7 @@ def provenance_of(path: Path) -> Provenance:
 
 
 def new(folder: Path, /, *, example: str = "solen-860") -> Outcome[NewDesign]:
-    """Write a commented design file, FOLDER/sensor.toml.
+    """Write a commented design file, FOLDER/sensor.toml, and the schema by which editors check it.
 
     Parameters
     ----------
@@ -37,10 +38,10 @@ def new(folder: Path, /, *, example: str = "solen-860") -> Outcome[NewDesign]:
         a soft one under a finger; hand-860, robot-860 or strip-860, networks of guides; paper-860, paper-500 or
         paper-450, the point in the plane of the paper.
     """
-    text = template(example)
+    text = f"#:schema {SCHEMA_NAME}\n{template(example)}"
     with files.output_folder(folder):
-        target = folder / DESIGN_NAME
+        target, schema = folder / DESIGN_NAME, folder / SCHEMA_NAME
         if target.exists():
             raise OutputError(str(target), limit="exists already", remedy="name another folder or remove it")
-        files.write_text(target, text)
-    return Outcome(NewDesign(target, example))
+        files.write_all({target: text.encode(), schema: json.dumps(json_schema(), indent=1).encode()})
+    return Outcome(NewDesign(target, example), {"schema": schema})
