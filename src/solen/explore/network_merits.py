@@ -13,6 +13,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -32,10 +33,19 @@ from solen.sensor.network import (
 )
 from solen.sensor.network.readings import readings_of
 from solen.spec import Design
-from solen.spec.network import NamedMotion
+from solen.spec.network import Network
 from solen.spec.placed import state_of
 
 LEAST_STEPS = 2
+SLOPE_SHARE = 1 / 16
+"""Part of its range by which a motion is off to either side for slopes: that of `solen sensitivity` at eight steps."""
+
+
+class _Beside(NamedTuple):
+    """Places of the states on either side of where a motion stands, and how far they are apart."""
+
+    places: tuple[int, int]
+    step_deg: float
 
 
 def network_point(variant: Variant, accuracy: Accuracy) -> Point:
@@ -43,7 +53,7 @@ def network_point(variant: Variant, accuracy: Accuracy) -> Point:
     tolerance = accuracy.tolerance or USUAL_TOLERANCE
     found = network_response(
         variant.design,
-        courses(variant.design.network)[0],
+        states_of(variant.design.network)[0],
         tolerance,
         built=partial(as_built, steps=variant.off) if variant.off else None,
         lattice=accuracy.lattice,
@@ -56,27 +66,30 @@ def network_point(variant: Variant, accuracy: Accuracy) -> Point:
 
 def _sds(design: Design, found: NetworkResponse) -> FloatArray:
     """(motions, 2) standard deviation of each motion from one reading of all, where it stands, and its uncertainty."""
-    states, places = courses(design.network)
-    if not places:
+    states, places, beside = states_of(design.network)
+    if not beside:
         return np.empty((0, 2))
-    beside = [_beside(one, places[one.name]) for one in design.network.motion]
-    chosen = [0, *(place for ends, _ in beside for place in ends)]
+    chosen = [0, *(place for one in beside for place in one.places)]
     seen = network_signals([state_of(design, states[place]) for place in chosen], found.power[chosen])
     u = found.u_power[chosen] * seen.slope_V
     low, high = slice(1, None, 2), slice(2, None, 2)
-    steps = np.array([step for _, step in beside])
+    steps = np.array([one.step_deg for one in beside])
     slope = (seen.voltage_V[high] - seen.voltage_V[low]).reshape(len(steps), -1).T / steps
     u_slope = np.hypot(u[high], u[low]).reshape(len(steps), -1).T / steps
     known = determined(tuple(places), slope, u_slope, seen.covariance_V2())
     return np.stack([known.sd_deg, known.u_sd_deg], axis=-1)
 
 
-def _beside(motion: NamedMotion, places: Sequence[int]) -> tuple[tuple[int, int], float]:
-    """Places of the states on either side of where a motion stands, and how far they are apart."""
-    angle = np.array(motion.angles_deg())
-    near = int(np.argmin(np.abs(angle - motion.at_deg)))
-    low, high = max(near - 1, 0), min(near + 1, angle.size - 1)
-    return (places[low], places[high]), float(angle[high] - angle[low])
+def states_of(network: Network) -> tuple[list[dict[str, float]], dict[str, list[int]], list[_Beside]]:
+    """States that a network is traced in: of `courses`, and beside where each motion stands; and the places of both."""
+    states, places = courses(network)
+    beside = []
+    for motion in network.motion:
+        step = SLOPE_SHARE * (motion.to_deg - motion.from_deg)
+        ends = max(motion.at_deg - step, motion.from_deg), min(motion.at_deg + step, motion.to_deg)
+        beside.append(_Beside((len(states), len(states) + 1), ends[1] - ends[0]))
+        states += [{motion.name: end} for end in ends]
+    return states, places, beside
 
 
 class NetworkMerits:
@@ -87,7 +100,7 @@ class NetworkMerits:
     def __init__(self, design: Design) -> None:
         """Of a design; `SpecError` where a motion has too few steps, or two merits would have one name."""
         self.network = design.network
-        self.states, self.places = courses(self.network)
+        self.states, self.places, _ = states_of(self.network)
         for number, motion in enumerate(self.network.motion):
             if motion.steps < LEAST_STEPS:
                 limit = f"merits need {LEAST_STEPS}"
@@ -108,7 +121,8 @@ class NetworkMerits:
         """Merits of a point and their uncertainties, NaN where one does not exist."""
         shape = (len(self.states), len(self.network.emitters), len(self.network.receivers))
         power, u_power = (each.reshape(shape) for each in (point.power, point.u_power))
-        rows = dict(self._light(power, u_power))
+        on_ranges = 1 + max((place for row in self.places.values() for place in row), default=0)
+        rows = dict(self._light(power[:on_ranges], u_power[:on_ranges]))
         rows |= zip(self._of_motions(), self._sds(point), strict=True)
         reading, u_reading = readings_of(self.network, power, u_power)
         for (number, one), motion in product(enumerate(self.network.reading), self.network.motion):
