@@ -57,6 +57,23 @@ class Following:
         for rows in np.split(fresh, edges) if len(fresh) else ():
             yield self._read(rows, view)
 
+    def turns(self, sensor: str) -> Iterator[tuple[FloatArray, FloatArray]]:
+        """Turns of a network's emitters that are new since the last call, a piece for each part of the run.
+
+        Times (n,) of the periods and signals (n, emitters, receivers), NaN where a reading is missing.
+        """
+        views = [one for one in views_of(self.header) if one.sensor["name"] == sensor]
+        fresh = self._fresh()
+        edges = np.flatnonzero(np.diff(fresh["part"].astype(np.int64))) + 1
+        for rows in np.split(fresh, edges) if len(fresh) else ():
+            both, time_s, new = self._with_before(rows)
+            signal = np.full((len(rows), len(views), len(views[0].inputs)), np.nan)
+            for place, view in enumerate(views):
+                found = self._under(both, time_s, new, view)
+                at = np.searchsorted(time_s, found.time_s, "right") - 1 - new
+                signal[at, place] = found.volts
+            yield time_s[new:], signal
+
     def _fresh(self) -> Rows:
         """Periods that are new; a journal that is gone was closed, so that its run has ended."""
         try:
@@ -68,14 +85,23 @@ class Following:
         return np.frombuffer(data, self._dtypes["board"])
 
     def _read(self, rows: Rows, view: View) -> Fresh:
+        """Readings of right and left, handed over left before right."""
+        found = self._under(*self._with_before(rows), view)
+        return Fresh(found.time_s, found.volts[:, ::-1], found.clipped[:, ::-1])
+
+    def _with_before(self, rows: Rows) -> tuple[Rows, FloatArray, int]:
+        """Periods with the one before them, if there is one, their times, and how many came before."""
         part = int(rows["part"][0])
         before = self._last if self._last is not None and int(self._last["part"][0]) == part else rows[:0]
         self._last = rows[-1:]
         begun = self._begun_us.setdefault(part, int(rows["board_us"][0]))
         both = np.concatenate([before, rows])
-        time_s = 1e-6 * (both["board_us"] - begun).astype(np.float64)
+        return both, 1e-6 * (both["board_us"] - begun).astype(np.float64), len(before)
+
+    def _under(self, both: Rows, time_s: FloatArray, new: int, view: View) -> Fresh:
+        """Readings under an emitter in periods from a place on, receivers in their order."""
         inputs, converter = [one - 1 for one in view.inputs.values()], Converter.of(self.header)
         readings = subtracted(both["counts"], time_s, view.emitter, inputs, converter)
-        kept = readings.of(view.emitter) & (readings.time_s >= time_s[len(before)])
+        kept = readings.of(view.emitter) & (readings.time_s >= time_s[new])
         kept &= sound(both["flags"], time_s, readings.time_s)
-        return Fresh(readings.time_s[kept], readings.signal[kept][:, ::-1], readings.clipped[kept][:, ::-1])
+        return Fresh(readings.time_s[kept], readings.signal[kept], readings.clipped[kept])

@@ -256,14 +256,14 @@ def load(path: Path) -> CalibrationFile:
     data = migrated(data, str(path), current=SCHEMA, migrations={}, error=DataError)
     with error_context(str(path)):
         stimulus = STIMULI.get(str(data.get("stimulus")), ANGLE)
-        return CalibrationFile(**_tuples(stimulus.unkeyed(in_unit(data, "V", data.get("unit", "V")))))
+        return CalibrationFile(**tuples(stimulus.unkeyed(in_unit(data, "V", data.get("unit", "V")))))
 
 
-def _tuples(value: Any) -> Any:
+def tuples(value: Any) -> Any:
     """Lists converted to the tuples that strict fields require."""
     if isinstance(value, dict):
-        return {key: _tuples(one) for key, one in value.items()}
-    return tuple(_tuples(one) for one in value) if isinstance(value, list) else value
+        return {key: tuples(one) for key, one in value.items()}
+    return tuple(tuples(one) for one in value) if isinstance(value, list) else value
 
 
 def json_schema() -> dict[str, Any]:

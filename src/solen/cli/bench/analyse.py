@@ -5,6 +5,7 @@ from collections.abc import Iterator
 
 from solen.analysis import ReceiverResponse, SensorResponse, Study
 from solen.analysis.ageing import Ageing
+from solen.analysis.network import NetworkStates
 from solen.analysis.timing import ReceiverTiming, Timing
 from solen.cli.app import lines
 from solen.pipeline.bench.analyse import analyse as analyse
@@ -12,6 +13,21 @@ from solen.recording.stimulus import Stimulus
 
 LENS = {None: "", True: ", lens", False: ", no lens"}
 """Words for the lens of a sensor."""
+
+
+@lines.register
+def _(result: NetworkStates) -> Iterator[str]:
+    stops, simulated = len(result.angle_deg), "; simulated" if result.simulated else ""
+    ends = zip(result.motions, result.angle_deg.T, strict=True)
+    reached = ", ".join(f"{name} {angle.min():.3g}° to {angle.max():.3g}°" for name, angle in ends)
+    yield f"{result.sensor or 'network'}: {stops} stops, {reached}{simulated}"
+    low, high = result.signal_V.min(axis=0), result.signal_V.max(axis=0)
+    for lit, emitter in enumerate(result.emitters):
+        yield f"  {emitter} lit:"
+        for read, receiver in enumerate(result.receivers):
+            ends_V = f"{low[lit, read]:.4g} to {high[lit, read]:.4g} {result.unit}"
+            u = float(result.u_signal_V[:, lit, read].mean())
+            yield f"    {receiver}: {ends_V}, ± {u:.1g} at a stop; noise of a reading {result.noise_V[lit, read]:.2g}"
 
 
 @lines.register

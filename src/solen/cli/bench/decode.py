@@ -9,6 +9,7 @@ from cyclopts import Parameter
 
 from solen.analysis.calibration import CalibrationOptions, DecodeOptions, Decoding, SensorCalibrations
 from solen.analysis.calibration.table import DecodingTable
+from solen.analysis.network import NetworkCalibrations, NetworkDecoding
 from solen.cli.app import SHOWN, lines
 from solen.pipeline.bench.recorded import ANALYSED, RECORDED, Analysed, Recorded, split_files
 from solen.pipeline.bench.table import table as table
@@ -31,7 +32,7 @@ def calibrate(
     schema: _Schema = False,
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     out: _File = None,
-) -> Outcome[SensorCalibrations] | None:
+) -> Outcome[SensorCalibrations] | Outcome[NetworkCalibrations] | None:
     """Calibrate recorded sensors: voltages to angles, with uncertainties and a check.
 
     (The printer is calibrated by solen print calibrate.)
@@ -39,7 +40,8 @@ def calibrate(
     Parameters
     ----------
     recordings
-        Recordings with known angles, as for solen bench analyse. Each sensor's calibration is written beside them.
+        Recordings with known angles, as for solen bench analyse. Each sensor's calibration is written beside them;
+        a network is calibrated for all its motions at once.
     """
     if schema:
         import json
@@ -63,6 +65,31 @@ def _(result: SensorCalibrations) -> Iterator[str]:
         yield from (f"  {line}" for line in calibration.words)
 
 
+@lines.register
+def _(result: NetworkCalibrations) -> Iterator[str]:
+    made, simulated = result.calibration, "; simulated" if result.simulated else ""
+    count = f"{len(made.emitters)} emitters, {len(made.receivers)} receivers"
+    yield f"{made.sensor or 'network'}: {result.states} states, {count}{simulated}"
+    for name, (low, high) in zip(made.motions, made.range_deg, strict=True):
+        yield f"  {name}: {low:.3g}° to {high:.3g}°"
+    yield from (f"  {line}" for line in made.words)
+
+
+@lines.register
+def _(result: NetworkDecoding) -> Iterator[str]:
+    flags = ((getattr(result, name), name) for name in ("outside", "ambiguous", "missing"))
+    reached = (f"{name} {low:.4g}° to {high:.4g}°" for name, (low, high) in result.reached_deg.items())
+    yield ", ".join([f"{result.readings} readings", *reached, *(f"{count} {name}" for count, name in flags if count)])
+    for one in result.against:
+        yield (
+            f"{one.motion} against the recording's own angle at stops: rms {one.rms_deg:.2g}°, mean "
+            f"{one.bias_deg:+.1g}°, {100 * one.within_68:.0f} and {100 * one.within_95:.0f} % within the 68 and "
+            "95 % bands"
+        )
+    if result.interrupted:
+        yield "stopped"
+
+
 def decode(
     calibration: Path,
     source: Annotated[str, Parameter(allow_leading_hyphen=True)],
@@ -73,7 +100,7 @@ def decode(
     out: _Table = None,
     send: _Send = None,
     force: Force = False,
-) -> Outcome[Decoding] | None:
+) -> Outcome[Decoding] | Outcome[NetworkDecoding] | None:
     """Convert voltages to angles by a calibration: from a recording, from lines as they arrive, or during a run.
 
     Parameters

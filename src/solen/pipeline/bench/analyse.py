@@ -4,7 +4,9 @@ from pathlib import Path
 from typing import Annotated
 
 from solen.analysis import Study, study
-from solen.errors import OutputError
+from solen.analysis.network import NetworkStates, analysed_network, holds_network, network_readings
+from solen.analysis.network.stream import unused
+from solen.errors import OutputError, SpecError
 from solen.pipeline.bench.recorded import ANALYSED, Analysed, split_files
 from solen.pipeline.options import FLAT, Out
 from solen.pipeline.outputs import check_out, figure_bytes, write
@@ -18,11 +20,12 @@ def analyse(
     traces: Path | None = None,
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     out: Out = None,
-) -> Outcome[Study]:
+) -> Outcome[Study] | Outcome[NetworkStates]:
     """Cycles, response curve and figures of merit of recorded sensors.
 
     Switched emitters, flicker of lamps, clipped samples and a stage's log in the same folder are detected
-    automatically; the command that states them explicitly is printed.
+    automatically; the command that states them explicitly is printed. A recording of several motions is that of a
+    network: its readings by emitter and receiver in every state.
 
     Parameters
     ----------
@@ -41,6 +44,13 @@ def analyse(
     if traces is not None and figure.figure == traces:
         raise OutputError(str(traces), limit="is the name of both figures", remedy="give each its own name")
     files, options = split_files(files, options)
+    if files and holds_network(files[0]):
+        unused(options)
+        if traces is not None or len(files) > 1:
+            what = ("--traces", traces) if traces is not None else ("files", len(files))
+            limit = "has no meaning for a network" if traces is not None else "must be one, of a network"
+            raise SpecError(what[0], value=str(what[1]), limit=limit)
+        return write(analysed_network(network_readings(files[0])), "analysis", out, figure=figure)
     result = study(files, options)
 
     def over_time() -> bytes:

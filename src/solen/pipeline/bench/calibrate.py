@@ -7,6 +7,9 @@ from solen.analysis import AnalysisOptions, study
 from solen.analysis.calibration import CalibrationOptions, SensorCalibrations, calibrated_sensors
 from solen.analysis.calibration.calibrate import place_of
 from solen.analysis.calibration.file import text_of
+from solen.analysis.network import NetworkCalibrations, calibrated_network, holds_network, network_readings
+from solen.analysis.network.file import text_of as network_text
+from solen.analysis.network.stream import unused
 from solen.errors import OutputError
 from solen.pipeline.outputs import check_outputs, drawn, named
 from solen.report.options import FigureOptions
@@ -19,8 +22,10 @@ def calibrate(
     analysis: AnalysisOptions | None = None,
     out: Path | None = None,
     figure: FigureOptions = FigureOptions(),
-) -> Outcome[SensorCalibrations]:
+) -> Outcome[SensorCalibrations] | Outcome[NetworkCalibrations]:
     """Calibrations of recorded sensors, written beside the recordings, or a single one to ``out``.
+
+    Recordings of several motions are those of a network, which is calibrated for all of them at once.
 
     Raises
     ------
@@ -28,6 +33,8 @@ def calibrate(
         If a recording, an option or an output is invalid.
     """
     check_outputs(out, figure)
+    if recordings and holds_network(recordings[0]):
+        return _network(recordings, options or CalibrationOptions(), analysis or AnalysisOptions(), out, figure)
     result = calibrated_sensors(study(recordings, analysis), options)
     made = result.calibrations
     if out is not None and len(made) > 1:
@@ -43,3 +50,21 @@ def calibrate(
     }
     files.write_all(contents | drawn(result, figure, "calibration"))
     return Outcome(result, places | named(figure=figure.figure))
+
+
+def _network(
+    recordings: tuple[Path, ...],
+    options: CalibrationOptions,
+    analysis: AnalysisOptions,
+    out: Path | None,
+    figure: FigureOptions,
+) -> Outcome[NetworkCalibrations]:
+    """Calibration of a network by all its recordings together."""
+    unused(options, ("sensor",))
+    unused(analysis)
+    result = calibrated_network([network_readings(path, options.sensor) for path in recordings])
+    sensor = result.calibration.sensor or recordings[0].stem
+    place = out or place_of(recordings, sensor)
+    content: dict[Path, files.Content] = {place: network_text(result.calibration).encode("utf-8")}
+    files.write_all(content | drawn(result, figure, "calibration"))
+    return Outcome(result, {f"calibration.{sensor}": place} | named(figure=figure.figure))

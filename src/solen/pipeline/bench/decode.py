@@ -6,7 +6,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import TextIO
+from typing import Any, TextIO
 
 from solen import files
 from solen.analysis import SignalOptions
@@ -20,6 +20,18 @@ from solen.analysis.calibration.streams import (
     chosen_sensor,
     line_stream,
     recorded_stream,
+)
+from solen.analysis.network.file import NetworkCalibration, is_network_file, load_network
+from solen.analysis.network.recorded import chosen_network, places_of
+from solen.analysis.network.stream import (
+    NetworkDecoding,
+    NetworkStream,
+    Turns,
+    check_unit,
+    line_turns,
+    recorded_turns,
+    turns_in_pieces,
+    unused,
 )
 from solen.bench.clock import WallClock
 from solen.bench.follow import Following
@@ -48,7 +60,7 @@ def decode(
     text: Iterable[str] | None = None,
     send: str | None = None,
     force: bool = False,
-) -> Outcome[Decoding]:
+) -> Outcome[Decoding] | Outcome[NetworkDecoding]:
     """Decode angles from voltages by a saved calibration; Ctrl-C ends a stream.
 
     Parameters
@@ -79,9 +91,16 @@ def decode(
     check_table(out, "a table of angles", source, force=force)
     if options.follow and not source.endswith(JOURNAL):
         raise SpecError("--follow", value=source, limit=f"is for the {JOURNAL} of a run", remedy="leave it out")
-    known = load(calibration)
-    stream = _stream(source, options, signals, known, sys.stdin if text is None else text)
-    decoder = StreamDecoder(known, str(calibration), stream, options, signals.rails, source)
+    decoder: StreamDecoder | NetworkStream
+    pieces: Iterator[Any]
+    given = sys.stdin if text is None else text
+    if is_network_file(calibration):
+        decoder, pieces = _of_network(calibration, source, options, signals, given)
+    else:
+        known = load(calibration)
+        stream = _stream(source, options, signals, known, given)
+        decoder = StreamDecoder(known, str(calibration), stream, options, signals.rails, source)
+        pieces = (piece for batch in stream.batches for piece in batch.pieces(_PIECE))
     if warn is not None:
         for line in decoder.warnings:
             warn(line)
@@ -91,9 +110,48 @@ def decode(
     ):
         live = source == STDIN or options.follow
         paced = sent if sent is None or live else Paced(sent, WallClock())
-        interrupted = _write_rows(decoder, stream, file, [one for one in (file, rows, paced) if one is not None])
-        result = decoder.result(interrupted=interrupted)
-    return Outcome(result, {} if out is None else {"out": out})
+        interrupted = _write_rows(decoder, pieces, file, [one for one in (file, rows, paced) if one is not None])
+        files_of = {} if out is None else {"out": out}
+        if isinstance(decoder, NetworkStream):
+            return Outcome(decoder.result(interrupted=interrupted), files_of)
+        return Outcome(decoder.result(interrupted=interrupted), files_of)
+
+
+def _of_network(
+    calibration: Path, source: str, options: DecodeOptions, signals: SignalOptions, text: Iterable[str]
+) -> tuple[NetworkStream, Iterator[Turns]]:
+    """Decoder of a network's readings, and these piece by piece."""
+    unused(options, ("sensor", "follow"))
+    unused(signals)
+    known, path = load_network(calibration), Path(source)
+    if source == STDIN:
+        return NetworkStream(known, str(calibration), source, None), line_turns(text, known)
+    if path.suffix != JOURNAL:
+        turns, provenance = recorded_turns(path, known, options.sensor)
+        return NetworkStream(known, str(calibration), source, provenance), turns_in_pieces(turns, _PIECE)
+    following = Following(path)
+    header = json.dumps({key: value for key, value in following.header.items() if key != "streams"})
+    simulated = bool(following.header.get("simulated"))
+    provenance = Provenance(path.name, format="journal", metadata={"header": header}, simulated=simulated)
+    grown = _grown_turns(following, known, options.sensor, path.name, follow=options.follow)
+    return NetworkStream(known, str(calibration), source, provenance), grown
+
+
+def _grown_turns(
+    following: Following, known: NetworkCalibration, sensor: str | None, file: str, *, follow: bool
+) -> Iterator[Turns]:
+    """Turns of a run's journal, in the order of a calibration; with ``follow``, on until the run ends."""
+    entry = chosen_network(following.header, sensor or known.sensor, file)
+    check_unit(file, signal_unit(following.header), known)
+    lit = places_of("emitter", known.emitters, list(entry["emitters"]), file)
+    read = places_of("receiver", known.receivers, list(entry["inputs"]), file)
+    while True:
+        for time_s, signal in following.turns(entry["name"]):
+            yield Turns(time_s, signal[:, lit][:, :, read])
+        if following.ended or not follow:
+            return
+        with contextlib.suppress(InterruptedError):
+            time.sleep(_POLL_S)
 
 
 def _stream(
@@ -109,12 +167,14 @@ def _stream(
     return recorded_stream(path, signals, options.sensor, known.sensor, known.stimulus_of)
 
 
-def _write_rows(decoder: StreamDecoder, stream: Stream, file: TextIO | None, targets: list[TextIO | Outlet]) -> bool:
-    """Decode all batches; return whether Ctrl-C stopped the stream."""
+def _write_rows(
+    decoder: StreamDecoder | NetworkStream, pieces: Iterator[Any], file: TextIO | None, targets: list[TextIO | Outlet]
+) -> bool:
+    """Decode all pieces of a stream; return whether Ctrl-C stopped it."""
     for target in targets:
         print(decoder.heading if target is file else decoder.header, end="", file=target, flush=True)
     try:
-        for piece in (piece for batch in stream.batches for piece in batch.pieces(_PIECE)):
+        for piece in pieces:
             rows = decoder.rows(piece)
             for target in targets:
                 print(rows, end="", file=target, flush=True)

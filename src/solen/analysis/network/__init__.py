@@ -1,0 +1,30 @@
+"""Recorded networks: powers by emitter and receiver over several motions, and motions decoded from them.
+
+The idea: a network's emitters light in turn, so that a reading of it is a matrix, emitter × receiver. At the stops of
+a recording the matrix is averaged (`states`). A smooth forward map, readings as functions of the motions, is laid
+through the stops (`forward`); a reading is decoded by weighted least squares with the covariance of its noise and of
+what the map may be off by (`decoder`).
+
+The interface: `network_readings` of a file; `analysed_network`; `calibrated_network`; `NetworkDecoder`.
+"""
+
+from solen.analysis.network.calibrate import NetworkCalibrations, calibrated_network
+from solen.analysis.network.decoder import NetworkDecoded, NetworkDecoder
+from solen.analysis.network.file import NetworkCalibration
+from solen.analysis.network.recorded import NetworkReadings, holds_network, network_readings
+from solen.analysis.network.states import NetworkStates, analysed_network
+from solen.analysis.network.stream import NetworkDecoding
+
+__all__ = [
+    "NetworkCalibration",
+    "NetworkCalibrations",
+    "NetworkDecoded",
+    "NetworkDecoder",
+    "NetworkDecoding",
+    "NetworkReadings",
+    "NetworkStates",
+    "analysed_network",
+    "calibrated_network",
+    "holds_network",
+    "network_readings",
+]

@@ -1,0 +1,289 @@
+"""Calibration of a network by recordings of its motions: a forward map through its states, and what that is worth.
+
+The idea: all motions are calibrated at once, from the stops of recordings that go through their states together. States
+left out, a tenth at a time, are decoded by a calibration of the others. Where the readings cannot separate the
+motions, by the map's own derivatives and noise, there is no calibration: it is refused with the motions' names.
+
+The interface: `calibrated_network` of readings gives `NetworkCalibrations`.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from solen import __version__
+from solen.analysis.network.decoder import NetworkDecoded, NetworkDecoder
+from solen.analysis.network.file import MotionCheck, NetworkCalibration
+from solen.analysis.network.forward import ForwardMap
+from solen.analysis.network.recorded import NetworkReadings
+from solen.analysis.network.states import States, clipped_in, missing_slots, states_of
+from solen.arrays import BoolArray, FloatArray
+from solen.errors import DataError
+from solen.ranks import Caution, do_not_use, look_at
+from solen.recording import Provenance
+from solen.results import HIDDEN, Result, in_unit, plain
+from solen.sensor.network.motions import Determination, determined, in_words
+
+FOLDS, ROWS = 10, 15
+"""Parts of the states that are left out in turn, and rows of each stop that are decoded then."""
+LOOKED_AT = 200
+"""States in which it is looked whether motions are separated."""
+WIDE = 4.0
+"""A combination of motions whose standard deviation exceeds its range by this is not separated: its band holds all."""
+MOST_LOST, SOME_LOST = 0.5, 0.02
+"""Share of the states in which motions are not separated from which on it is refused, and warned of."""
+FEW = 0.88
+"""Share within the bands of 95 % from which on they are to be trusted."""
+
+
+@dataclass(frozen=True, eq=False)
+class LeftOut:
+    """Readings of states that a calibration does not know: true angles (n, motions), and what was decoded."""
+
+    angle_deg: FloatArray
+    decoded: NetworkDecoded
+
+    @classmethod
+    def joined(cls, parts: Sequence["LeftOut"]) -> "LeftOut":
+        """Several as one."""
+        names = NetworkDecoded.__dataclass_fields__
+        whole = {name: np.concatenate([getattr(one.decoded, name) for one in parts]) for name in names}
+        return cls(np.concatenate([one.angle_deg for one in parts]), NetworkDecoded(**whole))
+
+
+class NetworkCalibrations(Result):
+    """A calibration of a network.
+
+    Attributes
+    ----------
+    calibration
+        Content of its file.
+    states
+        Distinct states that it rests on.
+    unseparated
+        Share of all states in which some motions cannot be separated.
+    simulated
+        Whether a recording is simulated.
+    sources
+        The recordings.
+    warnings
+        Warnings.
+    """
+
+    calibration: NetworkCalibration
+    states: int
+    unseparated: float
+    simulated: bool
+    sources: tuple[Provenance, ...]
+    warnings: tuple[Caution, ...]
+    left_out: LeftOut | None = field(default=None, metadata=HIDDEN)
+
+    def to_dict(self) -> dict[str, object]:
+        """The result as plain data; keys name the unit of the readings in place of V."""
+        renamed: dict[str, object] = in_unit(super().to_dict(), self.calibration.unit)
+        return renamed
+
+
+def calibrated_network(recordings: Sequence[NetworkReadings]) -> NetworkCalibrations:
+    """Calibration of a network by recordings of its states.
+
+    Raises
+    ------
+    DataError
+        If the recordings differ in what they hold, have too few states, or the readings cannot separate the motions.
+    """
+    first = recordings[0]
+    alike = [first, *(_as(first, one) for one in recordings[1:])]
+    each = [states_of(one) for one in alike]
+    file = first.provenance.file or "recording"
+    angle, signal = _joined(each)
+    least = len(first.motions) + 4
+    if len(angle) < least or (np.ptp(angle, axis=0) <= 0.0).any():
+        still = [name for name, span in zip(first.motions, np.ptp(angle, axis=0), strict=True) if span <= 0.0]
+        limit = f"{still[0]} stands still" if still else f"has {len(angle)} states; {least} are needed"
+        raise DataError(file, limit=limit, remedy="visit more states, as a [grid] in the protocol does")
+    noise = _noise(each, alike)
+    forward = ForwardMap.through(angle, signal)
+    decoder = NetworkDecoder(forward, noise, len(angle) - len(first.motions) - 1)
+    lost, worst = _lost(first.motions, forward, decoder)
+    if lost > MOST_LOST and worst is not None:
+        remedy = "add an emitter or a receiver that separates them: solen sensitivity shows what a design determines"
+        raise DataError(file, limit=" and ".join(in_words(worst)), remedy=remedy)
+    left_out = _left_out(alike, each, forward, noise)
+    checks = () if left_out is None else checks_of(first.motions, left_out)
+    warnings = [
+        *(line for one in alike for line in missing_slots(one)),
+        *(line for one, states in zip(alike, each, strict=True) for line in clipped_in(one, states)),
+        *_cautions(checks, lost, worst),
+    ]
+    calibration = NetworkCalibration(
+        solen=__version__,
+        sensor=first.sensor,
+        simulated=any(one.provenance.simulated for one in alike),
+        unit=first.unit,
+        ambient=first.ambient,
+        motions=first.motions,
+        emitters=first.emitters,
+        receivers=first.receivers,
+        range_deg=tuple(zip(forward.low.tolist(), forward.high.tolist(), strict=True)),
+        angle_deg=_rows(angle),
+        signal_V=_rows(signal),
+        noise_V2=_rows(noise),
+        reach=_rows(forward.reach),
+        scatter=tuple(forward.scatter.tolist()),
+        checks=checks,
+        words=tuple(map(_words, checks)),
+        sources=tuple(plain(one.provenance) for one in alike),
+        warnings=tuple(warnings),
+    )
+    return NetworkCalibrations(
+        calibration=calibration,
+        states=len(angle),
+        unseparated=lost,
+        simulated=calibration.simulated,
+        sources=tuple(one.provenance for one in alike),
+        warnings=tuple(warnings),
+        left_out=left_out,
+    )
+
+
+def _as(first: NetworkReadings, other: NetworkReadings) -> NetworkReadings:
+    """Another recording in the order of the first; `DataError` where it lacks something."""
+    file = other.provenance.file or "recording"
+    found = other.ordered(first.motions, first.emitters, first.receivers)
+    if not found.motions:
+        limit = f"has no angles of {', '.join(name for name in first.motions if name not in other.motions)}"
+        raise DataError(file, limit=limit, remedy="calibrate with recordings of the same motions")
+    if other.unit != first.unit:
+        raise DataError(file, value=other.unit, limit=f"is in another unit than {first.unit}")
+    return found
+
+
+def _joined(each: Sequence[States]) -> tuple[FloatArray, FloatArray]:
+    """Distinct states of all recordings, and readings in them."""
+    whole = replace(
+        each[0],
+        angle_deg=np.concatenate([one.angle_deg for one in each]),
+        signal=np.concatenate([one.signal for one in each]),
+        u_signal=np.concatenate([one.u_signal for one in each]),
+    )
+    angle, signal, _ = whole.merged()
+    return angle, signal
+
+
+def _noise(each: Sequence[States], recordings: Sequence[NetworkReadings]) -> FloatArray:
+    """Noise of all recordings, with a least one: that of an even distribution over the smallest step of a reading."""
+    noise = np.mean([one.noise for one in each], axis=0)
+    values = np.concatenate([one.signal.reshape(len(one.signal), -1) for one in recordings])
+    steps = [np.diff(np.unique(column[np.isfinite(column)])) for column in values.T]
+    least = np.array([one.min(initial=np.inf) if len(one) else np.inf for one in steps])
+    floor = np.where(np.isfinite(least), least, 1e-9) ** 2 / 12.0
+    return np.asarray(noise + np.diag(np.maximum(floor, 1e-18)))
+
+
+def _lost(motions: Sequence[str], forward: ForwardMap, decoder: NetworkDecoder) -> tuple[float, Determination | None]:
+    """Share of states over the ranges in which motions are not separated, and what is not in one of these.
+
+    They lie between those that were recorded, where slopes are what the map has them for.
+    """
+    angle = np.random.default_rng(0).uniform(forward.low, forward.high, (LOOKED_AT, len(motions)))
+    slopes, covariance = decoder.slopes(angle), decoder.covariance(angle)
+    span = np.maximum(forward.high - forward.low, 1e-12)
+    _, variance = forward.at(angle)
+    u_slopes = np.sqrt(variance)[:, :, None] * np.sqrt(5.0 / 3.0) / (forward.reach * span)
+    found = [_with_range(determined(motions, *one), span) for one in zip(slopes, u_slopes, covariance, strict=True)]
+    lost = [one for one in found if not one.all_distinguished]
+    return len(lost) / len(found), lost[len(lost) // 2] if lost else None
+
+
+def _with_range(found: Determination, span: FloatArray) -> Determination:
+    """The same, where a combination whose band would hold its whole range counts as not determined."""
+    combinations = []
+    for one in found.combinations:
+        reach = float(np.sqrt(np.sum((np.array(list(one.shares.values())) * span) ** 2)))
+        least = WIDE / (2.0 * reach)  # a combination is determined from twice its uncertainty on
+        combinations.append(replace(one, u_singular_per_deg=max(one.u_singular_per_deg, least)))
+    kept = [one for one in combinations if one.is_determined]
+    rows = np.array([[*one.shares.values()] for one in kept]).reshape(len(kept), len(span))
+    scaled = rows / np.array([[one.singular_per_deg] for one in kept]).reshape(-1, 1)
+    return replace(found, combinations=tuple(combinations), covariance_deg2=scaled.T @ scaled)
+
+
+def _left_out(
+    recordings: Sequence[NetworkReadings], each: Sequence[States], forward: ForwardMap, noise: FloatArray
+) -> LeftOut | None:
+    """Readings of each state, decoded by a calibration of the states of other parts; None with too few."""
+    angle = np.concatenate([one.angle_deg for one in each])
+    signal = np.concatenate([one.signal for one in each])
+    span = np.maximum(forward.high - forward.low, 1e-12)
+    _, state = np.unique(np.rint((angle - forward.low) / span * 250.0), axis=0, return_inverse=True)
+    fold = np.random.default_rng(0).permutation(int(state.max()) + 1)[state] % FOLDS
+    if np.unique(state).size < 2 * FOLDS:
+        return None
+    rows = [_some(one, stop) for one, states in zip(recordings, each, strict=True) for stop in states.rows]
+    ends = np.stack([forward.low, forward.high])
+    parts = []
+    for number in range(FOLDS):
+        out: BoolArray = fold == number
+        inside = replace(each[0], angle_deg=angle[~out], signal=signal[~out], u_signal=0.0 * signal[~out])
+        kept, mean, _ = inside.merged()
+        made = ForwardMap.through(kept, mean, ends_deg=ends, reach=forward.reach, scatter=forward.scatter)
+        decoder = NetworkDecoder(made, noise, len(kept) - len(span) - 1)
+        held = np.flatnonzero(out).tolist()
+        true = np.concatenate([np.repeat(angle[one][None], len(rows[one]), axis=0) for one in held])
+        parts.append(LeftOut(true, decoder.decode(np.concatenate([rows[one] for one in held]))))
+    return LeftOut.joined(parts)
+
+
+def _some(recording: NetworkReadings, stop: slice) -> FloatArray:
+    """Some rows of a stop, evenly, of those that are whole."""
+    flat = recording.signal[stop].reshape(stop.stop - stop.start, -1)
+    whole = flat[np.isfinite(flat).all(axis=1)]
+    return np.asarray(whole[np.unique(np.linspace(0, len(whole) - 1, ROWS).astype(int))])
+
+
+def checks_of(motions: Sequence[str], left_out: LeftOut) -> tuple[MotionCheck, ...]:
+    """Errors and bands of each motion."""
+    decoded, true = left_out.decoded, left_out.angle_deg
+    error = decoded.angle_deg - true
+    width = decoded.high_deg[..., 1] - decoded.low_deg[..., 1]
+    within = [decoded.holds(true, level).mean(axis=0) for level in (0, 1)]
+    return tuple(
+        MotionCheck(
+            motion=name,
+            rms_deg=float(np.sqrt(np.mean(error[:, place] ** 2))),
+            bias_deg=float(error[:, place].mean()),
+            worst_deg=float(np.abs(error[:, place]).max()),
+            band95_deg=float(np.median(width[:, place])),
+            within_68=float(within[0][place]),
+            within_95=float(within[1][place]),
+        )
+        for place, name in enumerate(motions)
+    )
+
+
+def _words(check: MotionCheck) -> str:
+    return (
+        f"{check.motion}: states left out are decoded to {check.rms_deg:.2g}° (rms; mean error "
+        f"{check.bias_deg:+.1g}°, worst {check.worst_deg:.2g}°); bands of 95 % are {check.band95_deg:.2g}° wide; "
+        f"{100 * check.within_68:.0f} % lie within the 68 % bands, {100 * check.within_95:.0f} % within the 95 % bands"
+    )
+
+
+def _cautions(checks: Sequence[MotionCheck], lost: float, worst: Determination | None) -> list[Caution]:
+    found = []
+    if not checks:
+        found.append(look_at(f"fewer than {2 * FOLDS} states: too few to check it on states left out"))
+    if lost > SOME_LOST and worst is not None:
+        found.append(look_at(f"in {100 * lost:.2g} % of the states, {' and '.join(in_words(worst))}"))
+    found += [
+        do_not_use(f"{one.motion}: only {100 * one.within_95:.0f} % of states left out lie within the bands of 95 %")
+        for one in checks
+        if one.within_95 < FEW
+    ]
+    return found
+
+
+def _rows(values: FloatArray) -> tuple[tuple[float, ...], ...]:
+    return tuple(tuple(row) for row in values.tolist())

@@ -1,0 +1,128 @@
+"""The file of a network's calibration: the recorded states, the noise of a reading, and the forward map's choice.
+
+The interface: `NetworkCalibration`; `load_network` of a path, `is_network_file`, `text_of`.
+"""
+
+import json
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from solen.analysis.calibration.file import SCHEMA, Ambient, tuples
+from solen.analysis.network.decoder import NetworkDecoder
+from solen.analysis.network.forward import ForwardMap
+from solen.arrays import FloatArray
+from solen.errors import DataError
+from solen.files import read_text
+from solen.ranks import Caution
+from solen.results import in_unit
+from solen.spec.objects import parsed
+from solen.spec.strict import NotNegative, Number, Positive, Strict, Text, error_context, migrated, refused
+
+KIND = "network calibration"
+Row = tuple[Number, ...]
+
+
+class MotionCheck(Strict):
+    """States that were left out, decoded by a calibration of the others: errors of one motion."""
+
+    table: ClassVar[str] = "check"
+    error: ClassVar[type[DataError]] = DataError
+
+    motion: Text = Field(description="Its name.")
+    rms_deg: NotNegative = Field(description="Root mean square error.")
+    bias_deg: Number = Field(description="Mean error.")
+    worst_deg: NotNegative = Field(description="Largest error.")
+    band95_deg: NotNegative = Field(description="Median width of the bands of 95 %.")
+    within_68: NotNegative = Field(description="Share of the readings within their bands of 68 %.")
+    within_95: NotNegative = Field(description="Share within their bands of 95 %.")
+
+
+class NetworkCalibration(Strict):
+    """A calibration of a network for all its motions at once."""
+
+    error: ClassVar[type[DataError]] = DataError
+
+    kind: Literal["network calibration"] = Field("network calibration", description="What the file is.")
+    solen: Text = Field(description="Version that wrote it.")
+    sensor: str = Field(description="Name of the network; empty where the recording states none.")
+    simulated: bool = Field(description="Whether any recording was computed.")
+    unit: Text = Field("V", description="Of the readings; keys name it in place of V.")
+    ambient: Ambient | None = Field(None, description="Whether ambient light was taken out; null if unknown.")
+    motions: Annotated[tuple[Text, ...], Field(min_length=1)] = Field(description="Names of the motions.")
+    emitters: Annotated[tuple[Text, ...], Field(min_length=1)] = Field(description="Names of the emitters.")
+    receivers: Annotated[tuple[Text, ...], Field(min_length=1)] = Field(description="Names of the receivers.")
+    range_deg: tuple[tuple[Number, Number], ...] = Field(description="Lowest and highest angle of each motion.")
+    angle_deg: tuple[Row, ...] = Field(description="Recorded states: a row of angles each.")
+    signal_V: tuple[Row, ...] = Field(description="Readings in them, by emitter, and of each by receiver.")
+    noise_V2: tuple[Row, ...] = Field(description="Covariance of the noise of a reading.")
+    reach: tuple[tuple[Positive, ...], ...] = Field(
+        description="How far the map of each reading reaches, as a share of each motion's range."
+    )
+    scatter: tuple[Positive, ...] = Field(description="Variance of a state beside the map, relative to the map's.")
+    checks: tuple[MotionCheck, ...] = Field(description="States left out, decoded by the others; none with few states.")
+    words: tuple[str, ...] = Field(description="What the checks show, in sentences.")
+    sources: tuple[dict[str, Any], ...] = Field(description="The recordings.")
+    warnings: tuple[Caution, ...] = Field(description="What cannot be concluded.")
+
+    @model_validator(mode="after")
+    def _is_one(self) -> Self:
+        motions, readings = len(self.motions), len(self.emitters) * len(self.receivers)
+        states = len(self.angle_deg)
+        for name, shape in (
+            ("range_deg", (motions, 2)),
+            ("angle_deg", (states, motions)),
+            ("signal_V", (states, readings)),
+            ("noise_V2", (readings, readings)),
+            ("reach", (readings, motions)),
+            ("scatter", (readings,)),
+        ):
+            rows = getattr(self, name)
+            there = (len(rows), *({len(row) for row in rows} if len(shape) == 2 else ()))
+            if there != shape:
+                raise refused(name, f"must have the shape {' x '.join(map(str, shape))}")
+        if states < motions + 3:
+            raise refused("angle_deg", f"must have {motions + 3} states at least", value=states)
+        noise = np.array(self.noise_V2)
+        if not np.allclose(noise, noise.T) or np.linalg.eigvalsh(noise).min() <= 0.0:
+            raise refused("noise_V2", "is not a covariance")
+        return self
+
+    @cached_property
+    def decoder(self) -> NetworkDecoder:
+        """What decodes by it; its readings are in the order of `emitters` and `receivers`."""
+        return NetworkDecoder(self._map(), np.array(self.noise_V2), len(self.angle_deg) - len(self.motions) - 1)
+
+    def _map(self) -> ForwardMap:
+        states, signal = np.array(self.angle_deg), np.array(self.signal_V)
+        ends: FloatArray = np.array(self.range_deg).T
+        return ForwardMap.through(
+            states, signal, ends_deg=ends, reach=np.array(self.reach), scatter=np.array(self.scatter)
+        )
+
+
+def text_of(file: NetworkCalibration) -> str:
+    """The file's text."""
+    data = in_unit({"schema": SCHEMA, **file.model_dump(mode="json")}, file.unit)
+    return json.dumps(data, indent=1, allow_nan=False) + "\n"
+
+
+def is_network_file(path: Path) -> bool:
+    """Whether a file is the calibration of a network; `DataError` if it cannot be read."""
+    data = parsed(read_text(path, DataError), str(path), remedy="make it again with solen bench calibrate")
+    return isinstance(data, dict) and data.get("kind") == KIND
+
+
+def load_network(path: Path) -> NetworkCalibration:
+    """Calibration of a network's file; `DataError` if it cannot be read or is none."""
+    data = parsed(read_text(path, DataError), str(path), remedy="make it again with solen bench calibrate")
+    if not isinstance(data, dict) or data.get("kind") != KIND:
+        found = data.get("kind") if isinstance(data, dict) else None
+        remedy = "make one with solen bench calibrate"
+        raise DataError(str(path), value=found, limit="is not a calibration of a network", remedy=remedy)
+    data = migrated(data, str(path), current=SCHEMA, migrations={}, error=DataError)
+    with error_context(str(path)):
+        return NetworkCalibration(**tuples(in_unit(data, "V", data.get("unit", "V"))))

@@ -1,0 +1,141 @@
+"""The forward map of a network: its readings as smooth functions of its motions, through the states of a recording.
+
+The idea: a Gaussian process for each reading (Rasmussen & Williams, Gaussian Processes for Machine Learning, 2006),
+about a plane by least squares, with a Matérn covariance of smoothness 5/2. How far it reaches along each motion and how
+much a state scatters beside it are chosen by how well each state is foretold by all others, which has a closed form
+(ibid., eq. 5.12); the same errors set its scale. So the map knows what it may be off by: little at a state that was
+recorded, more between states and most beyond, and more where the readings turn sharply.
+
+The interface: `ForwardMap.through` states; its `at` states gives means and variances.
+"""
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from solen.arrays import FloatArray
+
+REACHES = (0.1, 0.2, 0.35, 0.6, 1.0, 2.0, 5.0)
+"""How far a covariance reaches, as a share of a motion's range."""
+FEWER = (0.2, 0.5, 1.2, 4.0)
+SCATTERS = (1e-6, 1e-4, 1e-3, 1e-2, 0.1)
+"""Variance of a state beside the map, relative to that of the map."""
+AT_ONCE = 2048
+
+
+@dataclass(frozen=True, eq=False)
+class _Process:
+    """Readings that share a covariance: their places, its reaches and scatter, and what was prepared of it."""
+
+    places: tuple[int, ...]
+    reach: FloatArray
+    scatter: float
+    inverse: FloatArray
+    weights: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class ForwardMap:
+    """Readings over motions.
+
+    Attributes
+    ----------
+    low, high
+        Ends of the range of each motion, (M,).
+    reach
+        Reach of each reading along each motion, as a share of its range, (K, M).
+    scatter, scale
+        Of each reading: variance of a state relative to the map's, and variance of the map, (K,).
+    """
+
+    low: FloatArray
+    high: FloatArray
+    reach: FloatArray
+    scatter: FloatArray
+    scale: FloatArray
+    _states: FloatArray
+    _plane: FloatArray
+    _processes: tuple[_Process, ...]
+
+    @classmethod
+    def through(
+        cls,
+        angle_deg: FloatArray,
+        signal: FloatArray,
+        *,
+        ends_deg: FloatArray | None = None,
+        reach: FloatArray | None = None,
+        scatter: FloatArray | None = None,
+    ) -> "ForwardMap":
+        """Map through states.
+
+        Parameters
+        ----------
+        angle_deg
+            Distinct states, (n, M), n > M + 2.
+        signal
+            Readings in them, (n, K).
+        ends_deg
+            Ends of the range (2, M); default: those of the states.
+        reach, scatter
+            As of the attributes; default: chosen by the states.
+        """
+        low, high = (angle_deg.min(axis=0), angle_deg.max(axis=0)) if ends_deg is None else ends_deg
+        states = (angle_deg - low) / np.maximum(high - low, 1e-12)
+        design = np.column_stack([np.ones(len(states)), states])
+        plane = np.linalg.lstsq(design, signal, rcond=None)[0]
+        beside = signal - design @ plane
+        if reach is None or scatter is None:
+            reach, scatter = _chosen(states, beside)
+        scale, processes = np.zeros(signal.shape[1]), []
+        rows = np.column_stack([reach, scatter])
+        for row in np.unique(rows, axis=0):
+            places = np.flatnonzero((rows == row).all(axis=1))
+            inverse = np.linalg.inv(_covariance(states, states, row[:-1]) + row[-1] * np.eye(len(states)))
+            weights = inverse @ beside[:, places]
+            scale[places] = (weights**2 / np.diag(inverse)[:, None]).mean(axis=0)
+            processes.append(_Process(tuple(places.tolist()), row[:-1], float(row[-1]), inverse, weights))
+        return cls(low, high, reach, scatter, scale, states, plane, tuple(processes))
+
+    def at(self, angle_deg: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Means and variances (N, K) of the readings' expectations in states (N, M)."""
+        places = (angle_deg - self.low) / np.maximum(self.high - self.low, 1e-12)
+        mean = np.column_stack([np.ones(len(places)), places]) @ self._plane
+        variance = np.zeros_like(mean)
+        for one in self._processes:
+            columns = list(one.places)
+            for begin in range(0, len(places), AT_ONCE):
+                rows = slice(begin, begin + AT_ONCE)
+                near = _covariance(places[rows], self._states, one.reach)
+                left = 1.0 + one.scatter - np.einsum("ij,jk,ik->i", near, one.inverse, near, optimize=True)
+                mean[rows, columns] += near @ one.weights
+                variance[rows, columns] = np.maximum(left, one.scatter)[:, None] * self.scale[columns]
+        return mean, variance
+
+
+def _chosen(states: FloatArray, beside: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Reach along each motion (K, M) and scatter (K,) by which each state of a reading is foretold best by others."""
+    motions = states.shape[1]
+    each = REACHES if motions <= 2 else FEWER
+    best = np.full(beside.shape[1], np.inf)
+    reach, scatter = np.ones((beside.shape[1], motions)), np.full(beside.shape[1], SCATTERS[0])
+    for reaches in product(each, repeat=motions) if motions <= 3 else ((one,) * motions for one in REACHES):
+        values, vectors = np.linalg.eigh(_covariance(states, states, np.array(reaches)))
+        turned = vectors.T @ beside
+        for one in SCATTERS:
+            shares = 1.0 / (np.maximum(values, 0.0) + one)
+            diagonal = (vectors**2 @ shares)[:, None]
+            missed = vectors @ (shares[:, None] * turned) / diagonal
+            scale = np.maximum((missed**2 * diagonal).mean(axis=0), 1e-300)
+            score = len(states) * np.log(scale) - np.log(diagonal).sum()
+            better = score < best
+            best[better], reach[better], scatter[better] = score[better], reaches, one
+    return reach, scatter
+
+
+def _covariance(a: FloatArray, b: FloatArray, reach: FloatArray) -> FloatArray:
+    """Matérn covariance of smoothness 5/2 between places (n, M) and (m, M)."""
+    apart = (a[:, None, :] - b[None, :, :]) / reach
+    far = np.sqrt(5.0 * np.einsum("ijk,ijk->ij", apart, apart))
+    return np.asarray((1.0 + far + far**2 / 3.0) * np.exp(-far))

@@ -1,0 +1,263 @@
+"""Readings of a network from a recording: a matrix, emitter × receiver, for each turn of its emitters.
+
+The idea: solen's bench writes a group for each emitter, with its own times and the angles at them; other recorders
+write a table with a column for each power, named ``EMITTER.RECEIVER``. Either becomes rows of one turn each: the first
+emitter's reading and the next one of every other emitter. A turn that lacks one is kept, with NaN in its place.
+
+The interface: `holds_network` of a file; `network_readings` gives `NetworkReadings`.
+"""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from solen.analysis.calibration.conditions import header_of
+from solen.analysis.calibration.file import Ambient
+from solen.arrays import BoolArray, FloatArray
+from solen.errors import DataError, SpecError
+from solen.recording import Channel, Provenance, Recording, read_parts
+from solen.recording.column_roles import column_of, existing, is_companion
+from solen.units import factor
+
+DOTTED = re.compile(r"([^.\s]+)\.([^.\s]+?)(?:_V)?")
+"""A power by the names of its emitter and its receiver."""
+_TURN = 1.5  # usual intervals of an emitter's readings, within which the next one belongs to the same turn
+
+
+@dataclass(frozen=True, eq=False)
+class NetworkReadings:
+    """Readings of a network.
+
+    Attributes
+    ----------
+    sensor
+        Its name; empty where nothing states one.
+    motions, emitters, receivers
+        Their names.
+    time_s
+        Of each turn's first reading, (N,).
+    angle_deg
+        (N, motions), the mean over a turn; no columns where the recording has no angles.
+    signal
+        (N, emitters, receivers), without ambient light where that was subtracted; NaN where one is missing.
+    clipped
+        Whether one was at a limit, of the same shape.
+    unit, ambient
+        Of the signals, and whether ambient light was subtracted; None if unknown.
+    provenance
+        The file.
+    """
+
+    sensor: str
+    motions: tuple[str, ...]
+    emitters: tuple[str, ...]
+    receivers: tuple[str, ...]
+    time_s: FloatArray
+    angle_deg: FloatArray
+    signal: FloatArray
+    clipped: BoolArray
+    unit: str
+    ambient: Ambient | None
+    provenance: Provenance
+
+    def ordered(self, motions: Sequence[str], emitters: Sequence[str], receivers: Sequence[str]) -> "NetworkReadings":
+        """The readings with emitters, receivers and motions in an order; `DataError` where one is missing.
+
+        Motions may be missing, as they are where a recording is decoded.
+        """
+        file = self.provenance.file or "recording"
+        lit = places_of("emitter", emitters, self.emitters, file)
+        read = places_of("receiver", receivers, self.receivers, file)
+        known = set(motions) <= set(self.motions)
+        columns = [self.motions.index(one) for one in motions] if known else []
+        return replace(
+            self,
+            motions=tuple(motions) if known else (),
+            emitters=tuple(emitters),
+            receivers=tuple(receivers),
+            angle_deg=self.angle_deg[:, columns],
+            signal=self.signal[:, lit][:, :, read],
+            clipped=self.clipped[:, lit][:, :, read],
+        )
+
+
+def places_of(kind: str, wanted: Sequence[str], there: Sequence[str], file: str) -> list[int]:
+    """Places of what is wanted of a kind among what there is in a file; `DataError` where one is missing."""
+    for name in wanted:
+        if name not in there:
+            limit = f"has no readings of {kind} {name}; there are {', '.join(there)}"
+            raise DataError(file, limit=limit, remedy="record all that was calibrated")
+    return [there.index(one) for one in wanted]
+
+
+@dataclass(frozen=True, eq=False)
+class _Lit:
+    """Readings under one emitter: times (n,), angles (n, M), signals and marks of clipped ones (n, R)."""
+
+    time_s: FloatArray
+    angle_deg: FloatArray
+    signal: FloatArray
+    clipped: BoolArray
+
+
+def holds_network(path: Path) -> bool:
+    """Whether a recording is one of several motions: by the bench's header, or by its columns."""
+    _, recording = next(iter(read_parts(path)))
+    if header_of(recording.provenance).get("motions"):
+        return True
+    dotted = [one for one in recording.channels if DOTTED.fullmatch(one.name)]
+    return len(dotted) > 1 and len(_angles(recording)) > 1
+
+
+def network_readings(path: Path, sensor: str | None = None) -> NetworkReadings:
+    """Readings of a network in a file.
+
+    Parameters
+    ----------
+    path
+        A recording of solen's bench, or a table with columns ``time_s``, ``MOTION_deg`` and ``EMITTER.RECEIVER``.
+    sensor
+        Which of several; default: the only one.
+
+    Raises
+    ------
+    DataError, SpecError
+        If it holds no network, none of that name, or several and none is named.
+    """
+    parts = list(read_parts(path))
+    header = header_of(parts[0][1].provenance)
+    if not header.get("motions"):
+        if sensor is not None:
+            raise SpecError("--sensor", value=sensor, limit=f"{path.name} names no sensors", remedy="leave it out")
+        return _of_table(parts[0][1])
+    return _of_bench(dict(parts), header, chosen_network(header, sensor, path.name))
+
+
+def chosen_network(header: Mapping[str, Any], sensor: str | None, file: str) -> Mapping[str, Any]:
+    """Entry of a header for a sensor."""
+    entries: dict[str, Mapping[str, Any]] = {one["name"]: one for one in header["sensors"]}
+    if sensor is None and len(entries) == 1:
+        return next(iter(entries.values()))
+    if sensor in entries:
+        return entries[sensor]
+    limit = f"must be one of {', '.join(entries)}, the sensors of {file}"
+    raise SpecError("--sensor", value=sensor, limit=limit)
+
+
+def _of_bench(parts: Mapping[str, Recording], header: Mapping[str, Any], entry: Mapping[str, Any]) -> NetworkReadings:
+    motions, receivers = tuple(header["motions"]), tuple(entry["inputs"])
+    each = [_lit(parts[f"{entry['name']}.{own}"], motions, receivers) for own in entry["emitters"]]
+    rows = _turns([one.time_s for one in each])
+    known = rows >= 0
+
+    def matrix(values: Sequence[FloatArray]) -> FloatArray:
+        found = [np.where(ok[:, None], one[at], np.nan) for one, at, ok in zip(values, rows.T, known.T, strict=True)]
+        return np.stack(found, axis=1)
+
+    first = parts[f"{entry['name']}.{next(iter(entry['emitters']))}"]
+    unit = next(one.unit for one in first.channels if one.name == receivers[0])
+    return NetworkReadings(
+        sensor=entry["name"],
+        motions=motions,
+        emitters=tuple(entry["emitters"]),
+        receivers=receivers,
+        time_s=each[0].time_s,
+        angle_deg=np.nanmean(matrix([one.angle_deg for one in each]), axis=1),
+        signal=matrix([one.signal for one in each]),
+        clipped=matrix([one.clipped.astype(float) for one in each]) == 1.0,
+        unit=unit,
+        ambient="subtracted" if first.find(f"{receivers[0]}_ambient") is not None else "not subtracted",
+        provenance=first.provenance,
+    )
+
+
+def _lit(recording: Recording, motions: Sequence[str], receivers: Sequence[str]) -> _Lit:
+    """Readings under one emitter, from its group."""
+
+    def column(name: str) -> FloatArray:
+        found = next((one for one in recording.channels if one.name == name), None)
+        if found is None:
+            raise DataError(f"{recording.provenance.file}: {name}", limit="no such column", remedy=existing(recording))
+        return found.values
+
+    return _Lit(
+        column("time_s"),
+        np.column_stack([column(f"{name}_deg") for name in motions]),
+        np.column_stack([column(name) for name in receivers]),
+        np.column_stack([column(f"{name}_clipped") for name in receivers]) > 0,
+    )
+
+
+def _turns(times: Sequence[FloatArray]) -> Any:
+    """Place of each emitter's reading in the turns of the first (N, emitters); -1 where one is missing."""
+    first = times[0]
+    usual_s = float(np.median(np.diff(first))) if len(first) > 1 else np.inf
+    ends = np.append(first[1:], np.inf)
+    rows = [np.arange(len(first))]
+    for one in times[1:]:
+        after = np.searchsorted(one, first)
+        there = np.minimum(after, max(len(one) - 1, 0))
+        good = (after < len(one)) & (len(one) > 0)
+        near = np.minimum(ends, first + _TURN * usual_s) if len(one) else first
+        rows.append(np.where(good & (one[there] < near) if len(one) else False, there, -1))
+    return np.stack(rows, axis=1)
+
+
+def _angles(recording: Recording) -> dict[str, Channel]:
+    """Columns of angles by the names of their motions."""
+    found = {}
+    for one in recording.channels:
+        if (one.unit and factor(one.unit, "deg") is not None) or one.name.endswith("_deg"):
+            found[one.name.removesuffix("_deg")] = one
+    return found
+
+
+def _of_table(recording: Recording) -> NetworkReadings:
+    file = recording.provenance.file or "recording"
+    time = column_of(recording, "time")
+    if time is None:
+        raise DataError(file, limit="no column is recognised as the time", remedy=existing(recording))
+    powers: dict[tuple[str, str], Channel] = {}
+    for one in recording.channels:
+        match = DOTTED.fullmatch(one.name)
+        if match and not is_companion(one.name):
+            powers[match[1], match[2]] = one
+    emitters, receivers = (tuple(dict.fromkeys(pair[place] for pair in powers)) for place in (0, 1))
+    if not powers:
+        remedy = f"name a column for each, EMITTER.RECEIVER; {existing(recording)}"
+        raise DataError(file, limit="has no columns of powers by emitter and receiver", remedy=remedy)
+    for pair in ((lit, read) for lit in emitters for read in receivers):
+        if pair not in powers:
+            limit = f"has no column {'.'.join(pair)}: every emitter needs one for every receiver"
+            raise DataError(file, limit=limit, remedy=existing(recording))
+    angles = _angles(recording)
+    signal = np.stack([[powers[lit, read].values for read in receivers] for lit in emitters]).transpose(2, 0, 1)
+    return NetworkReadings(
+        sensor="",
+        motions=tuple(angles),
+        emitters=emitters,
+        receivers=receivers,
+        time_s=time.values * (factor(time.unit, "s") or 1.0),
+        angle_deg=np.column_stack([_degrees(one) for one in angles.values()]) if angles else np.zeros((len(signal), 0)),
+        signal=signal * _scale(next(iter(powers.values()))),
+        clipped=np.zeros(signal.shape, bool),
+        unit=_unit(next(iter(powers.values()))),
+        ambient=None,
+        provenance=recording.provenance,
+    )
+
+
+def _degrees(channel: Channel) -> FloatArray:
+    return np.asarray(channel.values * (factor(channel.unit, "deg") or 1.0 if channel.unit else 1.0))
+
+
+def _unit(channel: Channel) -> str:
+    return channel.unit if channel.unit and factor(channel.unit, "V") is None else "V"
+
+
+def _scale(channel: Channel) -> float:
+    return (factor(channel.unit, "V") or 1.0) if channel.unit else 1.0

@@ -1,0 +1,225 @@
+"""States of a network in a recording: the stops of its motions, and its readings averaged over each.
+
+The idea: only while all motions rest do the readings of a turn belong to one state. A stop is found in the angles: rows
+over which none moves. The noise of a reading is what rows of a stop differ by, pooled with its covariance, as light of
+a room or a converter's supply moves several readings together; the uncertainty of a stop's mean is that of means of
+its pieces, where these differ by more than that noise allows.
+
+The interface: `states_of` readings gives `States`; `analysed_network` a `NetworkStates`, the response for a report.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from solen.analysis.network.recorded import NetworkReadings
+from solen.arrays import BoolArray, FloatArray
+from solen.errors import DataError
+from solen.ranks import Caution, look_at
+from solen.recording import Provenance
+from solen.results import HIDDEN, Result, in_unit
+
+AHEAD = 5
+"""Rows over which a motion that rests does not move."""
+STILL, OVER_NOISE = 1e-3, 5.0
+"""Most that one may, as a share of what it goes through; or times the noise of its angle."""
+SHORTEST, SETTLING = 8, 2
+"""Rows of a stop at least, and rows at either end that are left out."""
+PIECES = 6
+"""Pieces of a stop whose means show what its rows share."""
+
+
+@dataclass(frozen=True, eq=False)
+class States:
+    """Stops of a recording.
+
+    Attributes
+    ----------
+    angle_deg
+        (stops, motions).
+    signal, u_signal
+        Means (stops, emitters × receivers) and their standard uncertainties.
+    noise
+        Covariance of a row (emitters × receivers, emitters × receivers), pooled over stops.
+    rows
+        Which rows of the readings belong to each stop.
+    clipped
+        Share of the rows in which a reading was clipped, (stops, emitters × receivers).
+    """
+
+    angle_deg: FloatArray
+    signal: FloatArray
+    u_signal: FloatArray
+    noise: FloatArray
+    rows: tuple[slice, ...]
+    clipped: FloatArray
+
+    def merged(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Distinct states: angles (n, motions), means (n, K) over all stops in one state, and their variances."""
+        span = np.maximum(np.ptp(self.angle_deg, axis=0), 1e-9)
+        rounded = np.rint(self.angle_deg / (2.0 * STILL * span))
+        _, which = np.unique(rounded, axis=0, return_inverse=True)
+        count = np.bincount(which).astype(float)
+
+        def mean(values: FloatArray) -> FloatArray:
+            return np.asarray(np.stack([np.bincount(which, column) for column in values.T], axis=1) / count[:, None])
+
+        return mean(self.angle_deg), mean(self.signal), mean(self.u_signal**2) / count[:, None]
+
+
+class NetworkStates(Result):
+    """Response of a recorded network: signals by state, emitter and receiver.
+
+    Attributes
+    ----------
+    sensor
+        Its name.
+    motions, emitters, receivers
+        Their names.
+    unit
+        Of the signals; keys name it in place of V.
+    angle_deg
+        (stops, motions).
+    signal_V, u_signal_V
+        (stops, emitters, receivers): means over a stop, and their standard uncertainties.
+    noise_V
+        Standard deviation of a single reading (emitters, receivers).
+    readings, missing
+        Turns of the emitters, and those that lack a reading.
+    simulated
+        Whether the recording is.
+    sources
+        The file.
+    warnings
+        Warnings.
+    """
+
+    sensor: str
+    motions: tuple[str, ...]
+    emitters: tuple[str, ...]
+    receivers: tuple[str, ...]
+    unit: str
+    angle_deg: FloatArray
+    signal_V: FloatArray
+    u_signal_V: FloatArray
+    noise_V: FloatArray
+    readings: int
+    missing: int
+    simulated: bool
+    sources: tuple[Provenance, ...]
+    warnings: tuple[Caution, ...]
+    states: States = field(metadata=HIDDEN)
+
+    def to_dict(self) -> dict[str, object]:
+        """The result as plain data; keys name the unit of the readings in place of V."""
+        renamed: dict[str, object] = in_unit(super().to_dict(), self.unit)
+        return renamed
+
+
+def analysed_network(readings: NetworkReadings) -> NetworkStates:
+    """Response of a network over the stops of a recording; `DataError` if it has no angles, or none rests."""
+    states, shape = states_of(readings), readings.signal.shape[1:]
+    missing = int(np.isnan(readings.signal).any(axis=(1, 2)).sum())
+    return NetworkStates(
+        sensor=readings.sensor,
+        motions=readings.motions,
+        emitters=readings.emitters,
+        receivers=readings.receivers,
+        unit=readings.unit,
+        angle_deg=states.angle_deg,
+        signal_V=states.signal.reshape(-1, *shape),
+        u_signal_V=states.u_signal.reshape(-1, *shape),
+        noise_V=np.sqrt(np.diag(states.noise)).reshape(shape),
+        readings=len(readings.time_s),
+        missing=missing,
+        simulated=readings.provenance.simulated,
+        sources=(readings.provenance,),
+        warnings=(*missing_slots(readings), *clipped_in(readings, states)),
+        states=states,
+    )
+
+
+def states_of(readings: NetworkReadings) -> States:
+    """Stops of a recording; `DataError` if it has no angles, or none rests."""
+    file = readings.provenance.file or "recording"
+    if not readings.motions:
+        limit = "has no angles of motions"
+        raise DataError(file, limit=limit, remedy="add a column for each, as in index-bends_deg")
+    flat = readings.signal.reshape(len(readings.signal), -1)
+    stops = [one for one in _stops(readings.angle_deg) if _held(flat[one]) >= SHORTEST]
+    if not stops:
+        limit = f"never rests with all readings for {SHORTEST} turns of the emitters"
+        raise DataError(file, limit=limit, remedy="hold each state for longer")
+    whole = [flat[one][np.isfinite(flat[one]).all(axis=1)] for one in stops]
+    apart = np.concatenate([rows - rows.mean(axis=0) for rows in whole])
+    noise = apart.T @ apart / (len(apart) - len(stops))
+    clipped = readings.clipped.reshape(len(flat), -1)
+    return States(
+        angle_deg=np.array([readings.angle_deg[one].mean(axis=0) for one in stops]),
+        signal=np.array([rows.mean(axis=0) for rows in whole]),
+        u_signal=np.array([_u_mean(rows, noise) for rows in whole]),
+        noise=noise,
+        rows=tuple(stops),
+        clipped=np.array([clipped[one].mean(axis=0) for one in stops]),
+    )
+
+
+def at_rest(angle_deg: FloatArray) -> BoolArray:
+    """Which rows of angles (n, motions) belong to a stop."""
+    found = np.zeros(len(angle_deg), bool)
+    for one in _stops(angle_deg):
+        found[one] = True
+    return found
+
+
+def missing_slots(readings: NetworkReadings) -> list[Caution]:
+    """Warning of turns that lack a reading, by emitter."""
+    lacking = np.isnan(readings.signal).any(axis=2).sum(axis=0)
+    pairs = zip(readings.emitters, lacking.tolist(), strict=True)
+    lost = [f"{name} {count}" for name, count in pairs if count]
+    if not lost:
+        return []
+    return [look_at(f"readings are missing: {', '.join(lost)} of {len(readings.signal)}; those turns are left out")]
+
+
+def clipped_in(readings: NetworkReadings, states: States) -> list[Caution]:
+    """Warning of powers that stand at an end of the recorder's range in some states."""
+    names = [f"{lit}.{read}" for lit in readings.emitters for read in readings.receivers]
+    shares = states.clipped.mean(axis=0).tolist()
+    ends = [f"{name} {100 * share:.2g} %" for name, share in zip(names, shares, strict=True) if share > 0.0]
+    if not ends:
+        return []
+    return [look_at(f"readings at an end of the recorder's range, which show no change beyond it: {', '.join(ends)}")]
+
+
+def _held(rows: FloatArray) -> int:
+    return int(np.isfinite(rows).all(axis=1).sum())
+
+
+def _stops(angle_deg: FloatArray) -> list[slice]:
+    """Stretches of rows over which no motion moves, less a few at their ends."""
+    if len(angle_deg) <= AHEAD:
+        return []
+    span, noise = np.ptp(angle_deg, axis=0), _noise_deg(angle_deg)
+    limit = np.maximum(STILL * span, OVER_NOISE * noise)
+    still: BoolArray = (np.abs(angle_deg[AHEAD:] - angle_deg[:-AHEAD]) <= limit + 1e-9).all(axis=1)
+    begins = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(int)) == 1)
+    ends = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(int)) == -1) + AHEAD
+    return [
+        slice(int(begin) + SETTLING, int(end) - SETTLING)
+        for begin, end in zip(begins, ends, strict=True)
+        if end - begin >= SHORTEST + 2 * SETTLING
+    ]
+
+
+def _noise_deg(angle_deg: FloatArray) -> FloatArray:
+    """Noise of the angles, of which a motion at one speed shows none: by their second differences."""
+    bends = np.abs(angle_deg[2:] - 2.0 * angle_deg[1:-1] + angle_deg[:-2])
+    return np.asarray(np.median(bends, axis=0) / (0.6745 * np.sqrt(6.0)))
+
+
+def _u_mean(rows: FloatArray, noise: FloatArray) -> FloatArray:
+    """Standard uncertainty of the mean of a stop's rows (K,)."""
+    white = np.sqrt(np.diag(noise) / len(rows))
+    pieces = np.array([piece.mean(axis=0) for piece in np.array_split(rows, PIECES)])
+    return np.asarray(np.maximum(white, pieces.std(axis=0, ddof=1) / np.sqrt(PIECES)))

@@ -1,0 +1,302 @@
+"""A stream of a network's readings decoded by a saved calibration: rows of motions as they arrive, and a summary.
+
+The interface: `recorded_turns` of a file and `line_turns` of lines give `Turns`; `NetworkStream` decodes them, its
+`rows` are lines of CSV, its `result` a `NetworkDecoding`. `unused` options are refused.
+"""
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from solen.analysis.calibration.streams import STDIN
+from solen.analysis.network.calibrate import LeftOut, checks_of
+from solen.analysis.network.decoder import NetworkDecoded
+from solen.analysis.network.file import MotionCheck, NetworkCalibration
+from solen.analysis.network.recorded import DOTTED, network_readings
+from solen.analysis.network.states import at_rest
+from solen.arrays import FloatArray
+from solen.errors import DataError, SpecError
+from solen.ranks import DO_NOT_USE, Caution, do_not_use, look_at, of, rank_of
+from solen.recording import Provenance
+from solen.recording.numbers import is_number, parse
+from solen.recording.words import heading
+from solen.results import Result
+from solen.spec.strict import Options
+from solen.units import factor
+
+BANDS = ("low68", "high68", "low95", "high95")
+FLAGS = ("outside", "ambiguous", "at_end")
+_TOLD = 0.5  # per cent of the readings from which on a flag is warned of
+_MEANING = {
+    "outside": "lie on no point of the calibrated map, and their motions mean nothing",
+    "ambiguous": "have several states that explain them",
+    "missing": "lack a reading of a receiver",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Turns:
+    """Turns of a network's emitters: times (n,), signals (n, emitters, receivers), and true angles, NaN if unknown."""
+
+    time_s: FloatArray
+    signal: FloatArray
+    angle_deg: FloatArray | None = None
+
+
+class NetworkDecoding(Result):
+    """Summary of a network's decoded stream.
+
+    Attributes
+    ----------
+    readings, missing
+        Turns that were decoded, and those that lack a reading.
+    outside, ambiguous, at_end
+        Turns with these flags, as in `solen.analysis.network.decoder.NetworkDecoded`.
+    from_s, to_s
+        Times of the first and the last.
+    reached_deg
+        Lowest and highest angle of each motion, of turns that are not outside.
+    against
+        Errors against the source's own angles, at its stops and within the calibrated ranges; none without.
+    calibration, sensor
+        File of the calibration, and its network.
+    simulated
+        Whether the calibration or the source is simulated.
+    interrupted
+        Whether Ctrl-C ended the stream.
+    sources
+        The recording.
+    warnings
+        Warnings.
+    """
+
+    readings: int
+    missing: int
+    outside: int
+    ambiguous: int
+    at_end: int
+    from_s: float
+    to_s: float
+    reached_deg: dict[str, tuple[float, float]]
+    against: tuple[MotionCheck, ...]
+    calibration: str
+    sensor: str
+    simulated: bool
+    interrupted: bool
+    sources: tuple[Provenance, ...]
+    warnings: tuple[Caution, ...]
+
+
+class NetworkStream:
+    """Turns of one stream, decoded and counted.
+
+    Parameters
+    ----------
+    known, file
+        The calibration, and the name of its file.
+    source, provenance
+        Name of the stream in refusals, and its file; None for lines.
+    """
+
+    def __init__(self, known: NetworkCalibration, file: str, source: str, provenance: Provenance | None) -> None:
+        self._known, self._file, self._source, self._provenance = known, file, source, provenance
+        self._largest = float(np.abs(np.array(known.signal_V)).max())
+        self._times_s = (math.nan, math.nan)
+        self._ends = np.array([[math.inf, -math.inf]] * len(known.motions))
+        self._held: list[LeftOut] = []
+        self.counts = dict.fromkeys(("readings", "missing", *FLAGS), 0)
+        self.warnings = tuple(self._doubts())
+
+    @property
+    def header(self) -> str:
+        """Names of the columns of its rows."""
+        columns = (f"{one}_deg" for name in self._known.motions for one in (name, *(f"{name}_{b}" for b in BANDS)))
+        return ",".join(["time_s", *columns, "flags", "probability", "other"]) + "\n"
+
+    @property
+    def heading(self) -> str:
+        """First lines of a file of rows: reasons not to use them as comments, then the header."""
+        return "".join(f"# {line}\n" for line in self.warnings if rank_of(line) == DO_NOT_USE) + self.header
+
+    def rows(self, turns: Turns) -> str:
+        """Lines of CSV; `DataError` if the readings are a thousand times the calibrated ones."""
+        most = np.abs(turns.signal).max(axis=(1, 2))
+        largest = float(np.median(most[np.isfinite(most)])) if np.isfinite(most).any() else 0.0
+        if largest > 100.0 * self._largest:
+            unit = self._known.unit
+            limit = f"reads {largest:.4g} {unit}; the calibration goes up to {self._largest:.3g} {unit}"
+            raise DataError(self._source, limit=limit, remedy="state the unit in the header, as in a.end_mV")
+        decoded = self._known.decoder.decode(turns.signal)
+        self._count(turns, decoded)
+        return "".join(_rows(turns.time_s, decoded))
+
+    def result(self, *, interrupted: bool) -> NetworkDecoding:
+        """Summary of the decoded stream; `DataError` without a whole turn."""
+        if not self.counts["readings"]:
+            raise DataError(self._source, limit="holds no whole turn of the emitters", remedy="check its columns")
+        pairs = zip(self._known.motions, self._ends.tolist(), strict=True)
+        return NetworkDecoding(
+            **self.counts,
+            from_s=self._times_s[0],
+            to_s=self._times_s[1],
+            reached_deg={name: (low, high) for name, (low, high) in pairs if low <= high},
+            against=self._against(),
+            calibration=self._file,
+            sensor=self._known.sensor,
+            simulated=self._known.simulated or (self._provenance is not None and self._provenance.simulated),
+            interrupted=interrupted,
+            sources=() if self._provenance is None else (self._provenance,),
+            warnings=(*self.warnings, *self._flagged()),
+        )
+
+    def _doubts(self) -> Iterator[Caution]:
+        yield from (of("calibration", line) for line in self._known.warnings if rank_of(line) == DO_NOT_USE)
+        if self._known.simulated and self._provenance is not None and not self._provenance.simulated:
+            yield do_not_use("the calibration is simulated, and the recording is not")
+
+    def _flagged(self) -> Iterator[Caution]:
+        for name, meaning in _MEANING.items():
+            count = self.counts[name]
+            percent = 100.0 * count / max(self.counts["readings"], 1)
+            if count and (name == "missing" or percent >= _TOLD):
+                yield look_at(f"{count} readings ({percent:.3g} %) {meaning}")
+
+    def _count(self, turns: Turns, decoded: NetworkDecoded) -> None:
+        good = ~decoded.missing
+        self.counts["readings"] += int(good.sum())
+        self.counts["missing"] += int((~good).sum())
+        for name in FLAGS:
+            self.counts[name] += int(getattr(decoded, name).sum())
+        if not good.any():
+            return
+        inside = decoded.angle_deg[good & ~decoded.outside]
+        self._ends[:, 0] = np.minimum(self._ends[:, 0], inside.min(axis=0, initial=math.inf))
+        self._ends[:, 1] = np.maximum(self._ends[:, 1], inside.max(axis=0, initial=-math.inf))
+        first = self._times_s[0]
+        times = turns.time_s[good]
+        self._times_s = (first if math.isfinite(first) else float(times[0])), float(times[-1])
+        if turns.angle_deg is not None:
+            low, high = np.array(self._known.range_deg).T
+            slack = 1e-6 * (high - low)
+            true = turns.angle_deg
+            kept = good & ((true >= low - slack) & (true <= high + slack)).all(axis=1)
+            self._held.append(LeftOut(true[kept], decoded.picked(kept)))
+
+    def _against(self) -> tuple[MotionCheck, ...]:
+        held = [one for one in self._held if len(one.angle_deg)]
+        return checks_of(self._known.motions, LeftOut.joined(held)) if held else ()
+
+
+def recorded_turns(path: Path, known: NetworkCalibration, sensor: str | None) -> tuple[Turns, Provenance]:
+    """Turns of a recording, with true angles at its stops, and its file.
+
+    `DataError` where it lacks an emitter or a receiver, or has another unit.
+    """
+    found = network_readings(path, sensor).ordered(known.motions, known.emitters, known.receivers)
+    check_unit(path.name, found.unit, known)
+    if None not in {found.ambient, known.ambient} and found.ambient != known.ambient:
+        limit = f"has ambient light {found.ambient}, and the calibration {known.ambient}"
+        raise DataError(path.name, limit=limit, remedy="calibrate with recordings made in the same way")
+    true = np.where(at_rest(found.angle_deg)[:, None], found.angle_deg, np.nan) if found.motions else None
+    return Turns(found.time_s, found.signal, true), found.provenance
+
+
+def check_unit(source: str, unit: str, known: NetworkCalibration) -> None:
+    """`DataError` for readings in another unit."""
+    if unit != known.unit:
+        limit = f"is the unit of the readings; those of the calibration are in {known.unit}"
+        raise DataError(source, value=unit, limit=limit, remedy="calibrate with such readings")
+
+
+def line_turns(text: Iterable[str], known: NetworkCalibration) -> Iterator[Turns]:
+    """Turns of lines of CSV, each as soon as it arrives; the first line names the columns.
+
+    `DataError` if a power of the calibration, or the time, has no column.
+    """
+    rows = (row.strip() for row in text if row.strip())
+    head = next(rows, None)
+    if head is None:
+        raise DataError(STDIN, limit="is an empty stream: no line arrived", remedy="write a header and readings to it")
+    separator = next((one for one in (";", "\t", ",") if one in head), ",")
+    cells = [cell.strip().strip('"') for cell in head.removeprefix("\ufeff").split(separator)]
+    if all(map(is_number, cells)):
+        limit = "begins with numbers, not with the names of its columns"
+        raise DataError(STDIN, limit=limit, remedy="begin with time_s, and EMITTER.RECEIVER for each power")
+    time, places, scales = _layout(cells, known)
+    shape = 1, len(known.emitters), len(known.receivers)
+    for row in rows:
+        values = [_number(cell, separator) for cell in row.split(separator)]
+        whole = values if len(values) == len(cells) else [math.nan] * len(cells)
+        stamp = np.array([whole[time[0]] * time[1]])
+        signal = np.array([whole[place] for place in places]) * scales
+        yield Turns(stamp, signal.reshape(shape))
+
+
+def _layout(cells: Sequence[str], known: NetworkCalibration) -> tuple[tuple[int, float], list[int], FloatArray]:
+    """Place and scale of the time, and of each power in the order of the calibration."""
+    heads = [heading(cell) for cell in cells]
+    times = [place for place, one in enumerate(heads) if one.quantity == "time"]
+    if len(times) != 1:
+        raise DataError(STDIN, limit=f"names {len(times) or 'no'} columns as the time; one is needed")
+    named = {}
+    for place, one in enumerate(heads):
+        if match := DOTTED.fullmatch(one.name):
+            named[match[1], match[2]] = place, one.unit
+    places, scales = [], []
+    for pair in ((lit, read) for lit in known.emitters for read in known.receivers):
+        if pair not in named:
+            limit = f"has no column {'.'.join(pair)}, which the calibration needs"
+            raise DataError(STDIN, limit=limit, remedy=f"its columns are {', '.join(cells)}")
+        place, unit = named[pair]
+        scale = factor(unit, known.unit) if unit and unit != "1" else 1.0
+        if scale is None:
+            raise DataError(f"-: {'.'.join(pair)}", value=unit, limit=f"cannot be converted to {known.unit}")
+        places.append(place)
+        scales.append(scale)
+    unit = heads[times[0]].unit
+    return (times[0], (factor(unit, "s") or 1.0) if unit else 1.0), places, np.array(scales)
+
+
+def _number(cell: str, separator: str) -> float:
+    """Number of a cell; NaN if it is empty or a word."""
+    try:
+        return parse(cell.strip().strip('"'), "." if separator == "," else ",")
+    except ValueError:
+        return math.nan
+
+
+def unused(options: Options, kept: Sequence[str] = ()) -> None:
+    """`SpecError` for an option that has no meaning for a network."""
+    for name, info in type(options).model_fields.items():
+        value = getattr(options, name)
+        if name not in kept and value != info.get_default(call_default_factory=True):
+            limit = "has no meaning for a network, whose columns and motions are known by their names"
+            raise SpecError(f"--{name.replace('_', '-')}", value=str(value), limit=limit, remedy="leave it out")
+
+
+def _rows(time_s: FloatArray, decoded: NetworkDecoded) -> Iterator[str]:
+    """A line for each turn."""
+    motions = decoded.angle_deg.shape[1]
+    bands = np.stack([decoded.low_deg, decoded.high_deg], axis=-1).reshape(len(time_s), motions, 4)
+    values = np.concatenate([decoded.angle_deg[..., None], bands], axis=-1).reshape(len(time_s), -1)
+    marks = zip(*(getattr(decoded, name).tolist() for name in FLAGS), strict=True)
+    columns = values.tolist(), marks, decoded.probability.tolist(), decoded.other_deg.tolist()
+    for stamp, missing, *rest in zip(time_s.tolist(), decoded.missing.tolist(), *columns, strict=True):
+        when = f"{stamp:.6f}" if math.isfinite(stamp) else ""
+        if missing:
+            yield f"{when}{',' * (5 * motions)},missing,,\n"
+            continue
+        numbers, flags, probability, other = rest
+        named = " ".join(name for name, flag in zip(FLAGS, flags, strict=True) if flag)
+        beside = " ".join(f"{one:.5f}" for one in other) if math.isfinite(other[0]) else ""
+        yield ",".join([when, *(f"{one:.5f}" for one in numbers), named, f"{probability:.3f}", beside]) + "\n"
+
+
+def turns_in_pieces(turns: Turns, size: int) -> Iterator[Turns]:
+    """Turns in pieces that fit the memory."""
+    for begin in range(0, len(turns.time_s), size):
+        part = slice(begin, begin + size)
+        yield Turns(turns.time_s[part], turns.signal[part], None if turns.angle_deg is None else turns.angle_deg[part])
