@@ -22,7 +22,7 @@ from solen.trace.kernel.family import FamilyInSpace
 from solen.trace.kernel.nearest import Walls
 
 SCRAMBLINGS, SEED = 16, 20260
-FIRST_SAMPLES, MOST_SAMPLES = 32, 1 << 20
+FIRST_SAMPLES, MOST_SAMPLES = 32, 1 << 22
 """Samples of each scrambling, at first and at most."""
 WIDENED = 1.07
 """Standard deviation of Student's t with 15 degrees of freedom."""
