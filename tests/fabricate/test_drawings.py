@@ -10,18 +10,22 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
+import shapely
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from solen import __version__
 from solen.curve import Arc, Bezier, Conic, Curve, Segment, Spline
-from solen.errors import OutputError
-from solen.fabricate import area_mm2, as_comsol, as_dxf, as_svg, label_of
+from solen.errors import DesignError, OutputError
+from solen.fabricate import area_mm2, as_comsol, as_dxf, as_svg, label_of, sensor_part
+from solen.fabricate.numbers import numbered
 from solen.geometry import Body, Face, Pose, outline_body
+from solen.geometry.network import network_body
 from solen.sensor import Sensor
 from solen.spec import Design
 from tests.curve.test_every_curve import distance_to
 from tests.fabricate.solid_support import body_of, design, off_the_oval_mm
+from tests.geometry.network_support import three_guides
 
 ezdxf = pytest.importorskip("ezdxf", reason="needs the extra dxf")
 
@@ -218,3 +222,36 @@ def test_without_ezdxf_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setitem(sys.modules, "ezdxf", None)
     with pytest.raises(OutputError, match=r'^--dxf; .* is not installed; pip install "\.\[dxf\]"$'):
         as_dxf(body_of(design()), LABEL)
+
+
+@both
+def test_parts_of_a_network_have_numbers_and_a_table(kind: str, tmp_path: Path) -> None:
+    network = three_guides()
+    body = network_body(network)
+    parts = numbered(network, body)
+    assert [(one.number, one.kind, one.name) for one in parts[:4]] == [
+        (1, "guide", "trunk"),
+        (2, "guide", "branch"),
+        (3, "guide", "other"),
+        (4, "lens", "main"),
+    ]
+    (tmp_path / f"own.{kind}").write_bytes(WRITERS[kind](body, LABEL, parts))
+    text = (tmp_path / f"own.{kind}").read_text()
+    assert all(one.row in text for one in parts)
+    outline = shapely.Polygon(body.outline(1e-3))
+    inside = {
+        one.name: outline.contains(shapely.Point(one.place)) for one in parts if one.kind in ("guide", "receiver")
+    }
+    assert inside == {"trunk": True, "branch": True, "other": True, "end": False, "side": False}
+    told = {"body": {"kind": "outline", "file": f"own.{kind}"}, "material": {"index": 1.44}}
+    back = outline_body(Design.model_validate({"name": "read back", **told}).in_folder(tmp_path))
+    assert [face.name for face in back.faces] == [face.name for face in body.faces]
+
+
+def test_a_pocket_on_a_curved_side_is_refused_with_its_place() -> None:
+    straight = three_guides(receivers=[{"name": "end", "node": "end"}])
+    pockets = {"fabricate.pockets": True}
+    curved = three_guides().set({"network.guides[0].width_mm": [3.0, 0.0, 0.004]})
+    with pytest.raises(DesignError, match=r"receiver-side'; is curved at x = .*z = "):
+        sensor_part(curved.set(pockets), network_body(curved))
+    assert len(sensor_part(straight.set(pockets), network_body(straight)).cuts) == 1

@@ -8,7 +8,7 @@ state the label. X is x, Y is z.
 import io
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -16,6 +16,7 @@ from solen.curve import Arc, Segment
 from solen.extras import need
 from solen.fabricate.bspline import Bspline, primitives
 from solen.fabricate.label import Label
+from solen.fabricate.numbers import AWAY_MM, LINE_MM, TEXT_MM, NumberedPart
 from solen.geometry import Body, Pose
 from solen.plane import along, heading, right_of
 
@@ -31,8 +32,8 @@ def check_writer() -> None:
     need("ezdxf", what="--dxf", doing="writing DXF")
 
 
-def as_dxf(body: Body, label: Label) -> bytes:
-    """DXF file of a body; `OutputError` if ezdxf is not installed."""
+def as_dxf(body: Body, label: Label, parts: Sequence[NumberedPart] = ()) -> bytes:
+    """DXF file of a body, with numbers of its parts and a table of them; `OutputError` if ezdxf is not installed."""
     check_writer()
     from ezdxf.filemanagement import new
 
@@ -46,6 +47,7 @@ def as_dxf(body: Body, label: Label) -> bytes:
             for piece in primitives(face.curve):
                 _draw(space, piece, layer_of(face.name))
         _mark(space, body)
+        _number(space, body, parts)
         text = io.StringIO()
         document.write(text)
     return text.getvalue().encode(document.output_encoding, "dxfreplace")
@@ -80,6 +82,18 @@ def _mark(space: Any, body: Body) -> None:
         space.add_point(body.emitter.point, dxfattribs={"layer": "emitter"})
     if "stem-base" in body.marks:
         space.add_point(body.marks["stem-base"], dxfattribs={"layer": "pivot"})
+
+
+def _number(space: Any, body: Body, parts: Sequence[NumberedPart]) -> None:
+    """Numbers beside parts on the layer ``note-numbers``, and their table on ``note-table``."""
+    from ezdxf.enums import TextEntityAlignment
+
+    right_mm, top_mm = body.outline(1e-2).max(axis=0).tolist()
+    for row, one in enumerate(parts):
+        number = space.add_text(str(one.number), height=TEXT_MM, dxfattribs={"layer": "note-numbers"})
+        number.set_placement(one.place, align=TextEntityAlignment.MIDDLE_CENTER)
+        line = space.add_text(one.row, height=TEXT_MM, dxfattribs={"layer": "note-table"})
+        line.set_placement((right_mm + 2.0 * AWAY_MM, top_mm - row * LINE_MM))
 
 
 def emitter_line(emitter: Pose) -> tuple[tuple[float, float], tuple[float, float]]:

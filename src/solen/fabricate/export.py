@@ -14,6 +14,7 @@ from solen.fabricate.label import Label, label_of
 from solen.fabricate.layers import LayeredPrint
 from solen.fabricate.mesh import Mesh, mesh_of
 from solen.fabricate.meshfiles import MESH_WRITERS
+from solen.fabricate.numbers import NumberedPart, numbered
 from solen.fabricate.part import Part
 from solen.fabricate.seats import sensor_part
 from solen.fabricate.step import as_step, check_kernel
@@ -42,6 +43,11 @@ class Export:
     def outline(self) -> Body:
         """The body with one outline for all heights, for drawings; `DesignError` if there is none."""
         return self.body.upright('export --step or a mesh, or draw its middle section: lens.shape = "cartesian-oval"')
+
+    @cached_property
+    def numbers(self) -> tuple[NumberedPart, ...]:
+        """Parts of a network with their numbers on drawings."""
+        return numbered(self.design, self.body)
 
     @cached_property
     def mesh(self) -> Mesh:
@@ -74,9 +80,9 @@ def _of_mesh(kind: str) -> Format:
 FORMATS: dict[str, Format] = {
     "step": Format(".step", lambda export: as_step(export.part, export.label), check_kernel),
     **{kind: _of_mesh(kind) for kind in MESH_WRITERS},
-    "dxf": Format(".dxf", lambda export: as_dxf(export.outline, export.label), check_writer, flat=True),
+    "dxf": Format(".dxf", lambda export: as_dxf(export.outline, export.label, export.numbers), check_writer, flat=True),
     "comsol": Format("-comsol.txt", lambda export: as_comsol(export.outline, export.label), flat=True),
-    "svg": Format(".svg", lambda export: as_svg(export.outline, export.label), flat=True),
+    "svg": Format(".svg", lambda export: as_svg(export.outline, export.label, export.numbers), flat=True),
 }
 USUAL = ("stl", "3mf")
 """Default formats, for printers' software."""

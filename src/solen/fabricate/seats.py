@@ -22,6 +22,7 @@ from solen.errors import DataError, DesignError
 from solen.fabricate.faced import faced_part
 from solen.fabricate.part import Cut, Part, Prism, sensor_prism
 from solen.geometry import Body, Face
+from solen.geometry.body import place_text
 from solen.parts import ReceiverPart, library_part, load_part
 from solen.plane import Point, along, left_of, minus, unit
 from solen.spec import Design
@@ -140,9 +141,8 @@ def _receivers(body: Body, what: str, key: str) -> list[tuple[str, Face]]:
         raise DesignError(key, limit="no face of the body is a receiver", remedy="leave it out")
     for face in faces:
         if not isinstance(face.curve, Segment):
-            raise DesignError(
-                key, value=face.name, limit="a seat is cut into a straight face", remedy="draw it straight"
-            )
+            limit = f"is curved at {place_text(face.curve.middle_point)}, and a seat is cut into a straight face"
+            raise DesignError(key, value=face.name, limit=limit, remedy="make it straight, or leave seats out")
     return [(f"{what}-{face.name.removeprefix('receiver-')}", face) for face in faces]
 
 

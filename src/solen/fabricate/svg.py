@@ -6,7 +6,7 @@ points down: it is −z. Small circles mark the emitter and the pivot of the mot
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
@@ -15,21 +15,28 @@ from solen.curve import Arc, Curve, Parabola, Segment
 from solen.fabricate.bspline import cubics, quadratic
 from solen.fabricate.dxf import emitter_line
 from solen.fabricate.label import Label
+from solen.fabricate.numbers import LETTER, LINE_MM, TEXT_MM, NumberedPart
 from solen.geometry import Body
 from solen.plane import Point
 
 MARGIN_MM = 1.0
-LINE_MM = 0.1
+STROKE_MM = 0.1
 MARK_MM = 0.1
 LARGEST_ARC_DEG = 90.0
 """An arc is written in pieces of at most this: from its ends alone a larger one is found less exactly."""
 
 
-def as_svg(body: Body, label: Label) -> bytes:
-    """SVG file of a body, in mm."""
+def as_svg(body: Body, label: Label, parts: Sequence[NumberedPart] = ()) -> bytes:
+    """SVG file of a body, in mm, with numbers beside its parts and a table of them."""
     faces = (*body.all_faces, *body.apart)
     corners = np.vstack([*(face.curve.flattened(1e-3) for face in faces), [body.emitter.point]])
     low, high = corners.min(axis=0) - MARGIN_MM, corners.max(axis=0) + MARGIN_MM
+    table = (float(high[0]) + TEXT_MM, float(high[1]) - TEXT_MM)
+    if parts:
+        places = np.array([one.place for one in parts])
+        wide, tall = LETTER * TEXT_MM * max(len(one.row) for one in parts), LINE_MM * len(parts)
+        low = np.minimum(np.minimum(low, places.min(axis=0) - TEXT_MM), [low[0], table[1] - tall])
+        high = np.maximum(np.maximum(high, places.max(axis=0) + TEXT_MM), [table[0] + wide, high[1]])
     width, height = (high - low).tolist()
     box = " ".join(_number(value) for value in (low[0], -high[1], width, height))
     lines = [
@@ -38,13 +45,30 @@ def as_svg(body: Body, label: Label) -> bytes:
         f'  width="{_number(width)}mm" height="{_number(height)}mm" viewBox="{box}">',
         f"<title>{escape(label.name)}</title>",
         f"<desc>{escape('; '.join(label.lines[1:]))}</desc>",
-        f'<g fill="none" stroke="black" stroke-width="{LINE_MM:g}">',
+        f'<g fill="none" stroke="black" stroke-width="{STROKE_MM:g}">',
         *(_path(face.name, "".join(_drawn(face.curve))) for face in faces),
         *_marks(body),
         "</g>",
+        *_numbers(parts, table),
         "</svg>\n",
     ]
     return "\n".join(lines).encode()
+
+
+def _numbers(parts: Sequence[NumberedPart], table: Point) -> Iterator[str]:
+    """Numbers beside parts, and the table of them."""
+    if not parts:
+        return
+    yield f'<g id="notes" font-family="sans-serif" font-size="{TEXT_MM:g}">'
+    for place, one in enumerate(parts):
+        yield f"{_text(one.place, 'middle')}{one.number}</text>"
+        yield f"{_text((table[0], table[1] - place * LINE_MM), 'start')}{escape(one.row)}</text>"
+    yield "</g>"
+
+
+def _text(point: Point, anchor: str) -> str:
+    x, y = _at(point).split()
+    return f'<text x="{x}" y="{y}" text-anchor="{anchor}" dominant-baseline="central">'
 
 
 def _path(name: str, data: str) -> str:

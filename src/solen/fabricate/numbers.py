@@ -1,0 +1,89 @@
+"""Numbers of a network's parts for its drawings, and the table that says which part each is.
+
+The interface: `numbered` parts of a design.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from numpy.polynomial import polynomial
+
+from solen.curve import Measure
+from solen.geometry import Body
+from solen.geometry.body import Face
+from solen.geometry.network import network_body, network_lenses, plan_of
+from solen.plane import Point, along, heading
+from solen.spec import Design
+from solen.spec.placed import lit
+
+AWAY_MM = 1.1
+"""Distance of a number from the face or the emitter that it stands beside."""
+TEXT_MM, LINE_MM, LETTER = 1.2, 1.9, 0.62
+"""Height of a text, distance of lines of the table, and width of a letter in heights."""
+
+
+@dataclass(frozen=True)
+class NumberedPart:
+    """A part of a network with its number on the drawing, and where that stands."""
+
+    number: int
+    kind: str
+    name: str
+    size: str
+    place: Point
+
+    @property
+    def row(self) -> str:
+        """Its row in the table."""
+        return f"{self.number}  {self.kind} {self.name}: {self.size}"
+
+
+def numbered(design: Design, body: Body) -> tuple[NumberedPart, ...]:
+    """Parts of a network in the order of its lists; none of another kind of body."""
+    if design.body.kind != "network":
+        return ()
+    rows = (*_guides(design), *_lenses(design, body), *_emitters(design), *_receivers(design, body))
+    return tuple(NumberedPart(number, *row) for number, row in enumerate(rows, start=1))
+
+
+_Row = tuple[str, str, str, Point]
+
+
+def _guides(design: Design) -> Iterator[_Row]:
+    for name, way in plan_of(design).ways.items():
+        (a, b), (c, d) = (wall.middle_point for wall in way.walls.values())
+        ends = polynomial.polyval([0.0, way.spine.length_mm], way.guide.widths).tolist()
+        wide = " to ".join(dict.fromkeys(f"{width:.4g}" for width in ends))
+        yield "guide", name, f"{wide} mm wide, {way.spine.length_mm:.4g} mm long", (0.5 * (a + c), 0.5 * (b + d))
+
+
+def _lenses(design: Design, body: Body) -> Iterator[_Row]:
+    for name, lens in network_lenses(design).items():
+        size = f"{lens.shape}, {2.0 * lens.half_width_mm:.4g} mm wide, {lens.depth_mm:.4g} mm deep"
+        yield "lens", name, size, _beside(body, f"lens-{name}", inside=True)
+
+
+def _emitters(design: Design) -> Iterator[_Row]:
+    for one in design.network.emitters:
+        pose = network_body(lit(design, one.name)).emitter
+        size = f"at x {pose.point[0]:.4g}, z {pose.point[1]:.4g} mm, towards {pose.axis_deg + 0.0:.4g} deg"
+        yield "emitter", one.name, size, along(pose.point, heading(pose.axis_deg), -AWAY_MM)
+
+
+def _receivers(design: Design, body: Body) -> Iterator[_Row]:
+    for one in design.network.receivers:
+        curve = _face(body, f"receiver-{one.name}").curve
+        where = f"end {one.node}" if one.node else f"{one.side} side of {one.guide} from {one.from_mm:.4g} mm"
+        size = f"{Measure(curve).length_mm:.4g} mm long, {where}"
+        yield "receiver", one.name, size, _beside(body, f"receiver-{one.name}", inside=False)
+
+
+def _face(body: Body, name: str) -> Face:
+    """Face of a name, or the first of its pieces."""
+    return next(face for face in (*body.all_faces, *body.apart) if face.name.partition(".")[0] == name)
+
+
+def _beside(body: Body, name: str, *, inside: bool) -> Point:
+    """Place beside the middle of a face, in the material or before it."""
+    curve = _face(body, name).curve
+    return along(curve.middle_point, curve.normal_at(curve.middle_point), AWAY_MM if inside else -AWAY_MM)
