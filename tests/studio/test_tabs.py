@@ -46,7 +46,7 @@ ASKED: dict[str, dict[str, Any]] = {
 def called(desk: Desk, command: str, asked: Mapping[str, Any], folder: Path) -> Call:
     """The call of what a page asks."""
     folder.mkdir(exist_ok=True)
-    return tabs.offer(command).call(asked, desk.storage.path, folder, desk.document.path.parent)
+    return tabs.offer(command).call(asked, desk.storage.path, folder, desk.document.path)
 
 
 def without_files(result: Mapping[str, Any]) -> dict[str, Any]:

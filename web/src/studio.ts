@@ -32,6 +32,7 @@ const ARROWS: Record<string, [number, number]> = { ArrowLeft: [-1, 0], ArrowRigh
 const TABS = {
   design: { label: "Design", load: () => Promise.resolve() },
   resin: { label: "Resin", load: () => import("./tabs/resin") },
+  print: { label: "Print", load: () => import("./tabs/print") },
   microscope: { label: "Microscope", load: () => import("./tabs/microscope") },
   bench: { label: "Bench", load: () => import("./tabs/bench") },
 };

@@ -132,6 +132,7 @@ export abstract class Tab extends LitElement {
     this.chosen = suits.includes(this.chosen) ? this.chosen : suits[0];
     const offer = this.offer(this.chosen)!;
     const field = offer.files[0];
+    if (!field) return this.requestUpdate(); // an option takes it
     const before = (this.values[offer.name]?.[field.name] ?? []) as string[];
     this.set(field.name, field.many ? [...new Set([...before, name])] : name);
     if (!missing(offer, this.values[offer.name]).length) void this.begin();
@@ -181,7 +182,9 @@ export abstract class Tab extends LitElement {
   }
 
   private async png(job: Command): Promise<void> {
-    const image = this.querySelector<HTMLImageElement>("img.figure")!;
+    const image = new Image();
+    image.src = `jobs/${job.number}/figure`;
+    await image.decode();
     const canvas = document.createElement("canvas");
     [canvas.width, canvas.height] = [2 * image.naturalWidth, 2 * image.naturalHeight];
     canvas.getContext("2d")!.drawImage(image, 0, 0, canvas.width, canvas.height);

@@ -26,13 +26,39 @@ export async function resin(page, seen, folder, audit) {
   await page.locator("#tab-design").click();
 }
 
+// The part in space, its layers by a slider.
+export async function print(page, seen, folder, audit) {
+  const panel = page.locator("#panel-print");
+  await page.locator("#tab-print").click();
+  await panel.locator("form").waitFor();
+  await panel.getByRole("button", { name: "Begin" }).click();
+  await panel.locator("canvas.part[data-triangles]").waitFor();
+  await panel.locator("canvas.part").press("ArrowRight");
+  seen.part = { ...(await shown(panel)), triangles: await panel.locator("canvas.part").getAttribute("data-triangles") };
+  await audit("part");
+  await page.screenshot({ path: `${folder}/part.png` });
+  await panel.locator(".command select").selectOption("print layers");
+  await panel.locator('[id="field-print-layers.layer_um"]').fill("200");
+  await panel.locator("form button[type=submit]").click();
+  await panel.locator("canvas.layer[data-layer]").waitFor();
+  await panel.locator("#layer").press("Home");
+  await panel.locator('canvas.layer[data-layer="1"]').waitFor();
+  seen.layers = { ...(await shown(panel)), exposed: await panel.locator(".exposed").innerText(), of: await panel.locator(".angle output").innerText() };
+  await panel.locator("#layer").press("ArrowRight");
+  await panel.locator('canvas.layer[data-layer="2"]').waitFor();
+  await audit("layers");
+  await page.screenshot({ path: `${folder}/layers.png` });
+  await page.locator("#tab-design").click();
+}
+
 // What a tab shows of a result: lines, rows by name, the figure, and the same elsewhere.
 async function shown(panel) {
-  await panel.locator("summary", { hasText: "The same elsewhere" }).click();
+  await panel.locator(".values").waitFor();
+  await panel.locator("details.same").evaluate((one) => (one.open = true));
   return {
     lines: await panel.locator(".lines p").allInnerTexts(),
     rows: await panel.locator(".values tbody tr").evaluateAll((all) => all.map((one) => [one.dataset.name, one.cells[1].title])),
     same: await panel.locator(".same pre").allInnerTexts(),
-    figure: await panel.locator("img.figure").evaluate((one) => one.decode().then(() => one.naturalWidth)),
+    figure: (await panel.locator("img.figure").count()) ? await panel.locator("img.figure").evaluate((one) => one.decode().then(() => one.naturalWidth)) : 0,
   };
 }

@@ -1,5 +1,6 @@
 """What the tabs beside the design work on: dropped files, offered commands, and jobs of one document."""
 
+import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,10 +12,10 @@ from solen.errors import SolenError, SpecError
 from solen.spec.strict import Strict
 from solen.studio import tabs
 from solen.studio.calls import Shown, perform
-from solen.studio.commands import SAVE_FIRST, assigned
+from solen.studio.commands import assigned
 from solen.studio.document import Document
 from solen.studio.jobs import Job
-from solen.studio.storage import Storage
+from solen.studio.storage import Storage, safe_name
 
 
 class Order(Strict):
@@ -60,21 +61,23 @@ class Desk:
         offer = tabs.offer(order.command)
         folder = self.storage.new_folder(offer.short)
         try:
-            home, design = self.document.path.parent, self._design() if offer.design else ()
-            call = offer.call(order.asked, self.storage.path, folder, home, *design)
+            changes = self._changes() if offer.design else []
+            call = offer.call(order.asked, self.storage.path, folder, self.document.path, changes)
             about = {"shell": call.shell, "python": call.python, "folder": folder.name, "label": offer.label}
             return self.document.jobs.begin(offer.name, perform, (call, self.shown), about)
         except SolenError:
             self.storage.drop(folder)
             raise
 
-    def _design(self) -> tuple[Path, list[str]]:
-        """File of the design, and what is changed in it."""
+    def _changes(self) -> list[str]:
+        """What is changed in the design's file, as ``--set`` takes it; `SpecError` where only saving could state it."""
         document = self.document
         changes: Mapping[str, Any] = {} if document.is_saved else document.state.changes
         if document.saved is None or None in changes.values():
-            raise SpecError(str(document.path), limit="is not saved", remedy=SAVE_FIRST)
-        return document.path, assigned(changes)[1::2]
+            raise SpecError(
+                str(document.path), limit="holds another design than the page", remedy="save the design first"
+            )
+        return assigned(changes)[1::2]
 
     def file_of(self, number: int, name: str) -> Path:
         """A file that a job wrote, by its name in the result; `SpecError` where there is none."""
@@ -82,3 +85,13 @@ class Desk:
         if name not in files:
             raise SpecError("file", limit="was not written by this job")
         return Path(files[name])
+
+    def inside(self, number: int, name: str, part: str) -> bytes:
+        """Content of a part of an archive that a job wrote, as a layer's picture; `SpecError` where there is none."""
+        path = self.file_of(number, name)
+        if path.suffix != ".zip":
+            raise SpecError(name, limit="is no archive")
+        with zipfile.ZipFile(path) as archive:
+            if part not in archive.namelist():
+                raise SpecError("part", value=safe_name(part), limit=f"is not in {path.name}")
+            return archive.read(part)

@@ -49,7 +49,8 @@ class Offer:
     written
         Parameters that take a file to be written, with its name; an empty name is the folder itself.
     beside
-        Parameters that take a file to be written beside the design, with its name, of a value as ``{name}.toml``.
+        Parameters that take a file to be written beside the design, with its name, of values and that of the
+        design, as ``{name}.toml`` or ``{design}-tuning.json``.
     design
         Parameter that takes the open design; empty if there is none.
     first
@@ -146,8 +147,7 @@ class Offer:
         asked: Mapping[str, Any],
         path: Callable[[str], Path],
         folder: Path,
-        home: Path,
-        design: Path | None = None,
+        design: Path,
         changes: Sequence[str] = (),
     ) -> Call:
         """The call of the function for what a page asks.
@@ -158,8 +158,8 @@ class Offer:
             Values by the names of `form`; of a file the name, or a list of names, of what was dropped.
         path
             Path of a dropped file by its name.
-        folder, home
-            Where files are written, and those beside the design.
+        folder
+            Where files are written, but those beside the design.
         design, changes
             The open design, and what is changed in it, as ``--set`` takes it.
 
@@ -174,14 +174,17 @@ class Offer:
             if name not in fields and name not in self.taken:
                 raise SpecError(name, limit=f"is no option of solen {self.name}")
         values: dict[str, Any] = {name: folder / file for name, file in self.written.items()}
-        values |= {name: home / self._name_beside(name, asked) for name in self.beside}
+        values |= {
+            name: design.parent / self._name_beside(name, {"design": design.stem, **asked}) for name in self.beside
+        }
         values |= {self.design: design} if self.design else {}
         values |= {"set_": tuple(changes)} if changes else {}
         values |= {"figure": FigureOptions(figure=folder / FIGURE)} if "figure" in self.parameters else {}
         for name, options in self.groups.items():
             stated = {key: asked[key] for key in options.model_fields if key in asked}
             paths = {key: path(str(stated[key])) for key in stated if fields[key].get("format") == "path"}
-            values[name] = options(**stated | paths)
+            if stated or self.parameters[name].is_required:
+                values[name] = options(**stated | paths)
         for name in asked.keys() & self.taken.keys():
             several = [path(str(one)) for one in (asked[name] if isinstance(asked[name], list) else [asked[name]])]
             several = several if self.parameters[name].is_path else [str(one) for one in several]

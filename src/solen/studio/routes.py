@@ -49,6 +49,11 @@ def add(app: "FastAPI", desk: Desk) -> None:
         shown = await asyncio.to_thread(png_of, desk.storage.path(name))
         return Response(shown, media_type="image/png")
 
+    async def inside(number: int, name: str, part: str) -> Any:
+        kinds = {"png": "image/png", "json": "application/json"}
+        kind = kinds.get(part.rpartition(".")[2], "application/octet-stream")
+        return Response(await asyncio.to_thread(desk.inside, number, name, part), media_type=kind)
+
     for method, path, end in (
         ("GET", "/tabs/{tab}", forms),
         ("PUT", "/files/{tab}/{name}", drop),
@@ -57,6 +62,7 @@ def add(app: "FastAPI", desk: Desk) -> None:
         ("DELETE", "/jobs/{number}", cancel),
         ("GET", "/jobs/{number}", result),
         ("GET", "/jobs/{number}/{name}", file),
+        ("GET", "/jobs/{number}/{name}/{part}", inside),
     ):
         app.add_api_route(f"/{{token}}{path}", _refusing(end), methods=[method], response_model=None)
 

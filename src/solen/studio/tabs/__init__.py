@@ -10,7 +10,7 @@ from types import ModuleType
 from solen.errors import SpecError
 from solen.studio.offers import Offer
 
-TABS = ("resin", "microscope", "bench")
+TABS = ("resin", "print", "microscope", "bench")
 """Names of the tabs, and of their modules here."""
 
 

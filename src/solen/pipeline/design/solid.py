@@ -1,0 +1,83 @@
+"""`solen export`: the formats that are asked for, as options of a command."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from solen.errors import SpecError
+from solen.fabricate import ExportedSolid
+from solen.fabricate.layers import Slicing
+from solen.fabricate.seats import SeatOptions
+from solen.pipeline.design import export as pipeline
+from solen.pipeline.options import FLAT, ProgressBar, Set
+from solen.report.options import FigureOptions
+from solen.results import Outcome
+
+
+def export(
+    file: Path,
+    /,
+    *,
+    out: Path,
+    step: bool = False,
+    stl: bool = False,
+    threemf: Annotated[bool, Parameter(name="--3mf")] = False,
+    glb: bool = False,
+    dxf: bool = False,
+    comsol: bool = False,
+    svg: bool = False,
+    layers: bool = False,
+    slicing: Annotated[Slicing | None, FLAT] = None,
+    seats: Annotated[SeatOptions, FLAT] = SeatOptions(),
+    thickness_mm: str | None = None,
+    tolerance_mm: float = 1e-3,
+    set_: Set = None,
+    figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
+    progress: ProgressBar = None,
+) -> Outcome[ExportedSolid]:
+    """Write the solid and the drawings of a sensor, in mm; default formats: STL and 3MF.
+
+    Parameters
+    ----------
+    file
+        The design file; the written files have its name.
+    out
+        Folder for the files; made if need be.
+    step
+        Exact solid with B-splines, for CAD programs (needs the extra cad).
+    stl
+        Mesh for printers, binary.
+    threemf
+        Mesh for printers, with its unit and name.
+    glb
+        Mesh for viewers.
+    dxf
+        Drawing of the outline, a layer for each face (needs the extra dxf).
+    comsol
+        Points as text, for COMSOL's interpolation curves (sectionwise).
+    svg
+        Drawing of the outline, a named path for each face.
+    layers
+        Layer pictures for a printer, with STL and settings for its software; options as of solen print layers.
+    thickness_mm
+        Replaces body.thickness_mm.
+    tolerance_mm
+        Largest distance of a mesh from the exact walls in mm, 1e-4 to 1.
+    """
+    asked = {"step": step, "stl": stl, "3mf": threemf, "glb": glb, "dxf": dxf, "comsol": comsol, "svg": svg}
+    thickness = [] if thickness_mm is None else [f"body.thickness_mm={thickness_mm}"]
+    assignments = [*(set_ or ()), *seats.assignments, *thickness]
+    formats = tuple(kind for kind, wanted in asked.items() if wanted)
+    if slicing is not None and not layers:
+        raise SpecError("options of layers", limit="have no meaning without --layers", remedy="add --layers")
+    return pipeline.export(
+        file,
+        out,
+        formats,
+        assignments,
+        tolerance_mm=tolerance_mm,
+        figure=figure,
+        slicing=(slicing or Slicing()) if layers else None,
+        progress=progress,
+    )

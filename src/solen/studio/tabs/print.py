@@ -1,0 +1,55 @@
+"""The tab of the print: the part, its layers, what a print makes of it, and the next drawing after a picture of one."""
+
+from pathlib import Path
+
+from solen.errors import DataError
+from solen.studio.offers import Offer
+
+PICTURES = (".tif", ".tiff", ".png", ".jpg", ".jpeg")
+
+OFFERS = (
+    Offer(
+        "export",
+        "solen.pipeline.design.solid:export",
+        "The part, for CAD and printers",
+        written={"out": ""},
+        design="file",
+        first=("stl", "threemf", "step", "dxf", "svg"),
+    ),
+    Offer(
+        "print layers",
+        "solen.pipeline.print.layers:layers",
+        "Layers",
+        written={"out": ""},
+        design="file",
+        first=("printer", "layer_um", "exposure_s", "burn_in_layers", "burn_in_s", "orientation"),
+    ),
+    Offer(
+        "print predict",
+        "solen.pipeline.print.predict:predict",
+        "Predicted print",
+        written={"out": "printed.json"},
+        design="file",
+        first=("process", "cure", "printer", "orientation", "response"),
+    ),
+    Offer(
+        "print tune",
+        "solen.pipeline.print.tune:tune",
+        "Next drawing, from a picture",
+        files={"picture": "Micrograph of the printed lens"},
+        written={"out": ""},
+        beside={"log": "{design}-tuning.json"},
+        design="design",
+        first=("um_per_px", "scale", "drawn", "process", "response"),
+    ),
+)
+
+
+def suits(path: Path) -> tuple[str, ...]:
+    """Commands of the print that take a file."""
+    if path.suffix.lower() in PICTURES:
+        return ("print tune",)
+    if path.suffix.lower() in {".toml", ".json"}:
+        return ("print predict", "print layers")
+    limit, remedy = "is no picture, process or working curve", f"a picture ends in {', '.join(PICTURES)}"
+    raise DataError(path.name, limit=limit, remedy=remedy)
