@@ -248,6 +248,18 @@ def test_the_tab_of_the_resin_shows_what_its_command_answers(
     assert "resin mine" in shown["unusable"], "it has no index"
 
 
+def test_the_tab_of_the_print_shows_the_part_and_its_layers(
+    seen: dict[str, Any], commanded: Callable[[str], dict[str, Any]]
+) -> None:
+    part = commanded(seen["part"]["same"][0])
+    assert int(seen["part"]["triangles"]) == part["mesh"]["triangles"]
+    assert float(dict(seen["part"]["rows"])["volume_mm3"]) == part["volume_mm3"]
+    found = commanded(seen["layers"]["same"][0])
+    assert seen["layers"]["of"] == f"1 of {found['layers']}"
+    assert f"exposed for {found['settings']['burn_in_exposure_s']:g} s" in seen["layers"]["exposed"]
+    assert float(dict(seen["layers"]["rows"])["volume_error"]) == found["volume_error"]
+
+
 @pytest.mark.evidence
 def test_how_long_a_drag_takes(tmp_path: Path) -> None:
     """From a request to what is drawn, in a browser on this computer, and the same without the compiled batch."""

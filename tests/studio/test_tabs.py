@@ -17,6 +17,7 @@ from solen.studio import storage, tabs
 from solen.studio.calls import Call, perform
 from solen.studio.desk import Desk, Order
 from solen.studio.document import Document
+from solen.studio.jobs import Job
 from solen.studio.storage import Storage, safe_name
 
 
@@ -24,10 +25,12 @@ from solen.studio.storage import Storage, safe_name
 def desk(tmp_path_factory: pytest.TempPathFactory) -> Desk:
     """Desk of a design, onto which files were dropped."""
     made = Desk(Document(tmp_path_factory.mktemp("desk") / "sensor.toml"))
+    made.document.save()
     kept = made.storage.folder
     kept.mkdir()
     for name in ("layer", "exposures", "absorbance", "cube", "discs", "guides"):
         (kept / f"{name}.csv").write_bytes((FOLDER / f"{name}-simulated.csv").read_bytes())
+    (kept / "lens.ome.tif").write_bytes((FOLDER / "lens-simulated.ome.tif").read_bytes())
     (kept / "notes.csv").write_text("apples,pears\n1,2\n2,3\n3,5\n")
     return made
 
@@ -40,6 +43,8 @@ ASKED: dict[str, dict[str, Any]] = {
     "resin stiffness": {"files": ["cube.csv"], "cube_mm": 10, "fit": ["neo-hookean"]},
     "resin spectra": {"files": ["layer.csv", "absorbance.csv"]},
     "resin show": {"name": "pmma", "at_nm": [860]},
+    "export": {"stl": True, "threemf": True},
+    "print layers": {"layer_um": 200, "burn_in_layers": 2, "phase_px": [0.5, 0.0], "no_anti_aliasing": False},
 }
 
 
@@ -80,6 +85,37 @@ def test_lines_are_those_of_the_command_and_the_same_in_python_runs(
     exec(call.python, names)  # noqa: S102  what a page offers to copy
     assert names["found"].result.Dp_um > 0.0
     assert "\n".join(printed("resin cure", names["found"].result)) == "\n".join(lines)
+
+
+def test_the_log_of_tuned_prints_is_beside_the_design_and_all_else_apart(desk: Desk) -> None:
+    folder = desk.storage.folder / "tune-1"
+    call = called(desk, "print tune", {"picture": "lens.ome.tif", "response": False, "sheet_only": True}, folder)
+    assert call.values["log"] == desk.document.path.with_name("sensor-tuning.json")
+    assert (call.values["design"], call.values["out"]) == (desk.document.path, folder)
+    assert call.shell.endswith(
+        f"--sheet-only --log {call.values['log']} --no-response --figure {folder / 'figure.svg'}"
+    )
+    assert tabs.suitable("print", desk.storage.path("lens.ome.tif")) == ("print tune",)
+
+
+def test_layers_are_shown_from_the_archive_and_nothing_else_is(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = desk.storage.folder / "layers-1"
+    found = perform(lambda **_: None, called(desk, "print layers", ASKED["print layers"], folder), None)
+    job = Job(1, "print layers", {}, desk.document.jobs)
+    job.news |= found
+    monkeypatch.setattr(desk.document.jobs, "all", [job])
+    rows = json.loads(desk.inside(1, "layers", "job.json"))["layers"]
+    assert len(rows) == found["result"]["layers"]
+    assert desk.inside(1, "layers", rows[0]["file"]).startswith(b"\x89PNG")
+    for name, part in (("layers", "../job.json"), ("placed", "1.png"), ("out", "1.png")):
+        with pytest.raises(SpecError):
+            desk.inside(1, name, part)
+
+
+def test_a_design_that_is_not_saved_is_no_design_of_a_command(tmp_path: Path) -> None:
+    desk = Desk(Document(tmp_path / "sensor.toml"))
+    with pytest.raises(SpecError, match="save the design"):
+        desk.begin(Order(command="export"))
 
 
 def test_a_resin_of_results_is_saved_beside_the_design(desk: Desk) -> None:

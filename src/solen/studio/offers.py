@@ -108,7 +108,8 @@ class Offer:
     @cached_property
     def plain(self) -> dict[str, Parameter]:
         """Parameters that a page states one by one."""
-        known = {*INJECTED, *self.groups, *self.taken, *self.written, *self.beside, *self.live, *self.hidden, self.design}
+        made = {*INJECTED, *self.written, *self.beside, *self.live, *self.hidden, self.design}
+        known = {*made, *self.groups, *self.taken}
         return {name: one for name, one in self.parameters.items() if name not in known and not one.is_path}
 
     def form(self) -> dict[str, Any]:
@@ -168,8 +169,13 @@ class Offer:
         SpecError
             If a value is missing, unknown or breaks a limit.
         """
-        asked = {name: value for name, value in asked.items() if value is not None and value != "" and value != []}
         fields = self.form()["fields"]
+        left: tuple[Any, ...] = (None, "", [])
+        asked = {
+            name: value
+            for name, value in asked.items()
+            if value not in left and value != fields.get(name, {}).get("default")
+        }
         for name in asked:
             if name not in fields and name not in self.taken:
                 raise SpecError(name, limit=f"is no option of solen {self.name}")
@@ -186,9 +192,10 @@ class Offer:
             if stated or self.parameters[name].is_required:
                 values[name] = options(**stated | paths)
         for name in asked.keys() & self.taken.keys():
-            several = [path(str(one)) for one in (asked[name] if isinstance(asked[name], list) else [asked[name]])]
-            several = several if self.parameters[name].is_path else [str(one) for one in several]
-            values[name] = several if self.parameters[name].is_many else several[0]
+            names = asked[name] if isinstance(asked[name], list) else [asked[name]]
+            several = [path(str(one)) for one in names]
+            taken = several if self.parameters[name].is_path else [str(one) for one in several]
+            values[name] = taken if self.parameters[name].is_many else taken[0]
         values |= {name: self.plain[name].converted(asked[name]) for name in asked.keys() & self.plain.keys()}
         for name in self.parameters:
             if name not in values and (self._needs(name) if name in self.taken else self.parameters[name].is_required):
