@@ -9,6 +9,7 @@ from solen.pipeline.design.designs import open_design
 from solen.pipeline.options import ProgressBar, Set
 from solen.results import Outcome
 from solen.sensor import DesignStudy, Sensor, study
+from solen.sensor.ahead import compile_ahead
 from solen.sensor.loaded import LoadedStudy, loaded_study
 from solen.sensor.network import NetworkStudy, network_study
 
@@ -39,6 +40,8 @@ def run(
             every = network_study(design, progress)
             drawn = network.figures(every)
             return _written(every, out, drawn, network_page.html(every, drawn), network.csv_table(every))
+        if design.trace.dimension == "extruded":
+            compile_ahead()
         result = study(design, progress, practical=True)
         drawn = html.figures(result)
         return _written(result, out, drawn, html.html(result, drawn), table.csv_table(result))
