@@ -134,6 +134,41 @@ def test_motions_that_cannot_be_separated_are_refused_by_their_names(mixed: obje
     assert "\n" not in str(refused.value)
 
 
+def test_a_grid_alone_is_warned_of_as_it_may_miss_what_lies_between(made: NetworkCalibrations) -> None:
+    assert any("grid" in line for line in made.warnings)
+
+    def fine(lean: FloatArray, sway: FloatArray) -> FloatArray:
+        """As before at every place of a grid of 6, and another 1 deg beside it."""
+        return light(lean, sway) * (1.0 + 0.1 * np.sin(np.pi * (lean + 10.0) / 4.0))[..., None, None]
+
+    scattered = np.random.default_rng(3).uniform([-10.0, -8.0], [10.0, 8.0], (80, 2))
+    states = np.random.default_rng(1).uniform([-9.5, -7.5], [9.5, 7.5], (200, 2))
+    signal = readings(states, 2, fine, held=4).signal[::4]
+    blind = calibrated_network([readings(grid(6), shares=fine)])
+    assert blind.calibration.checks[0].within_95 > 0.88  # the check sees nothing of it
+    assert blind.calibration.decoder.decode(signal).holds(states, 1).mean() < 0.5
+    seen = calibrated_network([readings(np.concatenate([grid(6), scattered]), shares=fine)])
+    assert not any("grid" in line for line in seen.warnings)
+    assert seen.calibration.decoder.decode(signal).holds(states, 1).mean() > 0.88
+
+
+@pytest.mark.evidence
+def test_bands_hold_their_share_over_many_seeds() -> None:
+    within = []
+    for seed in range(200):
+        rng = np.random.default_rng([9, seed])
+        scattered = rng.uniform([-10.0, -8.0], [10.0, 8.0], (30, 2))
+        made = calibrated_network([readings(np.concatenate([grid(4), scattered]), seed)])
+        states = rng.uniform([-10.0, -8.0], [10.0, 8.0], (20, 2))
+        signal = readings(states, 1000 + seed, held=4).signal[::4]
+        decoded = made.calibration.decoder.decode(signal)
+        within.append([decoded.holds(states, level).mean(axis=0) for level in (0, 1)])
+    found = np.mean(within, axis=0)
+    print(found)
+    assert ((found[0] > 0.62) & (found[0] < 0.8)).all(), found
+    assert ((found[1] > 0.9) & (found[1] < 0.99)).all(), found
+
+
 def test_what_a_calibration_lacks_is_named(made: NetworkCalibrations) -> None:
     one = readings(grid(3))
     with pytest.raises(DataError, match=r"2 states|stands still"):

@@ -59,6 +59,17 @@ def test_a_grid_goes_through_every_state_one_motion_at_a_time(bench: Path) -> No
     assert protocol.places == {"lean": (-10.0, 10.0), "sway": (-8.0, 8.0)}
 
 
+def test_scattered_states_fill_the_ranges_evenly(bench: Path) -> None:
+    (bench / "plan.toml").write_text(PLAN.replace("[grid]\n", "[grid]\nscatter = 64\n"), encoding="utf-8")
+    protocol = load_protocol(bench / "plan.toml")
+    states = np.array([list(step.targets.values()) for step in protocol.steps[9:]])
+    quarters = np.floor((states - [-10.0, -8.0]) / [5.0, 4.0]).astype(int)
+    counts = np.bincount(4 * quarters[:, 0] + quarters[:, 1], minlength=16)
+    assert counts.sum() == 64
+    assert counts.min() >= 2  # of four on average
+    assert protocol.places == {"lean": (-10.0, 10.0), "sway": (-8.0, 8.0)}
+
+
 def test_a_killed_run_loses_no_state_that_was_written(bench: Path) -> None:
     path = run(bench, name="whole").path
     whole = dict(read_parts(path))

@@ -9,13 +9,15 @@ The interface: `Protocol` and `Step`; `load_protocol` of a file.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal, Self, TypeVar
 
+import numpy as np
 from pydantic import Field, model_validator
 
+from solen.arrays import FloatArray
 from solen.bench.tables import BenchTable, load_table
 from solen.spec.strict import NotNegative, Number, Positive, Text, or_refuse, refused
 
@@ -28,6 +30,8 @@ SLOW_SHARE = 1.0 / 3.0
 
 MOST_STATES = 100_000
 """Most places that a grid may visit."""
+PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53)
+"""Bases of Halton's sequence, one for each motion."""
 Turn = Annotated[Number, Field(ge=-360, le=360)]
 Shift = Annotated[Number, Field(ge=-1000, le=1000)]
 T = TypeVar("T")
@@ -93,12 +97,18 @@ class Step(BenchTable):
 
 
 class Grid(BenchTable):
-    """Every combination of places of several motions, in an order in which one motion moves at a time."""
+    """Every combination of places of several motions, in an order in which one motion moves at a time; then others.
+
+    What lies between the places of a grid shows in none of its states: those that are scattered between them show it.
+    """
 
     table: ClassVar[str] = "grid"
 
     to_deg: OfMotions[tuple[Turn, ...]] | None = Field(None, description="Places of each motion by name, in degrees.")
     to_mm: OfMotions[tuple[Shift, ...]] | None = Field(None, description="The same of linear stages, in mm.")
+    scatter: Annotated[int, Field(strict=True, ge=0, le=MOST_STATES)] = Field(
+        0, description="States scattered evenly over the ranges of the places, visited after their combinations."
+    )
     velocity_deg_per_s: Positive | None = Field(None, description="How fast, in degrees per second.")
     velocity_mm_per_s: Positive | None = Field(None, description="How fast, in mm per second.")
     hold_s: Positive = Field(0.5, description="How long to stay at each, in s.")
@@ -125,10 +135,12 @@ class Grid(BenchTable):
 
     @cached_property
     def steps(self) -> tuple[Step, ...]:
-        """A step to each combination; every motion goes back the way that it came."""
+        """A step to each combination, every motion going back the way that it came, and to each scattered state."""
         speeds = {key: value for key in ("velocity_deg_per_s", "velocity_mm_per_s") if (value := getattr(self, key))}
         rest = speeds | {"hold_s": self.hold_s}
-        return tuple(Step(**{f"to_{self._unit}": state}, **rest) for state in there_and_back(self._places))
+        combinations = there_and_back(self._places)
+        scattered = _scattered(self._places, self.scatter, combinations[-1])
+        return tuple(Step(**{f"to_{self._unit}": state}, **rest) for state in (*combinations, *scattered))
 
 
 def there_and_back(places: Mapping[str, Sequence[float]]) -> list[dict[str, float]]:
@@ -138,6 +150,31 @@ def there_and_back(places: Mapping[str, Sequence[float]]) -> list[dict[str, floa
     name, inner = next(iter(places)), there_and_back(dict(list(places.items())[1:]))
     ways = (inner if number % 2 == 0 else inner[::-1] for number in range(len(places[name])))
     return [{name: place} | state for place, way in zip(places[name], ways, strict=True) for state in way]
+
+
+def _scattered(
+    places: Mapping[str, Sequence[float]], count: int, begin: Mapping[str, float]
+) -> Iterator[dict[str, float]]:
+    """States by Halton's sequence over the ranges of places, each the nearest of those left to the one before it."""
+    low, high = (np.array([end(one) for one in places.values()]) for end in (min, max))
+    left = low + (high - low) * _halton(count, len(places))
+    here = np.array(list(begin.values()))
+    while len(left):
+        next_one = int(np.argmin(np.abs((left - here) / np.maximum(high - low, 1e-9)).max(axis=1)))
+        here, left = left[next_one], np.delete(left, next_one, axis=0)
+        yield dict(zip(places, np.round(here, 4).tolist(), strict=True))
+
+
+def _halton(count: int, dimensions: int) -> FloatArray:
+    """The first points (count, dimensions) of Halton's sequence, evenly spread over the unit cube."""
+    found = np.zeros((count, dimensions))
+    for column, base in enumerate(PRIMES[:dimensions]):
+        number, share = np.arange(1, count + 1), 1.0
+        while number.any():
+            share /= base
+            found[:, column] += share * (number % base)
+            number = number // base
+    return found
 
 
 class Protocol(BenchTable):

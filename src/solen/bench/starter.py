@@ -38,8 +38,8 @@ def starter_files() -> dict[str, str]:
     return texts | designs
 
 
-MOST_STATES, VISITS = 400, 12
-"""States of a plan for a calibration at most, and states beside them that a second plan visits."""
+MOST_STATES, SCATTER, VISITS = 25, 200, 12
+"""Combinations of places in a plan for a calibration, at most, states scattered between; states of a second plan."""
 _RIG = """# A simulated rig for {name}: emitters of the board and its inputs by the design's names, a stage for each
 # motion.
 schema = 1
@@ -65,18 +65,20 @@ mean_mw_cm2 = 0.02
 flicker_percent = 30.0
 flicker_hz = 100.0
 """
-_PLAN = """# Every combination of places of the motions, held long enough to be averaged: what a calibration needs.
+_PLAN = """# States for a calibration, held long enough to be averaged: every combination of some places, and many that are
+# scattered between them, which show what a grid alone would miss.
 schema = 1
-name = "grid"
+name = "states"
 
 [grid]
+scatter = {scatter}
 velocity_deg_per_s = 15.0
 hold_s = 0.3
 
 [grid.to_deg]
 {places}
 """
-_VISITS = """# States beside those of the grid, drawn at random: what a calibration can be held against.
+_VISITS = """# States drawn at random: what a calibration can be held against.
 schema = 1
 name = "visits"
 
@@ -105,7 +107,7 @@ def network_files(design: Design, file: str) -> dict[str, str]:
     rig = {"name": design.name.replace('"', "'"), "file": file, "stages": stages}
     return {
         "rig": _RIG.format(**rig, emitters=wired["emitters"], inputs=wired["receivers"]),
-        "grid": _PLAN.format(places="\n".join(_places(network))),
+        "states": _PLAN.format(places="\n".join(_places(network)), scatter=SCATTER * (1 + len(network.motion)) // 3),
         "visits": _VISITS.format(steps="\n".join(_visits(network))),
     }
 
@@ -115,8 +117,8 @@ def _numbered(names: list[str]) -> str:
 
 
 def _places(network: Network) -> list[str]:
-    """Places of each motion over its range: as many as its steps make, fewer where all together are too many."""
-    most = max(3, int(MOST_STATES ** (1.0 / len(network.motion)) + 1e-9))
+    """Places of each motion over its range, both ends included, so many that all together are not too many."""
+    most = max(2, int(MOST_STATES ** (1.0 / len(network.motion)) + 1e-9))
     rows = []
     for one in network.motion:
         places = np.linspace(one.from_deg, one.to_deg, min(one.steps + 1, most))

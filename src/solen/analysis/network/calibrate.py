@@ -116,6 +116,7 @@ def calibrated_network(recordings: Sequence[NetworkReadings]) -> NetworkCalibrat
         *(line for one in alike for line in missing_slots(one)),
         *(line for one, states in zip(alike, each, strict=True) for line in clipped_in(one, states)),
         *_cautions(checks, lost, worst),
+        *_on_a_grid(first.motions, angle),
     ]
     calibration = NetworkCalibration(
         solen=__version__,
@@ -283,6 +284,16 @@ def _cautions(checks: Sequence[MotionCheck], lost: float, worst: Determination |
         if one.within_95 < FEW
     ]
     return found
+
+
+def _on_a_grid(motions: Sequence[str], angle: FloatArray) -> list[Caution]:
+    """Warning of states on a grid alone: what turns sharply between its places is neither seen nor missed."""
+    span = np.maximum(np.ptp(angle, axis=0), 1e-9)
+    places = [len(np.unique(np.rint(column))) for column in (angle / span * 250.0).T]
+    if len(motions) < 2 or len(angle) < np.prod(places):
+        return []
+    unseen = "what the readings do between its places is not seen, and bands do not hold it"
+    return [look_at(f"all states lie on a grid: {unseen}; scatter some between them, as scatter = 200 in [grid] does")]
 
 
 def _rows(values: FloatArray) -> tuple[tuple[float, ...], ...]:

@@ -31,7 +31,7 @@ def new(folder: Path, /, *, design: Path | None = None) -> Outcome[BenchFolder]:
         Folder for rotation.toml, bending.toml, rig.toml (with a board), rig-daq.toml (with a data acquisition),
         sensor.toml, and the same for bending and for a press under a load cell.
     design
-        Design of a network: write its own rig in their place, and the plans grid.toml, for its calibration, and
+        Design of a network: write its own rig in their place, and the plans states.toml, for its calibration, and
         visits.toml, to check it.
     """
     texts = starter_files() if design is None else network_files(load(design), _beside(folder, design))
@@ -41,7 +41,7 @@ def new(folder: Path, /, *, design: Path | None = None) -> Outcome[BenchFolder]:
             if target.exists():
                 raise OutputError(str(target), limit="exists already", remedy="name another folder or remove it")
         files.write_all({targets[name]: text.encode() for name, text in texts.items()})
-    plan = "rotation.toml" if design is None else "grid.toml"
+    plan = "rotation.toml" if design is None else "states.toml"
     return Outcome(BenchFolder(folder, plan), targets)
 
 
