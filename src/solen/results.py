@@ -103,8 +103,8 @@ class Result:
     def to_dataset(self) -> "xarray.Dataset":
         """The result's numbers as an xarray dataset; needs the extra ``netcdf``.
 
-        The first array field is the coordinate of one-dimensional arrays of its length; other
-        arrays get dimensions of their own. Texts, numbers and flags become attributes.
+        Unless the result's class says otherwise, the first array field is the coordinate of one-dimensional arrays of
+        its length; other arrays get dimensions of their own. Texts, numbers and flags become attributes.
 
         Raises
         ------
@@ -114,6 +114,10 @@ class Result:
         need("xarray", what="to_dataset", doing="a dataset")
         import xarray
 
+        return xarray.Dataset(*self.dataset_parts())
+
+    def dataset_parts(self) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
+        """Variables, coordinates and attributes of its dataset."""
         values = dict(entries(self))
         arrays = {name: np.asarray(value) for name, value in values.items() if isinstance(value, np.ndarray)}
         axis = next((name for name, array in arrays.items() if array.ndim == 1), None)
@@ -126,7 +130,7 @@ class Result:
             variables[name] = (dimensions if len(set(dimensions)) == array.ndim else _own(name, array.ndim), array)
         kept = {name: value for name, value in values.items() if isinstance(value, str | int | float | np.generic)}
         attributes = {name: int(value) if isinstance(value, bool | np.bool_) else value for name, value in kept.items()}
-        return xarray.Dataset(variables, attrs=attributes)
+        return variables, {}, attributes
 
     def __repr__(self) -> str:
         """A few lines: each value with its name, long arrays by their size."""

@@ -5,17 +5,13 @@ The interface: `Sweep`.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 import solen
 from solen.arrays import FloatArray
-from solen.extras import need
 from solen.results import HIDDEN, Result, reported
-
-if TYPE_CHECKING:
-    import xarray
 
 
 class Sweep(Result):
@@ -92,17 +88,8 @@ class Sweep(Result):
         """The distinct values of each key of a grid."""
         return {key: list(dict.fromkeys(values)) for key, values in self.values.items()}
 
-    def to_dataset(self) -> "xarray.Dataset":
-        """The sweep as an xarray dataset: a grid has a dimension for each key, samples have ``sample``.
-
-        Raises
-        ------
-        OutputError
-            Where xarray is not installed.
-        """
-        need("xarray", what="to_dataset", doing="a dataset")
-        import xarray
-
+    def dataset_parts(self) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
+        """A grid has a dimension for each key, samples have ``sample``."""
         names = tuple(self.values) if self.is_grid else ("sample",)
         numbers = {} if self.part is None else {"sample": np.arange(self.first, self.first + self.points)}
         values = (
@@ -130,7 +117,7 @@ class Sweep(Result):
             "design": self.design,
             "simulated": 1,
         }
-        return xarray.Dataset(variables, coordinates, attributes)
+        return variables, coordinates, attributes
 
     def _curves(self) -> dict[str, FloatArray]:
         """Responses (P, A) of two receivers."""

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from pydantic import Field
@@ -27,7 +27,6 @@ from solen.explore.store import Point, Store, Variant
 from solen.explore.subject import Subject, design_of
 from solen.explore.usual import variations_of
 from solen.explore.variations import STATED, Variation, drawn, offs
-from solen.extras import need
 from solen.fabricate.process import Settings
 from solen.results import HIDDEN, Result
 from solen.sensor import Sensor
@@ -35,9 +34,6 @@ from solen.sensor.effects import as_built
 from solen.sensor.numbers import number
 from solen.spec import Design
 from solen.spec.strict import Finite
-
-if TYPE_CHECKING:
-    import xarray
 
 OFF = 0.84
 """Share of a number's distribution below the value at which it is off alone: a standard deviation of a normal one."""
@@ -107,22 +103,13 @@ class Tolerances(Result):
     met: BoolArray = field(metadata=HIDDEN)
     simulated: bool = True
 
-    def to_dataset(self) -> "xarray.Dataset":
-        """Prints as an xarray dataset with the dimension ``print``: deviations by key, merits, and whether all is met.
-
-        Raises
-        ------
-        OutputError
-            Where xarray is not installed.
-        """
-        need("xarray", what="to_dataset", doing="a dataset")
-        import xarray
-
+    def dataset_parts(self) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
+        """Deviations by key, merits, and whether all is met, along ``print``."""
         coordinates = {"print": np.arange(1, self.prints + 1)} | {
             key: ("print", x) for key, x in self.deviations.items()
         }
         variables = {name: ("print", values) for name, values in (*self.merits.items(), ("meets_all", self.met))}
-        return xarray.Dataset(variables, coordinates, {"title": f"Prints of {self.name}", "simulated": 1})
+        return variables, coordinates, {"title": f"Prints of {self.name}", "simulated": 1}
 
     def table(self) -> str:
         """CSV of the prints: number, deviations, merits with their uncertainties, and whether it meets everything."""

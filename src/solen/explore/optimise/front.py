@@ -9,7 +9,7 @@ The interface: `sought` searches, `front_of` a course gives a `Front`.
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -19,13 +19,9 @@ from solen.explore.optimise.optimum import INTERRUPTED, at_ends, outside
 from solen.explore.optimise.retraced import Retraced, Sampled
 from solen.explore.optimise.search import Tried, search
 from solen.explore.optimise.task import Task
-from solen.extras import need
 from solen.results import HIDDEN, Result
 from solen.sensor import Sensor
 from solen.spec import Design
-
-if TYPE_CHECKING:
-    import xarray
 
 ENDS = (np.array([1.0, 0.0]), np.array([0.0, 1.0]))
 
@@ -95,17 +91,8 @@ class Front(Result):
     warnings: tuple[str, ...]
     simulated: bool = True
 
-    def to_dataset(self) -> "xarray.Dataset":
-        """Goals, free numbers and merits by ``design``, 0 for that before, as an xarray dataset.
-
-        Raises
-        ------
-        OutputError
-            Where xarray is not installed.
-        """
-        need("xarray", what="to_dataset", doing="a dataset")
-        import xarray
-
+    def dataset_parts(self) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
+        """Goals, free numbers and merits by ``design``, 0 for that before."""
         every = (self.before, *self.designs)
         coordinates = {"design": [one.number for one in every], "goal": list(self.goals)}
         variables: dict[str, Any] = {
@@ -116,7 +103,7 @@ class Front(Result):
             for rows in ([one.free for one in every], [one.merits for one in every])
             for key in rows[0]
         }
-        return xarray.Dataset(variables | numbers, coordinates, {"title": f"Front of {self.name}", "simulated": 1})
+        return variables | numbers, coordinates, {"title": f"Front of {self.name}", "simulated": 1}
 
 
 def weights_of(designs: int) -> list[FloatArray]:

@@ -5,7 +5,7 @@ The interface: `Optimum`; `optimum_of` a course.
 
 from collections.abc import Iterator
 from dataclasses import field
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
@@ -15,13 +15,9 @@ from solen.explore.optimise.judge import Judged, Verdict
 from solen.explore.optimise.retraced import Retraced, Sampled
 from solen.explore.optimise.task import Task
 from solen.explore.tolerance import Tolerances
-from solen.extras import need
 from solen.results import HIDDEN, Result
 from solen.sensor import Sensor
 from solen.spec import Design
-
-if TYPE_CHECKING:
-    import xarray
 
 AT_END = 1e-3
 """Share of the range of a free number from its end that counts as there."""
@@ -108,17 +104,8 @@ class Optimum(Result):
     prints_after: Tolerances | None = None
     simulated: bool = True
 
-    def to_dataset(self) -> "xarray.Dataset":
-        """Contrast by design (``before``, ``after``), case and angle, and the best value by evaluation, as xarray.
-
-        Raises
-        ------
-        OutputError
-            Where xarray is not installed.
-        """
-        need("xarray", what="to_dataset", doing="a dataset")
-        import xarray
-
+    def dataset_parts(self) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
+        """Contrast by design, case and angle, and the best value by evaluation."""
         coordinates = {
             "design": ["before", "after"],
             "case": ["nothing off", "worst"],
@@ -127,7 +114,7 @@ class Optimum(Result):
         }
         contrast = np.array([self.contrast_before, self.contrast_after])
         variables = {"contrast": (("design", "case", "angle_deg"), contrast), "best": ("evaluation", self.history)}
-        return xarray.Dataset(variables, coordinates, {"title": f"{self.name}: {self.goal}", "simulated": 1})
+        return variables, coordinates, {"title": f"{self.name}: {self.goal}", "simulated": 1}
 
 
 def optimum_of(course: Course, best: Candidate, known: int, *, interrupted: bool) -> Optimum:
