@@ -1,8 +1,9 @@
 """Merits of a network: how readings follow motions, how much light each channel gets, how well motions are known.
 
 The idea: a network is traced in the states of `solen.sensor.network.courses`, each motion over its range while the
-others stand. A reading has a slope, a span and a range by each motion. A name is made of the merit, of what it is about
-and of its unit, with _ for whatever a name may not hold: ``slope_lean_index_bends_per_deg``.
+others stand, and beside where each stands, which says how well all are known. A reading has a slope, a span and a range
+by each motion. A name is made of the merit, of what it is about and of its unit, with _ for whatever a name may not
+hold: ``slope_lean_index_bends_per_deg``.
 
 The interface: `network_point` traces one; `NetworkMerits` sums it up.
 """
