@@ -125,6 +125,23 @@ def test_only_files_of_the_page_are_served(served: Served, path: str) -> None:
     assert b"import" not in answer
 
 
+def test_files_and_orders_come_from_its_own_page_alone_and_keep_to_their_limits(served: Served) -> None:
+    own, foreign = {"Origin": served.origin}, {"Origin": "http://studio.example"}
+    dropped = f"{served.page}files/resin/"
+    assert httpx.put(f"{dropped}a.csv", content=b"1").status_code == 403
+    assert httpx.put(f"{dropped}a.csv", content=b"1", headers=foreign).status_code == 403
+    for name in ("..%2F..%2Fa.csv", "%2e%2e", "a%5Cb.csv"):
+        httpx.put(f"{dropped}{name}", content=b"a,b\n1,2\n2,3\n", headers=own)
+    folder = served.file.with_name("sensor-studio")
+    assert {one.parent for one in served.file.parent.rglob("*") if one.suffix == ".csv"} <= {folder}
+    for message in (b"{", b"[]", b'{"command": "doctor"}', b'{"command": "resin cure", "asked": 3}', b"x" * 2**17):
+        answer = httpx.post(f"{served.page}jobs", content=message, headers=own)
+        assert answer.status_code == 400
+        assert answer.json()["what"]
+    assert httpx.get(f"{served.page}jobs/7").status_code == 400
+    assert httpx.get(f"{served.page}tabs/server").status_code == 400
+
+
 def test_strangers_are_refused(served: Served) -> None:
     wrong = f"{served.origin}/{'x' * 32}/"
     assert httpx.get(wrong).status_code == 404

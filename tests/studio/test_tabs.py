@@ -18,7 +18,7 @@ from solen.studio.calls import Call, perform
 from solen.studio.desk import Desk, Order
 from solen.studio.document import Document
 from solen.studio.jobs import Job
-from solen.studio.storage import Storage, safe_name
+from solen.studio.storage import JOB, Storage, safe_name
 
 
 @pytest.fixture(scope="module")
@@ -110,6 +110,23 @@ def test_layers_are_shown_from_the_archive_and_nothing_else_is(desk: Desk, monke
     for name, part in (("layers", "../job.json"), ("placed", "1.png"), ("out", "1.png")):
         with pytest.raises(SpecError):
             desk.inside(1, name, part)
+
+
+def test_what_a_job_wrote_is_there_again_after_the_studio_ended(tmp_path: Path) -> None:
+    desk = Desk(Document(tmp_path / "sensor.toml"))
+    folder = desk.storage.new_folder("show")
+    about = {"label": "Show a resin", "folder": folder.name, "shell": "", "python": ""}
+    call = called(desk, "resin show", {"name": "pmma"}, folder)
+    found = perform(lambda **_: None, call, printed, about, folder / JOB)
+    again = Desk(Document(tmp_path / "sensor.toml"))
+    (job,) = again.document.jobs.all
+    assert job.head()["label"] == "Show a resin"
+    assert (job.state, job.result) == ("done", found["result"])
+    assert again.file_of(1, "figure").exists()
+    assert again.storage.names() == []
+    for text in ("{", '{"name": "a", "about": {}, "news": {"files": {"a": "/etc/passwd"}}}'):
+        (folder / JOB).write_text(text)
+        assert Desk(Document(tmp_path / "sensor.toml")).document.jobs.all == []
 
 
 def test_a_design_that_is_not_saved_is_no_design_of_a_command(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 import importlib
 import inspect
+import json
 import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -9,6 +10,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from solen.files import write_text
 from solen.results import Outcome
 from solen.spec.strict import Options
 from solen.studio.jobs import Tell
@@ -99,12 +101,20 @@ class Call:
         return "\n".join([*sorted(imports), "", *call, "print(found.result)"])
 
 
-def perform(tell: Tell, call: Call, shown: Shown | None) -> Mapping[str, Any]:
-    """Run a command as the work of a job: what it prints, its result as ``--json`` states it, and its files."""
+def perform(
+    tell: Tell, call: Call, shown: Shown | None, about: Mapping[str, Any] | None = None, kept: Path | None = None
+) -> Mapping[str, Any]:
+    """Run a command as the work of a job: what it prints, its result as ``--json`` states it, and its files.
+
+    The job, which ``about`` describes, is written to ``kept``, from where `solen.studio.desk` shows it again later.
+    """
     outcome = call.run(tell)
     lines = list(shown(call.name, outcome.result)) if shown is not None else []
     files = {name: str(path) for name, path in outcome.files.items()}
-    return {"lines": lines, "result": outcome.to_dict(), "files": files}
+    news = {"lines": lines, "result": outcome.to_dict(), "files": files}
+    if kept is not None:
+        write_text(kept, json.dumps({"name": call.name, "about": about, "news": news}, allow_nan=False))
+    return news
 
 
 def option_words(option: str, negative: str, value: Any, *, fixed: bool = False) -> list[str]:

@@ -15,7 +15,7 @@ from solen.studio.calls import Shown, perform
 from solen.studio.commands import assigned
 from solen.studio.document import Document
 from solen.studio.jobs import Job
-from solen.studio.storage import Storage, safe_name
+from solen.studio.storage import JOB, Storage, safe_name
 
 
 class Order(Strict):
@@ -36,6 +36,8 @@ class Desk:
     def __post_init__(self) -> None:
         path = self.document.path
         self.storage = Storage(path.with_name(f"{path.stem}-studio"))
+        for job in self.storage.jobs():
+            self.document.jobs.ended(job["name"], job["about"], job["news"])
 
     def forms(self, name: str) -> dict[str, Any]:
         """What a tab offers, and the files that are there; a process gets ready for it."""
@@ -64,7 +66,7 @@ class Desk:
             changes = self._changes() if offer.design else []
             call = offer.call(order.asked, self.storage.path, folder, self.document.path, changes)
             about = {"shell": call.shell, "python": call.python, "folder": folder.name, "label": offer.label}
-            return self.document.jobs.begin(offer.name, perform, (call, self.shown), about)
+            return self.document.jobs.begin(offer.name, perform, (call, self.shown, about, folder / JOB), about)
         except SolenError:
             self.storage.drop(folder)
             raise

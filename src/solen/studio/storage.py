@@ -4,11 +4,13 @@ A name that a page sends becomes at most a name within one folder, never a path;
 names, not by opening what was asked for.
 """
 
+import json
 import re
 import secrets
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Iterator
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 from solen.errors import OutputError, SpecError
 from solen.files import DEVICES, output_folder
@@ -28,6 +30,10 @@ def safe_name(name: str) -> str:
     stem, ending = (stem, f".{ending[:12]}") if dot and stem else (cleaned, "")
     stem = stem[:_LONGEST].strip(" .") or "file"
     return f"{'_' if stem.partition('.')[0].strip().upper() in DEVICES else ''}{stem}{ending}"
+
+
+JOB = ".job.json"
+"""What a job did, in its folder."""
 
 
 class Storage:
@@ -74,7 +80,7 @@ class Storage:
     def names(self) -> list[str]:
         """Names of dropped files, and of results as ``cure-1/cure.json``, in the order of the alphabet."""
         dropped = [one for one in self.folder.glob("[!.]*") if one.is_file()]
-        written = [one for one in self.folder.glob("*/*") if one.suffix in WRITTEN]
+        written = [one for one in self.folder.glob("*/[!.]*") if one.suffix in WRITTEN]
         return sorted(one.relative_to(self.folder).as_posix() for one in (*dropped, *written))
 
     def path(self, name: str) -> Path:
@@ -82,6 +88,19 @@ class Storage:
         if name not in self.names():
             raise SpecError("file", value=safe_name(name), limit="is not kept here", remedy="drop it again")
         return self.folder / name
+
+    def jobs(self) -> Iterator[dict[str, Any]]:
+        """What earlier jobs did, the oldest first; of files that were moved or changed nothing."""
+        home = self.folder.parent.resolve()
+        for path in sorted(self.folder.glob(f"*/{JOB}"), key=lambda one: one.stat().st_mtime):
+            try:
+                found = json.loads(path.read_text(encoding="utf-8"))
+                files = [Path(one) for one in found["news"]["files"].values()]
+                whole = all(one.exists() and one.resolve().is_relative_to(home) for one in files)
+            except (OSError, ValueError, KeyError, TypeError, AttributeError):
+                continue
+            if whole:
+                yield found
 
     @staticmethod
     def drop(folder: Path) -> None:
