@@ -49,6 +49,7 @@ ROWS = {
     "check #network": "net/sensor.toml",
     "trace #network": "net/sensor.toml --rays 64 --set trace.dimension=2d --figure net.svg",
     "sensitivity #network": "net/sensor.toml network.guides[2].width_mm --set trace.dimension=2d --figure slopes.svg",
+    "readout #network": "net/sensor.toml --set trace.dimension=2d --set network.motion[0].steps=2 --figure volts.svg",
     "run #network": "net/sensor.toml --out net-ran --set trace.dimension=2d --set network.motion=[]",
     "deform": "soft/sensor.toml --set trace.dimension=2d --figure shape.svg",
     "check": DESIGN,

@@ -1,40 +1,55 @@
 """What readings of a network determine of its motions, against noisy readings drawn and fitted."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from solen.readout import volts
+from solen.sensor import Sensor
 from solen.sensor.network import NetworkSensitivities, network_sensitivities
 from solen.sensor.network.motions import Determination, determined, in_words
 from solen.sensor.network.places import suggestions
 from solen.sensor.network.readings import readings_of
-from solen.sensor.network.signals import circuits_of
+from solen.sensor.network.signals import Signals, circuits_of
+from solen.sensor.network.volts import network_volts
+from solen.sensor.readings import readings_from
 from solen.spec import Design, loads, template, with_values
-from tests.geometry.network_support import READINGS, WAYS, three_guides
+from tests.geometry.network_support import READINGS, WAYS, three_guides, y_network
 
 
 def estimates(design: Design, found: NetworkSensitivities, draws: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """Estimates (draws, motions) from all voltages, and from the readings, of noisy voltages with the motions at 0.
 
-    Every emitter's turn is a sample with it on and one with all off, drawn, quantised and subtracted; motions follow
-    by least squares, weighted by the scatter of the draws themselves.
+    Motions follow by least squares, weighted by the scatter of the draws themselves.
     """
     assert found.signals is not None
-    rng = np.random.default_rng(seed)
-    circuits, received = circuits_of(design), found.signals.received[0]
-    on = [volts(np.tile(row, (draws, 1)), one, rng=rng) for one, row in zip(circuits, received, strict=True)]
-    off = [volts(np.zeros_like(on[0]), circuits[0], rng=rng) for _ in range(len(on) + 1)]
-    seen = np.stack([one - 0.5 * (off[i] + off[i + 1]) for i, one in enumerate(on)], axis=1)
-    slope_V = found.signals.slope_V[0]
+    seen, received, slope_V = (
+        drawn(design, found.signals, draws, seed),
+        found.signals.received[0],
+        found.signals.slope_V[0],
+    )
     powers = received + (seen - (found.signals.voltage_V[0] - found.signals.off_V)) / slope_V
     readings = readings_of(design.network, powers, np.zeros_like(powers))[0]
     jacobian_V = (found.slope * slope_V).reshape(len(found.keys), -1).T
     rows = ((seen.reshape(draws, -1), jacobian_V), (readings, found.reading_slope.T))
     first, second = (fitted(values, jacobian) for values, jacobian in rows)
     return first, second
+
+
+def drawn(design: Design, signals: Signals, draws: int, seed: int) -> np.ndarray:
+    """Noisy readings (draws, emitters, receivers) in the first state of signals: on less the off readings around it.
+
+    Every emitter's turn is a sample with it on and one with all off, drawn and quantised.
+    """
+    rng = np.random.default_rng(seed)
+    circuits = circuits_of(design)
+    every = zip(circuits, signals.received[0], strict=True)
+    on = [volts(np.tile(row, (draws, 1)), one, rng=rng) for one, row in every]
+    off = [volts(np.zeros_like(on[0]), circuits[0], rng=rng) for _ in range(len(on) + 1)]
+    return np.stack([one - 0.5 * (off[i] + off[i + 1]) for i, one in enumerate(on)], axis=1)
 
 
 def fitted(values: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
@@ -46,12 +61,12 @@ def fitted(values: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
 
 def check_scatter(design: Design, draws: int) -> None:
     found = network_sensitivities(design, tolerance=1e-3)
-    for stated, drawn in zip((found.by_voltages, found.by_readings), estimates(design, found, draws, 7), strict=True):
+    for stated, fits in zip((found.by_voltages, found.by_readings), estimates(design, found, draws, 7), strict=True):
         assert stated is not None
-        off = np.std(drawn, axis=0) / stated.sd_deg - 1.0
+        off = np.std(fits, axis=0) / stated.sd_deg - 1.0
         print(f"{design.name}: sd of {draws} fits over the stated one less 1: {np.round(off, 4).tolist()}")
         assert np.abs(off).max() < 4.0 / math.sqrt(2.0 * draws) + 0.01
-        correlation = np.corrcoef(drawn, rowvar=False)[0, 1]
+        correlation = np.corrcoef(fits, rowvar=False)[0, 1]
         variance = np.diag(stated.covariance_deg2)
         assert correlation == pytest.approx(
             stated.covariance_deg2[0, 1] / math.sqrt(variance[0] * variance[1]), abs=0.1
@@ -189,3 +204,38 @@ def test_the_suggested_part_lifts_a_singular_arrangement_as_predicted() -> None:
 @pytest.mark.parametrize("name", ["hand-860", "strip-860"])
 def test_the_suggested_part_gives_the_predicted_sd(name: str) -> None:
     check_suggestions(template(name), 5e-4)
+
+
+def test_volts_of_a_network_resolve_a_motion_to_what_noisy_readings_scatter_by() -> None:
+    design = with_values(three_guides(motion=WAYS[:1]), {"network.motion[0].steps": 2})
+    lean = network_volts(design, tolerance=1e-3).by_motion["lean"]
+    middle = replace(lean.signals, **{key: getattr(lean.signals, key)[1:2] for key in ("received", "voltage_V")})
+    seen = drawn(design, middle, 3000, 11)
+    slope = lean.slope_V_per_deg[1]
+    assert slope == pytest.approx(np.diff(lean.signals.voltage_V[::2], axis=0)[0] / 16.0)
+    assert np.std(seen, axis=0) == pytest.approx(lean.signals.sd_V[1], rel=0.06)
+    each = [fitted(seen[:, i], slope[i][:, None]) for i in range(2)]
+    stated = (*lean.resolution_deg[1], lean.resolution_of_all_deg[1])
+    for sd, angles in zip(stated, (*each, fitted(seen.reshape(3000, -1), slope.ravel()[:, None])), strict=True):
+        assert np.std(angles) == pytest.approx(sd, rel=0.06)
+
+
+def test_volts_of_the_y_as_a_network_are_those_of_the_y() -> None:
+    design = Design(name="y", material={"index": 1.44}, emitter={"width_mm": 0.2})
+    network = network_volts(y_network(design), tolerance=1e-3)
+    rest, own = network.at_rest, Sensor.of(design)
+    response = own.power([0.0], tolerance=1e-4)
+    sides = replace(response, right=rest.received[:, 0, 0], left=rest.received[:, 0, 1])  # the same light
+    found = readings_from(own, sides)
+    assert rest.voltage_V[:, 0].tolist() == found.voltage_V.tolist()
+    assert rest.sd_V[:, 0].tolist() == found.sd_V.tolist()
+    assert rest.received[0, 0] == pytest.approx([response.right[0], response.left[0]], abs=3e-3)
+    assert network.by_motion == {}
+
+
+def test_a_motion_that_nothing_shows_has_no_resolution() -> None:
+    dark = with_values(
+        three_guides(motion=WAYS[:1]), {"material.absorption_per_mm": 40.0, "network.motion[0].steps": 2}
+    )
+    lean = network_volts(dark, tolerance=1e-3).by_motion["lean"]
+    assert np.isnan(lean.resolution_of_all_deg).all()

@@ -12,12 +12,14 @@ DIM, OTHER_WINDOW = 0.5, 0.05
 FOR_VISIBLE = "TEMT7000X01"
 
 
-def cautions(circuit: Circuit, advice: Advice, wavelength_nm: float, dark_V: float, *, in_space: bool) -> list[str]:
+def cautions(
+    circuit: Circuit, advice: Advice, wavelength_nm: float, dark_V: float, *, in_space: bool, emitters: int = 1
+) -> list[str]:
     """Warnings; empty if there are none.
 
     Parameters
     ----------
-    circuit, found
+    circuit, advice
         With typical parts, and the advice on its loads.
     wavelength_nm
         Of the traced light.
@@ -25,12 +27,14 @@ def cautions(circuit: Circuit, advice: Advice, wavelength_nm: float, dark_V: flo
         Highest reading: with the emitter off.
     in_space
         Whether rays were traced in space rather than in the plane.
+    emitters
+        How many take turns, each followed by an off phase.
     """
     sentences = [
         *_wavelength(circuit, wavelength_nm),
         *_range(circuit, advice),
         *_limits(circuit, dark_V),
-        *_time(circuit),
+        *_time(circuit, emitters),
     ]
     if not in_space:
         sentences.append(
@@ -103,8 +107,8 @@ def _limits(circuit: Circuit, dark_V: float) -> Iterator[str]:
         )
 
 
-def _time(circuit: Circuit) -> Iterator[str]:
-    tau_us, slot_us = float(circuit.time_constant_us.max()), 0.5e6 / circuit.rate_hz
+def _time(circuit: Circuit, emitters: int) -> Iterator[str]:
+    tau_us, slot_us = float(circuit.time_constant_us.max()), 0.5e6 / (circuit.rate_hz * emitters)
     if SETTLED * tau_us > slot_us:
         yield (
             f"after switching, the receivers need about {SETTLED * tau_us:.0f} µs, and a slot at "

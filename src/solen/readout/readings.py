@@ -119,18 +119,23 @@ class Readings(Result):
 
     def coarse(self) -> Iterator[str]:
         """Warning if the angles are too far apart for a slope."""
-        if len(self.angle_deg) < 2:
-            yield "a single angle gives no slope, and so no resolution"
-            return
-        moved, whole = np.abs(np.diff(self.voltage_V, axis=0)), float(np.ptp(self.voltage_V))
-        if whole > 0.0 and moved.max() > MOST_STEP * whole:
-            row = int(np.argmax(moved.max(axis=1)))
-            low, high = self.angle_deg[row], self.angle_deg[row + 1]
-            yield (
-                f"from {low:g} to {high:g} deg a reading moves by {moved.max():.2f} V, "
-                f"{100 * moved.max() / whole:.0f} % of its range: slopes and resolution there are means over the step; "
-                "take a smaller motion.step_deg"
-            )
+        yield from coarse_steps(self.angle_deg, self.voltage_V, "take a smaller motion.step_deg")
+
+
+def coarse_steps(angle_deg: FloatArray, volts: FloatArray, remedy: str) -> Iterator[str]:
+    """Warning if angles (A,) are too far apart for slopes of voltages (A, R)."""
+    if len(angle_deg) < 2:
+        yield "a single angle gives no slope, and so no resolution"
+        return
+    moved, whole = np.abs(np.diff(volts, axis=0)), float(np.ptp(volts))
+    if whole > 0.0 and moved.max() > MOST_STEP * whole:
+        row = int(np.argmax(moved.max(axis=1)))
+        low, high = angle_deg[row], angle_deg[row + 1]
+        yield (
+            f"from {low:g} to {high:g} deg a reading moves by {moved.max():.2f} V, "
+            f"{100 * moved.max() / whole:.0f} % of its range: slopes and resolution there are means over the step; "
+            f"{remedy}"
+        )
 
 
 def readings_of(

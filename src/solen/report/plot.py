@@ -44,6 +44,7 @@ FIGURES = {
     "NetworkCalibrations": "bench.network:calibration_figure",
     "NetworkSensitivities": "design.network:slopes_figure",
     "NetworkStates": "bench.network:states_figure",
+    "NetworkVolts": "design.readout:network_volts_figure",
     "NetworkStudy": "design.network:network_figure",
     "NetworkTrace": "design.network:rays_in_turn",
     "Optimum": "explore.optimise:optimum_figure",

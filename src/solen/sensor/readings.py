@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from solen.arrays import FloatArray, Progress
-from solen.parts import AdcPart, ReceiverPart
+from solen.parts import AdcPart, Part, ReceiverPart
 from solen.readout import Readings, circuit_of, face_areas_mm2, readings_of
 from solen.readout.cautions import cautions
 from solen.readout.circuit import emitter_part, named_part, trimmer_part
@@ -18,6 +18,7 @@ from solen.sensor.acceptance import SIDES, Acceptance
 from solen.sensor.response import Response
 from solen.sensor.sensor import Sensor
 from solen.sensor.unused_keys import keys_without_effect
+from solen.spec import Design
 
 ANGLE_RAYS, ANGLE_RAYS_IN_SPACE = 2**12, 2**15
 """Rays that sample the angles of arrival: a directional part's share is then good to about 0.2 %."""
@@ -82,21 +83,27 @@ def design_readings(sensor: Sensor, progress: Progress | None = None) -> DesignR
     design, found = sensor.design, readings(sensor, progress)
     in_space, dark_V = design.trace.dimension == "extruded", float(found.off_V.max())
     reasons = cautions(found.circuit, found.advice, sensor.light.wavelength_nm, dark_V, in_space=in_space)
-    parts = (
-        named_part(design, "part", ReceiverPart),
-        emitter_part(design),
-        trimmer_part(design),
-        named_part(design, "adc", AdcPart),
-    )
     return DesignReadings(
         **vars(found),
         name=design.name,
         wavelength_nm=sensor.light.wavelength_nm,
         temperature_C=design.readout.temperature_c,
         ambient_mW_per_cm2=design.readout.ambient_mw_cm2,
-        parts=tuple(PartUsed(part.name, part.kind, part.document, part.estimates) for part in parts),
+        parts=parts_used(design),
         warnings=(*sensor.warnings, *keys_without_effect(sensor, "power"), *reasons, *found.coarse()),
     )
+
+
+def parts_used(*lit: Design) -> tuple[PartUsed, ...]:
+    """Parts of the circuit of designs that differ in their emitter."""
+    design = lit[0]
+    parts: tuple[Part, ...] = (
+        named_part(design, "part", ReceiverPart),
+        *{part.name: part for part in map(emitter_part, lit)}.values(),
+        trimmer_part(design),
+        named_part(design, "adc", AdcPart),
+    )
+    return tuple(PartUsed(part.name, part.kind, part.document, part.estimates) for part in parts)
 
 
 def readings(sensor: Sensor, progress: Progress | None = None) -> Readings:

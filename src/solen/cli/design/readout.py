@@ -5,7 +5,9 @@ from collections.abc import Iterator
 
 from solen.cli.app import lines, text
 from solen.pipeline.design.readout import readout as readout
-from solen.readout import Setting
+from solen.readout import Circuit, Drive, Setting
+from solen.readout.advice import Advice
+from solen.sensor.network.volts import NetworkVolts
 from solen.sensor.readings import DesignReadings
 
 MOST_ROWS = 8
@@ -15,15 +17,9 @@ ANY_LOAD_OHM = 1e8
 
 @lines.register
 def _(readings: DesignReadings) -> Iterator[str]:
-    circuit, drive, whole, advice = readings.circuit, readings.circuit.drive, readings.range, readings.advice
-    yield (
-        f"{readings.name} (simulated): {circuit.transistor.name} on {circuit.load_ohm[0]:g} ohm and "
-        f"{circuit.supply_V:g} V, read by {circuit.adc.name}"
-    )
-    yield (
-        f"  emitter {drive.name} at {drive.current_mA:g} mA: {drive.typical_mW:.3g} mW "
-        f"({drive.least_mW:.3g} to {drive.most_mW:.3g})"
-    )
+    circuit, whole = readings.circuit, readings.range
+    yield f"{readings.name} (simulated): {_receivers(circuit)}"
+    yield f"  emitter {_emitter(circuit.drive)}"
     yield f"  sensitivity at {readings.wavelength_nm:g} nm {circuit.transistor.response:.3g} of the stated one"
     yield from _table(readings)
     yield (
@@ -31,6 +27,43 @@ def _(readings: DesignReadings) -> Iterator[str]:
         f"the supply; resolution of one reading {_fine(whole.best_resolution_deg)} to "
         f"{_fine(whole.worst_resolution_deg)} deg"
     )
+    yield from _load(readings.advice)
+
+
+@lines.register
+def _(volts: NetworkVolts) -> Iterator[str]:
+    first, rest, (low, high) = volts.circuits[0], volts.at_rest, volts.range_V
+    yield f"{volts.name} (simulated), {len(rest.emitters)} emitters in turn: {_receivers(first)}"
+    wide = max(14, *(len(name) + 2 for name in rest.receivers))
+    yield f"  {'V, mV noise':12}" + "".join(f"{name:>{wide}}" for name in rest.receivers)
+    for name, on, sd in zip(rest.emitters, rest.voltage_V[0], rest.sd_V[0], strict=True):
+        cells = (f"{value:.4f} {1e3 * noise:5.2f}" for value, noise in zip(on, sd, strict=True))
+        yield f"  {name:12}" + "".join(f"{cell:>{wide}}" for cell in cells)
+    drives = [_emitter(circuit.drive) for circuit in volts.circuits]
+    for drive in dict.fromkeys(drives):
+        lit = (name for name, own in zip(rest.emitters, drives, strict=True) if own == drive)
+        yield f"  {', '.join(lit)}: {drive}"
+    for motion, one in volts.by_motion.items():
+        yield f"  {motion}: resolution in deg of one reading of every receiver, the other motions known"
+        yield f"  {'deg':>7}" + "".join(f"{name + ' lit':>12}" for name in rest.emitters) + f"{'all':>12}"
+        for row in range(0, len(one.angle_deg), max(1, (len(one.angle_deg) - 1) // MOST_ROWS)):
+            sds = (*one.resolution_deg[row].tolist(), float(one.resolution_of_all_deg[row]))
+            yield f"  {one.angle_deg[row]:7.3g}" + "".join(f"{_fine(sd):>12}" for sd in sds)
+    yield f"  voltages {low:.3f} to {high:.3f} V, {100 * (high - low) / first.supply_V:.0f} % of the supply"
+    yield from _load(volts.advice)
+
+
+def _receivers(circuit: Circuit) -> str:
+    load = f"{circuit.load_ohm[0]:g} ohm and {circuit.supply_V:g} V"
+    return f"{circuit.transistor.name} on {load}, read by {circuit.adc.name}"
+
+
+def _emitter(drive: Drive) -> str:
+    spread = f"{drive.typical_mW:.3g} mW ({drive.least_mW:.3g} to {drive.most_mW:.3g})"
+    return f"{drive.name} at {drive.current_mA:g} mA: {spread}"
+
+
+def _load(advice: Advice) -> Iterator[str]:
     yield f"load: adjust it until the brightest angle of the motion reads {advice.target_V:.2f} V"
     yield from map(_setting, advice.settings)
     if advice.emitter_current_mA is not None and any(setting.turn is None for setting in advice.settings):

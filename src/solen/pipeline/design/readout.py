@@ -10,6 +10,7 @@ from solen.pipeline.outputs import check_outputs, write
 from solen.report.options import FigureOptions
 from solen.results import Outcome
 from solen.sensor import Sensor
+from solen.sensor.network.volts import NetworkVolts, network_volts
 from solen.sensor.readings import DesignReadings, design_readings
 
 
@@ -21,8 +22,10 @@ def readout(
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     out: Out = None,
     progress: ProgressBar = None,
-) -> Outcome[DesignReadings]:
+) -> Outcome[DesignReadings | NetworkVolts]:
     """Show receiver voltages of a design over its motion, with noise, and recommend a load.
+
+    Of a network of guides over each of its motions, emitters in turn.
 
     Parameters
     ----------
@@ -30,6 +33,10 @@ def readout(
         The design file; its table [readout] describes the circuit.
     """
     check_outputs(out, figure)
-    readings = design_readings(Sensor.of(open_design(file, set_)), progress)
+    sensor = Sensor.of(open_design(file, set_))
+    if sensor.is_network:
+        volts = replace(network_volts(sensor.design, progress), sources=(provenance_of(file),))
+        return write(volts, "readout", out, figure=figure)
+    readings = design_readings(sensor, progress)
     readings = replace(readings, sources=(provenance_of(file),))
     return write(readings, "readout", out, figure=figure)

@@ -25,7 +25,7 @@ from solen.sensor.network.slopes import NetworkSensitivities
 from solen.spec.placed import state_of
 
 MOST_COLUMNS = 3
-DARK, BEYOND = 0.6, 1.25
+DARK, BEYOND = 0.6, 1.05
 """Share from which on a cell is dark, and the length of a bar without an end in that of the longest."""
 PANEL_ROW_IN, LEAST_BODY_IN, MOST_BODY_IN, NAMES_IN = 2.5, 4.2, 5.0, 1.4
 """Height of a row of panels, least height and most width of the body beside them, and room for names, in inches."""
@@ -153,7 +153,7 @@ def slopes_figure(result: NetworkSensitivities) -> Figure:
     found, tried = result.by_voltages, result.suggestions
     columns, many = len(result.keys), len(result.emitters) * len(result.receivers)
     widths = [3.0 + 0.9 * columns, *([2.4 + 0.7 * len(found.motions)] if found else [])]
-    heights = [max(1.2 + 0.24 * many, 2.4 if found else 0.0), *([0.9 + 0.26 * (1 + len(tried))] if tried else [])]
+    heights = [max(1.2 + 0.24 * many, 2.4 if found else 0.0), *([0.9 + 0.34 * (1 + len(tried))] if tried else [])]
     figure = Figure(figsize=(max(sum(widths), 6.0 if tried else 0.0), sum(heights)))
     grid = figure.add_gridspec(len(heights), len(widths), width_ratios=widths, height_ratios=heights)
     _draw_changes(figure.add_subplot(grid[0, 0]), result)
@@ -192,21 +192,22 @@ def _draw_combinations(axes: Axes, found: Determination) -> None:
     axes.set_yticks(range(len(sds)), sds)
     axes.set_xticks(range(len(found.motions)), found.motions, rotation=30, ha="right")
     axes.grid(visible=False)
-    axes.set_title("combinations of motions, sd")
+    axes.set_title("combinations, sd")
 
 
 def _draw_suggestions(axes: Axes, now: Determination, tried: Sequence[Suggestion]) -> None:
     """Worst standard deviation of a motion as the network is, and with each part that is suggested."""
     rows = [("as it is", now), *((f"{one.part} at {one.place}", one.by_voltages) for one in tried)]
     most = max((found.worst_sd_deg for _, found in rows if math.isfinite(found.worst_sd_deg)), default=1.0)
-    for place, (_, found) in enumerate(rows):
+    for place, (name, found) in enumerate(rows):
         sd = found.worst_sd_deg
         known = math.isfinite(sd)
-        axes.barh(place, sd if known else BEYOND * most, color=(INK if place == 0 else SPACE) if known else SOFT)
+        colour = (INK if place == 0 else SPACE) if known else SOFT
+        axes.barh(place, sd if known else BEYOND * most, height=0.3, color=colour)
         text = f"{sd:.2g}°" if known else f"{found.rank} of {len(found.motions)} combinations determined"
-        axes.annotate(text, (sd if known else 0.0, place), (4, 0), textcoords="offset points", va="center")
-    axes.set_yticks(range(len(rows)), [name for name, _ in rows])
-    axes.invert_yaxis()
+        axes.annotate(f"{name}: {text}", (0.0, place), (0, 5), textcoords="offset points", va="bottom")
+    axes.set_yticks([])
+    axes.set_ylim(len(rows) - 0.5, -1.0)
     axes.grid(visible=False)
     axes.set(xlabel="sd of the worst motion (deg)", xlim=(0.0, BEYOND * most))
 

@@ -5,7 +5,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from solen.report.canvas import INK, LOST, receiver
+from solen.errors import SpecError
+from solen.report.canvas import INK, LOST, receiver, series
+from solen.sensor.network.volts import MotionVolts, NetworkVolts
 from solen.sensor.readings import DesignReadings
 
 
@@ -17,6 +19,39 @@ def readout_figure(readings: DesignReadings) -> Figure:
     _resolution(angle_axes, readings)
     figure.suptitle(f"simulated: {readings.name}")
     return figure
+
+
+def network_volts_figure(volts: NetworkVolts) -> Figure:
+    """Voltages over each motion, a panel for each emitter, and the resolution of that motion alone."""
+    rest, count = volts.at_rest, len(volts.by_motion)
+    if not count:
+        raise SpecError("network.motion", limit="has no motions to draw", remedy="add [[network.motion]]")
+    rows = len(rest.emitters) + 1
+    figure = Figure(figsize=(max(4.6, 3.4 * count), 2.1 * rows + 0.7))
+    panels = figure.subplots(rows, count, squeeze=False, sharex="col", sharey="row")
+    for line, (name, one) in zip(panels.T, volts.by_motion.items(), strict=True):
+        for number, axes in enumerate(line[:-1]):
+            _network_volts(axes, volts, one, number)
+        for number, emitter in enumerate(rest.emitters):
+            line[-1].plot(one.angle_deg, one.resolution_deg[:, number], **series(number), label=f"{emitter} lit")
+        line[-1].plot(one.angle_deg, one.resolution_of_all_deg, color=INK, lw=1.6, label="all")
+        _as_resolution(line[-1])
+        line[-1].set_xlabel(f"{name} (deg)")
+    for emitter, axes in zip(rest.emitters, panels[:, 0], strict=False):
+        axes.set_ylabel(f"V, {emitter} lit")
+    panels[-1, 0].set_ylabel("resolution (deg)")
+    panels[-1, 0].legend()
+    handles, labels = panels[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=3)
+    figure.suptitle(f"simulated: {volts.name}")
+    return figure
+
+
+def _network_volts(axes: Axes, volts: NetworkVolts, one: MotionVolts, emitter: int) -> None:
+    for place, name in enumerate(volts.at_rest.receivers):
+        axes.plot(one.angle_deg, one.signals.voltage_V[:, emitter, place], **series(place), lw=1.5, label=name)
+    axes.axhline(volts.advice.target_V, color=LOST, lw=0.8, ls="--", label="saturates below")
+    axes.set_ylim(0.0, 1.05 * volts.circuits[0].supply_V)
 
 
 def _volts(axes: Axes, readings: DesignReadings) -> None:
@@ -38,10 +73,14 @@ def _resolution(axes: Axes, readings: DesignReadings) -> None:
     for place, name in enumerate(readings.circuit.names):
         axes.plot(readings.angle_deg, readings.resolution_deg[:, place], **receiver(name), lw=1.2, label=name)
     axes.plot(readings.angle_deg, readings.resolution_of_all_deg, color=INK, lw=1.6, label="both")
+    _as_resolution(axes)
+    axes.set(xlabel="angle (deg)", ylabel="resolution of one reading (deg, 1 σ)")
+    axes.set_title("electronic noise alone, ambient light subtracted")
+    axes.legend()
+
+
+def _as_resolution(axes: Axes) -> None:
     axes.set_yscale("log")
     axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.yaxis.set_minor_formatter(NullFormatter())
-    axes.set(xlabel="angle (deg)", ylabel="resolution of one reading (deg, 1 σ)")
-    axes.set_title("electronic noise alone, ambient light subtracted")
-    axes.legend()
