@@ -71,7 +71,9 @@ def _sds(design: Design, found: NetworkResponse) -> FloatArray:
     if not beside:
         return np.empty((0, 2))
     chosen = [0, *(place for one in beside for place in one.places)]
-    seen = network_signals([state_of(design, states[place]) for place in chosen], found.power[chosen])
+    seen = network_signals(
+        [state_of(design, states[place]) for place in chosen], found.power[chosen], found.u_power[chosen]
+    )
     u = found.u_power[chosen] * seen.slope_V
     low, high = slice(1, None, 2), slice(2, None, 2)
     steps = np.array([one.step_deg for one in beside])

@@ -33,8 +33,9 @@ class Signals(Result):
         Their names.
     received
         (states, emitters, receivers) shares of the emitted power that receivers convert to current.
-    voltage_V, off_V
-        (states, emitters, receivers) voltages with an emitter on, and (receivers,) with all off.
+    voltage_V, u_voltage_V, off_V
+        (states, emitters, receivers) voltages with an emitter on, with the uncertainty that the traced powers leave,
+        and (receivers,) with all off.
     sd_V
         (states, emitters, receivers) noise of a reading: on, less the mean of the off readings before and after.
     sd_off_V
@@ -47,6 +48,7 @@ class Signals(Result):
     receivers: tuple[str, ...]
     received: FloatArray
     voltage_V: FloatArray
+    u_voltage_V: FloatArray
     off_V: FloatArray
     sd_V: FloatArray
     sd_off_V: FloatArray
@@ -91,15 +93,15 @@ def received_by(designs: Sequence[Design], power: FloatArray) -> FloatArray:
     return np.asarray(power * rows)
 
 
-def network_signals(designs: Sequence[Design], power: FloatArray) -> Signals:
+def network_signals(designs: Sequence[Design], power: FloatArray, u_power: FloatArray) -> Signals:
     """Voltages and noise of a network in several states.
 
     Parameters
     ----------
     designs
         The network in each state, as `solen.spec.placed.state_of` makes it; they share one circuit, the first one's.
-    power
-        (states, emitters, receivers) shares of the emitted power through the receivers' faces.
+    power, u_power
+        (states, emitters, receivers) shares of the emitted power through the receivers' faces, with uncertainties.
 
     Raises
     ------
@@ -111,14 +113,16 @@ def network_signals(designs: Sequence[Design], power: FloatArray) -> Signals:
     ambient, warm = stated.ambient_mw_cm2, stated.temperature_c
     each = [(one, received[:, i]) for i, one in enumerate(circuits)]
     dark = np.zeros(len(circuits[0].names))
+    slope = np.stack([one.slope_V(shares, ambient, warm) for one, shares in each], axis=1)
     sd_off = noise(circuits[0], dark, ambient, warm).reading_V
     return Signals(
         emitters=tuple(one.name for one in designs[0].network.emitters),
         receivers=circuits[0].names,
         received=received,
         voltage_V=np.stack([volts(shares, one, ambient, warm) for one, shares in each], axis=1),
+        u_voltage_V=u_power * np.abs(slope),
         off_V=volts(dark, circuits[0], ambient, warm),
         sd_V=difference_sd_V(np.stack([noise(*one, ambient, warm).reading_V for one in each], axis=1), sd_off),
         sd_off_V=sd_off,
-        slope_V=np.stack([one.slope_V(shares, ambient, warm) for one, shares in each], axis=1),
+        slope_V=slope,
     )

@@ -201,12 +201,13 @@ def _determined(
     design: Design, moved: Sequence[tuple[str, _Slope]], tolerance: float
 ) -> tuple[Signals, Determination, Determination | None]:
     """Signals of a network as it stands, and what they and its readings determine of the motions."""
-    here = network_signals([design], response_of([design], tolerance).power)
+    rest = response_of([design], tolerance)
+    here = network_signals([design], rest.power, rest.u_power)
     names = [name for name, _ in moved]
-    ends = [network_signals(row.designs, row.ends.power) for _, row in moved]
+    ends = [network_signals(row.designs, row.ends.power, row.ends.u_power) for _, row in moved]
     steps = np.array([row.step for _, row in moved])
     slopes = np.stack([np.diff(end.voltage_V, axis=0)[0] for end in ends], axis=-1) / steps
-    u = np.stack([np.hypot(*(row.ends.u_power * end.slope_V)) for (_, row), end in zip(moved, ends, strict=True)], -1)
+    u = np.stack([np.hypot(*end.u_voltage_V) for end in ends], axis=-1)
     count = slopes.size // len(names)
     covariance = here.covariance_V2()
     by_voltages = determined(names, slopes.reshape(count, -1), u.reshape(count, -1) / steps, covariance)

@@ -35,8 +35,6 @@ class MotionVolts(Result):
         (A,) ascending.
     signals
         Voltages and their noise (A, E, R).
-    u_trace_V
-        (A, E, R) uncertainty of the voltages due to that of the traced power.
     slope_V_per_deg, u_slope_V_per_deg
         (A, E, R) slope of the voltages, and its uncertainty.
     resolution_deg, resolution_of_all_deg
@@ -46,7 +44,6 @@ class MotionVolts(Result):
 
     angle_deg: FloatArray
     signals: Signals
-    u_trace_V: FloatArray
     slope_V_per_deg: FloatArray
     u_slope_V_per_deg: FloatArray
     resolution_deg: FloatArray
@@ -104,7 +101,7 @@ def network_volts(design: Design, progress: Progress | None = None, tolerance: f
     sensors, circuits = in_turn(design), circuits_of(design)
     states, places = courses(design.network)
     response = network_response(design, states, tolerance, progress)
-    every = network_signals([state_of(design, state) for state in states], response.power)
+    every = network_signals([state_of(design, state) for state in states], response.power, response.u_power)
     by_motion = {name: _over(name, _of(every, where), response, where) for name, where in places.items()}
     advice = advise(
         circuits[0],
@@ -137,15 +134,13 @@ def _over(name: str, signals: Signals, response: NetworkResponse, places: list[i
     """Voltages over one motion, and what they resolve of it."""
     angle = response.angle_deg[places, response.motions.index(name)]
     differences = slopes_V_per_deg(angle, np.eye(len(angle)))  # they are linear
-    u_V = response.u_power[places] * np.abs(signals.slope_V)
     slope = np.tensordot(differences, signals.voltage_V, 1)
-    u_slope = np.sqrt(np.tensordot(differences**2, u_V**2, 1))
+    u_slope = np.sqrt(np.tensordot(differences**2, signals.u_voltage_V**2, 1))
     shape = (len(angle), -1)
     each = [_resolution_deg(slope[:, i], u_slope[:, i], _inverses(signals, i)) for i in range(slope.shape[1])]
     return MotionVolts(
         angle_deg=angle,
         signals=signals,
-        u_trace_V=u_V,
         slope_V_per_deg=slope,
         u_slope_V_per_deg=u_slope,
         resolution_deg=np.stack(each, axis=1),
@@ -172,7 +167,7 @@ def _resolution_deg(slope: FloatArray, u_slope: FloatArray, inverse: FloatArray)
 
 def _of(signals: Signals, places: list[int]) -> Signals:
     """Some states of signals."""
-    own = ("received", "voltage_V", "sd_V", "slope_V")
+    own = ("received", "voltage_V", "u_voltage_V", "sd_V", "slope_V")
     return replace(signals, **{name: getattr(signals, name)[places] for name in own})
 
 
