@@ -2,6 +2,7 @@
 
 import json
 import re
+import shlex
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import pytest
 from markupsafe import escape
 
+from solen.cli import run_command
 from solen.errors import SolenError
 from solen.paper.records import chosen, letters_of
 from solen.paper.reproduction import Reproduction
@@ -119,6 +121,18 @@ def test_all_figures_twice(tmp_path: Path) -> None:
     assert {row.verdict for key, row in by_key.items() if key in {"pillar", "hole", "transmittance"}} == {
         "cannot be checked"
     }
+
+
+@pytest.mark.evidence
+def test_each_figure_is_made_by_its_commands_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    reproduce(out=tmp_path)
+    monkeypatch.chdir(tmp_path)
+    for command in dict.fromkeys(command for one in paper.FIGURES for command in one.commands):
+        words = shlex.split(command, comments=True)[1:]
+        arguments = [
+            name for word in words for name in (sorted(map(str, Path().glob(word))) if "*" in word else [word])
+        ]
+        assert run_command([*arguments, "--quiet"]) == 0, command
 
 
 def test_the_page_of_the_docs_names_each_figure_and_its_commands() -> None:

@@ -25,7 +25,7 @@ from solen.spec import template
 STEP = "motion.step_deg=6"
 NAMES = ("lens-profile", "response", "matters", "focus", "rays", "rays-at-the-lens", "rays-without-lens")
 PICTURES = {f"{name}.svg" for name in NAMES}
-EVERYTHING = PICTURES | {"results.json", "results.csv", "report.html"}
+EVERYTHING = PICTURES | {"results.json", "results.csv", "report.html", "sensor.stl", "sensor.3mf"}
 
 
 FEW = "solen.sensor.effects.KEYS", ("emitter.offset_mm",)

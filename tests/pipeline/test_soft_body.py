@@ -65,7 +65,10 @@ def test_run_writes_the_response_under_load(capfd: pytest.CaptureFixture[str], d
     found = answered(capfd, "run", str(design), "--out", str(out))
     assert found["files"] == {"report": str(out / "report.html")}
     names = {path.name for path in out.iterdir()}
-    assert names == {"report.html", "results.json", "results.csv", "response.svg", "shape.svg", "rays.svg"}
+    pictures = {"response.svg", "shape.svg", "rays.svg"}
+    solid = {path.name for path in out.glob("*.stl")} | {path.name for path in out.glob("*.3mf")}
+    assert len(solid) == 2
+    assert names == {"report.html", "results.json", "results.csv"} | pictures | solid
     with (out / "results.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert [float(row["contrast"]) for row in rows] == found["contrast"]
@@ -80,7 +83,8 @@ def check_report(page: Page, found: dict[str, Any]) -> None:
     assert page.texts["h2"] == ["What to expect", "Response", "Shape", "Rays", "What is assumed"]
     assert page.tags["svg"] == page.tags["figcaption"] == 3
     assert max(page.ids.values()) == 1
-    assert all(target.startswith(("#", "data:")) for _, target in page.loads)
+    assert all(target.startswith(("#", "data:")) for tag, target in page.loads if tag != "a")
+    assert [target.rpartition(".")[2] for tag, target in page.loads if tag == "a"] == ["stl", "3mf"]
     terms = dict(zip(page.texts["dt"], page.texts["dd"], strict=True))
     assert terms["Contrast"].startswith(f"{found['contrast'][0]:+.3f}"[:5])
     assert "clamp (lens, turning)" in terms["Holds"]

@@ -9,7 +9,7 @@ of a mesh, `as_step` of a part, `as_dxf`, `as_svg` and `as_comsol` of a body; `F
 from solen.fabricate.bspline import Bspline, primitives
 from solen.fabricate.comsol import as_comsol
 from solen.fabricate.dxf import as_dxf
-from solen.fabricate.export import FORMATS, USUAL, Export, ExportedSolid, exported_solid
+from solen.fabricate.export import FORMATS, USUAL, Export, ExportedSolid, SolidFiles, exported_solid, solid_files
 from solen.fabricate.faced import cut_for
 from solen.fabricate.label import Label, label_of
 from solen.fabricate.mesh import Mesh, mesh_of
@@ -31,6 +31,7 @@ __all__ = [
     "Mesh",
     "Part",
     "Prism",
+    "SolidFiles",
     "area_mm2",
     "as_comsol",
     "as_dxf",
@@ -46,4 +47,5 @@ __all__ = [
     "perimeter_mm",
     "primitives",
     "sensor_part",
+    "solid_files",
 ]

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
+from solen.errors import SolenError
 from solen.fabricate.comsol import as_comsol
 from solen.fabricate.dxf import as_dxf, check_writer
 from solen.fabricate.label import Label, label_of
@@ -19,10 +20,12 @@ from solen.fabricate.part import Part
 from solen.fabricate.seats import sensor_part
 from solen.fabricate.step import as_step, check_kernel
 from solen.fabricate.svg import as_svg
+from solen.files import Content
 from solen.geometry import Body
 from solen.geometry.measures import area_mm2
 from solen.ranks import Caution, look_at, note
 from solen.results import HIDDEN, Result
+from solen.sensor import Sensor
 from solen.spec import Design
 
 
@@ -86,6 +89,23 @@ FORMATS: dict[str, Format] = {
 }
 USUAL = ("stl", "3mf")
 """Default formats, for printers' software."""
+
+
+@dataclass(frozen=True)
+class SolidFiles:
+    """Contents of the files of a solid by their names; empty with the reason why a design has none."""
+
+    contents: dict[str, Content]
+    refused: str = ""
+
+
+def solid_files(design: Design, stem: str) -> SolidFiles:
+    """The solid of a design in the usual formats of printers' programs, named by a stem."""
+    try:
+        made = Export(design, Sensor.of(design).body())
+        return SolidFiles({f"{stem}{FORMATS[kind].ending}": FORMATS[kind].write(made) for kind in USUAL})
+    except SolenError as bad:
+        return SolidFiles({}, str(bad))
 
 
 @dataclass(frozen=True)

@@ -2,16 +2,20 @@
 
 import json
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from solen import files
 from solen.pipeline.design.designs import open_design
+from solen.pipeline.names import stem_of
 from solen.pipeline.options import ProgressBar, Set
 from solen.results import Outcome
 from solen.sensor import DesignStudy, Sensor, study
 from solen.sensor.ahead import compile_ahead
 from solen.sensor.loaded import LoadedStudy, loaded_study
 from solen.sensor.network import NetworkStudy, network_study
+
+if TYPE_CHECKING:
+    from solen.fabricate import SolidFiles
 
 R = TypeVar("R", DesignStudy, LoadedStudy, NetworkStudy)
 
@@ -26,35 +30,40 @@ def run(
     file
         The design file.
     out
-        Folder for report.html, results.json, results.csv and the figures; made if need be.
+        Folder for report.html, results.json, results.csv, the figures and the solid (.stl, .3mf); made if need be.
     """
+    from solen.fabricate import solid_files
     from solen.report.design import html, loaded, loaded_page, network, network_page, table
 
     design = open_design(file, set_)
     with files.output_folder(out):
+        solid = solid_files(design, stem_of(file))
         if design.motion.kind == "loaded":
             soft = loaded_study(Sensor.of(design), progress)
             drawn = loaded.figures(soft)
-            return _written(soft, out, drawn, loaded_page.html(soft, drawn), loaded.csv_table(soft))
+            page = loaded_page.html(soft, drawn, solid)
+            return _written(soft, out, drawn, page, loaded.csv_table(soft), solid)
         if design.body.kind == "network":
             every = network_study(design, progress)
             drawn = network.figures(every)
-            return _written(every, out, drawn, network_page.html(every, drawn), network.csv_table(every))
+            page = network_page.html(every, drawn, solid)
+            return _written(every, out, drawn, page, network.csv_table(every), solid)
         if design.trace.dimension == "extruded":
             compile_ahead()
         result = study(design, progress, practical=True)
         drawn = html.figures(result)
-        return _written(result, out, drawn, html.html(result, drawn), table.csv_table(result))
+        return _written(result, out, drawn, html.html(result, drawn, solid), table.csv_table(result), solid)
 
 
-def _written(result: R, out: Path, drawn: dict[str, str], report: str, csv: str) -> Outcome[R]:
+def _written(result: R, out: Path, drawn: dict[str, str], report: str, csv: str, solid: "SolidFiles") -> Outcome[R]:
     """Write all files of a run; figures of an earlier design are removed."""
     from solen.report.design.html import FIGURES
 
     texts = {f"{name}.svg": text for name, text in drawn.items()}
     texts["results.json"] = json.dumps(result.to_dict(), indent=1, allow_nan=False) + "\n"
     texts |= {"results.csv": csv, "report.html": report}
-    files.write_all({out / name: text.encode("utf-8") for name, text in texts.items()})
+    contents: dict[Path, files.Content] = {out / name: text.encode("utf-8") for name, text in texts.items()}
+    files.write_all(contents | {out / name: content for name, content in solid.contents.items()})
     for name in FIGURES:
         if name not in drawn:
             files.remove(out / f"{name}.svg")

@@ -12,6 +12,7 @@ from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 
 import solen
+from solen.fabricate import SolidFiles
 from solen.lens import DesignedLens, OvalLens
 from solen.report import canvas
 from solen.report.design.answer import advice, emitter_words, expected, lens_table, lens_words, matters
@@ -30,19 +31,21 @@ from solen.results import scalars
 from solen.sensor import Case, DesignStudy
 from solen.spec import Design, dumps
 
-FIGURES = (
-    "lens-profile",
-    "response",
-    "readings",
-    "shape",
-    "matters",
-    "as-printed",
-    "focus",
-    "rays",
-    "rays-at-the-lens",
-    "rays-without-lens",
-)
-"""Names of all figures that a report may have; ``shape`` is of a soft body."""
+FIGURES = {
+    "lens-profile": "profile of the lens, x against z in mm",
+    "response": "power at each receiver, and the contrast, against what the motion drives",
+    "readings": "readings over each motion",
+    "shape": "the body at rest and deformed, with its strain",
+    "matters": "change of the contrast at each angle, by each number that is off by its tolerance",
+    "as-printed": "deviation of the printed lens, and the contrast with it and with the designed one",
+    "focus": "focus against the index of the material",
+    "rays": "rays from the LED through lens and body to the receivers, in each of the positions",
+    "rays-at-the-lens": "the same rays near LED and lens",
+    "rays-without-lens": "rays through the body without its lens",
+}
+"""All figures that a report may have, with a text for those who do not see them; ``shape`` is of a soft body."""
+
+NO_SOLID = SolidFiles({})
 
 
 def figures(study: DesignStudy) -> dict[str, str]:
@@ -73,14 +76,15 @@ def figures(study: DesignStudy) -> dict[str, str]:
     return {name: canvas.svg(canvas.drawn(draws[name]), name) for name in FIGURES if name in draws}
 
 
-def html(study: DesignStudy, drawn: dict[str, str]) -> str:
-    """HTML text of the report; ``drawn`` are its figures as `figures` returns them."""
+def html(study: DesignStudy, drawn: dict[str, str], solid: SolidFiles = NO_SOLID) -> str:
+    """HTML text of the report; ``drawn`` are its figures as `figures` returns them, ``solid`` what is to be printed."""
     in_plane = study.design.trace.dimension == "2d"
     case = study.case
     return page(
         "report.html",
         study.design,
         drawn,
+        solid,
         lead="simulated with the emitter as it is stated" if in_plane else emitter_words(study),
         warnings=warnings(study),
         expected=expected(study),
@@ -104,6 +108,7 @@ def page(
     template: str,
     design: Design,
     drawn: dict[str, str],
+    solid: SolidFiles,
     *,
     lead: str,
     warnings: list[str],
@@ -115,10 +120,12 @@ def page(
         template,
         name=design.name,
         design=dumps(design),
-        figures={name: inline(text, name) for name, text in drawn.items()},
+        figures={name: inline(text, name, _alt(name, expected)) for name, text in drawn.items()},
         lead=lead,
         warnings=warnings,
         expected=expected,
+        solid=solid,
+        thickness_mm=design.body.thickness_mm,
         **content,
     )
 
@@ -131,6 +138,12 @@ def rendered(template: str, **content: Any) -> str:
     return environment.get_template(template).render(
         version=solen.__version__, python=platform.python_version(), **content
     )
+
+
+def _alt(name: str, expected: list[tuple[str, str]]) -> str:
+    """Text in the place of a figure: what it shows, and of the response what it comes to."""
+    words = FIGURES.get(name, name)
+    return f"{words}; {expected[0][0]}: {expected[0][1]}" if name == "response" and expected else words
 
 
 def _parts(study: DesignStudy) -> dict[str, list[tuple[str, Any]]]:

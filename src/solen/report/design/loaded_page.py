@@ -1,9 +1,10 @@
 """The report of a soft body under load: its response, its shape, and what is assumed of it."""
 
+from solen.fabricate import SolidFiles
 from solen.geometry.displaced import GROUND
 from solen.mechanics.design import LoadedState, material_of
 from solen.report.design.answer import measured
-from solen.report.design.html import page
+from solen.report.design.html import NO_SOLID, page
 from solen.report.design.loaded import columns, ends_of, forces
 from solen.report.design.words import warnings
 from solen.sensor.loaded import LoadedStudy
@@ -21,14 +22,15 @@ ALWAYS = [
 """What is assumed of every soft body."""
 
 
-def html(study: LoadedStudy, drawn: dict[str, str]) -> str:
-    """HTML text of the report; ``drawn`` are its figures as `solen.report.design.loaded.figures` returns them."""
+def html(study: LoadedStudy, drawn: dict[str, str], solid: SolidFiles = NO_SOLID) -> str:
+    """HTML text of the report with the figures of `solen.report.design.loaded.figures`, and links to the solid."""
     table = columns(study)
     first, last = ends_of(study)
     return page(
         "loaded.html",
         study.design,
         drawn,
+        solid,
         lead=f"a soft body under load, from {study.drives} = {first} to {last}",
         warnings=warnings(study),
         expected=expected(study),

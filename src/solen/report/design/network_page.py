@@ -2,13 +2,14 @@
 
 import numpy as np
 
-from solen.report.design.html import page
+from solen.fabricate import SolidFiles
+from solen.report.design.html import NO_SOLID, page
 from solen.report.design.words import warnings
 from solen.sensor.network import NetworkResponse, NetworkStudy
 
 
-def html(study: NetworkStudy, drawn: dict[str, str]) -> str:
-    """HTML text of the report; ``drawn`` are its figures as `solen.report.design.network.figures` returns them."""
+def html(study: NetworkStudy, drawn: dict[str, str], solid: SolidFiles = NO_SOLID) -> str:
+    """HTML text of the report with the figures of `solen.report.design.network.figures`, and links to the solid."""
     rest = study.at_rest
     heads = ("emitter", *rest.receivers)
     rows = zip(rest.emitters, rest.power[0].tolist(), strict=True)
@@ -16,6 +17,7 @@ def html(study: NetworkStudy, drawn: dict[str, str]) -> str:
         "network.html",
         study.design,
         drawn,
+        solid,
         lead=f"a network of {len(study.check.guides)} guides, {len(rest.emitters)} emitters in turn and "
         f"{len(rest.receivers)} receivers",
         warnings=warnings(study),
