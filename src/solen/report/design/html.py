@@ -126,6 +126,7 @@ def page(
         expected=expected,
         solid=solid,
         thickness_mm=design.body.thickness_mm,
+        one_lens=design.body.kind == "y",
         **content,
     )
 

@@ -4,12 +4,11 @@ from functools import lru_cache
 from pathlib import Path
 
 from solen import files
-from solen.analysis import Study
+from solen.analysis import Study, study
 from solen.bench.record import RecordOptions
 from solen.paper.samples import write_samples
 from solen.paper.sensor_numbers import control_percent, mean_slope, protocol_found
 from solen.paper.statements import compared
-from solen.pipeline.bench.analyse import analyse
 from solen.pipeline.bench.record import run
 from solen.pipeline.project.paper.model import Made, PaperFigure, Picture
 from solen.report.bench.traces import traces_figure
@@ -30,25 +29,25 @@ def _recorded(folder: Path) -> Study:
     for name in ("rotation.nc", "rotation.journal"):
         files.remove(folder / name)
     recorded = run(protocol, rig, folder, RecordOptions(seed=SEED))
-    return analyse(recorded.files["recording"]).result
+    return study((recorded.files["recording"],))
 
 
 def _response(folder: Path) -> Made:
-    study = _recorded(folder)
+    found = _recorded(folder)
     alt = (
         "voltage against angle of three simulated sensors with a lens, mean and standard deviation of five cycles: the "
         "right one falls towards −3°, the left one towards +3°; of one without a lens hardly anything changes"
     )
-    rows = [compared(f"voltage-{side}", *mean_slope(study, side)) for side in ("right", "left")]
-    control = compared("control-measured", *control_percent(study))
-    return Made((Picture("4D.svg", alt, lambda: figure_of(study), mark=MARK),), (*rows, control))
+    rows = [compared(f"voltage-{side}", *mean_slope(found, side)) for side in ("right", "left")]
+    control = compared("control-measured", *control_percent(found))
+    return Made((Picture("4D.svg", alt, lambda: figure_of(found), mark=MARK),), (*rows, control))
 
 
 def _traces(folder: Path) -> Made:
-    study = _recorded(folder)
+    found = _recorded(folder)
     alt = "voltages of both receivers and the angle over time, six cycles of each simulated sensor, holds in grey"
-    rows = [compared(key, *found) for key, found in protocol_found(study).items()]
-    return Made((Picture("S6.svg", alt, lambda: traces_figure(study), mark=MARK),), tuple(rows))
+    rows = [compared(key, *number) for key, number in protocol_found(found).items()]
+    return Made((Picture("S6.svg", alt, lambda: traces_figure(found), mark=MARK),), tuple(rows))
 
 
 RESPONSE = PaperFigure(
