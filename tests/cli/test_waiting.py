@@ -14,6 +14,11 @@ def test_nothing_over_two_seconds_is_silent() -> None:
     assert len(said) == 3
 
 
+def test_a_log_of_hours_stays_short() -> None:
+    waiting = Waiting()
+    assert 20 < sum(waiting.words(float(second)) is not None for second in range(10_000)) < 60
+
+
 def test_progress_is_said() -> None:
     waiting = Waiting()
     waiting.done = 0.42

@@ -33,7 +33,7 @@ def printed_by(command: list[str]) -> str:
     """What a command prints, stdout and stderr, whatever it ends with."""
     with io.StringIO() as text, contextlib.redirect_stdout(text), contextlib.redirect_stderr(text):
         run_command(command)
-        return text.getvalue()
+        return text.getvalue().replace(os.sep, "/")  # a page shows paths as most systems write them
 
 
 @cache

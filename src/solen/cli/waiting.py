@@ -10,8 +10,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-LOOK_S, FIRST_S, AGAIN_S = 0.2, 1.5, 10.0
-"""How often the thread looks, and when the first and each further line is due."""
+LOOK_S, FIRST_S, AGAIN_S, LATER = 0.2, 1.5, 10.0, 0.2
+"""How often the thread looks, when the first line is due and each further one: at least a fifth of the time later."""
 COMPILING = "compiling the tracer for this computer, once; it takes a minute or less, and later runs begin at once"
 TALK = {"studio", "watch", "jog", "decode", "completion"}
 """Commands that wait for a person or for readings, and answer as they come."""
@@ -43,7 +43,7 @@ class Waiting:
             return COMPILING
         if elapsed_s < self._due_s:
             return None
-        self._due_s = elapsed_s + AGAIN_S
+        self._due_s = elapsed_s + max(AGAIN_S, LATER * elapsed_s)
         parts = [f"{elapsed_s:.0f} s"]
         if self.done:
             parts.append(f"{100.0 * self.done:.0f} % done")
