@@ -36,8 +36,8 @@ def number(row: Comparison) -> str:
 
 
 def paper_number(row: Comparison) -> str:
-    """The paper's number with its unit; a dash where it states none."""
-    if row.paper_value is None:
+    """The paper's number with its unit; a dash where it states none but that there is no error or no difference."""
+    if not row.paper_value:
         return "–"
     u = f" ± {row.u_paper_value:.2g}" if row.u_paper_value else ""
     return f"{row.paper_value:g}{u}{_unit(row)}"
