@@ -23,6 +23,7 @@ from solen.geometry.coupons import layout
 from solen.material.index import forward
 from tests.bench.video_support import Camera as VideoCamera
 from tests.bench.video_support import cells, seen_by, write_avi
+from tests.fabricate.test_printed_command import features_file
 from tests.metrology.coupon_support import Camera, Print
 from tests.metrology.test_micrometer import picture as ruler
 from tools.micrograph import NAME, micrograph
@@ -165,6 +166,12 @@ def marker() -> bytes:
         return file.read_bytes()
 
 
+def features() -> bytes:
+    """Sizes of coupons as a printer that blurs by 20 µm leaves them, as `solen print fidelity` writes them."""
+    with tempfile.TemporaryDirectory() as folder:
+        return features_file(Path(folder) / "features.json").read_bytes()
+
+
 def journal() -> bytes:
     """The journal of a run on the simulated rig that was interrupted."""
 
@@ -195,6 +202,7 @@ OTHERS: dict[str, Callable[[], bytes]] = {
     "pillars-simulated.png": pillars,
     "holes-simulated.png": holes,
     "micrometer-simulated.png": micrometer,
+    "features-simulated.json": features,
     "marker-simulated.avi": marker,
     "interrupted-simulated.journal": journal,
     "rotation-simulated.csv": lambda: recording().encode(),

@@ -35,6 +35,7 @@ MEASURED = (
     ),
     Sample("pillars.png", "the coupon group-a", "print fidelity FILE --coupon group-a --um-per-px 14"),
     Sample("holes.png", "the coupon holes", "print fidelity FILE --coupon holes --um-per-px 14"),
+    Sample("features.json", "sizes of a coupon, measured", "print calibrate FILE --out printer.toml"),
     Sample("greys.csv", "discs of the coupon grey-steps", "print grey FILE --u-thickness-um 2"),
     Sample("micrometer.png", "a stage micrometer, 10 µm a line", "print scale FILE --spacing-mm 0.01"),
     Sample("lens.ome.tif", "a printed lens, with a bump and a hollow", "print inspect FILE --design sensor.toml"),

@@ -29,7 +29,7 @@ from solen.spec import template
 from tests.analysis.diagnosis_support import response
 from tests.bench.rig_support import PROTOCOL, RIG
 from tests.command_support import misfits
-from tests.fabricate.test_printed_command import features_file, sure
+from tests.fabricate.test_printed_command import sure
 from tests.report.lettering import faults
 
 SCENE = Path(__file__).resolve().parents[1] / "scenes" / "oval-relay.json"
@@ -90,7 +90,7 @@ ROWS = {
     "print fidelity": (
         f"{IN}/pillars-simulated.png --job coupons/group-a.json --um-per-px 14 --figure fidelity.svg --out a.json"
     ),
-    "print calibrate": "features.json --figure printer.svg --out process.toml",
+    "print calibrate": f"{IN}/features-simulated.json --figure printer.svg --out process.toml",
     "print grey": f"{IN}/greys-simulated.csv --u-thickness-um 2 --out greys.toml",
     "print predict": f"{DESIGN} --process sure/process.toml --no-response --figure printed.svg --out printed.json",
     "print scale": f"{IN}/micrometer-simulated.png --spacing-mm 0.01 --out scale.toml",
@@ -162,7 +162,6 @@ def answers(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Answ
     folder = tmp_path_factory.mktemp("workshop")
     (folder / "sure").mkdir()
     sure(folder / "sure")
-    features_file(folder / "features.json")
     found = {}
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)

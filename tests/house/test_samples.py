@@ -1,5 +1,6 @@
 """Sample data: complete, called simulated wherever they are read, and never copied over anything."""
 
+import json
 import re
 from pathlib import Path
 
@@ -33,6 +34,8 @@ def test_a_measurement_is_called_simulated_by_what_reads_it(name: str) -> None:
         assert read(path).provenance.simulated
     elif path.suffix in {".png", ".tif"}:
         assert read_plane(path)[1].simulated
+    elif path.suffix == ".json":
+        assert json.loads(sample(name))["simulated"] is True
     assert path.stat().st_size < 130_000
 
 
