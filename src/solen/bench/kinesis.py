@@ -193,7 +193,7 @@ class KinesisStage(LineStage):
         return bool(bits & HOMED) and not bits & (MOVING | HOMING)
 
     def _status(self) -> tuple[int, int]:
-        """Counts and bits."""
+        """Position in counts, and the status bits."""
         question = ASK_STATUS if self._scale == STEPPER else ASK_SERVO_STATUS
         _, at, bits = self._asked(_STATUS, question)
         return at, bits

@@ -96,7 +96,7 @@ class StageOf(BenchTable):
         return self
 
     def _check_drive(self, unit: str | None) -> None:
-        """Refuse a stage that cannot drive what it should."""
+        """Refuse a stage that cannot produce the stimulus of ``drives``."""
         if self.drives == "depth":
             if unit == "deg":
                 raise refused("drives", "is for a linear stage", value="depth", remedy='leave it out, or unit = "mm"')

@@ -303,7 +303,9 @@ class _Runner:
                     f"reads {self._force_N():.3g} N at the end of travel, {end:g} {step.unit}, and {to_N:g} N is asked"
                 )
                 raise BenchError(
-                    self.on.cell.name if self.on.cell else "load cell", limit=limit, remedy="is it in touch?"
+                    self.on.cell.name if self.on.cell else "load cell",
+                    limit=limit,
+                    remedy="check that the finger touches the sensor",
                 )
             self._tick(self.now_s + 1.0)
             self._read()

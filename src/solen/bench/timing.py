@@ -37,7 +37,7 @@ NOTABLE = 0.005
 
 @dataclass(frozen=True, eq=False)
 class Looks:
-    """Where a stage was.
+    """Positions of a stage at times of the run.
 
     Attributes
     ----------

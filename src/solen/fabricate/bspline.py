@@ -139,7 +139,7 @@ def _interpolated(curve: Curve) -> BSpline:
 
 
 def _even_parameter(curve: Curve) -> Callable[..., FloatArray]:
-    """A curve's own parameter as a function of one that grows with length, turning and itself, from 0 to 1."""
+    """A curve's parameter as a function of one, from 0 to 1, that increases with length, turning and the parameter."""
     u = np.linspace(0.0, 1.0, 2 * PANELS + 1)
     per_u = curve.velocities(u)
     speed = np.hypot(*per_u.T)

@@ -1,8 +1,8 @@
 """Contact of the outline with rigid, frictionless round fingers.
 
-The idea: the nodes that a finger touches lie on its circle, and it can only push. Which ones do is found with the
-displacements: a node belongs to the contact while its force pushes, or as soon as it would lie inside the circle
-(primal-dual active set; Hintermüller, Ito & Kunisch 2003).
+The idea: the nodes that a finger touches lie on its circle, and it can only push. The contact is solved
+together with the displacements: a node belongs to it while its force pushes, or as soon as it would lie inside the
+circle (primal-dual active set; Hintermüller, Ito & Kunisch 2003).
 
 The interface: `fingers_of` a mesh; `Touch` holds the contact of all of them in one state, and its derivatives.
 """

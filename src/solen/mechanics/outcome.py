@@ -48,7 +48,7 @@ class Outcome:
     thickness_mm: float
 
     def deformed(self) -> Deformed:
-        """All that it says."""
+        """The deformed body: walls, reactions, contacts and strain."""
         mesh = self.problem.elements.mesh
         moves = self._points - mesh.points_mm
         walls = {name: Wall(e.u, mesh.points_mm[e.nodes], moves[e.nodes]) for name, e in mesh.faces.items()}

@@ -377,7 +377,7 @@ def _alone(kept: BoolArray, inside: BoolArray) -> BoolArray:
 
 
 def _beside(odd: BoolArray) -> BoolArray:
-    """Odd points, and those up to `BESIDE` points beside them, as whatever lies on an edge fades out."""
+    """Outliers with `BESIDE` neighbours to either side, as an object on an edge fades out gradually."""
     return np.asarray(ndimage.binary_dilation(odd, iterations=BESIDE)) if odd.any() else odd
 
 

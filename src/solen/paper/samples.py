@@ -77,7 +77,7 @@ def _exposures(model: str) -> str:
 
 
 def _discs(model: str, kind: str) -> str:
-    """Thicknesses of cured discs; of what the working curve leaves liquid there is no row."""
+    """Thicknesses of cured discs; doses that leave the resin liquid have no row."""
     settings = default_process().process
     dp, ec = settings.Dp_um, settings.Ec_mJ_per_cm2
     if kind == "pristine":

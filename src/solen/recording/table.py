@@ -63,7 +63,7 @@ def check_rows(grid: Grid, place: Layout) -> None:
     unnamed = next((n for n, name in enumerate(place.names) if n and not name), None)  # an index may be, a column not
     if unnamed is not None and any(any(grid.rows[row][unnamed : unnamed + 1]) for row in place.body):
         limit = f"is unnamed, above column {unnamed + 1}"
-        raise grid.refused(place.header, None, limit, "name every column that holds something")
+        raise grid.refused(place.header, None, limit, "give every column that has values a name")
     if not place.body:
         raise grid.source.refused("", "has a header and no rows", "export it again")
     for row in place.body:

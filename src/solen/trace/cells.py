@@ -175,7 +175,7 @@ def halved(bounds: Bounds, along: int) -> list[Bounds]:
 
 
 def accounted(value: FloatArray) -> float:
-    """All that is known of where light goes: to receivers, escaped, absorbed, and what is unfinished."""
+    """Share of the light whose fate is known: detected, escaped or absorbed, with the unfinished rest."""
     return math.fsum(value[: 2 - MORE_COLUMNS]) + float(value[-1])
 
 

@@ -58,5 +58,5 @@ def by_nets(
 
 
 def with_rays(scene: Scene, rays: int) -> Scene:
-    """A scene each of whose sources has so many rays."""
+    """The scene with this number of rays for each source."""
     return replace(scene, sources=tuple(source.with_rays(rays) for source in scene.sources))

@@ -163,7 +163,7 @@ def orders_of(grating: Grating, ray: Arrival) -> list[Part]:
 
 
 def _diffracted(grating: Grating, ray: Arrival, draw: Draw, counting: bool) -> tuple[Part, Part]:
-    """One order with the power of all, drawn by their powers."""
+    """One order, drawn with probability in proportion to its power; it carries the power of all orders."""
     nothing, orders = Part(ray.direction, 0.0, 0.0), orders_of(grating, ray)
     if not orders:
         return nothing, nothing

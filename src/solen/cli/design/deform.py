@@ -32,7 +32,7 @@ def _(result: Deformation) -> Iterator[str]:
 
 
 def _rounded(value: float, size: float = 1.0) -> float:
-    """A number without what is left of it by rounding."""
+    """A number, or 0 where it is rounding error alone."""
     return value if abs(value) > ROUND_OFF * size else 0.0
 
 

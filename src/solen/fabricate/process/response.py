@@ -353,7 +353,7 @@ def _of_picture(path: Path) -> list[list[float]]:
         raise DataError(str(path), value=f"{pages} pages", limit="must be one picture", remedy="save that of the pixel")
     if int(light.max()) in _FULL_SCALES and np.count_nonzero(light == light.max()) > 1:
         limit = f"is overexposed: {np.count_nonzero(light == light.max()):,} samples are {light.max():g}"
-        raise DataError(str(path), limit=limit, remedy="expose it shorter; its values must be in proportion to light")
+        raise DataError(str(path), limit=limit, remedy="expose less: values must be in proportion to the light")
     rows: list[list[float]] = light[::-1].astype(float).tolist()
     return rows
 

@@ -336,7 +336,7 @@ def _warnings(
             )
         )
     if kinds == 2:
-        warnings.append(note("two exposures do not show whether the change is along a straight line"))
+        warnings.append(note("two exposures do not show whether the change is linear"))
     unclear = [f"{one.wavelength_nm:g} nm" for one in at if not _resolved(one.trend_T)]
     if unclear:
         warnings.append(look_at(f"no trend of T with exposure is resolved at {', '.join(unclear)}"))

@@ -266,7 +266,9 @@ def _warnings(model: Cauchy | Sellmeier, one: Solved, points: Points) -> list[Ca
             )
         )
     if points.u is None and not points.shared.size:
-        warnings.append(look_at("the uncertainty of the fit is from scatter alone: what all points share is not in it"))
+        warnings.append(
+            look_at("the uncertainty of the fit is from scatter alone: errors common to all points are not included")
+        )
     if isinstance(model, Sellmeier):
         warnings += [
             look_at(

@@ -45,7 +45,8 @@ class Interference(Result):
     thickness_um, u_thickness_um
         Mean thickness, and its standard uncertainty.
     optical_thickness_um, u_optical_thickness_um
-        n times thickness at the middle of the spectrum, and its standard uncertainty; None if only the levels count.
+        n times thickness at the middle of the spectrum, and its standard uncertainty; None where the index
+        rests on the levels of T and R alone.
     thickness_spread_percent
         Standard deviation of the thickness within the beam, as the contrast shows it.
     slit_nm

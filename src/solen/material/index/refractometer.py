@@ -59,7 +59,7 @@ WIDE95 = 1.959963984540054
 
 NotBelow0 = Annotated[Finite, Field(ge=0)]
 _STEPS = 30
-_SURE = 0.01  # chance below which values and prior count as at odds
+_SURE = 0.01  # chance below which values and prior disagree
 _STEP = 1e-30
 
 
@@ -436,8 +436,8 @@ def _warnings(values: _Values, prior: Prior, model: Cauchy, abbe: tuple[float, f
     if gammaincc(freedom / 2, chi2 / 2) < _SURE:
         return [
             look_at(
-                f"values and prior are at odds (χ² = {chi2:.1f} for {freedom}): together they say V = {abbe[0]:.1f} ± "
-                f"{abbe[1]:.1f}, expected was {prior.abbe:.0f} ± {prior.u_abbe:.0f}; check the wavelengths and u(n)"
+                f"values and prior disagree (χ² = {chi2:.1f} for {freedom}): combined V = {abbe[0]:.1f} ± "
+                f"{abbe[1]:.1f}, prior {prior.abbe:.0f} ± {prior.u_abbe:.0f}; check the wavelengths and u(n)"
             )
         ]
     return []

@@ -59,7 +59,7 @@ def _undetermined(fit: Fit) -> Caution | None:
     if not loose:
         return None
     names = ", ".join(loose)
-    return look_at(f"{names} of {fit.model.kind}: uncertainty beyond the value itself; fewer parameters would do")
+    return look_at(f"{names} of {fit.model.kind}: the uncertainty exceeds the value; use a model with fewer parameters")
 
 
 def _misfit(fit: Fit) -> list[Caution]:

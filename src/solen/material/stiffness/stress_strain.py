@@ -223,7 +223,7 @@ def _loading(
     if assumed:
         warnings = (
             look_at(
-                "taken as tension: nothing in the file says so, and its signs are positive; --mode compression if not"
+                "tension is assumed: the file states no mode and its signs are positive; else state --mode compression"
             ),
         )
     return "tension", (f"tension, by its signs: {signs}",), warnings

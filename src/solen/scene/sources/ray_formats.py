@@ -81,7 +81,7 @@ def read_rays(path: Path | str) -> RaySet:
 
 @lru_cache(maxsize=4)
 def _read(path: Path, _changed: int) -> RaySet:
-    """Rays of a file as it was at a time: remembered, as one scene after the other asks for them."""
+    """Rays of a file, cached by its time of modification, as every scene reads them."""
     try:
         data = path.read_bytes()
     except OSError as bad:
