@@ -8,7 +8,8 @@ light first.
 
 from solen.analysis.figures_of_merit import ReceiverResponse
 from solen.analysis.motion import find_motion
-from solen.analysis.sensor_response import AnalysisOptions, Run, SensorResponse, group_of, sensor_response
+from solen.analysis.run import Run
+from solen.analysis.sensor_response import AnalysisOptions, SensorResponse, group_of, sensor_response
 from solen.analysis.signals import SignalOptions, Signals, Waveforms
 from solen.analysis.study import Study, study
 from solen.analysis.timebase import time_base

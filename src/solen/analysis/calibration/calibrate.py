@@ -15,7 +15,8 @@ from solen.analysis.calibration.estimate import Calibration, calibrated, pooled
 from solen.analysis.calibration.file import SUFFIX, CalibrationFile, Cell, Checked, curves_of, rails_of
 from solen.analysis.calibration.training import training_of
 from solen.analysis.load_cell import least_known
-from solen.analysis.sensor_response import Run, SensorResponse
+from solen.analysis.run import Run
+from solen.analysis.sensor_response import SensorResponse
 from solen.analysis.study import Study
 from solen.errors import DataError, SpecError
 from solen.files import check_name

@@ -14,7 +14,8 @@ import numpy as np
 from scipy.signal import savgol_filter
 
 from solen.analysis.motion import Cycle, Motion, Ramp
-from solen.analysis.sensor_response import Run, SensorResponse
+from solen.analysis.run import Run
+from solen.analysis.sensor_response import SensorResponse
 from solen.arrays import FloatArray
 from solen.recording.stimulus import FORCE
 

@@ -11,7 +11,8 @@ import numpy as np
 from solen.analysis.calibration.steady import OUT, smoothed
 from solen.analysis.motion import Motion
 from solen.analysis.response import DIRECTIONS, Passes, common_range, passes
-from solen.analysis.sensor_response import Run, SensorResponse
+from solen.analysis.run import Run
+from solen.analysis.sensor_response import SensorResponse
 from solen.arrays import BoolArray, FloatArray, IndexArray
 from solen.errors import DataError
 from solen.recording.column_roles import left_right
