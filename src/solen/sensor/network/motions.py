@@ -36,8 +36,6 @@ class Combination:
         By motion: angles whose squares add up to 1 deg².
     singular_per_deg, u_singular_per_deg
         Change of all readings together per degree, in standard deviations of their noise; its uncertainty is a bound.
-    is_determined
-        Whether that is more than its uncertainty.
     """
 
     shares: dict[str, float]
@@ -46,7 +44,7 @@ class Combination:
 
     @property
     def is_determined(self) -> bool:
-        """Whether the readings determine it."""
+        """Whether the readings determine it: whether that change is more than its uncertainty."""
         return self.singular_per_deg > SURE * self.u_singular_per_deg
 
     @property
