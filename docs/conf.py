@@ -51,7 +51,7 @@ nitpick_ignore_regex = [
         r"py:.*",
         r"FieldInfo|NoneType|[GL][te]|(Min|Max)Len|AllowInfNan|PydanticUndefined|inf|-?[\d.]+(e[-+]?\d+)?",
     ),  # limits and defaults of a field
-    (r"py:class", r"(list|dict)\[\w+(\[\w+)?|array"),  # types of fields with a factory, cut at their first comma
+    (r"py:class", r"(list|dict|tuple)\[\w+(\[\w+)?|array"),  # types of fields with a factory, cut at their first comma
 ]
 
 suppress_warnings = ["ref.python"]  # two classes of one name, in rooms apart
