@@ -19,15 +19,9 @@ from solen.analysis.detected import command, explicit, find_log
 from solen.analysis.drive import Drive, driven, refuse_without
 from solen.analysis.motion import Motion
 from solen.analysis.protocol_angle import angle_by_protocol
+from solen.analysis.samples import ambient_by_side, sample_times
 from solen.analysis.sensor_response import AnalysisOptions, SensorGroup, SensorResponse, group_of, sensor_response
-from solen.analysis.signals import (
-    TIMES_OF_LOG,
-    Signals,
-    Switching,
-    Waveforms,
-    ambient_by_side,
-    sample_times,
-)
+from solen.analysis.signals import TIMES_OF_LOG, Signals, Switching, Waveforms
 from solen.analysis.waveforms import waveforms
 from solen.errors import DataError, SolenError, SpecError
 from solen.ranks import Caution, look_at, note, of

@@ -18,7 +18,8 @@ from solen.analysis.demodulation.demodulate import swapped
 from solen.analysis.demodulation.flicker import MAINS_HZ
 from solen.analysis.demodulation.readings import Switched, switched
 from solen.analysis.demodulation.samples import DEFAULT_SETTLE_US, Samples
-from solen.analysis.signals import AngleSource, SignalOptions, Switching, Waveforms, sampled
+from solen.analysis.samples import sampled
+from solen.analysis.signals import AngleSource, SignalOptions, Switching, Waveforms
 from solen.analysis.timebase import time_base
 from solen.arrays import IndexArray
 from solen.errors import SpecError

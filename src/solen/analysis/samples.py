@@ -1,0 +1,217 @@
+"""Samples of a recording: times, receivers and stimulus from its columns, in s, V and the stimulus' unit.
+
+The interface: `sampled` of a recording gives `Waveforms`; `sample_times`; `ambient_by_side`.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+
+from solen.analysis.drive import Drive, driven
+from solen.analysis.signals import TIMES, AngleSource, SignalOptions, Waveforms
+from solen.analysis.timebase import TimeBase, time_base
+from solen.arrays import BoolArray, FloatArray
+from solen.errors import DataError, SpecError
+from solen.ranks import Caution, look_at
+from solen.recording import Channel, Recording
+from solen.recording.column_roles import (
+    ENDS_IN_V,
+    NAMED_UNITS,
+    column_of,
+    companion,
+    existing,
+    named_column,
+    receiver_columns,
+    side_of,
+)
+from solen.recording.stimulus import ANGLE
+from solen.recording.words import plain
+from solen.units import factor
+
+_BRACKETED = re.compile(
+    r"[(\[]\s*([^()\[\]\d]+?)\s*[)\]]\s*$"
+)  # a word in brackets at the end, where a unit is written
+_SLOW_S = 1.0  # from this step on, a time without a unit may count samples or ms
+_HIGH_V = 100.0  # above what any receiver here shows
+
+
+def ambient_by_side(recording: Recording) -> dict[str, float]:
+    """Mean of the ambient light that was subtracted from the right and the left receiver, where it is recorded."""
+    columns = {side: recording.find(f"{side}_ambient", f"ambient_{side}") for side in ("right", "left")}
+    return {
+        side: float(np.nanmean(column.values))
+        for side, column in columns.items()
+        if column is not None and np.isfinite(column.values).any()
+    }
+
+
+def sampled(recording: Recording, options: SignalOptions, angle: AngleSource = "optional") -> Waveforms:
+    """Unprocessed samples of a recording.
+
+    Parameters
+    ----------
+    recording
+        Its columns.
+    options
+        Roles of the columns.
+    angle
+        With ``elsewhere`` the angle, force or depth is not looked for.
+
+    Raises
+    ------
+    DataError, SpecError
+        If a column is missing, holds no numbers or has a unit of another kind.
+    """
+    warnings: list[Caution] = list(recording.warnings)
+    base = sample_times(recording, options, warnings)
+    drive = None if angle == "elsewhere" else driven(recording, options, base, warnings)
+    channels = _receivers(recording, options, drive)
+    warnings += [] if options.channel else _passed_over(recording, channels)
+    unit, file = _unit_of(channels.values()), _file(recording)
+    flags = [_clipped_flags(recording, channel) for channel in channels.values()]
+    samples = Waveforms(
+        time_s=base.time_s,
+        step_s=base.step_s,
+        receivers=tuple(channels),
+        volts=np.column_stack([_values(channel, unit, file, warnings) for channel in channels.values()])[base.order],
+        unit=unit,
+        angle_deg=None if drive is None else drive.values,
+        stimulus=ANGLE if drive is None else drive.stimulus,
+        cell=None if drive is None else drive.cell,
+        clipped=np.column_stack(flags)[base.order] if any(flag.any() for flag in flags) else None,
+        ambient_subtracted=all(companion(recording, one, "ambient") is not None for one in channels.values()),
+        window_s=_window_s(recording),
+        warnings=(*base.warnings, *warnings),
+    )
+    return _complete(samples, _file(recording))
+
+
+def _window_s(recording: Recording) -> float:
+    """Time over which each row is a mean, as `solen bench demodulate` writes it."""
+    column = recording.find("window")
+    return 0.0 if column is None or column.unit != "s" else float(np.nanmedian(column.values))
+
+
+def _file(recording: Recording) -> str:
+    return recording.provenance.file or "recording"
+
+
+def _complete(samples: Waveforms, file: str) -> Waveforms:
+    """Samples that lack no number."""
+    finite = np.isfinite(samples.volts)
+    for name, held in zip(samples.receivers, finite.T, strict=True):
+        if not held.any():
+            raise DataError(f"{file}: {name}", limit="holds no number", remedy="leave it out")
+    kept = np.asarray(finite.all(axis=1))
+    if samples.angle_deg is not None:
+        kept &= np.isfinite(samples.angle_deg)
+    if kept.all():
+        return samples
+    warning = look_at(f"{int((~kept).sum())} of {kept.size} samples lack a number and are left out")
+    return replace(samples.rows(kept), warnings=(*samples.warnings, warning))
+
+
+def _clipped_flags(recording: Recording, channel: Channel) -> BoolArray:
+    marks = companion(recording, channel, "clipped")
+    return np.zeros(channel.values.size, dtype=bool) if marks is None else np.asarray(marks.values > 0.5)
+
+
+def _time_column(recording: Recording, options: SignalOptions) -> Channel | None:
+    if options.time is not None:
+        return named_column(recording, options.time, "--time")
+    return column_of(recording, "time") if options.rate_hz is None else None
+
+
+def sample_times(
+    recording: Recording, options: SignalOptions, warnings: list[Caution], named: tuple[str, str] = TIMES
+) -> TimeBase:
+    """Order and times of a recording's samples; assumptions are added to the warnings.
+
+    ``named`` are the options that state its column of times and its rate.
+    """
+    return time_base(_time_s(recording, options, warnings, named), f"{recording.provenance.file}: time")
+
+
+def _time_s(
+    recording: Recording, options: SignalOptions, warnings: list[Caution], named: tuple[str, str]
+) -> FloatArray:
+    channel, file = _time_column(recording, options), _file(recording)
+    if channel is None:
+        if options.rate_hz is None:
+            remedy = f"name it with {named[0]}, or give {named[1]}; {existing(recording)}"
+            raise DataError(file, limit="no column is recognised as the time", remedy=remedy)
+        return np.arange(recording.channels[0].values.size) / options.rate_hz
+    unit = options.time_unit or channel.unit or NAMED_UNITS.get(plain(channel.name), "")
+    if not unit:
+        return _seconds_assumed(channel, file, warnings)
+    scale = factor(unit, "s")
+    if scale is None:
+        remedy = "name another column with --time, or its unit with --time-unit"
+        raise DataError(f"{file}: {channel.name}", value=unit, limit="is not a unit of time", remedy=remedy)
+    return channel.values * scale
+
+
+def _seconds_assumed(channel: Channel, file: str, warnings: list[Caution]) -> FloatArray:
+    steps = np.diff(channel.values)
+    usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
+    if usual >= _SLOW_S:
+        limit = f"states no unit, and its steps of {usual:.3g} may be ms, s or samples"
+        raise DataError(f"{file}: {channel.name}", limit=limit, remedy="give --time-unit ms, or --rate-hz")
+    rate = f", which makes {1 / usual:.4g} samples per second" if usual else ""
+    warnings.append(look_at(f"{channel.name} states no unit; s is assumed{rate}"))
+    return channel.values
+
+
+def _receivers(recording: Recording, options: SignalOptions, drive: Drive | None) -> dict[str, Channel]:
+    """Columns of the receivers by their names."""
+    time = _time_column(recording, options)
+    taken = {*(() if time is None else (time.name,)), *(() if drive is None else drive.columns)}
+    if options.channel:
+        named = {name: named_column(recording, text, "--channel") for name, text in options.named_receivers}
+        for name, count in Counter([*(one.name for one in named.values()), *taken]).items():
+            if count > 1:
+                limit = f"has two roles in {recording.provenance.file}"
+                raise SpecError("--channel", value=name, limit=limit, remedy="give each role its own column")
+        return named
+    columns = receiver_columns([channel for channel in recording.channels if channel.name not in taken])
+    if not columns:
+        remedy = f"name them with --channel NAME=COLUMN; {existing(recording)}"
+        raise DataError(_file(recording), limit="no column is recognised as a receiver's voltage", remedy=remedy)
+    return {column.name: column for column in columns}
+
+
+def _passed_over(recording: Recording, channels: Iterable[str]) -> list[Caution]:
+    """Columns that are named like a receiver but have an unknown unit, beside others in V."""
+    rest = {one.name: _BRACKETED.search(one.name) for one in recording.channels if one.name not in channels}
+    return [
+        look_at(f'{name} is not used: "{unit[1]}" is not a known unit; --channel NAME=COLUMN uses it')
+        for name, unit in rest.items()
+        if unit and side_of(name)
+    ]
+
+
+def _unit_of(channels: Iterable[Channel]) -> str:
+    """Unit of the receivers: V, unless one states another that cannot be converted to it."""
+    units = [one.unit for one in channels if one.unit and one.unit != "1"]
+    return next((unit for unit in units if factor(unit, "V") is None), "V")
+
+
+def _values(channel: Channel, unit: str, file: str, warnings: list[Caution]) -> FloatArray:
+    """Values of a receiver in the unit of all."""
+    if unit != "V" or (channel.unit and channel.unit != "1"):
+        scale = factor(channel.unit, unit) if channel.unit else None
+        if scale is None:
+            limit = f"is not a unit that a receiver can have beside one in {unit}"
+            remedy = "choose receivers of one kind with --channel NAME=COLUMN"
+            raise DataError(f"{file}: {channel.name}", value=channel.unit or "none", limit=limit, remedy=remedy)
+        return channel.values * scale
+    if not ENDS_IN_V.search(channel.name):
+        largest = float(np.nanmax(np.abs(channel.values), initial=0.0))
+        doubt = f"; up to {largest:.4g} V is much: are they mV?" if largest > _HIGH_V else ""
+        unknown = _BRACKETED.search(channel.name)
+        states = f'states "{unknown[1]}", which is not a known unit' if unknown else "states no unit"
+        warnings.append(look_at(f"{channel.name} {states}; V is assumed{doubt}"))
+    return channel.values
