@@ -137,6 +137,9 @@ def test_motions_that_cannot_be_separated_are_refused_by_their_names(mixed: obje
 def test_a_grid_alone_is_warned_of_as_it_may_miss_what_lies_between(made: NetworkCalibrations) -> None:
     assert any("grid" in line for line in made.warnings)
 
+
+@pytest.mark.evidence
+def test_scattered_states_show_what_a_grid_alone_misses() -> None:
     def fine(lean: FloatArray, sway: FloatArray) -> FloatArray:
         """As before at every place of a grid of 6, and another 1 deg beside it."""
         return light(lean, sway) * (1.0 + 0.1 * np.sin(np.pi * (lean + 10.0) / 4.0))[..., None, None]

@@ -65,8 +65,8 @@ mean_mw_cm2 = 0.02
 flicker_percent = 30.0
 flicker_hz = 100.0
 """
-_PLAN = """# States for a calibration, held long enough to be averaged: every combination of some places, and many that are
-# scattered between them, which show what a grid alone would miss.
+_PLAN = """# States for a calibration, held long enough to be averaged: every combination of some places,
+# and many that are scattered between them, which show what a grid alone would miss.
 schema = 1
 name = "states"
 

@@ -10,7 +10,7 @@ The interface: `network_readings` of a file; `analysed_network`; `calibrated_net
 
 from solen.analysis.network.calibrate import NetworkCalibrations, calibrated_network
 from solen.analysis.network.decoder import NetworkDecoded, NetworkDecoder
-from solen.analysis.network.file import NetworkCalibration
+from solen.analysis.network.file import NetworkCalibration, load_network
 from solen.analysis.network.recorded import NetworkReadings, holds_network, network_readings
 from solen.analysis.network.states import NetworkStates, analysed_network
 from solen.analysis.network.stream import NetworkDecoding
@@ -26,5 +26,6 @@ __all__ = [
     "analysed_network",
     "calibrated_network",
     "holds_network",
+    "load_network",
     "network_readings",
 ]

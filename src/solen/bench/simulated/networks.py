@@ -118,7 +118,8 @@ def traced_network(
     DesignError
         If the body cannot be built in a state.
     """
-    made_of = __version__, dumps(design), Sensor.of(design).material, wires, dict(ranges_deg)
+    named = list(wires.lit_by), list(wires.read_on)
+    made_of = __version__, dumps(design), Sensor.of(design).material, named, dict(ranges_deg)
     key = hashlib.sha256(repr(made_of).encode()).hexdigest()
     found = None if kept is None else _read(kept, key)
     if found is None:
