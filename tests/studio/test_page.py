@@ -260,6 +260,39 @@ def test_the_tab_of_the_print_shows_the_part_and_its_layers(
     assert float(dict(seen["layers"]["rows"])["volume_error"]) == found["volume_error"]
 
 
+def test_the_tab_of_the_microscope_measures_between_two_marks(
+    seen: dict[str, Any], commanded: Callable[[str], dict[str, Any]]
+) -> None:
+    """The marks are set in pixels of the picture, whatever size it is shown at."""
+    x0, z0, x1, z1, length_um = seen["bar"]
+    assert [x0, z0, x1, z1] == pytest.approx([74.0, 324.0, 602.0, 324.0], abs=2.0), "of 740 x 360 pixels"
+    assert length_um == 3100.0
+    found, shown = commanded(seen["microscope"]["same"][0]), seen["microscope"]
+    rows = {name: value for name, value in shown["rows"] if value}
+    assert found["scale"]["um_per_px"] == pytest.approx(3100.0 / (x1 - x0))
+    for name in ("scale.um_per_px", "deviation.rms_um", "deviation.max_um"):
+        table, key = name.split(".")
+        assert float(rows[name]) == found[table][key]
+    assert shown["figure"] > 300
+    assert seen["lens"] == "sensor-studio/inspect-2/lens.json"
+
+
+def test_the_tab_of_the_bench_shows_what_its_command_answers(
+    seen: dict[str, Any], commanded: Callable[[str], dict[str, Any]]
+) -> None:
+    found, shown = commanded(seen["bench"]["same"][0]), seen["bench"]
+    rows = {name: value for name, value in shown["rows"] if value}
+    assert len(found["sensors"]) == 3
+    numbers = {name for name in rows if name.startswith("sensors[0].") and name.endswith("_V")}
+    assert numbers
+    for name in numbers:
+        value: Any = found["sensors"][0]
+        for key in name.removeprefix("sensors[0].").split("."):
+            value = value[key]
+        assert float(rows[name]) == value
+    assert shown["figure"] > 300
+
+
 @pytest.mark.evidence
 def test_how_long_a_drag_takes(tmp_path: Path) -> None:
     """From a request to what is drawn, in a browser on this computer, and the same without the compiled batch."""

@@ -1,7 +1,7 @@
 // Drives the page as a person would, and prints what was seen as one JSON object. Called by tests/studio/test_page.py.
 import { readFileSync } from "node:fs";
 import { chromium } from "playwright-core";
-import { print, resin } from "./tabs.mjs";
+import { bench, microscope, print, resin } from "./tabs.mjs";
 
 const [address, folder, program, extent, exported] = process.argv.slice(2);
 const whole = extent === "whole"; // with screenshots and times
@@ -158,6 +158,8 @@ for (const light of whole ? ["plane", "space"] : []) {
 
 await resin(page, seen, folder, audit);
 await print(page, seen, folder, audit);
+await microscope(page, seen, folder, audit);
+await bench(page, seen, folder, audit, whole);
 
 await page.emulateMedia({ colorScheme: "dark" });
 await audit("dark");

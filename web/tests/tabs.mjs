@@ -48,6 +48,62 @@ export async function print(page, seen, folder, audit) {
   await panel.locator('canvas.layer[data-layer="2"]').waitFor();
   await audit("layers");
   await page.screenshot({ path: `${folder}/layers.png` });
+
+// Two marks by mouse and keys, a lens between them, and that lens in the design.
+export async function microscope(page, seen, folder, audit) {
+  const panel = page.locator("#panel-microscope");
+  await page.locator("#tab-microscope").click();
+  await panel.locator("form").waitFor();
+  await panel.locator('[id="field-print-inspect.um_per_px"]').fill("7"); // begins with it, and again with the marks
+  await panel.locator('[id="field-print-inspect.um_per_px"]').press("Tab");
+  await panel.locator("input[type=file]").setInputFiles(at("src/solen/examples/lens-simulated.ome.tif"));
+  await panel.locator(".values").waitFor({ timeout: 60_000 });
+  await panel.locator('[id="field-print-inspect.um_per_px"]').fill("");
+  await panel.locator('[id="field-print-inspect.um_per_px"]').press("Tab");
+  await panel.getByRole("button", { name: "picture", exact: true }).click();
+  await page.waitForFunction(() => document.querySelector(".framed img").naturalWidth > 0, null, { timeout: 60_000 });
+  const box = await panel.locator(".framed img").boundingBox();
+  for (const share of [0.1, 0.8]) await page.mouse.click(box.x + share * box.width, box.y + 0.9 * box.height);
+  await panel.locator("#mark-1").focus();
+  await page.keyboard.press("Shift+ArrowRight");
+  await panel.locator("input[name=bar]").fill("3100");
+  await panel.locator("input[name=bar]").press("Tab");
+  seen.bar = (await panel.locator('[id="field-print-inspect.bar"]').inputValue()).split(", ").map(Number);
+  await audit("marks");
+  await page.screenshot({ path: `${folder}/marks.png` });
+  await panel.locator("form button[type=submit]").click();
+  await page.waitForFunction(() => [...document.querySelectorAll("#panel-microscope .jobs .unit")].map((one) => one.textContent).join().match(/done/g)?.length === 2, null, { timeout: 60_000 });
+  await panel.locator(".values").waitFor();
+  seen.microscope = await shown(panel);
+  await page.screenshot({ path: `${folder}/microscope.png` });
+  await panel.getByRole("button", { name: "Use as the lens" }).click();
+  await page.waitForFunction(() => document.querySelector("solen-studio").values.lens.shape === "measured");
+  seen.lens = await page.evaluate(() => document.querySelector("solen-studio").values.lens.profile);
+  await page.locator("#tab-design").click();
+  await page.keyboard.press("Control+z");
+  await page.waitForFunction(() => document.querySelector("solen-studio").values.lens.shape !== "measured");
+}
+
+// A recording; with `live` a simulated rig too, as it runs.
+export async function bench(page, seen, folder, audit, live) {
+  const panel = page.locator("#panel-bench");
+  await page.locator("#tab-bench").click();
+  await panel.locator("form").waitFor();
+  await panel.locator("input[type=file]").setInputFiles(at("src/solen/examples/rotation-simulated.csv"));
+  await panel.locator("img.figure").waitFor({ timeout: 60_000 });
+  await panel.locator(".values").waitFor();
+  seen.bench = await shown(panel);
+  await audit("bench");
+  await page.screenshot({ path: `${folder}/bench.png` });
+  if (live) {
+    await panel.locator(".command select").selectOption("bench new");
+    await panel.locator("form button[type=submit]").click();
+    await panel.getByRole("button", { name: "Run the rotation" }).click({ timeout: 60_000 });
+    await panel.locator(".live canvas").waitFor({ timeout: 60_000 });
+    await page.screenshot({ path: `${folder}/run.png` });
+    await panel.getByRole("button", { name: "Calibrate" }).waitFor({ timeout: 120_000 });
+    await audit("run");
+  }
   await page.locator("#tab-design").click();
 }
 

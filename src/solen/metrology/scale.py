@@ -140,11 +140,13 @@ class ScaleOptions(Options):
 
 
 def _of_bar(bar: Any) -> dict[str, float]:
-    """Size of a pixel from a distance between two places that are clicked, with its uncertainty; empty if malformed."""
+    """Size of a pixel from two places and their distance, with its uncertainty; empty for what its field refuses."""
     try:
         x0, z0, x1, z1, length_um = map(float, bar)
     except (TypeError, ValueError):
-        return {}  # refused with its own line
+        return {}
+    if length_um <= 0.0:
+        return {}
     px = math.hypot(x1 - x0, z1 - z0)
     if px < LEAST_BAR_PX:
         limit = f"has ends {px:.3g} pixels apart; at least {LEAST_BAR_PX:g} tell the size of one"
