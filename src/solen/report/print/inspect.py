@@ -146,4 +146,5 @@ def _deviations(axes: Axes, inspection: LensInspection, norm: TwoSlopeNorm) -> N
     axes.axhline(0.0, color=INK, lw=0.7)
     most = float(np.abs(deviation).max())
     axes.set(xlabel="x (mm)", ylabel="deviation, + outwards (µm)", ylim=(-1.4 * most, 2.1 * most))
-    axes.legend()
+    if _rivals(inspection):
+        axes.legend()
