@@ -12,13 +12,14 @@ from solen.plane import Point, Rigid
 from solen.report.design.network import csv_table, network_figure
 from solen.scene import Fan, Interface, Region, Scene
 from solen.sensor import Sensor
-from solen.sensor.network import network_check, network_response, network_study, network_trace
+from solen.sensor.network import in_turn, network_check, network_response, network_study, network_trace
 from solen.sensor.network.readings import readings_of
 from solen.sensor.network.slopes import network_sensitivities
 from solen.sensor.traced import one_lit
-from solen.spec import Design, with_values
+from solen.spec import Design, loads, template, with_values
 from solen.trace import trace
 from solen.trace import trace_reference as reference
+from solen.trace.nets import by_nets
 from solen.trace.options import TraceOptions
 from tests.geometry.network_support import INDEX, READINGS, WAYS, random_network, three_guides, y_network
 
@@ -308,3 +309,38 @@ def test_of_several_emitters_one_is_named() -> None:
     assert one_lit(the_y(), None) == the_y()
     with pytest.raises(SpecError, match="network"):
         one_lit(the_y(), "b")
+
+
+def check_errors(design: Design, lattices: int) -> None:
+    """Errors of powers by one lattice of rays after another are covered by their uncertainties, and not far below."""
+    every = [network_response(design, [{}], 1e-3, lattice=number) for number in range(lattices)]
+    sensors = in_turn(design)
+    fine = [by_nets(sensor.scene(), 1.0, "power", first_rays=2**18, seed=999) for sensor in sensors]
+    true = np.array([[one.detectors[name].power for name in every[0].receivers] for one in fine])
+    away = np.array([(one.power[0] - true) / one.u_power[0] for one in every])
+    rms, median = np.sqrt(np.mean(away**2)), np.median(np.abs(away))
+    print(f"{design.name}: {away.size} errors over u: rms {rms:.3f}, median {median:.3f}")
+    print(f"{design.name}: rms by power {np.round(np.sqrt(np.mean(away**2, axis=0)), 2).tolist()}")
+    assert rms < 1.0 + 2.0 / math.sqrt(2.0 * away.size)
+    assert median > 0.1
+
+
+def test_errors_of_powers_are_what_is_stated() -> None:
+    check_errors(three_guides(), 12)
+
+
+@pytest.mark.evidence
+@pytest.mark.parametrize("name", ["hand-860", "robot-860"])
+def test_errors_of_powers_of_shipped_networks_are_what_is_stated(name: str) -> None:
+    check_errors(with_values(loads(template(name)), {"trace.dimension": "2d"}), 40)
+
+
+def test_a_derivative_is_that_of_an_emitter_that_is_named() -> None:
+    second = {"name": "other", "lens": "main", "offset_mm": 0.05}
+    design = y_network(the_y(), emitters=[{"name": "led", "lens": "main"}, second])
+    sensor, key = Sensor.of(design), "emitter.distance_mm"
+    with pytest.raises(SpecError, match=r"emitter; missing: the emitters are led, other"):
+        sensor.derivative(key)
+    assert sensor.derivative(key, emitter="other").reached
+    with pytest.raises(SpecError, match=r"network\.lit"):
+        sensor.derivative(key, emitter="none")

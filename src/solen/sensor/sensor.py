@@ -256,16 +256,25 @@ class Sensor:
         tolerance = usual_tolerance(scene) if tolerance is None else tolerance
         return integrate(scene, mode, tolerance)
 
-    def derivative(self, key: str, angle_deg: float = 0.0, mode: Mode = "power") -> Derivative:
+    def derivative(
+        self, key: str, angle_deg: float = 0.0, mode: Mode = "power", *, emitter: str | None = None
+    ) -> Derivative:
         """Derivative of the powers at an angle with respect to a number of the design, by its dotted key.
 
-        See `solen.trace.derivative`; moving edges between light paths are included.
+        See `solen.trace.derivative`; moving edges between light paths are included. ``emitter`` names the one that
+        lights of a network with several.
 
         Raises
         ------
         SpecError
-            If the key is not that of a real number stated in the design.
+            If the key is not that of a real number stated in the design, or no emitter is named of several.
         """
+        network = self.design.network
+        if emitter is not None and emitter != network.lit:
+            return self.set({"network.lit": emitter}).derivative(key, angle_deg, mode, emitter=emitter)
+        if emitter is None and len(network.emitters) > 1:
+            names = ", ".join(one.name for one in network.emitters)
+            raise SpecError("emitter", limit=f"missing: the emitters are {names}", remedy="name one of them")
         value = number(self, key)
         loss = {"material.absorption_per_mm": self.material.absorption_per_mm}
         kept = loss if key == "material.index" else {}  # a stated index takes the resin away, and its loss with it
