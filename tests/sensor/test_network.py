@@ -316,12 +316,13 @@ def check_errors(design: Design, lattices: int) -> None:
     every = [network_response(design, [{}], 1e-3, lattice=number) for number in range(lattices)]
     sensors = in_turn(design)
     fine = [by_nets(sensor.scene(), 1.0, "power", first_rays=2**18, seed=999) for sensor in sensors]
-    true = np.array([[one.detectors[name].power for name in every[0].receivers] for one in fine])
-    away = np.array([(one.power[0] - true) / one.u_power[0] for one in every])
+    seen = [[one.detectors[name] for name in every[0].receivers] for one in fine]
+    true, u_true = (np.array([[getattr(one, name) for one in row] for row in seen]) for name in ("power", "u_power"))
+    away = np.array([(one.power[0] - true) / np.hypot(one.u_power[0], u_true) for one in every])
     rms, median = np.sqrt(np.mean(away**2)), np.median(np.abs(away))
     print(f"{design.name}: {away.size} errors over u: rms {rms:.3f}, median {median:.3f}")
     print(f"{design.name}: rms by power {np.round(np.sqrt(np.mean(away**2, axis=0)), 2).tolist()}")
-    assert rms < 1.0 + 2.0 / math.sqrt(2.0 * away.size)
+    assert rms < 1.0 + 3.0 / math.sqrt(2.0 * away.size)
     assert median > 0.1
 
 
