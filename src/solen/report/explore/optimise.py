@@ -88,7 +88,8 @@ def _prints(axes: Axes, result: Optimum, name: str) -> None:
         axes.hist(column, bins=bins, color=of[label][1], alpha=0.6, label=label)
     axes.set_xlabel(f"{name} of prints")
     axes.set_ylabel("prints")
-    axes.legend()
+    axes.margins(y=0.6)  # room for the legend
+    axes.legend(ncols=2)
 
 
 def _course(axes: Axes, result: Optimum) -> None:
