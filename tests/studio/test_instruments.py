@@ -2,6 +2,7 @@
 
 import json
 import shlex
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -45,8 +46,8 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Desk:
 def called(desk: Desk, command: str, asked: dict[str, Any]) -> tuple[Call, Path]:
     offer = tabs.offer(command)
     folder = desk.storage.new_folder(offer.short)
-    design = (desk.document.path, []) if offer.design else ()
-    return offer.call(asked, desk.storage.path, folder, desk.document.path.parent, *design), folder
+    file = desk.document.path
+    return offer.call(asked, desk.storage.path, folder, file.parent, file if offer.design else None), folder
 
 
 @pytest.fixture
@@ -137,7 +138,7 @@ def test_a_long_course_is_thinned_out_evenly() -> None:
     course.told(("twice",), "twice")
     time, twice = told[-1]["live"]["columns"]
     assert len(time) < MOST_POINTS
-    steps = {b - a for a, b in zip(time, time[1:], strict=False)}
+    steps = {b - a for a, b in pairwise(time)}
     assert len(steps) == 1
     assert twice == [2.0 * one for one in time]
 

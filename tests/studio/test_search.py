@@ -71,8 +71,8 @@ def test_a_cancelled_search_goes_on_to_the_front_of_the_command(document: Docume
     assert document.step(-1).design.material.index == 1.5
 
     document.step(-1)
-    done = work(lambda **_: None, began.design, SOUGHT.options, first.folder)
-    exact = optimise(began.design, SOUGHT.options, Store(first.folder))
+    done = work(lambda **_: None, began.design, SOUGHT.options(Path()), first.folder)
+    exact = optimise(began.design, SOUGHT.options(Path()), Store(first.folder))
     assert isinstance(exact, Front)
     assert exact.traced == 0, "the same search"
     assert done["traced"] <= len(Store(first.folder).points) - traced
@@ -97,4 +97,14 @@ def test_what_cannot_be_sought_is_refused_at_once(document: Document, asked: dic
 def test_what_fails_in_a_search_is_said(document: Document) -> None:
     sought = SOUGHT.model_copy(update={"subject_to": ("light > 2",), "maximise": (), "evaluations": 20})
     with pytest.raises(SolenError, match="light > 2"):
-        work(lambda **_: None, document.state.design, sought.options, document.path.parent / "kept")
+        work(lambda **_: None, document.state.design, sought.options(Path()), document.path.parent / "kept")
+
+
+def test_a_search_may_be_robust_and_as_printed(document: Document) -> None:
+    asked = {"minimise": ("linearity_percent",), "free": ("lens.focus_mm=15:25",), "evaluations": 20}
+    with pytest.raises(SolenError, match=r"none\.toml"):
+        begin(document, Sought(**asked, as_printed=True, process="none.toml"))
+    begin(document, Sought(**asked, robust=("emitter.offset_mm=0.02",)))
+    assert document.search is not None
+    document.search.job.cancel()
+    assert "--robust emitter.offset_mm=0.02" in document.search.job.head()["shell"]

@@ -8,6 +8,9 @@ export interface Sought {
   maximise: string[];
   free: string[];
   subject_to: string[];
+  robust: string[];
+  as_printed: boolean;
+  process: string | null;
   front: number;
   evaluations: number;
 }
@@ -85,12 +88,16 @@ export function asked(sought: Sought, running: boolean, begin: (sought: Sought) 
     const list = (name: string) => String(given.get(name)).split("\n").map((line) => line.trim()).filter(Boolean);
     begin({
       ...sought, minimise: list("minimise"), maximise: list("maximise"), free: list("free"), subject_to: list("subject_to"),
+      robust: list("robust"), as_printed: given.has("as_printed"), process: String(given.get("process")).trim() || null,
       evaluations: Math.round(+String(given.get("evaluations"))) || sought.evaluations,
     });
   };
   return html`<form class="sought" @submit=${submit}>
     ${lines("minimise", "Make small", 1)} ${lines("maximise", "Make large", 1)}
     ${lines("free", "What may change, KEY=LOW:HIGH", 5)} ${lines("subject_to", "What must hold", 2)}
+    ${lines("robust", "What may be off, and still count by its worst, KEY=DEVIATION", 2)}
+    <label>Process of the printer, a file beside the design <input name="process" type="text" autocomplete="off" .value=${sought.process ?? ""}></label>
+    <label class="checked"><input name="as_printed" type="checkbox" .checked=${sought.as_printed}> Each design as this process prints it</label>
     <label>Designs tried <input name="evaluations" type="number" min="20" max="100000" .value=${String(sought.evaluations)}></label>
     <button type="submit" class="main" ?disabled=${running}>Begin</button>
   </form>`;

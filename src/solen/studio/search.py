@@ -32,14 +32,18 @@ class Sought(Strict):
     maximise: tuple[str, ...] = Field((), max_length=2, description="Values of merits to be made large.")
     free: tuple[str, ...] = Field((), max_length=64, description="Numbers that may change, KEY=LOW:HIGH.")
     subject_to: tuple[str, ...] = Field((), max_length=16, description="Conditions on merits that must hold.")
+    robust: tuple[str, ...] = Field((), max_length=16, description="How far off numbers may be, KEY=DEVIATION.")
+    as_printed: bool = Field(False, description="Whether each design is traced with the lens that process prints.")
+    process: str | None = Field(None, max_length=4096, description="File of a printer's process, from the design.")
     front: int = Field(7, ge=3, le=50, description="Designs of the front, where two values are sought.")
     evaluations: int = Field(TRIED, ge=20, le=100_000, description="Designs tried.")
 
-    @property
-    def options(self) -> OptimiseOptions:
-        """The same as options of the search."""
+    def options(self, folder: Path) -> OptimiseOptions:
+        """The same as options of the search; paths are relative to a folder."""
         is_front = len(self.minimise) + len(self.maximise) > 1
-        return OptimiseOptions(**self.model_dump(exclude=set() if is_front else {"front"}))
+        stated = self.model_dump(exclude={"process"} | (set() if is_front else {"front"}), exclude_defaults=True)
+        stated |= {"evaluations": self.evaluations} | ({"front": self.front} if is_front else {})
+        return OptimiseOptions(**stated | ({"process": folder / self.process} if self.process else {}))
 
 
 class Search:
@@ -60,7 +64,7 @@ class Search:
         self.folder = document.path.absolute().with_name(f"{document.path.stem}-search")
         goals = [f"{word} {text}" for word in ("minimise", "maximise") for text in getattr(sought, word)]
         about = {"goals": goals, "folder": self.folder.name, "shell": _same(document, sought, self.folder)}
-        given = (self.base.design, sought.options, self.folder)
+        given = (self.base.design, sought.options(self.folder.parent), self.folder)
         self.job = document.jobs.begin("explore optimise", work, given, {"rows": [], **about})
 
     def chosen(self, number: int) -> dict[str, Any]:
@@ -115,10 +119,12 @@ def _same(document: Document, sought: Sought, folder: Path) -> str:
     asked = sought.model_dump()
     options = [
         part
-        for name in ("minimise", "maximise", "free", "subject_to")
+        for name in ("minimise", "maximise", "free", "subject_to", "robust")
         for text in asked[name]
         for part in (f"--{name.replace('_', '-')}", text)
     ]
+    options += ["--as-printed"] if sought.as_printed else []
+    options += ["--process", str(document.path.parent / sought.process)] if sought.process else []
     ends = ["--front", str(sought.front), "--evaluations", str(sought.evaluations), "--out", str(folder)]
     return shlex.join(["solen", "explore", "optimise", str(document.path), *options, *ends, *assigned(changes)])
 
@@ -134,7 +140,7 @@ def begin(document: Document, sought: Sought) -> None:
     with document.lock:
         if document.search is not None and document.search.job.state == "running":
             raise SpecError("search", limit="one is running", remedy="cancel it first")
-        Task.of(document.state.design, sought.options)
+        Task.of(document.state.design, sought.options(document.path.absolute().parent))
         document.search = Search(document, sought)
 
 
