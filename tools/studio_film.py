@@ -32,7 +32,8 @@ def filmed(folder: Path) -> list[Image.Image]:
     thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]})
     thread.start()
     try:
-        subprocess.run([shutil.which("node") or "node", str(DRIVER), page, str(folder), browser], check=True)
+        command = [shutil.which("node") or "node", str(DRIVER), page, str(folder), browser]
+        subprocess.run(command, check=True)  # noqa: S603  its own
     finally:
         server.should_exit = True
         thread.join(10)

@@ -46,8 +46,7 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Desk:
 def called(desk: Desk, command: str, asked: dict[str, Any]) -> tuple[Call, Path]:
     offer = tabs.offer(command)
     folder = desk.storage.new_folder(offer.short)
-    file = desk.document.path
-    return offer.call(asked, desk.storage.path, folder, file.parent, file if offer.design else None), folder
+    return offer.call(asked, desk.storage.path, folder, desk.document.path), folder
 
 
 @pytest.fixture
