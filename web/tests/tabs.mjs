@@ -48,6 +48,8 @@ export async function print(page, seen, folder, audit) {
   await panel.locator('canvas.layer[data-layer="2"]').waitFor();
   await audit("layers");
   await page.screenshot({ path: `${folder}/layers.png` });
+  await page.locator("#tab-design").click();
+}
 
 // Two marks by mouse and keys, a lens between them, and that lens in the design.
 export async function microscope(page, seen, folder, audit) {
