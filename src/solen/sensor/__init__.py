@@ -12,6 +12,7 @@ from solen.sensor.as_printed import AsPrinted, Comparison, as_printed
 from solen.sensor.batched import Responses, respond
 from solen.sensor.budget import Budget, budget
 from solen.sensor.check import BodySizes, Check, Focus, LensCheck, LensOptions, check, lens_check
+from solen.sensor.derivatives import SLOPE_DEG
 from solen.sensor.effects import Effect
 from solen.sensor.lens_choice import LensChoice, LensFigures
 from solen.sensor.numbers import OPTICAL_KEYS, inert, tolerance_of
@@ -20,7 +21,7 @@ from solen.sensor.picture import Picture, dragged, in_plane, picture
 from solen.sensor.practice import Built, Extent, Practice, as_built, practice
 from solen.sensor.readings import readings, received
 from solen.sensor.response import SATURATED, Response, Sensitivity, Shift
-from solen.sensor.sensor import SLOPE_DEG, Sensor, TraceKeywords
+from solen.sensor.sensor import Sensor, TraceKeywords
 from solen.sensor.study import Case, DesignStudy, Summary, study
 from solen.sensor.unused_keys import keys_without_effect
 

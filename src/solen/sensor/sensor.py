@@ -5,16 +5,14 @@ Everything that depends on the angle is a method.
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from threading import RLock
 from typing import Any, Literal, TypedDict, Unpack
 
-import numpy as np
-
 from solen.arrays import Progress
-from solen.errors import DesignError, SolenError, SpecError
+from solen.errors import DesignError
 from solen.geometry import BODY_KINDS, Body, are_mirrored, body_of
 from solen.geometry.network import network_body, network_lenses
 from solen.lens import FlatFace, Lens, LensInSpace, MeasuredLens, lens_of
@@ -22,30 +20,24 @@ from solen.material import Optical, optical
 from solen.mechanics.design import LoadedBody
 from solen.parts import Light, light_of
 from solen.scene import Scene, sensor_scene
-from solen.sensor.numbers import inert, number, tolerance_of, usual_keys
-from solen.sensor.response import Response, Sensitivity, contrast_slope, powers
+from solen.sensor.derivatives import SAMPLED_TOLERANCE, derivative_of, sensitivities, slope_per_deg
+from solen.sensor.response import Response, Sensitivity, powers
 from solen.sensor.sweep import MOST_ANGLES, Reading, balanced, between, mirrored, readings_at, sweep
 from solen.spec import Design, load, with_values
 from solen.spec.body import OF_SHAPES as KEYS_OF_SHAPES
 from solen.spec.placed import lit, state_of, states
-from solen.trace import Derivative, Mode, Slope, Trace, derivative, integrate, trace
-from solen.trace.adaptive import POINT_TOLERANCE, is_extended, usual_tolerance, why_not
-from solen.trace.derivative import EXTENDED_TOLERANCE, MOST_LEGS, SPACE_TOLERANCE
-from solen.trace.derivative import TOLERANCE as DERIVATIVE_TOLERANCE
+from solen.trace import Derivative, Mode, Slope, Trace, integrate, trace
+from solen.trace.adaptive import usual_tolerance, why_not
 from solen.trace.nets import by_nets
 
-SAMPLED_TOLERANCE, MOST_SAMPLED = 2e-4, 2**19
-"""Required standard error of sampled light (in space, scattered), and the largest number of samples."""
+MOST_SAMPLED = 2**19
+"""Largest number of samples."""
 OF_SHAPES: dict[str, Any] = {f"lens.{key}": None for key, *_ in KEYS_OF_SHAPES}
 """Keys that lenses of another shape do not have, as `solen.spec.with_values` takes them away."""
-AROUND_ZERO, LEAST_STEP_MM = ("emitter.offset_mm", "emitter.y_mm"), 0.003
-"""Numbers that are about 0, and the least step by which their derivatives are taken."""
 RECENT_SCENES = 64
 """Number of scenes that a sensor caches."""
 BUILDING = RLock()
 """Scenes are built one at a time, as angles are traced on several threads."""
-SLOPE_DEG, WIDE_SLOPE_DEG = 0.04, 0.2
-"""Angle span of a slope: for a point in the plane, whose response is steep, and for any other light."""
 
 
 class TraceKeywords(TypedDict, total=False):
@@ -269,30 +261,7 @@ class Sensor:
         SpecError
             If the key is not that of a real number stated in the design, or no emitter is named of several.
         """
-        network = self.design.network
-        if emitter is not None and emitter != network.lit:
-            return self.set({"network.lit": emitter}).derivative(key, angle_deg, mode, emitter=emitter)
-        if emitter is None and len(network.emitters) > 1:
-            names = ", ".join(one.name for one in network.emitters)
-            raise SpecError("emitter", limit=f"missing: the emitters are {names}", remedy="name one of them")
-        value = number(self, key)
-        loss = {"material.absorption_per_mm": self.material.absorption_per_mm}
-        kept = loss if key == "material.index" else {}  # a stated index takes the resin away, and its loss with it
-
-        def scene_at(value: float) -> Scene:
-            other = Sensor.of(with_values(self.design, kept | {key: value}))
-            return (replace(other, cut=self.cut) if self.is_measured else other).scene(angle_deg)  # it is as it is
-
-        wide = self.is_loaded or (key.startswith("lens.knots_um") and self._has_smooth_light(angle_deg))
-        step = 0.5 * tolerance_of(self, key)[0] if wide else None  # well above the noise of a mesh, of an integral
-        if key in AROUND_ZERO and self._has_smooth_light(angle_deg):
-            step = max(LEAST_STEP_MM, 0.01 * abs(value))
-        return derivative(scene_at, value, mode=mode, step=step)
-
-    def _has_smooth_light(self, angle_deg: float) -> bool:
-        """Whether light comes from more than a point in the plane: a number that may be 0 is no measure of a step."""
-        scene = self.scene(angle_deg)
-        return is_extended(scene) or scene.extrusion is not None
+        return derivative_of(self, key, angle_deg, mode, emitter)
 
     def sensitivity(
         self, keys: Sequence[str] | None = None, angle_deg: float = 0.0, progress: Progress | None = None
@@ -315,39 +284,7 @@ class Sensor:
         DesignError
             If the light at this angle cannot be integrated accurately enough.
         """
-        self.check_pair()
-        chosen = (
-            [key for key in usual_keys(self) if not inert(self, key)] if keys is None else list(dict.fromkeys(keys))
-        )
-        for key in chosen:
-            if why := inert(self, key):
-                raise SpecError(key, limit=why, remedy="leave it out")
-        values = {key: number(self, key) for key in chosen}
-        scene = self.scene(angle_deg)
-        if (why := why_not(scene)) and not self.is_sampled:
-            limit = "derivatives need point sources and no random scatter"
-            raise DesignError("sensitivity", value=why, limit=limit, remedy="compare two designs by solen trace")
-        in_space = scene.extrusion is not None
-        tolerance = EXTENDED_TOLERANCE if is_extended(scene) else DERIVATIVE_TOLERANCE
-        tolerance = SPACE_TOLERANCE if in_space else tolerance
-        if self.is_sampled:
-            base, u = self.sampled(angle_deg)
-            if u > SAMPLED_TOLERANCE:
-                limit = f"its samples must reach {SAMPLED_TOLERANCE:g}"
-                raise DesignError(
-                    f"light at {angle_deg:g} deg", value=f"{u:.1e}", limit=limit, remedy="use solen trace"
-                )
-        else:
-            base = integrate(scene, "power", tolerance, most_legs=None if in_space else MOST_LEGS)
-        if not base.reached:
-            limit = f"the integral must reach {tolerance:g}"
-            raise DesignError(f"light at {angle_deg:g} deg", value=base.why, limit=limit, remedy="try another angle")
-        rows = []
-        for done, (key, value) in enumerate(values.items(), start=1):
-            rows.append(replace(self._sensitivity(key, value, angle_deg, base), tolerance=tolerance_of(self, key)[0]))
-            if progress is not None:
-                progress(done / len(values))
-        return tuple(sorted(rows, key=lambda row: row.effect, reverse=True))
+        return sensitivities(self, keys, angle_deg, progress)
 
     def sampled(self, angle_deg: float = 0.0, tolerance: float = SAMPLED_TOLERANCE) -> tuple[Trace, float]:
         """Power from more and more Sobol' samples, until all standard errors are within ``tolerance``.
@@ -373,14 +310,7 @@ class Sensor:
         From two spans about the angle, one twice the other; curvature within them counts as uncertainty. The
         tolerance is that of `integrate`.
         """
-        point = usual_tolerance(self.scene(angle_deg)) == POINT_TOLERANCE
-        half = (SLOPE_DEG if point else WIDE_SLOPE_DEG) / 2
-        near = self.power([angle_deg + n * half for n in (-2, -1, 1, 2)], tolerance=tolerance)
-        value, u = near.contrast, near.u_contrast
-        if not np.isfinite(value).all():
-            return None
-        close, wide = (value[2] - value[1]) / (2 * half), (value[3] - value[0]) / (4 * half)
-        return Slope(float(close), float(abs(wide - close) / 3 + (u[1] + u[2]) / (2 * half)))
+        return slope_per_deg(self, angle_deg, tolerance)
 
     def smooth(self, response: Response, tolerance: float | None = None) -> Response:
         """A response with angles added where its contrast bends, so that straight lines between them look smooth.
@@ -433,18 +363,6 @@ class Sensor:
             return balanced(done[angle_deg]) if angle_deg == 0.0 and self.is_symmetric else done[angle_deg]
 
         return sweep("power", at, angles, None)
-
-    def _sensitivity(self, key: str, value: float, angle_deg: float, base: Trace) -> Sensitivity:
-        """Row of one key; a value at the limit of its range has no derivative, and ``why`` says so."""
-        nothing = Slope(math.nan, math.nan)
-        try:
-            derivative = self.derivative(key, angle_deg)
-        except SolenError as bad:
-            return Sensitivity(key, value, nothing, nothing, nothing, f"not on both sides of {value:g}: {bad}")
-        right, left = derivative.detectors["right"], derivative.detectors["left"]
-        if not derivative.reached:
-            return Sensitivity(key, value, nothing, nothing, nothing, derivative.why)
-        return Sensitivity(key, value, right, left, contrast_slope(base, right, left))
 
     def reading(
         self,

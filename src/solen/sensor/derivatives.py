@@ -1,0 +1,119 @@
+"""Derivatives of a sensor's powers and contrast, by numbers of its design and by its angle."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from solen.arrays import Progress
+from solen.errors import DesignError, SolenError, SpecError
+from solen.scene import Scene
+from solen.sensor.numbers import inert, number, tolerance_of, usual_keys
+from solen.sensor.response import Sensitivity, contrast_slope
+from solen.spec import with_values
+from solen.trace import Derivative, Mode, Slope, Trace, derivative, integrate
+from solen.trace.adaptive import POINT_TOLERANCE, is_extended, usual_tolerance, why_not
+from solen.trace.derivative import EXTENDED_TOLERANCE, MOST_LEGS, SPACE_TOLERANCE, TOLERANCE
+
+if TYPE_CHECKING:
+    from solen.sensor.sensor import Sensor
+
+SAMPLED_TOLERANCE = 2e-4
+"""Required standard error of sampled light: in space, scattered."""
+AROUND_ZERO, LEAST_STEP_MM = ("emitter.offset_mm", "emitter.y_mm"), 0.003
+"""Numbers that are about 0, and the least step by which their derivatives are taken."""
+SLOPE_DEG, WIDE_SLOPE_DEG = 0.04, 0.2
+"""Angle span of a slope: for a point in the plane, whose response is steep, and for any other light."""
+
+
+def derivative_of(sensor: "Sensor", key: str, angle_deg: float, mode: Mode, emitter: str | None) -> Derivative:
+    """See `Sensor.derivative`."""
+    network = sensor.design.network
+    if emitter is not None and emitter != network.lit:
+        return sensor.set({"network.lit": emitter}).derivative(key, angle_deg, mode, emitter=emitter)
+    if emitter is None and len(network.emitters) > 1:
+        names = ", ".join(one.name for one in network.emitters)
+        raise SpecError("emitter", limit=f"missing: the emitters are {names}", remedy="name one of them")
+    value = number(sensor, key)
+    loss = {"material.absorption_per_mm": sensor.material.absorption_per_mm}
+    kept = loss if key == "material.index" else {}  # a stated index takes the resin away, and its loss with it
+
+    def scene_at(value: float) -> Scene:
+        other = type(sensor).of(with_values(sensor.design, kept | {key: value}))
+        return (replace(other, cut=sensor.cut) if sensor.is_measured else other).scene(angle_deg)  # it is as it is
+
+    wide = sensor.is_loaded or (key.startswith("lens.knots_um") and _has_smooth_light(sensor, angle_deg))
+    step = 0.5 * tolerance_of(sensor, key)[0] if wide else None  # well above the noise of a mesh, of an integral
+    if key in AROUND_ZERO and _has_smooth_light(sensor, angle_deg):
+        step = max(LEAST_STEP_MM, 0.01 * abs(value))
+    return derivative(scene_at, value, mode=mode, step=step)
+
+
+def _has_smooth_light(sensor: "Sensor", angle_deg: float) -> bool:
+    """Whether light comes from more than a point in the plane: a number that may be 0 is no measure of a step."""
+    scene = sensor.scene(angle_deg)
+    return is_extended(scene) or scene.extrusion is not None
+
+
+def sensitivities(
+    sensor: "Sensor", keys: Sequence[str] | None, angle_deg: float, progress: Progress | None
+) -> tuple[Sensitivity, ...]:
+    """See `Sensor.sensitivity`."""
+    sensor.check_pair()
+    chosen = (
+        [key for key in usual_keys(sensor) if not inert(sensor, key)] if keys is None else list(dict.fromkeys(keys))
+    )
+    for key in chosen:
+        if why := inert(sensor, key):
+            raise SpecError(key, limit=why, remedy="leave it out")
+    values = {key: number(sensor, key) for key in chosen}
+    scene = sensor.scene(angle_deg)
+    if (why := why_not(scene)) and not sensor.is_sampled:
+        limit = "derivatives need point sources and no random scatter"
+        raise DesignError("sensitivity", value=why, limit=limit, remedy="compare two designs by solen trace")
+    in_space = scene.extrusion is not None
+    tolerance = EXTENDED_TOLERANCE if is_extended(scene) else TOLERANCE
+    tolerance = SPACE_TOLERANCE if in_space else tolerance
+    if sensor.is_sampled:
+        base, u = sensor.sampled(angle_deg)
+        if u > SAMPLED_TOLERANCE:
+            limit = f"its samples must reach {SAMPLED_TOLERANCE:g}"
+            raise DesignError(f"light at {angle_deg:g} deg", value=f"{u:.1e}", limit=limit, remedy="use solen trace")
+    else:
+        base = integrate(scene, "power", tolerance, most_legs=None if in_space else MOST_LEGS)
+    if not base.reached:
+        limit = f"the integral must reach {tolerance:g}"
+        raise DesignError(f"light at {angle_deg:g} deg", value=base.why, limit=limit, remedy="try another angle")
+    rows = []
+    for done, (key, value) in enumerate(values.items(), start=1):
+        rows.append(replace(_sensitivity(sensor, key, value, angle_deg, base), tolerance=tolerance_of(sensor, key)[0]))
+        if progress is not None:
+            progress(done / len(values))
+    return tuple(sorted(rows, key=lambda row: row.effect, reverse=True))
+
+
+def _sensitivity(sensor: "Sensor", key: str, value: float, angle_deg: float, base: Trace) -> Sensitivity:
+    """Row of one key; a value at the limit of its range has no derivative, and ``why`` says so."""
+    nothing = Slope(math.nan, math.nan)
+    try:
+        derivative = sensor.derivative(key, angle_deg)
+    except SolenError as bad:
+        return Sensitivity(key, value, nothing, nothing, nothing, f"not on both sides of {value:g}: {bad}")
+    right, left = derivative.detectors["right"], derivative.detectors["left"]
+    if not derivative.reached:
+        return Sensitivity(key, value, nothing, nothing, nothing, derivative.why)
+    return Sensitivity(key, value, right, left, contrast_slope(base, right, left))
+
+
+def slope_per_deg(sensor: "Sensor", angle_deg: float, tolerance: float | None) -> Slope | None:
+    """See `Sensor.slope_per_deg`."""
+    point = usual_tolerance(sensor.scene(angle_deg)) == POINT_TOLERANCE
+    half = (SLOPE_DEG if point else WIDE_SLOPE_DEG) / 2
+    near = sensor.power([angle_deg + n * half for n in (-2, -1, 1, 2)], tolerance=tolerance)
+    value, u = near.contrast, near.u_contrast
+    if not np.isfinite(value).all():
+        return None
+    close, wide = (value[2] - value[1]) / (2 * half), (value[3] - value[0]) / (4 * half)
+    return Slope(float(close), float(abs(wide - close) / 3 + (u[1] + u[2]) / (2 * half)))
