@@ -9,6 +9,8 @@ import h5netcdf
 import numpy as np
 import pytest
 
+from solen.analysis import Study
+from solen.analysis.calibration import Decoding
 from solen.bench.check import CheckOptions, check
 from solen.bench.record import RecordOptions, record
 from solen.bench.rig import load_rig
@@ -53,6 +55,8 @@ def test_a_board_in_another_unit_goes_from_rig_to_angles(bench: Path, unit: str,
         assert file.variables["signal"].attrs["units"] == unit
         assert {file["A"][name].attrs["units"] for name in ("right", "left", "right_ambient")} == {unit}
     found, volts = (analyse(paths[name]).result for name in ("own", "volts"))
+    assert isinstance(found, Study)
+    assert isinstance(volts, Study)
     assert found.unit == unit
     assert not volts_keys(found.to_dict())
     for name, own in found.sensors["A"].receivers.items():
@@ -62,11 +66,13 @@ def test_a_board_in_another_unit_goes_from_rig_to_angles(bench: Path, unit: str,
     place = made.files["calibration.A"]
     assert not volts_keys(json.loads(place.read_text(encoding="utf-8")))
     decoded = decode(place, str(paths["again"])).result
+    assert isinstance(decoded, Decoding)
     assert decoded.against_angle is not None
     assert decoded.against_angle.within_95 > 0.9
     with pytest.raises(DataError, match=rf"'V'; is the unit of the readings; .* are in {unit}"):
         decode(place, str(paths["volts"]))
     live = decode(place, "-", text=[f"time_s,left ({unit}),right ({unit})\n", *lines_of(paths["again"])]).result
+    assert isinstance(live, Decoding)
     assert live.lowest_deg == pytest.approx(decoded.lowest_deg, abs=0.02)
     with pytest.raises(DataError, match=rf"cannot be converted to {unit}"):
         decode(place, "-", text=["time_s,left (mV),right (mV)\n", "0,1,2\n"])

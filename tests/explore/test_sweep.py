@@ -230,7 +230,12 @@ def test_chips_of_a_design_share_its_rays_and_have_the_same_table(
     calls: list[int] = []
     machines = import_module("solen.explore.machines")
     respond = machines.respond
-    monkeypatch.setattr(machines, "respond", lambda *a, **more: (calls.append(1), respond(*a, **more))[1])
+
+    def counted(*a: Any, **more: Any) -> Any:
+        calls.append(1)
+        return respond(*a, **more)
+
+    monkeypatch.setattr(machines, "respond", counted)
     shared = sweep(chip, SweepOptions(over=axes, rays=4096), Store(tmp_path))
     assert len(calls) == 2
     apart = sweep(chip, SweepOptions(over=axes, rays=4096, robust=("emitter.distance_mm=0.01",)))

@@ -67,7 +67,9 @@ def calibration(folder: Path) -> Path:
 
 def decoded(folder: Path, **more: Any) -> Decoding:
     """What comes of lines of CSV."""
-    return pipeline.decode(folder / "S1.calibration.json", "-", **more).result
+    found = pipeline.decode(folder / "S1.calibration.json", "-", **more).result
+    assert isinstance(found, Decoding)
+    return found
 
 
 def test_a_calibration_is_left_beside_its_recording_and_says_what_it_is(
@@ -185,6 +187,7 @@ def test_a_stream_without_times_is_refused_unless_its_rate_is_known(folder: Path
 def test_volts_after_a_stroke_are_two_receivers_of_one_sensor(folder: Path, tmp_path: Path) -> None:
     write(tmp_path / "S1.csv", header="t/s,angle/deg,U_L/V,U_R/V")
     found = pipeline.decode(folder / "S1.calibration.json", str(tmp_path / "S1.csv")).result
+    assert isinstance(found, Decoding)
     assert found.against_angle is not None
     assert found.against_angle.rms_deg < 0.06
 

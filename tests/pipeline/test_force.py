@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from solen.analysis import AnalysisOptions, SignalOptions, study
-from solen.analysis.calibration import calibrated_sensors
+from solen.analysis.calibration import Decoding, calibrated_sensors
 from solen.analysis.calibration.decoder import Decoder
 from solen.cli import run_command
 from solen.errors import SolenError
@@ -281,6 +281,7 @@ def test_recordings_of_an_angle_and_of_a_force_are_not_mixed(folder: Path, tmp_p
 def test_a_calibration_of_force_judges_only_forces(folder: Path) -> None:
     turned = Presses(seed=4).write(folder / "turned.csv", "angle_deg", 10.0)
     found = pipeline.decode(folder / "a.calibration.json", str(turned), signals=SignalOptions()).result
+    assert isinstance(found, Decoding)
     assert found.against_angle is None
     assert found.highest_deg == pytest.approx(0.3, abs=0.01)
 

@@ -12,6 +12,7 @@ from solen.cli import run_command
 from solen.errors import DataError, DesignError, OutputError, SpecError
 from solen.pipeline.design.readout import readout
 from solen.report.options import FigureOptions
+from solen.sensor.readings import DesignReadings
 from solen.spec import template
 from tests.command_support import answered
 
@@ -119,10 +120,10 @@ def test_a_directional_part_loses_light_from_the_side(design: Path) -> None:
     )
     (design.parent / "narrow.toml").write_text(text, encoding="utf-8")
     (design.parent / "flat.toml").write_text(text.replace("= 10\n", "= 60\n"), encoding="utf-8")
-    narrow, flat = (
-        readout(design, set_=("motion.step_deg=3", f"readout.part={name}.toml")).result.power_fraction[0, 0]
-        for name in ("narrow", "flat")
-    )
+    found = [
+        readout(design, set_=("motion.step_deg=3", f"readout.part={name}.toml")).result for name in ("narrow", "flat")
+    ]
+    narrow, flat = (one.power_fraction[0, 0] for one in found if isinstance(one, DesignReadings))
     assert 0.01 < narrow / flat < 0.9
 
 
