@@ -51,16 +51,16 @@ def called(desk: Desk, command: str, asked: dict[str, Any]) -> tuple[Call, Path]
 
 @pytest.fixture
 def answered(desk: Desk, capsys: pytest.CaptureFixture[str]) -> Any:
-    """What a tab shows, which must be what its command line answers, and what was told meanwhile."""
+    """What a tab shows, which must be what its command line answers, and what was reported meanwhile."""
 
     def run(command: str, asked: dict[str, Any], *forced: str) -> tuple[dict[str, Any], list[dict[str, Any]], Path]:
         call, folder = called(desk, command, asked)
-        told: list[dict[str, Any]] = []
-        found = perform(lambda **news: told.append(news), call, printed)
-        json.dumps([found["result"], told])
+        reported: list[dict[str, Any]] = []
+        found = perform(lambda **news: reported.append(news), call, printed)
+        json.dumps([found["result"], reported])
         assert run_command([*shlex.split(call.shell)[1:], *forced, "--json"]) == 0
         assert json.loads(capsys.readouterr().out) == found["result"]
-        return found["result"], told, folder
+        return found["result"], reported, folder
 
     return run
 
@@ -102,12 +102,12 @@ def test_a_simulated_rig_is_run_and_seen_live(desk: Desk) -> None:
     (desk.storage.folder / "short.toml").write_text(PROTOCOL, encoding="utf-8")
     assert desk.suits("bench", "short.toml")["suits"] == ("bench run",)
     call, folder = called(desk, "bench run", {"protocol": "short.toml", "rig": f"{rig.name}/rig.toml", "seed": 3})
-    told: list[dict[str, Any]] = []
-    found = perform(lambda **news: told.append(news), call, printed)
+    reported: list[dict[str, Any]] = []
+    found = perform(lambda **news: reported.append(news), call, printed)
     assert call.shell.split()[:3] == ["solen", "bench", "run"]
     assert found["result"]["outcome"] == "done"
     assert f"{folder.name}/short.nc" in desk.storage.names(), "for what follows"
-    course = told[-1]["live"]
+    course = reported[-1]["live"]
     assert len(course["columns"]) == 1 + len(course["names"]) == 9, "time, and an input each"
     assert all(0.0 <= one <= 1.0 for column in course["columns"][1:] for one in column)
 
@@ -119,8 +119,8 @@ def test_a_recording_is_analysed_calibrated_and_decoded(desk: Desk, answered: An
     call, calibrated = called(desk, "bench calibrate", {"recordings": files, "sensor": "S1"})
     perform(lambda **_: None, call, printed)
     asked = {"source": files[0], "calibration": f"{calibrated.name}/calibration.json"}
-    decoded, told, _ = answered("bench decode", asked, "--force")
-    shown = told[-1]["live"]
+    decoded, reported, _ = answered("bench decode", asked, "--force")
+    shown = reported[-1]["live"]
     assert shown["axis"] == "angle / °"
     time, angle, low, high = shown["columns"]
     assert time[-1] == pytest.approx(decoded["to_s"], rel=0.02)
@@ -130,12 +130,12 @@ def test_a_recording_is_analysed_calibrated_and_decoded(desk: Desk, answered: An
 
 
 def test_a_long_course_is_thinned_out_evenly() -> None:
-    told: list[Any] = []
-    course = Course(lambda **news: told.append(news))
+    reported: list[Any] = []
+    course = Course(lambda **news: reported.append(news))
     for n in range(10 * MOST_POINTS):
         course.add((float(n), 2.0 * n), ("twice",), "twice")
-    course.told(("twice",), "twice")
-    time, twice = told[-1]["live"]["columns"]
+    course.report(("twice",), "twice")
+    time, twice = reported[-1]["live"]["columns"]
     assert len(time) < MOST_POINTS
     steps = {b - a for a, b in pairwise(time)}
     assert len(steps) == 1
@@ -143,10 +143,10 @@ def test_a_long_course_is_thinned_out_evenly() -> None:
 
 
 def test_a_reading_that_is_missing_leaves_a_gap() -> None:
-    told: list[Any] = []
-    angles = Angles(lambda **news: told.append(news))
+    reported: list[Any] = []
+    angles = Angles(lambda **news: reported.append(news))
     angles.write("time_s,force_N,low95_N,high95_N\n0.0,1.0,0.9,1.1\n0.1,,,\n")
     angles.flush()
-    assert told[-1]["live"]["axis"] == "force / N"
-    assert told[-1]["live"]["columns"][1][0] == 1.0
-    assert told[-1]["live"]["columns"][1][1] != told[-1]["live"]["columns"][1][1], "no number"
+    assert reported[-1]["live"]["axis"] == "force / N"
+    assert reported[-1]["live"]["columns"][1][0] == 1.0
+    assert reported[-1]["live"]["columns"][1][1] != reported[-1]["live"]["columns"][1][1], "no number"

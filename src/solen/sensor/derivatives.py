@@ -52,7 +52,7 @@ def derivative_of(sensor: "Sensor", key: str, angle_deg: float, mode: Mode, emit
 
 
 def _has_smooth_light(sensor: "Sensor", angle_deg: float) -> bool:
-    """Whether light comes from more than a point in the plane: a number that may be 0 is no measure of a step."""
+    """Whether light comes from more than a point in the plane: a number that may be 0 does not scale a step."""
     scene = sensor.scene(angle_deg)
     return is_extended(scene) or scene.extrusion is not None
 

@@ -47,7 +47,7 @@ class Call:
         return parameters_of(self.function)
 
     def run(self, tell: Tell) -> Outcome[Any]:
-        """Call it; its progress, and what is seen meanwhile, is told."""
+        """Call it; report its progress and what is seen meanwhile."""
         given = dict(self.values)
         for name, where in self.live.items():
             module, _, factory = where.partition(":")

@@ -89,7 +89,7 @@ class Job:
     number, name
         Number among the document's jobs, and what it does, as ``resin cure``.
     news
-        What it has told: ``state``, ``share`` of the work that is done, and the work's own.
+        What it has reported: ``state``, ``share`` of the work that is done, and the work's own.
     version
         Higher with each change.
     """
@@ -124,7 +124,7 @@ class Job:
         Thread(target=self._listen, args=(self.process,), daemon=True).start()
 
     def cancel(self) -> None:
-        """End the work; what it has told and written stays."""
+        """End the work; what it has reported and written stays."""
         self._becomes({"state": "cancelled"})
         process, self.process = self.process, None
         if process is not None:

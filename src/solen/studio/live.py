@@ -21,7 +21,7 @@ class Course:
     def __init__(self, tell: Tell) -> None:
         self.tell = tell
         self.rows: list[tuple[float, ...]] = []
-        self.every, self.seen, self.told_s = 1, 0, -LOOK_S
+        self.every, self.seen, self.reported_s = 1, 0, -LOOK_S
 
     def add(self, row: Sequence[float], names: Sequence[str], axis: str, **news: float) -> None:
         """Add values, the time first, and tell the course if it is time to."""
@@ -30,11 +30,11 @@ class Course:
         self.seen += 1
         if len(self.rows) >= MOST_POINTS:
             self.rows, self.every = self.rows[::2], 2 * self.every
-        if time.monotonic() - self.told_s >= LOOK_S:
-            self.told_s = time.monotonic()
-            self.told(names, axis, **news)
+        if time.monotonic() - self.reported_s >= LOOK_S:
+            self.reported_s = time.monotonic()
+            self.report(names, axis, **news)
 
-    def told(self, names: Sequence[str], axis: str, **news: float) -> None:
+    def report(self, names: Sequence[str], axis: str, **news: float) -> None:
         """Tell the course so far."""
         columns = [list(column) for column in zip(*self.rows, strict=True)]
         self.tell(live={"names": list(names), "axis": axis, "columns": columns}, **news)
@@ -78,7 +78,7 @@ class Angles(Course):
         """Tell what was taken so far."""
         if self.rows:
             key, _ = self._key()
-            self.told((key, *ENDS), SHOWN[key])
+            self.report((key, *ENDS), SHOWN[key])
 
 
 def _number(text: str) -> float:

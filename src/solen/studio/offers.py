@@ -178,7 +178,7 @@ class Offer:
         }
         for name in asked:
             if name not in fields and name not in self.taken:
-                raise SpecError(name, limit=f"is no option of solen {self.name}")
+                raise SpecError(name, limit=f"is not an option of solen {self.name}")
         values: dict[str, Any] = {name: folder / file for name, file in self.written.items()}
         values |= {
             name: design.parent / self._name_beside(name, {"design": design.stem, **asked}) for name in self.beside

@@ -39,11 +39,11 @@ def _(study: DesignStudy) -> Iterator[str]:
 
 @lines.register
 def _(study: NetworkStudy) -> Iterator[str]:
-    from solen.report.design.network_page import told_by
+    from solen.report.design.network_page import swing_of
 
     yield f"{study.name}: a network of {len(study.check.guides)} guides, its emitters in turn, as it stands"
     yield from matrix(study.at_rest, 0)
-    yield from (f"  {name}: {told_by(response)}" for name, response in study.sweeps.items())
+    yield from (f"  {name}: {swing_of(response)}" for name, response in study.sweeps.items())
 
 
 def _matters(angles: list[float], rows: Sequence["Matter"]) -> Iterator[str]:

@@ -38,7 +38,7 @@ def expected(study: NetworkStudy) -> list[tuple[str, str]]:
         power = f"{rest.power[0, number, most]:.4f} ± {rest.u_power[0, number, most]:.1g}"
         total = float(rest.power[0, number].sum())
         rows.append((f"{name} lit", f"receivers get {total:.3f} of its power, {rest.receivers[most]} most: {power}"))
-    return [*rows, *((name, told_by(response)) for name, response in study.sweeps.items())]
+    return [*rows, *((name, swing_of(response)) for name, response in study.sweeps.items())]
 
 
 def _with_u(response: NetworkResponse) -> list[list[float | None]]:
@@ -47,7 +47,7 @@ def _with_u(response: NetworkResponse) -> list[list[float | None]]:
     return [[number if np.isfinite(number) else None for number in side.tolist()] for side in sides]
 
 
-def told_by(response: NetworkResponse) -> str:
+def swing_of(response: NetworkResponse) -> str:
     """Reading that changes most over a motion, with its change."""
     spread = np.ptp(response.power, axis=0)
     emitter, receiver = (int(place) for place in np.unravel_index(int(np.argmax(spread)), spread.shape))
