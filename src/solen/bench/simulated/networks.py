@@ -28,9 +28,11 @@ from solen.errors import OutputError
 from solen.files import write_bytes
 from solen.readout import Circuit, circuit_of, face_areas_mm2
 from solen.sensor import Sensor
-from solen.sensor.network import network_response
+from solen.sensor.acceptance import Acceptance
+from solen.sensor.network.response import response_of
+from solen.sensor.network.signals import received_by
 from solen.spec import Design
-from solen.spec.placed import lit
+from solen.spec.placed import lit, state_of
 from solen.spec.toml import dumps
 
 Range = tuple[float, float]
@@ -55,7 +57,8 @@ class SimulatedNetwork:
     angles_deg
         Angles of each motion at which it was traced, in the order of the rig's stages.
     fractions
-        Shares of the emitted power, (n_1, ..., n_M, emitters, receivers), in the order of its wires.
+        Shares of the emitted power that receivers convert to current, (n_1, ..., n_M, emitters, receivers), in the
+        order of its wires.
     strength
         Current by a share of each emitter's power, relative to that of the first, (emitters,).
     circuit
@@ -75,7 +78,7 @@ class SimulatedNetwork:
         return [number - 1 for number in self.wires.read_on.values()]
 
     def at(self, angles_deg: FloatArray) -> FloatArray:
-        """Shares of the emitted power (N, emitters, receivers) in states (N, motions)."""
+        """Shares of the emitted power that receivers convert, (N, emitters, receivers), in states (N, motions)."""
         found = self._surface.at(angles_deg)
         return np.maximum(found, 0.0).reshape(len(angles_deg), *self.fractions.shape[-2:])
 
@@ -119,7 +122,8 @@ def traced_network(
         If the body cannot be built in a state.
     """
     named = list(wires.lit_by), list(wires.read_on)
-    made_of = __version__, dumps(design), Sensor.of(design).material, named, dict(ranges_deg)
+    sensor = Sensor.of(design)
+    made_of = __version__, dumps(design), sensor.material, Acceptance.of(sensor), named, dict(ranges_deg)
     key = hashlib.sha256(repr(made_of).encode()).hexdigest()
     found = None if kept is None else _read(kept, key)
     if found is None:
@@ -208,7 +212,9 @@ def _nodes(wires: SensorOf, design: Design, name: str, ends: Range, middle: Mapp
 
 
 def _powers(wires: SensorOf, design: Design, motions: list[str], states: FloatArray) -> FloatArray:
-    """Powers (states, emitters, receivers) in the order of the wires."""
-    found = network_response(design, [dict(zip(motions, row, strict=True)) for row in states.tolist()], TRACED)
+    """Shares (states, emitters, receivers) that receivers convert to current, in the order of the wires."""
+    moved = [state_of(design, dict(zip(motions, row, strict=True))) for row in states.tolist()]
+    found = response_of(moved, TRACED)
     lights = [found.emitters.index(name) for name in wires.lit_by]
-    return found.power[:, lights][:, :, [found.receivers.index(name) for name in wires.read_on]]
+    places = [found.receivers.index(name) for name in wires.read_on]
+    return received_by(moved, found.power)[:, lights][:, :, places]
