@@ -32,10 +32,10 @@ USUAL_TOLERANCE = 5e-4
 """Default uncertainty of a power, as a share of what its emitter emits."""
 ROUGH, RAYS_OF_ONE, FEWEST_RAYS = 2e-4, 0.03, 2**12
 """Tolerance from which on powers are sampled, quicker than integrated; rays to begin with, times its square; fewest."""
-OF_NETS = 1.1 * math.sqrt((COPIES - 1) / (COPIES - 3))
+OF_NETS = 1.25 * math.sqrt((COPIES - 1) / (COPIES - 3))
 """Standard uncertainty of a mean of nets by their standard error. So few estimate it roughly, so that error over it
-follows Student's t (Supplement 1 to the GUM, 6.4.9.4); and it is too small where few rays carry the power, by 1.1 over
-all powers of networks and 80 lattices."""
+follows Student's t (Supplement 1 to the GUM, 6.4.9.4); and it is too small where few rays carry the power, by up to
+1.25 over all powers of a network and 40 lattices."""
 
 
 class NetworkResponse(Result):
