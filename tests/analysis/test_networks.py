@@ -1,13 +1,17 @@
 """Networks: their readings by state, calibration and decoding of several motions, and what is refused."""
 
+import io
 import json
+import time
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from solen.analysis.calibration import CalibrationOptions, DecodeOptions
+from solen.analysis.calibration import CalibrationOptions, DecodeOptions, Decoder
+from solen.analysis.calibration.file import load
 from solen.analysis.network import (
     NetworkCalibrations,
     NetworkReadings,
@@ -17,11 +21,13 @@ from solen.analysis.network import (
 )
 from solen.analysis.network.file import load_network, text_of
 from solen.arrays import FloatArray
+from solen.bench.journal import Journal
 from solen.bench.record import RecordOptions, record
 from solen.errors import DataError, SpecError
 from solen.pipeline.bench.calibrate import calibrate
 from solen.pipeline.bench.decode import decode
 from solen.recording import Provenance
+from tests.bench.lsl_support import kept_streams
 from tests.bench.network_support import EMITTERS, LEAN, PLAN, RECEIVERS, SWAY, light, without_tracing, write
 
 NOISE_V, HELD = 3e-4, 20
@@ -97,6 +103,14 @@ def test_a_saved_calibration_decodes_the_same(made: NetworkCalibrations, tmp_pat
     file.write_text(json.dumps(data | {"noise_V2": data["noise_V2"][:-1]}), encoding="utf-8")
     with pytest.raises(DataError, match="noise_V2"):
         load_network(file)
+
+
+def test_a_decoder_of_one_motion_names_what_decodes_a_network(made: NetworkCalibrations, tmp_path: Path) -> None:
+    file = tmp_path / "fork.calibration.json"
+    file.write_text(text_of(made.calibration), encoding="utf-8")
+    for call in (lambda: load(file), lambda: Decoder(file), lambda: Decoder(made.calibration)):  # type: ignore[arg-type]
+        with pytest.raises(DataError, match=r"solen\.analysis\.network\.load_network"):
+            call()
 
 
 def test_readings_of_no_state_and_missing_ones_are_marked(made: NetworkCalibrations) -> None:
@@ -201,6 +215,15 @@ def test_a_table_of_another_recorder_holds_the_same(tmp_path: Path) -> None:
         network_readings(path)
 
 
+END = Journal.end
+
+
+def kept_journal(journal: Journal, **more: Any) -> None:
+    """End a journal, and keep it beside the recording that is made of it."""
+    END(journal, **more)
+    journal.path.with_name(f"kept-{journal.path.name}").write_bytes(journal.path.read_bytes())
+
+
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two recordings of a simulated rig: a grid of 5 × 5 states, and some states beside them."""
@@ -216,6 +239,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write(folder, plan=plan, visits='schema = 1\nname = "visits"\nrest_s = 0.0\n' + "".join(steps))
     with pytest.MonkeyPatch.context() as patch:
         without_tracing(patch)
+        patch.setattr(Journal, "end", kept_journal)
         for name in ("plan", "visits"):
             record(folder / f"{name}.toml", folder / "rig.toml", folder, RecordOptions())
     return folder
@@ -243,6 +267,34 @@ def test_from_a_simulated_rig_to_motions(bench: Path) -> None:
     assert (live.readings, live.missing) == (38, 1)
     with pytest.raises(DataError, match=r"a\.right"):
         decode(file, "-", text=[one.rpartition(",")[0] for one in lines])
+
+
+def test_a_run_of_a_network_is_followed_while_it_grows(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (file,) = calibrate(bench / "plan.nc", out=bench / "known.calibration.json").files.values()
+    closed, followed, streams = io.StringIO(), io.StringIO(), kept_streams(monkeypatch)
+    of_recording = decode(file, str(bench / "visits.nc"), rows=closed).result
+    data, growing = (bench / "kept-visits.journal").read_bytes(), bench / "growing.journal"
+    cuts = np.linspace(len(data) // 3, len(data), 5).astype(int).tolist()
+    growing.write_bytes(data[: cuts[0]])
+
+    def grow(_: float) -> None:
+        with growing.open("ab") as journal:
+            journal.write(data[cuts.pop(0) : cuts[0]])
+
+    monkeypatch.setattr(time, "sleep", grow)
+    of_journal = decode(file, str(growing), DecodeOptions(follow=True), rows=followed, send="lsl:fork").result
+    assert len(cuts) == 1
+    assert of_journal.readings == of_recording.readings > 100
+    header, *rows = (row.split(",") for row in followed.getvalue().splitlines())
+    same = [row.split(",") for row in closed.getvalue().splitlines()[1:]]
+    kept = [row[1:] for row in rows if "missing" not in row], [row[1:] for row in same if "missing" not in row]
+    angles = [np.array([[float(cell) for cell in row[:10]] for row in each]) for each in kept]
+    assert angles[0] == pytest.approx(angles[1], abs=1e-4)
+    sent = ["time_s", *(f"{name}_{end}" for name in MOTIONS for end in ("deg", "low95_deg", "high95_deg"))]
+    assert [value for name, value in streams[1:8] if name == "label"] == sent
+    samples = np.array([values for values, stamp in streams[8:]])
+    assert samples.shape == (len(rows), 7)
+    assert samples[-1] == pytest.approx([float(rows[-1][header.index(name)]) for name in sent])
 
 
 def test_options_of_sensors_with_one_motion_are_refused(bench: Path) -> None:

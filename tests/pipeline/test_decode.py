@@ -11,7 +11,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -30,6 +29,7 @@ from solen.cli import run_command
 from solen.errors import DataError, SpecError
 from solen.pipeline.bench import decode as pipeline
 from tests.analysis.made_support import Protocol, Truth, made
+from tests.bench.lsl_support import kept_streams
 from tests.bench.rig_support import PROTOCOL
 from tests.bench.wire_support import Served
 from tests.command_support import answered
@@ -491,32 +491,7 @@ def test_angles_go_out_over_a_serial_line(folder: Path) -> None:
 
 
 def test_angles_go_out_as_a_stream_of_samples(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    told: list[Any] = []
-
-    class Element:
-        def append_child(self, name: str) -> "Element":  # noqa: ARG002
-            return self
-
-        def append_child_value(self, name: str, value: str) -> None:
-            told.append((name, value))
-
-    class Info:
-        def __init__(self, *given: Any) -> None:
-            told.append(given)
-
-        def desc(self) -> Element:
-            return Element()
-
-    class Stream:
-        def __init__(self, info: Info) -> None:
-            assert isinstance(info, Info)
-
-        def push_sample(self, values: list[float], at_s: float) -> None:
-            told.append((values, at_s))
-
-    numbers = {"IRREGULAR_RATE": 0.0, "cf_double64": 2, "__spec__": object()}
-    fake = SimpleNamespace(StreamInfo=Info, StreamOutlet=Stream, local_clock=lambda: 7.5, **numbers)
-    monkeypatch.setitem(sys.modules, "pylsl", fake)
+    told = kept_streams(monkeypatch)
     shown = io.StringIO()
     decoded(folder, text=io.StringIO(LIVE), rows=shown, send="lsl:finger")
     assert told[0] == ("finger", "Angle", 4, 0.0, 2, "solen-finger")

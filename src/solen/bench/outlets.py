@@ -7,6 +7,7 @@ they are sent at the pace of their times, as they were recorded.
 The interface: `outlet` of a name such as ``udp://127.0.0.1:5005``, ``serial:COM5@115200`` or ``lsl:finger``; `Paced`.
 """
 
+import re
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -18,9 +19,8 @@ from solen.errors import BenchError, SpecError
 from solen.extras import need
 from solen.recording.numbers import is_number
 
-LSL_COLUMNS = ("time_s", "angle_deg", "low95_deg", "high95_deg")
-"""Channels of a stream of the Lab Streaming Layer, beside its own stamp of the moment that it was sent."""
 BAUD = 115_200
+_OTHER_BAND = re.compile(r"(?:.*_)?(?:low|high)68_[^_]+")
 _LIMIT = "must be udp://HOST:PORT, serial:PORT@BAUD or lsl:NAME"
 
 
@@ -143,23 +143,34 @@ def _serial(where: str, rest: str) -> Iterator[Outlet]:
 
 @contextmanager
 def _lsl(where: str, rest: str) -> Iterator[Outlet]:
-    """One sample a row, stamped as it is sent."""
+    """One sample a row, stamped as it is sent: the time, and each value with its band of 95 %."""
     need("pylsl", what=where, error=BenchError)
     import pylsl
 
-    info = pylsl.StreamInfo(rest, "Angle", len(LSL_COLUMNS), pylsl.IRREGULAR_RATE, pylsl.cf_double64, f"solen-{rest}")
-    channels = info.desc().append_child("channels")
-    for name in LSL_COLUMNS:
-        channels.append_child("channel").append_child_value("label", name)
-    stream = pylsl.StreamOutlet(info)
+    streams: list[Any] = []
     header: list[str] = []
+
+    def opened(names: list[str]) -> Any:
+        kind = pylsl.IRREGULAR_RATE, pylsl.cf_double64
+        info = pylsl.StreamInfo(rest, "Angle", len(names), *kind, f"solen-{rest}")
+        channels = info.desc().append_child("channels")
+        for name in names:
+            channels.append_child("channel").append_child_value("label", name)
+        return pylsl.StreamOutlet(info)
 
     def send(row: str) -> None:
         cells = row.split(",")
-        if not header:
+        if not streams:
             header.extend(cells)
+            streams.append(opened(_sent(header)))
             return
         values = dict(zip(header, cells, strict=False))
-        stream.push_sample([float(values[name] or "nan") for name in LSL_COLUMNS], pylsl.local_clock())
+        streams[0].push_sample([float(values[name] or "nan") for name in _sent(header)], pylsl.local_clock())
 
     yield _Rows(send)
+
+
+def _sent(header: list[str]) -> list[str]:
+    """Columns of numbers, up to the last band, without the bands of 68 %."""
+    last = max(place for place, name in enumerate(header) if "high95_" in name)
+    return [name for name in header[: last + 1] if not _OTHER_BAND.fullmatch(name)]

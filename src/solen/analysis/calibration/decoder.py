@@ -22,6 +22,7 @@ from scipy.stats import f as f_distribution
 
 from solen.analysis.calibration.estimate import Calibration, at_angles
 from solen.arrays import BoolArray, FloatArray, IndexArray
+from solen.errors import DataError
 
 LEVELS = (0.68, 0.95)
 OUTSIDE = 1e-3
@@ -125,9 +126,18 @@ class Decoder:
         Standard deviation of a common factor of the light, as an emitter's that ages or warms.
     dark_V
         Voltage without light, which that factor leaves alone.
+
+    Raises
+    ------
+    DataError
+        If it is no calibration of a sensor, as that of a network, which `solen.analysis.network.load_network` reads.
     """
 
     def __init__(self, calibration: Calibration, *, gain_percent: float = 0.0, dark_V: float = 0.0) -> None:
+        if not isinstance(calibration, Calibration):
+            limit = "is no calibration of a sensor, as solen.analysis.calibration.file.load(FILE).calibration is"
+            remedy = "of a network, decode all motions by solen.analysis.network.load_network(FILE).decoder"
+            raise DataError("Decoder", value=type(calibration).__name__, limit=limit, remedy=remedy)
         self.calibration = calibration = calibration.widened()
         total, freedom = calibration.law()
         if gain_percent:

@@ -24,7 +24,7 @@ from solen.spec.strict import NotNegative, Number, Strict, Text, error_context, 
 
 SCHEMA = 1
 SUFFIX = ".calibration.json"
-KIND = "calibration"
+KIND, OF_NETWORK = "calibration", "network calibration"
 
 Ambient = Literal["subtracted", "not subtracted"]
 Pair = tuple[Number, Number]
@@ -247,12 +247,10 @@ def load(path: Path) -> CalibrationFile:
     data = parsed(read_text(path, DataError), str(path), remedy="make it again with solen bench calibrate")
     if not isinstance(data, dict) or data.get("kind") != KIND:
         found = data.get("kind") if isinstance(data, dict) else None
-        raise DataError(
-            str(path),
-            value=found,
-            limit="is not a calibration of a sensor",
-            remedy="make one with solen bench calibrate",
-        )
+        remedy = "make one with solen bench calibrate"
+        if found == OF_NETWORK:
+            remedy = "decode by solen bench decode, or in Python by solen.analysis.network.load_network(FILE).decoder"
+        raise DataError(str(path), value=found, limit="is not a calibration of a sensor", remedy=remedy)
     data = migrated(data, str(path), current=SCHEMA, migrations={}, error=DataError)
     with error_context(str(path)):
         stimulus = STIMULI.get(str(data.get("stimulus")), ANGLE)

@@ -11,7 +11,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from solen.analysis.calibration.file import SCHEMA, Ambient, tuples
+from solen.analysis.calibration.file import OF_NETWORK, SCHEMA, Ambient, tuples
 from solen.analysis.network.decoder import NetworkDecoder
 from solen.analysis.network.forward import ForwardMap
 from solen.arrays import FloatArray
@@ -22,7 +22,6 @@ from solen.results import in_unit
 from solen.spec.objects import parsed
 from solen.spec.strict import NotNegative, Number, Positive, Strict, Text, error_context, migrated, refused
 
-KIND = "network calibration"
 Row = tuple[Number, ...]
 
 
@@ -113,13 +112,13 @@ def text_of(file: NetworkCalibration) -> str:
 def is_network_file(path: Path) -> bool:
     """Whether a file is the calibration of a network; `DataError` if it cannot be read."""
     data = parsed(read_text(path, DataError), str(path), remedy="make it again with solen bench calibrate")
-    return isinstance(data, dict) and data.get("kind") == KIND
+    return isinstance(data, dict) and data.get("kind") == OF_NETWORK
 
 
 def load_network(path: Path) -> NetworkCalibration:
     """Calibration of a network's file; `DataError` if it cannot be read or is none."""
     data = parsed(read_text(path, DataError), str(path), remedy="make it again with solen bench calibrate")
-    if not isinstance(data, dict) or data.get("kind") != KIND:
+    if not isinstance(data, dict) or data.get("kind") != OF_NETWORK:
         found = data.get("kind") if isinstance(data, dict) else None
         remedy = "make one with solen bench calibrate"
         raise DataError(str(path), value=found, limit="is not a calibration of a network", remedy=remedy)
