@@ -1,8 +1,8 @@
 """DXF drawings of a body by ezdxf (the extra ``dxf``): LINE, ARC and SPLINE entities in mm, a layer for each face.
 
 The layers have the faces' names, so that `solen.geometry.drawing` reads the body back; the emitter is a point (a chip a
-line) on the layer ``emitter``, the pivot of the motion a point on the layer ``pivot``. Custom properties of the header
-state the label. X is x, Y is z.
+line) on the layer ``emitter``, those of a network on layers ``emitter-NAME``, the pivot of the motion a point on the
+layer ``pivot``. Custom properties of the header state the label. X is x, Y is z.
 """
 
 import io
@@ -74,12 +74,13 @@ def _draw(space: Any, piece: Segment | Arc | Bspline, layer: str) -> None:
 
 
 def _mark(space: Any, body: Body) -> None:
-    """Emitter and pivot, each on its layer."""
-    ends = emitter_line(body.emitter)
-    if math.dist(*ends) > 0.0:
-        space.add_line(*ends, dxfattribs={"layer": "emitter"})
-    else:
-        space.add_point(body.emitter.point, dxfattribs={"layer": "emitter"})
+    """Emitters and pivot, each on its layer."""
+    for name, emitter in emitters(body):
+        ends = emitter_line(emitter)
+        if math.dist(*ends) > 0.0:
+            space.add_line(*ends, dxfattribs={"layer": name})
+        else:
+            space.add_point(emitter.point, dxfattribs={"layer": name})
     if "stem-base" in body.marks:
         space.add_point(body.marks["stem-base"], dxfattribs={"layer": "pivot"})
 
@@ -94,6 +95,11 @@ def _number(space: Any, body: Body, parts: Sequence[NumberedPart]) -> None:
         number.set_placement(one.place, align=TextEntityAlignment.MIDDLE_CENTER)
         line = space.add_text(one.row, height=TEXT_MM, dxfattribs={"layer": "note-table"})
         line.set_placement((right_mm + 2.0 * AWAY_MM, top_mm - row * LINE_MM))
+
+
+def emitters(body: Body) -> list[tuple[str, Pose]]:
+    """Emitters by their names on a drawing: ``emitter``, of a network ``emitter-NAME``."""
+    return [(f"emitter-{name}", pose) for name, pose in body.lamps] or [("emitter", body.emitter)]
 
 
 def emitter_line(emitter: Pose) -> tuple[tuple[float, float], tuple[float, float]]:

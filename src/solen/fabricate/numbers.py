@@ -11,10 +11,9 @@ from numpy.polynomial import polynomial
 from solen.curve import Measure
 from solen.geometry import Body
 from solen.geometry.body import Face
-from solen.geometry.network import network_body, network_lenses, plan_of
+from solen.geometry.network import drawn_lenses, network_lenses, plan_of
 from solen.plane import Point, along, heading
 from solen.spec import Design
-from solen.spec.placed import lit
 
 AWAY_MM = 1.1
 """Distance of a number from the face or the emitter that it stands beside."""
@@ -42,7 +41,7 @@ def numbered(design: Design, body: Body) -> tuple[NumberedPart, ...]:
     """Parts of a network in the order of its lists; none of another kind of body."""
     if design.body.kind != "network":
         return ()
-    rows = (*_guides(design), *_lenses(design, body), *_emitters(design), *_receivers(design, body))
+    rows = (*_guides(design), *_lenses(design, body), *_emitters(body), *_receivers(design, body))
     return tuple(NumberedPart(number, *row) for number, row in enumerate(rows, start=1))
 
 
@@ -50,7 +49,8 @@ _Row = tuple[str, str, str, Point]
 
 
 def _guides(design: Design) -> Iterator[_Row]:
-    for name, way in plan_of(design).ways.items():
+    ways = {} if design.outline_file is not None else plan_of(design).ways
+    for name, way in ways.items():
         (a, b), (c, d) = (wall.middle_point for wall in way.walls.values())
         ends = polynomial.polyval([0.0, way.spine.length_mm], way.guide.widths).tolist()
         wide = " to ".join(dict.fromkeys(f"{width:.4g}" for width in ends))
@@ -58,23 +58,24 @@ def _guides(design: Design) -> Iterator[_Row]:
 
 
 def _lenses(design: Design, body: Body) -> Iterator[_Row]:
-    for name, lens in network_lenses(design).items():
+    lenses = drawn_lenses(design, body) if design.outline_file is not None else network_lenses(design)
+    for name, lens in lenses.items():
         size = f"{lens.shape}, {2.0 * lens.half_width_mm:.4g} mm wide, {lens.depth_mm:.4g} mm deep"
         yield "lens", name, size, _beside(body, f"lens-{name}", inside=True)
 
 
-def _emitters(design: Design) -> Iterator[_Row]:
-    for one in design.network.emitters:
-        pose = network_body(lit(design, one.name)).emitter
+def _emitters(body: Body) -> Iterator[_Row]:
+    for name, pose in body.lamps:
         size = f"at x {pose.point[0]:.4g}, z {pose.point[1]:.4g} mm, towards {pose.axis_deg + 0.0:.4g} deg"
-        yield "emitter", one.name, size, along(pose.point, heading(pose.axis_deg), -AWAY_MM)
+        yield "emitter", name, size, along(pose.point, heading(pose.axis_deg), -AWAY_MM)
 
 
 def _receivers(design: Design, body: Body) -> Iterator[_Row]:
     for one in design.network.receivers:
         curve = _face(body, f"receiver-{one.name}").curve
-        where = f"end {one.node}" if one.node else f"{one.side} side of {one.guide} from {one.from_mm:.4g} mm"
-        size = f"{Measure(curve).length_mm:.4g} mm long, {where}"
+        where = f", end {one.node}" if one.node else ""
+        where = f", {one.side} side of {one.guide} from {one.from_mm:.4g} mm" if one.guide else where
+        size = f"{Measure(curve).length_mm:.4g} mm long{where}"
         yield "receiver", one.name, size, _beside(body, f"receiver-{one.name}", inside=False)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from solen.curve import Arc, Curve, Parabola, Segment
 from solen.fabricate.bspline import cubics, quadratic
-from solen.fabricate.dxf import emitter_line
+from solen.fabricate.dxf import emitter_line, emitters
 from solen.fabricate.label import Label
 from solen.fabricate.numbers import LETTER, LINE_MM, TEXT_MM, NumberedPart
 from solen.geometry import Body
@@ -29,7 +29,7 @@ LARGEST_ARC_DEG = 90.0
 def as_svg(body: Body, label: Label, parts: Sequence[NumberedPart] = ()) -> bytes:
     """SVG file of a body, in mm, with numbers beside its parts and a table of them."""
     faces = (*body.all_faces, *body.apart)
-    corners = np.vstack([*(face.curve.flattened(1e-3) for face in faces), [body.emitter.point]])
+    corners = np.vstack([*(face.curve.flattened(1e-3) for face in faces), [pose.point for _, pose in emitters(body)]])
     low, high = corners.min(axis=0) - MARGIN_MM, corners.max(axis=0) + MARGIN_MM
     table = (float(high[0]) + TEXT_MM, float(high[1]) - TEXT_MM)
     if parts:
@@ -77,11 +77,12 @@ def _path(name: str, data: str) -> str:
 
 
 def _marks(body: Body) -> Iterator[str]:
-    start, end = emitter_line(body.emitter)
-    if math.dist(start, end) > 0.0:
-        yield _path("emitter", f"M{_at(start)}L{_at(end)}")
-    else:
-        yield _circle("emitter", body.emitter.point)
+    for name, emitter in emitters(body):
+        start, end = emitter_line(emitter)
+        if math.dist(start, end) > 0.0:
+            yield _path(name, f"M{_at(start)}L{_at(end)}")
+        else:
+            yield _circle(name, emitter.point)
     if "stem-base" in body.marks:
         yield _circle("pivot", body.marks["stem-base"])
 

@@ -92,7 +92,8 @@ class Body:
 
     ``others`` are further closed outlines: holes, and bodies that stand apart. ``apart`` are faces in the air beside
     the body: receivers behind a gap, mirrors. An emitter may be ``embedded`` in the material.
-    With a ``front`` the outline is that of the middle section, and the body no prism.
+    With a ``front`` the outline is that of the middle section, and the body no prism. ``lamps`` are all emitters of a
+    network, of which ``emitter`` lights.
     """
 
     faces: tuple[Face, ...]
@@ -102,6 +103,7 @@ class Body:
     apart: tuple[Face, ...] = ()
     embedded: bool = False
     front: Front | None = None
+    lamps: tuple[tuple[str, Pose], ...] = ()
 
     def upright(self, remedy: str = 'set lens.shape = "cartesian-oval"') -> "Body":
         """The body itself; `DesignError` if its lens is no cylinder, so that one outline does not describe it."""

@@ -7,7 +7,7 @@ inside others are holes, or bodies in holes. The axis that bends is x = 0.
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
 from solen.curve import check_numbers
@@ -53,7 +53,12 @@ def drawn_body(design: Design, drawing: Drawing, angle_deg: float = 0.0) -> Body
 
 
 def _rest(design: Design, drawing: Drawing) -> Body:
-    """Body as drawn, its walls divided."""
+    """Body as drawn, before its emitter."""
+    return drawn_rest(design, drawing, lambda faces: _emitter(design, drawing, faces))
+
+
+def drawn_rest(design: Design, drawing: Drawing, emitter_before: Callable[[tuple[Face, ...]], Pose]) -> Body:
+    """Body as drawn, its walls divided, before the emitter that a function of its faces gives."""
     check_names(drawing)
     found, alone = closed_outlines(drawing.strokes, JOIN_MM if design.body.join_mm is None else design.body.join_mm)
     ordered = [_from_lens(outline) for outline in _oriented(found)]
@@ -65,8 +70,7 @@ def _rest(design: Design, drawing: Drawing) -> Body:
     all_faces = (*first, *(face for outline in others for face in outline))
     apart = (*(face for _, faces in bare for face in faces), *(_facing(face, all_faces) for face in standing))
     pivot = next((point for name, point in drawing.points if name in PIVOTS), (0.0, 0.0))
-    emitter = _emitter(design, drawing, all_faces)
-    return Body(first, emitter, {"stem-base": pivot}, tuple(others), apart, embedded=True)
+    return Body(first, emitter_before(all_faces), {"stem-base": pivot}, tuple(others), apart, embedded=True)
 
 
 def _oriented(outlines: list[list[Face]]) -> list[list[Face]]:
@@ -115,25 +119,28 @@ def _emitter(design: Design, drawing: Drawing, faces: tuple[Face, ...]) -> Pose:
     if stated.point_mm is not None:
         pose = Pose(stated.point_mm, 0.0)
     elif len(drawing.lamps) == 1:
-        pose = _pose(drawing.lamps[0], faces)
+        pose = lamp_pose(drawing.lamps[0], faces)
     else:
         limit = "the drawing must show one emitter: a point, or a line as wide as the chip, on a layer called emitter"
         raise DesignError(
-            "emitter", value=f"{len(drawing.lamps)} drawn", limit=limit, remedy="or give emitter.point_mm = [x, z]"
+            "emitter",
+            value=f"{len(drawing.lamps)} drawn",
+            limit=limit,
+            remedy='give emitter.point_mm = [x, z], or set body.kind = "network" for several in turn',
         )
     if stated.axis_deg is not None:
         pose = replace(pose, axis_deg=stated.axis_deg)
     return replace(pose, point=along(pose.point, right_of(heading(pose.axis_deg)), stated.offset_mm))
 
 
-def _pose(lamp: Lamp, faces: tuple[Face, ...]) -> Pose:
+def lamp_pose(lamp: Lamp, faces: tuple[Face, ...]) -> Pose:
     """Pose of an emitter; a line points along its normal to the side of the nearer face."""
     if lamp.end is None:
-        return Pose(lamp.point, lamp.axis_deg, lamp.width_mm)
+        return Pose(lamp.point, lamp.axis_deg or 0.0, lamp.width_mm)
     middle = (0.5 * (lamp.point[0] + lamp.end[0]), 0.5 * (lamp.point[1] + lamp.end[1]))
     across = minus(lamp.end, lamp.point)
     if across == (0.0, 0.0):
-        return Pose(middle, lamp.axis_deg)
+        return Pose(middle, lamp.axis_deg or 0.0)
     left = left_of(unit(across))
     right = (-left[0], -left[1])
     sees = {side: _nearest_mm(middle, side, faces) for side in (left, right)}

@@ -157,6 +157,8 @@ def _arm(design: Design, fork: Point, side: int) -> Handle:
 
 def _of_network(sensor: "Sensor", body: Body, _: float) -> Iterator[tuple[str, Handle]]:
     design, network = sensor.design, sensor.design.network
+    if design.outline_file is not None:
+        return
     places = plan_of(design).places
     for number, node in enumerate(network.nodes):
         free = _free(design, number)

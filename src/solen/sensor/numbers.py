@@ -125,6 +125,8 @@ def _without_effect_on(design: Design, key: str) -> str:
     table, _, name = key.partition(".")
     if table == "body" and name != "thickness_mm":
         return "the body is a network"
+    if design.body.file is not None and (table == "lens" or key == "emitter.distance_mm"):
+        return "the network is drawn"
     parts = {"lens": design.network.lenses, "emitter": design.network.emitters}.get(table, ())
     if table == "lens" and not parts:
         return "the network has no lens"

@@ -35,7 +35,7 @@ UNUSED_KEYS: dict[str, Keys] = {
     },
     "network": {
         "body": (
-            *("parameters", "file", "units", "join_mm"),
+            "parameters",
             *("stem_length_mm", "stem_curve_per_mm", "arm_length_mm", "arm_width_mm", "arm_angle_deg"),
         ),
         "lens": ("profile", "y_focus_mm", "layer_mm"),
@@ -229,7 +229,7 @@ class Body(Strict):
     )
     file: Text | None = Field(
         None,
-        description='Drawing of the outline, .dxf, .svg or .json, relative to the design file; with kind="outline".',
+        description="Drawing of an outline or a network, .dxf, .svg or .json, relative to the design file.",
     )
     units: Literal["um", "mm", "cm", "m", "in"] | None = Field(
         None, description="Unit of the drawing; default: as stated in the drawing."

@@ -2,8 +2,8 @@
 
 from typing import TYPE_CHECKING
 
-from solen.spec.body import Keys, unused_keys
-from solen.spec.network import SHAPES
+from solen.spec.body import UNUSED_KEYS, Keys, unused_keys
+from solen.spec.network import REMEDY_OF_PLACE, SHAPES
 from solen.spec.soft import check_loads
 from solen.spec.strict import refused
 
@@ -61,16 +61,64 @@ def _refuse_stated(design: "Design", keys: Keys, because: str) -> None:
 def _check_network(design: "Design") -> None:
     """Reject a network of another kind of body, and one without guides or an emitter."""
     network, has = design.network, design.body.kind == "network"
-    for key in ("guides", "emitters", "receivers"):
+    drawn = design.body.file is not None
+    for key in ("emitters", "receivers") if drawn else ("guides", "emitters", "receivers"):
         if has and not getattr(network, key):
             raise refused(f"network.{key}", 'missing: body.kind = "network" needs it', remedy=f"add [[network.{key}]]")
     if has and design.lens.shape not in SHAPES:
         limit = "a network's lenses are cylinders of a formula"
         raise refused("lens.shape", limit, value=design.lens.shape, remedy=f"set one of {', '.join(SHAPES)}")
+    if has:
+        _check_drawn(design) if drawn else _check_places(design)
     stated = next((key for key in type(network).model_fields if getattr(network, key)), None)
     if stated is not None and not has:
         limit = f'has no meaning with body.kind = "{design.body.kind}"'
         raise refused(f"network.{stated}", limit, remedy='set body.kind = "network"')
+
+
+OF_A_DRAWING = ("nodes", "guides", "fixed")
+"""Lists and keys of a network that a drawing replaces."""
+WHERE = ("node", "guide", "side", "at_mm", "from_mm", "to_mm", "distance_mm", *UNUSED_KEYS["outline"]["lens"])
+"""Keys by which a part of a network is placed and shaped, which a drawing does."""
+
+
+def _check_places(design: "Design") -> None:
+    """Reject a part without a place, and keys of a drawing that there is not."""
+    for key in ("units", "join_mm"):
+        if getattr(design.body, key) is not None:
+            raise refused(f"body.{key}", "has no meaning without body.file", value=getattr(design.body, key))
+    for key in ("lenses", "emitters", "receivers"):
+        for number, one in enumerate(getattr(design.network, key)):
+            if one.node is None and one.guide is None and getattr(one, "lens", None) is None:
+                limit = "must be a node or a guide's side"
+                raise refused(f"network.{key}[{number}].node", limit, value=None, remedy=REMEDY_OF_PLACE)
+
+
+def _check_drawn(design: "Design") -> None:
+    """Reject what a drawn network has from its drawing, a lens without light, and motions that would tear it."""
+    network, because = design.network, "with body.file"
+    for key in OF_A_DRAWING:
+        if getattr(network, key):
+            raise refused(f"network.{key}", f"has no meaning {because}: the network is drawn", remedy="leave it out")
+    outline = UNUSED_KEYS["outline"]
+    _refuse_stated(design, {table: outline[table] for table in ("lens", "emitter")}, "body.file")
+    for key in ("lenses", "emitters", "receivers"):
+        for number, one in enumerate(getattr(network, key)):
+            for name in WHERE:
+                if getattr(one, name, None) is not None:
+                    limit = f"has no meaning {because}: the part is drawn"
+                    what = f"network.{key}[{number}].{name}"
+                    raise refused(what, limit, value=getattr(one, name), remedy="leave it out")
+    lit = {one.lens for one in network.emitters}
+    for number, lens in enumerate(network.lenses):
+        if lens.name not in lit:
+            remedy = f'add lens = "{lens.name}" to the emitter before it'
+            raise refused(f"network.lenses[{number}].name", "no emitter lights it", value=lens.name, remedy=remedy)
+    emitters = [one.name for one in network.emitters]
+    for number, motion in enumerate(network.motion):
+        if motion.kind == "bend" or motion.part not in emitters:
+            limit = "would tear the drawn body: an emitter alone can turn"
+            raise refused(f"network.motion[{number}].part", limit, value=motion.part)
 
 
 def _check_carried(design: "Design") -> None:

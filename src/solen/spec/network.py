@@ -4,6 +4,8 @@ Nodes are joined by guides; lenses, emitters and receivers stand at nodes where 
 side. What all lenses, emitters and receivers share is stated by ``[lens]``, ``[emitter]`` and ``[receivers]``, and a
 key stated here replaces it for one of them. Emitters light in turn: ``lit`` names the one that does. What can move
 stands at ``at_deg`` of its motion.
+
+With ``body.file`` the network is drawn: the lists name its emitters, lenses and receivers, and say no place.
 """
 
 import re
@@ -114,8 +116,11 @@ class Guide(Strict):
         return self
 
 
+REMEDY_OF_PLACE = 'state node = "tip", or guide and side'
+
+
 class Placed(Strict):
-    """A part that stands at a node where one guide ends, or on a guide's side."""
+    """A part that stands at a node where one guide ends, or on a guide's side; in a drawn network where it is drawn."""
 
     name: Name = Field(description="its name.")
     node: Text | None = Field(None, description="Node where it stands; one guide ends there.")
@@ -124,9 +129,8 @@ class Placed(Strict):
 
     def check_place(self, beside: Iterable[str]) -> None:
         """Reject both a node and a side, and keys of a side without it, or a side without them."""
-        if (self.node is None) == (self.guide is None):
-            limit = "must be a node or a guide's side" if self.node is None else "has no meaning with guide"
-            raise refused("node", limit, value=self.node, remedy='state node = "tip", or guide and side')
+        if self.node is not None and self.guide is not None:
+            raise refused("node", "has no meaning with guide", value=self.node, remedy=REMEDY_OF_PLACE)
         for key in ("side", *beside):
             value = getattr(self, key)
             if (value is None) == (self.guide is not None):
@@ -268,7 +272,7 @@ class Network(Strict):
                 limit = f"is moved by {before[0]} already"
                 raise refused(f"motion[{number}].part", limit, value=motion.part, remedy="leave one of them out")
             lenses = {one.name: one for one in self.lenses}
-            if motion.join is not None and (motion.part not in lenses or lenses[motion.part].node is None):
+            if motion.join is not None and (motion.part not in lenses or lenses[motion.part].guide is not None):
                 limit = "is of a lens that ends a guide"
                 raise refused(f"motion[{number}].join", limit, value=motion.join, remedy="leave it out")
             if motion.pivot == "emitter" and motion.part in [one.name for one in self.guides]:
@@ -284,7 +288,7 @@ class Network(Strict):
 
     def _on_sides(self) -> set[str]:
         """Lenses on sides, and emitters there or before them."""
-        lenses = {one.name for one in self.lenses if one.node is None}
+        lenses = {one.name for one in self.lenses if one.guide is not None}
         return lenses | {one.name for one in self.emitters if one.guide is not None or one.lens in lenses}
 
     @property

@@ -45,11 +45,13 @@ def _(result: NetworkCheck) -> Iterator[str]:
     yield f"{result.name}: a valid network in {result.states} states of its motions"
     names = ("guides", "receivers", "motions")
     numbers = {"index": result.material.index, "area_mm2": result.area_mm2}
-    yield from listing({name: ", ".join(getattr(result, name)) or "none" for name in names} | numbers)
+    rows = {name: ", ".join(getattr(result, name)) or ("drawn" if name == "guides" else "none") for name in names}
+    yield from listing(rows | numbers)
     yield from (f"  reading {name}: {expression}" for name, expression in result.readings.items())
     for each in result.lenses:
         sizes = f"half width {each.half_width_mm:.4g} mm, {each.depth_mm:.4g} mm deep"
-        yield f"  lens {each.name}: {each.shape}, {sizes}, smallest spot at {text(each.best_focus_mm)} mm"
+        spot = "" if each.best_focus_mm is None else f", smallest spot at {text(each.best_focus_mm)} mm"
+        yield f"  lens {each.name}: {each.shape}, {sizes}{spot}"
     for emitter in result.emitters:
         place = f"x {emitter.x_mm:.4g}, z {emitter.z_mm:.4g} mm, towards {emitter.axis_deg:.4g} deg"
         yield f"  emitter {emitter.name}: {place}, {emitter.wavelength_nm:g} nm"

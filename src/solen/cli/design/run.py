@@ -41,7 +41,7 @@ def _(study: DesignStudy) -> Iterator[str]:
 def _(study: NetworkStudy) -> Iterator[str]:
     from solen.report.design.network_page import swing_of
 
-    yield f"{study.name}: a network of {len(study.check.guides)} guides, its emitters in turn, as it stands"
+    yield f"{study.name}: {study.check.kind}, its emitters in turn, as it stands"
     yield from matrix(study.at_rest, 0)
     yield from (f"  {name}: {swing_of(response)}" for name, response in study.sweeps.items())
 

@@ -28,6 +28,7 @@ from solen.geometry.drawing.model import (
     face_name,
     is_aside,
     is_named,
+    lamp_name,
 )
 from solen.geometry.drawing.shapes import SHAPE_TOLERANCE_MM, beziers, ellipse
 from solen.plane import Point
@@ -121,12 +122,12 @@ class _Reader:
         if kind == "POINT":
             point = self._at(dxf.location)
             if is_named(name, EMITTER):
-                self._lamps.append(Lamp(point))
+                self._lamps.append(Lamp(point, name=lamp_name(name)))
             else:
                 self._points.append((name, point))
             return
         if kind == "LINE" and is_named(name, EMITTER):
-            self._lamps.append(Lamp(self._at(dxf.start), self._at(dxf.end)))
+            self._lamps.append(Lamp(self._at(dxf.start), self._at(dxf.end), name=lamp_name(name)))
             return
         curve = self._curve(entity)
         if curve is not None:

@@ -25,12 +25,13 @@ class Stroke:
 
 @dataclass(frozen=True)
 class Lamp:
-    """An emitter as drawn: a point that looks along ``axis_deg``, or a line from ``point`` to ``end``."""
+    """An emitter as drawn: a point that looks along ``axis_deg``, or a line from ``point`` to ``end``; by name."""
 
     point: Point
     end: Point | None = None
-    axis_deg: float = 0.0
+    axis_deg: float | None = None
     width_mm: float = 0.0
+    name: str = ""
 
 
 @dataclass(frozen=True)
@@ -54,5 +55,10 @@ def is_aside(name: str) -> bool:
 
 
 def is_named(name: str, what: str) -> bool:
-    """Whether a name is that of a thing, or of one of several: ``emitter``, ``emitter-2``."""
-    return re.fullmatch(rf"{what}([-_ .]?\w+)?", name) is not None
+    """Whether a name is that of a thing, or of one of several: ``emitter``, ``emitter-2``, ``emitter-index-tip``."""
+    return re.fullmatch(rf"{what}([-_ .]?[\w-]+)?", name) is not None
+
+
+def lamp_name(name: str) -> str:
+    """Name of an emitter from that of its layer or element: ``tip`` of ``emitter-tip``."""
+    return name.removeprefix(EMITTER).lstrip("-_ .")

@@ -1,7 +1,8 @@
 """Outlines as JSON: ``{"solen_outline": 1, "faces": [{"name": "lens", "curve": {"kind": "arc", …}}, …]}``, in mm.
 
 Curves are those of a scene's JSON. ``emitters`` are objects with a ``point``, and ``axis_deg`` and ``width_mm`` if need
-be, or with the ends of a line, ``point`` and ``end``; ``points`` names points: ``{"pivot": [0, 2]}``.
+be, or with the ends of a line, ``point`` and ``end``, and of several a ``name``; ``points`` names points:
+``{"pivot": [0, 2]}``.
 """
 
 from pathlib import Path

@@ -27,6 +27,7 @@ from solen.geometry.drawing.model import (
     face_name,
     is_aside,
     is_named,
+    lamp_name,
 )
 from solen.geometry.drawing.path import NUMBER, Piece, held, path_pieces
 from solen.geometry.drawing.shapes import beziers, ellipse
@@ -136,9 +137,9 @@ class _Reader:
         if is_round and is_named(name, "pivot"):
             self._points.append((name, placed[0].points[0]))
         elif is_round and is_named(name, EMITTER):
-            self._lamps.append(Lamp(placed[0].points[0]))
+            self._lamps.append(Lamp(placed[0].points[0], name=lamp_name(name)))
         elif is_named(name, EMITTER) and len(placed) == 1 and len(placed[0].points) == 2:
-            self._lamps.append(Lamp(placed[0].points[0], placed[0].points[1]))
+            self._lamps.append(Lamp(placed[0].points[0], placed[0].points[1], name=lamp_name(name)))
         else:
             curves = (_curve(run) for run in _runs(placed))
             self._strokes += [Stroke(name, curve, what) for curve in curves if curve is not None]

@@ -18,8 +18,7 @@ def html(study: NetworkStudy, drawn: dict[str, str], solid: SolidFiles = NO_SOLI
         study.design,
         drawn,
         solid,
-        lead=f"a network of {len(study.check.guides)} guides, {len(rest.emitters)} emitters in turn and "
-        f"{len(rest.receivers)} receivers",
+        lead=f"{study.check.kind}, {len(rest.emitters)} emitters in turn and {len(rest.receivers)} receivers",
         warnings=warnings(study),
         expected=expected(study),
         matrix=[heads, *((name, *powers) for name, powers in rows)],
@@ -67,7 +66,9 @@ def _parts(study: NetworkStudy) -> list[tuple[str, str, str]]:
         place = f"x {emitter.x_mm:.4g}, z {emitter.z_mm:.4g} mm, towards {emitter.axis_deg:.4g}°"
         rows.append((emitter.name, "emitter", f"{place}, {emitter.wavelength_nm:g} nm"))
     for receiver in network.receivers:
-        side = f"{receiver.side} side of {receiver.guide}, {receiver.from_mm} to {receiver.to_mm} mm"
-        rows.append((receiver.name, "receiver", f"end at {receiver.node}" if receiver.node else side))
+        where = f"end at {receiver.node}" if receiver.node else "drawn"
+        if receiver.guide:
+            where = f"{receiver.side} side of {receiver.guide}, {receiver.from_mm} to {receiver.to_mm} mm"
+        rows.append((receiver.name, "receiver", where))
     ranges = ((one, f"{one.from_deg:g}° to {one.to_deg:g}°") for one in network.motion)
     return [*rows, *((one.name, "motion", f"{one.kind} of {one.part}, {angles}") for one, angles in ranges)]

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from solen.geometry.network import network_lenses
-from solen.lens import CurvedLens
+from solen.geometry.network import DrawnLens, drawn_lenses, network_lenses
+from solen.lens import CurvedLens, Lens
 from solen.material import Optical
 from solen.results import Result
 from solen.sensor.network.response import in_turn, receivers_of, warnings_of
@@ -73,6 +73,11 @@ class NetworkCheck(Result):
     area_mm2: float
     warnings: tuple[str, ...]
 
+    @property
+    def kind(self) -> str:
+        """What it is, in words."""
+        return f"a network of {len(self.guides)} guides" if self.guides else "a drawn network"
+
 
 def network_check(design: Design) -> NetworkCheck:
     """Check that a network can be built in all states of its motions; `DesignError` if it cannot."""
@@ -80,12 +85,13 @@ def network_check(design: Design) -> NetworkCheck:
     for sensor in sensors:
         sensor.check()
     body, network = sensors[0].body(), design.network
+    lenses = network_lenses(design) if design.outline_file is None else drawn_lenses(design, body)
     return NetworkCheck(
         name=design.name,
         states=len(list(states(network))),
         material=sensors[0].material,
         guides=tuple(guide.name for guide in network.guides),
-        lenses=tuple(_lens(sensors, name) for name in network_lenses(design)),
+        lenses=tuple(_lens(sensors, name, lens) for name, lens in lenses.items()),
         emitters=tuple(_emitter(sensor) for sensor in sensors),
         receivers=receivers_of(sensors),
         motions=tuple(motion.name for motion in network.motion),
@@ -96,10 +102,9 @@ def network_check(design: Design) -> NetworkCheck:
     )
 
 
-def _lens(sensors: Sequence[Sensor], name: str) -> LensOfNetwork:
+def _lens(sensors: Sequence[Sensor], name: str, lens: Lens | DrawnLens) -> LensOfNetwork:
     """A lens, with its focus in the material at the wavelength of the emitter before it."""
     network = sensors[0].design.network
-    lens = network_lenses(sensors[0].design)[name]
     before = [sensor for sensor, emitter in zip(sensors, network.emitters, strict=True) if emitter.lens == name]
     index = (before or sensors)[0].material.index
     focus = lens.best_focus_mm(index) if isinstance(lens, CurvedLens) else None

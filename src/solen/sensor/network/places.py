@@ -17,7 +17,7 @@ import numpy as np
 
 from solen.arrays import Progress
 from solen.curve.length import Measure
-from solen.errors import SolenError
+from solen.errors import DesignError, SolenError
 from solen.geometry.network import at_rest
 from solen.sensor.network.motions import Suggestion
 from solen.sensor.network.slopes import SLOPE_TOLERANCE, network_sensitivities
@@ -49,7 +49,15 @@ def suggestions(
         Uncertainty of the powers, as of `network_sensitivities`.
     progress
         Called with the completed share, up to 1.
+
+    Raises
+    ------
+    DesignError
+        If the network is drawn, so that no part can be added.
     """
+    if design.body.file is not None:
+        limit, remedy = "is drawn: no part can be added to it", "draw it, and compare by solen sensitivity"
+        raise DesignError("body.file", value=design.body.file, limit=limit, remedy=remedy)
     trials = [(part, place, dict(tables)) for part, place, tables in _places(design)]
     tried = _Tried(design, progress, len(trials) + 2 * TRIED_AGAIN)
     rough = [found for trial in trials if (found := tried.one(*trial, max(tolerance, ROUGH_TOLERANCE)))]
