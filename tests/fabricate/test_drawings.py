@@ -243,8 +243,10 @@ def test_parts_of_a_network_have_numbers_and_a_table(kind: str, tmp_path: Path) 
         one.name: outline.contains(shapely.Point(one.place)) for one in parts if one.kind in ("guide", "receiver")
     }
     assert inside == {"trunk": True, "branch": True, "other": True, "end": False, "side": False}
-    told = {"body": {"kind": "outline", "file": f"own.{kind}"}, "material": {"index": 1.44}}
-    back = outline_body(Design.model_validate({"name": "read back", **told}).in_folder(tmp_path))
+    keys = {"emitters": {"name", "lens"}, "lenses": {"name"}, "receivers": {"name"}}
+    lists = {key: [one.model_dump(include=own) for one in getattr(network.network, key)] for key, own in keys.items()}
+    told = {"body": {"kind": "network", "file": f"own.{kind}"}, "material": {"index": 1.44}, "network": lists}
+    back = network_body(Design.model_validate({"name": "read back", **told}).in_folder(tmp_path))
     assert [face.name for face in back.faces] == [face.name for face in body.faces]
 
 
