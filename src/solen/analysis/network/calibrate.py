@@ -7,12 +7,14 @@ motions, by the map's own derivatives and noise, there is no calibration: it is 
 The interface: `calibrated_network` of readings gives `NetworkCalibrations`.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from solen import __version__
+from solen.analysis.calibration.decoder import OUTSIDE
 from solen.analysis.network.decoder import NetworkDecoded, NetworkDecoder
 from solen.analysis.network.file import MotionCheck, NetworkCalibration
 from solen.analysis.network.forward import ForwardMap
@@ -33,6 +35,8 @@ WIDE = 4.0
 """A combination of motions whose standard deviation exceeds its range by this is not separated: its band holds all."""
 MOST_LOST, SOME_LOST = 0.5, 0.02
 """Share of the states in which motions are not separated from which on it is refused, and warned of."""
+TAIL = 0.1
+"""Share of the distances of states left out that is their tail."""
 FEW = 0.88
 """Share within the bands of 95 % from which on they are to be trusted."""
 
@@ -133,6 +137,7 @@ def calibrated_network(recordings: Sequence[NetworkReadings]) -> NetworkCalibrat
         noise_V2=_rows(noise),
         reach=_rows(forward.reach),
         scatter=tuple(forward.scatter.tolist()),
+        outside=_outside(left_out),
         checks=checks,
         words=tuple(map(_words, checks)),
         sources=tuple(plain(one.provenance) for one in alike),
@@ -235,6 +240,20 @@ def _left_out(
         true = np.concatenate([np.repeat(angle[one][None], len(rows[one]), axis=0) for one in held])
         parts.append(LeftOut(true, decoder.decode(np.concatenate([rows[one] for one in held]))))
     return LeftOut.joined(parts)
+
+
+def _outside(left_out: LeftOut | None) -> float:
+    """Squared distance that few true readings exceed, by the tail of those of states left out; 0 without these.
+
+    Where a response turns sharply the map is off by more than its variance says. The tail is exponential, its mean
+    that of the excesses.
+    """
+    if left_out is None:
+        return 0.0
+    distance = left_out.decoded.distance
+    begin = float(np.quantile(distance, 1.0 - TAIL))
+    excess = float((distance[distance >= begin] - begin).mean())
+    return begin + excess * math.log(TAIL / OUTSIDE)
 
 
 def _some(recording: NetworkReadings, stop: slice) -> FloatArray:

@@ -93,9 +93,11 @@ class NetworkDecoder:
         Covariance of a reading, (K, K).
     freedom
         Degrees of freedom of the map's variances.
+    outside
+        Squared distance from which on a reading lies outside, if beyond that of the map's t distribution.
     """
 
-    def __init__(self, forward: ForwardMap, noise: FloatArray, freedom: int) -> None:
+    def __init__(self, forward: ForwardMap, noise: FloatArray, freedom: int, outside: float = 0.0) -> None:
         self.low_deg, self.high_deg = forward.low, forward.high
         motions = len(forward.low)
         count = max(3, min(MOST_NODES, int(NODES ** (1.0 / motions) + 1e-9)))
@@ -104,6 +106,8 @@ class NetworkDecoder:
         self._shape, self._grid, self._noise, self._freedom = (count,) * motions, grid, noise, freedom
         mean, variance = forward.at(grid)
         self._readings = mean.shape[1]
+        left = max(self._readings - motions, 1)
+        self._limit = max(outside, left * float(stats.f.isf(OUTSIDE, left, freedom)))
         self._surface = Surface.through(nodes, np.hstack([mean, np.sqrt(variance)]).reshape(*self._shape, -1))
         self._middle = mean.mean(axis=0)
         covariance = noise + variance[:, :, None] * np.eye(self._readings)
@@ -213,8 +217,6 @@ class NetworkDecoder:
         low = np.maximum(angle[..., None] - sd[..., None] * factor, self.low_deg[:, None])
         high = np.minimum(angle[..., None] + sd[..., None] * factor, self.high_deg[:, None])
         ends = (low[..., 1] <= self.low_deg) | (high[..., 1] >= self.high_deg)
-        left = max(self._readings - len(self.low_deg), 1)
-        limit = left * stats.f.ppf(1.0 - OUTSIDE, left, self._freedom)
         return NetworkDecoded(
             angle_deg=angle,
             sd_deg=sd,
@@ -223,7 +225,7 @@ class NetworkDecoder:
             distance=distance,
             other_deg=np.where(ambiguous[:, None], places[rival, rows], np.nan),
             probability=probability,
-            outside=distance > limit,
+            outside=distance > self._limit,
             ambiguous=ambiguous,
             at_end=ends.any(axis=1),
             missing=np.zeros(len(angle), bool),

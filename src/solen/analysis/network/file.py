@@ -62,6 +62,9 @@ class NetworkCalibration(Strict):
         description="How far the map of each reading reaches, as a share of each motion's range."
     )
     scatter: tuple[Positive, ...] = Field(description="Variance of a state beside the map, relative to the map's.")
+    outside: NotNegative = Field(
+        0.0, description="Squared distance of a reading from the map beyond which it is on no point of it, at least."
+    )
     checks: tuple[MotionCheck, ...] = Field(description="States left out, decoded by the others; none with few states.")
     words: tuple[str, ...] = Field(description="What the checks show, in sentences.")
     sources: tuple[dict[str, Any], ...] = Field(description="The recordings.")
@@ -93,7 +96,8 @@ class NetworkCalibration(Strict):
     @cached_property
     def decoder(self) -> NetworkDecoder:
         """What decodes by it; its readings are in the order of `emitters` and `receivers`."""
-        return NetworkDecoder(self._map(), np.array(self.noise_V2), len(self.angle_deg) - len(self.motions) - 1)
+        freedom = len(self.angle_deg) - len(self.motions) - 1
+        return NetworkDecoder(self._map(), np.array(self.noise_V2), freedom, self.outside)
 
     def _map(self) -> ForwardMap:
         states, signal = np.array(self.angle_deg), np.array(self.signal_V)
