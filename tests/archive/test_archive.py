@@ -9,9 +9,11 @@ from pathlib import Path
 import pytest
 
 from solen.archive import NAME, Limits, PackOptions, described, opened, pack
+from solen.bench.rig import load_rig
 from solen.cli import run_command
 from solen.errors import DataError, OutputError, SolenError, SpecError
 from solen.material.resin import library
+from solen.samples import sample_files
 from solen.spec import load
 
 OPTIONS = PackOptions(author=("A. Author <0000-0002-1825-0097>", "Another"), licence="CC-BY-4.0", description="Two.")
@@ -99,9 +101,27 @@ def test_what_it_cannot_read_is_packed_with_a_warning(lab: Path) -> None:
     assert "notes.dat" in warning
 
 
+def test_rigs_and_further_designs_name_what_is_packed(lab: Path, tmp_path: Path) -> None:
+    (tmp_path / "bench").mkdir()
+    text = sample_files()["bench/rig.toml"].decode().replace('design = "sensor.toml"', 'design = "../own/other.toml"')
+    (tmp_path / "bench" / "rig.toml").write_text(text, encoding="utf-8")
+    (tmp_path / "own").mkdir()
+    resin = (lab / "resins" / "own.toml").as_posix()
+    (tmp_path / "own" / "other.toml").write_text(DESIGN.replace("../resins/own.toml", resin), encoding="utf-8")
+    (tmp_path / "bench" / "recordings.sqlite").write_bytes(b"an index, which is made anew")
+    archive = pack(lab / "design" / "sensor.toml", [tmp_path / "bench"], OPTIONS)
+    assert archive.warnings == ()
+    out = opened(archive.save(tmp_path / "rig.zip")).save(tmp_path / "out")
+    rig = load_rig(out / "files" / "bench" / "rig.toml")
+    designs = {(out / "files" / "bench" / one.design).resolve() for one in rig.sensor}
+    assert designs == {out / "files" / "other.toml"}
+    assert load(out / "files" / "other.toml").resin_file.resolve() == out / "files" / "own.toml"  # type: ignore[union-attr]
+
+
 @pytest.mark.parametrize(
     ("options", "named"),
     [
+        ({"author": ()}, "--author"),
         ({"author": ("A. Author <0000-0002-1825-0098>",)}, "0098"),
         ({"author": ("<0000-0002-1825-0097>",)}, "--author"),
         ({"licence": "CC-BY"}, "CC-BY-4.0"),

@@ -1,6 +1,7 @@
 """Collecting the files of a sensor, and writing them with their description as a folder or a zip file."""
 
 import hashlib
+import posixpath
 import zipfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -8,19 +9,17 @@ from io import BytesIO
 from pathlib import Path, PurePosixPath
 from typing import IO
 
-from pydantic import Field
-
 from solen import __version__, files
 from solen.archive.contents import OTHER, Contents, Item, described
 from solen.archive.metadata import NAME, Author, dumps, licence_name, licence_of
+from solen.archive.references import Reference, references, renamed
 from solen.arrays import Progress
+from solen.bench.catalogue import NAME as CATALOGUE
 from solen.errors import DataError, SpecError
-from solen.files import check_name, new_folder, read_text
+from solen.files import check_name, new_folder
 from solen.results import HIDDEN
 from solen.spec import load
-from solen.spec.edited import edited
 from solen.spec.strict import Options
-from solen.spec.toml import value_at
 
 FIRST_DATE = (1980, 1, 1, 0, 0, 0)
 """Date of all entries of a zip file, so that equal contents give equal files."""
@@ -32,7 +31,7 @@ CHUNK = 1 << 20
 class PackOptions(Options):
     """What an archive states about itself."""
 
-    author: tuple[str, ...] = Field(min_length=1)
+    author: tuple[str, ...] = ()
     """Author, once for each: "NAME", or "NAME <ORCID>"."""
     licence: str
     """Licence: its SPDX name, as CC-BY-4.0, or its address."""
@@ -111,8 +110,8 @@ def pack(
     Parameters
     ----------
     design
-        The design file; the files it names come along. What lies elsewhere than beside it goes to the folder ``files``,
-        and the design names it there.
+        The design file. What it, or another design or rig, names comes along; what lies elsewhere than beside it goes
+        to the folder ``files``, and is named there.
     further
         Files, and folders with all that is in them except hidden files: print settings, pictures, recordings,
         calibrations, figures.
@@ -130,39 +129,67 @@ def pack(
     DataError
         If a file is missing or damaged, or two would have one path.
     """
+    if not options.author:
+        raise SpecError("--author", limit="is missing", remedy='state --author "NAME" or --author "NAME <ORCID>"')
     authors, licence = [Author.of(text) for text in options.author], licence_of(options.licence)
-    stated = load(design)
-    base = design.absolute().parent
-    named = {key: _checked(path) for key, path in stated.files.items()}
-    text, moved = read_text(design, SpecError), {}
-    for key, path in named.items():
-        place = _place(path, base)
-        if place.parts[0] == BESIDE or Path(value_at(stated, key)).is_absolute():
-            moved[key] = str(place)
-    if moved:
-        text = edited(text, moved, what=str(design), folder=base)
-    every = {PurePosixPath(design.name): design} | {_place(path, base): path for path in named.values()}
+    stated, base = load(design), design.absolute().parent
+    places = _Places(base)
+    places.add(design, PurePosixPath(design.name))
     for file, place in _found(further, base, leave_out):
-        if every.setdefault(place, file).resolve() != file.resolve():
-            limit, remedy = f"would stand in the archive as {place}, as {every[place]} does", "rename one of the two"
-            raise DataError(str(file), limit=limit, remedy=remedy)
-    _check_paths(every)
+        places.add(file, place)
     members = []
-    for number, (place, file) in enumerate(every.items(), 1):
-        item = described(file, place)
-        if item.kind == OTHER and file in named.values() and file.suffix == ".toml":
-            raise DataError(str(file), limit=item.remark, remedy="correct it: the design names it")
-        content = text.encode() if moved and file == design else None
+    for number, (file, place) in enumerate(places.of.items(), 1):
+        item, content = described(file, place), places.content(file)
+        if item.kind == OTHER and file in places.named and file.suffix == ".toml":
+            raise DataError(str(file), limit=item.remark, remedy="correct it: a design or rig names it")
         if content is not None:
             item = replace(item, size_bytes=len(content), sha256=hashlib.sha256(content).hexdigest())
         members.append(Member(item, file, content))
         if progress is not None:
-            progress(number / len(every))
+            progress(number / len(places.of))
     items = tuple(member.item for member in members)
     title = options.title or stated.name
     metadata = dumps(title, options.description, licence, authors, items, __version__)
     names = tuple(author.name for author in authors)
     return Archive(title, options.description, licence_name(licence), names, items, metadata, tuple(members))
+
+
+class _Places:
+    """Paths of files within the archive, with the files that designs and rigs among them name."""
+
+    def __init__(self, base: Path) -> None:
+        self.of: dict[Path, PurePosixPath] = {}
+        self.named: set[Path] = set()
+        self._base = base
+        self._references: dict[Path, dict[str, Reference]] = {}
+        self._lower: dict[str, Path] = {}
+
+    def add(self, file: Path, place: PurePosixPath) -> None:
+        """Add a file and what it names; `DataError` if its path is taken, or is not valid on every system."""
+        file = file.resolve()
+        if file in self.of:
+            return
+        for part in place.parts:
+            check_name(f"name of {file}", part, DataError, "rename it")
+        other = self._lower.setdefault(str(place).lower(), file)
+        if other != file:
+            limit = f"would stand in the archive as {place}, as {other} does on Windows and macOS"
+            raise DataError(str(file), limit=limit, remedy="rename one of the two")
+        self.of[file] = place
+        self._references[file] = references(file)
+        for reference in self._references[file].values():
+            path = _checked(reference.path).resolve()
+            self.named.add(path)
+            self.add(path, _place(path, self._base))
+
+    def content(self, file: Path) -> bytes | None:
+        """Content of a design or rig that names files by their places in the archive; None if it does so already."""
+        moved = {}
+        for key, reference in self._references[file].items():
+            way = posixpath.relpath(str(self.of[reference.path.resolve()]), str(self.of[file].parent))
+            if posixpath.normpath(reference.stated) != way:
+                moved[key] = way
+        return renamed(file, moved).encode() if moved else None
 
 
 def _checked(path: Path) -> Path:
@@ -190,19 +217,7 @@ def _found(given: Sequence[Path], base: Path, leave_out: Path | None) -> Iterato
         for file in sorted(path.rglob("*")):
             within = file.relative_to(path)
             hidden = any(part.startswith((".", "__pycache__")) for part in within.parts)
-            is_own = file.name == NAME or (leave_out is not None and file.resolve() == leave_out.resolve())
+            is_own = file.name in {NAME, CATALOGUE} or (leave_out is not None and file.resolve() == leave_out.resolve())
             if file.is_file() and not hidden and not is_own:
                 folder = path.resolve().name
                 yield file, PurePosixPath(BESIDE, folder, within.as_posix()) if outside else _place(file, base)
-
-
-def _check_paths(places: dict[PurePosixPath, Path]) -> None:
-    """`DataError` if a path is not valid on every system."""
-    known: dict[str, PurePosixPath] = {}
-    for place, file in places.items():
-        for part in place.parts:
-            check_name(f"name of {file}", part, DataError, "rename it")
-        other = known.setdefault(str(place).lower(), place)
-        if other != place:
-            limit = f"is the same path as {other} on Windows and macOS"
-            raise DataError(str(place), limit=limit, remedy="rename one of the two")

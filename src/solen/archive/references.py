@@ -1,0 +1,53 @@
+"""Files that designs and rigs name, and their texts with these names changed."""
+
+import re
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from solen.bench.rig import load_rig
+from solen.errors import DataError, SolenError, SpecError
+from solen.files import read_text
+from solen.spec import load
+from solen.spec.edited import edited
+from solen.spec.toml import value_at
+
+
+class Reference(NamedTuple):
+    """A file as a text names it, and where it lies."""
+
+    stated: str
+    path: Path
+
+
+def references(file: Path) -> dict[str, Reference]:
+    """Files that a design or a rig names, by key; none of any other file."""
+    if file.suffix.lower() != ".toml":
+        return {}
+    try:
+        design = load(file)
+        return {key: Reference(str(value_at(design, key)), path) for key, path in design.files.items()}
+    except SolenError:
+        pass
+    try:
+        rig = load_rig(file)
+    except SolenError:
+        return {}
+    return {f"sensor[{i}].design": Reference(one.design, file.parent / one.design) for i, one in enumerate(rig.sensor)}
+
+
+def renamed(file: Path, names: Mapping[str, str]) -> str:
+    """Text of a design or rig that names other files, by key; comments are kept."""
+    text = read_text(file, SpecError)
+    if not next(iter(names)).startswith("sensor["):
+        return edited(text, names, what=str(file), folder=file.parent)
+    rig = tomllib.loads(text)
+    for key, name in names.items():
+        old = rig["sensor"][int(key[7 : key.index("]")])]["design"]
+        text = re.sub(rf"""(\bdesign\s*=\s*)(["']){re.escape(old)}\2""", rf"\g<1>\g<2>{name}\g<2>", text)
+    after = tomllib.loads(text)
+    if any(after["sensor"][int(key[7 : key.index("]")])]["design"] != name for key, name in names.items()):
+        limit, remedy = "names its designs in a form that cannot be changed", "pack it from the folder of its design"
+        raise DataError(str(file), limit=limit, remedy=remedy)
+    return text
