@@ -15,6 +15,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from solen.arrays import BoolArray, FloatArray, IntArray
+from solen.explore.monotone import monotone_deg
 from solen.plane import off_a_line
 from solen.readout import Readings
 from solen.readout.advice import slopes_V_per_deg
@@ -50,7 +51,7 @@ class Merits(Result, eq=True):
     linearity_percent, u_linearity_percent
         Largest deviation of the contrast from the straight line for which it is least, in percent of the span.
     range_deg, u_range_deg
-        Length of the range about the null over which the contrast only rises or only falls.
+        Length of the range about the null over which the contrast only rises or only falls: `solen.explore.monotone`.
     light, u_light
         Least share of the emitted power at both receivers together.
     resolution_deg, u_resolution_deg
@@ -228,22 +229,6 @@ def unresolved_change(response: Response) -> float:
 def every_second(number: int) -> IntArray:
     """Every second of some places, the last among them."""
     return np.unique(np.r_[0:number:2, number - 1])
-
-
-def monotone_deg(angle: FloatArray, contrast: FloatArray, u: FloatArray, null_deg: float) -> tuple[float, float]:
-    """Length of the range about the null without a turn beyond the uncertainty; a step may be missed where it ends."""
-    if math.isnan(null_deg):
-        return math.nan, math.nan
-    rise = np.diff(contrast)
-    near = min(max(int(np.searchsorted(angle, null_deg)) - 1, 0), rise.size - 1)
-    goes_on = np.sign(rise[near]) * rise > -(u[1:] + u[:-1])
-    first, last = near, near + 1
-    while first > 0 and goes_on[first - 1]:
-        first -= 1
-    while last < rise.size and goes_on[last]:
-        last += 1
-    missed = [float(angle[1] - angle[0])] * (first > 0) + [float(angle[-1] - angle[-2])] * (last < rise.size)
-    return float(angle[last] - angle[first]), sum(missed)
 
 
 def worst_place(name: str, values: FloatArray) -> int:

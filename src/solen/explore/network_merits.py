@@ -21,7 +21,8 @@ from scipy.interpolate import CubicSpline
 
 from solen.arrays import FloatArray
 from solen.errors import DesignError, SpecError
-from solen.explore.merits import CHANNEL, COARSE_SHARE, every_second, monotone_deg
+from solen.explore.merits import CHANNEL, COARSE_SHARE, every_second
+from solen.explore.monotone import monotone_deg
 from solen.explore.store import Accuracy, Point, Variant
 from solen.sensor.effects import as_built
 from solen.sensor.network import (

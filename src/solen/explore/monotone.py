@@ -1,0 +1,91 @@
+"""Range of monotony: the stretch about a place over which a reading only rises or only falls.
+
+Two stretches bound it: the longest over which no fall between any two angles is certain, and that over which the rise
+is certain. A turn and return that are smaller than the uncertainty and nearer together than a tenth of the motion stay
+unseen.
+
+The interface: `monotone_deg`.
+"""
+
+import math
+
+import numpy as np
+
+from solen.arrays import BoolArray, FloatArray, IntArray
+
+COVERED = 3.0
+"""Change between two angles that is certain, per sum of their standard uncertainties: of some thousand pairs of angles
+of a constant, hardly one differs by more."""
+APART = 0.1
+"""Distance from which on any two angles have to differ with certainty, as a share of the motion: without one the
+certain stretch would vanish as steps become small."""
+
+
+def monotone_deg(angle: FloatArray, value: FloatArray, u: FloatArray, at_deg: float) -> tuple[float, float]:
+    """Length of the range about a place over which a reading only rises or only falls, and its uncertainty.
+
+    The length is the middle between the least and the greatest possible, the uncertainty half their difference. A turn
+    may be a step beyond the angle where it is seen. Both are NaN without a place, and where no two angles differ by
+    more than their uncertainties: a constant has no range.
+
+    Parameters
+    ----------
+    angle, value, u
+        (A,) ascending angles, the reading there, and its standard uncertainty.
+    at_deg
+        Place that the range contains; either range may be meant where a turn is within a step.
+    """
+    if math.isnan(at_deg):
+        return math.nan, math.nan
+    change = value - value[:, None]
+    certain = COVERED * (u + u[:, None])
+    if not (np.abs(change) > certain).any():
+        return math.nan, math.nan
+    near = min(max(int(np.searchsorted(angle, at_deg)) - 1, 0), angle.size - 2)
+    steps = range(max(near - 1, 0), min(near + 2, angle.size - 1))
+    rises, falls = np.triu(change > certain, 1), np.triu(-change > certain, 1)
+    ways = [(_bounds(angle, rises, falls, step), _bounds(angle, falls, rises, step)) for step in steps]
+    least = min(max(up[0], down[0]) for up, down in ways)
+    most = max(max(up[1], down[1]) for up, down in ways)
+    return (least + most) / 2.0, (most - least) / 2.0
+
+
+def _bounds(angle: FloatArray, rises: BoolArray, falls: BoolArray, step: int) -> tuple[float, float]:
+    """Least and greatest length of a range about a step over which the reading rises, by what is certain of pairs."""
+    first_fall = np.where(falls.any(axis=1), falls.argmax(axis=1), angle.size)
+    reach = np.minimum.accumulate(first_fall[::-1])[::-1] - 1
+    starts: IntArray = np.flatnonzero(reach[: step + 1] > step)
+    if not starts.size:
+        return 0.0, 0.0
+    first = int(starts[np.argmax(angle[reach[starts]] - angle[starts])])
+    last = int(reach[first])
+    most = angle[min(last + 1, angle.size - 1)] - angle[max(first - 1, 0)]
+    begin, end = _certain(angle, rises[first : last + 1, first : last + 1], first, step)
+    if end <= begin:
+        return 0.0, float(most)
+    missed = (angle[1] - angle[0]) * (begin > 0) + (angle[-1] - angle[-2]) * (end < angle.size - 1)
+    return max(0.0, float(angle[end] - angle[begin] - missed)), float(most)
+
+
+def _certain(angle: FloatArray, rises: BoolArray, first: int, step: int) -> tuple[int, int]:
+    """Places between which the reading rises with certainty, about a step; the same twice where nothing is certain.
+
+    It ends at the first angle that may be the highest, or where it begins to change too little over `APART`.
+    """
+    count, near = len(rises), step - first
+    lowest, highest = (np.asarray(~rises.any(axis=axis)) for axis in (0, 1))  # may be the lowest, the highest
+    begin = int(np.flatnonzero(lowest[: near + 1])[-1])
+    end = near + 1 + int(np.flatnonzero(highest[near + 1 :])[0])
+    own = angle[first : first + count]
+    apart = APART * (angle[-1] - angle[0]) * (1.0 - 1e-9)
+    for low in range(begin, end):
+        high = max(low + 1, int(np.searchsorted(own, own[low] + apart)))
+        if high > end or rises[low, high]:
+            continue
+        if low > near:
+            end = low
+            break
+        if high > near:
+            return step, step
+        begin = high
+    return (first + begin, first + end) if rises[begin, end] else (step, step)
