@@ -30,12 +30,16 @@ Content = bytes | Callable[[Path], object]
 """Content of a file: its bytes, or a function that writes them to a path, for libraries that write files themselves."""
 
 
-def read_text(path: Path, error: type[SolenError]) -> str:
-    """Text of a UTF-8 file, without a byte-order mark; raises ``error`` if it cannot be read."""
+def read_text(path: Path, error: type[SolenError], *, maker: str = "") -> str:
+    """Text of a UTF-8 file, without a byte-order mark; raises ``error`` if it cannot be read.
+
+    ``maker`` is the command that makes such a file, named where there is none.
+    """
     try:
         return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
-        raise error(str(path), limit="no such file", remedy="check the path") from None
+        remedy = f"make it with {maker}, or check the path" if maker else "check the path"
+        raise error(str(path), limit="no such file", remedy=remedy) from None
     except IsADirectoryError:
         raise error(str(path), limit="is a folder", remedy="name a file") from None
     except UnicodeDecodeError as bad:

@@ -40,7 +40,12 @@ MEASURED = (
     Sample("micrometer.png", "a stage micrometer, 10 µm a line", "print scale FILE --spacing-mm 0.01"),
     Sample("lens.ome.tif", "a printed lens, with a bump and a hollow", "print inspect FILE --design sensor.toml"),
     Sample("rotation.csv", "three prints with a lens, one without", "bench analyse FILE"),
-    Sample("again.csv", "the print S1 on another day, moved by hand", "bench decode S1.calibration.json FILE"),
+    Sample("rotation.csv", "of them S1 to calibrate", "bench calibrate FILE --sensor S1"),
+    Sample(
+        "again.csv",
+        "the print S1 on another day, moved by hand",
+        "bench decode rotation-simulated.S1.calibration.json FILE",
+    ),
     Sample("switched.csv", "a receiver under a switched emitter", "bench demodulate FILE"),
     Sample("marker.avi", "a marker that turns by ±3°", "bench video FILE --out turn.csv"),
     Sample("interrupted.journal", "a run on a rig that was interrupted", "bench recover FILE"),

@@ -26,7 +26,18 @@ def test_every_command_that_it_names_exists_and_every_file_is_copied(tmp_path: P
     assert {path.name for path in FOLDER.iterdir()} == {simulated_name(one.name) for one in MEASURED} | {"scene.json"}
 
 
-@pytest.mark.parametrize("name", [simulated_name(one.name) for one in MEASURED])
+def test_a_recording_is_decoded_by_the_calibration_that_the_line_before_it_writes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    examples(out=tmp_path / "samples")
+    monkeypatch.chdir(tmp_path / "samples")
+    shown = re.findall(r"`solen (bench (?:calibrate|decode) [^`]+)`", readme())
+    assert [line.split()[1] for line in shown] == ["calibrate", "decode"]
+    for line in shown:
+        assert run_command(line.split()) == 0, capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", list(dict.fromkeys(simulated_name(one.name) for one in MEASURED)))
 def test_a_measurement_is_called_simulated_by_what_reads_it(name: str) -> None:
     path = FOLDER / name
     if path.suffix == ".csv":

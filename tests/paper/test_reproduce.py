@@ -3,6 +3,7 @@
 import json
 import re
 import shlex
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -55,6 +56,17 @@ def test_a_second_run_has_the_same_numbers_and_pictures(folder: Path, tmp_path: 
     assert numbers(tmp_path) == numbers(folder) != []
     for picture in (folder / "figures").iterdir():
         assert picture.read_bytes() == (tmp_path / "figures" / picture.name).read_bytes(), picture.name
+
+
+def test_what_was_not_asked_for_is_no_failure(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "figures").mkdir()
+    for path in (folder / "figures").glob("S2.*"):
+        shutil.copy(path, tmp_path / "figures")
+    assert run_command(["project", "reproduce", "--out", str(tmp_path), "--figure", "S2"]) == 0
+    first, *rest = capsys.readouterr().out.splitlines()
+    assert first == "1 figure of the paper: 0 made now, 1 kept"
+    assert [line for line in rest if line.startswith("not asked for")]
+    assert not [line for line in rest if line.startswith("not made")]
 
 
 def test_finished_figures_are_kept_and_changed_ones_made_again(folder: Path) -> None:

@@ -296,6 +296,8 @@ def test_calibrations_that_cannot_be_read(
         bad.write_text(text, encoding="utf-8")
         return refused(capfd, "bench", "decode", str(bad), str(folder / "S1.csv"))
 
+    missing = refused(capfd, "bench", "decode", str(tmp_path / "none.json"), str(folder / "S1.csv"))
+    assert "solen bench calibrate" in missing
     assert "not JSON" in told(calibration.read_text(encoding="utf-8")[:500])
     assert "not JSON: NaN is not a number" in told('{"kind": "calibration", "schema": NaN}')
     assert "is not a calibration of a sensor" in told('{"kind": "analysis"}')

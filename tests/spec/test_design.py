@@ -218,6 +218,10 @@ DRAWN = {"kind": "outline", "file": "sensor.dxf"}
         ({"body": DRAWN | {"arm_width_mm": 4.0}}, "body.arm_width_mm = 4.0; has no meaning with body.kind = "),
         ({"body": DRAWN, "lens": {"shape": "none"}}, "lens.shape = 'none'; has no meaning with body.kind"),
         ({"body": DRAWN, "emitter": {"distance_mm": 2.0}}, "emitter.distance_mm = 2.0; has no meaning"),
+        (
+            {"trace": {"dimension": "plane"}},
+            "trace.dimension = 'plane'; must be '2d' (in the plane) or 'extruded' (in space)",
+        ),
         ({"trace": {"dimension": "extruded"}}, "trace.dimension = 'extruded'; needs light out of the plane"),
         ({"trace": {"dimension": "extruded"}, "emitter": {"part": "VSMY1850", "pattern": "fan"}}, "trace.dimension"),
         ({"emitter": {"axis_deg": 10.0}}, "emitter.axis_deg = 10.0; has no meaning with body.kind"),

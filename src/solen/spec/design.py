@@ -12,7 +12,7 @@ design names. `solen.spec.combinations` checks keys across tables.
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, PrivateAttr, model_validator
 
@@ -25,7 +25,7 @@ from solen.spec.motion import Motion
 from solen.spec.network import Network
 from solen.spec.readout import Readout
 from solen.spec.soft import Hold, Mechanics, Press, Pull
-from solen.spec.strict import Strict, Text, nearest
+from solen.spec.strict import Strict, Text, nearest, or_refuse
 from solen.spec.tolerance import Tolerance
 from solen.spec.wall import Wall
 
@@ -49,7 +49,9 @@ class Trace(Strict):
         description="Whole rays (refraction or total reflection); Fresnel power with both branches; or with one "
         "branch chosen at random.",
     )
-    dimension: Literal["2d", "extruded"] = Field(
+    dimension: Annotated[
+        Literal["2d", "extruded"], or_refuse("must be '2d' (in the plane) or 'extruded' (in space)")
+    ] = Field(
         "2d",
         description="The plane of the sensor alone, or rays in space in a body of body.thickness_mm.",
     )

@@ -242,9 +242,15 @@ def text_of(file: CalibrationFile) -> str:
     return json.dumps(file.keyed(data), indent=1, allow_nan=False) + "\n"
 
 
+def calibration_data(path: Path) -> Any:
+    """JSON of a calibration's file, of a sensor or a network; `DataError` if it cannot be read."""
+    text = read_text(path, DataError, maker="solen bench calibrate")
+    return parsed(text, str(path), remedy="make it again with solen bench calibrate")
+
+
 def load(path: Path) -> CalibrationFile:
     """Calibration of a file; `DataError` if it cannot be read or is not a calibration."""
-    data = parsed(read_text(path, DataError), str(path), remedy="make it again with solen bench calibrate")
+    data = calibration_data(path)
     if not isinstance(data, dict) or data.get("kind") != KIND:
         found = data.get("kind") if isinstance(data, dict) else None
         remedy = "make one with solen bench calibrate"

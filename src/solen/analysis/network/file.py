@@ -11,15 +11,13 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from solen.analysis.calibration.file import OF_NETWORK, SCHEMA, Ambient, tuples
+from solen.analysis.calibration.file import OF_NETWORK, SCHEMA, Ambient, calibration_data, tuples
 from solen.analysis.network.decoder import NetworkDecoder
 from solen.analysis.network.forward import ForwardMap
 from solen.arrays import FloatArray
 from solen.errors import DataError
-from solen.files import read_text
 from solen.ranks import Caution
 from solen.results import in_unit
-from solen.spec.objects import parsed
 from solen.spec.strict import NotNegative, Number, Positive, Strict, Text, error_context, migrated, refused
 
 Row = tuple[Number, ...]
@@ -115,13 +113,13 @@ def text_of(file: NetworkCalibration) -> str:
 
 def is_network_file(path: Path) -> bool:
     """Whether a file is the calibration of a network; `DataError` if it cannot be read."""
-    data = parsed(read_text(path, DataError), str(path), remedy="make it again with solen bench calibrate")
+    data = calibration_data(path)
     return isinstance(data, dict) and data.get("kind") == OF_NETWORK
 
 
 def load_network(path: Path) -> NetworkCalibration:
     """Calibration of a network's file; `DataError` if it cannot be read or is none."""
-    data = parsed(read_text(path, DataError), str(path), remedy="make it again with solen bench calibrate")
+    data = calibration_data(path)
     if not isinstance(data, dict) or data.get("kind") != OF_NETWORK:
         found = data.get("kind") if isinstance(data, dict) else None
         remedy = "make one with solen bench calibrate"

@@ -11,11 +11,12 @@ from solen.pipeline.project.reproduce import reproduce as reproduce
 def _(result: Reproduction) -> Iterator[str]:
     from solen.report.paper.page import number
 
-    kept = sum(not one.made for one in result.figures)
-    yield f"{len(result.figures)} figures of the paper, {kept} of them finished before"
+    made = sum(one.made for one in result.figures)
+    figures = "figure" if len(result.figures) == 1 else "figures"
+    yield f"{len(result.figures)} {figures} of the paper: {made} made now, {len(result.figures) - made} kept"
     for one in result.figures:
         yield f"figure {one.name}"
         yield from (f"  {row.verdict:17}  {row.paper}; {row.quantity}: {number(row)}" for row in one.comparisons)
     yield f"{result.agrees} agree, {result.differs} differ, {result.cannot_be_checked} cannot be checked"
     if result.not_made:
-        yield f"not made: {', '.join(result.not_made)}"
+        yield f"not asked for, and not made before: {', '.join(result.not_made)}"
