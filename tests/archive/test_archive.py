@@ -4,7 +4,7 @@ import json
 import zipfile
 from collections.abc import Callable
 from importlib.resources import files
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 import pytest
 
@@ -43,6 +43,14 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def zipped(lab: Path) -> Path:
     further = [lab / "bench", lab / "figure.svg"]
     return pack(lab / "design" / "sensor.toml", further, OPTIONS).save(lab / "sensor.zip")
+
+
+def test_a_unit_at_the_end_of_a_name_is_stated(tmp_path: Path) -> None:
+    path = tmp_path / "own.csv"
+    path.write_text("time_s,left_V,a.x_V,right_mV\n0,1,2,3\n1,2,3,4\n", encoding="utf-8")
+    assert described(path, PurePosixPath("own.csv")).quantities == {
+        "time": "s", "left_V": "V", "a.x_V": "V", "right": "mV"
+    }  # fmt: skip
 
 
 def test_what_comes_out_is_what_went_in(zipped: Path, tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ from solen.arrays import FloatArray
 from solen.errors import DataError, SolenError, SpecError
 from solen.ranks import Caution, look_at, note, of
 from solen.recording import Channel, Recording
-from solen.recording.column_roles import ENDS_IN_V, column_of, existing, force_in_volts, named_column
+from solen.recording.column_roles import column_of, existing, force_in_volts, named_column, unit_of
 from solen.recording.stimulus import ANGLE, FORCE, STIMULI, Stimulus
 from solen.recording.words import plain
 from solen.units import factor
@@ -170,7 +170,7 @@ def _by_cell(
     channel: Channel, cell: LoadCell | None, options: "SignalOptions", base: TimeBase, what: str
 ) -> FloatArray:
     """Forces of a load cell's volts."""
-    unit = channel.unit or ("V" if ENDS_IN_V.search(channel.name) else "")
+    unit = unit_of(channel)
     scale = factor(unit, "V") if unit else None
     if scale is None:
         limit = "is not a unit of this quantity" if unit else "states no unit"

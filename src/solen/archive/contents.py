@@ -16,6 +16,7 @@ from solen.parts import load_part
 from solen.parts.printer import load_printer
 from solen.ranks import Caution, look_at, of
 from solen.recording import Recording, read
+from solen.recording.column_roles import unit_of
 from solen.results import Result, reported
 from solen.spec import load as load_design
 
@@ -134,7 +135,7 @@ def _known(file: Path) -> tuple[str, dict[str, str], bool, str]:
 
 
 def _of_recording(recording: Recording) -> tuple[dict[str, str], bool]:
-    return {channel.name: channel.unit for channel in recording.channels}, recording.provenance.simulated
+    return {channel.name: unit_of(channel) for channel in recording.channels}, recording.provenance.simulated
 
 
 def _of_toml(file: Path) -> tuple[str, dict[str, str], bool, str]:

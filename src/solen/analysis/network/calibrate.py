@@ -238,7 +238,7 @@ def _left_out(
         decoder = NetworkDecoder(made, noise, len(kept) - len(span) - 1)
         held = np.flatnonzero(out).tolist()
         true = np.concatenate([np.repeat(angle[one][None], len(rows[one]), axis=0) for one in held])
-        parts.append(LeftOut(true, decoder.decode(np.concatenate([rows[one] for one in held]))))
+        parts.append(LeftOut(np.clip(true, *ends), decoder.decode(np.concatenate([rows[one] for one in held]))))
     return LeftOut.joined(parts)
 
 

@@ -7,7 +7,6 @@ emitter's reading and the next one of every other emitter. A turn that lacks one
 The interface: `holds_network` of a file; `network_readings` gives `NetworkReadings`.
 """
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,14 +16,13 @@ import numpy as np
 
 from solen.analysis.calibration.conditions import header_of
 from solen.analysis.calibration.file import Ambient
+from solen.analysis.network.columns import DOTTED, power_columns
 from solen.arrays import BoolArray, FloatArray
 from solen.errors import DataError, SpecError
 from solen.recording import Channel, Provenance, Recording, read_parts
 from solen.recording.column_roles import column_of, existing, is_companion
 from solen.units import factor
 
-DOTTED = re.compile(r"([^.\s]+)\.([^.\s]+?)(?:_V)?")
-"""A power by the names of its emitter and its receiver."""
 _TURN = 1.5  # usual intervals of an emitter's readings, within which the next one belongs to the same turn
 
 
@@ -109,7 +107,7 @@ def holds_network(path: Path) -> bool:
     _, recording = next(iter(read_parts(path)))
     if header_of(recording.provenance).get("motions"):
         return True
-    dotted = [one for one in recording.channels if DOTTED.fullmatch(one.name)]
+    dotted = [one for one in recording.channels if DOTTED.fullmatch(one.name) and not is_companion(one.name)]
     return len(dotted) > 1 and len(_angles(recording)) > 1
 
 
@@ -210,7 +208,7 @@ def _turns(times: Sequence[FloatArray]) -> Any:
 def _angles(recording: Recording) -> dict[str, Channel]:
     """Columns of angles by the names of their motions."""
     found = {}
-    for one in recording.channels:
+    for one in (one for one in recording.channels if not is_companion(one.name)):
         if (one.unit and factor(one.unit, "deg") is not None) or one.name.endswith("_deg"):
             found[one.name.removesuffix("_deg")] = one
     return found
@@ -221,11 +219,11 @@ def _of_table(recording: Recording) -> NetworkReadings:
     time = column_of(recording, "time")
     if time is None:
         raise DataError(file, limit="no column is recognised as the time", remedy=existing(recording))
-    powers: dict[tuple[str, str], Channel] = {}
-    for one in recording.channels:
-        match = DOTTED.fullmatch(one.name)
-        if match and not is_companion(one.name):
-            powers[match[1], match[2]] = one
+    layout = power_columns(recording.channels, file)
+    powers = layout.places
+    for name in recording.texts:
+        if is_companion(name):
+            raise DataError(f"{file}: {name}", limit="holds words, not numbers", remedy="write 0 or 1, or leave it out")
     emitters, receivers = (tuple(dict.fromkeys(pair[place] for pair in powers)) for place in (0, 1))
     if not powers:
         remedy = f"name a column for each, EMITTER.RECEIVER; {existing(recording)}"
@@ -235,29 +233,26 @@ def _of_table(recording: Recording) -> NetworkReadings:
             limit = f"has no column {'.'.join(pair)}: every emitter needs one for every receiver"
             raise DataError(file, limit=limit, remedy=existing(recording))
     angles = _angles(recording)
-    signal = np.stack([[powers[lit, read].values for read in receivers] for lit in emitters]).transpose(2, 0, 1)
+    columns = [one.values for one in recording.channels]
+    marks = np.zeros(len(time.values))
+
+    def matrix(values: Mapping[tuple[str, str], FloatArray]) -> FloatArray:
+        return np.stack([[values.get((lit, read), marks) for read in receivers] for lit in emitters]).transpose(2, 0, 1)
+
     return NetworkReadings(
         sensor="",
         motions=tuple(angles),
         emitters=emitters,
         receivers=receivers,
         time_s=time.values * (factor(time.unit, "s") or 1.0),
-        angle_deg=np.column_stack([_degrees(one) for one in angles.values()]) if angles else np.zeros((len(signal), 0)),
-        signal=signal * _scale(next(iter(powers.values()))),
-        clipped=np.zeros(signal.shape, bool),
-        unit=_unit(next(iter(powers.values()))),
-        ambient=None,
+        angle_deg=np.column_stack([_degrees(one) for one in angles.values()]) if angles else np.zeros((len(marks), 0)),
+        signal=matrix({pair: layout.scales[pair] * columns[place] for pair, place in powers.items()}),
+        clipped=matrix({pair: columns[place] for pair, place in layout.clipped.items()}) > 0.5,
+        unit=layout.unit or "V",
+        ambient=layout.ambient,
         provenance=recording.provenance,
     )
 
 
 def _degrees(channel: Channel) -> FloatArray:
     return np.asarray(channel.values * (factor(channel.unit, "deg") or 1.0 if channel.unit else 1.0))
-
-
-def _unit(channel: Channel) -> str:
-    return channel.unit if channel.unit and factor(channel.unit, "V") is None else "V"
-
-
-def _scale(channel: Channel) -> float:
-    return (factor(channel.unit, "V") or 1.0) if channel.unit else 1.0

@@ -11,13 +11,15 @@ from pathlib import Path
 
 import numpy as np
 
+from solen.analysis.calibration.file import Ambient
 from solen.analysis.calibration.streams import STDIN
 from solen.analysis.network.calibrate import LeftOut, checks_of
+from solen.analysis.network.columns import power_columns
 from solen.analysis.network.decoder import NetworkDecoded
 from solen.analysis.network.file import MotionCheck, NetworkCalibration
-from solen.analysis.network.recorded import DOTTED, network_readings
+from solen.analysis.network.recorded import network_readings
 from solen.analysis.network.states import at_rest
-from solen.arrays import FloatArray
+from solen.arrays import BoolArray, FloatArray
 from solen.errors import DataError, SpecError
 from solen.ranks import DO_NOT_USE, Caution, do_not_use, look_at, of, rank_of
 from solen.recording import Provenance
@@ -34,16 +36,21 @@ _MEANING = {
     "outside": "lie on no point of the calibrated map, and their motions mean nothing",
     "ambiguous": "have several states that explain them",
     "missing": "lack a reading of a receiver",
+    "clipped": "hold one at an end of the recorder's range, which shows no change beyond it",
 }
 
 
 @dataclass(frozen=True, eq=False)
 class Turns:
-    """Turns of a network's emitters: times (n,), signals (n, emitters, receivers), and true angles, NaN if unknown."""
+    """Turns of a network's emitters: times (n,), signals (n, emitters, receivers), and true angles, NaN if unknown.
+
+    ``clipped`` marks signals at an end of the recorder's range; None where the source states none.
+    """
 
     time_s: FloatArray
     signal: FloatArray
     angle_deg: FloatArray | None = None
+    clipped: BoolArray | None = None
 
 
 class NetworkDecoding(Result):
@@ -55,6 +62,8 @@ class NetworkDecoding(Result):
         Turns that were decoded, and those that lack a reading.
     outside, ambiguous, at_end
         Turns with these flags, as in `solen.analysis.network.decoder.NetworkDecoded`.
+    clipped
+        Turns with a reading that the source marks as clipped.
     from_s, to_s
         Times of the first and the last.
     reached_deg
@@ -78,6 +87,7 @@ class NetworkDecoding(Result):
     outside: int
     ambiguous: int
     at_end: int
+    clipped: int
     from_s: float
     to_s: float
     reached_deg: dict[str, tuple[float, float]]
@@ -107,7 +117,7 @@ class NetworkStream:
         self._times_s = (math.nan, math.nan)
         self._ends = np.array([[math.inf, -math.inf]] * len(known.motions))
         self._held: list[LeftOut] = []
-        self.counts = dict.fromkeys(("readings", "missing", *FLAGS), 0)
+        self.counts = dict.fromkeys(("readings", "missing", *FLAGS, "clipped"), 0)
         self.warnings = tuple(self._doubts())
 
     @property
@@ -161,7 +171,7 @@ class NetworkStream:
         for name, meaning in _MEANING.items():
             count = self.counts[name]
             percent = 100.0 * count / max(self.counts["readings"], 1)
-            if count and (name == "missing" or percent >= _TOLD):
+            if count and (name in {"missing", "clipped"} or percent >= _TOLD):
                 yield look_at(f"{count} readings ({percent:.3g} %) {meaning}")
 
     def _count(self, turns: Turns, decoded: NetworkDecoded) -> None:
@@ -170,6 +180,8 @@ class NetworkStream:
         self.counts["missing"] += int((~good).sum())
         for name in FLAGS:
             self.counts[name] += int(getattr(decoded, name).sum())
+        if turns.clipped is not None:
+            self.counts["clipped"] += int((turns.clipped.any(axis=(1, 2)) & good).sum())
         if not good.any():
             return
         inside = decoded.angle_deg[good & ~decoded.outside]
@@ -183,7 +195,7 @@ class NetworkStream:
             slack = 1e-6 * (high - low)
             true = turns.angle_deg
             kept = good & ((true >= low - slack) & (true <= high + slack)).all(axis=1)
-            self._held.append(LeftOut(true[kept], decoded.picked(kept)))
+            self._held.append(LeftOut(np.clip(true[kept], low, high), decoded.picked(kept)))
 
     def _against(self) -> tuple[MotionCheck, ...]:
         held = [one for one in self._held if len(one.angle_deg)]
@@ -196,19 +208,25 @@ def recorded_turns(path: Path, known: NetworkCalibration, sensor: str | None) ->
     `DataError` where it lacks an emitter or a receiver, or has another unit.
     """
     found = network_readings(path, sensor).ordered(known.motions, known.emitters, known.receivers)
-    check_unit(path.name, found.unit, known)
-    if None not in {found.ambient, known.ambient} and found.ambient != known.ambient:
-        limit = f"has ambient light {found.ambient}, and the calibration {known.ambient}"
-        raise DataError(path.name, limit=limit, remedy="calibrate with recordings made in the same way")
+    scale = scale_of(path.name, found.unit, known)
+    _check_ambient(path.name, found.ambient, known)
     true = np.where(at_rest(found.angle_deg)[:, None], found.angle_deg, np.nan) if found.motions else None
-    return Turns(found.time_s, found.signal, true), found.provenance
+    return Turns(found.time_s, scale * found.signal, true, found.clipped), found.provenance
 
 
-def check_unit(source: str, unit: str, known: NetworkCalibration) -> None:
-    """`DataError` for readings in another unit."""
-    if unit != known.unit:
+def _check_ambient(source: str, ambient: Ambient | None, known: NetworkCalibration) -> None:
+    if None not in {ambient, known.ambient} and ambient != known.ambient:
+        limit = f"has ambient light {ambient}, and the calibration {known.ambient}"
+        raise DataError(source, limit=limit, remedy="calibrate with recordings made in the same way")
+
+
+def scale_of(source: str, unit: str, known: NetworkCalibration) -> float:
+    """Factor of readings in a unit to that of the calibration; `DataError` if there is none."""
+    scale = factor(unit, known.unit)
+    if scale is None:
         limit = f"is the unit of the readings; those of the calibration are in {known.unit}"
         raise DataError(source, value=unit, limit=limit, remedy="calibrate with such readings")
+    return scale
 
 
 def line_turns(text: Iterable[str], known: NetworkCalibration) -> Iterator[Turns]:
@@ -225,39 +243,37 @@ def line_turns(text: Iterable[str], known: NetworkCalibration) -> Iterator[Turns
     if all(map(is_number, cells)):
         limit = "begins with numbers, not with the names of its columns"
         raise DataError(STDIN, limit=limit, remedy="begin with time_s, and EMITTER.RECEIVER for each power")
-    time, places, scales = _layout(cells, known)
+    time, places, scales, marks = _layout(cells, known)
     shape = 1, len(known.emitters), len(known.receivers)
     for row in rows:
         values = [_number(cell, separator) for cell in row.split(separator)]
         whole = values if len(values) == len(cells) else [math.nan] * len(cells)
         stamp = np.array([whole[time[0]] * time[1]])
         signal = np.array([whole[place] for place in places]) * scales
-        yield Turns(stamp, signal.reshape(shape))
+        clipped = np.array([place >= 0 and whole[place] > 0.5 for place in marks])
+        yield Turns(stamp, signal.reshape(shape), clipped=clipped.reshape(shape))
 
 
-def _layout(cells: Sequence[str], known: NetworkCalibration) -> tuple[tuple[int, float], list[int], FloatArray]:
-    """Place and scale of the time, and of each power in the order of the calibration."""
+def _layout(
+    cells: Sequence[str], known: NetworkCalibration
+) -> tuple[tuple[int, float], list[int], FloatArray, list[int]]:
+    """Place and scale of the time, and of each power in the order of the calibration; places of its marks, or -1."""
     heads = [heading(cell) for cell in cells]
     times = [place for place, one in enumerate(heads) if one.quantity == "time"]
     if len(times) != 1:
         raise DataError(STDIN, limit=f"names {len(times) or 'no'} columns as the time; one is needed")
-    named = {}
-    for place, one in enumerate(heads):
-        if match := DOTTED.fullmatch(one.name):
-            named[match[1], match[2]] = place, one.unit
-    places, scales = [], []
-    for pair in ((lit, read) for lit in known.emitters for read in known.receivers):
-        if pair not in named:
+    layout = power_columns(heads, STDIN)
+    _check_ambient(STDIN, layout.ambient, known)
+    pairs = [(lit, read) for lit in known.emitters for read in known.receivers]
+    for pair in pairs:
+        if pair not in layout.places:
             limit = f"has no column {'.'.join(pair)}, which the calibration needs"
             raise DataError(STDIN, limit=limit, remedy=f"its columns are {', '.join(cells)}")
-        place, unit = named[pair]
-        scale = factor(unit, known.unit) if unit and unit != "1" else 1.0
-        if scale is None:
-            raise DataError(f"-: {'.'.join(pair)}", value=unit, limit=f"cannot be converted to {known.unit}")
-        places.append(place)
-        scales.append(scale)
+    scale = scale_of(STDIN, layout.unit, known) if layout.unit else 1.0
+    places, marks = [layout.places[pair] for pair in pairs], [layout.clipped.get(pair, -1) for pair in pairs]
+    scales = scale * np.array([layout.scales[pair] for pair in pairs])
     unit = heads[times[0]].unit
-    return (times[0], (factor(unit, "s") or 1.0) if unit else 1.0), places, np.array(scales)
+    return (times[0], (factor(unit, "s") or 1.0) if unit else 1.0), places, scales, marks
 
 
 def _number(cell: str, separator: str) -> float:
@@ -299,4 +315,6 @@ def turns_in_pieces(turns: Turns, size: int) -> Iterator[Turns]:
     """Turns in pieces that fit the memory."""
     for begin in range(0, len(turns.time_s), size):
         part = slice(begin, begin + size)
-        yield Turns(turns.time_s[part], turns.signal[part], None if turns.angle_deg is None else turns.angle_deg[part])
+        true = None if turns.angle_deg is None else turns.angle_deg[part]
+        marks = None if turns.clipped is None else turns.clipped[part]
+        yield Turns(turns.time_s[part], turns.signal[part], true, marks)

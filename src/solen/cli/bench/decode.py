@@ -77,7 +77,7 @@ def _(result: NetworkCalibrations) -> Iterator[str]:
 
 @lines.register
 def _(result: NetworkDecoding) -> Iterator[str]:
-    flags = ((getattr(result, name), name) for name in ("outside", "ambiguous", "missing"))
+    flags = ((getattr(result, name), name) for name in ("outside", "ambiguous", "missing", "clipped"))
     reached = (f"{name} {low:.4g}° to {high:.4g}°" for name, (low, high) in result.reached_deg.items())
     yield ", ".join([f"{result.readings} readings", *reached, *(f"{count} {name}" for count, name in flags if count)])
     for one in result.against:

@@ -27,9 +27,9 @@ from solen.analysis.network.stream import (
     NetworkDecoding,
     NetworkStream,
     Turns,
-    check_unit,
     line_turns,
     recorded_turns,
+    scale_of,
     turns_in_pieces,
     unused,
 )
@@ -142,12 +142,12 @@ def _grown_turns(
 ) -> Iterator[Turns]:
     """Turns of a run's journal, in the order of a calibration; with ``follow``, on until the run ends."""
     entry = chosen_network(following.header, sensor or known.sensor, file)
-    check_unit(file, signal_unit(following.header), known)
+    scale = scale_of(file, signal_unit(following.header), known)
     lit = places_of("emitter", known.emitters, list(entry["emitters"]), file)
     read = places_of("receiver", known.receivers, list(entry["inputs"]), file)
     while True:
         for time_s, signal in following.turns(entry["name"]):
-            yield Turns(time_s, signal[:, lit][:, :, read])
+            yield Turns(time_s, scale * signal[:, lit][:, :, read])
         if following.ended or not follow:
             return
         with contextlib.suppress(InterruptedError):

@@ -1,0 +1,101 @@
+"""Columns of a network's table, of a file or of lines: its powers, their common unit, and what accompanies them.
+
+The idea: a column is a power by its name, ``EMITTER.RECEIVER``. Each has its own unit, all are taken to that of the
+first, V where it can be. Beside one may stand marks of clipping, ``a.left_clipped``, and the ambient light that was
+subtracted, ``a.left_ambient``: such a column of no power, or of some powers only, is refused.
+
+The interface: `power_columns` of headings or channels gives `PowerColumns`.
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from solen.analysis.calibration.file import Ambient
+from solen.errors import DataError
+from solen.recording import Channel
+from solen.recording.column_roles import ENDS_IN_V, is_companion, unit_of
+from solen.recording.words import Heading
+from solen.units import factor
+
+DOTTED = re.compile(r"([^.\s]+)\.([^.\s]+?)(?:_V)?")
+"""A power by the names of its emitter and its receiver."""
+_BESIDE = re.compile(r"(?:(ambient|clipped)_)?(.*?)(?:_(ambient|clipped))?")
+Pair = tuple[str, str]
+
+
+@dataclass(frozen=True)
+class PowerColumns:
+    """Places of the columns of powers and their factors to the common unit, empty if none is stated; marks of clipping.
+
+    ``ambient`` is ``subtracted`` where a column of it stands beside each power, else None.
+    """
+
+    places: dict[Pair, int]
+    scales: dict[Pair, float]
+    unit: str
+    clipped: dict[Pair, int]
+    ambient: Ambient | None
+
+
+def power_columns(columns: Sequence[Channel] | Sequence[Heading], source: str) -> PowerColumns:
+    """Powers among columns.
+
+    Raises
+    ------
+    DataError
+        If units cannot be converted to one, or a column beside powers belongs to none, or is missing beside others.
+    """
+    names = [ENDS_IN_V.sub("", one.name) for one in columns]
+    places: dict[Pair, int] = {}
+    for place, name in enumerate(names):
+        if (match := DOTTED.fullmatch(name)) and not is_companion(name):
+            places[match[1], match[2]] = place
+    unit, scales = _scales({".".join(pair): unit_of(columns[place]) for pair, place in places.items()}, source)
+    lights = _in(unit, columns, names) if places else []
+    clipped, ambient = (_beside(kind, lights, places, source) for kind in ("clipped", "ambient"))
+    lacking = [".".join(pair) for pair in places if pair not in ambient]
+    if ambient and lacking:
+        limit = f"has a column of ambient light beside some powers, but not beside {lacking[0]}"
+        raise DataError(source, limit=limit, remedy="subtract it from all powers or from none")
+    scaled = dict(zip(places, scales, strict=True))
+    return PowerColumns(places, scaled, unit, clipped, "subtracted" if ambient else None)
+
+
+def _scales(units: dict[str, str], source: str) -> tuple[str, list[float]]:
+    """Common unit of powers, empty if none states one, and the factor of each to it."""
+    first = next((unit for unit in units.values() if unit not in {"", "1"}), "")
+    if not first:
+        return "", [1.0] * len(units)
+    common = "V" if factor(first, "V") is not None else first
+    scales = []
+    for name, unit in units.items():
+        scale = factor(unit, common) if unit not in {"", "1"} else None
+        if scale is None:
+            limit = f"cannot be converted to {common}, the unit of other powers"
+            remedy = "state units of one quantity for all, as in a.end_mV"
+            raise DataError(f"{source}: {name}", value=unit or "no unit", limit=limit, remedy=remedy)
+        scales.append(scale)
+    return common, scales
+
+
+def _in(unit: str, columns: Sequence[Channel] | Sequence[Heading], names: Sequence[str]) -> list[str]:
+    """Names of columns without another kind of unit, as the temperature of ``ambient (K)`` has; empty for these."""
+    other = (one.unit not in {"", "1", unit} and factor(one.unit, unit or "V") is None for one in columns)
+    return ["" if odd else name for odd, name in zip(other, names, strict=True)]
+
+
+def _beside(kind: str, names: Sequence[str], powers: dict[Pair, int], source: str) -> dict[Pair, int]:
+    """Places of the columns of a kind, by the powers that they accompany."""
+    known = {".".join(pair): pair for pair in powers}
+    found = {}
+    for place, name in enumerate(names):
+        match = _BESIDE.fullmatch(name)
+        if match is None or kind not in {match[1], match[3], name}:
+            continue
+        if match[2] not in known:
+            limit = f"is beside no power; there are {', '.join(known)}"
+            remedy = f"name it by its power, as in {next(iter(known))}_{kind}, or leave it out"
+            raise DataError(f"{source}: {name}", limit=limit, remedy=remedy)
+        found[known[match[2]]] = place
+    return found
