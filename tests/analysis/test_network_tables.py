@@ -113,7 +113,8 @@ def test_ambient_light_beside_powers_is_used_or_refused(
     beside: dict[str, Any] = {f"{name}_ambient_V": 0.01 for name in NAMES}
     found = network_readings(table(tmp_path / "all.csv", values, **beside))
     assert (found.ambient, found.receivers) == ("subtracted", RECEIVERS)
-    temperature = network_readings(table(tmp_path / "warm.csv", values, **{"ambient (K)": 294.0}))
+    warm: dict[str, Any] = {"ambient (K)": 294.0}
+    temperature = network_readings(table(tmp_path / "warm.csv", values, **warm))
     assert temperature.ambient is None
     odd: tuple[dict[str, Any], ...] = {f"{NAMES[0]}_ambient": 0.01}, {"ambient_mV": 0.01}, {"c.left_clipped": 0.0}
     for bad in odd:
