@@ -155,9 +155,11 @@ def test_export_writes_layers_beside_the_solid(told: Run) -> None:
     assert found["layers"]["layers"] == 40
     assert abs(found["layers"]["volume_error"]) < 0.005
     assert len(list(Path("out").iterdir())) == 5
+    assert "| Pockets and slots | pocket-right, pocket-left |" in Path(found["files"]["sheet"]).read_text("utf-8")
     alone = told("export", "my sensor.toml", "--out", "other", "--layers", *QUICK)
     assert set(alone["files"]) == {"layers", "placed", "sheet", "settings"}
     assert len(list(Path("other").iterdir())) == 4
+    assert "| Pockets and slots | none |" in Path(alone["files"]["sheet"]).read_text("utf-8")
 
 
 def test_two_runs_give_the_same_files(told: Run, folder: Path) -> None:

@@ -76,9 +76,7 @@ class LayeredPrint(Result):
 
 def layered_print(job: Job, part: Printable, stl: str, stack: Stack | None) -> LayeredPrint:
     """Summary of a job; ``stl`` names its STL file, ``stack`` is None without pictures."""
-    settings = print_settings(
-        job, name=part.label.name, stl=stl, material=part.material, cure=part.cure, lies=part.lies
-    )
+    settings = print_settings(job, part, stl)
     rows, columns = job.printer.shape
     volume_mm3 = None if stack is None else stack.volume_mm3
     return LayeredPrint(

@@ -54,6 +54,8 @@ class Printable:
         About the file.
     lies
         How it must lie on the plate, in words; None if that is free.
+    seats
+        Names of its pockets and slots; None where a file does not say.
     """
 
     solid: Solid
@@ -64,6 +66,7 @@ class Printable:
     cure: Cure | None
     warnings: tuple[Caution, ...] = ()
     lies: str | None = None
+    seats: tuple[str, ...] | None = None
 
     @property
     def resin(self) -> str:
@@ -90,7 +93,8 @@ def printable_design(design: Design, part: Part, path: Path, slicing: Slicing) -
     source = Provenance(path.name, label.sha256, "design")
     placed = placed_mesh(mesh_of(part, MESH_MM), rotation)
     lies, warnings = lies_flat(part, rotation, slicing.layer_um)
-    return Printable(solid_of(part, rotation), placed, label, source, material, cure, tuple(warnings), lies)
+    seats = tuple(cut.name for cut in part.cuts if cut.name.startswith(("pocket", "slot")))
+    return Printable(solid_of(part, rotation), placed, label, source, material, cure, tuple(warnings), lies, seats)
 
 
 def printable_mesh(path: Path, slicing: Slicing) -> Printable:

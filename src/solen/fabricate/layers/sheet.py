@@ -14,6 +14,7 @@ from solen.arrays import FloatArray
 from solen.fabricate.label import WRITER
 from solen.fabricate.layers.job import GREY_STEPS, Job
 from solen.fabricate.layers.orientation import described
+from solen.fabricate.layers.printable import Printable
 from solen.fabricate.layers.solid import Exposures
 from solen.material.cure.law import CureLaw
 from solen.material.resin import Cure
@@ -42,6 +43,8 @@ class PrintSettings(Result):
         Name of the part, and of the STL, already oriented for printing.
     material, printer, orientation, lies
         Descriptions; the required orientation, None if any will do.
+    seats
+        Names of the pockets and slots in the solid; None where its file does not say.
     wavelength_nm, pixel_um, pixel_y_um
         Of the printer; sides of a pixel along X and Y.
     size_mm, copies
@@ -82,6 +85,7 @@ class PrintSettings(Result):
     pixel_y_um: float
     orientation: str
     lies: str | None
+    seats: tuple[str, ...] | None
     size_mm: tuple[float, float, float]
     copies: int
     layer_um: float
@@ -111,26 +115,25 @@ class PrintSettings(Result):
     layer_received_mJ_per_cm2: tuple[float, ...] | None
 
 
-def print_settings(
-    job: Job, *, name: str, stl: str, material: str, cure: Cure | None = None, lies: str | None = None
-) -> PrintSettings:
-    """Settings of a job; ``cure`` is the working curve of the resin, where the process has none."""
+def print_settings(job: Job, part: Printable, stl: str) -> PrintSettings:
+    """Settings of a job of a part; ``stl`` names its STL file."""
     slicing, printer, doses = job.slicing, job.printer, job.doses_mJ_per_cm2
-    law, words = cure_law(job, cure)
+    law, words = cure_law(job, part.cure)
     dose, burn_in_dose = (job.irradiance_mW_per_cm2 * time for time in (slicing.exposure_s, slicing.burn_in_s))
     return PrintSettings(
         solen_settings=SHEET_SCHEMA,
         writer=WRITER,
-        part=name,
+        part=part.label.name,
         stl=stl,
         stl_unit="mm",
-        material=material,
+        material=part.material,
         printer=printer.name,
         wavelength_nm=None if printer.wavelength_nm is None else printer.wavelength_nm.usual,
         pixel_um=1000.0 * printer.pitches_mm[0],
         pixel_y_um=1000.0 * printer.pitches_mm[1],
         orientation=described(slicing.orientation, slicing.rotate_deg),
-        lies=lies,
+        lies=part.lies,
+        seats=part.seats,
         size_mm=job.solid.size_mm,
         copies=slicing.copies,
         layer_um=slicing.layer_um,
@@ -208,6 +211,7 @@ def _settings(s: PrintSettings) -> list[tuple[str, str]]:
         ("Printer", f"{s.printer}{light}, pixels of {sides} µm"),
         ("Orientation", s.orientation),
         *([("It must lie", s.lies)] if s.lies else []),
+        *([] if s.seats is None else [("Pockets and slots", ", ".join(s.seats) or "none")]),
         ("Copies", str(s.copies)),
         ("Layer (slice) thickness", f"{s.layer_um:g} µm"),
         *_exposures(s),
