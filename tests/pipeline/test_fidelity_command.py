@@ -57,6 +57,7 @@ def test_a_picture_of_group_a(told: Run, capfd: pytest.CaptureFixture[str]) -> N
     assert "simulated: a.png" in Path("a.svg").read_text(encoding="utf-8")
     assert run_command([*options]) == 0
     lines = capfd.readouterr().out
+    assert lines.startswith("simulated: group-a")
     assert "smallest pillar that stands: 0.1 mm, printed 0.12" in lines
     assert "0.08 mm is not" in lines
 

@@ -55,7 +55,7 @@ def test_the_axes_say_what_they_show_and_the_title_what_errors_are_measured_from
     told = words(svg(convergence_figure(power), "convergence"))
     assert "rays traced" in told
     assert "error and stated u (share of the emitted power)" in told
-    assert f"mode power; errors against adaptive with {power.reference.rays:,} rays" in told
+    assert f"simulated, mode power; errors against adaptive with {power.reference.rays:,} rays" in told
 
 
 def test_an_uncertainty_of_0_is_left_out_and_counted(power: Convergence) -> None:

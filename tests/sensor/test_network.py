@@ -184,7 +184,9 @@ def test_a_study_goes_over_each_motion() -> None:
     assert study.sweeps["lean"].angle_deg.tolist() == [[-10.0], [0.0], [10.0]]
     assert np.array_equal(study.sweeps["lean"].power[1], study.at_rest.power[0])
     assert np.abs(np.diff(study.sweeps["lean"].power[:, 1], axis=0)).max() > 10.0 * study.at_rest.u_power.max()
-    drawing, *panels = network_figure(study).axes
+    figure = network_figure(study)
+    assert figure.get_suptitle().startswith("simulated: ")
+    drawing, *panels = figure.axes
     assert {text.get_text() for text in drawing.texts} == {"a emits", "b emits", *study.at_rest.receivers}
     assert [axes.get_title() for axes in panels] == ["a lit", "b lit"]
 

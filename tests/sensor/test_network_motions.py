@@ -118,6 +118,20 @@ def test_a_motion_apart_from_those_not_distinguished_keeps_its_sd() -> None:
     assert "only 1 combination can" in next(in_words(of([[1.0, 2.0, 3.0]])))
 
 
+def test_an_improvement_is_more_than_its_uncertainty() -> None:
+    def seen(*slopes: float) -> Determination:
+        jacobian = np.diag(slopes)
+        return determined(["a", "b"], jacobian, 0.05 * jacobian, np.eye(2) * 0.01)
+
+    now = seen(1.0, 2.0)
+    assert seen(1.2, 2.0).improves_on(now)
+    assert not seen(1.05, 2.0).improves_on(now), "within its uncertainty"
+    assert not seen(1.0, 4.0).improves_on(now), "the worst is as before"
+    assert not now.improves_on(now)
+    assert now.improves_on(seen(0.0, 2.0))
+    assert not seen(0.0, 9.0).improves_on(seen(0.0, 2.0))
+
+
 def test_the_uncertainty_of_an_sd_covers_slopes_that_are_off() -> None:
     rng = np.random.default_rng(5)
     true, u = rng.normal(size=(6, 3)), np.abs(rng.normal(size=(6, 3))) * 0.03

@@ -240,7 +240,9 @@ def test_the_tab_of_the_resin_shows_what_its_command_answers(
     found, shown = commanded(seen["resin"]["same"][0]), seen["resin"]
     rows = {name: value for name, value in shown["rows"] if value}
     for name in ("Dp_um", "Ec_mJ_per_cm2", "discs", "sd_thickness_um"):
-        assert float(rows[name]) == found[name]
+        value, _, u = rows[name].partition(" ± ")
+        assert float(value) == found[name]
+        assert not u or float(u) == found[f"u_{name}"]
     assert len(rows) > 10
     assert shown["lines"][0].startswith(f"Dp {found['Dp_um']:.4g} µm")
     assert shown["figure"] > 300

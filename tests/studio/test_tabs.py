@@ -214,6 +214,12 @@ def test_a_name_leads_nowhere(name: str, kept: str) -> None:
     assert safe_name(name) == kept
 
 
+@pytest.mark.parametrize("name", tabs.TABS)
+def test_options_that_come_first_exist(name: str) -> None:
+    for offer in tabs.offers_of(name):
+        assert set(offer.first) <= offer.form()["fields"].keys(), offer.name
+
+
 def test_dropped_files_are_kept_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     kept = Storage(tmp_path / "kept")
 

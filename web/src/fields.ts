@@ -8,18 +8,27 @@ export type Values = Record<string, unknown>;
 export type Change = (key: string, value: unknown, gesture?: string) => void;
 
 const UNITS: [string, string][] = [
+  ["um_per_px", "µm/px"], ["_mm_per_N", "mm/N"], ["_deg_per_s", "°/s"], ["_ms", "ms"], ["_V", "V"],
   ["_mW_per_cm2", "mW/cm²"], ["_mJ_per_cm2", "mJ/cm²"], ["_per_mm", "1/mm"], ["_percent", "%"], ["_px", "px"], ["_s", "s"], ["_mm2", "mm²"], ["_deg", "°"], ["_mm", "mm"], ["_nm", "nm"], ["_um", "µm"], ["_N", "N"], ["_MPa", "MPa"],
   ["_ohm", "Ω"], ["_ma", "mA"], ["_hz", "Hz"], ["_c", "°C"], ["_mw_cm2", "mW/cm²"], ["_v", "V"],
 ];
 const FAR = 1e5; // a limit beyond is none that a person meets
+
+// Names of options that are not words.
+const LABELS: Record<string, string> = {
+  threemf: "3MF", stl: "STL", glb: "GLB", dxf: "DXF", svg: "SVG", comsol: "COMSOL", step: "STEP", led: "LED",
+  "": "size of a pixel", zero_u: "uncertainty of the zero", led_fwhm: "LED width at half height",
+};
 
 export function unitOf(key: string): string {
   return UNITS.find(([end]) => key.endsWith(end))?.[1] ?? "";
 }
 
 export function nameOf(key: string): string {
+  if (/^u_./.test(key)) return `uncertainty of ${nameOf(key.slice(2))}`;
   const end = UNITS.find(([end]) => key.endsWith(end))?.[0] ?? "";
-  return key.slice(0, key.length - end.length).replaceAll("_", " ");
+  const name = key.slice(0, key.length - end.length);
+  return LABELS[name] ?? name.replaceAll("_", " ");
 }
 
 export function resolved(schema: Schema, root: Schema): Schema {

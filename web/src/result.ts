@@ -6,6 +6,11 @@ export type Plain = null | boolean | number | string | Plain[] | { [key: string]
 
 const APART = new Set(["warnings", "sources", "files"]);
 const [MOST_ROWS, MOST_TABLES] = [120, 4];
+const DIGITS = 9; // more than a command's lines show; the title holds all
+
+// A name that may go on in the next line after a part of it, not within a word.
+const parted = (name: string) => name.split(/(?<=[_.\]])/).map((part) => html`${part}<wbr>`);
+const exact = (value: Plain, u: Plain) => (typeof u === "number" ? `${value} ± ${u}` : String(value));
 
 function range(values: Plain[]): string {
   const numbers = values.filter((one): one is number => typeof one === "number");
@@ -16,7 +21,7 @@ function range(values: Plain[]): string {
 
 function inWords(value: Plain, u: Plain): string {
   if (value === null) return "–";
-  if (typeof value === "number") return Number.isInteger(value) && u === null ? `${value}`.replace("-", "−") : measured(value, u as number | null);
+  if (typeof value === "number") return u === null ? `${+value.toPrecision(DIGITS)}`.replace("-", "−") : measured(value, u as number | null);
   if (typeof value === "boolean") return value ? "yes" : "no";
   if (Array.isArray(value)) return value.length > 400 ? `${value.length} values` : range(value);
   return String(value);
@@ -41,7 +46,7 @@ export function table(result: { [key: string]: Plain }): TemplateResult {
   return html`<table class="merits values">
     <thead><tr><th scope="col">As with --json</th><th scope="col">value</th></tr></thead>
     <tbody>${all.slice(0, MOST_ROWS).map(([name, value, u]) => html`<tr data-name=${name}>
-      <th scope="row">${name}</th><td title=${typeof value === "number" ? String(value) : nothing}>${inWords(value, u)}</td></tr>`)}</tbody>
+      <th scope="row">${parted(name)}</th><td title=${typeof value === "number" ? exact(value, u) : nothing}>${inWords(value, u)}</td></tr>`)}</tbody>
   </table>
   ${all.length > MOST_ROWS ? html`<p class="quality">${all.length - MOST_ROWS} more are in the result's file.</p>` : nothing}`;
 }

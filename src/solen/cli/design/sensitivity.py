@@ -63,7 +63,7 @@ def _(result: NetworkSensitivities) -> Iterator[str]:
         yield f"  and from {', '.join(result.readings)} alone"
         yield from _determines(result.by_readings)
     if result.suggestions is not None:
-        yield from _suggested(result.suggestions)
+        yield from _suggested(result.suggestions, result.by_voltages)
 
 
 def _determines(found: Determination) -> Iterator[str]:
@@ -74,16 +74,22 @@ def _determines(found: Determination) -> Iterator[str]:
         yield f"    readings change by {by} for {words(one)}"
 
 
-def _suggested(suggestions: Sequence[Suggestion]) -> Iterator[str]:
+def _suggested(suggestions: Sequence[Suggestion], now: Determination | None) -> Iterator[str]:
     if not suggestions:
-        yield "  no place was found where another receiver or emitter can stand"
+        yield "  no place was found where another receiver or emitter would determine the motions better"
         return
     yield "  with another part, the worst motion is determined"
-    for one in suggestions:
-        worst = f"to ± {short(one.worst_sd_deg)} deg" if math.isfinite(one.worst_sd_deg) else "not at all"
-        yield f"    {worst}: {one.part} at {one.place}"
+    if now is not None:
+        yield f"    {_worst(now)}: as it is"
+    yield from (f"    {_worst(one.by_voltages)}: {one.part} at {one.place}" for one in suggestions)
     yield "  add the first of these to the design file:"
     yield from suggestions[0].tables.splitlines()
+
+
+def _worst(found: Determination) -> str:
+    if math.isfinite(found.worst_sd_deg):
+        return f"to ± {short(found.worst_sd_deg)} deg"
+    return f"not at all ({found.rank} of {len(found.motions)} combinations)"
 
 
 def _short(value: float) -> str:

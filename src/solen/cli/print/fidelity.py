@@ -17,7 +17,9 @@ MINIMA = {
 
 @lines.register
 def _(measured: CouponMeasurement) -> Iterator[str]:
-    yield f"{measured.coupon} in a {measured.image} of {measured.scale.um_per_px:.4g} µm per pixel{_seen(measured)}"
+    simulated = "simulated: " if measured.simulated else ""
+    scale = f"{measured.scale.um_per_px:.4g} µm per pixel"
+    yield f"{simulated}{measured.coupon} in a {measured.image} of {scale}{_seen(measured)}"
     for limit in measured.limits:
         yield _minimum(limit)
     yield f"  {'':24} nominal    measured   u (mm)"

@@ -12,9 +12,10 @@ from solen.pipeline.resin.cutback import cutback as cutback
 def _(loss: GuideLoss) -> Iterator[str]:
     low, high = loss.interval95_loss_dB_per_cm
     shortest, longest = loss.lengths_mm
+    simulated = "simulated: " if loss.simulated else ""
     yield (
-        f"loss {loss.loss_dB_per_cm:.3g} dB/cm ({low:.3g} to {high:.3g}, 95 %), from {loss.readings} readings "
-        f"of {loss.guides} guides, {shortest:g} to {longest:g} mm long"
+        f"{simulated}loss {loss.loss_dB_per_cm:.3g} dB/cm ({low:.3g} to {high:.3g}, 95 %), from "
+        f"{loss.readings} readings of {loss.guides} guides, {shortest:g} to {longest:g} mm long"
     )
     if loss.absorption_per_mm is None:
         yield "absorption per mm: undefined, as the loss is not positive"

@@ -159,7 +159,7 @@ def sensitivity(
             found = replace(found, suggestions=suggestions(sensor.design, progress=progress))
         return write(found, "sensitivity", figure=figure)
     if suggest:
-        raise SpecError("--suggest", limit="is of networks of guides", remedy='leave it out, or body.kind = "network"')
+        raise SpecError("--suggest", limit="needs a network of guides, and this design is none", remedy="leave it out")
     result = sensitivities(sensor, keys, value, progress)
     return write(result, "sensitivity", figure=figure)
 

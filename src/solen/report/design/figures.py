@@ -130,7 +130,7 @@ def convergence_figure(convergence: Convergence) -> Figure:
         axes.axhline(reference.u_power, color=LOST, lw=1.2, ls=":", label="reference: stated u")
     name = METHODS[reference.method][0]
     axes.set(xlabel="rays traced", ylabel="error and stated u (share of the emitted power)")
-    axes.set_title(f"mode {convergence.mode}; errors against {name} with {reference.rays:,} rays")
+    axes.set_title(f"simulated, mode {convergence.mode}; errors against {name} with {reference.rays:,} rays")
     axes.legend()
     return figure
 
@@ -149,7 +149,9 @@ def rays_figure(views: Sequence[tuple[str, Body, Scene, Trace]], zoom: float | N
 def trace_figure(trace: DesignTrace) -> Figure:
     """At most `SHOWN_RAYS` rays of a design at the angle and in the mode of a trace."""
     shown = min(trace.sensor.design.emitter.rays, SHOWN_RAYS)
-    return rays_figure([sensor_view(trace.sensor, trace.value, shown, trace.mode)])
+    figure = rays_figure([sensor_view(trace.sensor, trace.value, shown, trace.mode)])
+    figure.suptitle("simulated")
+    return figure
 
 
 def sensor_view(

@@ -59,6 +59,7 @@ def rays_of(sensors: Sequence[Sensor]) -> Figure:
     lines = [Line2D([], [], color=colours[name], lw=3.0, label=name) for name in names]
     lines.append(Line2D([], [], color=LOST, lw=1.0, label="no receiver"))
     figure.legend(handles=lines, loc="outside lower center", ncols=3)
+    figure.suptitle(f"simulated: {sensors[0].design.name}")
     return figure
 
 
@@ -85,6 +86,7 @@ def network_figure(study: NetworkStudy) -> Figure:
         line[0].set_ylabel("share of its power")
     handles, labels = panels[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=3)
+    figure.suptitle(f"simulated: {study.design.name}")
     return figure
 
 
@@ -142,6 +144,7 @@ def readings_figure(study: NetworkStudy) -> Figure:
             _draw_powers(axes, angle, response.reading[:, one], response.u_reading[:, one], {names[number]: INK})
             axes.set(xlabel=f"{motion} (deg)", title=names[number])
         line[0].set_ylabel("reading")
+    figure.suptitle(f"simulated: {study.design.name}")
     return figure
 
 
@@ -161,6 +164,7 @@ def slopes_figure(result: NetworkSensitivities) -> Figure:
         _draw_combinations(figure.add_subplot(grid[0, 1]), found)
     if found is not None and tried:
         _draw_suggestions(figure.add_subplot(grid[1, :]), found, tried)
+    figure.suptitle(f"simulated: {result.name}")
     return figure
 
 

@@ -85,6 +85,15 @@ class Determination(Result):
         """Number of combinations that the readings determine."""
         return sum(one.is_determined for one in self.combinations)
 
+    def improves_on(self, other: "Determination") -> bool:
+        """Whether it determines more combinations, or the worst motion better than both uncertainties explain."""
+        if self.rank != other.rank or not math.isfinite(self.worst_sd_deg):
+            return self.rank > other.rank
+        if not math.isfinite(other.worst_sd_deg):
+            return True
+        gain = other.worst_sd_deg - self.worst_sd_deg
+        return gain > math.hypot(*(float(one.u_sd_deg[one.sd_deg.argmax()]) for one in (self, other)))
+
     @property
     def all_distinguished(self) -> bool:
         """Whether every combination is determined."""

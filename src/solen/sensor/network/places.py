@@ -38,8 +38,9 @@ def suggestions(
 ) -> tuple[Suggestion, ...]:
     """Places where another receiver or emitter would help a network most, the best first.
 
-    The best `TRIED_AGAIN` of each kind; none where no place can be built. By the worst standard deviation of a motion
-    with the motions as they stand, after the number of combinations that are determined.
+    The best `TRIED_AGAIN` of each kind that improve on the network as it is (`Determination.improves_on`). By the
+    worst standard deviation of a motion with the motions as they stand, after the number of combinations that are
+    determined.
 
     Parameters
     ----------
@@ -65,9 +66,11 @@ def suggestions(
     for kind in ("receiver", "emitter"):
         mine = sorted((one for one in rough if one[1].part == kind), key=lambda one: _apparent(one[1]))
         best += [tried.one(*trial, tolerance) for trial, _ in mine[:TRIED_AGAIN]]
+    now = network_sensitivities(design, tolerance=tolerance).by_voltages
+    better = [one[1] for one in best if one and (now is None or one[1].by_voltages.improves_on(now))]
     if progress is not None:
         progress(1.0)
-    return tuple(sorted((one[1] for one in best if one), key=lambda one: (-one.rank, one.worst_sd_deg)))
+    return tuple(sorted(better, key=lambda one: (-one.rank, one.worst_sd_deg)))
 
 
 Trial = tuple[str, str, Tables]

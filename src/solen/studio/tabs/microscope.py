@@ -20,7 +20,7 @@ OFFERS = (
         "Scale of an objective",
         files={"picture": "Picture of a stage micrometer"},
         written={"out": "scale.toml"},
-        first=("pitch_um",),
+        first=("spacing_mm",),
         hidden=("force",),
     ),
 )
