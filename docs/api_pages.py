@@ -24,6 +24,7 @@ ROOMS = {
     "metrology": ("Metrology", ("metrology",)),
     "bench": ("Bench", ("bench",)),
     "explore": ("Exploring designs, and tuning prints", ("explore",)),
+    "archive": ("Archives of sensors", ("archive",)),
     "report": ("Figures", ("report",)),
 }
 """Rooms in the order of the stages: page, title, modules."""

@@ -45,6 +45,7 @@ nitpick_ignore_regex = [
     (r"py:.*", r"(ArrayLike|Path|PathLike)"),
     (r"py:.*", r"(solen\..*\.)?[LPRT]"),  # type variables
     (r"py:class", r"solen\.ranks\.Caution|Sampler"),  # names of types, which are documented as data
+    (r"py:class", r"solen\.recording\.words\.Heading"),  # of a package whose inner modules have no page
     (r"py:.*", r"solen\..*\._\w+"),
     (r"py:.*", r"solen\.(trace\.kernel|scene\.rayoptics\.fields)\..*"),
     (
