@@ -1,5 +1,6 @@
 """A sensor packed and unpacked: what comes out is what went in, and nothing else comes out."""
 
+import hashlib
 import json
 import zipfile
 from collections.abc import Callable
@@ -200,7 +201,6 @@ def _stated(key: str, value: object) -> Callable[[dict[str, bytes]], None]:
 def _design_outside(files: dict[str, bytes]) -> None:
     text = files["sensor.toml"].replace(b"files/own.toml", b"../../own.toml")
     files["sensor.toml"] = text
-    import hashlib
 
     def set_it(entities: dict[str, dict[str, object]]) -> None:
         entities["sensor.toml"] |= {"contentSize": len(text), "sha256": hashlib.sha256(text).hexdigest()}
@@ -247,6 +247,21 @@ def test_archives_that_are_not_trusted(
     with pytest.raises(SolenError, match=f"(?i){named}"):
         opened(bad).save(tmp_path / "out")
     assert [path.name for path in tmp_path.iterdir()] == ["bad.zip"]
+
+
+def test_a_rig_that_names_a_design_outside_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "rig.toml").write_bytes(sample_files()["bench/rig.toml"])
+    (tmp_path / "sensor.toml").write_text('schema = 1\nname = "mine"\n[material]\nindex = 1.44\n')
+    folder = pack(tmp_path / "sensor.toml", [tmp_path / "rig.toml"], OPTIONS).save(tmp_path / "folder")
+    text = (folder / "rig.toml").read_bytes().replace(b'"sensor.toml"', b'"../sensor.toml"')
+    (folder / "rig.toml").write_bytes(text)
+    data = json.loads((folder / NAME).read_text())
+    (entity,) = (one for one in data["@graph"] if one["@id"] == "rig.toml")
+    entity |= {"contentSize": len(text), "sha256": hashlib.sha256(text).hexdigest(), "kind": "other file"}
+    (folder / NAME).write_text(json.dumps(data))
+    with pytest.raises(DataError, match="outside the archive"):
+        opened(folder).save(tmp_path / "out")
+    assert not (tmp_path / "out").exists()
 
 
 def test_links_passwords_and_damage_are_refused(zipped: Path, tmp_path: Path) -> None:

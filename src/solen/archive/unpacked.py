@@ -18,12 +18,13 @@ from pydantic import Field
 
 from solen.archive.contents import DESIGN, Contents, Item
 from solen.archive.metadata import NAME, loads
+from solen.archive.packed import CHUNK
+from solen.archive.references import references
 from solen.errors import DataError
 from solen.files import check_name, new_folder
 from solen.spec import load
 from solen.spec.strict import Options
 
-CHUNK = 1 << 20
 MOST_METADATA = 32 << 20
 MEGABYTE = 1_000_000
 AGAIN = "have it packed and sent again"
@@ -49,7 +50,7 @@ class Opened(Contents):
         Raises
         ------
         DataError
-            If a file's size or checksum is not the stated one, or a design names a file outside the folder.
+            If a file's size or checksum is not the stated one, or a design or rig names a file outside the folder.
         OutputError
             If the folder exists or cannot be written.
         """
@@ -58,8 +59,7 @@ class Opened(Contents):
             for item in self.items:
                 source.copy(item, folder / item.path)
             for item in self.items:
-                if item.kind == DESIGN:
-                    _check_design(folder / item.path, folder)
+                _check_references(folder / item.path, item.kind, folder)
         return out
 
 
@@ -122,13 +122,14 @@ def _check_path(archive: Path, path: str) -> None:
         check_name(what, part, DataError, "have it renamed and packed again")
 
 
-def _check_design(design: Path, folder: Path) -> None:
-    """`DataError` unless a design is valid and all files it names are in the folder."""
-    inside = folder.resolve()
-    for key, path in load(design).files.items():
-        if not path.resolve().is_relative_to(inside):
+def _check_references(file: Path, kind: str, folder: Path) -> None:
+    """`DataError` unless all files that a design or rig names are in the folder, `SpecError` for an invalid design."""
+    if kind == DESIGN:
+        load(file)
+    for key, reference in references(file).items():
+        if not reference.path.resolve().is_relative_to(folder.resolve()):
             limit = "names a file outside the archive"
-            raise DataError(f"{design.name}: {key}", value=str(path), limit=limit, remedy=AGAIN)
+            raise DataError(f"{file.name}: {key}", value=reference.stated, limit=limit, remedy=AGAIN)
 
 
 @dataclass(frozen=True)
@@ -183,6 +184,7 @@ def _source(archive: Path) -> Iterator[_Source]:
                 if limit:
                     raise DataError(f"{archive}: {entry.filename}", limit=limit, remedy=AGAIN)
             yield _Source(archive, tuple(entry.filename for entry in entries), held.open)
+    # NotImplementedError is zipfile's for a compression that it does not know
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, OSError) as bad:
         if isinstance(bad, OSError) and bad.errno is not None and bad.filename != str(archive):
             raise  # of what is written

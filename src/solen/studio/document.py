@@ -185,7 +185,7 @@ class Document:
         Raises
         ------
         SolenError
-            If there is none, or it is no change of the file that is open.
+            If there is none, or it does not belong to the open file.
         """
         with self.lock:
             if self.offered is None:

@@ -130,12 +130,12 @@ class Decoder:
     Raises
     ------
     DataError
-        If it is no calibration of a sensor, as that of a network, which `solen.analysis.network.load_network` reads.
+        If it is not a calibration of a single sensor; `solen.analysis.network.load_network` reads that of a network.
     """
 
     def __init__(self, calibration: Calibration, *, gain_percent: float = 0.0, dark_V: float = 0.0) -> None:
         if not isinstance(calibration, Calibration):
-            limit = "is no calibration of a sensor, as solen.analysis.calibration.file.load(FILE).calibration is"
+            limit = "is not a calibration of a sensor such as solen.analysis.calibration.file.load(FILE).calibration is"
             remedy = "of a network, decode all motions by solen.analysis.network.load_network(FILE).decoder"
             raise DataError("Decoder", value=type(calibration).__name__, limit=limit, remedy=remedy)
         self.calibration = calibration = calibration.widened()
