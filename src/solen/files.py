@@ -143,6 +143,21 @@ def write_all(contents: Mapping[Path, Content]) -> list[Path]:
     return list(contents)
 
 
+def write_new(folder: Path, contents: Mapping[str, bytes]) -> list[Path]:
+    """Write files into a folder under their names, made with it if missing; `OutputError` if one exists already.
+
+    A name may have folders of its own, ``bench/rig.toml``.
+    """
+    targets = {folder / name: data for name, data in contents.items()}
+    with output_folder(folder):
+        for target in targets:
+            if target.exists():
+                raise OutputError(str(target), limit="exists already", remedy="name another folder or remove it")
+        for target in targets:
+            target.parent.mkdir(parents=True, exist_ok=True)
+        return write_all(targets)
+
+
 @contextlib.contextmanager
 def streamed(path: Path) -> Iterator[TextIO]:
     """Text file written piece by piece, under a temporary name until it is complete; `OutputError` if writing fails.

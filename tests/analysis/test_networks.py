@@ -29,6 +29,7 @@ from solen.pipeline.bench.decode import decode
 from solen.recording import Provenance
 from tests.bench.lsl_support import kept_streams
 from tests.bench.network_support import EMITTERS, LEAN, PLAN, RECEIVERS, SWAY, light, without_tracing, write
+from tests.command_support import answered
 
 NOISE_V, HELD = 3e-4, 20
 MOTIONS = ("lean", "sway")
@@ -282,6 +283,13 @@ def test_from_a_simulated_rig_to_motions(bench: Path) -> None:
     assert (live.readings, live.missing) == (38, 1)
     with pytest.raises(DataError, match=r"a\.right"):
         decode(file, "-", text=[one.rpartition(",")[0] for one in lines])
+
+
+def test_what_commands_print_of_a_network_fits_their_schema(bench: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    recording, known = str(bench / "plan.nc"), str(bench / "printed.json")
+    assert answered(capfd, "bench", "analyse", recording)["emitters"] == list(EMITTERS)
+    assert answered(capfd, "bench", "calibrate", recording, "--out", known)["states"] == 25
+    assert answered(capfd, "bench", "decode", known, str(bench / "visits.nc"))["readings"] > 0
 
 
 def test_a_run_of_a_network_is_followed_while_it_grows(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:

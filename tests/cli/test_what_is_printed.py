@@ -460,7 +460,7 @@ def test_ctrl_c_is_one_line_and_130(
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(pipeline, "check", interrupted)
+    monkeypatch.setattr(pipeline, "open_design", interrupted)
     code = run_command(["check", design])
     printed = capsys.readouterr()
     assert (code, printed.out) == (130, "")

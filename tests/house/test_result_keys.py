@@ -30,7 +30,7 @@ stress_at_half work_in
 shift end low high length area overcure scatter_exponent halo_fraction halo_per_depth ln_Ec dose_below_over_Ec
 interior_over_single_layer interior_over_jacobs phr volume_error bridged outside share on_share between_share depth
 seen contrast apart visibility pitch_ratio factor load_factor scale_factor size_factor rms_um_per_percent_of_scale
-ambiguous within_68 within_95
+ambiguous within_68 within_95 scatter unseparated
 """
 _CONTRASTS, _IN_THE_FILES_UNIT = "largest largest_change effect at_low at_high", "dark"
 _OF_LIGHT = """

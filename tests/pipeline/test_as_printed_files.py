@@ -70,7 +70,7 @@ def test_check_and_trace_work_with_it(folder: Path) -> None:
 def test_a_table_is_a_profile_and_its_missing_uncertainty_is_told(folder: Path) -> None:
     rows = "\n".join(f"{x:.6f},{z:.6f}" for x, z in zip(X, profile(noise_um(0.5)).z_mm, strict=True))
     (folder / "lens.csv").write_text(f"x_mm,z_mm\n{rows}\n", encoding="utf-8")
-    found = pipeline.check(folder / "sensor.toml", ["lens.profile=lens.csv"]).to_dict()
+    found = pipeline.check(folder / "sensor.toml", set_=["lens.profile=lens.csv"]).to_dict()
     assert "states no uncertainty; 0.49 µm is assumed" in found["warnings"][0]
     assert found["lens"]["fit"]["simulated"] is False
 
@@ -138,7 +138,7 @@ def test_what_cannot_be_is_refused_in_one_line(
     folder: Path, assignments: list[str], error: type[SolenError], words: str
 ) -> None:
     with pytest.raises(error) as refusal:
-        pipeline.check(folder / "sensor.toml", assignments)
+        pipeline.check(folder / "sensor.toml", set_=assignments)
     assert words in str(refusal.value)
     assert "\n" not in str(refusal.value)
 

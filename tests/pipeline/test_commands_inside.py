@@ -148,12 +148,12 @@ def test_a_folder_that_existed_empty_stays(tmp_path: Path, monkeypatch: pytest.M
 def test_check_builds_the_body_at_every_angle(design: Path) -> None:
     breaks = ['motion.moves=["emitter"]', "motion.pivot=[30.0, 0.0]"]
     with pytest.raises(SpecError, match=r"less than motion\.to_deg"):
-        pipeline.check(design, ["motion.from_deg=4"])
-    checked = pipeline.check(design, [*breaks, "motion.from_deg=0"]).result
+        pipeline.check(design, set_=["motion.from_deg=4"])
+    checked = pipeline.check(design, set_=[*breaks, "motion.from_deg=0"]).result
     assert isinstance(checked, Check)
     assert checked.angles == 13
     with pytest.raises(Exception, match="inside the body"):
-        pipeline.check(design, breaks)
+        pipeline.check(design, set_=breaks)
 
 
 def test_of_two_values_of_a_key_the_later_one_counts(design: Path) -> None:

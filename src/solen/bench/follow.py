@@ -51,11 +51,10 @@ class Following:
 
     def readings(self, sensor: str) -> Iterator[Fresh]:
         """Readings of a sensor that are new since the last call, a piece for each part of the run."""
-        fresh = self._fresh()
         view = next(one for one in views_of(self.header) if one.name == sensor)
-        edges = np.flatnonzero(np.diff(fresh["part"].astype(np.int64))) + 1
-        for rows in np.split(fresh, edges) if len(fresh) else ():
-            yield self._read(rows, view)
+        for rows in self._fresh():
+            found = self._under(*self._with_before(rows), view)  # right before left
+            yield Fresh(found.time_s, found.volts[:, ::-1], found.clipped[:, ::-1])
 
     def turns(self, sensor: str) -> Iterator[tuple[FloatArray, FloatArray]]:
         """Turns of a network's emitters that are new since the last call, a piece for each part of the run.
@@ -63,9 +62,7 @@ class Following:
         Times (n,) of the periods and signals (n, emitters, receivers), NaN where a reading is missing.
         """
         views = [one for one in views_of(self.header) if one.sensor["name"] == sensor]
-        fresh = self._fresh()
-        edges = np.flatnonzero(np.diff(fresh["part"].astype(np.int64))) + 1
-        for rows in np.split(fresh, edges) if len(fresh) else ():
+        for rows in self._fresh():
             both, time_s, new = self._with_before(rows)
             signal = np.full((len(rows), len(views), len(views[0].inputs)), np.nan)
             for place, view in enumerate(views):
@@ -74,20 +71,17 @@ class Following:
                 signal[at, place] = found.volts
             yield time_s[new:], signal
 
-    def _fresh(self) -> Rows:
-        """Periods that are new; a journal that is gone was closed, so that its run has ended."""
+    def _fresh(self) -> list[Rows]:
+        """Periods that are new, part by part; a journal that is gone was closed, so that its run has ended."""
         try:
             records, self._place = read_on(self._path, self._place)
         except OSError:
             records, self.ended = [], True
         self.ended |= any(kind == END for kind, _, _ in records)
         data = b"".join(payload for kind, stream, payload in records if kind == ROWS and stream == self._number)
-        return np.frombuffer(data, self._dtypes["board"])
-
-    def _read(self, rows: Rows, view: View) -> Fresh:
-        """Readings of right and left, handed over left before right."""
-        found = self._under(*self._with_before(rows), view)
-        return Fresh(found.time_s, found.volts[:, ::-1], found.clipped[:, ::-1])
+        fresh = np.frombuffer(data, self._dtypes["board"])
+        edges = np.flatnonzero(np.diff(fresh["part"].astype(np.int64))) + 1
+        return np.split(fresh, edges) if len(fresh) else []
 
     def _with_before(self, rows: Rows) -> tuple[Rows, FloatArray, int]:
         """Periods with the one before them, if there is one, their times, and how many came before."""

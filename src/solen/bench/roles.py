@@ -30,7 +30,7 @@ class Stage(Protocol):
         """Find the zero, unless it is known; returns when it is found. A stage that moves to find it is a `Homes`."""
 
     def begin_move(self, target: float, velocity: float) -> None:
-        """Begin to move; `wait` or `on_target` tell when it is there."""
+        """Begin to move to a position at a velocity; `on_target` says when it has arrived."""
 
     def position(self) -> float:
         """Where it is."""

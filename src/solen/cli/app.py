@@ -11,6 +11,7 @@ command module registers the lines of its result::
 
 import functools
 import json
+import math
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -110,8 +111,8 @@ def text(value: Any) -> str:
 
 
 def short(value: float | None) -> str:
-    """An error or uncertainty to two digits."""
-    return "unknown" if value is None else f"{value:.1e}"
+    """An error or uncertainty to two digits; none that is not finite is known."""
+    return f"{value:.1e}" if value is not None and math.isfinite(value) else "unknown"
 
 
 @contextmanager

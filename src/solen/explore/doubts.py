@@ -58,8 +58,8 @@ def _design(inspection: LensInspection) -> list[Caution]:
         return []
     return [
         do_not_use(
-            f"the outline matches {best.name} (probability {best.probability:.2g} among those compared) than "
-            f"of {inspection.design}: a correction would turn one lens into another. Check which file was printed"
+            f"the outline matches {best.name} (probability {best.probability:.2g} among those compared) better than "
+            f"{inspection.design}: a correction would turn one lens into another. Check which file was printed"
         )
     ]
 

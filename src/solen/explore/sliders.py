@@ -87,6 +87,11 @@ class Sliders(Result):
         """(points, A) its uncertainty."""
         return self._rows("u_contrast")
 
+    @property
+    def u_largest(self) -> float:
+        """Largest uncertainty of a contrast."""
+        return float(np.nanmax(self.u_contrast))
+
     def _rows(self, name: str) -> FloatArray:
         none = np.full(len(self.angle_deg), math.nan)
         return np.array([none if one is None else getattr(one.curve.response, name) for one in self.points])

@@ -32,7 +32,7 @@ def calibrate(
     schema: _Schema = False,
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     out: _File = None,
-) -> Outcome[SensorCalibrations] | Outcome[NetworkCalibrations] | None:
+) -> Outcome[SensorCalibrations | NetworkCalibrations] | None:
     """Calibrate recorded sensors: voltages to angles, with uncertainties and a check.
 
     (The printer is calibrated by solen print calibrate.)
@@ -100,7 +100,7 @@ def decode(
     out: _Table = None,
     send: _Send = None,
     force: Force = False,
-) -> Outcome[Decoding] | Outcome[NetworkDecoding] | None:
+) -> Outcome[Decoding | NetworkDecoding] | None:
     """Convert voltages to angles by a calibration: from a recording, from lines as they arrive, or during a run.
 
     Parameters

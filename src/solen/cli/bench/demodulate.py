@@ -20,7 +20,7 @@ def _(result: Demodulation) -> Iterator[str]:
     clock = result.clock
     if clock is not None:
         yield (
-            f"switching at {clock.rate_hz:.6g} Hz ± {_short(clock.u_rate_hz)}, {result.off_stated_ppm:+.0f} ppm from "
+            f"switching at {clock.rate_hz:.6g} Hz ± {short(clock.u_rate_hz)}, {result.off_stated_ppm:+.0f} ppm from "
             f"stated; on for {100 * clock.on_share:.1f} %; edges wander by {clock.wander_us:.0f} µs"
         )
     yield (
@@ -35,14 +35,10 @@ def _(result: Demodulation) -> Iterator[str]:
         yield f"flicker of lamps at {result.flicker.mains_hz:.5g} Hz, up to {amplitude}, is subtracted"
     for name, one in result.channels.items():
         for emitter, values in one.emitters.items():
-            mean = f"mean {text(values.mean)}, u of a reading {_short(values.u_reading)}"
-            ambient = f"ambient {text(one.mean_ambient)}, varying by {_short(one.sd_ambient)}"
+            mean = f"mean {text(values.mean)}, u of a reading {short(values.u_reading)}"
+            ambient = f"ambient {text(one.mean_ambient)}, varying by {short(one.sd_ambient)}"
             yield f"  {name}, emitter {emitter}: {mean}; {ambient}"
     yield from map(_rejected, result.rejection)
-
-
-def _short(value: float) -> str:
-    return short(value if math.isfinite(value) else None)
 
 
 def _counted(number: int, what: str) -> str:

@@ -1,32 +1,14 @@
 """The commands that check a design and show its lens."""
 
 from collections.abc import Iterator
-from pathlib import Path
 
 from solen.cli.app import lines, listing, text
-from solen.cli.design.trace import SCENE_SUFFIX, refuse_for_scene
+from solen.pipeline.design.check import check as check
 from solen.pipeline.design.check import lens as lens
-from solen.pipeline.options import Set
-from solen.results import Outcome, scalars
+from solen.results import scalars
 from solen.sensor import Check, Focus, LensCheck
 from solen.sensor.network import NetworkCheck
 from solen.trace.described import SceneCheck
-
-
-def check(file: Path, /, *, set_: Set = None) -> Outcome[Check | NetworkCheck | SceneCheck]:
-    """Check that a design can be built at every angle of its motion, or that a scene can be traced.
-
-    Parameters
-    ----------
-    file
-        The design file, or a scene's JSON.
-    """
-    from solen.pipeline.design import check as pipeline
-
-    if file.suffix.lower() == SCENE_SUFFIX:
-        refuse_for_scene({"--set": set_ and set_[0]})
-        return pipeline.check_scene(file)
-    return pipeline.check(file, set_)
 
 
 @lines.register

@@ -46,8 +46,9 @@ def result_type(place: str) -> Any:
     """Result type of the command at ``module:function``; None if it has no typed result."""
     module, _, function = place.partition(":")
     returned = typing.get_type_hints(getattr(import_module(f"solen.cli.{module}"), function)).get("return")
-    kinds = (returned, *typing.get_args(returned))  # a command that may print something else returns None then
-    return next((typing.get_args(kind)[0] for kind in kinds if typing.get_origin(kind) is Outcome), None)
+    either = (returned, *typing.get_args(returned))  # a command that may print something else returns None then
+    kinds = tuple(typing.get_args(kind)[0] for kind in either if typing.get_origin(kind) is Outcome)
+    return typing.Union[kinds] if kinds else None  # noqa: UP007  of as many as there are
 
 
 def commands() -> dict[str, str]:

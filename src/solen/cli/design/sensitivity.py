@@ -20,7 +20,7 @@ def _(result: DesignConvergence) -> Iterator[str]:
     yield f"{result.name}{lit}, mode {result.mode}: error against {by}"
     for series in result.series:
         for rays, error, u in zip(series.rays, series.error, series.u_power, strict=True):
-            yield f"  {series.method:8} {rays:8} rays  error {_short(error)}  u {_short(u)}"
+            yield f"  {series.method:8} {rays:8} rays  error {short(error)}  u {short(u)}"
 
 
 @lines.register
@@ -37,7 +37,7 @@ def _(sensitivities: Sensitivities) -> Iterator[str]:
             continue
         slopes = "".join(f"  {_slope(slope.value)}" for slope in (row.right, row.left, row.contrast))
         effect = f"{row.contrast.value * row.tolerance:+9.2g}"
-        yield f"{start}{slopes}  {_short(row.contrast.u_value):>9}  {row.tolerance:9.3g}  {effect}"
+        yield f"{start}{slopes}  {short(row.contrast.u_value):>9}  {row.tolerance:9.3g}  {effect}"
     for key, why in sensitivities.skipped.items():
         yield f"left out: {key}: {why}"
 
@@ -90,10 +90,6 @@ def _worst(found: Determination) -> str:
     if math.isfinite(found.worst_sd_deg):
         return f"to ± {short(found.worst_sd_deg)} deg"
     return f"not at all ({found.rank} of {len(found.motions)} combinations)"
-
-
-def _short(value: float) -> str:
-    return short(None if value != value else value)
 
 
 def _slope(value: float) -> str:

@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 from cyclopts import Parameter
 
 from solen.cli.app import SHOWN, lines
@@ -97,7 +96,7 @@ def printed(command: str, result: Any) -> list[str]:
 @lines.register
 def _(found: Sliders) -> Iterator[str]:
     where = "in space" if found.in_space else "in the plane"
-    yield f"simulated: {found.name}, traced {where}; contrast known to {np.nanmax(found.u_contrast):.1g}"
+    yield f"simulated: {found.name}, traced {where}; contrast known to {found.u_largest:.1g}"
     for key, values in zip(found.keys, found.values, strict=True):
         yield f"  {key}: {', '.join(f'{value:g}' for value in values)}"
     if missing := sum(point is None for point in found.points):

@@ -1,7 +1,7 @@
 """The command that traces a design or a scene."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import fields
 from pathlib import Path
 from typing import Annotated
@@ -11,6 +11,7 @@ from pydantic import Field
 
 from solen.cli.app import SHOWN, lines, short
 from solen.errors import SpecError
+from solen.pipeline.design.designs import is_scene
 from solen.pipeline.options import FLAT, Set
 from solen.report.options import FigureOptions
 from solen.results import Outcome
@@ -19,8 +20,6 @@ from solen.sensor.traced import DesignTrace, where
 from solen.trace import Trace
 from solen.trace.described import SceneTrace
 from solen.trace.options import TraceOptions
-
-SCENE_SUFFIX = ".json"
 
 
 class DesignOptions(TraceOptions):
@@ -71,11 +70,8 @@ def trace(
         raise SpecError(
             "--rays", value=rays, limit="has no meaning with sampling adaptive", remedy="leave one of them out"
         )
-    if file.suffix.lower() == SCENE_SUFFIX:
-        refuse_for_scene(
-            {"--angle-deg": angle_deg, "--at": at, "--emitter": emitter}
-            | {"--no-lens": no_lens, "--rays": rays, "--set": set_ and set_[0]}
-        )
+    of_designs = {"--angle-deg": angle_deg, "--at": at, "--emitter": emitter, "--no-lens": no_lens, "--rays": rays}
+    if is_scene(file, of_designs | {"--set": set_ and set_[0]}):
         return pipeline.trace_file(file, options, paths=paths, figure=figure, netcdf=netcdf)
     chosen = [f"emitter.rays={rays}"] * (rays is not None) + ["lens.shape=none"] * no_lens
     return pipeline.trace(
@@ -89,14 +85,6 @@ def trace(
         figure=figure,
         netcdf=netcdf,
     )
-
-
-def refuse_for_scene(of_designs: Mapping[str, object]) -> None:
-    """`SpecError` for options that only a design has."""
-    for name, value in of_designs.items():
-        if value is not None and value is not False:
-            limit = "applies to a design; a scene has no motion and no keys"
-            raise SpecError(name, value=None if value is True else value, limit=limit, remedy="leave it out")
 
 
 @lines.register
@@ -129,7 +117,7 @@ def matrix(response: NetworkResponse, state: int) -> Iterator[str]:
 
 def signed(value: float, u: float) -> str:
     """A signed value with its uncertainty, where there is one."""
-    return "none" if math.isnan(value) else f"{value:+.6g} ± {short(None if math.isnan(u) else u)}"
+    return "none" if math.isnan(value) else f"{value:+.6g} ± {short(u)}"
 
 
 @lines.register
@@ -151,7 +139,7 @@ def _how(result: Trace) -> str:
 
 def _power(power: float, u: float | None, digits: str = ".6f") -> str:
     """A power with its uncertainty, where the rays determine one."""
-    return f"{power:{digits}} ± {short(None if u is None or math.isnan(u) else u)}"
+    return f"{power:{digits}} ± {short(u)}"
 
 
 def _whole(result: Trace, in_space: bool) -> Iterator[str]:

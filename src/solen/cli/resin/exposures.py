@@ -1,8 +1,7 @@
 """The command that compares layers by exposure."""
 
+import math
 from collections.abc import Iterator
-
-import numpy as np
 
 from solen.cli.app import lines
 from solen.material.cure.exposures import ExposureTrends, Trend
@@ -15,7 +14,7 @@ def _(trends: ExposureTrends) -> Iterator[str]:
     for row in trends.wavelengths:
         for name, values, line in (("T", row.T, row.trend_T), ("n", row.n, row.trend_n)):
             if line is not None:
-                texts = ("      -" if np.isnan(value) else f"{value:7.4f}" for value in values)
+                texts = ("      -" if math.isnan(value) else f"{value:7.4f}" for value in values)
                 yield f"{name} {row.wavelength_nm:7g} nm  " + "  ".join(texts)
                 yield f"    {name} changes by {_slope(line)}"
 

@@ -1,8 +1,7 @@
 """The command of the penetration depth, from an absorbance spectrum."""
 
+import math
 from collections.abc import Iterator
-
-import numpy as np
 
 from solen.cli.app import lines
 from solen.material.cure.penetration import Penetration
@@ -19,7 +18,6 @@ def _(penetration: Penetration) -> Iterator[str]:
             f"Dp {penetration.between_Dp_um:.4g} µm between {shallow:g} and {deep:g} µm, as from a working curve "
             "of discs of these thicknesses"
         )
-    spectral = penetration.spectral_Dp_um
-    if np.isfinite(spectral).any():
-        at = int(np.nanargmin(spectral))
-        yield f"shortest: {spectral[at]:.4g} µm, at {penetration.wavelength_nm[at]:g} nm"
+    both = zip(penetration.spectral_Dp_um.tolist(), penetration.wavelength_nm.tolist(), strict=True)
+    if known := [(Dp_um, nm) for Dp_um, nm in both if math.isfinite(Dp_um)]:
+        yield "shortest: {:.4g} µm, at {:g} nm".format(*min(known))

@@ -20,7 +20,7 @@ def analyse(
     traces: Path | None = None,
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     out: Out = None,
-) -> Outcome[Study] | Outcome[NetworkStates]:
+) -> Outcome[Study | NetworkStates]:
     """Cycles, response curve and figures of merit of recorded sensors.
 
     Switched emitters, flicker of lamps, clipped samples and a stage's log in the same folder are detected

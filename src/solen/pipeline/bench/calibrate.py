@@ -22,7 +22,7 @@ def calibrate(
     analysis: AnalysisOptions | None = None,
     out: Path | None = None,
     figure: FigureOptions = FigureOptions(),
-) -> Outcome[SensorCalibrations] | Outcome[NetworkCalibrations]:
+) -> Outcome[SensorCalibrations | NetworkCalibrations]:
     """Calibrations of recorded sensors, written beside the recordings, or a single one to ``out``.
 
     Recordings of several motions are those of a network, which is calibrated for all of them at once.

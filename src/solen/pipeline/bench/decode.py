@@ -6,7 +6,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any, TextIO, TypeVar
 
 from solen import files
 from solen.analysis import SignalOptions
@@ -45,6 +45,7 @@ from solen.results import Outcome
 JOURNAL = ".journal"
 _PIECE = 4096
 _POLL_S = 0.05
+T = TypeVar("T")
 
 
 def decode(
@@ -60,7 +61,7 @@ def decode(
     text: Iterable[str] | None = None,
     send: str | None = None,
     force: bool = False,
-) -> Outcome[Decoding] | Outcome[NetworkDecoding]:
+) -> Outcome[Decoding | NetworkDecoding]:
     """Decode angles from voltages by a saved calibration; Ctrl-C ends a stream.
 
     Parameters
@@ -112,8 +113,6 @@ def decode(
         paced = sent if sent is None or live else Paced(sent, WallClock())
         interrupted = _write_rows(decoder, pieces, file, [one for one in (file, rows, paced) if one is not None])
         files_of = {} if out is None else {"out": out}
-        if isinstance(decoder, NetworkStream):
-            return Outcome(decoder.result(interrupted=interrupted), files_of)
         return Outcome(decoder.result(interrupted=interrupted), files_of)
 
 
@@ -130,14 +129,11 @@ def _of_network(
         turns, provenance = recorded_turns(path, known, options.sensor)
         return NetworkStream(known, str(calibration), source, provenance), turns_in_pieces(turns, _PIECE)
     following = Following(path)
-    header = json.dumps({key: value for key, value in following.header.items() if key != "streams"})
-    simulated = bool(following.header.get("simulated"))
-    provenance = Provenance(path.name, format="journal", metadata={"header": header}, simulated=simulated)
-    grown = _grown_turns(following, known, options.sensor, path.name, follow=options.follow)
-    return NetworkStream(known, str(calibration), source, provenance), grown
+    grown = _turns(following, known, options.sensor, path.name, follow=options.follow)
+    return NetworkStream(known, str(calibration), source, _provenance(following, path)), grown
 
 
-def _grown_turns(
+def _turns(
     following: Following, known: NetworkCalibration, sensor: str | None, file: str, *, follow: bool
 ) -> Iterator[Turns]:
     """Turns of a run's journal, in the order of a calibration; with ``follow``, on until the run ends."""
@@ -145,13 +141,8 @@ def _grown_turns(
     scale = scale_of(file, signal_unit(following.header), known)
     lit = places_of("emitter", known.emitters, list(entry["emitters"]), file)
     read = places_of("receiver", known.receivers, list(entry["inputs"]), file)
-    while True:
-        for time_s, signal in following.turns(entry["name"]):
-            yield Turns(time_s, scale * signal[:, lit][:, :, read])
-        if following.ended or not follow:
-            return
-        with contextlib.suppress(InterruptedError):
-            time.sleep(_POLL_S)
+    for time_s, signal in _grown(following, lambda: following.turns(entry["name"]), follow=follow):
+        yield Turns(time_s, scale * signal[:, lit][:, :, read])
 
 
 def _stream(
@@ -188,17 +179,22 @@ def _journal(path: Path, options: DecodeOptions, calibrated: str) -> Stream:
     following = Following(path)
     names = [str(one["name"]) for one in following.header["sensors"]]
     name = chosen_sensor(names, options.sensor, calibrated, path.name)
+    fresh = _grown(following, lambda: following.readings(name), follow=options.follow)
+    batches = (Batch(one.time_s, one.volts, one.clipped) for one in fresh)
+    return Stream(batches, name, "subtracted", _provenance(following, path), unit=signal_unit(following.header))
+
+
+def _provenance(following: Following, path: Path) -> Provenance:
+    """Source of readings that come from the journal of a run."""
     header = json.dumps({key: value for key, value in following.header.items() if key != "streams"})
     simulated = bool(following.header.get("simulated"))
-    provenance = Provenance(path.name, format="journal", metadata={"header": header}, simulated=simulated)
-    batches = _grown(following, name, follow=options.follow)
-    return Stream(batches, name, "subtracted", provenance, unit=signal_unit(following.header))
+    return Provenance(path.name, format="journal", metadata={"header": header}, simulated=simulated)
 
 
-def _grown(following: Following, name: str, *, follow: bool) -> Iterator[Batch]:
+def _grown(following: Following, fresh: Callable[[], Iterator[T]], *, follow: bool) -> Iterator[T]:
+    """What a journal has grown by, on each call of ``fresh``; with ``follow``, on until the run ends."""
     while True:
-        for fresh in following.readings(name):
-            yield Batch(fresh.time_s, fresh.volts, fresh.clipped)
+        yield from fresh()
         if following.ended or not follow:
             return
         with contextlib.suppress(InterruptedError):

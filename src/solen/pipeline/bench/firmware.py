@@ -4,7 +4,6 @@ from pathlib import Path
 
 from solen import files
 from solen.bench.firmware.written import CONVERTERS, STRAIGHT_V, Board, sources_of
-from solen.errors import OutputError
 from solen.results import Outcome, Result
 
 
@@ -43,13 +42,6 @@ def firmware(folder: Path, /, *, board: Board) -> Outcome[Firmware]:
     board
         Raspberry Pi Pico or ESP32 (MicroPython), or Arduino Uno (a sketch in C).
     """
-    texts = {folder / name: text.encode() for name, text in sources_of(board).items()}
-    with files.output_folder(folder):
-        for target in texts:
-            if target.exists():
-                raise OutputError(str(target), limit="exists already", remedy="name another folder or remove it")
-            target.parent.mkdir(exist_ok=True)
-        files.write_all(texts)
-    return Outcome(
-        Firmware(board, folder, *CONVERTERS[board], STRAIGHT_V.get(board)), {target.name: target for target in texts}
-    )
+    written = files.write_new(folder, {name: text.encode() for name, text in sources_of(board).items()})
+    result = Firmware(board, folder, *CONVERTERS[board], STRAIGHT_V.get(board))
+    return Outcome(result, {target.name: target for target in written})

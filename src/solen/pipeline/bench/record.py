@@ -10,7 +10,6 @@ from solen.bench.homing import Confirm
 from solen.bench.netcdf import RecordedRun
 from solen.bench.run import Watch
 from solen.bench.starter import network_files, starter_files
-from solen.errors import OutputError
 from solen.results import Outcome, Result
 from solen.spec import load
 
@@ -35,14 +34,9 @@ def new(folder: Path, /, *, design: Path | None = None) -> Outcome[BenchFolder]:
         visits.toml, to check it.
     """
     texts = starter_files() if design is None else network_files(load(design), _beside(folder, design))
-    targets = {name: folder / f"{name}.toml" for name in texts}
-    with files.output_folder(folder):
-        for target in targets.values():
-            if target.exists():
-                raise OutputError(str(target), limit="exists already", remedy="name another folder or remove it")
-        files.write_all({targets[name]: text.encode() for name, text in texts.items()})
+    written = files.write_new(folder, {f"{name}.toml": text.encode() for name, text in texts.items()})
     plan = "rotation.toml" if design is None else "states.toml"
-    return Outcome(BenchFolder(folder, plan), targets)
+    return Outcome(BenchFolder(folder, plan), dict(zip(texts, written, strict=True)))
 
 
 def _beside(folder: Path, design: Path) -> str:

@@ -6,7 +6,6 @@ from typing import Annotated
 from solen import __version__, files
 from solen.analysis.calibration.file import load
 from solen.analysis.calibration.table import BoardTable, DecodingTable, TableOptions
-from solen.errors import OutputError
 from solen.pipeline.options import FLAT
 from solen.results import Outcome
 
@@ -34,12 +33,8 @@ def table(
         stimulus=known.stimulus_of,
     )
     texts = {"solen_decode.py": made.python, "solen_decode.h": made.c}
-    with files.output_folder(folder):
-        for name in texts:
-            if (folder / name).exists():
-                raise OutputError(str(folder / name), limit="exists already", remedy="name another folder or remove it")
-        files.write_all({folder / name: text.encode() for name, text in texts.items()})
+    written = files.write_new(folder, {name: text.encode() for name, text in texts.items()})
     off, sigma = made.off_deg(known.calibration)
     low, high = known.range_deg
     result = DecodingTable(known.sensor, len(made.pieces), low, high, off, sigma, known.simulated, known.stimulus)
-    return Outcome(result, {name: folder / name for name in texts})
+    return Outcome(result, dict(zip(texts, written, strict=True)))

@@ -1,10 +1,9 @@
 """Checks of a design, and its lens with the profile as a table."""
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
-from solen.pipeline.design.designs import open_design
+from solen.pipeline.design.designs import is_scene, open_design
 from solen.pipeline.options import FLAT, Force, Set
 from solen.pipeline.outputs import check_table, write
 from solen.report.options import FigureOptions
@@ -15,15 +14,18 @@ from solen.sensor.network import NetworkCheck, network_check
 from solen.trace.described import SceneCheck, open_scene, scene_check
 
 
-def check(path: Path, assignments: Sequence[str] | None = None) -> Outcome[Check | NetworkCheck]:
-    """Check that a design can be built at every angle of its motions; show derived values."""
-    design = open_design(path, assignments)
+def check(file: Path, /, *, set_: Set = None) -> Outcome[Check | NetworkCheck | SceneCheck]:
+    """Check that a design can be built at every angle of its motion, or that a scene can be traced.
+
+    Parameters
+    ----------
+    file
+        The design file, or a scene's JSON, of solen or of ray-optics.
+    """
+    if is_scene(file, {"--set": set_ and set_[0]}):
+        return Outcome(scene_check(open_scene(file, facets=True)))
+    design = open_design(file, set_)
     return Outcome(network_check(design) if design.body.kind == "network" else check_sensor(Sensor.of(design)))
-
-
-def check_scene(path: Path) -> Outcome[SceneCheck]:
-    """Check that a scene file, of solen or of ray-optics, can be traced."""
-    return Outcome(scene_check(open_scene(path, facets=True)))
 
 
 def lens(

@@ -2,16 +2,16 @@
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from solen import files
-from solen.errors import OutputError
+from solen.errors import OutputError, SpecError
 from solen.recording import Provenance
 from solen.results import Outcome
 from solen.spec import Design, NewDesign, json_schema, load, parse_assignment, template, with_values
 
-DESIGN_NAME, SCHEMA_NAME = "sensor.toml", "sensor.schema.json"
+DESIGN_NAME, SCHEMA_NAME, SCENE_SUFFIX = "sensor.toml", "sensor.schema.json", ".json"
 
 
 def open_design(path: Path, assignments: Sequence[str] | None = None) -> Design:
@@ -19,6 +19,17 @@ def open_design(path: Path, assignments: Sequence[str] | None = None) -> Design:
     design = load(path)
     changes = dict(parse_assignment(text) for text in assignments or ())
     return with_values(design, changes) if changes else design
+
+
+def is_scene(path: Path, of_designs: Mapping[str, object]) -> bool:
+    """Whether a file is a scene and not a design; `SpecError` for options by name that a scene does not have."""
+    if path.suffix.lower() != SCENE_SUFFIX:
+        return False
+    for name, value in of_designs.items():
+        if value is not None and value is not False:
+            limit = "applies to a design; a scene has no motion and no keys"
+            raise SpecError(name, value=None if value is True else value, limit=limit, remedy="leave it out")
+    return True
 
 
 def provenance_of(path: Path) -> Provenance:
