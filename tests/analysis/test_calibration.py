@@ -259,7 +259,7 @@ def test_clipped_cycles_give_rails_and_decode_on() -> None:
     assert Decoder(calibrated(training)).decode(volts, marks).angle_deg == pytest.approx(true, abs=0.2)
 
 
-def test_a_stream_that_rises_is_told_whole_or_in_pieces() -> None:
+def test_a_stream_that_rises_is_reported_whole_or_in_pieces() -> None:
     time = np.arange(0.0, 1.0, 0.005)
     angle = np.where(time < 0.5, 15.0 * time, 7.5 - 15.0 * (time - 0.5))
     noise = np.full(time.size, 0.02)

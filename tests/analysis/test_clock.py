@@ -54,7 +54,7 @@ def test_a_waveform_gives_the_light_of_each_emitter() -> None:
     assert found.period_s == pytest.approx(5e-3, rel=1e-3)
 
 
-def test_light_that_raises_is_told_so() -> None:
+def test_light_that_raises_is_reported_as_such() -> None:
     time, values, phase = waveform(2.0, noise=0.02)
     found = find_clock(time, 4.0 - values, 200.0, on="high")
     assert np.abs(off_by_us(found.phase, phase, 200.0)).max() < SAMPLE_US

@@ -145,7 +145,7 @@ def test_intervals_hold_at_their_rate_over_many_draws(place: int, rough: Rough) 
     check_nominal(found, 1000)
 
 
-def test_a_misfit_is_told_and_widens_the_intervals() -> None:
+def test_a_misfit_is_reported_and_widens_the_intervals() -> None:
     one, draw = model(response()), np.random.default_rng(3)
     true = truth(one, **TRUTHS[0])
     curves, places = one.volts(true), fitted_places(one)
@@ -236,7 +236,7 @@ def test_receivers_without_a_side_are_refused() -> None:
         diagnosed(sensor_response([twice], AnalysisOptions()), response(), KNOWN)
 
 
-def test_clipped_angles_are_left_out_and_told() -> None:
+def test_clipped_angles_are_left_out_and_reported() -> None:
     clear, cut = Lit(noise_V=2e-3), Lit(noise_V=2e-3, rails_V=(1.6, 4.4))
     found = diagnosed(sensor_response([made(cut)], AnalysisOptions(rails=(1.6, 4.4))), response(), KNOWN)
     assert 0.05 < found.left_out["right"] < 0.9

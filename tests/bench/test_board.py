@@ -125,7 +125,7 @@ def test_its_clock_is_asked_for_and_a_board_without_an_answer_is_left_alone() ->
     assert len(wire.sent) == asked + 1
 
 
-def test_what_it_refuses_and_silence_are_told() -> None:
+def test_what_it_refuses_and_silence_are_reported() -> None:
     board, _, wire, clock = made()
     wire.faults.deaf = True
     with pytest.raises(BenchError, match=r"start within 1 s; .*baud rate"):

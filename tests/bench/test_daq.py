@@ -241,7 +241,7 @@ def test_a_sync_that_jitters_or_loses_a_period_is_followed_edge_by_edge() -> Non
         (np.where(np.arange(2000) < 1000, 3.3, 0.0), "sync = 0; rises in a window of samples; two are needed"),
     ],
 )
-def test_a_sync_that_shows_nothing_is_told(sync: FloatArray, told: str) -> None:
+def test_a_sync_that_shows_nothing_is_reported(sync: FloatArray, told: str) -> None:
     with pytest.raises(DataError, match=told):
         clock_of(np.arange(2000) / 20_000.0, sync[:, None], asked(), 200.0)
 
@@ -342,7 +342,7 @@ class Overrun(SimulatedDaq):
         return replace(samples, stretch=self.losses.overruns)
 
 
-def test_after_a_gap_readings_go_on_and_the_gap_is_told(made: Bench) -> None:
+def test_after_a_gap_readings_go_on_and_the_gap_is_reported(made: Bench) -> None:
     rig, prints = made.of(DAQS["counter"])
     done, path = recorded(made, rig, daq_of(rig, prints, kind=Overrun), "gap")
     with h5netcdf.File(path, "r") as file:
@@ -409,7 +409,7 @@ def test_without_counters_or_a_sync_the_signal_tells_when_its_emitter_is_on(made
         (("[daq]", '[daq]\ndriver = "nidaqmx"\ndevice = "Dev1"'), "ambient; is for a simulated rig"),
     ],
 )
-def test_bad_rigs_are_told_in_one_line(tmp_path: Path, change: tuple[str, str], told: str) -> None:
+def test_bad_rigs_are_reported_in_one_line(tmp_path: Path, change: tuple[str, str], told: str) -> None:
     path = tmp_path / "other.toml"
     path.write_text(daq_rig().replace(*change, 1), encoding="utf-8")
     with pytest.raises(BenchError, match=told) as refusal:

@@ -136,7 +136,7 @@ def test_roles_are_played() -> None:
     assert shifting.unit == "mm"
 
 
-def test_what_the_controller_refuses_is_told() -> None:
+def test_what_the_controller_refuses_is_reported() -> None:
     stage, controller, _, clock = driven(low=-5.0, high=5.0)
     stage.reference()
     with pytest.raises(BenchError, match=r"9 deg .* limits -5 to 5"):
@@ -161,7 +161,7 @@ def test_another_stage_another_instrument_and_an_unknown_one() -> None:
         Gcs2Stage(link, SimulatedClock(), stage="M-060.DG")
 
 
-def test_silence_garbage_and_a_pulled_plug_are_told_in_one_line() -> None:
+def test_silence_garbage_and_a_pulled_plug_are_reported_in_one_line() -> None:
     stage, _, wire, clock = driven()
     wire.faults.deaf = True
     begun = clock.now_s()

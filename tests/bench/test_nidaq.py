@@ -144,7 +144,7 @@ def test_a_watchdog_outside_is_fed_while_samples_are_read(library: Library) -> N
     assert library.lines["Dev1/port1/line6"] is False
 
 
-def test_a_rate_that_divides_no_clock_is_told_as_the_instrument_has_it(library: Library) -> None:
+def test_a_rate_that_divides_no_clock_is_reported_as_the_instrument_has_it(library: Library) -> None:
     assert library.dark
     daq = NiDaq(SimulatedClock(), "Dev1", setup(rate_hz=13_000.0))
     assert daq.rate_hz == pytest.approx(20e6 / 1538)
@@ -249,7 +249,7 @@ def test_after_an_overrun_only_the_inputs_may_have_failed(library: Library, faul
     assert library.dark
 
 
-def test_a_line_that_cannot_be_set_low_is_told(library: Library) -> None:
+def test_a_line_that_cannot_be_set_low_is_reported(library: Library) -> None:
     daq = NiDaq(SimulatedClock(), "Dev1", setup())
     daq.start()
     library.faults["DAQmxWriteDigitalLines"] = [-88709]
@@ -275,7 +275,7 @@ def test_a_line_that_cannot_be_set_low_does_not_keep_the_others_high(library: Li
     assert library.dark
 
 
-def test_a_device_that_is_not_there_or_another_is_told(library: Library) -> None:
+def test_a_device_that_is_not_there_or_another_is_reported(library: Library) -> None:
     with pytest.raises(BenchError, match="device Dev9; is not a device that NI-DAQmx knows; there are Dev1, Dev2"):
         NiDaq(SimulatedClock(), "Dev9", setup())
     with pytest.raises(BenchError, match="device Dev2; is a USB-6009, not a USB-6218"):

@@ -253,7 +253,7 @@ def test_the_board_s_clock_is_laid_on_the_run_s() -> None:
         ),
     ],
 )
-def test_bad_protocols_are_told_in_one_line(bench: Path, change: tuple[str, str], told: str) -> None:
+def test_bad_protocols_are_reported_in_one_line(bench: Path, change: tuple[str, str], told: str) -> None:
     text = (bench / "protocol.toml").read_text(encoding="utf-8")
     (bench / "protocol.toml").write_text(text.replace(*change, 1), encoding="utf-8")
     with pytest.raises((BenchError, SpecError), match=told) as refusal:
@@ -276,7 +276,7 @@ def test_bad_protocols_are_told_in_one_line(bench: Path, change: tuple[str, str]
         (('design = "sensor.toml"', 'design = "none.toml"'), "no such file"),
     ],
 )
-def test_bad_rigs_are_told_in_one_line(bench: Path, change: tuple[str, str], told: str) -> None:
+def test_bad_rigs_are_reported_in_one_line(bench: Path, change: tuple[str, str], told: str) -> None:
     text = (bench / "rig.toml").read_text(encoding="utf-8")
     (bench / "rig.toml").write_text(text.replace(*change, 1), encoding="utf-8")
     with pytest.raises((BenchError, SpecError, OutputError), match=told) as refusal:
@@ -324,7 +324,7 @@ def test_a_cycle_that_was_cut_short_is_in_the_root_and_in_no_group(
     assert not [line for line in told["warnings"] if "not whole" in line]
 
 
-def test_a_full_disk_is_told_before_anything_is_written_to_it(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_is_reported_before_anything_is_written_to_it(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=200_000))
     with pytest.raises(OutputError, match=r"protocol\.nc; .*0\.2 MB .*; make room"):
         recorded(bench)
@@ -344,7 +344,7 @@ def test_a_full_disk_is_told_before_anything_is_written_to_it(bench: Path, monke
         ({"resume": True}, "no such journal: .*; leave --resume out"),
     ],
 )
-def test_bad_options_are_told_in_one_line(bench: Path, more: dict[str, Any], told: str) -> None:
+def test_bad_options_are_reported_in_one_line(bench: Path, more: dict[str, Any], told: str) -> None:
     with pytest.raises((BenchError, SpecError), match=told):
         recorded(bench, **more)
     assert not (bench / "out").exists()

@@ -144,7 +144,7 @@ def test_from_the_wire_to_the_response(bench: Path, monkeypatch: pytest.MonkeyPa
         assert volts == pytest.approx(volts_at(straight, "A", side, angle), abs=0.1)
 
 
-def test_frames_lost_doubled_and_garbled_and_a_restart_are_counted_and_told(wires: Wires) -> None:
+def test_frames_lost_doubled_and_garbled_and_a_restart_are_counted_and_reported(wires: Wires) -> None:
     wires.board.lose, wires.board.double = {40, 41, 90}, {60, 61, 62, 63}
 
     def garble() -> None:

@@ -355,7 +355,7 @@ def test_of_two_files_none_is_written_where_one_cannot_be(refused: Refusal) -> N
 
 
 @pytest.mark.parametrize("missing", ["xarray", "h5netcdf", "h5py"])
-def test_a_missing_extra_is_told_with_its_remedy(
+def test_a_missing_extra_is_reported_with_its_remedy(
     refused: Refusal, monkeypatch: pytest.MonkeyPatch, missing: str
 ) -> None:
     monkeypatch.setitem(sys.modules, missing, None)

@@ -144,7 +144,7 @@ def test_a_layers_k_is_compared_with_the_cutback(layer: float | None, guide: flo
     assert load_resin("r.toml").loss.absorption_per_mm == pytest.approx(per_mm)
 
 
-def test_a_guide_that_loses_more_than_the_layer_allows_is_told(shell: Shell) -> None:
+def test_a_guide_that_loses_more_than_the_layer_allows_is_reported(shell: Shell) -> None:
     index = INDEX | {"wavelength_nm": [860.0], "n": [1.49], "u_n": [0.01], "k": [None], "u_k": [k_of(0.1, 860.0)]}
     index |= {"interval95_k": [[0.0, k_of(0.2, 860.0)]], "fit": FORMULA}
     Path("index.json").write_text(json.dumps(index), encoding="utf-8")
@@ -188,7 +188,7 @@ def test_a_file_is_not_replaced_unless_that_is_said(shell: Shell) -> None:
     assert load_resin("r.toml").cure is not None
 
 
-def test_a_resin_without_an_index_is_told_where_it_is_used(shell: Shell) -> None:
+def test_a_resin_without_an_index_is_reported_where_it_is_used(shell: Shell) -> None:
     shell.lines("resin", "build", "r.toml", "--name", "dose only", "--cure", "cure.json")
     assert shell.json("resin", "show", "./r.toml")["at"][0]["n"] is None
     Path("sensor.toml").write_text(template("paper-860"), encoding="utf-8")
@@ -264,14 +264,14 @@ def holding(text: bytes, option: str = "index") -> Callable[[], list[str]]:
         ),
     ],
 )
-def test_what_is_no_resin_is_told_in_one_line(shell: Shell, arguments: Callable[[], list[str]], line: str) -> None:
+def test_what_is_no_resin_is_reported_in_one_line(shell: Shell, arguments: Callable[[], list[str]], line: str) -> None:
     first, *others = line.split(" ... ")
     refused = shell.refused("resin", "build", "r.toml", *WHO, *arguments())
     assert refused.startswith(first)
     assert all(other in refused for other in others)
 
 
-def test_names_that_cannot_be_are_told(shell: Shell) -> None:
+def test_names_that_cannot_be_are_reported(shell: Shell) -> None:
     assert "ends in .toml" in shell.refused("resin", "build", "r.json", *WHO, *ALL)
     assert shell.refused("resin", "build", "r.toml", "--name", " ", *ALL).startswith("name = ' '; must be one line")
     assert "--name" in shell.refused("resin", "build", "r.toml", *ALL)
@@ -317,7 +317,7 @@ def test_the_figure_says_what_is_published_or_simulated(shell: Shell) -> None:
     assert "± u(n), standard" in drawn
 
 
-def test_what_cannot_be_shown_is_told(shell: Shell) -> None:
+def test_what_cannot_be_shown_is_reported(shell: Shell) -> None:
     assert "did you mean pmma?" in shell.refused("resin", "show", "PMA")
     assert "known from 436.8 to 1052 nm only" in shell.refused("resin", "show", "pmma", "--at-nm", "1200")
     assert "--at-nm = nan" in shell.refused("resin", "show", "pmma", "--at-nm", "nan")
@@ -358,7 +358,7 @@ def test_a_mixture_is_weighed_in_both_readings(shell: Shell) -> None:
         (("a:50", "b:50", "--index", "a:0"), "index of a = 0.0; must be at least 1"),
     ],
 )
-def test_what_is_no_mixture_is_told_in_one_line(shell: Shell, arguments: tuple[str, ...], line: str) -> None:
+def test_what_is_no_mixture_is_reported_in_one_line(shell: Shell, arguments: tuple[str, ...], line: str) -> None:
     assert shell.refused("resin", "mix", *arguments).startswith(line)
 
 

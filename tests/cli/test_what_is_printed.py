@@ -386,7 +386,7 @@ warnings = ["no reflectance went into it"]
 """
 
 
-def test_whoever_uses_a_resin_is_told_what_must_be_known_of_it(
+def test_a_command_that_uses_a_resin_reports_what_is_missing_in_it(
     told: Told, design: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(html, "figures", lambda *_: dict.fromkeys(("response", "rays", "rays-at-the-lens"), "<svg/>"))
@@ -407,7 +407,7 @@ def test_whoever_uses_a_resin_is_told_what_must_be_known_of_it(
     assert warning in run[-3:]
 
 
-def test_keys_without_effect_are_told(told: Told, design: str) -> None:
+def test_keys_without_effect_are_reported(told: Told, design: str) -> None:
     keys = ["--set", "receivers.height_mm=2", "--set", "material.absorption_per_mm=0.1"]
     height = 'receivers.height_mm = 2 has no effect in the plane; set trace.dimension = "extruded"'
     absorption = 'material.absorption_per_mm = 0.1 has no effect in mode "count"; set trace.mode = "power"'

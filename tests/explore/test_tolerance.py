@@ -186,7 +186,7 @@ def test_a_mean_stays_where_a_deviation_is_tightened() -> None:
     assert (row.share_if_exact, row.factor_alone) == (0.0, None)
 
 
-def test_what_surrogates_do_not_know_is_not_told() -> None:
+def test_what_surrogates_do_not_know_is_not_reported() -> None:
     x = drawn(VARIATIONS, 64, 3)
     merits = merits_of(x)
     merits["null_deg"][5] = np.nan

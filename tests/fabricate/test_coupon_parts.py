@@ -132,7 +132,7 @@ def test_a_plan_is_at_true_scale(name: str) -> None:
             assert float(circles[one.name].attrib["cy"]) == pytest.approx(-one.y_mm, abs=1e-8)
 
 
-def test_what_a_printer_cannot_make_is_told() -> None:
+def test_what_a_printer_cannot_make_is_reported() -> None:
     choices = CouponOptions(layer_um=50.0, pitch_um=62.0)
     told = " ".join(cautions(layout("group-c", choices), choices))
     assert "steps of 25 µm are less than a layer of 50 µm" in told

@@ -229,7 +229,7 @@ def test_bad_files_are_one_line(refused: Run, folder: Path) -> None:
     assert "without --layers" in refused("export", "my sensor.toml", "--out", "out", "--copies", "2")
 
 
-def test_a_mesh_that_is_inside_out_is_turned_and_one_in_metres_is_told(told: Run, folder: Path) -> None:
+def test_a_mesh_that_is_inside_out_is_turned_and_one_in_metres_is_reported(told: Run, folder: Path) -> None:
     box = trimesh.creation.box((0.1, 0.1, 0.05))
     trimesh.Trimesh(box.vertices, box.faces[:, ::-1], process=False).export(folder / "inverted.stl")
     found = told("print", "layers", "inverted.stl", "--out", "out")
@@ -238,7 +238,7 @@ def test_a_mesh_that_is_inside_out_is_turned_and_one_in_metres_is_told(told: Run
     assert any("An STL has none and is read as mm" in line for line in found["warnings"])
 
 
-def test_level_faces_between_layers_are_told(told: Run) -> None:
+def test_level_faces_between_layers_are_reported(told: Run) -> None:
     """Pockets from 1.325 to 2.675 mm are whole layers of 25 µm; of 50 µm, both faces lie in the middle of one."""
     arguments = ("print", "layers", "my sensor.toml", "--out", "out", "--sheet-only", "--set", "fabricate.pockets=true")
     assert not any("level faces" in line for line in told(*arguments)["warnings"])

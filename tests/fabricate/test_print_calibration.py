@@ -163,7 +163,7 @@ def test_large_features_alone_do_not_tell_the_blur(true: Settings) -> None:
     assert any("cannot be separated" in text for text in found.warnings)
 
 
-def test_scatter_beyond_what_is_stated_widens_and_is_told(true: Settings) -> None:
+def test_scatter_beyond_what_is_stated_widens_and_is_reported(true: Settings) -> None:
     features = drawn()
     sizes = printed_mm(true, features) + np.random.default_rng(8).normal(0.0, 0.02, len(features))
     found = calibrated(default_process(), coupon(measured(features, sizes, np.random.default_rng(2))), "rough")

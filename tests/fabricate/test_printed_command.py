@@ -87,7 +87,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, PrintedDesign]
     return folder, outcome
 
 
-def test_a_print_is_told_with_its_profile_and_its_drawing(made: tuple[Path, PrintedDesign]) -> None:
+def test_a_print_is_reported_with_its_profile_and_its_drawing(made: tuple[Path, PrintedDesign]) -> None:
     folder, found = made
     told = found.to_dict()
     strict(json.dumps(told, allow_nan=False))

@@ -70,7 +70,7 @@ def test_shrinkage_washing_and_a_hole() -> None:
     assert mesh.volume_mm3 < wide.volume - 0.8 * (0.4 * SIDE_MM) ** 2 * THICK_MM * 0.9
 
 
-def test_what_does_not_set_is_told() -> None:
+def test_what_does_not_set_is_reported() -> None:
     with pytest.raises(DataError):
         opened(exposure_s=1e-3)
 

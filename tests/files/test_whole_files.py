@@ -87,13 +87,13 @@ def test_an_interrupt_leaves_the_old_file_and_nothing_else(tmp_path: Path, monke
     assert list(tmp_path.iterdir()) == [target]
 
 
-def test_a_folder_that_is_not_there_is_told(tmp_path: Path) -> None:
+def test_a_folder_that_is_not_there_is_reported(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="cannot be written") as refusal:
         files.write_text(tmp_path / "no" / "out.txt", "x")
     assert "No such file" in told(refusal.value)
 
 
-def test_a_folder_in_the_way_is_told(tmp_path: Path) -> None:
+def test_a_folder_in_the_way_is_reported(tmp_path: Path) -> None:
     (tmp_path / "out.txt").mkdir()
     with pytest.raises(OutputError, match="cannot be written") as refusal:
         files.write_text(tmp_path / "out.txt", "x")
@@ -101,7 +101,7 @@ def test_a_folder_in_the_way_is_told(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["out.txt"]
 
 
-def test_missing_permission_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_permission_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def denied(*_: object, **__: object) -> None:
         raise PermissionError(13, "Permission denied")
 
@@ -146,7 +146,7 @@ def test_a_folder_made_for_nothing_is_removed_and_only_then(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("below", [(), ("deeper",)])
-def test_a_file_in_the_place_of_a_folder_is_told(tmp_path: Path, below: tuple[str, ...]) -> None:
+def test_a_file_in_the_place_of_a_folder_is_reported(tmp_path: Path, below: tuple[str, ...]) -> None:
     (tmp_path / "file").write_text("x", encoding="utf-8")
     with (
         pytest.raises(OutputError, match="cannot be written") as refusal,
@@ -158,7 +158,7 @@ def test_a_file_in_the_place_of_a_folder_is_told(tmp_path: Path, below: tuple[st
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="another limit on names")
-def test_a_folder_of_too_long_a_name_is_told(tmp_path: Path) -> None:
+def test_a_folder_of_too_long_a_name_is_reported(tmp_path: Path) -> None:
     with pytest.raises(OutputError) as refusal, files.output_folder(tmp_path / "new" / ("x" * 300)):
         pytest.fail("entered")
     told(refusal.value)
@@ -178,7 +178,7 @@ def test_what_is_not_utf_8_is_refused(tmp_path: Path, data: bytes) -> None:
     assert "other.toml" in told(refusal.value)
 
 
-def test_a_missing_file_and_a_folder_are_told_apart(tmp_path: Path) -> None:
+def test_a_missing_file_and_a_folder_are_distinguished(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="no such file") as refusal:
         files.read_text(tmp_path / "none", DataError)
     told(refusal.value)
@@ -191,7 +191,7 @@ def test_a_missing_file_and_a_folder_are_told_apart(tmp_path: Path) -> None:
     told(refusal.value)
 
 
-def test_a_path_with_a_null_byte_is_told(tmp_path: Path) -> None:
+def test_a_path_with_a_null_byte_is_reported(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="cannot be read") as unread:
         files.read_text(Path("a\0b"), DataError)
     told(unread.value)

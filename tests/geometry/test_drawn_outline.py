@@ -457,13 +457,13 @@ def test_json_holds_any_curve_and_is_taken_as_it_is(tmp_path: Path) -> None:
         ("a.json", '{"solen_outline": 1, "faces": [], "emitters": [{"pt": 1}]}', "emitters[0]: pt; unknown key"),
     ],
 )
-def test_a_file_that_is_no_drawing_is_told_in_one_line(tmp_path: Path, name: str, text: str, words: str) -> None:
+def test_a_file_that_is_no_drawing_is_reported_in_one_line(tmp_path: Path, name: str, text: str, words: str) -> None:
     file = tmp_path / name
     file.write_text(text, encoding="utf-8")
     assert words in refused(file)
 
 
-def test_a_missing_file_is_told(tmp_path: Path) -> None:
+def test_a_missing_file_is_reported(tmp_path: Path) -> None:
     assert "no such file" in refused(tmp_path / "none.dxf")
 
 
@@ -492,6 +492,6 @@ def test_a_sensor_with_other_receivers_traces_but_has_no_response(tmp_path: Path
         _ = sensor.lens
 
 
-def test_reading_is_told_as_data_and_building_as_design(tmp_path: Path) -> None:
+def test_reading_is_reported_as_data_and_building_as_design(tmp_path: Path) -> None:
     with pytest.raises(DataError):
         read_drawing(tmp_path / "none.svg")

@@ -310,7 +310,7 @@ def test_the_remedy_for_arms_too_wide_is_the_limit() -> None:
         built(body={"arm_width_mm": limit + 0.01})
 
 
-def test_arms_that_never_part_are_not_told_a_negative_width() -> None:
+def test_arms_that_never_part_have_no_negative_width() -> None:
     with pytest.raises(DesignError) as refusal:
         built(body={"stem_curve_per_mm": -0.02, "arm_angle_deg": 8.0})
     assert "-" not in str(refusal.value).split("must be")[-1].split("mm")[0]

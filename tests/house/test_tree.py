@@ -121,7 +121,7 @@ def test_citation_names_the_software_and_the_paper() -> None:
     assert [author["family-names"] for author in paper["authors"]] == ["Cafiso", "Trunin", "Gay", "Beccai"]
 
 
-def test_version_is_told_once() -> None:
+def test_version_is_reported_once() -> None:
     import solen
 
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))

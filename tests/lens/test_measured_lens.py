@@ -70,14 +70,14 @@ def test_errors_that_neighbours_share_are_smoothed_to_the_stated_uncertainty() -
     assert rms(normals_off_mrad(unknown)) > 3.0
 
 
-def test_points_that_scatter_more_than_stated_are_told() -> None:
+def test_points_that_scatter_more_than_stated_are_reported() -> None:
     found = lens(profile(noise_um(2.0), 0.0005))
     assert "scatter by 2" in found.warnings[0]
     assert found.fit.u_rms_um == pytest.approx(2.0, rel=0.12)
     assert rms(normals_off_mrad(found)) < 1.5
 
 
-def test_structure_finer_than_the_spline_is_told() -> None:
+def test_structure_finer_than_the_spline_is_reported() -> None:
     found = lens(profile(2.0 * np.sin(2.0 * np.pi * X / 0.012), 1e-5))
     assert "smoothed away" in " ".join(found.warnings) or "scatter" in " ".join(found.warnings)
 

@@ -205,7 +205,7 @@ def test_a_singular_covariance_is_accepted() -> None:
         (Tabulated, {"wavelength_nm": "x", "n": [1.4, 0.9]}, "index.wavelength_nm = 'x'; must be a list"),
     ],
 )
-def test_bad_data_are_told_with_value_and_limit(kind: type[Dispersion], data: dict[str, Any], line: str) -> None:
+def test_bad_data_are_reported_with_value_and_limit(kind: type[Dispersion], data: dict[str, Any], line: str) -> None:
     assert told(kind, **data).startswith(line)
 
 

@@ -182,7 +182,7 @@ def test_aicc_is_what_it_is_defined_as() -> None:
         assert score == pytest.approx(expected + 2 * terms * (terms + 1) / (apart - terms - 1), rel=1e-9)
 
 
-def test_an_index_that_rises_is_told_or_refused() -> None:
+def test_an_index_that_rises_is_reported_or_refused() -> None:
     rising = 1.5 - 0.005 * (NM * 1e-3) ** -2
     found = fit("cauchy", NM, rising, 1e-4)
     assert "rises by 0.025 from 400 to 900 nm" in found.warnings[0]
@@ -190,7 +190,7 @@ def test_an_index_that_rises_is_told_or_refused() -> None:
         fit("sellmeier", NM, rising, 1e-4)
 
 
-def test_a_resonance_among_or_near_the_points_is_told() -> None:
+def test_a_resonance_among_or_near_the_points_is_reported() -> None:
     near = Sellmeier(B=(0.9,), C_um2=(0.37**2,))
     assert "the resonance at 370 nm is close to the points" in fit("sellmeier", NM, at(near), 1e-6, terms=1).warnings[0]
     form = OnePole(NM * 1e-3)

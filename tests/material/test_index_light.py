@@ -58,7 +58,7 @@ def test_what_scatters_averages_out_and_what_is_common_does_not() -> None:
     assert wide.u_n == pytest.approx(math.hypot(wide.u_random_n, wide.u_common_n or 0.0))
 
 
-def test_masked_wavelengths_are_bridged_and_told() -> None:
+def test_masked_wavelengths_are_bridged_and_reported() -> None:
     found = index_in(spectrum(dead=slice(74, 77)), led(850.0, 30.0))
     assert found.n == pytest.approx(index_in(spectrum(), led(850.0, 30.0)).n, abs=1e-6)
     assert 0.2 < found.bridged < 0.35

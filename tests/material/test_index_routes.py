@@ -136,7 +136,7 @@ def test_a_k_that_noise_alone_does_not_make_is_resolved() -> None:
     assert found.k.known[nm > 520.0].mean() < 0.02
 
 
-def test_more_light_than_went_in_is_told_where_only_all_wavelengths_together_show_it() -> None:
+def test_more_light_than_went_in_is_reported_where_only_all_wavelengths_together_show_it() -> None:
     nm = np.linspace(500.0, 900.0, 200)
     rng = np.random.default_rng(6)
     r, t = (rng.normal(value, 2e-3, (5, nm.size)) for value in forward(1.5, 0.0, 25.0, nm))
@@ -200,7 +200,7 @@ def test_where_no_uncertainty_is_stated_that_of_usual_instruments_judges(excess:
     assert bool(found.n.why[0] == Why.ENERGY) is masked
 
 
-def test_two_indices_that_fit_are_told() -> None:
+def test_two_indices_that_fit_are_reported() -> None:
     r, t = forward(0.95, 0.3, 2.0, [9000.0])
     found = measured([9000.0], reading(t), reading(r), Length(2.0))
     assert found.reason == ("n: two indices fit as well, as happens inside strong absorption bands",)
@@ -295,7 +295,7 @@ def test_what_is_common_to_a_spectrum_is_kept_apart() -> None:
     assert np.median(found.n.u_common) == pytest.approx(np.hypot(by_offsets, 1e-4 * 3.925), rel=0.15)
 
 
-def test_repeats_that_drift_are_told_and_not_averaged_away() -> None:
+def test_repeats_that_drift_are_reported_and_not_averaged_away() -> None:
     _, t = clear(1.5)
     rng = np.random.default_rng(4)
     still = t + rng.normal(0.0, 5e-4, (5, NM.size))

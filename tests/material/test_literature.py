@@ -131,7 +131,7 @@ def test_usual_resins_draw_no_warning() -> None:
         assert check_dispersion(NM, n) == []
 
 
-def test_an_index_outside_the_band_is_told_with_its_numbers() -> None:
+def test_an_index_outside_the_band_is_reported_with_its_numbers() -> None:
     (line,) = check_index([500.0, 600.0], [1.351, 1.49], package=False)
     assert line.startswith(
         "n = 1.3510 at 500 nm is 0.127 below the literature of acrylates and photoresins, 1.478 (poly"

@@ -134,7 +134,7 @@ def test_a_guide_that_is_cut_does_not_mix_its_start_into_the_loss() -> None:
     assert found.sd_guide_dB == pytest.approx(np.std([0.0, -7.0, -3.0], ddof=1), rel=0.02)
 
 
-def test_a_bad_piece_is_named_and_both_results_are_told() -> None:
+def test_a_bad_piece_is_named_and_both_results_are_reported() -> None:
     rng = np.random.default_rng(17)
     lengths, level, guides = table(rng)
     level[4 * 13 : 4 * 14] -= 4.0
@@ -158,7 +158,7 @@ def two_ways(rng: np.random.Generator, flat: float, upright: float) -> GuideLoss
     return cut_back(np.concatenate([one[0], other[0]]), np.concatenate([one[1], other[1]]), one[2] + other[2], ways)
 
 
-def test_orientations_that_differ_are_told_apart() -> None:
+def test_orientations_that_differ_are_distinguished() -> None:
     found = two_ways(np.random.default_rng(19), 1.3, 2.1)
     assert [line.orientation for line in found.by_orientation] == ["flat", "upright"]
     for line, loss in zip(found.by_orientation, (1.3, 2.1), strict=True):

@@ -108,7 +108,7 @@ def told(call: object) -> str:
     return line
 
 
-def test_what_is_no_mixture_is_told() -> None:
+def test_what_is_no_mixture_is_reported() -> None:
     part = Component
     assert told(lambda: of_whole([part("a", 70.0), part("b", 20.0)])) == (
         "mixture = '90 %'; the shares must add up to 100 %, to within 0.1; parts in this ratio are a:77.78, b:22.22"
@@ -132,5 +132,5 @@ def test_what_is_no_mixture_is_told() -> None:
         ({"total_g": 1.0, "resolution_g": 0.8}, "mass of lauryl acrylate = '0.25 g'; is less than half a step"),
     ],
 )
-def test_masses_that_cannot_be_are_told(masses: dict[str, float], line: str) -> None:
+def test_masses_that_cannot_be_are_reported(masses: dict[str, float], line: str) -> None:
     assert line in told(lambda: weighed(of_whole(PAPER), MixOptions(**masses)))

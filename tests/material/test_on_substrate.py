@@ -128,7 +128,7 @@ def one(t: float, r: float, sheet: Substrate = FLAT, u: float | None = None) -> 
     return told(t, r, sheet, u, np.array([600.0]))
 
 
-def test_what_cannot_be_told_is_masked_with_its_reason() -> None:
+def test_what_cannot_be_known_is_masked_with_its_reason() -> None:
     t, r = (float(read) for read in on_substrate(1.49, 0.0, LAYER_UM, 600.0, Setup(FLAT)))
     least = float(on_substrate(1.253, 0.0, LAYER_UM, 600.0, Setup(FLAT)).R)
     for found, why in (
@@ -185,7 +185,7 @@ def test_a_long_spectrum_is_inverted_in_blocks_to_the_same_numbers() -> None:
 
 
 @pytest.mark.parametrize("baseline", ["substrate", "air"])
-def test_a_lossless_layer_is_told_by_t_alone(baseline: Baseline) -> None:
+def test_a_lossless_layer_is_determined_by_t_alone(baseline: Baseline) -> None:
     setup = Setup(PET, baseline=baseline)
     t = on_substrate(RESIN, 0.0, LAYER_UM, NM, setup).T
     found = invert_lossless(t, NM, setup)

@@ -94,7 +94,7 @@ def test_values_at_several_wavelengths_outweigh_the_prior() -> None:
     assert abs(n[0] - truth.fit.along(860.0)[0]) < 2 * u_n[0] < 1e-4
 
 
-def test_values_that_no_polymer_has_are_told_or_refused() -> None:
+def test_values_that_no_polymer_has_are_reported_or_refused() -> None:
     steep = refractometer([1.512, 1.49, 1.475], 5e-4, [450.0, 589.3, 860.0], prior=stated_prior(60, 3))
     assert "values and prior disagree" in steep.warnings[0]
     assert "prior 60 ± 3" in steep.warnings[0]
@@ -102,7 +102,7 @@ def test_values_that_no_polymer_has_are_told_or_refused() -> None:
         refractometer([1.44, 1.49, 1.54], 1e-3, [450.0, 500.0, 860.0])
 
 
-def test_what_a_single_wavelength_leaves_open_is_told() -> None:
+def test_what_a_single_wavelength_leaves_open_is_reported() -> None:
     (line,) = refractometer(1.487, 0.0005).warnings
     assert "one wavelength was measured" in line
     assert "u(n) 0.0033 at 450 nm and 0.0024 at 860 nm" in line

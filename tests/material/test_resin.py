@@ -104,11 +104,11 @@ def test_a_file_holds_an_index_of_each_kind(index: str, kind: type, at_500_nm: f
         ("schema = ", "; not valid TOML: Invalid value (at line 1, column 10)"),
     ],
 )
-def test_a_bad_file_is_told_in_one_line(text: str, line: str, tmp_path: Path) -> None:
+def test_a_bad_file_is_reported_in_one_line(text: str, line: str, tmp_path: Path) -> None:
     assert told(tmp_path, text).startswith(line)
 
 
-def test_a_missing_file_is_told(tmp_path: Path) -> None:
+def test_a_missing_file_is_reported(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="no such file"):
         load_resin(tmp_path / "mine.toml")
 
@@ -128,7 +128,7 @@ def test_every_resin_of_the_library_loads_and_says_its_source() -> None:
         assert resin.index.index(sum(resin.index.range_nm) / 2) > 1
 
 
-def test_an_unknown_resin_is_told_with_the_nearest() -> None:
+def test_an_unknown_resin_is_reported_with_the_nearest() -> None:
     known = re.escape(", ".join(library()))
     with pytest.raises(DataError, match=rf"^resin = 'PMAA'; not in the library \({known}\); did you mean pmma\?$"):
         library_resin("PMAA")
@@ -181,13 +181,13 @@ def test_the_example_design_takes_the_loss_of_the_resin_that_replaces_its_index(
     assert optical(load(file)).absorption_per_mm == 0.03
 
 
-def test_a_wavelength_that_the_resin_does_not_know_is_told(tmp_path: Path) -> None:
+def test_a_wavelength_that_the_resin_does_not_know_is_reported(tmp_path: Path) -> None:
     line = "^resin mine: index at 950 nm; known from 400 to 900 nm only; take a wavelength inside"
     with pytest.raises(SolenError, match=line):
         optical(designed(tmp_path, 'resin = "mine.toml"', wavelength_nm=950))
 
 
-def test_a_design_that_names_no_resin_there_is_told(tmp_path: Path) -> None:
+def test_a_design_that_names_no_resin_there_is_reported(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="no such file"):
         optical(designed(tmp_path, 'resin = "other.toml"'))
     with pytest.raises(DataError, match="did you mean pmma"):

@@ -83,7 +83,7 @@ def test_wavelengths_that_stand_twice_are_taken_together() -> None:
     ]
 
 
-def test_a_range_without_an_index_is_told() -> None:
+def test_a_range_without_an_index_is_reported() -> None:
     n: list[float | None] = [1.5] * 100
     n[40:70] = [None] * 30
     kept = IndexResult(**spectrum(n)).as_table()
@@ -115,7 +115,7 @@ def test_an_index_at_fewer_than_two_wavelengths_is_none() -> None:
         ({"n": [0.5, 0.5, 0.5]}, "index.n = 0.5; must be at least 1"),
     ],
 )
-def test_an_index_that_is_none_is_told(changes: dict[str, Any], line: str) -> None:
+def test_an_index_that_is_none_is_reported(changes: dict[str, Any], line: str) -> None:
     with pytest.raises(DataError) as refusal:
         IndexResult(**spectrum([1.5] * 3) | changes).as_table()
     assert line in str(refusal.value)
@@ -150,7 +150,7 @@ def test_the_wavelength_of_a_loss_is_stated_or_missed() -> None:
     assert (stated.wavelength_nm, stated.warnings) == (940.0, ())
 
 
-def test_a_loss_and_an_absorption_that_are_not_the_same_are_told() -> None:
+def test_a_loss_and_an_absorption_that_are_not_the_same_are_reported() -> None:
     with pytest.raises(DataError, match=r"^absorption_per_mm = 0\.03; 1 dB/cm is 0\.0230259 per mm"):
         CutbackResult(**CUTBACK | {"absorption_per_mm": 0.03})
 
@@ -210,7 +210,7 @@ def test_a_working_curve_is_kept() -> None:
         ({"Ec_mJ_per_cm2": None}, "cure.Ec_mJ_per_cm2; must be a number"),
     ],
 )
-def test_a_working_curve_that_is_none_is_told(changes: dict[str, Any], line: str) -> None:
+def test_a_working_curve_that_is_none_is_reported(changes: dict[str, Any], line: str) -> None:
     with pytest.raises(DataError) as refusal:
         CureResult(**{"Dp_um": 181.0, "Ec_mJ_per_cm2": 12.0} | changes).as_table()
     assert str(refusal.value).startswith(line)

@@ -86,7 +86,7 @@ def test_what_cannot_be_concluded_is_said(name: str, tmp_path: Path) -> None:
     assert any(words in warning for warning in found["warnings"])
 
 
-def test_another_design_is_told_by_its_name_and_its_distance(tmp_path: Path) -> None:
+def test_another_design_is_recognised_by_its_name_and_its_distance(tmp_path: Path) -> None:
     found = inspected(tmp_path, replace(SHOT, outline=lens("solen-450")), 3, design="solen-860")
     assert found["nearest"] == "n = 1.54"
     assert found["deviation"]["rms_um"] > 40.0  # µm; the two curves, each laid best on the other, are 53 µm apart

@@ -185,7 +185,7 @@ def test_the_smallest_gap_is_the_last_that_is_open(reading: str) -> None:
     assert (limit(found, "gap").nominal_mm, limit(found, "gap").next_mm) == (0.1, 0.08)
 
 
-def test_a_gap_whose_pillar_is_missing_is_not_told() -> None:
+def test_a_gap_whose_pillar_is_missing_is_not_reported() -> None:
     coupon = layout("group-b")
     part, _ = printed(coupon, missing=frozenset({"g-0.15-left"}))
     found = measure_coupon(pictured(Camera(UM, blur_px=1.2).picture(part), UM), coupon)
@@ -264,7 +264,7 @@ def test_what_lies_outside_is_said() -> None:
     assert smallest.bound, "the smaller ones are not seen, so it may be smaller"
 
 
-def test_pillars_too_small_for_the_pixels_are_not_told() -> None:
+def test_pillars_too_small_for_the_pixels_are_not_reported() -> None:
     coupon = layout("group-a")
     image = Camera(40.0, blur_px=1.0, noise=0.01).picture(printed(coupon)[0])
     found = measure_coupon(pictured(image, 40.0), coupon)

@@ -82,7 +82,7 @@ def test_nothing_is_found_in_noise() -> None:
     assert edge.kept.mean() < 0.05
 
 
-def test_two_edges_whose_blurs_overlap_are_told_apart() -> None:
+def test_two_edges_whose_blurs_overlap_are_distinguished() -> None:
     x = np.arange(200.0)
     row = (
         0.2

@@ -85,7 +85,7 @@ def test_png_in_metres_states_a_scale(tmp_path: Path) -> None:
     assert read_image(tmp_path / "a.png").um_per_px == pytest.approx(2.0, rel=1e-4)
 
 
-def test_given_scale_counts_and_a_different_tag_is_told(tmp_path: Path) -> None:
+def test_given_scale_counts_and_a_different_tag_is_reported(tmp_path: Path) -> None:
     path = save(tmp_path / "a.tif", imagej=True, resolution=(0.5, 0.5), metadata={"unit": "um"})
     near, far = read_image(path, 2.01), read_image(path, 2.1)
     assert near.um_per_px == 2.01
@@ -170,7 +170,7 @@ def test_simulated_picture_says_so(tmp_path: Path) -> None:
     assert read_image(save(tmp_path / "a.tif", description="simulated micrograph"), 1.0).provenance.simulated
 
 
-def test_camera_at_its_limit_is_told(tmp_path: Path) -> None:
+def test_camera_at_its_limit_is_reported(tmp_path: Path) -> None:
     bright = np.minimum(RAMP.astype(int) + 60, 255).astype(np.uint8)
     image = read_image(save(tmp_path / "a.tif", bright), 1.0)
     assert image.ceiling == 1.0

@@ -46,7 +46,7 @@ def asked(
     return dict(json.loads(printed_lines[0]))
 
 
-def test_everything_that_is_asked_for_is_told_and_written(
+def test_everything_that_is_asked_for_is_reported_and_written(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     figure, out = tmp_path / "f.svg", tmp_path / "lens.json"
@@ -89,7 +89,7 @@ def test_designs_of_ones_own_are_compared(folder: Path, capsys: pytest.CaptureFi
     assert found["nearest"] == shipped().name
 
 
-def test_a_wrong_scale_is_told_by_the_width(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_wrong_scale_is_recognised_by_the_width(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     found = asked(folder, capsys, "--um-per-px", "5.3")
     assert found["scale"]["um_per_px"] == 5.3
     assert found["width_mm"] == pytest.approx(4.24, abs=0.03)

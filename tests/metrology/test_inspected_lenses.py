@@ -50,7 +50,7 @@ def random_shot(name: str, seed: int, um_per_px: float) -> Shot:
 
 
 @pytest.mark.parametrize(("name", "seed"), [("solen-500", 3), ("solen-450", 4)])
-def test_the_design_is_told_from_the_other_two(name: str, seed: int, tmp_path: Path) -> None:
+def test_the_design_is_distinguished_from_the_other_two(name: str, seed: int, tmp_path: Path) -> None:
     found = inspected(tmp_path, random_shot(name, seed, 5.0), seed, design=name)
     assert found["nearest"] == INDICES[name]
     assert found["designs"][INDICES[name]]["probability"] > 0.95
@@ -58,7 +58,7 @@ def test_the_design_is_told_from_the_other_two(name: str, seed: int, tmp_path: P
 
 
 @pytest.mark.evidence
-def test_the_three_designs_are_told_apart_in_every_picture(tmp_path: Path) -> None:
+def test_the_three_designs_are_distinguished_in_every_picture(tmp_path: Path) -> None:
     """At 2 µm to a pixel, 34 pictures of each lens, all laid on the first design."""
     told, least, rms = 0, 1.0, []
     for name in INDICES:
@@ -151,7 +151,7 @@ def test_a_bump_and_a_hollow_come_back_with_sign_place_and_height(tmp_path: Path
     assert x[off_um.argmin()] == pytest.approx(-0.8, abs=0.04)
 
 
-def test_a_print_that_is_larger_is_told_by_its_factor(tmp_path: Path) -> None:
+def test_a_print_that_is_larger_is_recognised_by_its_factor(tmp_path: Path) -> None:
     found = inspected(tmp_path, replace(PLAIN, magnification=1.02), 7)
     size = found["size"]
     assert size["size_factor"] == pytest.approx(1.02, abs=4.0 * size["u_size_factor"])

@@ -208,7 +208,7 @@ def test_the_nearest_design_is_the_printed_one(index: float) -> None:
     assert designs[0].registration.independent < 100, "what neighbours have in common is no new witness"
 
 
-def test_designs_that_are_alike_are_not_told_apart() -> None:
+def test_designs_that_are_alike_are_not_distinguished() -> None:
     alike = [nominal_front(shipped(lens__design_index=index), f"n = {index}") for index in (1.44, 1.442)]
     found = measure_outline(plain(printed(bump(0.5, 20.0, 0.3))), NOMINAL).chosen
     designs = compare(found, alike)
@@ -238,7 +238,7 @@ def test_registration_gives_back_a_pose_and_its_uncertainty() -> None:
     assert np.max([error[1] for error in errors]) < 2.0
 
 
-def test_a_mirrored_picture_of_an_asymmetric_front_is_told() -> None:
+def test_a_mirrored_picture_of_an_asymmetric_front_is_reported() -> None:
     front = NOMINAL.front_mm.copy()
     front[:, 1] += 0.05 * np.exp(-(((front[:, 0] - 1.0) / 0.3) ** 2))
     lopsided = NominalFront("lopsided", front, NOMINAL.left_mm, NOMINAL.right_mm)
@@ -289,7 +289,7 @@ def test_effective_number_of_noise_and_of_a_wave() -> None:
     assert effective_number(np.sin(np.linspace(0.0, 6.0 * np.pi, 2000))) < 30
 
 
-def test_a_part_of_another_width_is_told_or_refused() -> None:
+def test_a_part_of_another_width_is_reported_or_refused() -> None:
     image = plain()
     near = measure_outline(as_image(image.grey, 1.08 * UM_PER_PX), NOMINAL)
     assert near.width_mm == pytest.approx(1.08 * 4.0, rel=0.01)
@@ -308,7 +308,7 @@ def test_edges_that_overlap_are_both_measured() -> None:
 
 
 @pytest.mark.parametrize(("apart_px", "told"), [(0.0, False), (5.0, True)])
-def test_two_edges_in_one_are_told_by_their_blur(apart_px: float, told: bool) -> None:
+def test_two_edges_in_one_are_recognised_by_their_blur(apart_px: float, told: bool) -> None:
     """A lower face that is shifted along the axis: the walls of both coincide, the fronts nearly."""
     along = np.radians(PLACING.angle_deg)
     shift = apart_px * np.array([np.sin(along), np.cos(along)])

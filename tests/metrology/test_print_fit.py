@@ -96,7 +96,7 @@ def test_scale_and_shrinkage_are_parted_by_what_was_known_before() -> None:
 
 
 @pytest.mark.parametrize("walls", [True, False])
-def test_what_a_wrong_scale_does_to_the_overgrowth_is_told(walls: bool) -> None:
+def test_what_a_wrong_scale_does_to_the_overgrowth_is_reported(walls: bool) -> None:
     seen = traced(outline(NOMINAL, np.random.default_rng(2), 1.0, 20.0, 1.0), 0.001, walls=walls)
     low, fit, high = (
         fit_print(seen, NOMINAL, PrintPriors(shrinkage_percent=percent, u_shrinkage_percent=0.1), 100.0)

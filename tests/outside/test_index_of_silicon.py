@@ -31,7 +31,7 @@ def at(found: dict[str, Any], nm: float) -> int:
     return int(found["wavelength_nm"].index(nm))
 
 
-def test_the_lossless_index_drifts_over_the_repeats_and_that_is_told(raw: Path) -> None:
+def test_the_lossless_index_drifts_over_the_repeats_and_that_is_reported(raw: Path) -> None:
     alone = [index(raw, IndexOptions(transmittance=[name])) for name in REPEATS]
     assert [round(one["n"][at(one, 1775.0)], 3) for one in alone] == [3.472, 3.469, 3.465, 3.464, 3.463]
     together = index(raw, IndexOptions(transmittance=REPEATS))

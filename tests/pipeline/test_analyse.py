@@ -64,7 +64,7 @@ def test_an_unknown_unit_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert any('left (foo) is not used: "foo"' in warning for warning in found["warnings"])
 
 
-def test_german_headers_are_told_by_themselves(tmp_path: Path) -> None:
+def test_german_headers_are_recognised(tmp_path: Path) -> None:
     path = write(tmp_path / "messung.csv", TRUTH, "Zeit (s);Winkel (°);PD links (V);PD rechts (V)", ",")
     found = study([path]).to_dict()
     sensor = found["sensors"]["messung"]
@@ -186,7 +186,7 @@ def test_a_wrong_name_lists_the_columns_there_are(tmp_path: Path, options: Analy
     assert said in str(refused.value)
 
 
-def test_what_cannot_be_told_is_asked_for(tmp_path: Path) -> None:
+def test_what_cannot_be_known_is_asked_for(tmp_path: Path) -> None:
     path = write(tmp_path / "one.csv", TRUTH, "time_s,how far,left_V,right_V")
     with pytest.raises(DataError, match="name it with --angle, a log of the stage"):
         study([path])

@@ -67,7 +67,7 @@ def test_check_and_trace_work_with_it(folder: Path) -> None:
     assert found.ledger.total == pytest.approx(1.0)
 
 
-def test_a_table_is_a_profile_and_its_missing_uncertainty_is_told(folder: Path) -> None:
+def test_a_table_is_a_profile_and_its_missing_uncertainty_is_reported(folder: Path) -> None:
     rows = "\n".join(f"{x:.6f},{z:.6f}" for x, z in zip(X, profile(noise_um(0.5)).z_mm, strict=True))
     (folder / "lens.csv").write_text(f"x_mm,z_mm\n{rows}\n", encoding="utf-8")
     found = pipeline.check(folder / "sensor.toml", set_=["lens.profile=lens.csv"]).to_dict()
@@ -161,7 +161,7 @@ def test_the_profile_goes_along_when_a_design_is_saved_elsewhere(folder: Path) -
     assert "profile" not in dumps(oval)
 
 
-def test_editors_are_told_that_a_measured_lens_needs_a_profile() -> None:
+def test_the_schema_states_that_a_measured_lens_needs_a_profile() -> None:
     schema = json_schema()
     lens = schema["$defs"]["Lens"]
     needs = {rule["if"]["properties"]["shape"]["const"]: rule["then"]["required"] for rule in lens["allOf"]}

@@ -117,7 +117,7 @@ def test_the_rejection_is_stated_beside_the_one_sided(tmp_path: Path) -> None:
     assert rows[1.0].two_sided_dB > 70.0
 
 
-def test_clipping_is_found_and_told(tmp_path: Path) -> None:
+def test_clipping_is_found_and_reported(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     time, values, state = stream(400, lambda t: 4.0 + 0.8 * np.sin(2 * np.pi * t))
     noisy = np.minimum(values[:, 0] + 0.001 * rng.standard_normal(len(time)), 4.5)
@@ -130,7 +130,7 @@ def test_clipping_is_found_and_told(tmp_path: Path) -> None:
     assert free.counts.clipped == 0
 
 
-def test_missing_slots_are_told(tmp_path: Path) -> None:
+def test_missing_slots_are_reported(tmp_path: Path) -> None:
     time, values, state = stream(50, np.zeros_like)
     kept = np.ones(100, dtype=bool)
     kept[[20, 41, 51, 53]] = False
@@ -195,7 +195,7 @@ def test_the_angle_goes_along(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("on", ["low", "high"])
-def test_swapped_phases_are_told(tmp_path: Path, on: str) -> None:
+def test_swapped_phases_are_reported(tmp_path: Path, on: str) -> None:
     """The emitter's light follows the motion, the room hardly moves: what varies must be the on phase."""
     time, values, _ = waveform(2.0, noise=0.002)
     moved = 4.0 - (4.0 - values) * (0.6 + 0.4 * np.sin(2 * np.pi * time))[:, None]

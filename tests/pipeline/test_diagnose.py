@@ -183,7 +183,7 @@ class Denser(Lit):
 
 
 @pytest.mark.parametrize(("index", "told"), [(0.003, False), (-0.009, True)])
-def test_a_number_beyond_its_tables_is_told(tmp_path: Path, design: Path, index: float, told: bool) -> None:
+def test_a_number_beyond_its_tables_is_reported(tmp_path: Path, design: Path, index: float, told: bool) -> None:
     found = ask(table(tmp_path / "S1.csv", Denser(noise_V=1e-3, index=index)), design=design)
     value = found.sensors["S1"].parameters["material.index"].value
     assert value == pytest.approx(index, rel=0.2)
@@ -197,7 +197,7 @@ class Bent(Lit):
         return super().response_V(angle_deg) + 0.3 * np.cos(2.0 * angle_deg)[:, None]
 
 
-def test_a_model_of_the_plane_that_misses_is_told_of_space(tmp_path: Path, design: Path) -> None:
+def test_a_model_of_the_plane_that_misses_is_referred_to_space(tmp_path: Path, design: Path) -> None:
     path = table(tmp_path / "S1.csv", Bent(noise_V=2e-3))
     in_space = tmp_path / "space.toml"
     stated = 'pattern = "lambertian"\n[trace]\ndimension = "extruded"\n'

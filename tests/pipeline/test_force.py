@@ -109,7 +109,7 @@ def test_of_several_quantities_the_one_taken_is_said(folder: Path) -> None:
     assert depth.to_dict()["sensors"]["both"]["runs"][0]["motion"]["high_mm"] == pytest.approx(1.5, abs=1e-3)
 
 
-def test_a_lag_of_the_load_cell_is_told_by_two_speeds(tmp_path: Path) -> None:
+def test_a_lag_of_the_load_cell_is_reported_by_two_speeds(tmp_path: Path) -> None:
     fast = Presses(late_s=0.01, cycles=4)
     slow = Presses(late_s=0.01, cycles=4, newton_per_s=0.1, seed=3)
     rows = [np.column_stack([one.time_s, (one.cell_V - ZERO_V) / 2.0, one.volts]) for one in (fast, slow)]

@@ -153,7 +153,7 @@ def test_as_published_takes_no_other_absorbance(tmp_path: Path) -> None:
         index(file, options(mode="as-published", absorbance_kind="ln"))
 
 
-def test_an_absorbance_of_another_baseline_is_told(tmp_path: Path) -> None:
+def test_an_absorbance_of_another_baseline_is_reported(tmp_path: Path) -> None:
     file = table(tmp_path, {"wavelength_nm": NM, "T": T, "Abs": -np.log10(T) - 0.03})
     found = index(file, options(mode="lossless", absorbance_kind="log10"))
     assert warned(found, "Abs is not the absorbance of T: they have different baselines")
@@ -216,7 +216,7 @@ def test_several_traces_must_be_chosen_from(tmp_path: Path) -> None:
         ({"reflectance": ["R"]}, "transmittance; is missing; an index needs T"),
     ],
 )
-def test_traces_that_cannot_be_taken_are_told(tmp_path: Path, chosen: dict[str, list[str]], line: str) -> None:
+def test_traces_that_cannot_be_taken_are_reported(tmp_path: Path, chosen: dict[str, list[str]], line: str) -> None:
     file = table(tmp_path, {"wavelength_nm": NM, "one (%T)": 100 * T, "two (%T)": 100 * T, "R": R})
     with pytest.raises(SolenError) as refusal:
         index(file, options(**chosen))
@@ -231,7 +231,7 @@ def test_traces_that_cannot_be_taken_are_told(tmp_path: Path, chosen: dict[str, 
         ({"wavelength_nm": NM, "height": T}, "layer.csv; holds no transmittance"),
     ],
 )
-def test_files_without_usable_spectra_are_told(tmp_path: Path, columns: dict[str, FloatArray], line: str) -> None:
+def test_files_without_usable_spectra_are_reported(tmp_path: Path, columns: dict[str, FloatArray], line: str) -> None:
     with pytest.raises(DataError) as refusal:
         index(table(tmp_path, columns), options())
     assert str(refusal.value).startswith(line)
@@ -256,7 +256,7 @@ def test_files_without_usable_spectra_are_told(tmp_path: Path, columns: dict[str
         ({"led": "TEMT7100X01"}, "--led = 'TEMT7100X01'; is not an emitter"),
     ],
 )
-def test_bad_options_are_told_in_one_line(tmp_path: Path, values: dict[str, Any], line: str) -> None:
+def test_bad_options_are_reported_in_one_line(tmp_path: Path, values: dict[str, Any], line: str) -> None:
     file = table(tmp_path, {"wavelength_nm": NM, "T": T, "R": R})
     with pytest.raises(SolenError) as refusal:
         index(file, options(**values))
@@ -298,7 +298,7 @@ def test_a_part_file_is_light_too(tmp_path: Path) -> None:
     assert index(file, options(led=str(part)))["led"]["source"].startswith("VSMY1850")
 
 
-def test_other_wavelengths_are_interpolated_and_told(tmp_path: Path) -> None:
+def test_other_wavelengths_are_interpolated_and_reported(tmp_path: Path) -> None:
     file = tmp_path / "layer.csv"
     rows = ["wavelength_nm,T,wavelength_nm,R"]
     later, _ = forward(1.48 + 5e3 / (NM + 5) ** 2, 2e-5, 50.0, NM + 5)
@@ -339,14 +339,14 @@ def test_a_formula_goes_with_the_index(tmp_path: Path) -> None:
         index(file, options(fit="spline"))
 
 
-def test_where_no_formula_can_be_had_that_is_told(tmp_path: Path) -> None:
+def test_where_no_formula_can_be_had_that_is_reported(tmp_path: Path) -> None:
     file = table(tmp_path, {"wavelength_nm": NM[:2], "T": T[:2], "R": R[:2]})
     assert "no formula is fitted" in warned(index(file, options()), "no formula")
     with pytest.raises(DataError):
         index(file, options(fit="cauchy"))
 
 
-def test_a_formula_that_does_not_follow_the_points_is_told(tmp_path: Path) -> None:
+def test_a_formula_that_does_not_follow_the_points_is_reported(tmp_path: Path) -> None:
     steep = T - 0.2 * np.exp(-(NM - 500.0) / 15.0)
     file = table(tmp_path, {"wavelength_nm": NM, "T": T, "R": R})
     found = index(table(tmp_path, {"wavelength_nm": NM, "T": steep}, "steep.csv"), options())

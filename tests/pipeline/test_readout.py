@@ -31,7 +31,7 @@ def found(design: Path) -> dict[str, Any]:
     return readout(design, set_=FAST).to_dict()
 
 
-def test_its_source_and_its_idle_keys_are_told(design: Path) -> None:
+def test_its_source_and_its_idle_keys_are_reported(design: Path) -> None:
     found = readout(design, set_=(*FAST, "motion.step_deg=3", "receivers.height_mm=1")).to_dict()
     (source,) = found["sources"]
     assert (source["file"], source["format"], len(source["sha256"])) == ("sensor.toml", "design", 64)
@@ -69,7 +69,7 @@ def test_the_numbers_hang_together(found: dict[str, Any]) -> None:
     assert found["range"]["lowest_V"] == volts.min()
 
 
-def test_what_rests_on_estimates_is_told(found: dict[str, Any]) -> None:
+def test_what_rests_on_estimates_is_reported(found: dict[str, Any]) -> None:
     by_name = {part["name"]: part["estimates"] for part in found["parts"]}
     assert set(by_name) == {"TEMT7100X01", "VSMY1850", "TC33X-2-202E", "USB-6218"}
     assert "spectrum" in by_name["TEMT7100X01"]

@@ -305,7 +305,7 @@ def test_ways_of_rays_in_space_are_refused_by_the_name_of_the_option(design: Pat
         trace(design, ["trace.dimension=extruded", "emitter.pattern=lambertian"], paths=True)
 
 
-def test_ambient_light_is_told_apart(design: Path) -> None:
+def test_ambient_light_is_distinguished(design: Path) -> None:
     found = trace(design, ["ambient.power=0.5", "trace.mode=power"]).result
     assert isinstance(found, DesignTrace)
     for reading in found.detectors.values():

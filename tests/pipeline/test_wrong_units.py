@@ -109,7 +109,7 @@ def test_layers_that_no_print_has(print_: dict[str, Any], told: str) -> None:
         CureOptions(irradiance_mW_per_cm2=13.0, layer_um=50.0, **print_)
 
 
-def test_spectra_without_exposures_are_told_what_to_have(tmp_path: Path) -> None:
+def test_spectra_without_exposures_are_refused_with_what_is_missing(tmp_path: Path) -> None:
     file = tmp_path / "layers.csv"
     file.write_text("wavelength_nm,film a,film b\n400,0.9,0.9\n500,0.9,0.9\n", encoding="utf-8")
     with pytest.raises(DataError, match="columns exposure_s, wavelength_nm and T"):

@@ -67,7 +67,7 @@ def test_a_large_table_is_taken_at_once(tmp_path: Path) -> None:
     ("wrong", "said"),
     [("1.0,x,2.0", "line 2000, column 2"), ("1.0,2.0", "line 2000"), ("1.0,2.0,3.0,4.0", "line 2000")],
 )
-def test_damage_is_told_with_its_line(tmp_path: Path, wrong: str, said: str) -> None:
+def test_damage_is_reported_with_its_line(tmp_path: Path, wrong: str, said: str) -> None:
     lines = table().split("\n")
     lines[1999] = wrong
     path = tmp_path / "large.csv"

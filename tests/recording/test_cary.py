@@ -91,7 +91,7 @@ def test_other_encodings(tmp_path: Path, encoding: str) -> None:
     assert [one.name for one in recording.channels if one.axis] == ["Öl", "b"]
 
 
-def test_negative_saturated_and_empty_values_are_kept_and_told(tmp_path: Path) -> None:
+def test_negative_saturated_and_empty_values_are_kept_and_reported(tmp_path: Path) -> None:
     text = cary([("dark", "%T", 0), ("dense", "Abs", 0)], value=2.0)
     lines = text.split("\r\n")
     lines[4] = "890,-0.0012,890,10.000,"

@@ -286,7 +286,7 @@ def test_a_column_of_words_below_a_unit_is_refused(tmp_path: Path) -> None:
         read(saved(tmp_path, "time_s,thickness_um\n1,25 um\n2,50 um\n"))
 
 
-def test_wavelengths_out_of_order_are_told(tmp_path: Path) -> None:
+def test_wavelengths_out_of_order_are_reported(tmp_path: Path) -> None:
     rows = [f"{wave},0.9" for wave in (400, 410, 420, 403, 440, 450, 460)]
     recording = read(saved(tmp_path, "\n".join(["wavelength_nm,T", *rows, ""])))
     assert "403 after 420" in recording.channel("wavelength").note
@@ -294,7 +294,7 @@ def test_wavelengths_out_of_order_are_told(tmp_path: Path) -> None:
     assert read(saved(tmp_path, "\n".join(["wavelength_nm,Ec", *scattered, ""]))).warnings == []
 
 
-def test_a_number_that_may_have_lost_its_end_is_told(tmp_path: Path) -> None:
+def test_a_number_that_may_have_lost_its_end_is_reported(tmp_path: Path) -> None:
     text = "time_s,force_N\n1,2.51\n2,2.62\n3,2.73\n4,2"
     assert "after 2: that number may be cut off" in read(saved(tmp_path, text)).channel("force").note
     assert read(saved(tmp_path, text + ".84")).warnings == []
@@ -353,7 +353,7 @@ def test_a_comma_that_may_stand_before_thousands_is_refused(tmp_path: Path) -> N
     assert read(saved(tmp_path, "time_s\tforce_N\n1\t1,125\n2\t1,250\n")).need("force").values.tolist() == [1.125, 1.25]
 
 
-def test_a_value_that_stands_alone_is_told(tmp_path: Path) -> None:
+def test_a_value_that_stands_alone_is_reported(tmp_path: Path) -> None:
     rows = [f"{wave},{91 + 1e-3 * wave:.6g}" for wave in range(400, 600, 10)]
     for place, shown in ((0, "9.4 at wavelength 400"), (7, "9.47 at wavelength 470"), (19, "9.59 at wavelength 590")):
         spoiled = [row.replace(",91", ",9") if n == place else row for n, row in enumerate(rows)]

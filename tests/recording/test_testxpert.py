@@ -113,7 +113,7 @@ def test_damage_is_refused_with_its_place(tmp_path: Path, damage: str) -> None:
         read(saved(tmp_path, "\n".join(lines)))
 
 
-def test_a_last_number_that_may_have_lost_a_digit_is_told(tmp_path: Path) -> None:
+def test_a_last_number_that_may_have_lost_a_digit_is_reported(tmp_path: Path) -> None:
     recording = read(saved(tmp_path, tensile().removesuffix("\n")[:-1]))
     assert any("without a line break" in warning for warning in recording.warnings)
 

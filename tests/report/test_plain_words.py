@@ -36,7 +36,7 @@ def agree(texts: list[str], values: list[float]) -> None:
 
 
 @pytest.mark.parametrize("name", DESIGNS)
-def test_every_design_is_told_without_what_no_reader_wants(studied: Studies, name: str) -> None:
+def test_every_design_is_reported_without_what_no_reader_wants(studied: Studies, name: str) -> None:
     study = studied(name)
     words = said(study)
     assert next(iter(words)) == "contrast"
@@ -95,7 +95,7 @@ def test_without_a_lens_no_lens_is_compared_nor_described(studied: Studies) -> N
     assert "lens's edge" not in words["Light"]
 
 
-def test_without_light_no_contrast_is_told(studied: Studies) -> None:
+def test_without_light_no_contrast_is_reported(studied: Studies) -> None:
     words = said(studied("dark"))
     assert words["contrast"] == "no light at -3°, no light at +3°"
     assert words["slope"] == "no light reaches the receivers"
@@ -117,7 +117,7 @@ def test_slope_null_and_range_are_those_of_the_results(studied: Studies, name: s
         assert f"within {reach:.2g}°" in advice(study)[0]
 
 
-def test_without_a_null_no_range_is_told(studied: Studies) -> None:
+def test_without_a_null_no_range_is_reported(studied: Studies) -> None:
     words = said(studied("one-sided"))
     assert "no null" in words["slope"]
     assert words["range"] == "none without a null"
@@ -141,13 +141,13 @@ def test_the_light_is_what_is_received_and_what_the_face_accepts(studied: Studie
 
 
 @pytest.mark.parametrize("name", ["paper", "acrylate"])
-def test_the_alignment_is_told_by_the_magnification(studied: Studies, name: str) -> None:
+def test_the_alignment_is_reported_by_the_magnification(studied: Studies, name: str) -> None:
     study = studied(name)
     magnification = study.to_dict()["lens"]["magnification"]
     agree(numbers(said(study)["Alignment"]), [magnification, 0.01, 0.01 * magnification, 0.2, 0.2 * magnification])
 
 
-def test_a_decentre_of_the_design_is_told(studied: Studies) -> None:
+def test_a_decentre_of_the_design_is_reported(studied: Studies) -> None:
     assert "0.02 mm off its place" in said(studied("chip"))["Alignment"]
     assert "by symmetry" not in said(studied("chip"))["slope"]
     assert "±" in said(studied("chip"))["slope"].rpartition("null")[2]
@@ -190,7 +190,7 @@ def test_the_advice_begins_with_what_matters_most(studied: Studies) -> None:
     assert not any("join" in one for one in advice(studied("paper")))  # about the stem's base it does not matter
 
 
-def test_a_matched_lens_is_told_where_another_index_would_focus(studied: Studies) -> None:
+def test_a_matched_lens_is_reported_where_another_index_would_focus(studied: Studies) -> None:
     study = studied("paper")
     lens = study.case.sensor.lens
     assert isinstance(lens, OvalLens)
@@ -201,7 +201,7 @@ def test_a_matched_lens_is_told_where_another_index_would_focus(studied: Studies
     agree(numbers(text), [0.01, low, low_best, 0.01, high, high_best])
 
 
-def test_an_uncertain_index_is_told_with_its_uncertainty_and_warned_of(studied: Studies) -> None:
+def test_an_uncertain_index_is_reported_with_its_uncertainty_and_warned_of(studied: Studies) -> None:
     study = studied("uncertain")
     assert said(study)["Focus"].startswith(
         "The index is 1.460 ± 0.020 (standard). If the print's index were 0.02 lower"
@@ -219,7 +219,7 @@ def test_an_index_as_published_is_warned_of(studied: Studies) -> None:
     assert len(told) == 2
 
 
-def test_a_mismatched_lens_is_told_where_its_rays_go(studied: Studies) -> None:
+def test_a_mismatched_lens_is_reported_where_its_rays_go(studied: Studies) -> None:
     study = studied("mismatched")
     lens = study.to_dict()["foci"][1]
     text = said(study)["Focus"]
@@ -246,7 +246,7 @@ def test_the_side_that_brightens_is_the_one_that_does(studied: Studies, name: st
     assert said(study)["contrast"].endswith(f"(negative) brightens the {side} receiver")
 
 
-def test_saturation_off_the_middle_is_told_from_the_null(studied: Studies) -> None:
+def test_saturation_off_the_middle_is_reported_from_the_null(studied: Studies) -> None:
     study = studied("half way")
     null, reach = study.case.curve.null_deg(), study.case.curve.saturation_deg()
     assert null == pytest.approx(0.0, abs=0.02)  # of a curve with angles added where it bends
@@ -263,13 +263,13 @@ def test_two_indices_said_to_differ_are_printed_differently(studied: Studies) ->
     assert one != other
 
 
-def test_one_angle_is_not_told_as_a_range(studied: Studies) -> None:
+def test_one_angle_is_not_reported_as_a_range(studied: Studies) -> None:
     text = said(studied("one angle"))["contrast"]
     assert text.count("°") == 1
     assert numbers(text)[0] == "+0.9993"
 
 
-def test_without_a_comparison_none_is_told(studied: Studies) -> None:
+def test_without_a_comparison_none_is_reported(studied: Studies) -> None:
     assert "without the lens" not in said(studied("no comparison"))
 
 
@@ -318,7 +318,7 @@ def test_the_table_of_lenses_holds_what_was_found() -> None:
         (choice(0.44, 0.42, nonlinearity=0.075), "is worthwhile", "Neither"),
     ],
 )
-def test_when_layers_pay_is_told_plainly(practice: Practice, pays: str, straight: str) -> None:
+def test_when_layers_pay_is_reported_plainly(practice: Practice, pays: str, straight: str) -> None:
     one, *asked, other = lens_words(practice)
     assert pays in one
     assert straight in other

@@ -153,7 +153,7 @@ def test_a_contrast_without_light_is_an_empty_cell(studied: Studies) -> None:
     assert [row["lens_power_contrast"] for row in table(studied("dark"))] == ["", "", ""]
 
 
-def test_the_focus_is_told_for_the_index_and_its_uncertainty(studied: Studies) -> None:
+def test_the_focus_is_reported_for_the_index_and_its_uncertainty(studied: Studies) -> None:
     foci = studied("uncertain").to_dict()["foci"]
     assert [one["material_index"] for one in foci] == pytest.approx([1.44, 1.46, 1.48])
     assert [one["by_uncertainty"] for one in foci] == [True, False, True]

@@ -48,7 +48,7 @@ def test_a_closed_body_passes_whatever_way_its_sides_are_walked() -> None:
 
 
 @pytest.mark.parametrize("gap_mm", [0.25, 1e-3, 1e-6, 1e-9, 1e-10])
-def test_a_gap_is_told_with_its_size_its_place_and_its_neighbour(gap_mm: float) -> None:
+def test_a_gap_is_reported_with_its_size_its_place_and_its_neighbour(gap_mm: float) -> None:
     line = refused(with_side(1, Segment((1.0, gap_mm), (1.0, 1.0))))
     assert "interface side-0 = 'not closed at its end'" in line
     assert f"a gap of {gap_mm:.3g} mm at x = 1, z = 0 mm to the start of side-1" in line
@@ -74,7 +74,7 @@ def test_the_gap_of_a_curve_that_does_not_quite_close_is_to_its_own_other_end() 
 
 
 @pytest.mark.parametrize("short_mm", [1e-3, -1e-3])
-def test_a_side_that_ends_just_before_or_beyond_another_is_told_how_far(short_mm: float) -> None:
+def test_a_side_that_ends_just_before_or_beyond_another_is_reported_how_far(short_mm: float) -> None:
     line = refused([*outline(SQUARE), Interface("fin", Segment((0.3, 1.0 + short_mm), (0.3, 2.0)), "water", "air")])
     assert "interface fin = 'not closed at its start'; a gap of 0.001 mm at x = 0.3" in line
     assert "to the side of side-2" in line
@@ -145,7 +145,7 @@ def test_a_side_whose_media_are_the_wrong_way_round_is_named_with_a_neighbour(nu
         assert "swap left and right" in line
 
 
-def test_a_side_of_a_wrong_medium_is_told_with_both() -> None:
+def test_a_side_of_a_wrong_medium_is_reported_with_both() -> None:
     line = refused(with_side(2, Segment(SQUARE[2], SQUARE[3]), "water"))
     assert "interfaces side-2 and side-1 = 'media do not fit at x = 1, z = 1 mm'" in line
     assert "between the two, side-2 has water and side-1 has glass" in line
@@ -218,7 +218,7 @@ def test_bodies_may_lie_in_bodies_and_touch_at_corners() -> None:
 @pytest.mark.parametrize("ratio", [0.5, 0.999, -0.5, -3.0])
 @pytest.mark.parametrize("turn_deg", [0.0, 90.0, 123.0])
 @pytest.mark.parametrize("reverse", [False, True])
-def test_circles_that_touch_are_told_apart_by_their_curvature(ratio: float, turn_deg: float, reverse: bool) -> None:
+def test_circles_that_touch_are_distinguished_by_their_curvature(ratio: float, turn_deg: float, reverse: bool) -> None:
     """All four branches leave along one line: within the first circle (ratio above 0), or beside it."""
     second = Arc((1.0 - ratio, 0.0), abs(ratio), 0.0 if ratio > 0 else 180.0, 360.0)
     turn = Rigid.about((-7.0, 2.0), turn_deg)

@@ -241,7 +241,7 @@ def test_seeded_numbers_are_those_of_the_peer() -> None:
     assert next(numbers) == pytest.approx(0.3752569768646784, abs=1e-15)
 
 
-def test_what_is_unknown_is_told_and_the_rest_is_read() -> None:
+def test_what_is_unknown_is_reported_and_the_rest_is_read() -> None:
     found = scene(
         LAMP,
         {"type": "GrinGlass", "path": []},
@@ -305,7 +305,7 @@ def test_a_scene_without_light_and_an_index_below_1_are_refused() -> None:
     assert {region.index for region in inside.scene.regions} == {1.0, 1.25}
 
 
-def test_an_ideal_lens_on_glass_is_told() -> None:
+def test_an_ideal_lens_on_glass_is_reported() -> None:
     lens = {"type": "IdealLens", "p1": point(5, -1), "p2": point(5, 1)}
     found = scene(LAMP, polygon((5, -1), (9, -1), (9, 1), (5, 1)), lens)
     assert [str(one) for one in found.not_understood] == ["object 3, IdealLens: a lens on a surface of glass"]
@@ -324,7 +324,7 @@ JUNK: tuple[Any, ...] = (None, True, -1, 0, 1e308, "x", "`1`", "``t``", [], {}, 
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_whatever_stands_in_a_file_is_read_told_or_refused(seed: int) -> None:
+def test_whatever_stands_in_a_file_is_read_reported_or_refused(seed: int) -> None:
     chance = random.Random(seed)  # noqa: S311  changes, not secrets
     module = {
         "params": ["n=1:1:9:3"],

@@ -207,7 +207,7 @@ def test_a_curve_that_cannot_be_built_is_refused_by_the_curve_itself(curve: dict
     assert refused(json.dumps(wrong)).startswith(curve["kind"])
 
 
-def test_files_that_cannot_be_read_are_told(tmp_path: Path) -> None:
+def test_files_that_cannot_be_read_are_reported(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="no such file"):
         scenes.load(tmp_path / "none.json")
 
@@ -235,7 +235,7 @@ def test_an_unknown_key_at_the_top_is_refused() -> None:
 
 
 @pytest.mark.parametrize("part", ["regions", "interfaces", "sources", "monitors"])
-def test_an_unknown_or_a_missing_key_of_a_part_is_told_with_its_place(part: str) -> None:
+def test_an_unknown_or_a_missing_key_of_a_part_is_reported_with_its_place(part: str) -> None:
     wrong = data()
     wrong[part][1]["colour"] = "red"
     assert f"scene.json: {part}[1]: colour; unknown key" in refused(json.dumps(wrong))
@@ -262,7 +262,7 @@ class Bent(Segment):
 
 
 @pytest.mark.parametrize("curve", [Bent((0.0, 0.0), (1.0, 0.0))])
-def test_what_cannot_be_written_is_told(curve: Curve) -> None:
+def test_what_cannot_be_written_is_reported(curve: Curve) -> None:
     scene = Scene((Region("air", 1.0),), (Interface("i", curve, "air", "air"),), (SOURCES_HERE[0],))
     with pytest.raises(DesignError, match="Bent; a scene file holds segment, arc, parabola, cartesian-oval") as refusal:
         scenes.dumps(scene)
@@ -359,14 +359,14 @@ class Own(Cauchy):
     """An index that files do not know."""
 
 
-def test_an_index_that_cannot_be_written_is_told() -> None:
+def test_an_index_that_cannot_be_written_is_reported() -> None:
     source = dataclasses.replace(SOURCES_HERE[0], spectrum=SPECTRUM)
     scene = Scene((Region("air", Own(A=1.2)),), (Interface("i", CURVES_HERE[0], "air", "air"),), (source,))
     with pytest.raises(DesignError, match="Own; a scene file holds number, table, cauchy, sellmeier"):
         scenes.dumps(scene)
 
 
-def test_a_layer_that_is_no_object_is_told_with_its_place() -> None:
+def test_a_layer_that_is_no_object_is_reported_with_its_place() -> None:
     wrong = data()
     wrong["interfaces"][0]["surface"] = {"coating": {"layers": [1]}}
     line = refused(json.dumps(wrong))

@@ -37,7 +37,7 @@ def test_without_walls_nothing_is_added() -> None:
     assert all(interface.surface is None for interface in found.interfaces)
 
 
-def test_a_stretch_lies_where_it_was_told_on_both_sides_alike() -> None:
+def test_a_stretch_lies_where_it_was_stated_on_both_sides_alike() -> None:
     found = scene({"face": "stem-*", "from_mm": 2.0, "to_mm": 6.0, **SKIN})
     curves = {i.name: i.curve for i in found.interfaces if i.right == "skin" and i.left == "body"}
     assert set(curves) == {"stem-right.2", "stem-left.2"}

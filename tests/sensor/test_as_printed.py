@@ -199,7 +199,7 @@ def test_a_measured_lens_is_bent_and_traced_in_space(tmp_path: Path) -> None:
     assert rippled.rays < 1_000_000  # by its cells: none of it is left to millions of samples
 
 
-def test_what_printing_did_is_told_with_its_uncertainty(tmp_path: Path) -> None:
+def test_what_printing_did_is_reported_with_its_uncertainty(tmp_path: Path) -> None:
     wavy = sensor(tmp_path, profile(10.0 * np.exp(-(((X - 0.5) / 0.4) ** 2)), 0.0005))
     angles = (-1.0, 0.0, 1.0)
     found = as_printed(wavy, wavy.power(angles), draws=3)
@@ -245,7 +245,7 @@ def test_another_index_leaves_the_measured_lens_as_it_is(tmp_path: Path) -> None
     assert slope.value == pytest.approx(oval.derivative("material.index", -0.3).detectors["right"].value, rel=0.1)
 
 
-def test_a_profile_that_is_not_used_is_told(tmp_path: Path) -> None:
+def test_a_profile_that_is_not_used_is_reported(tmp_path: Path) -> None:
     unused = loads('schema = 1\nname = "a"\n[material]\nindex = 1.44\n[lens]\nprofile = "lens.json"\n', folder=tmp_path)
     assert keys_without_effect(Sensor.of(unused)) == (
         'lens.profile has no effect with lens.shape = "cartesian-oval"; set lens.shape = "measured"',

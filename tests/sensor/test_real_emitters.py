@@ -79,7 +79,7 @@ def test_a_spectrum_costs_nothing_where_no_index_depends_on_it() -> None:
     assert sensor(fwhm_nm=30.0).scene() == sensor().scene()
 
 
-def test_light_from_around_is_told_apart() -> None:
+def test_light_from_around_is_distinguished() -> None:
     lit = sensor(ambient={"power": 0.5, "rays": 20_000})
     scene = lit.scene()
     _, around = scene.sources

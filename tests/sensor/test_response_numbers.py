@@ -62,7 +62,7 @@ def test_a_null_within_the_uncertainty_is_at_the_traced_angle() -> None:
     assert unknown.null_deg() is None
 
 
-def test_of_several_nulls_that_nearest_to_rest_is_told() -> None:
+def test_of_several_nulls_that_nearest_to_rest_is_reported() -> None:
     found = response([-40, -30, -1, 1, 30, 40], [-0.5, 0.9, 0.8, -0.8, -0.9, 0.5])
     assert found.null_deg() == pytest.approx(0.0)
 

@@ -203,7 +203,7 @@ def test_light_that_cannot_be_integrated_is_one_line() -> None:
     assert str(refusal.value).endswith("try another angle")
 
 
-def test_progress_is_told_to_its_end(paper: Sensor) -> None:
+def test_progress_is_reported_to_its_end(paper: Sensor) -> None:
     told: list[float] = []
     paper.sensitivity(FEW, ANGLE_DEG, told.append)
     assert told == [0.5, 1.0]

@@ -65,7 +65,7 @@ def test_without_lens_is_the_same_design_with_a_flat_face(paper: Sensor) -> None
     assert paper.without_lens is flat
 
 
-def test_a_trace_takes_the_design_s_rays_and_mode_unless_told_otherwise() -> None:
+def test_a_trace_takes_the_design_s_rays_and_mode_unless_set_otherwise() -> None:
     sensor = Sensor.of(design(trace__mode="power", emitter__rays=40))
     plain = sensor.trace()
     assert (plain.mode, plain.rays) == ("power", 40)

@@ -61,7 +61,7 @@ def traced(tables: dict[str, Any], mode: Mode) -> dict[str, float]:
 
 
 @pytest.mark.parametrize(("tables", "without", "mode", "told"), CASES, ids=[told for *_, told in CASES])
-def test_a_key_that_is_told_of_changes_nothing(
+def test_a_key_that_is_reported_changes_nothing(
     tables: dict[str, Any], without: dict[str, Any], mode: Mode, told: str
 ) -> None:
     (sentence,) = keys_without_effect(Sensor.of(Design.model_validate(PAPER | tables)), mode)
@@ -71,14 +71,14 @@ def test_a_key_that_is_told_of_changes_nothing(
 
 
 @pytest.mark.parametrize(("tables", "without", "mode"), ACTING)
-def test_a_key_that_changes_something_is_not_told_of(
+def test_a_key_that_changes_something_is_not_reported_of(
     tables: dict[str, Any], without: dict[str, Any], mode: Mode
 ) -> None:
     assert keys_without_effect(Sensor.of(Design.model_validate(PAPER | tables)), mode) == ()
     assert traced(tables, mode) != traced(without, mode)
 
 
-def test_a_ripple_across_is_told_of_in_the_plane_alone() -> None:
+def test_a_ripple_across_is_reported_in_the_plane_alone() -> None:
     wall = {"face": "outer-*", "texture_pitch_um": 50.0, "texture_amplitude_um": 1.0, "texture_direction": "across"}
     (sentence,) = keys_without_effect(Sensor.of(Design.model_validate(PAPER | {"wall": [wall]})))
     assert sentence.startswith('wall[0].texture_direction = "across" has no effect in the plane')

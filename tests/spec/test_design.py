@@ -86,7 +86,9 @@ LIMITS = [
 
 
 @pytest.mark.parametrize(("table", "key", "value", "limit"), LIMITS)
-def test_a_number_beyond_its_limit_is_told_with_value_and_limit(table: str, key: str, value: float, limit: str) -> None:
+def test_a_number_beyond_its_limit_is_reported_with_value_and_limit(
+    table: str, key: str, value: float, limit: str
+) -> None:
     assert told(**{table: {key: value}}).startswith(f"{table}.{key} = {value}; must be {limit}")
 
 
@@ -127,7 +129,7 @@ def test_rays_are_a_whole_number(value: float) -> None:
         ("emitter", "pattern", "cone", "'fan'"),
     ],
 )
-def test_a_wrong_choice_is_told_with_the_choices(table: str, key: str, value: str, choices: str) -> None:
+def test_a_wrong_choice_is_reported_with_the_choices(table: str, key: str, value: str, choices: str) -> None:
     assert told(**{table: {key: value}}).startswith(f"{table}.{key} = {value!r}; must be {choices}")
 
 
@@ -152,7 +154,7 @@ def test_a_name_is_one_line_of_text(name: object) -> None:
     assert told(name=name).startswith(f"name = {name!r}; must be")
 
 
-def test_the_first_problem_is_told_and_the_others_are_counted() -> None:
+def test_the_first_problem_is_reported_and_the_others_are_counted() -> None:
     assert "more problem" not in told(lens={"focus_mm": -1})
     assert told(lens={"focus_mm": -1}, body={"kind": "x"}).endswith("and 1 more problem")
     assert told(lens={"focus_mm": -1}, body={"kind": "x"}, trace={"mode": 2}).endswith("and 2 more problems")
@@ -240,7 +242,7 @@ def test_light_out_of_the_plane_may_be_traced_in_space(emitter: dict[str, Any]) 
     assert design(trace={"dimension": "extruded"}, emitter=emitter).trace.dimension == "extruded"
 
 
-def test_of_an_outline_the_emitter_moves_unless_told_otherwise() -> None:
+def test_of_an_outline_the_emitter_moves_unless_set_otherwise() -> None:
     assert design(body=DRAWN).motion.moves == ("emitter",)
     assert design(body=DRAWN, motion={"moves": ["lens", "mirrors"]}).motion.moves == ("lens", "mirrors")
     assert design(body=DRAWN, motion=BEND | {"bend_mm": [0, 5]}).motion.bend_mm == (0.0, 5.0)

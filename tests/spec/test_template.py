@@ -134,7 +134,7 @@ def test_the_examples_are_listed() -> None:
     )
 
 
-def test_an_unknown_example_is_told_with_the_nearest() -> None:
+def test_an_unknown_example_is_reported_with_the_nearest() -> None:
     with pytest.raises(SpecError, match=r"^example = 'solen-850'; must be one of .*; did you mean solen-8?[56]0\?$"):
         template("solen-850")
 

@@ -36,7 +36,7 @@ def told(text: str) -> str:
         ("[body]\nkind = 'x'\nthick_mm = 3", "body.thick_mm; unknown key; did you mean body.thickness_mm?; and 1 more"),
     ],
 )
-def test_an_unknown_key_is_told_with_the_nearest_right_name(text: str, line: str) -> None:
+def test_an_unknown_key_is_reported_with_the_nearest_right_name(text: str, line: str) -> None:
     assert told(HEAD + text).startswith(line)
 
 
@@ -79,7 +79,7 @@ def test_a_value_where_a_table_belongs_is_refused() -> None:
         ('name = "x"\n[material]\nindex = 1.44', "; schema is missing; add the line schema = 1"),
     ],
 )
-def test_what_a_file_must_state_is_told(text: str, line: str) -> None:
+def test_what_a_file_must_state_is_reported(text: str, line: str) -> None:
     assert told(text).startswith(line)
 
 
@@ -125,7 +125,7 @@ def test_migration_leaves_what_it_was_given() -> None:
         ("a = " + "9" * 5000, ""),
     ],
 )
-def test_bad_toml_is_told_with_its_place(text: str, where: str) -> None:
+def test_bad_toml_is_reported_with_its_place(text: str, where: str) -> None:
     line = told(text)
     assert "not valid TOML" in line
     assert where in line
@@ -222,7 +222,7 @@ def test_a_saved_design_is_the_same_and_names_the_same_resin_file(tmp_path: Path
     assert moved.resin_file.resolve() == (tmp_path / "mine.toml").resolve()
 
 
-def test_saving_where_nothing_can_be_written_is_told(tmp_path: Path) -> None:
+def test_saving_where_nothing_can_be_written_is_reported(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="cannot be written"):
         save(tmp_path / "missing" / "sensor.toml", loads(HEAD))
 

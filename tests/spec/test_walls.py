@@ -66,7 +66,7 @@ def test_a_design_without_walls_writes_none() -> None:
         ('face = "a"\ncoating = [{index = 1.3}]', "wall[0].coating[0].thickness_nm; missing; add it: thickness"),
     ],
 )
-def test_a_wall_that_does_not_fit_is_told_with_its_number(keys: str, start: str) -> None:
+def test_a_wall_that_does_not_fit_is_reported_with_its_number(keys: str, start: str) -> None:
     line = told(f"[[wall]]\n{keys}\n")
     assert line.startswith(start), line
 

@@ -345,7 +345,7 @@ def test_paths_tell_the_way_of_every_branch(tracer: Tracer, mode: Mode) -> None:
 
 
 @both
-def test_a_path_that_escapes_along_an_axis_is_told_without_a_warning(tracer: Tracer) -> None:
+def test_a_path_that_escapes_along_an_axis_is_reported_without_a_warning(tracer: Tracer) -> None:
     (path,) = tracer(scene(line("front", 0.0, "glass", "air")), legs=True).paths()
     assert path.points_mm.tolist() == [[0.0, -1.0], [0.0, 0.0]]
     assert path.exit_direction == (0.0, 1.0)

@@ -232,7 +232,7 @@ def test_a_missing_package_is_named_in_one_line(monkeypatch: pytest.MonkeyPatch)
 
 
 @needs_numba_cuda
-def test_a_missing_card_is_told_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_card_is_reported_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     from solen.trace.kernel import cuda  # it needs numba-cuda
 
     monkeypatch.setattr(cuda, "available", lambda: False)

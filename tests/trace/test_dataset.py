@@ -212,7 +212,7 @@ def test_a_folder_that_is_not_there_is_one_line(whole: Trace, tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("missing", ["xarray", "h5netcdf", "h5py"])
-def test_what_is_not_installed_is_told_with_its_remedy(
+def test_what_is_not_installed_is_reported_with_its_remedy(
     whole: Trace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, missing: str
 ) -> None:
     monkeypatch.setitem(sys.modules, missing, None)

@@ -68,7 +68,7 @@ def test_legs_beyond_the_first_guess_are_all_kept() -> None:
     assert [len(path.points_mm) for path in result.paths()] == [501] * 3
 
 
-def test_progress_is_told_after_every_chunk() -> None:
+def test_progress_is_reported_after_every_chunk() -> None:
     """Chunks are of one source, and of one half of its fan: the rays of even numbers, then those of odd ones."""
     told: list[int] = []
     trace(ball(2 * CHUNK + 5, 7), progress=told.append)

@@ -110,7 +110,7 @@ def test_relative_weighting_follows_small_stresses() -> None:
     assert near.quality[0].rms_MPa > far.quality[0].rms_MPa
 
 
-def test_quality_is_told_by_mode() -> None:
+def test_quality_is_reported_by_mode() -> None:
     found = fit("yeoh", three("mooney-rivlin"))
     assert [q.mode for q in found.quality] == ["uniaxial", "planar", "equibiaxial"]
     assert found.quality[0].stretch_range == (0.5, 5)
