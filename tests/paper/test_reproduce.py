@@ -112,7 +112,7 @@ def test_the_page_says_for_each_what_agrees_and_what_is_simulated(folder: Path) 
             assert text.count(f">{row.verdict}<") >= 1
         assert all(str(escape(command)) in text for command in one.commands)
     assert all(target.startswith("#") or target == "data:," for _, target in page.loads)
-    assert (found.agrees, found.differs, found.cannot_be_checked) == (6, 0, 1)
+    assert (found.agrees, found.differs, found.cannot_be_checked) == (12, 0, 1)
     assert set(found.not_made) == {one.name for one in paper.FIGURES} - set(FEW)
     assert "Not made yet: 2, 3B-D" in text
 

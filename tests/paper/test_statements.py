@@ -49,7 +49,7 @@ def test_every_statement_is_of_a_figure_that_is_made() -> None:
 
 
 def test_each_number_of_the_table_stands_in_the_words_beside_it() -> None:
-    words = {"six": "6", "five": "5"}
+    words = {"three": "3", "five": "5", "six": "6", "eight": "8", "twelve": "12", "fifteen": "15"}
     for one in statements().values():
         text = " ".join(words.get(word, word) for word in re.split(r"[ ,()]+", one.words))
         assert not one.value or f"{one.value:g}" in text or f"{one.value:.2f}" in text, one.key

@@ -110,7 +110,8 @@ def test_the_report_says_what_it_is(folder: Path, ran: dict[str, Any]) -> None:
     assert "As designed and as printed (simulated)" in page
     assert "as printed (measured)" not in page
     assert "lens as designed" in page
-    header = (folder / "out" / "results.csv").read_text(encoding="utf-8").splitlines()[0]
+    origin, header, *_ = (folder / "out" / "results.csv").read_text(encoding="utf-8").splitlines()
+    assert origin == "# simulated by solen, not measured"
     assert "designed_power_contrast" in header
 
 

@@ -102,7 +102,7 @@ def test_a_second_run_replaces_the_files(design: Path, tmp_path: Path, monkeypat
     (tmp_path / "notes.txt").write_text("mine", encoding="utf-8")
     pipeline.run(design, out=tmp_path, set_=[STEP, "lens.shape=none"])
     first = (tmp_path / "results.csv").read_bytes()
-    assert first.startswith(b"angle_deg,")
+    assert first.startswith(b"# simulated by solen, not measured\nangle_deg,")
     pipeline.run(design, out=tmp_path, set_=[STEP, "lens.shape=none", "emitter.rays=50"])
     assert (tmp_path / "results.csv").read_bytes() != first
     assert (tmp_path / "notes.txt").read_text(encoding="utf-8") == "mine"

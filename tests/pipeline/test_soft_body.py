@@ -70,6 +70,7 @@ def test_run_writes_the_response_under_load(capfd: pytest.CaptureFixture[str], d
     assert len(solid) == 2
     assert names == {"report.html", "results.json", "results.csv"} | pictures | solid
     with (out / "results.csv").open(encoding="utf-8") as file:
+        assert next(file).startswith("# simulated")
         rows = list(csv.DictReader(file))
     assert [float(row["contrast"]) for row in rows] == found["contrast"]
     assert [float(row["rigid_contrast"]) for row in rows] == pytest.approx([0.895, 0.0, -0.895], abs=2e-3)

@@ -72,6 +72,12 @@ def test_the_response_shows_both_receivers_of_both_cases(studied: Studies, drawn
     assert "right, no lens" not in alone
 
 
+def test_every_figure_of_light_says_that_it_is_simulated(drawn: Drawn) -> None:
+    of_the_lens_alone = {"lens-profile", "focus"}
+    silent = {name for name, text in drawn("paper").items() if not any("simulated" in word for word in words(text))}
+    assert silent == of_the_lens_alone
+
+
 def test_views_are_titled_by_their_angles(drawn: Drawn) -> None:
     texts = drawn("paper")
     assert {"-3°", "0°", "+3°"} <= {word.replace("−", "-") for word in words(texts["rays"])}

@@ -1,6 +1,7 @@
 """What the absorbance, taken for the absorptance, makes of an index: the error of the paper's formula with it.
 
-The interface: `index_errors` of a simulated layer, `transmittance_for` an index, `fall_of_polymers` of the literature.
+The interface: `error_of_index` of a simulated layer, `transmittance_for` an index, `fall_of_polymers` of the resins
+that solen ships, `literature_at` a wavelength.
 """
 
 import numpy as np
@@ -45,6 +46,19 @@ def literature_at(nm: float) -> tuple[float, float]:
     found = band(nm)
     low, high = float(found.low[0]), float(found.high[0])
     return 0.5 * (low + high), (high - low) / np.sqrt(12.0)
+
+
+def literature_between(*nm: float) -> tuple[float, float]:
+    """Mean over wavelengths of the middle of the literature's indices, and the standard uncertainty of their range."""
+    middles, us = zip(*map(literature_at, nm), strict=True)
+    return float(np.mean(middles)), float(np.mean(us))
+
+
+def rise_of_literature(short_nm: float, long_nm: float) -> tuple[float, float]:
+    """Index of acrylates and photoresins at the shorter wavelength less that at the longer, and its uncertainty."""
+    short, long = band(short_nm), band(long_nm)
+    low, high = sorted((float(short.low[0] - long.low[0]), float(short.high[0] - long.high[0])))
+    return 0.5 * (low + high), (high - low) / float(np.sqrt(12.0))
 
 
 def fall_of_polymers(short_nm: float, long_nm: float) -> tuple[float, float, float]:

@@ -50,6 +50,12 @@ def mean_change_percent(listing: Listing) -> tuple[float, float]:
     return 100.0 * float(change.mean()), 100.0 * NOISE * float(np.sqrt(2.0 / change.size))
 
 
+def range_nm(listing: Listing) -> dict[str, float]:
+    """Shortest and longest wavelength of spectra."""
+    ends = [float(end) for one in listing.spectra for end in (one.wavelength_nm.min(), one.wavelength_nm.max())]
+    return {"range-low": min(ends), "range-high": max(ends)}
+
+
 def slope_percent_per_s(trends: ExposureTrends) -> tuple[float | None, float]:
     """Slope of the transmittance over the exposure at the longest wavelength that is evaluated."""
     line = max(trends.wavelengths, key=lambda one: one.wavelength_nm).trend_T

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from solen.analysis import Study
+from solen.analysis.run import Run
 from solen.metrology import FacesInspection, LensInspection
 from solen.sensor import Sensor
 from solen.sensor.check import foci_of
@@ -80,15 +81,38 @@ def control_percent(study: Study) -> tuple[float, float]:
     return mean, mean * float(np.mean(scatter)) / float(np.sqrt(lens.n))
 
 
+def of_the_rig(study: Study) -> dict[str, float]:
+    """Sensors with a lens of a recording, and readings per second."""
+    times = _first_run(study).signals.time_s
+    with_lens = sum(one.lens is not False for one in study.sensors.values())
+    return {"sensors": float(with_lens), "modulation": 1.0 / float(np.median(np.diff(times)))}
+
+
+def _first_run(study: Study) -> Run:
+    return next(iter(study.sensors.values())).runs[0]
+
+
+def _hold_s(run: Run) -> tuple[float, float]:
+    """Median time of the holds away from rest, and its standard uncertainty by their scatter."""
+    signals, motion = run.signals, run.motion
+    away = [
+        float(np.ptp(signals.time_s[start:stop]))
+        for start, stop in motion.holds
+        if stop > start and abs(float(np.median(signals.angle_deg[start:stop])) - motion.rest_deg) > 0.5 * SIDE_DEG
+    ]
+    return float(np.median(away)), float(np.std(away, ddof=1) / np.sqrt(len(away)))
+
+
 def protocol_found(study: Study) -> dict[str, tuple[float, float]]:
-    """Cycles, cycles used, speed in °/s and half range in degrees that the analysis found, with uncertainties."""
-    response = next(iter(study.sensors.values()))
-    motion = response.runs[0].motion
+    """Cycles, cycles used, speed in °/s, half range in degrees and hold in s that the analysis found, with u."""
+    response, run = next(iter(study.sensors.values())), _first_run(study)
+    motion = run.motion
     return {
         "cycles": (float(len(motion.cycles)), 0.0),
         "cycles-used": (float(response.cycles_used), 0.0),
         "speed": (motion.speed_deg_per_s, 0.0),
         "reach": (0.5 * (motion.high_deg - motion.low_deg), motion.noise_deg),
+        "hold": _hold_s(run),
     }
 
 

@@ -36,6 +36,8 @@ METHODS = {
     "adaptive": ("adaptive", "#009E73", "^"),
 }
 """Name, colour and marker of each method of choosing rays."""
+SIMULATED = "simulated"
+"""What every figure of traced light says in a title."""
 SHOWN_RAYS = 100
 """Most rays drawn in a picture; more would merge into a blot."""
 
@@ -63,6 +65,7 @@ def study_figure(study: DesignStudy) -> Figure:
         power_axes.plot([], [], ".", color=LOST, ms=5, label="dots: counted rays")
     power_axes.legend()
     contrast_axes.legend()
+    figure.suptitle(SIMULATED)
     return figure
 
 
@@ -108,6 +111,7 @@ def matters_figure(practice: Practice) -> Figure:
     axes.set_axisbelow(True)
     axes.grid(visible=False, axis="y")
     axes.set(xlabel="change of the contrast, for a number increased by its tolerance")
+    axes.set_title(SIMULATED)
     axes.legend()
     return figure
 
@@ -143,15 +147,14 @@ def rays_figure(views: Sequence[tuple[str, Body, Scene, Trace]], zoom: float | N
     figure = Figure(figsize=(2.9 * len(views), 6.4 if zoom is None else 3.2))
     for axes, view in zip(np.ravel(figure.subplots(1, len(views))), views, strict=True):
         draw_rays(axes, *view, zoom=zoom)
+    figure.suptitle(SIMULATED)
     return figure
 
 
 def trace_figure(trace: DesignTrace) -> Figure:
     """At most `SHOWN_RAYS` rays of a design at the angle and in the mode of a trace."""
     shown = min(trace.sensor.design.emitter.rays, SHOWN_RAYS)
-    figure = rays_figure([sensor_view(trace.sensor, trace.value, shown, trace.mode)])
-    figure.suptitle("simulated")
-    return figure
+    return rays_figure([sensor_view(trace.sensor, trace.value, shown, trace.mode)])
 
 
 def sensor_view(
@@ -198,7 +201,7 @@ def scene_figure(trace: SceneTrace) -> Figure:
         axes.plot(*zip(monitor.start, monitor.end, strict=True), color=LEFT, lw=1.2, ls="--")
     axes.set_aspect("equal")
     axes.grid(visible=False)
-    axes.set(title=scene.name, xlabel=f"x ({unit})", ylabel=f"z ({unit})")
+    axes.set(title=f"{SIMULATED}: {scene.name}", xlabel=f"x ({unit})", ylabel=f"z ({unit})")
     axes.set(xlim=(low[0] - margin, high[0] + margin), ylim=(low[1] - margin, high[1] + margin))
     return figure
 

@@ -25,6 +25,7 @@ def printed_figure(as_printed: AsPrinted) -> Figure:
             _draw_responses(contrast_axes, one, colour)
             _draw_difference(difference_axes, one, colour)
     contrast_axes.set(xlabel="angle (deg)", ylabel="contrast (R − L)/(R + L)", ylim=(-1.05, 1.05))
+    contrast_axes.set_title("simulated responses")
     contrast_axes.legend()
     difference_axes.axhline(0.0, color=INK, lw=0.8)
     difference_axes.set(xlabel="angle (deg)", ylabel="contrast, printed − designed")

@@ -7,7 +7,7 @@ from solen import files
 from solen.analysis import Study, study
 from solen.bench.record import RecordOptions
 from solen.paper.samples import write_samples
-from solen.paper.sensor_numbers import control_percent, mean_slope, protocol_found
+from solen.paper.sensor_numbers import control_percent, mean_slope, of_the_rig, protocol_found
 from solen.paper.statements import compared
 from solen.pipeline.bench.record import run
 from solen.pipeline.project.paper.model import Made, PaperFigure, Picture
@@ -40,7 +40,8 @@ def _response(folder: Path) -> Made:
     )
     rows = [compared(f"voltage-{side}", *mean_slope(found, side)) for side in ("right", "left")]
     control = compared("control-measured", *control_percent(found))
-    return Made((Picture("4D.svg", alt, lambda: figure_of(found), mark=MARK),), (*rows, control))
+    rig = [compared(key, number) for key, number in of_the_rig(found).items()]
+    return Made((Picture("4D.svg", alt, lambda: figure_of(found), mark=MARK),), (*rows, control, *rig))
 
 
 def _traces(folder: Path) -> Made:

@@ -8,6 +8,7 @@ from solen.geometry.coupons import layout
 from solen.metrology import InspectOptions
 from solen.metrology.zmap import ZMapOptions
 from solen.paper import pictures
+from solen.paper.design_numbers import coupon_sizes, settings_of_print
 from solen.paper.sample_numbers import film_layer_sizes, smallest_um
 from solen.paper.sensor_numbers import deviation_um, shipped
 from solen.paper.statements import Comparison, compared
@@ -30,7 +31,8 @@ def _film(_: Path) -> Made:
     plans = coupons(only=FILM, listing=True).result
     alt = "base on the platform, film cured onto it, layer cured, film with layer in the light, rays through a slab"
     picture = Picture("S2.svg", alt, lambda: figure_of(plans), PAGE.model_copy(update={"letters": "A"}))
-    return Made((picture,), tuple(compared(key, size) for key, size in film_layer_sizes(plans.layouts[0]).items()))
+    found = film_layer_sizes(plans.layouts[0]) | settings_of_print()
+    return Made((picture,), tuple(compared(key, size) for key, size in found.items()))
 
 
 def _lenses(folder: Path) -> Made:
@@ -53,7 +55,8 @@ def _lens(folder: Path, number: int, letter: str, nm: str) -> tuple[Picture, Com
 
 def _coupons(folder: Path) -> Made:
     made = [_coupon(folder, letter, name, key) for letter, (name, key) in COUPONS_OF.items()]
-    return Made(tuple(picture for picture, _ in made), tuple(row for _, row in made))
+    sizes = [compared(key, size) for key, size in coupon_sizes().items()]
+    return Made(tuple(picture for picture, _ in made), (*(row for _, row in made), *sizes))
 
 
 def _coupon(folder: Path, letter: str, name: str, key: str) -> tuple[Picture, Comparison]:

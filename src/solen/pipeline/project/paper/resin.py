@@ -7,13 +7,22 @@ from solen.material.cure.stated import largest_Ec
 from solen.material.index.options import IndexOptions
 from solen.material.stiffness import Dimensions, StiffnessOptions
 from solen.paper import samples
-from solen.paper.index_by_absorbance import error_of_index, fall_of_polymers, literature_at, transmittance_for
+from solen.paper.design_numbers import size_of, wavelength_nm
+from solen.paper.index_by_absorbance import (
+    error_of_index,
+    fall_of_polymers,
+    literature_at,
+    literature_between,
+    rise_of_literature,
+    transmittance_for,
+)
 from solen.paper.sample_numbers import (
     depth_at,
     least_transmittance_percent,
     mean_change_percent,
     modulus_change,
     paper_exposure,
+    range_nm,
     slope_percent_per_s,
 )
 from solen.paper.samples import mark_of, write_samples
@@ -31,6 +40,7 @@ LED_NM = 860.0
 CUBE = Dimensions(cube_mm=samples.CUBE_MM)
 PAPER_RATE, PAPER_S = paper_exposure()
 INDICES_NM = (860.0, 500.0, 450.0)
+SHORTEST_NM, LONGEST_EXPOSURE_S, PRINTER = 400.0, 7.0, "asiga-max-uv"
 CUBES = tuple(f"cubes/{kind}-{number}.csv" for kind in samples.KINDS for number in range(1, samples.REPEATS + 1))
 LABELS = tuple(kind for kind in samples.KINDS for _ in range(samples.REPEATS))
 
@@ -53,6 +63,7 @@ def _layer(folder: Path) -> Made:
             compared("slab", *error_of_index(result, LED_NM)),
             *map(_index, INDICES_NM),
             _dispersion(),
+            *_typical(),
         ),
     )
 
@@ -67,13 +78,22 @@ def _dispersion() -> Comparison:
     return compared("dispersion", fall, u, most=most)
 
 
+def _typical() -> list[Comparison]:
+    """The index that the paper calls typical, and its rise below 450 nm."""
+    own = [stated(f"index-{nm:g}") for nm in INDICES_NM]
+    typical = compared("index-typical", *literature_between(*INDICES_NM), least=min(own), most=max(own))
+    return [typical, compared("index-rise", *rise_of_literature(SHORTEST_NM, INDICES_NM[-1]))]
+
+
 def _stiffness(folder: Path) -> Made:
     tests = write_samples(folder, *CUBES)
     result = stiffness(*tests, options=StiffnessOptions(mode="compression"), dimensions=CUBE, label=LABELS).result
     alt = "compressive stress over strain of simulated cubes of two resins, mean and standard deviation of three each"
     look = COLUMN.model_copy(update={"panels": "A", "letters": "A"})
     picture = Picture("S1A.svg", alt, lambda: figure_of(result), look, mark_of(CUBES[0]))
-    return Made((picture,), (compared("compliance", *modulus_change(result)),))
+    return Made(
+        (picture,), (compared("compliance", *modulus_change(result)), compared("cube", size_of("cubes", "cube")))
+    )
 
 
 def _spectra(folder: Path) -> Made:
@@ -82,7 +102,8 @@ def _spectra(folder: Path) -> Made:
     alt = "transmittance of simulated layers of the pristine and the modified resin from 400 to 900 nm"
     look = COLUMN.model_copy(update={"letters": "B", "limits": ("x=400:900",)})
     picture = Picture("S1B.svg", alt, lambda: figure_of(result), look, mark_of("modified.csv"))
-    return Made((picture,), (compared("transparency", *mean_change_percent(result)),))
+    drawn = [compared(key, nm) for key, nm in range_nm(result).items()]
+    return Made((picture,), (compared("transparency", *mean_change_percent(result)), *drawn))
 
 
 def _cure(folder: Path) -> Made:
@@ -93,7 +114,13 @@ def _cure(folder: Path) -> Made:
     look = COLUMN.model_copy(update={"letters": "C"})
     picture = Picture("S1C.svg", alt, lambda: working_curves(result), look, mark_of("discs/modified.csv"))
     depth = compared("cure-depth", *depth_at(result, energy), Dp=result.Dp_um, Ec=largest_Ec(result.Dp_um))
-    return Made((picture,), (compared("cure-energy", energy), depth))
+    below = compared("cure-100", *depth_at(result, PAPER_RATE * LONGEST_EXPOSURE_S))
+    projector = compared("projector", wavelength_nm(PRINTER))
+    disc = compared("disc", size_of("cure-discs", "disc"))
+    return Made(
+        (picture,),
+        (compared("cure-energy", energy), depth, compared("irradiance", PAPER_RATE), projector, disc, below),
+    )
 
 
 def _exposures(folder: Path) -> Made:
@@ -101,7 +128,8 @@ def _exposures(folder: Path) -> Made:
     alt = "transmittance of simulated layers exposed for 2, 4 and 6 s"
     look = COLUMN.model_copy(update={"panels": "A", "letters": "D"})
     picture = Picture("S1D.svg", alt, lambda: figure_of(result), look, mark_of("exposures.csv"))
-    return Made((picture,), (compared("exposure", *slope_percent_per_s(result)),))
+    number = compared("exposures", float(len(set(result.exposure_s))))
+    return Made((picture,), (compared("exposure", *slope_percent_per_s(result)), number))
 
 
 LAYER = PaperFigure(

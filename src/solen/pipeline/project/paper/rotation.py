@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from solen.paper.design_numbers import body_sizes, lens_sizes, peak_nm, pivot_off_mm, source_of
 from solen.paper.sensor_numbers import (
     LED,
     POINT,
@@ -13,10 +14,11 @@ from solen.paper.sensor_numbers import (
     shipped,
     turned,
 )
-from solen.paper.statements import compared
+from solen.paper.statements import Comparison, compared
 from solen.pipeline.project.paper.model import COLUMN, Made, PaperFigure, Picture
 from solen.report.paper.figures import rays_of_states
 from solen.report.plot import figure_of
+from solen.sensor import Sensor
 
 OTHERS_NM = ("500", "450")
 ZOOM_MM = 3.0
@@ -30,7 +32,8 @@ def _lenses(_: Path) -> Made:
     alt = "the ovals of 1.44, 1.49 and 1.54 from x = −2 to 2 mm; the lower the index, the deeper the lens"
     picture = Picture("3A.svg", alt, lambda: figure_of(lens), COLUMN.model_copy(update={"letters": "A"}))
     found = [compared(f"focus-{nm}", focus_mm(shipped(f"paper-{nm}"))) for nm in ("860", *OTHERS_NM)]
-    return Made((picture,), tuple(found))
+    sizes = [compared(key, size) for key, size in lens_sizes(shipped(POINT)).items()]
+    return Made((picture,), (*found, *sizes))
 
 
 def _simulated(_: Path) -> Made:
@@ -49,8 +52,23 @@ def _simulated(_: Path) -> Made:
             compared("to-right", found.contrast[0], found.u_contrast[0], saturation=saturated_from_deg(point)),
             compared("to-left", found.contrast[2], found.u_contrast[2]),
             compared("in-space", *real.apart, share=share),
+            *_sizes(point),
         ),
     )
+
+
+def _sizes(point: Sensor) -> list[Comparison]:
+    """Sizes of the Y, its light and the centre of its turn beside the paper's."""
+    sizes = body_sizes(point)
+    known = {"major-base": {"major": sizes["major-base"]}}
+    rows = [compared(key, size, **known.get(key, {})) for key, size in (sizes | source_of(point)).items()]
+    return [*rows, compared("pivot", pivot_off_mm(point, -SIDE_DEG))]
+
+
+def _parts() -> list[Comparison]:
+    """Peaks of the paper's emitter and receiver by their datasheets."""
+    led, receiver = peak_nm("VSMY1850"), peak_nm("TEMT7100X01")
+    return [compared("led-peak", *led, peak=led[0]), compared("receiver-peak", *receiver)]
 
 
 def _experiment(_: Path) -> Made:
@@ -61,7 +79,7 @@ def _experiment(_: Path) -> Made:
     rows = [compared(key, *pair) for key, *pair in zip(keys, found.contrast, found.u_contrast, strict=True)]
     mark = "SIMULATED: the LED of solen-860 with its chip; the rays of the plane are shown, no seed"
     picture = Picture("4ABC.svg", alt, lambda: rays_of_states(led, (0.0, *SIDES), "ABC"), mark=mark)
-    return Made((picture,), (rows[1], rows[0], rows[2]))
+    return Made((picture,), (rows[1], rows[0], rows[2], *_parts()))
 
 
 def _others(_: Path) -> Made:

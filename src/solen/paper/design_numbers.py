@@ -1,0 +1,166 @@
+"""Sizes of shipped designs, of coupons and of parts as solen makes them, to stand beside the paper's.
+
+The idea: sizes of a body are read off its outline, not out of its design, so that the geometry is checked as well.
+
+The interface: `body_sizes` of a sensor's body, `source_of` its emitter, `coupon_sizes` of the resolution coupons,
+`settings_of_print` of the default process, `peak_nm` of a part, `wavelength_nm` of a printer; keys
+are those of the statements.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from solen.curve import Measure
+from solen.fabricate.process.process_file import default_process
+from solen.geometry.coupons import Coupon, Feature, layout
+from solen.parts.datasheet import EmitterPart, ReceiverPart, library_part
+from solen.parts.printer import library_printer
+from solen.plane import Point
+from solen.sensor import Sensor
+
+RESOLUTION = ("group-a", "group-b", "group-c", "holes", "z-reference")
+
+
+def body_sizes(sensor: Sensor) -> dict[str, float]:
+    """Sizes of a Y in mm, between the corners of its outline at rest."""
+    body = sensor.body()
+    lens, stem = body.face("lens").curve, body.face("stem-right").curve
+    fork, base = body.marks["fork-right"], body.marks["stem-base"]
+    length = fork[1] - base[1]
+    return {
+        "stem-length": length,
+        "stem-curve": (abs(fork[0]) - abs(stem.start[0])) / length**2,
+        "minor-base": math.dist(lens.start, lens.end),
+        "major-base": math.dist(fork, body.marks["fork-left"]),
+        "arm-length": Measure(body.face("outer-right").curve).length_mm,
+        "arm-width": Measure(body.face("receiver-right").curve).length_mm,
+    }
+
+
+def lens_sizes(sensor: Sensor) -> dict[str, float]:
+    """Half width of a lens and distance of its vertex from the emitter, in mm."""
+    body = sensor.body()
+    lens = body.face("lens").curve
+    ends = [lens.start[0], lens.end[0]]
+    vertex = min(float(point[1]) for point in lens.points(np.linspace(0.0, 1.0, 201)))
+    return {"lens-width": 0.5 * (max(ends) - min(ends)), "emitter-distance": vertex - body.emitter.point[1]}
+
+
+def source_of(sensor: Sensor) -> dict[str, float]:
+    """Rays, cone in degrees and wavelength in nm of a design's emitter."""
+    emitter = sensor.design.emitter
+    stated = {"rays": emitter.rays, "cone": emitter.cone_deg, "wavelength": emitter.wavelength_nm}
+    return {key: float(value) for key, value in stated.items() if value is not None}
+
+
+def pivot_off_mm(sensor: Sensor, angle_deg: float) -> float:
+    """Distance of the centre about which a lens turns by an angle from the centre of the stem's minor base."""
+    rest, turned = (sensor.body(angle).face("lens").curve for angle in (0.0, angle_deg))
+    return math.dist(_fixed_point((rest.start, rest.end), (turned.start, turned.end)), _middle(rest.start, rest.end))
+
+
+def _middle(a: Point, b: Point) -> Point:
+    return 0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])
+
+
+def _fixed_point(before: Sequence[Point], after: Sequence[Point]) -> Point:
+    """Point that a turn of two points leaves in place; with complex numbers, w = a z + b and z = b / (1 − a)."""
+    (p, q), (v, w) = ([complex(*point) for point in points] for points in (before, after))
+    a = (w - v) / (q - p)
+    centre = (v - a * p) / (1.0 - a)
+    return centre.real, centre.imag
+
+
+def settings_of_print() -> dict[str, float]:
+    """Exposure of a layer, that of the burn-in and its layers, in the default process."""
+    settings = default_process().process
+    return {
+        "layer-exposure": settings.exposure_s,
+        "burn-in-exposure": settings.burn_in_s,
+        "burn-in-layers": float(settings.burn_in_layers),
+    }
+
+
+def size_of(coupon: str, kind: str) -> float:
+    """Diameter or side in mm of the first feature of a kind."""
+    return next(one for one in layout(coupon).features if one.kind == kind).diameter_mm
+
+
+def wavelength_nm(printer: str) -> float | None:
+    """Wavelength of a printer's light; None if its file does not state it."""
+    light = library_printer(printer).wavelength_nm
+    return None if light is None else light.usual
+
+
+def coupon_sizes() -> dict[str, float]:
+    """Sizes of the coupons of the printing resolution, in mm, and how many features they have."""
+    a, b, c, holes, reference = map(layout, RESOLUTION)
+    diameters, gaps = _diameters(a, "pillar"), sorted(gap.gap_mm for gap in b.gaps)
+    steps = sorted({round(step.step_mm, 6) for step in c.steps})
+    heights, bores = [one.height_mm for one in c.of_kind("pillar")], _diameters(holes, "hole")
+    return {
+        "group-a-number": float(len(diameters)),
+        "group-a-largest": diameters[-1],
+        "group-a-smallest": diameters[0],
+        "group-a-height": _height(a),
+        "group-base": _thickness(a),
+        "group-b-number": float(len(gaps)),
+        "group-b-largest": gaps[-1],
+        "group-b-smallest": gaps[0],
+        "group-b-diameter": b.of_kind("pillar")[0].diameter_mm,
+        "group-c-diameter": c.of_kind("pillar")[0].diameter_mm,
+        "group-c-lowest": min(heights),
+        "group-c-highest": max(heights),
+        **{f"group-c-step-{number}": step for number, step in zip("123", reversed(steps), strict=True)},
+        "holes-number": float(len(holes.of_kind("hole"))),
+        "holes-smallest": bores[0],
+        "holes-largest": bores[-1],
+        "holes-step": float(np.min(np.diff(np.unique(bores)))),
+        "holes-length": holes.size_mm[0],
+        "holes-width": holes.size_mm[1],
+        "holes-thickness": _thickness(holes),
+        **_reference(reference),
+    }
+
+
+def _reference(coupon: Coupon) -> dict[str, float]:
+    """Sizes of the slab whose pillars are one layer apart."""
+    pillars = sorted(coupon.of_kind("pillar"), key=_by_height)
+    names = ("lowest", "middle", "highest")
+    return {
+        "reference-length": coupon.size_mm[0],
+        "reference-width": coupon.size_mm[1],
+        "reference-thickness": _thickness(coupon),
+        "reference-pillar": pillars[0].width_mm,
+        **{f"reference-{name}": one.height_mm for name, one in zip(names, pillars, strict=True)},
+    }
+
+
+def _by_height(one: Feature) -> float:
+    return one.height_mm
+
+
+def _diameters(coupon: Coupon, kind: str) -> list[float]:
+    return sorted(one.diameter_mm for one in coupon.features if one.kind == kind)
+
+
+def _height(coupon: Coupon) -> float:
+    return coupon.of_kind("pillar")[0].height_mm
+
+
+def _thickness(coupon: Coupon) -> float:
+    return 0.0 if coupon.slab is None else coupon.slab.thickness_mm
+
+
+def peak_nm(part: str) -> tuple[float, float]:
+    """Peak wavelength of a part by its datasheet; of a spectrum, its highest point and half the way to the next."""
+    sheet = library_part(part)
+    if isinstance(sheet, EmitterPart):
+        return sheet.peak_nm.usual, 0.0
+    if isinstance(sheet, ReceiverPart) and sheet.spectrum is not None:
+        nm, place = sheet.spectrum.wavelength_nm, int(np.argmax(sheet.spectrum.relative))
+        near = nm[max(place - 1, 0) : place + 2]
+        return nm[place], (max(near) - min(near)) / math.sqrt(12.0)
+    raise ValueError(f"{part} has no peak wavelength")

@@ -1,0 +1,57 @@
+"""Sizes that stand beside the paper's are read off the body, and follow it."""
+
+import pytest
+
+from solen.paper.design_numbers import body_sizes, coupon_sizes, lens_sizes, peak_nm, pivot_off_mm, source_of
+from solen.paper.sensor_numbers import POINT, shipped
+from solen.paper.statements import stated
+
+
+def test_sizes_of_a_body_follow_its_design() -> None:
+    changed = {
+        "body.stem_length_mm": 15.0,
+        "body.stem_curve_per_mm": 0.005,
+        "body.arm_length_mm": 20.0,
+        "body.arm_width_mm": 2.5,
+        "lens.half_width_mm": 1.8,
+        "emitter.distance_mm": 1.2,
+        "emitter.rays": 50,
+        "emitter.cone_deg": 90.0,
+        "emitter.wavelength_nm": 850.0,
+    }
+    sensor = shipped(POINT).set(changed)
+    expected = {
+        "stem-length": 15.0,
+        "stem-curve": 0.005,
+        "minor-base": 3.6,
+        "major-base": 3.6 + 2.0 * 0.005 * 15.0**2,
+        "arm-length": 20.0,
+        "arm-width": 2.5,
+        "lens-width": 1.8,
+        "emitter-distance": 1.2,
+        "rays": 50.0,
+        "cone": 90.0,
+        "wavelength": 850.0,
+    }
+    assert body_sizes(sensor) | lens_sizes(sensor) | source_of(sensor) == pytest.approx(expected, abs=1e-9)
+
+
+def test_the_centre_of_a_turn_is_found_from_the_lens() -> None:
+    sensor = shipped(POINT)
+    assert pivot_off_mm(sensor, -3.0) == pytest.approx(0.0, abs=1e-9)
+    base, emitter = sensor.body().marks["stem-base"], sensor.body().emitter.point
+    assert pivot_off_mm(sensor.set({"motion.pivot": "emitter"}), -3.0) == pytest.approx(base[1] - emitter[1])
+
+
+def test_steps_that_do_not_fit_the_papers_own_ranges_differ() -> None:
+    sizes = coupon_sizes()
+    differ = {key for key, size in sizes.items() if size != pytest.approx(stated(key))}
+    assert differ == {"group-c-step-2", "group-c-step-3", "holes-step"}
+
+
+def test_peaks_of_parts_are_those_of_their_datasheets() -> None:
+    assert peak_nm("VSMY1850") == (850.0, 0.0)
+    nm, u = peak_nm("TEMT7100X01")
+    assert abs(nm - stated("receiver-peak")) < u
+    with pytest.raises(ValueError, match="USB-6218"):
+        peak_nm("USB-6218")
