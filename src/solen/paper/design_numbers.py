@@ -51,8 +51,7 @@ def lens_sizes(sensor: Sensor) -> dict[str, float]:
 def source_of(sensor: Sensor) -> dict[str, float]:
     """Rays, cone in degrees and wavelength in nm of a design's emitter."""
     emitter = sensor.design.emitter
-    stated = {"rays": emitter.rays, "cone": emitter.cone_deg, "wavelength": emitter.wavelength_nm}
-    return {key: float(value) for key, value in stated.items() if value is not None}
+    return {"rays": float(emitter.rays), "cone": emitter.cone_deg, "wavelength": emitter.wavelength_nm}
 
 
 def pivot_off_mm(sensor: Sensor, angle_deg: float) -> float:
