@@ -321,6 +321,23 @@ def test_a_folder_is_named_by_its_place_alone(refused: Refusal) -> None:
     assert "Unknown option: --folder" in refused("new", "--folder", "x")
 
 
+def test_an_option_is_suggested_only_where_it_is_near(refused: Refusal) -> None:
+    for wrong, meant in (
+        ("--figur", "--figure"),
+        ("--angle", "--angle-deg"),
+        ("--angel", "--angle-deg"),
+        ("--width", "--width-mm"),
+        ("--heigth-mm", "--height-mm"),
+        ("--no-len", "--no-lens"),
+    ):
+        assert refused("trace", "sensor.toml", wrong, "3").endswith(f"Unknown option: {wrong}; did you mean {meant}?")
+    for wrong in ("--out", "--outt", "--save", "--foo"):
+        assert refused("trace", "sensor.toml", wrong, "x").endswith(
+            f"Unknown option: {wrong}; see the command's --help"
+        )
+    assert refused("run", "sensor.toml", "--output", "x", "--out", "y").endswith("did you mean --out?")
+
+
 OUTPUTS = {
     "under a file": "sensor.toml/x.svg",
     "in a folder that is not": "nowhere/x.svg",

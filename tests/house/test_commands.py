@@ -74,6 +74,8 @@ def test_help_shows_choices_defaults_and_limits(capsys: pytest.CaptureFixture[st
     assert "Above 0, at most 3600. [default: 2.0]" in text
     assert "False" not in text
     assert "()" not in text
+    assert "[default: None]" not in text
+    assert "[default: ]" not in text
 
 
 def test_the_schema_alone_is_that_of_the_design(capsys: pytest.CaptureFixture[str]) -> None:

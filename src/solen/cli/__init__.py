@@ -4,6 +4,7 @@ With ``--json`` a command prints one JSON object on stdout and everything else o
 on stderr and exit code 2; Ctrl-C with one line and 130.
 """
 
+import difflib
 import gc
 import io
 import os
@@ -11,7 +12,7 @@ import re
 import sys
 from collections.abc import Sequence
 from contextlib import nullcontext
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from typing import Any
 
 import cyclopts
@@ -23,6 +24,10 @@ from solen.errors import SolenError
 from solen.results import Outcome
 
 BAD_INPUT, INTERRUPTED = 2, 130
+ALIKE = 0.75
+"""Likeness from which on a known option is suggested for an unknown one."""
+LEAST_BEGINNING = 3
+"""Letters of an option with which a longer, unknown one may begin."""
 RARELY = 20_000, 50, 50
 """When Python looks for objects that refer to each other in circles: seldom. Its usual limit of 700 new objects is
 reached all the time while modules load, and a tenth of a run went into it; what waits here is a few megabytes."""
@@ -81,6 +86,8 @@ def _one_line(bad: cyclopts.CycloptsError, arguments: Sequence[str]) -> str:
         for option, value in pairwise(arguments):
             if option == bad.keyword and re.match(r"-[\d.]", value):  # read as an option, since it is not a number
                 return f"{option} = {value}; is not a number; write it without a unit"
+    if isinstance(bad, cyclopts.UnknownOptionError):
+        return _unknown_option(bad)
     if isinstance(bad, cyclopts.UnusedCliTokensError):
         further = bad.unused_tokens or []
         limit = "is an argument too many" if len(further) == 1 else "are arguments too many"
@@ -90,6 +97,20 @@ def _one_line(bad: cyclopts.CycloptsError, arguments: Sequence[str]) -> str:
 
         return str(option_refusal(bad.__cause__, command_line=True))
     return " ".join(str(bad).split())
+
+
+def _unknown_option(bad: cyclopts.UnknownOptionError) -> str:
+    """Line on an option that a command lacks, with the one that was probably meant: of the same beginning, or alike."""
+    option = (bad.token.keyword or bad.token.value).split("=", 1)[0]
+    known = [name for one in bad.argument_collection for name in one.names if name.startswith("--")]
+    names: dict[str, str] = {}  # each option by its first words and by itself: angle and angle-deg are --angle-deg
+    for name in known:
+        names |= dict.fromkeys(accumulate(name[2:].lower().split("-"), "{}-{}".format), name)
+    names |= {name[2:].lower(): name for name in known}
+    word = option.lstrip("-").lower()
+    begun = [short for short in names if word.startswith(short) and len(short) >= LEAST_BEGINNING]
+    near = max(begun, key=len, default="") or next(iter(difflib.get_close_matches(word, names, 1, ALIKE)), "")
+    return f"Unknown option: {option}; " + (f"did you mean {names[near]}?" if near else "see the command's --help")
 
 
 def _drop_output() -> None:

@@ -46,8 +46,8 @@ def option_name(field: str) -> str:
 
 
 def shown_default(value: Any) -> str | None:
-    """Default of an option as help shows it: as a user would type it; None for a flag or an empty list."""
-    if isinstance(value, bool) or value == ():
+    """Default of an option as help shows it: as a user would type it; None for a flag, an empty list or no value."""
+    if isinstance(value, bool) or value in {None, "", ()}:
         return None
     return " ".join(map(str, value)) if isinstance(value, tuple) else str(value)
 
