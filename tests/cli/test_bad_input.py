@@ -329,13 +329,12 @@ def test_an_option_is_suggested_only_where_it_is_near(refused: Refusal) -> None:
         ("--width", "--width-mm"),
         ("--heigth-mm", "--height-mm"),
         ("--no-len", "--no-lens"),
+        ("--fontt", "--font"),
     ):
-        assert refused("trace", "sensor.toml", wrong, "3").endswith(f"Unknown option: {wrong}; did you mean {meant}?")
+        assert f"Unknown option: {wrong}; did you mean {meant}?" in refused("trace", "sensor.toml", wrong, "3")
     for wrong in ("--out", "--outt", "--save", "--foo"):
-        assert refused("trace", "sensor.toml", wrong, "x").endswith(
-            f"Unknown option: {wrong}; see the command's --help"
-        )
-    assert refused("run", "sensor.toml", "--output", "x", "--out", "y").endswith("did you mean --out?")
+        assert f"Unknown option: {wrong}; see the command's --help" in refused("trace", "sensor.toml", wrong, "x")
+    assert "did you mean --out?" in refused("run", "sensor.toml", "--output", "x", "--out", "y")
 
 
 OUTPUTS = {

@@ -23,7 +23,7 @@ from solen.fabricate.process import (
     read_process,
     with_resin,
 )
-from solen.fabricate.process.source import curve_left_out
+from solen.fabricate.process.source import curve_cautions
 from solen.lens.profile import read_profile
 from solen.pipeline.design.designs import open_design
 from solen.pipeline.print.calibrate import calibrate as calibrate_printer
@@ -330,8 +330,11 @@ def test_a_resin_with_a_working_curve_gives_it(sensor: Path, tmp_path: Path) -> 
     assert keys[:2] == ("Dp_um", "Ec_mJ_per_cm2")
     assert covariance[:2, :2].tolist() == [[9.0, 0.5], [0.5, 0.04]]
     lit = default_process().with_settings(lamp=((0.5, 0.8), (0.5, 1.2)))
-    assert curve_left_out(default_process(), design) == []
-    assert all(part in curve_left_out(lit, design)[0] for part in ("clear", "Dp 80 µm", lit.name))
+    assert curve_cautions(default_process(), design) == curve_cautions(found, design) == []
+    resin.write_text(f'{text}warnings = ["few discs"]\n[[sources]]\nof = "cure"\nsimulated = true\n', encoding="utf-8")
+    assert curve_cautions(found, design) == ["cure: from simulated data, not measured", "cure: few discs"]
+    resin.write_text(text, encoding="utf-8")
+    assert all(part in curve_cautions(lit, design)[0] for part in ("clear", "Dp 80 µm", lit.name))
     stated = read_process(_written(tmp_path / "p.toml", KNOWN + 'Dp_um = 60.0\n[source]\nDp_um = "measured"\n'))
     assert with_resin(stated, design) is stated
 

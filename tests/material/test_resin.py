@@ -7,6 +7,7 @@ import pytest
 
 from solen.errors import DataError, SolenError
 from solen.material import Cauchy, Constant, Optical, Sellmeier, Tabulated, library, library_resin, load_resin, optical
+from solen.mechanics.design import stiffness_cautions
 from solen.spec import Design, Material, load, template
 
 HEAD = 'schema = 1\nname = "mine"\nsource = "measured"\n'
@@ -172,6 +173,28 @@ def test_a_resin_file_lies_beside_its_design_and_a_stated_absorption_overrules_i
     assert (found.index, found.u_index, found.absorption_per_mm) == (1.5, 0.001, expected)
     assert found.source == "mine: measured"
     assert any("mine, 0.03 per mm" in text for text in found.warnings) is bool(stated)
+
+
+def test_every_measured_table_warns_and_light_hears_of_index_and_loss_alone(tmp_path: Path) -> None:
+    tables = {
+        "index": 'kind = "number"\nn = 1.5\nmode = "lossless"',
+        "loss": "absorption_per_mm = 0.03",
+        "cure": "Dp_um = 80.0\nEc_mJ_per_cm2 = 4.0",
+        "stiffness": "modulus_MPa = 1.2",
+    }
+    text = "".join(f'[{name}]\n{values}\nwarnings = ["doubt of {name}"]\n' for name, values in tables.items())
+    text += "".join(f'[[sources]]\nof = "{name}"\nsimulated = true\n' for name in ("cure", "stiffness"))
+    resin = load_resin(written(tmp_path, HEAD + text))
+    simulated = [f"{name}: from simulated data, not measured" for name in ("cure", "stiffness")]
+    assert list(resin.warnings) == [*simulated, *(f"{name}: doubt of {name}" for name in tables)]
+    assert resin.cautions("stiffness") == (simulated[1], "stiffness: doubt of stiffness")
+    (tmp_path / "sensor.toml").write_text('schema = 1\nname = "x"\n[material]\nresin = "mine.toml"\n', encoding="utf-8")
+    design = load(tmp_path / "sensor.toml")
+    found = [text for text in optical(design).warnings if "doubt" in text]
+    assert found == ["index: doubt of index", "loss: doubt of loss"]
+    assert stiffness_cautions(design) == resin.cautions("stiffness")
+    own = design.mechanics.model_copy(update={"modulus_MPa": 2.0})
+    assert stiffness_cautions(design.model_copy(update={"mechanics": own})) == ()
 
 
 def test_the_example_design_takes_the_loss_of_the_resin_that_replaces_its_index(tmp_path: Path) -> None:

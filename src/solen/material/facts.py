@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from solen.errors import SolenError
 from solen.material.dispersion import Dispersion
 from solen.material.resin import Cure, Loss, Part, Resin, Source, Stiffness, library, library_resin
-from solen.ranks import Caution, of
+from solen.ranks import Caution
 from solen.results import HIDDEN, Result, reported
 from solen.spec.strict import Options, Wavelength, error_context
 
@@ -104,11 +104,7 @@ class ResinFacts(Result):
     @reported
     def warnings(self) -> tuple[Caution, ...]:
         """Warnings for users of the resin."""
-        others = {"cure": self.cure, "stiffness": self.stiffness}
-        warnings = (
-            of(name, Caution(text)) for name, table in others.items() if table is not None for text in table.warnings
-        )
-        return (*self.contents.warnings, *warnings)
+        return self.contents.warnings
 
 
 class ResinList(Result):

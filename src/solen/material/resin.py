@@ -42,6 +42,8 @@ RESIN_SCHEMA = 1
 RESIN_MIGRATIONS: Migrations = {}  # old version -> tables of that version into those of the next
 LOSS_APART_NM = 20.0
 """How far a wavelength may be from that of a loss before it is warned of."""
+MEASURED = ("index", "loss", "cure", "stiffness")
+"""Tables that are found by measurement, and may have warnings."""
 WHOLE, OFF_WHOLE = 100.0, 0.1
 """Sum of the parts of a formulation, and how far the rounding of their percentages may move it."""
 
@@ -187,11 +189,15 @@ class Resin(Strict):
 
     @property
     def warnings(self) -> tuple[Caution, ...]:
-        """Warnings about its index and its loss."""
-        simulated = [source.of for source in self.sources if source.simulated and source.of in {"index", "loss"}]
+        """Warnings about its index, its loss, how it cures and how it gives."""
+        return self.cautions(*MEASURED)
+
+    def cautions(self, *tables: str) -> tuple[Caution, ...]:
+        """Warnings about some of its tables: what was simulated, and what must be known of each."""
+        simulated = [source.of for source in self.sources if source.simulated and source.of in tables]
         warnings = [of(name, look_at("from simulated data, not measured")) for name in dict.fromkeys(simulated)]
-        tables = {"index": self.index.warnings, "loss": self.loss.warnings}
-        return (*warnings, *(of(name, Caution(text)) for name, texts in tables.items() for text in texts))
+        stated = {name: table.warnings for name in tables if (table := getattr(self, name)) is not None}
+        return (*warnings, *(of(name, Caution(text)) for name, texts in stated.items() for text in texts))
 
 
 def _refuse_parts(parts: tuple[Part, ...]) -> None:
@@ -307,7 +313,10 @@ def optical(design: Design) -> Optical:
         ": ".join(filter(None, (resin.name, resin.source))),
         resin.index,
         None if stated else resin.loss.u_absorption_per_mm,
-        (*resin.warnings, *(_overruled(material, resin) if stated else loss_apart(resin.loss, wavelength_nm))),
+        (
+            *resin.cautions("index", "loss"),
+            *(_overruled(material, resin) if stated else loss_apart(resin.loss, wavelength_nm)),
+        ),
     )
 
 

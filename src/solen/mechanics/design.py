@@ -25,6 +25,7 @@ from solen.mechanics.material import Material
 from solen.mechanics.mesh import MeshOptions
 from solen.mechanics.soft import SoftBody
 from solen.plane import Point, heading
+from solen.ranks import Caution
 from solen.spec import Design, Wall
 from solen.spec import soft as tables
 
@@ -176,6 +177,14 @@ def material_of(design: Design) -> Material:
     if names and set(names) <= set(stiffness.parameters):
         return Material(stiffness.model, tuple(stiffness.parameters[name] for name in names), stated.poisson)
     return _neo_hookean(stiffness.modulus_MPa, stated.poisson)
+
+
+def stiffness_cautions(design: Design) -> tuple[Caution, ...]:
+    """Warnings about the stiffness of a design's resin; none where the design states its own modulus."""
+    name = design.material.resin
+    if name is None or design.mechanics.modulus_MPa is not None:
+        return ()
+    return resin_of(name, design.resin_file).cautions("stiffness")
 
 
 def _neo_hookean(modulus_MPa: float, poisson: float) -> Material:

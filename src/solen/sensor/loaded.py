@@ -18,7 +18,7 @@ from solen.errors import SolenError
 from solen.geometry.body import place_text
 from solen.geometry.notches import Closed
 from solen.mechanics.deformed import Contact, Reaction
-from solen.mechanics.design import LoadedState
+from solen.mechanics.design import LoadedState, stiffness_cautions
 from solen.mechanics.outcome import LARGE
 from solen.ranks import Caution, look_at
 from solen.results import HIDDEN, Result, reported
@@ -214,7 +214,7 @@ def deform(sensor: Sensor, value: float | None = None) -> Deformation:
         contacts=state.deformed.contacts,
         off_mm=state.displaced.off_mm,
         bulge_mm=state.deformed.bulge_mm,
-        warnings=(*beyond(sensor, value), *_cautions([state])),
+        warnings=(*beyond(sensor, value), *stiffness_cautions(sensor.design), *_cautions([state])),
     )
 
 
@@ -227,7 +227,13 @@ def loaded_study(sensor: Sensor, progress: Progress | None = None) -> LoadedStud
     rigid, refused = _rigid(sensor, [state.lens_turn_deg for state in states])
     planes = _planes(sensor, response)
     volts = readings_from(sensor, response)
-    warnings = [*sensor.warnings, *keys_without_effect(sensor), *_cautions(states), *_of_planes(sensor, planes)]
+    warnings = [
+        *sensor.warnings,
+        *stiffness_cautions(sensor.design),
+        *keys_without_effect(sensor),
+        *_cautions(states),
+        *_of_planes(sensor, planes),
+    ]
     return LoadedStudy(
         sensor=sensor,
         response=response,

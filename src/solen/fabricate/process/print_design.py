@@ -24,7 +24,7 @@ from solen.fabricate.process.printed_design import PrintedDesign, PrintedPart, R
 from solen.fabricate.process.process_file import Process
 from solen.fabricate.process.settings import Settings
 from solen.fabricate.process.solid import printed_solid
-from solen.fabricate.process.source import PrintOptions, curve_left_out, process_of, with_resin
+from solen.fabricate.process.source import PrintOptions, curve_cautions, process_of, with_resin
 from solen.fabricate.process.target import Deviation, Target
 from solen.geometry.measures import area_mm2
 from solen.lens import SplineLens
@@ -68,7 +68,6 @@ def print_design(
     """
     _check_flat(options, compensate=compensate, part=part)
     process, sources = process_of(options)
-    left_out = curve_left_out(process, sensor.design)
     made = _Print(sensor, with_resin(process, sensor.design), options)
     lens = made.lens(part_of(progress, 0, 2))
     prediction = PrintedDesign(
@@ -98,7 +97,7 @@ def print_design(
         prediction,
         warnings=(
             *made.process.warnings(),
-            *left_out,
+            *curve_cautions(made.process, sensor.design),
             *_of_features(sensor, made.process.process),
             *_of_layers(prediction),
             *_of_response(prediction),

@@ -21,7 +21,7 @@ from solen.fabricate.process.growth import uneven_um
 from solen.fabricate.process.predict import half_difference
 from solen.fabricate.process.process_file import Process
 from solen.fabricate.process.settings import Settings
-from solen.fabricate.process.source import PrintOptions, curve_left_out, process_of, with_resin
+from solen.fabricate.process.source import PrintOptions, curve_cautions, process_of, with_resin
 from solen.lens import LensInSpace, Profiles, layers_text
 from solen.ranks import Caution, do_not_use, look_at, note
 from solen.recording import Provenance
@@ -162,8 +162,8 @@ def print_layers(
     """
     _check(options, part=part)
     process, sources = process_of(options)
-    left_out = curve_left_out(process, sensor.design)
     process = with_resin(process, sensor.design)
+    of_curve = curve_cautions(process, sensor.design)
     cut = cut_for(sensor.design, process.process.layer_um)
     sensor = sensor if cut is sensor.design else Sensor.of(cut)
     _check_halves(process.process)
@@ -173,7 +173,7 @@ def print_layers(
     by_process = _u_um(model, process)
     by_place = _u_by_place_um(model, face) if options.phase_px is None else dict.fromkeys(by_process, 0.0)
     u_um = {layer: float(np.hypot(u, by_place[layer])) for layer, u in by_process.items()}
-    warnings = (*process.warnings(), *left_out, *_of_face(sensor, model, made, by_process))
+    warnings = (*process.warnings(), *of_curve, *_of_face(sensor, model, made, by_process))
     if options.phase_px is None:
         warnings += (_of_place(by_place),)
     drawn = None if made is None else 1e3 * (model.wanted - made.drawn)

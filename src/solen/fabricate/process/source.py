@@ -16,7 +16,7 @@ from solen.errors import DataError
 from solen.fabricate.process.predict import Orientation
 from solen.fabricate.process.process_file import Calibration, Process, default_process, read_process, response_of_file
 from solen.material.cure.law import read_law
-from solen.material.resin import resin_of
+from solen.material.resin import Resin, resin_of
 from solen.parts import printer_of
 from solen.ranks import Caution, look_at
 from solen.recording import Provenance
@@ -131,9 +131,11 @@ def with_printer(process: Process, name: str | None) -> Process:
     return changed.model_copy(update={"source": changed.source | {"pixel_um": source}})
 
 
-def curve_left_out(process: Process, design: Design) -> list[Caution]:
-    """Warning if the process keeps its own working curve although the design's resin has a measured one."""
+def curve_cautions(process: Process, design: Design) -> list[Caution]:
+    """Warnings about the resin's working curve where the process has it, or that it keeps its own instead."""
     resin = None if design.material.resin is None else resin_of(design.material.resin, design.resin_file)
+    if resin is not None and process.source.get("Dp_um") == _of_resin(resin):
+        return list(resin.cautions("cure"))
     if resin is None or resin.cure is None or not process.process.lamp:
         return []
     mine = process.process
@@ -159,5 +161,10 @@ def with_resin(process: Process, design: Design) -> Process:
         simulated = any(source.simulated for source in resin.sources if source.of == "cure")
         calibration = Calibration(keys=keys, covariance=cure.covariance, simulated=simulated)
     changed = process.with_settings(Dp_um=cure.Dp_um, Ec_mJ_per_cm2=cure.Ec_mJ_per_cm2)
-    source = changed.source | dict.fromkeys(keys, f"resin: {resin.name}")
+    source = changed.source | dict.fromkeys(keys, _of_resin(resin))
     return changed.model_copy(update={"source": source, "calibration": calibration})
+
+
+def _of_resin(resin: Resin) -> str:
+    """Source of what a process has from a resin."""
+    return f"resin: {resin.name}"

@@ -181,7 +181,11 @@ def _draw_changes(axes: Axes, result: NetworkSensitivities) -> None:
     labels = _numbers(result) if by_noise is None or result.by_voltages is None else result.by_voltages.motions
     axes.set_xticks(range(len(labels)), labels, rotation=30, ha="right")
     axes.grid(visible=False)
-    what = "change of the share of the emitted power" if by_noise is None else "change per degree, in sd of its noise"
+    what = (
+        "change of the share of the emitted power"
+        if by_noise is None
+        else "change per degree, in standard deviations of the reading's noise"
+    )
     axes.figure.colorbar(shown, label=what)
 
 
@@ -192,11 +196,14 @@ def _draw_combinations(axes: Axes, found: Determination) -> None:
     for (row, column), share in np.ndenumerate(rows):
         colour = "white" if abs(share) > DARK else INK
         axes.text(column, row, f"{share:+.2f}", ha="center", va="center", color=colour)
-    sds = [f"± {one.sd_deg:.2g}°" if one.is_determined else "not determined" for one in found.combinations]
+    sds = [
+        f"standard\ndeviation\n{one.sd_deg:.2g}°" if one.is_determined else "not\ndetermined"
+        for one in found.combinations
+    ]
     axes.set_yticks(range(len(sds)), sds)
     axes.set_xticks(range(len(found.motions)), found.motions, rotation=30, ha="right")
     axes.grid(visible=False)
-    axes.set_title("combinations, sd")
+    axes.set_title("combinations of motions\nand how well one reading\ndetermines each", fontsize="medium")
 
 
 def _draw_suggestions(axes: Axes, now: Determination, tried: Sequence[Suggestion]) -> None:
@@ -213,7 +220,7 @@ def _draw_suggestions(axes: Axes, now: Determination, tried: Sequence[Suggestion
     axes.set_yticks([])
     axes.set_ylim(len(rows) - 0.5, -1.0)
     axes.grid(visible=False)
-    axes.set(xlabel="sd of the worst motion (deg)", xlim=(0.0, BEYOND * most))
+    axes.set(xlabel="standard deviation of the motion that is determined worst (deg)", xlim=(0.0, BEYOND * most))
 
 
 def _numbers(result: NetworkSensitivities) -> list[str]:
