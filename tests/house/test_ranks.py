@@ -11,7 +11,7 @@ from solen.ranks import do_not_use, note, ranked
 
 RANKED = ("analysis", "bench", "fabricate", "material", "metrology", "recording")
 """Folders whose sentences the type checker takes only with a rank, as they are `Caution` and not text."""
-FROM_FILES = {"recording/model.py", "recording/spectrum.py", "material/resin.py", "material/facts.py"}
+FROM_FILES = {"recording/model.py", "recording/spectrum.py", "material/resin.py"}
 """Where a sentence comes with its rank from a file or a channel."""
 
 
