@@ -6,7 +6,10 @@ from importlib import import_module
 from pathlib import Path
 
 ROOMS = {
-    "ground": ("The ground", ("errors", "units", "plane", "arrays", "files", "extras", "registry", "results", "ranks")),
+    "ground": (
+        "The ground",
+        ("errors", "units", "plane", "arrays", "progress", "files", "extras", "registry", "results", "ranks"),
+    ),
     "curve": ("Curves and interfaces", ("curve", "interface")),
     "recording": ("Recordings", ("recording",)),
     "spec": ("The design file", ("spec",)),

@@ -13,10 +13,10 @@ from solen import __version__, files
 from solen.archive.contents import OTHER, Contents, Item, described
 from solen.archive.metadata import NAME, Author, dumps, licence_name, licence_of
 from solen.archive.references import Reference, references, renamed
-from solen.arrays import Progress
 from solen.bench.catalogue import NAME as CATALOGUE
 from solen.errors import DataError, SpecError
 from solen.files import check_name, new_folder
+from solen.progress import Progress
 from solen.results import HIDDEN
 from solen.spec import load
 from solen.spec.strict import Options

@@ -10,11 +10,11 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 from pydantic import Field
 
-from solen.arrays import Progress, part_of
 from solen.errors import DesignError, SpecError
 from solen.explore.machines import Here, Machine
 from solen.explore.measures import Measure
 from solen.explore.store import Accuracy, Point, Store, Variant, no_response
+from solen.progress import Progress, part_of
 from solen.spec.strict import Finite, Options
 
 MOST_REASONS = 3

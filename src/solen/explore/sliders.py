@@ -7,10 +7,11 @@ from dataclasses import field
 import numpy as np
 from pydantic import Field
 
-from solen.arrays import FloatArray, Progress
+from solen.arrays import FloatArray
 from solen.errors import SolenError, SpecError
 from solen.explore.axes import Axis, axis, check_axes, grid
 from solen.explore.live import GOAL, Curve, batched_response, curve_of, largest_u, misleading
+from solen.progress import Progress
 from solen.results import HIDDEN, Result, reported
 from solen.sensor import Picture, Sensor, in_plane, picture, why_not_batched
 from solen.sensor.practice import MOST_ANGLES, spread

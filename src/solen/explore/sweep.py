@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
-from solen.arrays import FloatArray, Progress
+from solen.arrays import FloatArray
 from solen.errors import DesignError, SpecError
 from solen.explore.axes import Axis, axis, check_axes, grid, sampled
 from solen.explore.chips import chips_last, chips_of
@@ -25,6 +25,7 @@ from solen.explore.still import still_in_samples, still_on_grid
 from solen.explore.store import Chip, Point, Store, Variant
 from solen.explore.subject import Subject, design_of
 from solen.explore.swept import Sweep
+from solen.progress import Progress
 from solen.sensor import Sensor
 from solen.sensor.numbers import inert
 from solen.spec import Design, dumps, with_values

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
-from solen.arrays import BoolArray, FloatArray, Progress, part_of
+from solen.arrays import BoolArray, FloatArray
 from solen.errors import SpecError
 from solen.explore.adjustment import Adjustment
 from solen.explore.machines import Machine
@@ -28,6 +28,7 @@ from solen.explore.subject import Subject, design_of
 from solen.explore.usual import variations_of
 from solen.explore.variations import STATED, Variation, drawn, offs
 from solen.fabricate.process import Settings
+from solen.progress import Progress, part_of
 from solen.results import HIDDEN, Result
 from solen.sensor import Sensor
 from solen.sensor.effects import as_built

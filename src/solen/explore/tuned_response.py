@@ -5,19 +5,20 @@ The interface: `responses` of a sensor with its designed lens, and with lenses t
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Literal
 
 import numpy as np
 
-from solen.arrays import FloatArray, Progress
+from solen.arrays import FloatArray
 from solen.errors import DesignError
 from solen.explore.tuning_log import Responses, TunedResponse
 from solen.lens import MeasuredLens
+from solen.progress import Progress
 from solen.sensor import Sensor
 from solen.sensor.as_printed import DRAWN_RAYS
 from solen.sensor.effects import swept
 from solen.sensor.practice import spread
-from solen.sensor.response import Response, contrast, powers
+from solen.sensor.response import Response
+from solen.trace.chunks import Sampling
 
 MOST_ANGLES, NEAR_DEG, MOST_NULL_DEG = 5, 0.4, 1.0
 """Angles over the motion, distance from 0 for the slope, and distance from 0 within which it gives the null."""
@@ -55,10 +56,8 @@ def responses(
 def _sampled(sensor: Sensor, angles: Sequence[float]) -> FloatArray:
     """Contrasts (N,) with the same rays for each lens, so that only the lens differs."""
     scene = sensor.scene(angles[0])
-    sampling: Literal["fan", "sobol"] = "sobol" if scene.is_random or scene.extrusion is not None else "fan"
-    readings = [powers(sensor.trace(angle, "power", DRAWN_RAYS, sampling=sampling)) for angle in angles]
-    values = [contrast(reading["right"], reading["left"]) for reading in readings]
-    return np.array(values, float)
+    sampling: Sampling = "sobol" if scene.is_random or scene.extrusion is not None else "fan"
+    return sensor.power_of_rays(angles, DRAWN_RAYS, sampling).contrast
 
 
 def _response(best: Response, away: Sequence[FloatArray]) -> TunedResponse:

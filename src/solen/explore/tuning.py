@@ -15,7 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
-from solen.arrays import BoolArray, FloatArray, Progress
+from solen.arrays import BoolArray, FloatArray
 from solen.errors import DataError, DesignError, SolenError, SpecError
 from solen.explore.contour import Contour, Rows
 from solen.explore.doubts import of_picture, of_prediction
@@ -33,6 +33,7 @@ from solen.lens.build import measured_lens
 from solen.lens.profile import MeasuredProfile
 from solen.metrology import LensInspection
 from solen.metrology.nominal import END_MM
+from solen.progress import Progress
 from solen.ranks import Caution, look_at
 from solen.sensor import Sensor
 from solen.sensor.as_printed import DRAWS

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from solen.arrays import Progress
+from solen.progress import Progress
 
 FLAT = Parameter(name="*")
 """Annotation of a command's `Options` that makes each field an option: ``Annotated[CutbackOptions, FLAT]``."""

@@ -14,13 +14,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from solen.arrays import FloatArray, Progress, part_of
+from solen.arrays import FloatArray
 from solen.errors import DesignError
 from solen.lens import MeasuredLens
+from solen.progress import Progress, part_of, tracked
 from solen.results import HIDDEN, Result, reported
 from solen.sensor.effects import STANDARD_ERROR, swept
 from solen.sensor.practice import CHIP_MM, slope_per_deg, spread
-from solen.sensor.response import Response, contrast, powers
+from solen.sensor.response import Response
 from solen.sensor.sensor import Sensor
 from solen.spec import with_values
 from solen.trace.adaptive import is_extended
@@ -181,11 +182,9 @@ def _comparison(
         raise AssertionError("checked before")
     before, after = swept(designed, angles, known[1]), swept(sensor, angles, known[0])
     away = []
-    for number in range(1, draws + 1):
+    for number in tracked(range(1, draws + 1), progress):
         drawn = replace(sensor, cut=lens.drawn_within(number))
         away.append(_contrasts(drawn, after) - after.contrast)
-        if progress is not None:
-            progress(number / draws)
     u_shape = np.sqrt(np.mean(np.square(away), axis=0)) if away else np.zeros(len(angles))
     nulls = [(whole or part).null_deg() for part, whole in zip((before, after), known[::-1], strict=True)]
     return Comparison(
@@ -208,9 +207,7 @@ def _contrasts(drawn: Sensor, response: Response) -> FloatArray:
     integrated = not is_extended(scene) and all(trace.method == "adaptive" for trace in response.traces)
     if integrated or scene.is_random or scene.extrusion is not None:
         return drawn.power(angles, standard_error=STANDARD_ERROR, tolerance=DRAWN_TOLERANCE).contrast
-    readings = [powers(drawn.trace(angle, "power", DRAWN_RAYS)) for angle in angles]
-    values = [contrast(reading["right"], reading["left"]) for reading in readings]
-    return np.array([np.nan if value is None else value for value in values])
+    return drawn.power_of_rays(angles, DRAWN_RAYS).contrast
 
 
 def _u_null(response: Response, u_shape: FloatArray, null_deg: float | None) -> float | None:

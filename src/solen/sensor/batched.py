@@ -1,9 +1,7 @@
 """Responses of many sensors at once, of any chip before them: the compiled batch as a plain call."""
 
 import math
-import os
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from threading import local
 from typing import NamedTuple
@@ -11,9 +9,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from solen.arrays import FloatArray, Progress
+from solen.arrays import FloatArray
 from solen.curve import check_count, check_numbers
 from solen.errors import DesignError
+from solen.progress import Progress, on_threads
 from solen.sensor.numbers_of_y import numbers_of
 from solen.sensor.sensor import Sensor
 from solen.trace import Limits, Mode, batch
@@ -97,24 +96,11 @@ def respond(
     """
     check_count("rays", rays, 1)
     check_count("seed", seed, 0)
-    threads = (os.cpu_count() or 1) if threads is None else threads
-    check_count("threads", threads, 1)
+    if threads is not None:
+        check_count("threads", threads, 1)
     check_numbers("angles_deg", *angles_deg)
     batched = _Batch(sensors, angles_deg, widths_mm, offsets_mm, rays, mode, seed)
-    if len(sensors) == 1:  # starting a thread takes as long as tracing few rays
-        batched.trace(0)
-        if progress is not None:
-            progress(1.0)
-        return batched.responses
-    done = 0
-    with ThreadPoolExecutor(threads) as pool:
-        try:
-            for _ in pool.map(batched.trace, range(len(sensors))):
-                done += 1
-                if progress is not None:
-                    progress(done / len(sensors))
-        finally:
-            pool.shutdown(cancel_futures=True)
+    on_threads(batched.trace, range(len(sensors)), progress, threads)
     return batched.responses
 
 

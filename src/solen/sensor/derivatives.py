@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solen.arrays import Progress
 from solen.errors import DesignError, SolenError, SpecError
+from solen.progress import Progress, tracked
 from solen.scene import Scene
 from solen.sensor.numbers import inert, number, tolerance_of, usual_keys
 from solen.sensor.response import Sensitivity, contrast_slope
@@ -87,10 +87,8 @@ def sensitivities(
         limit = f"the integral must reach {tolerance:g}"
         raise DesignError(f"light at {angle_deg:g} deg", value=base.why, limit=limit, remedy="try another angle")
     rows = []
-    for done, (key, value) in enumerate(values.items(), start=1):
+    for key, value in tracked(values.items(), progress):
         rows.append(replace(_sensitivity(sensor, key, value, angle_deg, base), tolerance=tolerance_of(sensor, key)[0]))
-        if progress is not None:
-            progress(done / len(values))
     return tuple(sorted(rows, key=lambda row: row.effect, reverse=True))
 
 

@@ -17,12 +17,13 @@ from typing import get_args
 
 import numpy as np
 
-from solen.arrays import FloatArray, Progress
+from solen.arrays import FloatArray
 from solen.errors import SolenError
 from solen.geometry.network import network_lenses
 from solen.lens import Lens
 from solen.material import Optical, Tabulated
 from solen.parts import Light
+from solen.progress import Progress, tracked
 from solen.results import Result, reported
 from solen.sensor.numbers import OF_THE_MATERIAL, inert, number, tolerance_of
 from solen.sensor.response import Response
@@ -44,9 +45,9 @@ TOLERANCE, STANDARD_ERROR = 3e-4, 1e-3
 """Tolerance of integrated powers, and standard error of sampled ones."""
 NEAR_SHARE = 1 / 3
 OF_MATERIAL = {"material.absorption_per_mm", "emitter.wavelength_nm"}
+"""Numbers beside the index that the material at the emitter's wavelength depends on."""
 OFF_A_DRAWING = ("emitter.", "material.", "network.emitters[")
 """Beginnings of keys of numbers that a network's lenses are not drawn again for."""
-"""Numbers beside the index that the material at the emitter's wavelength depends on."""
 RESOLVED = 2.0
 """A change counts if it exceeds this multiple of its uncertainty."""
 
@@ -117,13 +118,11 @@ def effects(
     if _turns(sensor):
         asked += [(f"{HOLD} = {face}", partial(_of_hold, sensor, face, base)) for face in HOLDS]
     found: list[Effect] = []
-    for done, (name, make) in enumerate(asked, start=1):
+    for name, make in tracked(asked, progress):
         try:
             found.append(make())
         except SolenError as why:
             skipped[name] = str(why)
-        if progress is not None:
-            progress(done / len(asked))
     return tuple(sorted(found, key=lambda one: one.largest, reverse=True)), skipped
 
 

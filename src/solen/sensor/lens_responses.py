@@ -8,10 +8,9 @@ The interface: `lens_responses` of sensors by name.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
-from solen.arrays import FloatArray, Progress
-from solen.sensor.response import contrast, powers
+from solen.arrays import FloatArray
+from solen.progress import Progress, tracked
+from solen.sensor.response import Response
 from solen.sensor.sensor import Sensor
 
 ANGLES_DEG = (0.5, 1.0, 3.0)
@@ -45,15 +44,9 @@ class LensResponse:
     @classmethod
     def of(cls, name: str, sensor: Sensor, angles_deg: Sequence[float]) -> "LensResponse":
         """Response of a sensor; angles above 0 brighten the right receiver."""
-        traced = [sensor.sampled(-angle, TOLERANCE) for angle in angles_deg]
-        read = [powers(trace) for trace, _ in traced]
-        light = np.array([one["right"] + one["left"] for one in read])
-        u = np.array([error for _, error in traced])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            u_contrast = 2.0 * u / light
-        values = [contrast(one["right"], one["left"]) for one in read]
-        u_light = 2.0 * float(u.max())
-        return cls(name, np.array(angles_deg), np.array(values, float), u_contrast, float(light.mean()), u_light)
+        read = Response.of("power", angles_deg, [sensor.sampled(-angle, TOLERANCE) for angle in angles_deg])
+        u_light = 2.0 * float(read.u_power.max())
+        return cls(name, read.angle_deg, read.contrast, read.u_contrast, read.received_share, u_light)
 
 
 def lens_responses(
@@ -61,9 +54,7 @@ def lens_responses(
 ) -> tuple[LensResponse, ...]:
     """Responses of sensors by the names of their lenses; `DesignError` if one does not have two receivers."""
     made = []
-    for done, (name, sensor) in enumerate(sensors.items(), start=1):
+    for name, sensor in tracked(sensors.items(), progress):
         sensor.check_pair()
         made.append(LensResponse.of(name, sensor, angles_deg))
-        if progress is not None:
-            progress(done / len(sensors))
     return tuple(made)

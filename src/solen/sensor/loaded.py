@@ -13,13 +13,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from solen.arrays import FloatArray, Progress
+from solen.arrays import FloatArray
 from solen.errors import SolenError
 from solen.geometry.body import place_text
 from solen.geometry.notches import Closed
 from solen.mechanics.deformed import Contact, Reaction
 from solen.mechanics.design import LoadedState, stiffness_cautions
 from solen.mechanics.outcome import LARGE
+from solen.progress import Progress
 from solen.ranks import Caution, look_at
 from solen.results import HIDDEN, Result, reported
 from solen.sensor.readings import readings_from

@@ -14,8 +14,8 @@ from typing import Any, Literal, TypeVar
 
 import numpy as np
 
-from solen.arrays import Progress
 from solen.errors import SolenError
+from solen.progress import Progress, part_of
 from solen.results import Result, reported
 from solen.sensor.budget import Budget, budget
 from solen.sensor.effects import HOLD, HOLDS, TOLERANCE, Effect, effects
@@ -189,7 +189,7 @@ def practice(
         null = None
         if built.null_deg is not None and built.slope_per_deg is not None and built.u_slope_per_deg is not None:
             null = (built.null_deg, Slope(built.slope_per_deg, built.u_slope_per_deg))
-        found, left_out = effects(real, built.response, null)
+        found, left_out = effects(real, built.response, null, part_of(progress, 0.4, length=0.4))
         skipped |= left_out
     shares = part("budget", lambda: budget(sensor), 0.9)
     null_deg = None if built is None else built.null_deg

@@ -10,14 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from solen.arrays import FloatArray, Progress
+from solen.arrays import FloatArray
 from solen.errors import DesignError
 from solen.lens import DesignedLens
 from solen.lens.build import measured_lens
 from solen.lens.profile import MeasuredProfile
+from solen.progress import Progress
 from solen.results import reported
 from solen.sensor.practice import CHIP_MM, spread
-from solen.sensor.response import contrast, powers
 from solen.sensor.sensor import Sensor
 from solen.spec import with_values
 
@@ -121,31 +121,22 @@ def _compared(sensor: Sensor, profile: MeasuredProfile) -> EmitterLoss:
         raise DesignError("lens", value=sensor.design.lens.shape, limit=limit, remedy="leave the response out")
     printed = Sensor(sensor.design, sensor.material, measured_lens(sensor.cut, profile))
     angles = spread(sensor.design.motion.angles_deg(), MOST_ANGLES)
-    (designed_contrast, designed_light), (printed_contrast, printed_light) = (
-        _traced(one, [*angles, -SLOPE_DEG, SLOPE_DEG]) for one in (sensor, printed)
-    )
+    before, after = (one.power_of_rays(angles, RAYS) for one in (sensor, printed))
     return EmitterLoss(
         width_mm=sensor.light.width_mm,
-        angle_deg=np.asarray(angles, float),
-        contrast_designed=designed_contrast[:-2],
-        contrast_printed=printed_contrast[:-2],
-        light_designed=designed_light[:-2],
-        light_printed=printed_light[:-2],
-        slope_designed_per_deg=_slope(designed_contrast),
-        slope_printed_per_deg=_slope(printed_contrast),
+        angle_deg=before.angle_deg,
+        contrast_designed=before.contrast,
+        contrast_printed=after.contrast,
+        light_designed=before.right + before.left,
+        light_printed=after.right + after.left,
+        slope_designed_per_deg=_slope(sensor),
+        slope_printed_per_deg=_slope(printed),
     )
 
 
-def _traced(sensor: Sensor, angles_deg: list[float]) -> tuple[FloatArray, FloatArray]:
-    """Contrast and light of both receivers at some angles, (N,) each."""
-    readings = [powers(sensor.trace(angle, "power", RAYS)) for angle in angles_deg]
-    contrasts = [contrast(reading["right"], reading["left"]) for reading in readings]
-    return np.array(contrasts, float), np.array([reading["right"] + reading["left"] for reading in readings])
-
-
-def _slope(contrasts: FloatArray) -> float | None:
-    """Slope between the last two contrasts, those about 0."""
-    slope = float((contrasts[-1] - contrasts[-2]) / (2.0 * SLOPE_DEG))
+def _slope(sensor: Sensor) -> float | None:
+    low, high = sensor.power_of_rays([-SLOPE_DEG, SLOPE_DEG], RAYS).contrast
+    slope = float((high - low) / (2.0 * SLOPE_DEG))
     return slope if np.isfinite(slope) else None
 
 

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from solen.arrays import FloatArray, Progress
+from solen.arrays import FloatArray
 from solen.parts import AdcPart, Part, ReceiverPart
+from solen.progress import Progress
 from solen.readout import Readings, circuit_of, face_areas_mm2, readings_of
 from solen.readout.cautions import cautions
 from solen.readout.circuit import emitter_part, named_part, trimmer_part

@@ -13,6 +13,9 @@ from solen.trace import Ledger, Mode, Slope, Trace
 SATURATED = 0.95
 """Contrast above which a differential signal hardly changes."""
 
+Reading = tuple[Trace, float]
+"""A trace, and the uncertainty of the power at each receiver."""
+
 
 @dataclass(frozen=True)
 class Shift:
@@ -35,7 +38,7 @@ class Response(Result):
     right, left
         (N,) power at each receiver.
     u_power
-        (N,) uncertainty of both; NaN for a fixed number of counted rays, which is not an estimate.
+        (N,) uncertainty of both; NaN for a fixed number of rays, which gives no estimate of it.
     traces
         The scene traced at each angle.
     """
@@ -46,6 +49,19 @@ class Response(Result):
     left: FloatArray
     u_power: FloatArray
     traces: tuple[Trace, ...] = field(metadata=HIDDEN)
+
+    @classmethod
+    def of(cls, mode: Mode, angles_deg: Sequence[float], readings: Sequence[Reading]) -> "Response":
+        """Response from the reading at each angle."""
+        light = [powers(trace) for trace, _ in readings]
+        return cls(
+            mode=mode,
+            angle_deg=np.array(angles_deg),
+            right=np.array([received["right"] for received in light]),
+            left=np.array([received["left"] for received in light]),
+            u_power=np.array([u for _, u in readings]),
+            traces=tuple(trace for trace, _ in readings),
+        )
 
     @reported
     def contrast(self) -> FloatArray:
@@ -176,11 +192,6 @@ def contrast_slope(base: Trace, right: Slope, left: Slope) -> Slope:
     u = 2.0 * (found["left"] * right.u_value + found["right"] * left.u_value) / total**2
     u_of_powers = base.u_power * (2.0 * (abs(right.value) + abs(left.value)) / total**2 + 4.0 * abs(value) / total)
     return Slope(value, u + u_of_powers)
-
-
-def contrast(right: float, left: float) -> float | None:
-    """(R − L)/(R + L), None if no light arrives."""
-    return (right - left) / (right + left) if right + left > 0.0 else None
 
 
 def shift(response: Response, other: Response) -> Shift | None:

@@ -11,7 +11,6 @@ from pathlib import Path
 from threading import RLock
 from typing import Any, Literal, TypedDict, Unpack
 
-from solen.arrays import Progress
 from solen.errors import DesignError
 from solen.geometry import BODY_KINDS, Body, are_mirrored, body_of
 from solen.geometry.network import network_body, network_lenses
@@ -19,15 +18,17 @@ from solen.lens import FlatFace, Lens, LensInSpace, MeasuredLens, lens_of
 from solen.material import Optical, optical
 from solen.mechanics.design import LoadedBody
 from solen.parts import Light, light_of
+from solen.progress import Progress, tracked
 from solen.scene import Scene, sensor_scene
 from solen.sensor.derivatives import SAMPLED_TOLERANCE, derivative_of, sensitivities, slope_per_deg
-from solen.sensor.response import Response, Sensitivity, powers
-from solen.sensor.sweep import MOST_ANGLES, Reading, balanced, between, mirrored, readings_at, sweep
+from solen.sensor.response import Reading, Response, Sensitivity
+from solen.sensor.sweep import MOST_ANGLES, balanced, between, mirrored, readings_at
 from solen.spec import Design, load, with_values
 from solen.spec.body import OF_SHAPES as KEYS_OF_SHAPES
 from solen.spec.placed import lit, state_of, states
 from solen.trace import Derivative, Mode, Slope, Trace, integrate, trace
 from solen.trace.adaptive import usual_tolerance, why_not
+from solen.trace.chunks import Sampling
 from solen.trace.nets import by_nets
 
 MOST_SAMPLED = 2**19
@@ -43,7 +44,7 @@ BUILDING = RLock()
 class TraceKeywords(TypedDict, total=False):
     """Options that `Sensor.trace` passes on to `solen.trace.trace`, where they are described."""
 
-    sampling: Literal["fan", "sobol"]
+    sampling: Sampling
     seed: int
     precision: Literal["double", "single"]
     position_bins: int
@@ -326,12 +327,22 @@ class Sensor:
 
     def count(self, angles_deg: Sequence[float] | None = None, progress: Progress | None = None) -> Response:
         """Response by counting the design's own number of rays, as the paper does."""
+        return self._by_rays("count", self._angles(angles_deg), progress)
 
-        def at(angle_deg: float) -> Reading:
-            counted = self.trace(angle_deg, "count")
-            return counted, powers(counted), math.nan
+    def power_of_rays(self, angles_deg: Sequence[float], rays: int, sampling: Sampling = "fan") -> Response:
+        """Response in power from a fixed number of rays at each angle: the same for each lens that is compared."""
+        return self._by_rays("power", angles_deg, None, rays, sampling)
 
-        return sweep("count", at, self._angles(angles_deg), progress)
+    def _by_rays(
+        self,
+        mode: Mode,
+        angles_deg: Sequence[float],
+        progress: Progress | None,
+        rays: int | None = None,
+        sampling: Sampling = "fan",
+    ) -> Response:
+        traces = [self.trace(angle, mode, rays, sampling=sampling) for angle in tracked(angles_deg, progress)]
+        return Response.of(mode, angles_deg, [(traced, math.nan) for traced in traces])
 
     def power(
         self,
@@ -362,7 +373,7 @@ class Sensor:
                 return mirrored(done[-angle_deg])
             return balanced(done[angle_deg]) if angle_deg == 0.0 and self.is_symmetric else done[angle_deg]
 
-        return sweep("power", at, angles, None)
+        return Response.of("power", angles, [at(angle) for angle in angles])
 
     def reading(
         self,
@@ -381,11 +392,11 @@ class Sensor:
         integrates = integrates and not scattered
         whole = self.integrate(angle_deg, tolerance=tolerance) if integrates else None
         if whole is not None and (whole.reached or whole.u_power <= (standard_error or SAMPLED_TOLERANCE)):
-            return whole, powers(whole), whole.u_power
+            return whole, whole.u_power
         sampled, u = self.sampled(angle_deg, asked)
         if whole is not None and whole.u_power <= u:
-            return whole, powers(whole), whole.u_power
-        return sampled, powers(sampled), u
+            return whole, whole.u_power
+        return sampled, u
 
     def _angles(self, angles_deg: Sequence[float] | None) -> Sequence[float]:
         """Angles of a response; default: the design's."""

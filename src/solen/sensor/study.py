@@ -4,10 +4,10 @@ import math
 from dataclasses import dataclass, field, replace
 
 import solen
-from solen.arrays import Progress, part_of
 from solen.errors import DesignError
 from solen.lens import Lens
 from solen.material import Optical
+from solen.progress import Progress, part_of
 from solen.results import HIDDEN, Result, reported
 from solen.sensor.as_printed import AsPrinted, as_printed
 from solen.sensor.check import BodySizes, Focus, body_sizes, foci_of

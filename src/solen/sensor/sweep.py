@@ -1,16 +1,13 @@
-"""Sweeps over the angles of a motion: responses, mirrored readings of symmetric sensors, refinement of curves."""
+"""Sweeps over the angles of a motion: readings, their mirror images for symmetric sensors, refinement of curves."""
 
-import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from solen.arrays import Progress
 from solen.geometry.mirror import OTHER
-from solen.sensor.response import Response, powers
-from solen.trace import Mode, Trace
+from solen.progress import Progress, on_threads, part_of, tracked
+from solen.sensor.response import Reading, Response
 from solen.trace.result import Detected
 
 FEW_ANGLES, MOST_ANGLES = 5, 129
@@ -21,9 +18,6 @@ BEND = 0.02
 FAILURES = 2
 """If integration fails at this many first angles of a sweep, it is not tried at the others."""
 
-Reading = tuple[Trace, dict[str, float], float]
-"""A trace, the power at each receiver, and its uncertainty."""
-
 
 def readings_at(
     at: Callable[[float, bool], Reading], angles_deg: Sequence[float], progress: Progress | None
@@ -33,44 +27,14 @@ def readings_at(
     The first few are computed one by one; if integration fails at all of them, the others are
     sampled one by one, each on several threads.
     """
-    readings: dict[float, Reading] = {}
-
-    def keep(angles: Sequence[float], read: Iterable[Reading]) -> None:
-        for angle, reading in zip(angles, read, strict=True):
-            readings[angle] = reading
-            if progress is not None:
-                progress(len(readings) / len(angles_deg))
-
-    first, rest = angles_deg[:FAILURES], angles_deg[FAILURES:]
-    keep(first, (at(angle, True) for angle in first))
-    if all(trace.method != "adaptive" for trace, _, _ in readings.values()):
-        keep(rest, (at(angle, False) for angle in rest))
-        return readings
-    pool = ThreadPoolExecutor(os.cpu_count() or 1)
-    try:
-        keep(rest, pool.map(lambda angle: at(angle, True), rest))
-    finally:
-        pool.shutdown(cancel_futures=True)
-    return readings
-
-
-def sweep(
-    mode: Mode, at: Callable[[float], Reading], angles_deg: Sequence[float], progress: Progress | None
-) -> Response:
-    """Response from the readings at each angle."""
-    readings = []
-    for done, angle in enumerate(angles_deg, start=1):
-        readings.append(at(angle))
-        if progress is not None:
-            progress(done / len(angles_deg))
-    return Response(
-        mode=mode,
-        angle_deg=np.array(angles_deg),
-        right=np.array([powers["right"] for _, powers, _ in readings]),
-        left=np.array([powers["left"] for _, powers, _ in readings]),
-        u_power=np.array([u for _, _, u in readings]),
-        traces=tuple(trace for trace, _, _ in readings),
-    )
+    count, first, rest = len(angles_deg), angles_deg[:FAILURES], angles_deg[FAILURES:]
+    readings = [at(angle, True) for angle in tracked(first, part_of(progress, 0, count, len(first)))]
+    later = part_of(progress, len(first), count, len(rest))
+    if all(trace.method != "adaptive" for trace, _ in readings):
+        readings += [at(angle, False) for angle in tracked(rest, later)]
+    else:
+        readings += on_threads(lambda angle: at(angle, True), rest, later)
+    return dict(zip(angles_deg, readings, strict=True))
 
 
 def mirrored(reading: Reading) -> Reading:
@@ -87,8 +51,8 @@ def balanced(reading: Reading) -> Reading:
 
 def _with(reading: Reading, detectors: dict[str, Detected]) -> Reading:
     """A reading with other powers at the receivers."""
-    trace = replace(reading[0], detectors=detectors)
-    return trace, powers(trace), reading[2]
+    trace, u = reading
+    return replace(trace, detectors=detectors), u
 
 
 def _mean(detectors: Mapping[str, Detected]) -> Detected:

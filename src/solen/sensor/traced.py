@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from dataclasses import field
 from typing import Protocol
 
-from solen.arrays import Progress
 from solen.errors import SpecError
+from solen.progress import Progress
 from solen.ranks import Caution, look_at
 from solen.results import HIDDEN, Result
 from solen.sensor.numbers import inert, usual_keys

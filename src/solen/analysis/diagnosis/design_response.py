@@ -18,8 +18,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from solen.analysis.diagnosis.response_table import STEP_DEG, STEP_IN_SPACE_DEG, Table, angles_deg
-from solen.arrays import FloatArray, Progress, part_of
+from solen.arrays import FloatArray
 from solen.errors import SolenError, SpecError
+from solen.progress import Progress, part_of
 from solen.sensor import Sensor, inert
 from solen.spec import value_at, with_values
 

@@ -12,17 +12,16 @@ receivers.
 """
 
 import math
-import os
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from solen.analysis.diagnosis.emitter_places import Places, light_by_place
-from solen.arrays import FloatArray, IndexArray, Progress
+from solen.arrays import FloatArray, IndexArray
 from solen.geometry import are_mirrored
+from solen.progress import Progress, on_threads
 from solen.sensor import Sensor
 from solen.spec import with_values
 
@@ -141,13 +140,8 @@ def _traced(
     even = np.allclose(angle_deg, -angle_deg[::-1], rtol=0.0, atol=1e-9)
     even = even and are_mirrored(*(wide.body(float(angle)) for angle in angle_deg[[0, -1]]))
     first = len(angle_deg) // 2 if even else 0
-    rows: list[Places] = []
-    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-        each = zip(angle_deg[first:].tolist(), known[first:], strict=True)
-        for one in pool.map(lambda row: light_by_place(wide, row[0], reach_mm, row[1]), each):
-            rows.append(one)
-            if progress is not None:
-                progress(len(rows) / (len(angle_deg) - first))
+    each = list(zip(angle_deg[first:].tolist(), known[first:], strict=True))
+    rows = on_threads(lambda row: light_by_place(wide, row[0], reach_mm, row[1]), each, progress)
     opposite = rows[len(angle_deg) % 2 :] if even else []
     return (*(one.mirrored() for one in reversed(opposite)), *rows)
 

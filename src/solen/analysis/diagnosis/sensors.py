@@ -29,8 +29,9 @@ from solen.analysis.diagnosis.least_squares import Misfit
 from solen.analysis.diagnosis.summary import advice, words
 from solen.analysis.sensor_response import SensorResponse
 from solen.analysis.study import Study
-from solen.arrays import FloatArray, Progress, part_of
+from solen.arrays import FloatArray
 from solen.errors import DataError, SpecError
+from solen.progress import Progress, part_of
 from solen.ranks import Caution, look_at, of
 from solen.readout import circuit_of, face_areas_mm2
 from solen.recording import Provenance

@@ -11,9 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from solen.arrays import FloatArray, Progress
+from solen.arrays import FloatArray
 from solen.errors import SolenError, SpecError
 from solen.explore.optimise.judge import Judge, Judged
+from solen.progress import Progress
 from solen.spec import Design
 
 UNMET = 1e3

@@ -5,7 +5,6 @@ The interface: `check_prints` before a search, `with_prints` of its result.
 
 from dataclasses import replace
 
-from solen.arrays import Progress, part_of
 from solen.errors import SolenError, SpecError
 from solen.explore.measures import measure_of
 from solen.explore.optimise.optimum import INTERRUPTED, Optimum
@@ -16,6 +15,7 @@ from solen.explore.store import Store
 from solen.explore.subject import Subject, design_of
 from solen.explore.tolerance import ToleranceOptions, Tolerances, tolerance
 from solen.explore.usual import variations_of
+from solen.progress import Progress, part_of
 from solen.sensor import Sensor
 
 FEWEST = 32

@@ -5,7 +5,6 @@ The interface: `optimise` a design.
 
 import numpy as np
 
-from solen.arrays import Progress
 from solen.explore.optimise.course import Course, Keep, least
 from solen.explore.optimise.front import Front, front_of, sought
 from solen.explore.optimise.judge import Judge
@@ -15,6 +14,7 @@ from solen.explore.optimise.search import Tried, search
 from solen.explore.optimise.task import Task
 from solen.explore.store import Store
 from solen.explore.subject import Subject, design_of
+from solen.progress import Progress
 
 ONE = np.ones(1)
 

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter
 
-from solen.arrays import FloatArray, IntArray, Progress
+from solen.arrays import FloatArray, IntArray
 from solen.errors import DataError
 from solen.fabricate.process.drawing import as_designed, lens_face, rings_of
 from solen.fabricate.process.flat import FEWEST_PIXELS
@@ -26,6 +26,7 @@ from solen.fabricate.process.stack import Rings, Stack
 from solen.fabricate.process.target import Target
 from solen.geometry import Body, section
 from solen.lens import GivenLayers, LensInSpace, Profiles, layer_edges_mm
+from solen.progress import Progress
 from solen.results import HIDDEN
 
 POINTS = 401

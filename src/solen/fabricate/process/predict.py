@@ -14,7 +14,7 @@ from typing import Literal
 
 import numpy as np
 
-from solen.arrays import FloatArray, Progress
+from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.fabricate.process.flat import FlatPrint
 from solen.fabricate.process.growth import growth_um, with_growth
@@ -22,6 +22,7 @@ from solen.fabricate.process.process_file import GROWTH, Process
 from solen.fabricate.process.settings import Settings
 from solen.fabricate.process.target import Deviation, Target
 from solen.fabricate.process.upright import Side, SidePrint
+from solen.progress import Progress
 
 Orientation = Literal["flat", "upright", "upright-lens-first", "on-edge"]
 PHASE = "place in the pixel"

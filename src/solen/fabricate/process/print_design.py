@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from solen.arrays import FloatArray, Progress, part_of
+from solen.arrays import FloatArray
 from solen.errors import SolenError, SpecError
 from solen.fabricate.label import label_of
 from solen.fabricate.process.compensate import Compensation, Printing, compensated
@@ -28,6 +28,7 @@ from solen.fabricate.process.source import PrintOptions, curve_cautions, process
 from solen.fabricate.process.target import Deviation, Target
 from solen.geometry.measures import area_mm2
 from solen.lens import SplineLens
+from solen.progress import Progress, part_of
 from solen.ranks import Caution, do_not_use, look_at
 from solen.sensor import Sensor
 from solen.sensor.print_loss import print_loss

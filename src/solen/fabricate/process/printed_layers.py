@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from solen import files
-from solen.arrays import FloatArray, Progress, part_of
+from solen.arrays import FloatArray
 from solen.errors import SpecError
 from solen.fabricate.faced import cut_for
 from solen.fabricate.process.compensation_files import LABEL, targets_of
@@ -23,6 +23,7 @@ from solen.fabricate.process.process_file import Process
 from solen.fabricate.process.settings import Settings
 from solen.fabricate.process.source import PrintOptions, curve_cautions, process_of, with_resin
 from solen.lens import LensInSpace, Profiles, layers_text
+from solen.progress import Progress, part_of
 from solen.ranks import Caution, do_not_use, look_at, note
 from solen.recording import Provenance
 from solen.results import HIDDEN, Result, reported

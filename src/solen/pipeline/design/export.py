@@ -4,13 +4,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from solen import files
-from solen.arrays import Progress
 from solen.fabricate import FORMATS, USUAL, Export, ExportedSolid, cut_for, exported_solid
 from solen.fabricate.layers import Slicing, printable_design
 from solen.pipeline.design.designs import open_design
 from solen.pipeline.names import stem_of
 from solen.pipeline.outputs import check_sources, drawn
 from solen.pipeline.print.layers import layer_files, with_figure
+from solen.progress import Progress
 from solen.report.options import FigureOptions
 from solen.results import Outcome
 from solen.sensor import Sensor

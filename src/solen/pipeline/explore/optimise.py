@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Annotated
 
 from solen import files
-from solen.arrays import part_of
 from solen.explore.axes import check_not_set
 from solen.explore.optimise import Front, Grown, OptimiseOptions, Optimum, check_prints, with_prints
 from solen.explore.optimise import optimise as optimise_design
@@ -15,6 +14,7 @@ from solen.pipeline.design.designs import open_design
 from solen.pipeline.names import stem_of
 from solen.pipeline.options import FLAT, ProgressBar, Set
 from solen.pipeline.outputs import drawn, named
+from solen.progress import part_of
 from solen.report.options import FigureOptions
 from solen.results import Outcome
 from solen.spec import save

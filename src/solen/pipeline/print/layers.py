@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Annotated
 
 from solen import fabricate, files
-from solen.arrays import Progress
 from solen.errors import OutputError, SpecError
 from solen.fabricate.coupons import printable_coupon
 from solen.fabricate.grey import Greys
@@ -36,6 +35,7 @@ from solen.pipeline.design.designs import open_design
 from solen.pipeline.names import stem_of
 from solen.pipeline.options import FLAT, ProgressBar, Set
 from solen.pipeline.outputs import check_sources, drawn
+from solen.progress import Progress
 from solen.report.options import FigureOptions
 from solen.results import Outcome
 from solen.sensor import Sensor

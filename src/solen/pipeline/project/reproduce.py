@@ -7,12 +7,12 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from solen import files
-from solen.arrays import part_of
 from solen.paper.records import Drawing, Record, chosen, read_record, record_text
 from solen.paper.reproduction import ReproducedFigure, Reproduction
 from solen.pipeline.options import ProgressBar
 from solen.pipeline.outputs import figure_bytes
 from solen.pipeline.project.paper.model import PaperFigure, Picture
+from solen.progress import part_of
 from solen.results import Outcome
 
 DPI = 160

@@ -10,15 +10,14 @@ and three quarters of every side, where there is room, for a receiver or an emit
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from statistics import median
 
 import numpy as np
 
-from solen.arrays import Progress
 from solen.curve.length import Measure
 from solen.errors import DesignError, SolenError
 from solen.geometry.network import at_rest
+from solen.progress import Progress, part_of, tracked
 from solen.sensor.network.motions import Suggestion
 from solen.sensor.network.slopes import SLOPE_TOLERANCE, network_sensitivities
 from solen.spec import Design, with_values
@@ -60,44 +59,34 @@ def suggestions(
         limit, remedy = "is drawn: no part can be added to it", "draw it, and compare by solen sensitivity"
         raise DesignError("body.file", value=design.body.file, limit=limit, remedy=remedy)
     trials = [(part, place, dict(tables)) for part, place, tables in _places(design)]
-    tried = _Tried(design, progress, len(trials) + 2 * TRIED_AGAIN)
-    rough = [found for trial in trials if (found := tried.one(*trial, max(tolerance, ROUGH_TOLERANCE)))]
-    best = []
+    first, count = len(trials), len(trials) + 2 * TRIED_AGAIN
+    turns = tracked(trials, part_of(progress, 0, count, first))
+    rough = [found for trial in turns if (found := _tried(design, trial, max(tolerance, ROUGH_TOLERANCE)))]
+    again = []
     for kind in ("receiver", "emitter"):
         mine = sorted((one for one in rough if one[1].part == kind), key=lambda one: _apparent(one[1]))
-        best += [tried.one(*trial, tolerance) for trial, _ in mine[:TRIED_AGAIN]]
+        again += [trial for trial, _ in mine[:TRIED_AGAIN]]
+    best = [
+        _tried(design, trial, tolerance) for trial in tracked(again, part_of(progress, first, count, count - first))
+    ]
     now = network_sensitivities(design, tolerance=tolerance).by_voltages
     better = [one[1] for one in best if one and (now is None or one[1].by_voltages.improves_on(now))]
-    if progress is not None:
-        progress(1.0)
     return tuple(sorted(better, key=lambda one: (-one.rank, one.worst_sd_deg)))
 
 
 Trial = tuple[str, str, Tables]
 
 
-@dataclass
-class _Tried:
-    """Trials of a design, counted."""
-
-    design: Design
-    progress: Progress | None
-    count: int
-    done: int = 0
-
-    def one(self, part: str, place: str, tables: Tables, tolerance: float) -> tuple[Trial, Suggestion] | None:
-        """A trial with what it gives; None where it cannot be built."""
-        self.done += 1
-        if self.progress is not None:
-            self.progress(self.done / self.count)
-        try:
-            found = network_sensitivities(_with(self.design, tables), tolerance=tolerance).by_voltages
-        except SolenError:
-            return None
-        if found is None or len(found.motions) < len(self.design.network.motion):
-            return None
-        given = Suggestion(part, place, _toml(tables), found.worst_sd_deg, found.rank, found)
-        return (part, place, tables), given
+def _tried(design: Design, trial: Trial, tolerance: float) -> tuple[Trial, Suggestion] | None:
+    """A trial with what it gives; None where it cannot be built."""
+    part, place, tables = trial
+    try:
+        found = network_sensitivities(_with(design, tables), tolerance=tolerance).by_voltages
+    except SolenError:
+        return None
+    if found is None or len(found.motions) < len(design.network.motion):
+        return None
+    return trial, Suggestion(part, place, _toml(tables), found.worst_sd_deg, found.rank, found)
 
 
 def _apparent(one: Suggestion) -> float:

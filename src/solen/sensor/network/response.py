@@ -7,15 +7,14 @@ The interface: `in_turn` for its sensors, `network_trace` at one state, `network
 """
 
 import math
-import os
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import field
 
 import numpy as np
 
-from solen.arrays import FloatArray, Progress
+from solen.arrays import FloatArray
 from solen.errors import DesignError, SpecError
+from solen.progress import Progress, on_threads
 from solen.results import HIDDEN, Result
 from solen.scene.sources.points import COPIES
 from solen.sensor.network.readings import readings_of, without_value
@@ -178,20 +177,12 @@ def response_of(
     lattice: int = 0,
 ) -> NetworkResponse:
     """Response of designs with the same motions, emitters and receivers, as they stand; see `network_response`."""
-    rows: list[list[Trace]] = []
 
     def traced(each: Design) -> list[Trace]:
         sensors = in_turn(each) if built is None else map(built, in_turn(each))
         return [_traced(sensor, tolerance, lattice) for sensor in sensors]
 
-    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-        try:
-            for row in pool.map(traced, designs):
-                rows.append(row)
-                if progress is not None:
-                    progress(len(rows) / len(designs))
-        finally:
-            pool.shutdown(cancel_futures=True)
+    rows = on_threads(traced, designs, progress)
     return _response(in_turn(designs[0]), [[one.at_deg for one in each.network.motion] for each in designs], rows)
 
 

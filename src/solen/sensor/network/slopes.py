@@ -13,8 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from solen.arrays import FloatArray, Progress
+from solen.arrays import FloatArray
 from solen.errors import SolenError, SpecError
+from solen.progress import Progress, part_of, tracked
 from solen.ranks import look_at, note
 from solen.results import Result
 from solen.sensor.network.motions import Determination, Suggestion, determined, in_words
@@ -124,7 +125,7 @@ def network_sensitivities(
         number(sensors[0], key)
     rows: list[_Slope] = []
     skipped: dict[str, str] = {}
-    for done, key in enumerate(chosen, start=1):
+    for key in tracked(chosen, part_of(progress, 0, len(chosen) + 1, len(chosen))):
         value = number(sensors[0], key)
         low, high = _ends(design, key, value, tolerance_of(sensors[0], key)[0])
         try:
@@ -134,8 +135,6 @@ def network_sensitivities(
             skipped[key] = f"not on both sides of {value:g}: {bad}"
         else:
             rows.append(_Slope(key, value, high - low, designs, ends))
-        if progress is not None:
-            progress(done / (len(chosen) + 1))
     if not rows:
         key, why = next(iter(skipped.items()))
         raise SpecError(key, limit=why, remedy="name other keys")

@@ -6,7 +6,7 @@ from dataclasses import field, replace
 
 import numpy as np
 
-from solen.arrays import Progress
+from solen.progress import Progress
 from solen.results import HIDDEN, Result, reported
 from solen.sensor.network.check import NetworkCheck, network_check
 from solen.sensor.network.response import USUAL_TOLERANCE, NetworkResponse, in_turn, network_response, unread_in

@@ -9,7 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from solen.arrays import FloatArray, Progress
+from solen.arrays import FloatArray
+from solen.progress import Progress
 from solen.readout import advise
 from solen.readout.advice import Advice, slopes_V_per_deg
 from solen.readout.cautions import cautions
