@@ -237,7 +237,7 @@ def test_errors_of_all_angles_are_counted_as_one(monkeypatch: pytest.MonkeyPatch
     sensor = Sensor.of(with_values(design(), SPACE))
     trace = sensor.scene(0.0, 64)
     monkeypatch.setattr(Sensor, "sampled", lambda *asked: (trace, 1e-3 * abs(asked[1])))
-    monkeypatch.setattr("solen.sensor.lens_responses.powers", lambda _: {"right": 0.3, "left": 0.1})
+    monkeypatch.setattr("solen.sensor.response.powers", lambda _: {"right": 0.3, "left": 0.1})
     (found,) = lens_responses({"own": sensor}, [0.5, 0.5, 0.5, 0.25])
     assert found.light == pytest.approx(0.4)
     assert found.u_light == pytest.approx(2.0 * 0.5e-3)

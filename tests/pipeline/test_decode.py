@@ -166,6 +166,16 @@ def test_lines_without_a_header_have_named_columns(folder: Path) -> None:
     decoded(folder, signals=named, rows=answers, text=["a,b\n", "2.0,2.0\n"])
 
 
+def test_a_reading_like_the_first_one_is_no_header_again(folder: Path) -> None:
+    """Of a sensor at rest many lines are alike; only a header that is written again is left out."""
+    answers = io.StringIO()
+    named = SignalOptions(columns=("left_V", "right_V"), rate_hz=50.0)
+    decoded(folder, signals=named, rows=answers, text=["2.0,2.0\n"] * 3)
+    assert [row.split(",")[0] for row in answers.getvalue().splitlines()[1:]] == ["0.000000", "0.020000", "0.040000"]
+    headed = ["t_s,left_V,right_V\n", "0.5,2.0,2.0\n"] * 2
+    assert decoded(folder, text=headed).readings == 2
+
+
 @pytest.mark.parametrize("mark", ["\ufeff", "\xef\xbb\xbf"], ids=["UTF-8", "Windows-1252"])
 @pytest.mark.parametrize("header", ["t/s,U_L/V,U_R/V", "time_s,left_V,right_V", "Zeit (s);U_L [V];U_R [V]"])
 def test_a_header_may_begin_with_a_mark_of_its_byte_order(folder: Path, mark: str, header: str) -> None:

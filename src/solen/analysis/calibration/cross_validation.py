@@ -17,7 +17,7 @@ from solen.analysis.calibration.decoder import Decoded, Decoder
 from solen.analysis.calibration.estimate import Calibration, calibrated, pooled
 from solen.analysis.calibration.file import Part
 from solen.analysis.calibration.training import Samples, Training
-from solen.arrays import FloatArray
+from solen.arrays import FloatArray, rows_of
 
 _MOST_FOLDS = 20
 _MOST_READINGS = 40_000
@@ -47,7 +47,7 @@ def leave_one_cycle_out(training: Training) -> Check | None:
     for fold in folds:
         out = np.isin(np.arange(training.cycles), fold)
         names.append(f"cycle {fold[0] + 1}" if fold.size == 1 else f"cycles {fold[0] + 1} to {fold[-1] + 1}")
-        samples = training.samples.part(out[training.samples.cycle])
+        samples = rows_of(training.samples, out[training.samples.cycle])
         found.append(_held(calibrated(training.only(~out)), _thinned(samples, len(folds))))
     return _check(names, found)
 
@@ -65,12 +65,12 @@ def leave_one_sensor_out(trainings: Sequence[Training], ones: Sequence[Calibrati
 
 def _thinned(samples: Samples, folds: int) -> Samples:
     every = -(-samples.angle_deg.size * folds // _MOST_READINGS)
-    return samples.part(np.arange(samples.angle_deg.size) % max(every, 1) == 0)
+    return rows_of(samples, np.arange(samples.angle_deg.size) % max(every, 1) == 0)
 
 
 def _held(calibration: Calibration, samples: Samples) -> tuple[FloatArray, Decoded]:
     low, high = calibration.angle_deg[[0, -1]]
-    inside = samples.part((samples.angle_deg >= low) & (samples.angle_deg <= high))
+    inside = rows_of(samples, (samples.angle_deg >= low) & (samples.angle_deg <= high))
     return inside.angle_deg, Decoder(calibration).decode(inside.volts)
 
 

@@ -13,7 +13,7 @@ The interface: `Decoder` of a `Calibration`, its `decode` gives `Decoded`; `refe
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,7 @@ from scipy.special import log_ndtr
 from scipy.stats import f as f_distribution
 
 from solen.analysis.calibration.estimate import Calibration, at_angles
-from solen.arrays import BoolArray, FloatArray, IndexArray
+from solen.arrays import BoolArray, FloatArray, IndexArray, joined_rows
 from solen.errors import DataError
 
 LEVELS = (0.68, 0.95)
@@ -445,6 +445,5 @@ def _joined(parts: list[Decoded]) -> Decoded:
     if len(parts) == 1:
         return parts[0]
     offsets = np.cumsum([0, *(len(part.angle_deg) for part in parts[:-1])])
-    joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in Decoded.__dataclass_fields__}
-    joined["other"] = np.concatenate([part.other + offset for part, offset in zip(parts, offsets, strict=True)])
-    return Decoded(**joined)
+    other = [part.other + offset for part, offset in zip(parts, offsets, strict=True)]
+    return replace(joined_rows(parts), other=np.concatenate(other))

@@ -18,7 +18,7 @@ from scipy.interpolate import PchipInterpolator
 
 from solen.analysis.calibration.steady import OUT
 from solen.analysis.calibration.training import Samples, Training, mean_curves
-from solen.arrays import FloatArray
+from solen.arrays import FloatArray, rows_of
 from solen.errors import DataError
 
 _WIDTHS = (0.05, 0.1, 0.2, 1.0)  # of the range, to each side, over which products are averaged
@@ -146,7 +146,7 @@ def calibrated(training: Training) -> Calibration:
     chosen = np.unique(np.linspace(0, cycles - 1, min(cycles, _MOST_CYCLES)).round().astype(int))
     products, steps = np.zeros((0, 4)), np.zeros((0, 4))
     for cycle in chosen:
-        own = training.samples.part(training.samples.cycle == cycle)
+        own = rows_of(training.samples, training.samples.cycle == cycle)
         rest = _apart(training, int(cycle), own)
         products = np.vstack([products, np.column_stack([own.angle_deg, _squares(rest)])])
         moved = np.flatnonzero(own.follows[1:]) + 1

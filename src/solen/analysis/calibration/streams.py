@@ -8,12 +8,12 @@ The interface: `recorded_stream` of a file, `line_stream` of lines.
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain
 from pathlib import Path
 
 import numpy as np
 
 from solen.analysis.calibration.file import Ambient
+from solen.analysis.calibration.lines import STDIN, lines_of
 from solen.analysis.signals import AngleSource, SignalOptions, Waveforms
 from solen.analysis.waveforms import waveforms
 from solen.arrays import BoolArray, FloatArray
@@ -30,15 +30,10 @@ from solen.recording.column_roles import (
     named_column,
     side_of,
 )
-from solen.recording.numbers import is_number, parse
 from solen.recording.stimulus import ANGLE, STIMULI, Stimulus
 from solen.recording.words import heading
 from solen.units import factor
 
-_SEPARATORS = (";", "\t", ",")
-_BYTE_ORDER = ("\ufeff", "\xef\xbb\xbf")
-"""Mark of the byte order before a header, read as UTF-8 and as Windows-1252."""
-STDIN = "-"
 _OF_DRIVE = ("angle", "load", "depth", "against", "load_cell", "tare_s", "zero_deg", "flip_angle")
 FILE_OPTIONS = (*_OF_DRIVE, "on_off_hz", "on", "mains_hz", "emitters", "smooth_ms", "sheet")
 """Options that have a meaning for files alone."""
@@ -52,14 +47,6 @@ class Batch:
     volts: FloatArray
     clipped: BoolArray | None = None
     angle_deg: FloatArray | None = None
-
-    def pieces(self, size: int) -> Iterator["Batch"]:
-        """The batch in pieces that fit the memory."""
-        for begin in range(0, len(self.time_s), size):
-            part = slice(begin, begin + size)
-            clipped = None if self.clipped is None else self.clipped[part]
-            angle = None if self.angle_deg is None else self.angle_deg[part]
-            yield Batch(self.time_s[part], self.volts[part], clipped, angle)
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,26 +161,8 @@ def line_stream(text: Iterable[str], options: SignalOptions, unit: str = "V") ->
     DataError
         If no line arrives, or the header names no left and right receiver.
     """
-    rows = iter(text)
-    first = next((row for row in rows if row.strip()), None)
-    head = "" if first is None else first.strip()
-    rows = (row for row in rows if row.strip() != head)  # a logger that begins anew writes its header again
-    if first is None:
-        raise DataError(STDIN, limit="is an empty stream: no line arrived", remedy="write a header and readings to it")
-    first = next((first.removeprefix(mark) for mark in _BYTE_ORDER if first.startswith(mark)), first)
-    separator = next((one for one in _SEPARATORS if one in first), ",")
-    cells = _cells(first, separator)
-    if options.columns:
-        layout = _Layout.of(options.columns, options, separator, unit)
-        return Stream(layout.batches(chain([first], rows)), unit=unit)
-    if all(is_number(cell) for cell in cells):
-        limit = "begins with numbers, not with the names of its columns"
-        raise DataError(STDIN, limit=limit, remedy="name them, as in --columns time_s left_V right_V")
-    return Stream(_Layout.of(cells, options, separator, unit).batches(rows), unit=unit)
-
-
-def _cells(line: str, separator: str) -> list[str]:
-    return [cell.strip().strip('"') for cell in line.strip("\r\n").split(separator)]
+    lines = lines_of(text, options.columns, remedy="name them, as in --columns time_s left_V right_V")
+    return Stream(_Layout.of(lines.names, options, unit).batches(lines.rows), unit=unit)
 
 
 @dataclass(frozen=True)
@@ -202,12 +171,10 @@ class _Layout:
 
     places: tuple[int | None, int, int]
     scales: tuple[float, float, float]
-    count: int
-    separator: str
     rate_hz: float | None
 
     @classmethod
-    def of(cls, names: Sequence[str], options: SignalOptions, separator: str, wanted: str) -> "_Layout":
+    def of(cls, names: Sequence[str], options: SignalOptions, wanted: str) -> "_Layout":
         heads = [heading(name) for name in names]
         channels = tuple(Channel(head.name, head.quantity, head.unit, np.empty(0)) for head in heads)
         header = Recording(channels, Provenance(STDIN))
@@ -225,24 +192,15 @@ class _Layout:
         scales = (_scale(unit, "s", "time"), of_left, of_right)
         at = {id(channel): place for place, channel in enumerate(channels)}
         places = (None if time is None else at[id(time)], at[id(left)], at[id(right)])
-        return cls(places, scales, len(names), separator, options.rate_hz)
+        return cls(places, scales, options.rate_hz)
 
-    def batches(self, rows: Iterable[str]) -> Iterator[Batch]:
+    def batches(self, rows: Iterable[Sequence[float]]) -> Iterator[Batch]:
         """One reading at a time; a line that cannot be read counts as a missing reading."""
-        for number, row in enumerate(row for row in rows if row.strip()):
-            cells = _cells(row, self.separator)
-            values = [self._number(cell) for cell in cells] if len(cells) == self.count else [math.nan] * self.count
+        for number, values in enumerate(rows):
             place, left, right = self.places
             stamp = number / (self.rate_hz or 1.0) if place is None else values[place] * self.scales[0]
             volts = [values[left] * self.scales[1], values[right] * self.scales[2]]
             yield Batch(np.array([stamp]), np.array([volts if math.isfinite(stamp) else [math.nan, math.nan]]))
-
-    def _number(self, cell: str) -> float:
-        """Number of a cell; NaN if it is empty or a word."""
-        try:
-            return parse(cell, "." if self.separator == "," else ",")
-        except ValueError:
-            return math.nan
 
 
 def _scale(unit: str, wanted: str, name: str) -> float:

@@ -4,7 +4,7 @@ The interface: `training_of` an analysed sensor gives a `Training`; `Training.on
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from solen.analysis.motion import Motion
 from solen.analysis.response import DIRECTIONS, Passes, common_range, passes
 from solen.analysis.run import Run
 from solen.analysis.sensor_response import SensorResponse
-from solen.arrays import BoolArray, FloatArray, IndexArray
+from solen.arrays import BoolArray, FloatArray, IndexArray, rows_of
 from solen.errors import DataError
 from solen.recording.column_roles import left_right
 
@@ -43,10 +43,6 @@ class Samples:
     cycle: IndexArray
     way: IndexArray
     follows: BoolArray
-
-    def part(self, kept: BoolArray) -> "Samples":
-        """Samples selected by a mask."""
-        return Samples(self.angle_deg[kept], self.volts[kept], self.cycle[kept], self.way[kept], self.follows[kept])
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,9 +78,9 @@ class Training:
     def only(self, kept: BoolArray) -> "Training":
         """Training of the cycles selected by a mask (cycles,)."""
         number = np.cumsum(kept) - 1
-        samples = self.samples.part(kept[self.samples.cycle])
-        samples = Samples(samples.angle_deg, samples.volts, number[samples.cycle], samples.way, samples.follows)
-        return Training(self.label, self.angle_deg, self.cycles_V[kept], samples, self.rails_V)
+        samples = rows_of(self.samples, kept[self.samples.cycle])
+        samples = replace(samples, cycle=number[samples.cycle])
+        return replace(self, cycles_V=self.cycles_V[kept], samples=samples)
 
     def curves_V(self) -> FloatArray:
         """Mean over cycles of the rising and of the falling sweeps, (2, g, 2)."""

@@ -20,7 +20,7 @@ from solen.analysis.network.file import MotionCheck, NetworkCalibration
 from solen.analysis.network.forward import ForwardMap
 from solen.analysis.network.recorded import NetworkReadings
 from solen.analysis.network.states import States, clipped_in, missing_slots, states_of
-from solen.arrays import BoolArray, FloatArray
+from solen.arrays import BoolArray, FloatArray, joined_rows
 from solen.errors import DataError
 from solen.ranks import Caution, do_not_use, look_at
 from solen.recording import Provenance
@@ -51,9 +51,8 @@ class LeftOut:
     @classmethod
     def joined(cls, parts: Sequence["LeftOut"]) -> "LeftOut":
         """Several as one."""
-        names = NetworkDecoded.__dataclass_fields__
-        whole = {name: np.concatenate([getattr(one.decoded, name) for one in parts]) for name in names}
-        return cls(np.concatenate([one.angle_deg for one in parts]), NetworkDecoded(**whole))
+        true = np.concatenate([part.angle_deg for part in parts])
+        return cls(true, joined_rows([part.decoded for part in parts]))
 
 
 class NetworkCalibrations(Result):

@@ -67,10 +67,6 @@ class NetworkDecoded:
         found = (self.low_deg[..., level] <= angle_deg) & (angle_deg <= self.high_deg[..., level])
         return np.asarray(found)
 
-    def picked(self, kept: BoolArray) -> "NetworkDecoded":
-        """Some of the readings."""
-        return NetworkDecoded(**{name: getattr(self, name)[kept] for name in NetworkDecoded.__dataclass_fields__})
-
 
 @dataclass(frozen=True, eq=False)
 class _Fit:

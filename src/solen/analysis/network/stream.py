@@ -12,18 +12,17 @@ from pathlib import Path
 import numpy as np
 
 from solen.analysis.calibration.file import Ambient
-from solen.analysis.calibration.streams import STDIN
+from solen.analysis.calibration.lines import STDIN, lines_of
 from solen.analysis.network.calibrate import LeftOut, checks_of
 from solen.analysis.network.columns import power_columns
 from solen.analysis.network.decoder import NetworkDecoded
 from solen.analysis.network.file import MotionCheck, NetworkCalibration
 from solen.analysis.network.recorded import network_readings
 from solen.analysis.network.states import at_rest
-from solen.arrays import BoolArray, FloatArray
+from solen.arrays import BoolArray, FloatArray, rows_of
 from solen.errors import DataError, SpecError
 from solen.ranks import DO_NOT_USE, Caution, do_not_use, look_at, of, rank_of
 from solen.recording import Provenance
-from solen.recording.numbers import is_number, parse
 from solen.recording.words import heading
 from solen.results import Result
 from solen.spec.strict import Options
@@ -195,7 +194,7 @@ class NetworkStream:
             slack = 1e-6 * (high - low)
             true = turns.angle_deg
             kept = good & ((true >= low - slack) & (true <= high + slack)).all(axis=1)
-            self._held.append(LeftOut(np.clip(true[kept], low, high), decoded.picked(kept)))
+            self._held.append(LeftOut(np.clip(true[kept], low, high), rows_of(decoded, kept)))
 
     def _against(self) -> tuple[MotionCheck, ...]:
         held = [one for one in self._held if len(one.angle_deg)]
@@ -234,23 +233,13 @@ def line_turns(text: Iterable[str], known: NetworkCalibration) -> Iterator[Turns
 
     `DataError` if a power of the calibration, or the time, has no column.
     """
-    rows = (row.strip() for row in text if row.strip())
-    head = next(rows, None)
-    if head is None:
-        raise DataError(STDIN, limit="is an empty stream: no line arrived", remedy="write a header and readings to it")
-    separator = next((one for one in (";", "\t", ",") if one in head), ",")
-    cells = [cell.strip().strip('"') for cell in head.removeprefix("\ufeff").split(separator)]
-    if all(map(is_number, cells)):
-        limit = "begins with numbers, not with the names of its columns"
-        raise DataError(STDIN, limit=limit, remedy="begin with time_s, and EMITTER.RECEIVER for each power")
-    time, places, scales, marks = _layout(cells, known)
+    lines = lines_of(text, remedy="begin with time_s, and EMITTER.RECEIVER for each power")
+    time, places, scales, marks = _layout(lines.names, known)
     shape = 1, len(known.emitters), len(known.receivers)
-    for row in rows:
-        values = [_number(cell, separator) for cell in row.split(separator)]
-        whole = values if len(values) == len(cells) else [math.nan] * len(cells)
-        stamp = np.array([whole[time[0]] * time[1]])
-        signal = np.array([whole[place] for place in places]) * scales
-        clipped = np.array([place >= 0 and whole[place] > 0.5 for place in marks])
+    for values in lines.rows:
+        stamp = np.array([values[time[0]] * time[1]])
+        signal = np.array([values[place] for place in places]) * scales
+        clipped = np.array([place >= 0 and values[place] > 0.5 for place in marks])
         yield Turns(stamp, signal.reshape(shape), clipped=clipped.reshape(shape))
 
 
@@ -274,14 +263,6 @@ def _layout(
     scales = scale * np.array([layout.scales[pair] for pair in pairs])
     unit = heads[times[0]].unit
     return (times[0], (factor(unit, "s") or 1.0) if unit else 1.0), places, scales, marks
-
-
-def _number(cell: str, separator: str) -> float:
-    """Number of a cell; NaN if it is empty or a word."""
-    try:
-        return parse(cell.strip().strip('"'), "." if separator == "," else ",")
-    except ValueError:
-        return math.nan
 
 
 def unused(options: Options, kept: Sequence[str] = ()) -> None:
@@ -309,12 +290,3 @@ def _rows(time_s: FloatArray, decoded: NetworkDecoded) -> Iterator[str]:
         named = " ".join(name for name, flag in zip(FLAGS, flags, strict=True) if flag)
         beside = " ".join(f"{one:.5f}" for one in other) if math.isfinite(other[0]) else ""
         yield ",".join([when, *(f"{one:.5f}" for one in numbers), named, f"{probability:.3f}", beside]) + "\n"
-
-
-def turns_in_pieces(turns: Turns, size: int) -> Iterator[Turns]:
-    """Turns in pieces that fit the memory."""
-    for begin in range(0, len(turns.time_s), size):
-        part = slice(begin, begin + size)
-        true = None if turns.angle_deg is None else turns.angle_deg[part]
-        marks = None if turns.clipped is None else turns.clipped[part]
-        yield Turns(turns.time_s[part], turns.signal[part], true, marks)

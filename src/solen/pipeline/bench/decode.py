@@ -12,8 +12,8 @@ from solen import files
 from solen.analysis import SignalOptions
 from solen.analysis.calibration import DecodeOptions, Decoding, StreamDecoder
 from solen.analysis.calibration.file import CalibrationFile, load
+from solen.analysis.calibration.lines import STDIN
 from solen.analysis.calibration.streams import (
-    STDIN,
     Batch,
     Stream,
     check_live,
@@ -30,9 +30,9 @@ from solen.analysis.network.stream import (
     line_turns,
     recorded_turns,
     scale_of,
-    turns_in_pieces,
     unused,
 )
+from solen.arrays import in_pieces
 from solen.bench.clock import WallClock
 from solen.bench.follow import Following
 from solen.bench.journal_content import signal_unit
@@ -101,7 +101,7 @@ def decode(
         known = load(calibration)
         stream = _stream(source, options, signals, known, given)
         decoder = StreamDecoder(known, str(calibration), stream, options, signals.rails, source)
-        pieces = (piece for batch in stream.batches for piece in batch.pieces(_PIECE))
+        pieces = (piece for batch in stream.batches for piece in in_pieces(batch, len(batch.time_s), _PIECE))
     if warn is not None:
         for line in decoder.warnings:
             warn(line)
@@ -127,7 +127,7 @@ def _of_network(
         return NetworkStream(known, str(calibration), source, None), line_turns(text, known)
     if path.suffix != JOURNAL:
         turns, provenance = recorded_turns(path, known, options.sensor)
-        return NetworkStream(known, str(calibration), source, provenance), turns_in_pieces(turns, _PIECE)
+        return NetworkStream(known, str(calibration), source, provenance), in_pieces(turns, len(turns.time_s), _PIECE)
     following = Following(path)
     grown = _turns(following, known, options.sensor, path.name, follow=options.follow)
     return NetworkStream(known, str(calibration), source, _provenance(following, path)), grown

@@ -1,0 +1,71 @@
+"""Lines of CSV as they arrive: the names of their columns, then their numbers, line by line.
+
+The interface: `lines_of` a text.
+"""
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import chain
+
+from solen.errors import DataError
+from solen.recording.numbers import is_number, parse
+
+STDIN = "-"
+_SEPARATORS = (";", "\t", ",")
+_BYTE_ORDER = ("\ufeff", "\xef\xbb\xbf")
+"""Mark of the byte order before a header, read as UTF-8 and as Windows-1252."""
+
+
+@dataclass(frozen=True)
+class Lines:
+    """Names of the columns, and the numbers of each line: NaN for a cell that is empty or a word.
+
+    A line with another number of cells holds none.
+    """
+
+    names: tuple[str, ...]
+    rows: Iterator[list[float]]
+
+
+def lines_of(text: Iterable[str], columns: Sequence[str] = (), *, remedy: str) -> Lines:
+    """Lines of a text; the first one that is not blank is the header, unless columns are named.
+
+    Raises
+    ------
+    DataError
+        If no line arrives, or the header holds numbers alone, with the ``remedy``.
+    """
+    rows: Iterator[str] = (row for row in text if row.strip())
+    first = next(rows, None)
+    if first is None:
+        raise DataError(STDIN, limit="is an empty stream: no line arrived", remedy="write a header and readings to it")
+    head = next((first.removeprefix(mark) for mark in _BYTE_ORDER if first.startswith(mark)), first)
+    separator = next((sign for sign in _SEPARATORS if sign in head), ",")
+    names = _cells(head, separator)
+    if not all(map(is_number, names)):
+        rows = (row for row in rows if row.strip() != first.strip())  # a logger that begins anew writes it again
+    elif not columns:
+        limit = "begins with numbers, not with the names of its columns"
+        raise DataError(STDIN, limit=limit, remedy=remedy)
+    if columns:
+        names, rows = list(columns), chain([head], rows)
+    return Lines(tuple(names), (_numbers(row, separator, len(names)) for row in rows))
+
+
+def _cells(line: str, separator: str) -> list[str]:
+    return [cell.strip().strip('"') for cell in line.strip("\r\n").split(separator)]
+
+
+def _numbers(row: str, separator: str, count: int) -> list[float]:
+    cells = _cells(row, separator)
+    if len(cells) != count:
+        return [math.nan] * count
+    return [_number(cell, "." if separator == "," else ",") for cell in cells]
+
+
+def _number(cell: str, decimal: str) -> float:
+    try:
+        return parse(cell, decimal)
+    except ValueError:
+        return math.nan
