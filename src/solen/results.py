@@ -53,20 +53,22 @@ AS_STATED = {"options", "sources"}
 """Fields whose keys come from other tables."""
 
 
-def in_unit(value: Any, unit: str, before: str = "V") -> Any:
+def in_unit(data: dict[str, Any], unit: str, before: str = "V") -> dict[str, Any]:
     """Convert keys to another unit: ``range_pF``, ``sensitivity_lux_per_deg``."""
     if unit == before:
-        return value
-    return rekeyed(value, re.compile(rf"(?<=_){as_key(before)}(?=\d?(?:_|$))"), as_key(unit))
+        return data
+    return rekeyed(data, re.compile(rf"(?<=_){as_key(before)}(?=\d?(?:_|$))"), as_key(unit))
 
 
-def rekeyed(value: Any, part: re.Pattern[str], text: str) -> Any:
+def rekeyed(data: dict[str, Any], part: re.Pattern[str], text: str) -> dict[str, Any]:
     """Plain data with a part of its keys replaced."""
-    if isinstance(value, list):
-        return [rekeyed(one, part, text) for one in value]
-    if not isinstance(value, dict):
-        return value
-    return {part.sub(text, key): one if key in AS_STATED else rekeyed(one, part, text) for key, one in value.items()}
+
+    def inner(value: Any) -> Any:
+        if isinstance(value, list):
+            return [inner(item) for item in value]
+        return rekeyed(value, part, text) if isinstance(value, dict) else value
+
+    return {part.sub(text, key): value if key in AS_STATED else inner(value) for key, value in data.items()}
 
 
 def as_key(unit: str) -> str:

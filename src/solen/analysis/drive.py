@@ -83,7 +83,7 @@ def driven(recording: Recording, options: "SignalOptions", base: TimeBase, warni
             warnings.append(of(volts.name, look_at(unused)))
         angle = _degrees(recording, channel, options, warnings)[base.order]
         return Drive(ANGLE, angle, columns)
-    file = recording.provenance.file or "recording"
+    file = recording.provenance.name
     cell = (load_cell_of(options.load_cell) if options.load_cell else _of_rig(recording)) if stimulus is FORCE else None
     scale = factor(channel.unit, stimulus.unit) if channel.unit else None
     if scale is None:
@@ -108,7 +108,7 @@ def refuse_without(recording: Recording) -> NoReturn:
         f"depth with --depth; {existing(recording)}"
     )
     limit = "no column is recognised as the angle, nor as a force or depth"
-    raise DataError(recording.provenance.file or "recording", limit=limit, remedy=remedy)
+    raise DataError(recording.provenance.name, limit=limit, remedy=remedy)
 
 
 def _chosen(
@@ -134,7 +134,7 @@ def _chosen(
         has = f"; this recording has {' and '.join(there)}" if there else ""
         limit = f"no column is recognised as the {options.against}{has}"
         remedy = f"name it with --{STIMULI[options.against].column}; {existing(recording)}"
-        raise DataError(recording.provenance.file or "recording", limit=limit, remedy=remedy)
+        raise DataError(recording.provenance.name, limit=limit, remedy=remedy)
     return None
 
 
@@ -218,7 +218,7 @@ def _of_rig(recording: Recording) -> LoadCell | None:
 
 def _degrees(recording: Recording, channel: Channel, options: "SignalOptions", warnings: list[Caution]) -> FloatArray:
     """Angle at each sample as the file orders them, (n,)."""
-    file = recording.provenance.file or "recording"
+    file = recording.provenance.name
     scale = factor(channel.unit, "deg") if channel.unit else 1.0
     if scale is None or channel.unit == "1":
         limit = "is not a unit of angle"

@@ -70,7 +70,7 @@ def sampled(recording: Recording, options: SignalOptions, angle: AngleSource = "
     drive = None if angle == "elsewhere" else driven(recording, options, base, warnings)
     channels = _receivers(recording, options, drive)
     warnings += [] if options.channel else _passed_over(recording, channels)
-    unit, file = _unit_of(channels.values()), _file(recording)
+    unit, file = _unit_of(channels.values()), recording.provenance.name
     flags = [_clipped_flags(recording, channel) for channel in channels.values()]
     samples = Waveforms(
         time_s=base.time_s,
@@ -86,17 +86,13 @@ def sampled(recording: Recording, options: SignalOptions, angle: AngleSource = "
         window_s=_window_s(recording),
         warnings=(*base.warnings, *warnings),
     )
-    return _complete(samples, _file(recording))
+    return _complete(samples, recording.provenance.name)
 
 
 def _window_s(recording: Recording) -> float:
     """Time over which each row is a mean, as `solen bench demodulate` writes it."""
     column = recording.find("window")
     return 0.0 if column is None or column.unit != "s" else float(np.nanmedian(column.values))
-
-
-def _file(recording: Recording) -> str:
-    return recording.provenance.file or "recording"
 
 
 def _complete(samples: Waveforms, file: str) -> Waveforms:
@@ -138,7 +134,7 @@ def sample_times(
 def _time_s(
     recording: Recording, options: SignalOptions, warnings: list[Caution], named: tuple[str, str]
 ) -> FloatArray:
-    channel, file = _time_column(recording, options), _file(recording)
+    channel, file = _time_column(recording, options), recording.provenance.name
     if channel is None:
         if options.rate_hz is None:
             remedy = f"name it with {named[0]}, or give {named[1]}; {existing(recording)}"
@@ -179,7 +175,9 @@ def _receivers(recording: Recording, options: SignalOptions, drive: Drive | None
     columns = receiver_columns([channel for channel in recording.channels if channel.name not in taken])
     if not columns:
         remedy = f"name them with --channel NAME=COLUMN; {existing(recording)}"
-        raise DataError(_file(recording), limit="no column is recognised as a receiver's voltage", remedy=remedy)
+        raise DataError(
+            recording.provenance.name, limit="no column is recognised as a receiver's voltage", remedy=remedy
+        )
     return {column.name: column for column in columns}
 
 

@@ -109,8 +109,7 @@ class Study(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """The result as plain data; keys name the units that the recordings have in place of V and deg."""
-        renamed: dict[str, Any] = self.stimulus.keyed(in_unit(super().to_dict(), self.unit))
-        return renamed
+        return self.stimulus.keyed(in_unit(super().to_dict(), self.unit))
 
     @property
     def remark(self) -> str:

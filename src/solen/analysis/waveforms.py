@@ -47,7 +47,7 @@ def waveforms(recording: Recording, options: SignalOptions, *, angle: AngleSourc
     DataError, SpecError
         If a column is missing, holds no numbers or has a unit of another kind, or a stated rate is not in it.
     """
-    file = recording.provenance.file or "recording"
+    file = recording.provenance.name
     whole = sampled(recording, options, angle)
     if whole.ambient_subtracted and options.rails is not None:
         limit = f"do not apply to {file}, from which ambient light was subtracted: its clipped readings are marked"

@@ -143,8 +143,7 @@ class RigCheck(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """The result as plain data; keys that end in V name the unit of the receivers in its place."""
-        renamed: dict[str, Any] = in_unit(super().to_dict(), self.unit)
-        return renamed
+        return in_unit(super().to_dict(), self.unit)
 
 
 def of_noise(value: float, unit: str) -> str:

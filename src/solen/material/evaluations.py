@@ -24,7 +24,7 @@ def evaluations(recording: Recording) -> tuple[str, ...]:
         columns = ", ".join((*recording.names, *recording.texts)[:12])
         limit = f"is for no evaluation of a resin: its columns are {columns}"
         remedy = "name columns as wavelength_nm and T, thickness_um and dose_mJ_per_cm2, length_mm and power_uW, or "
-        raise DataError(recording.provenance.file or "recording", limit=limit, remedy=f"{remedy}force_N and travel_mm")
+        raise DataError(recording.provenance.name, limit=limit, remedy=f"{remedy}force_N and travel_mm")
     return found
 
 

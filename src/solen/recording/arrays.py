@@ -16,10 +16,9 @@ from typing import Any
 import numpy as np
 
 from solen.arrays import FloatArray
-from solen.recording import dates
-from solen.recording.model import Channel, Provenance, Recording
+from solen.recording.model import Channel, Recording
 from solen.recording.source import Source
-from solen.recording.table import along_axes, is_simulated, unique
+from solen.recording.table import along_axes, stated_provenance, unique
 from solen.recording.words import heading
 
 MOST_COLUMNS = 1000
@@ -77,10 +76,7 @@ def recorded(
     if note:
         channels[0] = replace(channels[0], note=note)
     instrument = next((value for key, value in stated.items() if key.casefold() in {"instrument", "device"}), "")
-    provenance = Provenance(
-        source.name, source.sha256, kind, instrument, dates.among(stated), stated, simulated=is_simulated(stated)
-    )
-    return Recording(tuple(along_axes(channels, ())), provenance)
+    return Recording(tuple(along_axes(channels, ())), stated_provenance(source, kind, stated, instrument))
 
 
 def _named(source: Source, arrays: Sequence[Array], names: Sequence[str]) -> list[Array]:

@@ -83,7 +83,7 @@ def column_of(recording: Recording, quantity: str) -> Channel | None:
             names = ", ".join(candidate.name for candidate in candidates)
             limit = f"{len(candidates)} columns may be the {quantity}: {names}"
             named = STIMULI[quantity].column if quantity in STIMULI else quantity
-            raise DataError(recording.provenance.file or "recording", limit=limit, remedy=f"name one with --{named}")
+            raise DataError(recording.provenance.name, limit=limit, remedy=f"name one with --{named}")
         if candidates:
             return candidates[0]
     return None
@@ -116,7 +116,7 @@ def named_column(recording: Recording, name: str, option: str) -> Channel:
         return channel
     text = recording.label(name, heading(name).name) is not None
     limit = "the column holds words, not numbers" if text else "no such column"
-    what = f"{recording.provenance.file or 'recording'}: {option} {name}"
+    what = f"{recording.provenance.name}: {option} {name}"
     raise DataError(what, limit=limit, remedy=existing(recording))
 
 

@@ -18,10 +18,10 @@ import numpy as np
 
 from solen.arrays import FloatArray
 from solen.recording import dates
-from solen.recording.model import Channel, Provenance, Recording
+from solen.recording.model import Channel, Recording
 from solen.recording.numbers import parse
 from solen.recording.source import Source
-from solen.recording.table import along_axes, is_simulated, unique
+from solen.recording.table import along_axes, stated_provenance, unique
 from solen.recording.words import heading
 
 FIRST, END, COMMENT = "LabVIEW Measurement", "***End_of_Header***", "Comment"
@@ -81,10 +81,7 @@ def read(source: Source) -> Recording:
     heads = [heading(name, unit) for name, unit in zip(packets[0].names, packets[0].units, strict=True)]
     for name, head, column in zip(unique([one.name for one in heads]), heads, values.T, strict=True):
         channels.append(Channel(name, head.quantity, head.unit, column))
-    provenance = Provenance(
-        source.name, source.sha256, "lvm", "", dates.among(stated), stated, simulated=is_simulated(stated)
-    )
-    return Recording(tuple(along_axes(channels, ())), provenance)
+    return Recording(tuple(along_axes(channels, ())), stated_provenance(source, "lvm", stated, ""))
 
 
 def _shifts(source: Source, packets: Sequence[_Packet]) -> FloatArray:

@@ -99,6 +99,11 @@ class Provenance:
     metadata: Mapping[str, str] = field(default_factory=dict, hash=False)
     simulated: bool = False
 
+    @property
+    def name(self) -> str:
+        """Name of the file in messages; ``recording`` where there is none."""
+        return self.file or "recording"
+
 
 class Measured(Result, kw_only=True):
     """Base of results of files.
@@ -167,7 +172,7 @@ class Recording(Result):
         if channel is None:
             limit = f"has no column {' or '.join(names)}"
             remedy = f"its columns are {_listed(self.names)}"
-            raise DataError(self.provenance.file or "recording", limit=limit, remedy=remedy)
+            raise DataError(self.provenance.name, limit=limit, remedy=remedy)
         return channel
 
     def label(self, *names: str) -> tuple[str, ...] | None:

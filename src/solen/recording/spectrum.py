@@ -102,7 +102,7 @@ def spectra(recording: Recording) -> tuple[Spectrum, ...]:
     )
     if not found:
         remedy = "name the column of wavelengths wavelength_nm" if not axes else "add a column of values"
-        raise DataError(recording.provenance.file or "recording", limit="holds no spectrum", remedy=remedy)
+        raise DataError(recording.provenance.name, limit="holds no spectrum", remedy=remedy)
     return found
 
 

@@ -14,11 +14,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from solen.arrays import FloatArray
-from solen.recording import dates
-from solen.recording.model import FROM_WAVENUMBERS, Channel, Provenance, Recording
+from solen.recording.model import FROM_WAVENUMBERS, Channel, Recording
 from solen.recording.numbers import is_number, parse
 from solen.recording.source import Source
-from solen.recording.table import is_simulated, unique
+from solen.recording.table import stated_provenance, unique
 
 _NUMBER = "wavenumber", "1/cm"
 _X = {
@@ -95,10 +94,7 @@ def spectrum(
         quantity, known = _Y.get(_plain(unit_y), ("", ""))
         note = "" if known else f"its unit {unit_y} is not known here" if unit_y else _UNSTATED
         channels.append(Channel(name, quantity, known, values, axis=axis, note=note))
-    instrument = stated.get("instrument", "")
-    date = dates.among(metadata)
-    provenance = Provenance(source.name, source.sha256, kind, instrument, date, metadata, is_simulated(metadata))
-    return Recording(tuple(channels), provenance)
+    return Recording(tuple(channels), stated_provenance(source, kind, metadata, stated.get("instrument", "")))
 
 
 def _axes(unit: str, x: FloatArray) -> list[Channel]:

@@ -62,16 +62,16 @@ class Stimulus:
         """Values about 0 over which the sensitivity near zero is taken, of a motion that reaches so far."""
         return NEAR_ZERO_DEG if self.unit == "deg" else float(f"{_NEAR_ZERO * reach:.2g}")
 
-    def keyed(self, data: Any) -> Any:
+    def keyed(self, data: dict[str, Any]) -> dict[str, Any]:
         """Plain data whose keys name this quantity in place of the angle."""
         return self._rekeyed(data, ANGLE, self)
 
-    def unkeyed(self, data: Any) -> Any:
+    def unkeyed(self, data: dict[str, Any]) -> dict[str, Any]:
         """Plain data of a file back to keys that name the angle."""
         return self._rekeyed(data, self, ANGLE)
 
     @staticmethod
-    def _rekeyed(data: Any, before: "Stimulus", after: "Stimulus") -> Any:
+    def _rekeyed(data: dict[str, Any], before: "Stimulus", after: "Stimulus") -> dict[str, Any]:
         if before == after:
             return data
         data = in_unit(data, after.unit, before.unit)

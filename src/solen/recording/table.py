@@ -23,6 +23,7 @@ from solen.recording.layout import Layout
 from solen.recording.model import FROM_WAVENUMBERS, Channel, Provenance, Recording
 from solen.recording.numbers import all_numbers, is_missing, is_number
 from solen.recording.scan import RANGE_NM, alone_note, disorder
+from solen.recording.source import Source
 from solen.recording.words import Heading, heading, is_label, plain
 from solen.units import factor
 
@@ -157,15 +158,20 @@ def recorded(grid: Grid, place: Layout, result: list[Column], kind: str) -> Reco
     texts = {name: column.words for name, column in zip(names, result, strict=True) if column.words is not None}
     metadata = parameters(grid, place)
     instrument = _first(metadata, ("instrument", "machine", "prüfmaschine", "spectrometer", "spektrometer", "gerät"))
-    date = dates.among(metadata)
-    simulated = is_simulated(metadata)
-    provenance = Provenance(grid.source.name, grid.source.sha256, kind, instrument, date, metadata, simulated)
+    provenance = stated_provenance(grid.source, kind, metadata, instrument)
     labels = {
         channel.name
         for channel in channels
         if channel.name in texts and not np.any(np.nan_to_num(channel.values) % 1.0)
     }  # 1, 2, 3; 0, 90
     return Recording(tuple(along_axes(_with_percent(channels), labels)), provenance, texts)
+
+
+def stated_provenance(source: Source, kind: str, stated: Mapping[str, str], instrument: str) -> Provenance:
+    """Origin of a file of some format, by what it states of its date and of itself."""
+    return Provenance(
+        source.name, source.sha256, kind, instrument, dates.among(stated), stated, simulated=is_simulated(stated)
+    )
 
 
 def is_simulated(metadata: Mapping[str, str]) -> bool:

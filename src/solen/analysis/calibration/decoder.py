@@ -9,7 +9,8 @@ it. Where two stretches count, the reading is ambiguous and both are given.
 
 A receiver whose reading is clipped shows only that the true voltage lies at or beyond it.
 
-The interface: `Decoder` of a `Calibration`, its `decode` gives `Decoded`; `reference` has the same slowly.
+The interface: `Decoder` of a `Calibration`, its `decode` gives `Decoded`; `solen.analysis.calibration.posterior` is the
+same in short, and slow.
 """
 
 import math

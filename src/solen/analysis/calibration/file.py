@@ -202,8 +202,7 @@ class CalibrationFile(Strict):
 
     def keyed(self, data: dict[str, Any]) -> dict[str, Any]:
         """Plain data of it, with keys in its own units."""
-        named: dict[str, Any] = self.stimulus_of.keyed(in_unit(data, self.unit))
-        return named
+        return self.stimulus_of.keyed(in_unit(data, self.unit))
 
 
 def curves_of(calibration: Calibration) -> Curves:

@@ -214,8 +214,7 @@ class DecodingTable(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """The result as plain data; keys name the unit of what is decoded."""
-        renamed: dict[str, Any] = STIMULI[self.stimulus].keyed(super().to_dict())
-        return renamed
+        return STIMULI[self.stimulus].keyed(super().to_dict())
 
     @reported
     def warnings(self) -> tuple[Caution, ...]:

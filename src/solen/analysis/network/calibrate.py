@@ -84,8 +84,7 @@ class NetworkCalibrations(Result):
 
     def to_dict(self) -> dict[str, object]:
         """The result as plain data; keys name the unit of the readings in place of V."""
-        renamed: dict[str, object] = in_unit(super().to_dict(), self.calibration.unit)
-        return renamed
+        return in_unit(super().to_dict(), self.calibration.unit)
 
 
 def calibrated_network(recordings: Sequence[NetworkReadings]) -> NetworkCalibrations:
@@ -99,7 +98,7 @@ def calibrated_network(recordings: Sequence[NetworkReadings]) -> NetworkCalibrat
     first = recordings[0]
     alike = [first, *(_as(first, one) for one in recordings[1:])]
     each = [states_of(one) for one in alike]
-    file = first.provenance.file or "recording"
+    file = first.provenance.name
     angle, signal = _joined(each)
     least = len(first.motions) + 4
     if len(angle) < least or (np.ptp(angle, axis=0) <= 0.0).any():
@@ -155,7 +154,7 @@ def calibrated_network(recordings: Sequence[NetworkReadings]) -> NetworkCalibrat
 
 def _as(first: NetworkReadings, other: NetworkReadings) -> NetworkReadings:
     """Another recording in the order of the first; `DataError` where it lacks something."""
-    file = other.provenance.file or "recording"
+    file = other.provenance.name
     found = other.ordered(first.motions, first.emitters, first.receivers)
     if not found.motions:
         limit = f"has no angles of {', '.join(name for name in first.motions if name not in other.motions)}"

@@ -67,7 +67,7 @@ class NetworkReadings:
 
         Motions may be missing, as they are where a recording is decoded.
         """
-        file = self.provenance.file or "recording"
+        file = self.provenance.name
         lit = places_of("emitter", emitters, self.emitters, file)
         read = places_of("receiver", receivers, self.receivers, file)
         known = set(motions) <= set(self.motions)
@@ -215,7 +215,7 @@ def _angles(recording: Recording) -> dict[str, Channel]:
 
 
 def _of_table(recording: Recording) -> NetworkReadings:
-    file = recording.provenance.file or "recording"
+    file = recording.provenance.name
     time = column_of(recording, "time")
     if time is None:
         raise DataError(file, limit="no column is recognised as the time", remedy=existing(recording))

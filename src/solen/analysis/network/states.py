@@ -112,8 +112,7 @@ class NetworkStates(Result):
 
     def to_dict(self) -> dict[str, object]:
         """The result as plain data; keys name the unit of the readings in place of V."""
-        renamed: dict[str, object] = in_unit(super().to_dict(), self.unit)
-        return renamed
+        return in_unit(super().to_dict(), self.unit)
 
 
 def analysed_network(readings: NetworkReadings) -> NetworkStates:
@@ -141,7 +140,7 @@ def analysed_network(readings: NetworkReadings) -> NetworkStates:
 
 def states_of(readings: NetworkReadings) -> States:
     """Stops of a recording; `DataError` if it has no angles, or none rests."""
-    file = readings.provenance.file or "recording"
+    file = readings.provenance.name
     if not readings.motions:
         limit = "has no angles of motions"
         raise DataError(file, limit=limit, remedy="add a column for each, as in index-bends_deg")

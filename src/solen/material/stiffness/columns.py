@@ -110,14 +110,14 @@ def _stress(recording: Recording, specimen: Specimen) -> _Column:
     if force is not None:
         if specimen.area_mm2 is None:
             remedy = "give --strip-width-mm and --thickness-mm, --area-mm2, --diameter-mm, or --cube-mm"
-            raise DataError(f"{_file(recording)}: area of the specimen", limit="is not stated", remedy=remedy)
+            raise DataError(f"{recording.provenance.name}: area of the specimen", limit="is not stated", remedy=remedy)
         origin = f"{force.name} / {specimen.area_mm2:.6g} mm²"
         return _Column(force.to("N") / specimen.area_mm2, origin, made=True)
     true = recording.find(*TRUE_STRESS)
     if true is not None:
         return _Column(true.to("MPa") / (1 + _strain(recording, specimen).values), f"{true.name} / stretch")
     remedy = f"its columns are {', '.join(recording.names[:12])}"
-    raise DataError(_file(recording), limit="has no column of force or stress", remedy=remedy)
+    raise DataError(recording.provenance.name, limit="has no column of force or stress", remedy=remedy)
 
 
 def _strain(recording: Recording, specimen: Specimen) -> _Column:
@@ -143,9 +143,9 @@ def _strain(recording: Recording, specimen: Specimen) -> _Column:
         return _Column(np.expm1(true.to("1")), f"exp({true.name}) - 1")
     if travel is not None:
         remedy = "give --length-mm (the gauge length, or the height that is compressed) or --cube-mm"
-        raise DataError(f"{_file(recording)}: length of the specimen", limit="is not stated", remedy=remedy)
+        raise DataError(f"{recording.provenance.name}: length of the specimen", limit="is not stated", remedy=remedy)
     remedy = f"its columns are {', '.join(recording.names[:12])}"
-    raise DataError(_file(recording), limit="has no column of displacement, strain or stretch", remedy=remedy)
+    raise DataError(recording.provenance.name, limit="has no column of displacement, strain or stretch", remedy=remedy)
 
 
 def _without_compliance(strain: FloatArray, given: FloatArray) -> FloatArray:
@@ -167,7 +167,9 @@ def _only(recording: Recording, names: tuple[str, ...]) -> Channel | None:
     if len(alike) > 1 and len({_stem(channel.name) for channel in alike}) == 1:
         listed = ", ".join(channel.name for channel in alike[:6])
         remedy = "one specimen per file: leave the columns of one"
-        raise DataError(_file(recording), limit=f"has {len(alike)} columns of {names[0]}: {listed}", remedy=remedy)
+        raise DataError(
+            recording.provenance.name, limit=f"has {len(alike)} columns of {names[0]}: {listed}", remedy=remedy
+        )
     return alike[0] if alike else recording.find(*names)
 
 
@@ -221,7 +223,3 @@ def _preload(metadata: Mapping[str, str]) -> str:
             if size > 0:
                 return f"{heading} {text.strip()}"
     return ""
-
-
-def _file(recording: Recording) -> str:
-    return recording.provenance.file or "recording"
