@@ -27,7 +27,7 @@ def rows(states: FloatArray, seed: int) -> FloatArray:
 def table(path: Path, values: FloatArray, units: tuple[str, ...] = ("V",), **more: Any) -> Path:
     """A table in units, the last one that of all further powers, with further columns by their names."""
     units = (*units, *units[-1:] * (len(NAMES) - len(units)))
-    scale = [{"V": 1.0, "mV": 1e3, "uA": 1.0, "mA": 1e-3, "": 1.0}[unit] for unit in units]
+    scale = [{"V": 1.0, "mV": 1e3, "uA": 1.0, "mA": 1e-3, "A": 1e-6, "B": 1.0, "": 1.0}[unit] for unit in units]
     head = ["time_s", "lean_deg", "sway_deg", *(f"{n}_{u}".rstrip("_") for n, u in zip(NAMES, units, strict=True))]
     beside = [np.broadcast_to(one, len(values)) for one in more.values()]
     whole = np.column_stack([values[:, :3], values[:, 3:] * scale, *beside])
@@ -90,6 +90,22 @@ def test_currents_are_taken_to_one_unit(tmp_path: Path) -> None:
     found = network_readings(table(tmp_path / "currents.csv", values, ("uA", "mA", "uA", "uA")))
     assert found.unit == "uA"
     assert found.signal.reshape(len(values), -1) == pytest.approx(values[:, 3:], abs=1e-8)
+
+
+def test_amperes_are_read_where_all_powers_are_in_them(
+    calibration: tuple[Path, NetworkCalibrations], tmp_path: Path
+) -> None:
+    values = rows(grid()[:2], 1)
+    path = table(tmp_path / "amperes.csv", values, ("A",))
+    found = network_readings(path)
+    assert (found.unit, found.receivers) == ("A", RECEIVERS)
+    assert found.signal.reshape(len(values), -1) == pytest.approx(1e-6 * values[:, 3:], abs=1e-13)
+    for source, text in ((str(path), None), ("-", path.read_text(encoding="utf-8").splitlines())):
+        with pytest.raises(DataError, match="A"):
+            decode(calibration[0], source, text=text)
+    lettered = network_readings(table(tmp_path / "letters.csv", values, ("A", "B", "B", "A", "B", "B")))
+    assert lettered.unit == "V"  # assumed, since none is stated
+    assert all(name.endswith(("_A", "_B")) for name in lettered.receivers)
 
 
 def test_marks_of_clipping_are_read_and_reported(calibration: tuple[Path, NetworkCalibrations], tmp_path: Path) -> None:

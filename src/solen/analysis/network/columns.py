@@ -1,15 +1,17 @@
 """Columns of a network's table, of a file or of lines: its powers, their common unit, and what accompanies them.
 
 The idea: a column is a power by its name, ``EMITTER.RECEIVER``. Each has its own unit, all are taken to that of the
-first, V where it can be. Beside one may stand marks of clipping, ``a.left_clipped``, and the ambient light that was
-subtracted, ``a.left_ambient``: such a column of no power, or of some powers only, is refused.
+first, V where it can be; ``a.left_A`` is in ampere where all end so. Beside one may stand marks of clipping,
+``a.left_clipped``, and the ambient light that was subtracted, ``a.left_ambient``: such a column of no power, or of some
+powers only, is refused.
 
 The interface: `power_columns` of headings or channels gives `PowerColumns`.
 """
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TypeVar
 
 from solen.analysis.calibration.file import Ambient
 from solen.errors import DataError
@@ -20,8 +22,10 @@ from solen.units import factor
 
 DOTTED = re.compile(r"([^.\s]+)\.([^.\s]+?)(?:_V)?")
 """A power by the names of its emitter and its receiver."""
+ENDS_IN_A = "_A"
 _BESIDE = re.compile(r"(?:(ambient|clipped)_)?(.*?)(?:_(ambient|clipped))?")
 Pair = tuple[str, str]
+Column = TypeVar("Column", Channel, Heading)
 
 
 @dataclass(frozen=True)
@@ -38,7 +42,7 @@ class PowerColumns:
     ambient: Ambient | None
 
 
-def power_columns(columns: Sequence[Channel] | Sequence[Heading], source: str) -> PowerColumns:
+def power_columns(columns: Sequence[Column], source: str) -> PowerColumns:
     """Powers among columns.
 
     Raises
@@ -46,6 +50,7 @@ def power_columns(columns: Sequence[Channel] | Sequence[Heading], source: str) -
     DataError
         If units cannot be converted to one, or a column beside powers belongs to none, or is missing beside others.
     """
+    columns = _in_ampere(columns)
     names = [ENDS_IN_V.sub("", one.name) for one in columns]
     places: dict[Pair, int] = {}
     for place, name in enumerate(names):
@@ -60,6 +65,18 @@ def power_columns(columns: Sequence[Channel] | Sequence[Heading], source: str) -
         raise DataError(source, limit=limit, remedy="subtract it from all powers or from none")
     scaled = dict(zip(places, scales, strict=True))
     return PowerColumns(places, scaled, unit, clipped, "subtracted" if ambient else None)
+
+
+def _in_ampere(columns: Sequence[Column]) -> Sequence[Column]:
+    """Columns with A as the unit of powers whose names all end in it, ``a.left_A``: a letter alone may be a name's."""
+    are = [bool(DOTTED.fullmatch(one.name)) and not is_companion(one.name) for one in columns]
+    powers = [one for one, is_power in zip(columns, are, strict=True) if is_power]
+    if not powers or any(one.unit not in {"", "1"} or not one.name.endswith(ENDS_IN_A) for one in powers):
+        return columns
+    return [
+        replace(one, name=one.name.removesuffix(ENDS_IN_A), unit="A") if is_power else one
+        for one, is_power in zip(columns, are, strict=True)
+    ]
 
 
 def _scales(units: dict[str, str], source: str) -> tuple[str, list[float]]:
