@@ -75,7 +75,7 @@ $(VENV)/.python-ready:
 	for python in $(PYTHON) python3.13 python3.12 python3.11; do \
 	  if $$python -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then \
 	    echo "Creating $(VENV) with $$python"; \
-	    $$python -m venv --clear $(VENV) || { echo "$$python cannot make a virtual environment; does it lack its venv package?" >&2; exit 1; }; \
+	    $$python -m venv --clear $(VENV) || { echo "$$python cannot make a virtual environment; does it lack its venv package? On Debian: apt install python3-venv" >&2; exit 1; }; \
 	    touch $@; exit 0; \
 	  fi; \
 	done; \

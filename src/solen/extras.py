@@ -8,6 +8,7 @@ A plain installation works without them. A function that uses one checks for it,
 
 import sys
 from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, requires
 from importlib.util import find_spec
 
 from solen.errors import OutputError, SolenError
@@ -38,8 +39,8 @@ class Package:
 
     @property
     def command(self) -> str:
-        """Command that installs it from a clone of the project."""
-        return f'pip install ".[{self.extra}]"'
+        """Command that installs all that its extra adds, in any folder: solen itself is on no package index."""
+        return "pip install " + " ".join(f'"{text}"' for text in _requirements(self.extra) or [f".[{self.extra}]"])
 
 
 PACKAGES = {
@@ -71,6 +72,15 @@ PACKAGES = {
     "xlrd": Package("xlrd", "xls"),
 }
 """Package that provides a module, by the module's import name."""
+
+
+def _requirements(extra: str) -> list[str]:
+    """Requirements of an extra, without its markers; none where solen runs from a clone that is not installed."""
+    try:
+        lines = requires("solen-sensor") or []
+    except PackageNotFoundError:
+        return []
+    return [line.partition(";")[0].strip() for line in lines if f'extra == "{extra}"' in line]
 
 
 def installed(module: str) -> bool:

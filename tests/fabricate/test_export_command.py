@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from solen.cli import run_command
+from solen.extras import PACKAGES
 from solen.spec import template
 from tests.command_support import answered, refusal
 
@@ -195,11 +196,9 @@ def test_a_folder_in_the_way_of_a_file_is_one_line(refused: Run, folder: Path) -
     assert "not an ordinary file" in refused("my sensor.toml", "--out", "out")
 
 
-@pytest.mark.parametrize(("option", "module", "extra"), [("--step", "OCP", "cad"), ("--dxf", "ezdxf", "dxf")])
-def test_a_missing_extra_is_one_line(
-    refused: Run, monkeypatch: pytest.MonkeyPatch, option: str, module: str, extra: str
-) -> None:
+@pytest.mark.parametrize(("option", "module"), [("--step", "OCP"), ("--dxf", "ezdxf")])
+def test_a_missing_extra_is_one_line(refused: Run, monkeypatch: pytest.MonkeyPatch, option: str, module: str) -> None:
     monkeypatch.setitem(sys.modules, module, None)
     line = refused("my sensor.toml", "--out", "out", "--stl", option)
     assert line.startswith(f"solen: {option}; ")
-    assert line.endswith(f'pip install ".[{extra}]"\n')
+    assert line.endswith(f"not installed; {PACKAGES[module].command}\n")

@@ -18,17 +18,20 @@ def test_the_doctor_names_versions_threads_extras_and_the_cache(capfd: pytest.Ca
     assert found["threads"] >= 1
     assert found["packages"]["numpy"]
     assert {package["name"] for package in found["optional"]} == {one.distribution for one in PACKAGES.values()}
-    assert all(package["install"] == f'pip install ".[{package["extra"]}]"' for package in found["optional"])
+    assert {package["install"] for package in found["optional"]} == {one.command for one in PACKAGES.values()}
     assert found["cache"]["folder"] is None or found["cache"]["files"] >= 0
 
 
 def test_the_doctor_says_what_is_missing_and_what_brings_it(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(__import__("sys").modules, "ezdxf", None)
+    for module in ("ezdxf", "tifffile"):
+        monkeypatch.setitem(__import__("sys").modules, module, None)
     assert run_command(["doctor"]) == 0
-    line = next(line for line in capsys.readouterr().out.splitlines() if line.split()[:1] == ["ezdxf"])
-    assert 'missing; pip install ".[dxf]"' in line
+    lines = {line.split()[0]: line for line in capsys.readouterr().out.splitlines()}
+    assert lines["dxf"].endswith(f"ezdxf missing; {PACKAGES['ezdxf'].command}")
+    assert lines["vision"].endswith(f"tifffile missing; {PACKAGES['tifffile'].command}")
+    assert "pip" not in lines["tdms"]
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])

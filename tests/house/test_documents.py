@@ -25,7 +25,7 @@ PAGES = [
     *sorted(f"docs/{one.name}" for one in (ROOT / "docs").glob("tutorial-*.md")),
 ]
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-INSTALLS = ("make ", "pip ", "solen studio")
+INSTALLS = ("make ", "pip ", "python3 -m venv ", ". .venv/", "solen studio")
 """Beginnings of lines that set a system up, or wait for a person."""
 
 

@@ -283,7 +283,7 @@ def test_a_finger_that_just_touches_presses_nothing() -> None:
 
 def test_without_the_extra_the_command_that_installs_it_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "skfem", None)
-    with pytest.raises(DesignError, match=r'scikit-fem, which is not installed; pip install "\.\[mechanics\]"$'):
+    with pytest.raises(DesignError, match=r'scikit-fem, which is not installed; pip install "scikit-fem\S+"$'):
         SoftBody(PLATE, RUBBER, FLOOR, 4.0)
 
 

@@ -11,6 +11,7 @@ import xarray as xr
 import solen
 from solen.curve import Segment
 from solen.errors import OutputError
+from solen.extras import PACKAGES
 from solen.scene import Beam, Fan, Interface, Monitor, Region, Scene
 from solen.trace import Detected, Limits, Trace, integrate, save_netcdf, to_dataset, trace, trace_reference
 from solen.trace.result import LEG, Crossed
@@ -218,5 +219,5 @@ def test_what_is_not_installed_is_reported_with_its_remedy(
     monkeypatch.setitem(sys.modules, missing, None)
     with pytest.raises(OutputError, match=f"needs {missing}") as refusal:
         save_netcdf(tmp_path / "a.nc", whole)
-    assert str(refusal.value).endswith('pip install ".[netcdf]"')
+    assert str(refusal.value).endswith(PACKAGES[missing].command)
     assert list(tmp_path.iterdir()) == []

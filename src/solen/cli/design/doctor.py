@@ -1,10 +1,11 @@
 """Commands about the installation: its check, and shell completion."""
 
 from collections.abc import Iterator
+from itertools import groupby
 from typing import Literal
 
 from solen.cli.app import app, lines
-from solen.doctor import Installation, examine
+from solen.doctor import Installation, Optional, examine
 from solen.errors import OutputError, SpecError
 from solen.results import Outcome, Result
 
@@ -42,12 +43,18 @@ def _(installation: Installation) -> Iterator[str]:
     size = f"{cache.files} functions, {cache.size_bytes / 1e6:.1f} MB" if cache.files else "empty until the first trace"
     yield f"  compiled tracer: {cache.folder or 'not kept'} ({size})"
     yield "optional packages:"
-    for package in installation.optional:
-        yield f"  {package.name:22} {package.version or f'missing; {package.install}'}"
+    for extra, packages in groupby(installation.optional, key=lambda package: package.extra):
+        yield f"  {extra:10} {_state(tuple(packages))}"
     for group, names in installation.plugins.items():
         if names:
             yield f"{group} added by other packages: {', '.join(names)}"
     yield "for a bug report, paste the lines above, the command and its full output"
+
+
+def _state(packages: tuple[Optional, ...]) -> str:
+    """Versions of the packages of one extra, and the command that installs it unless all are there."""
+    state = ", ".join(f"{package.name} {package.version or 'missing'}" for package in packages)
+    return state if all(package.version for package in packages) else f"{state}; {packages[0].install}"
 
 
 def completion(shell: Shell | None = None, /) -> Outcome[Completion]:
