@@ -32,8 +32,10 @@ enter() {
   mount -t devpts -o newinstance,ptmxmode=0666 devpts "$system/dev/pts"
   cp -L /etc/resolv.conf "$system/etc/resolv.conf"
   for path in $(configuration); do
-    mkdir -p "$system$(dirname "$path")"
-    if [ -d "$path" ]; then mkdir -p "$system$path"; mount -o ro --bind "$path" "$system$path"; else cp -L "$path" "$system$path"; fi
+    around=$(dirname "$path")  # an index in a folder names files beside it
+    mkdir -p "$system$around"
+    if [ -f "$path" ]; then cp -L "$path" "$system$path"; fi
+    if [ -d "$path" ] && ! [ -d "$system$path" ]; then mount -o ro --bind "$around" "$system$around"; fi
   done
 }
 
