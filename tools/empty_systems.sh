@@ -6,7 +6,7 @@
 # makes a minimal Debian 12 (Python 3.11) and 13 (Python 3.13) in FOLDER with debootstrap, clones the last commit of this
 # repository into each, and prints each step with its result, its CPU seconds and its log. Only root may do this: it mounts
 # folders and changes the root of processes. It needs debootstrap, a network, 5 GB a system and half an hour of CPU. pip
-# there is configured as it is for root here: PIP_* variables, pip's files, and the files and folders that these name.
+# there is configured as it is here: PIP_* variables, pip's files, and the files and folders that these name.
 # A second call keeps the systems and clones anew. Exit code 1 if a step failed.
 
 set -u
@@ -20,7 +20,7 @@ folder=$(cd "$folder" && pwd)
 failed=0
 
 configuration() {
-  files=$(ls /etc/pip.conf /root/.config/pip/pip.conf /root/.pip/pip.conf 2> /dev/null)
+  files=$(ls /etc/pip.conf "$HOME/.config/pip/pip.conf" "$HOME/.pip/pip.conf" 2> /dev/null)
   echo "$files"
   { [ -z "$files" ] || cat $files; env | grep '^PIP_'; } | grep -oE '(^|[ =]|file://)/[^ ]+' | sed -E 's#^([ =]|file://)##' | sort -u
 }
@@ -45,7 +45,7 @@ leave() {
 
 inside() {
   readarray -t variables < <(env | grep '^PIP_')
-  chroot "$system" env -i HOME=/root TERM=dumb PATH=/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin "${variables[@]}" /bin/bash -ec "$1"
+  chroot "$system" env -i HOME="$HOME" TERM=dumb PATH=/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin "${variables[@]}" /bin/bash -ec "$1"
 }
 
 # step NAME COMMAND: what it prints goes to its log
@@ -53,7 +53,7 @@ step() {
   log=$logs/$(echo "$1" | tr -c '[:alnum:]\n' -).log
   result=passed
   TIMEFORMAT='%U'
-  { cpu_s=$( { time inside "cd /root/solen; $2" > "$log" 2>&1; } 2>&1; exit $? ); } || { result=FAILED; failed=1; }
+  { cpu_s=$( { time inside "cd ~/solen; $2" > "$log" 2>&1; } 2>&1; exit $? ); } || { result=FAILED; failed=1; }
   printf '%-8s  %-6s %8s s CPU  %s: %s\n' "$release" "$result" "$cpu_s" "$1" "$log"
 }
 
@@ -61,16 +61,17 @@ for release in ${*:-bookworm trixie}; do
   system=$folder/$release
   logs=$folder/$release-logs
   mkdir -p "$logs"
-  if [ ! -e "$system/root" ]; then
+  if [ ! -e "$system/etc/debian_version" ]; then
     debootstrap --variant=minbase --include=python3,make,git,ca-certificates "$release" "$system" > "$logs/debootstrap.log" 2>&1 ||
       { echo "$release: debootstrap failed; see $logs/debootstrap.log" >&2; exit 1; }
   fi
   trap leave EXIT
   enter
-  rm -rf "$system/root/solen" "$system/root/beside"
-  git clone -q "$here" "$system/root/solen"
-  chown -R 0:0 "$system/root/solen"
-  mkdir "$system/root/beside"
+  rm -rf "$system$HOME/solen" "$system$HOME/beside"
+  mkdir -p "$system$HOME"
+  git clone -q "$here" "$system$HOME/solen"
+  chown -R 0:0 "$system$HOME/solen"
+  mkdir "$system$HOME/beside"
 
   step "no compiler, no headers" '! command -v cc gcc g++ clang && ! ls /usr/include/python3*'
   if ! inside 'python3 -c "import ensurepip"' > /dev/null 2>&1; then
