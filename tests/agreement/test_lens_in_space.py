@@ -86,12 +86,12 @@ def test_the_plain_tracer_agrees(lens: dict[str, object], values: dict[str, obje
 
 
 def grown() -> GivenLayers:
-    """Slabs of 0.25 mm that stand out towards the emitter, more so on top, with the ripple of pixels."""
-    plain = LayeredLens(**PAPER, layer_mm=0.25)
+    """Slabs of 0.5 mm that stand out towards the emitter, more so on top, with the ripple of pixels."""
+    plain = LayeredLens(**PAPER, layer_mm=0.5)
     x, out = np.linspace(0.0, 2.0, 257), 0.04 + 0.01 * plain.middles_mm[:, None]
     z = plain.profiles[0] - out - 3e-4 * np.cos(2.0 * np.pi * x / 0.05)
     given = Profiles("grown", 2.0, plain.edges_mm, z, simulated=True)
-    return GivenLayers(**PAPER, layer_mm=0.25, given=given)
+    return GivenLayers(**PAPER, layer_mm=0.5, given=given)
 
 
 def test_the_plain_tracer_agrees_on_a_printed_lens() -> None:

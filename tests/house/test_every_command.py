@@ -57,7 +57,7 @@ ROWS = {
     "trace": f"{DESIGN} --rays 50 --mode power --figure trace.svg",
     "trace #scene": f"{SCENE} --mode power --figure scene.svg",
     "convergence": f"{DESIGN} --set trace.dimension=2d --figure convergence.svg",
-    "sensitivity": f"{DESIGN} body.arm_width_mm --angle-deg 0.2 --figure sensitivity.svg",
+    "sensitivity": f"{DESIGN} body.arm_width_mm --angle-deg 0.2 --set trace.dimension=2d --figure sensitivity.svg",
     "run": f"{DESIGN} --out ran --set motion.step_deg=6 --set emitter.width_mm=0.2",
     "studio": (
         f"{DESIGN} --export page.html --over lens.focus_mm=18,20 --set motion.step_deg=3 --set trace.dimension=2d"

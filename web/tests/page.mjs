@@ -12,7 +12,7 @@ const origin = new URL(address).origin;
 
 const context = await browser.newContext({ viewport: { width: 1440, height: 900 }, colorScheme: "light", acceptDownloads: true });
 const page = await context.newPage();
-page.setDefaultTimeout(120_000);
+page.setDefaultTimeout(300_000); // also where the computer is busy
 // a screenshot makes the software driver of WebGL warn of its own slowness
 const driver = /GL Driver Message/;
 page.on("console", (message) => ["error", "warning"].includes(message.type()) && !driver.test(message.text()) && seen.problems.push(message.text()));
@@ -28,6 +28,7 @@ async function rest(act) {
   await act();
   await page.waitForFunction((n) => Number(document.querySelector("solen-studio")?.dataset.rest ?? 0) > n, before);
 }
+const picture = (name, of = page) => (whole ? of.screenshot({ path: `${folder}/${name}.png` }) : undefined);
 const text = (selector) => page.locator(selector).innerText();
 const value = (key) => page.locator(`[id="field-${key}"]`).inputValue();
 const merit = (id) => text(`#merit-${id} td:nth-child(2)`);
@@ -62,7 +63,7 @@ seen.offers_left = await page.locator(".offered").count();
 if (!(await page.locator(".guide").count())) await page.getByRole("button", { name: "Guide" }).click();
 seen.guide = await page.locator(".guide p").allInnerTexts();
 await audit("light");
-await page.screenshot({ path: `${folder}/first.png` });
+await picture("first");
 await page.locator(".guide button").click();
 seen.guide_left = await page.locator(".guide").count();
 
@@ -113,7 +114,7 @@ await page.getByTitle("The same from the command line").click();
 await page.getByRole("button", { name: "Tolerances" }).click();
 await page.waitForFunction((n) => document.querySelectorAll(".matters tbody tr").length >= n, 5);
 seen.matters = await page.locator(".matters tbody tr").allInnerTexts();
-await page.screenshot({ path: `${folder}/matters.png` });
+await picture("matters");
 await page.getByRole("button", { name: "Tolerances" }).click();
 
 // a search in the background, whose front grows; one of its designs becomes the open one
@@ -130,8 +131,8 @@ await page.waitForFunction(() => document.querySelectorAll(".designs tbody tr").
 seen.share = await page.locator(".progress progress").evaluate((one) => one.value);
 await page.waitForFunction(() => document.querySelector(".search-panel .quality").textContent.includes("traced again"));
 await audit("search");
-await page.locator(".search-panel").screenshot({ path: `${folder}/search.png` });
-await page.screenshot({ path: `${folder}/searched.png` });
+await picture("search", page.locator(".search-panel"));
+await picture("searched");
 seen.designs = await page.locator(".designs tbody tr").allInnerTexts();
 seen.search = await page.locator(".search-panel pre").innerText();
 await page.locator(".designs tbody button").last().click();
@@ -156,10 +157,10 @@ for (const light of whole ? ["plane", "space"] : []) {
   seen[`${light}_ms`] = await times();
 }
 
-await resin(page, seen, folder, audit);
-await print(page, seen, folder, audit);
-await microscope(page, seen, folder, audit);
-await bench(page, seen, folder, audit, whole);
+await resin(page, seen, picture, audit);
+await print(page, seen, picture, audit);
+await microscope(page, seen, picture, audit);
+await bench(page, seen, picture, audit, whole);
 
 await page.emulateMedia({ colorScheme: "dark" });
 await audit("dark");
@@ -168,7 +169,7 @@ for (const [width, height] of whole ? [[1024, 700], [1440, 900], [2560, 1440]] :
     await page.setViewportSize({ width, height });
     await page.emulateMedia({ colorScheme });
     await page.waitForTimeout(150);
-    await page.screenshot({ path: `${folder}/${width}-${colorScheme}.png` });
+    await picture(`${width}-${colorScheme}`);
   }
 await page.setViewportSize({ width: 1024, height: 700 });
 seen.overflow = await page.evaluate(() =>
@@ -188,7 +189,7 @@ if (exported) {
   await page.waitForFunction(() => document.querySelector(".angle output").textContent !== "0°");
   seen.player = { angle: await page.locator(".angle output").first().innerText(), from: await merit("from"), to: await merit("to") };
   await audit("player");
-  await page.screenshot({ path: `${folder}/player.png` });
+  await picture("player");
 }
 await browser.close();
 console.log(JSON.stringify(seen));

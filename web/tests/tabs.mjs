@@ -2,7 +2,7 @@
 const at = (path) => new URL(`../../${path}`, import.meta.url).pathname;
 
 // By keys to the tab; a dropped table, what is missing, the numbers, a saved resin.
-export async function resin(page, seen, folder, audit) {
+export async function resin(page, seen, picture, audit) {
   const panel = page.locator("#panel-resin");
   await page.locator("#tab-design").focus();
   await page.keyboard.press("ArrowRight");
@@ -16,7 +16,7 @@ export async function resin(page, seen, folder, audit) {
   await panel.locator(".values").waitFor();
   seen.resin = await shown(panel);
   await audit("resin");
-  await page.screenshot({ path: `${folder}/resin.png` });
+  await picture("resin");
   await panel.getByRole("button", { name: "Save as a resin" }).click();
   await panel.locator('[id="field-resin-build.name"]').fill("mine");
   await panel.locator("form button[type=submit]").click();
@@ -27,7 +27,7 @@ export async function resin(page, seen, folder, audit) {
 }
 
 // The part in space, its layers by a slider.
-export async function print(page, seen, folder, audit) {
+export async function print(page, seen, picture, audit) {
   const panel = page.locator("#panel-print");
   await page.locator("#tab-print").click();
   await panel.locator("form").waitFor();
@@ -36,7 +36,7 @@ export async function print(page, seen, folder, audit) {
   await panel.locator("canvas.part").press("ArrowRight");
   seen.part = { ...(await shown(panel)), triangles: await panel.locator("canvas.part").getAttribute("data-triangles") };
   await audit("part");
-  await page.screenshot({ path: `${folder}/part.png` });
+  await picture("part");
   await panel.locator(".command select").selectOption("print layers");
   await panel.locator('[id="field-print-layers.layer_um"]').fill("200");
   await panel.locator("form button[type=submit]").click();
@@ -47,12 +47,12 @@ export async function print(page, seen, folder, audit) {
   await panel.locator("#layer").press("ArrowRight");
   await panel.locator('canvas.layer[data-layer="2"]').waitFor();
   await audit("layers");
-  await page.screenshot({ path: `${folder}/layers.png` });
+  await picture("layers");
   await page.locator("#tab-design").click();
 }
 
 // Two marks by mouse and keys, a lens between them, and that lens in the design.
-export async function microscope(page, seen, folder, audit) {
+export async function microscope(page, seen, picture, audit) {
   const panel = page.locator("#panel-microscope");
   await page.locator("#tab-microscope").click();
   await panel.locator("form").waitFor();
@@ -72,12 +72,12 @@ export async function microscope(page, seen, folder, audit) {
   await panel.locator("input[name=bar]").press("Tab");
   seen.bar = (await panel.locator('[id="field-print-inspect.bar"]').inputValue()).split(", ").map(Number);
   await audit("marks");
-  await page.screenshot({ path: `${folder}/marks.png` });
+  await picture("marks");
   await panel.locator("form button[type=submit]").click();
   await page.waitForFunction(() => [...document.querySelectorAll("#panel-microscope .jobs .unit")].map((one) => one.textContent).join().match(/done/g)?.length === 2, null, { timeout: 60_000 });
   await panel.locator(".values").waitFor();
   seen.microscope = await shown(panel);
-  await page.screenshot({ path: `${folder}/microscope.png` });
+  await picture("microscope");
   await panel.getByRole("button", { name: "Use as the lens" }).click();
   await page.waitForFunction(() => document.querySelector("solen-studio").values.lens.shape === "measured");
   seen.lens = await page.evaluate(() => document.querySelector("solen-studio").values.lens.profile);
@@ -87,7 +87,7 @@ export async function microscope(page, seen, folder, audit) {
 }
 
 // A recording; with `live` a simulated rig too, as it runs.
-export async function bench(page, seen, folder, audit, live) {
+export async function bench(page, seen, picture, audit, live) {
   const panel = page.locator("#panel-bench");
   await page.locator("#tab-bench").click();
   await panel.locator("form").waitFor();
@@ -96,13 +96,13 @@ export async function bench(page, seen, folder, audit, live) {
   await panel.locator(".values").waitFor();
   seen.bench = await shown(panel);
   await audit("bench");
-  await page.screenshot({ path: `${folder}/bench.png` });
+  await picture("bench");
   if (live) {
     await panel.locator(".command select").selectOption("bench new");
     await panel.locator("form button[type=submit]").click();
     await panel.getByRole("button", { name: "Run the rotation" }).click({ timeout: 60_000 });
     await panel.locator(".live canvas").waitFor({ timeout: 60_000 });
-    await page.screenshot({ path: `${folder}/run.png` });
+    await picture("run");
     await panel.getByRole("button", { name: "Calibrate" }).waitFor({ timeout: 120_000 });
     await audit("run");
   }
