@@ -1,4 +1,4 @@
-"""Names of array types, and rows of dataclasses of arrays."""
+"""Names of array types, rows of dataclasses of arrays, and stretches of flags."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -34,3 +34,9 @@ def joined_rows(parts: Sequence[T]) -> T:
     """Rows of several such dataclasses, one after the other; none of their fields is None."""
     names = vars(parts[0])
     return replace(parts[0], **{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
+
+
+def stretches(flags: BoolArray) -> list[tuple[int, int]]:
+    """Bounds, as of a slice, of each stretch of flags (n,) that are set."""
+    edges = np.flatnonzero(np.diff(flags.astype(np.int8), prepend=0, append=0)).tolist()
+    return list(zip(edges[::2], edges[1::2], strict=True))

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from solen.analysis.response import Curve, Passes, mean_curve
-from solen.arrays import BoolArray, FloatArray
+from solen.arrays import BoolArray, FloatArray, stretches
 from solen.plane import off_a_line
 from solen.recording.stimulus import NEAR_ZERO_DEG
 
@@ -198,8 +198,7 @@ def receiver_response(
 
 def _stretches(angle_deg: FloatArray, hidden: BoolArray) -> tuple[tuple[float, float], ...]:
     """First and last angle of each stretch that is hidden."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], hidden.astype(np.int8), [0]])))
-    return tuple((float(angle_deg[a]), float(angle_deg[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True))
+    return tuple((float(angle_deg[first]), float(angle_deg[stop - 1])) for first, stop in stretches(hidden))
 
 
 def _levels(cycles: FloatArray) -> FloatArray:

@@ -29,7 +29,7 @@ from solen.arrays import BoolArray, FloatArray
 from solen.metrology.edge import Edge
 from solen.metrology.nominal import END_MM, NominalFront
 from solen.metrology.pose import Pose
-from solen.metrology.registration import CONVERGED_MM, ROUNDS, by_motion, huber, rotated
+from solen.metrology.registration import CONVERGED_MM, ROUNDS, by_motion, correlations, huber, rotated
 from solen.results import HIDDEN
 from solen.spec.strict import Finite, Options
 
@@ -183,21 +183,9 @@ class _Placed:
     def independent(self) -> float:
         """Number of independent residuals, N over 1 + 2 Σ ρ_k as for a mean; front and walls share the correlation."""
         ends = np.cumsum([int(piece.sum()) for piece in self.pieces])
-        parts = np.split(self.residual, ends[:-1])
-        longest = max(len(part) for part in parts)
-        together = np.sum([_autocovariance(part, longest) for part in parts], axis=0)
-        rho = together / max(float(together[0]), 1e-30)
-        ends_at = np.flatnonzero(rho <= 0.0)
-        stop = int(ends_at[0]) if len(ends_at) else longest
-        count = len(self.residual) / (1.0 + 2.0 * float(np.sum(rho[1:stop])))
+        rho = correlations(np.split(self.residual, ends[:-1]))
+        count = len(self.residual) / (1.0 + 2.0 * float(np.sum(rho)))
         return max(count**2 / (count + ABSORBED), 1.0)
-
-
-def _autocovariance(values: FloatArray, longest: int) -> FloatArray:
-    """Sums of products of values at each lag, shape (longest,)."""
-    size = 1 << (2 * longest - 1).bit_length()
-    spectrum = np.fft.rfft(values, size)
-    return np.asarray(np.fft.irfft(spectrum * np.conj(spectrum), size)[:longest])
 
 
 class _Problem:

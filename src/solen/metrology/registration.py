@@ -11,6 +11,7 @@ The interface: `register` gives a `Registration`; `effective_number` the number 
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -155,15 +156,18 @@ def effective_number(values: FloatArray) -> float:
     count = len(values)
     if count < 4:
         return float(count)
-    size = 1 << (2 * count - 1).bit_length()
-    spectrum = np.fft.rfft(values, size)
-    correlation = np.fft.irfft(spectrum * np.conj(spectrum), size)[:count]
-    if correlation[0] <= 0.0:
-        return float(count)
-    rho = correlation / correlation[0]
+    return float(max(count / (1.0 + 2.0 * np.sum(correlations([values]) ** 2)), 1.0))
+
+
+def correlations(parts: Sequence[FloatArray]) -> FloatArray:
+    """Correlations of values 1, 2, … places apart within parts of a sequence, up to the first that is not positive."""
+    longest = max(len(part) for part in parts)
+    size = 1 << (2 * longest - 1).bit_length()
+    spectra = [np.fft.rfft(part, size) for part in parts]
+    together = np.sum([np.fft.irfft(spectrum * np.conj(spectrum), size)[:longest] for spectrum in spectra], axis=0)
+    rho = together / max(float(together[0]), 1e-30)
     ends = np.flatnonzero(rho <= 0.0)
-    stop = int(ends[0]) if len(ends) else count
-    return float(max(count / (1.0 + 2.0 * np.sum(rho[1:stop] ** 2)), 1.0))
+    return np.asarray(rho[1 : int(ends[0]) if len(ends) else longest])
 
 
 def _fit(start: FloatArray, nominal: NominalFront, only: BoolArray) -> _Fit:

@@ -13,7 +13,7 @@ from solen.analysis.motion import Motion
 from solen.analysis.response import DIRECTIONS, Passes, common_range, passes
 from solen.analysis.run import Run
 from solen.analysis.sensor_response import SensorResponse
-from solen.arrays import BoolArray, FloatArray, IndexArray, rows_of
+from solen.arrays import BoolArray, FloatArray, IndexArray, rows_of, stretches
 from solen.errors import DataError
 from solen.recording.column_roles import left_right
 
@@ -158,12 +158,7 @@ def _to_the_ends(sensor: SensorResponse, u_end: float) -> Passes:
 
 def _stretch(good: BoolArray) -> tuple[int, int]:
     """Slice bounds of the longest stretch."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(np.int8)))
-    starts, stops = edges[::2], edges[1::2]
-    if not starts.size:
-        return 0, 0
-    longest = int(np.argmax(stops - starts))
-    return int(starts[longest]), int(stops[longest])
+    return max(stretches(good), key=lambda bounds: bounds[1] - bounds[0], default=(0, 0))
 
 
 def _samples(sensor: SensorResponse, sides: tuple[int, int], ends: tuple[float, float]) -> tuple[Samples, FloatArray]:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from solen.analysis.network.recorded import NetworkReadings
-from solen.arrays import BoolArray, FloatArray
+from solen.arrays import BoolArray, FloatArray, stretches
 from solen.errors import DataError
 from solen.ranks import Caution, look_at
 from solen.recording import Provenance
@@ -202,13 +202,8 @@ def _stops(angle_deg: FloatArray) -> list[slice]:
     span, noise = np.ptp(angle_deg, axis=0), _noise_deg(angle_deg)
     limit = np.maximum(STILL * span, OVER_NOISE * noise)
     still: BoolArray = (np.abs(angle_deg[AHEAD:] - angle_deg[:-AHEAD]) <= limit + 1e-9).all(axis=1)
-    begins = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(int)) == 1)
-    ends = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(int)) == -1) + AHEAD
-    return [
-        slice(int(begin) + SETTLING, int(end) - SETTLING)
-        for begin, end in zip(begins, ends, strict=True)
-        if end - begin >= SHORTEST + 2 * SETTLING
-    ]
+    bounds = [(begin, end + AHEAD) for begin, end in stretches(still)]
+    return [slice(begin + SETTLING, end - SETTLING) for begin, end in bounds if end - begin >= SHORTEST + 2 * SETTLING]
 
 
 def _noise_deg(angle_deg: FloatArray) -> FloatArray:
