@@ -45,8 +45,29 @@ def read_text(path: Path, error: type[SolenError], *, maker: str = "") -> str:
     except UnicodeDecodeError as bad:
         raise error(str(path), limit=f"not UTF-8 text (byte {bad.start})", remedy="save it as UTF-8 text") from None
     except (OSError, ValueError) as bad:
-        reason = getattr(bad, "strerror", None) or bad
-        raise error(str(path), limit=f"cannot be read: {reason}", remedy="check its name and permissions") from None
+        raise _unreadable(path, bad, error) from None
+
+
+def read_bytes(path: Path, error: type[SolenError], *, most_mb: int, smaller: str) -> bytes:
+    """Bytes of a file; raises ``error`` if it cannot be read, is empty or has more than ``most_mb``.
+
+    ``smaller`` says what makes such a file smaller.
+    """
+    try:
+        size = path.stat().st_size
+        if not path.is_file():
+            raise error(str(path), limit="is a folder or a device", remedy="name a file")
+        if size > most_mb * 1_000_000:
+            limit = f"has {size / 1e6:.0f} MB; at most {most_mb} MB are read"
+            raise error(str(path), limit=limit, remedy=smaller)
+        data = path.read_bytes()
+    except FileNotFoundError:
+        raise error(str(path), limit="no such file", remedy="check the path") from None
+    except (OSError, ValueError) as bad:
+        raise _unreadable(path, bad, error) from None
+    if not data.strip():
+        raise error(str(path), limit="is empty", remedy="export it again")
+    return data
 
 
 @contextlib.contextmanager
@@ -287,6 +308,11 @@ def _write_new(path: Path, data: Content, like: Path) -> None:
             os.fsync(file.fileno())
     if like.exists():
         shutil.copymode(like, path)
+
+
+def _unreadable(path: Path, bad: OSError | ValueError, error: type[SolenError]) -> SolenError:
+    limit = f"cannot be read: {getattr(bad, 'strerror', None) or bad}"
+    return error(str(path), limit=limit, remedy="check its name and permissions")
 
 
 def _unwritable(path: Path, bad: OSError | ValueError, remedy: str) -> OutputError:

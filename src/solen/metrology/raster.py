@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from PIL import ExifTags, UnidentifiedImageError
 from PIL import Image as Pillow
 
+from solen import files
 from solen.arrays import FloatArray
 from solen.errors import DataError, SolenError
 from solen.extras import need
@@ -61,22 +62,7 @@ class Plane:
 
 def read_bytes(path: Path) -> bytes:
     """Bytes of a file; `DataError` if it cannot be read, is empty or larger than `LARGEST_MB`."""
-    try:
-        if path.exists() and not path.is_file():
-            raise DataError(str(path), limit="is a folder or a device", remedy="name a file")
-        if not path.exists():
-            raise DataError(str(path), limit="no such file", remedy="check the path")
-        size = path.stat().st_size
-        if size > LARGEST_MB * 1_000_000:
-            limit = f"has {size / 1e6:.0f} MB; at most {LARGEST_MB} MB are read"
-            raise DataError(str(path), limit=limit, remedy="crop it to the part")
-        data = path.read_bytes()
-    except (OSError, ValueError) as bad:
-        reason = getattr(bad, "strerror", None) or bad
-        raise DataError(str(path), limit=f"cannot be read: {reason}", remedy="check its name and permissions") from None
-    if not data:
-        raise DataError(str(path), limit="is empty", remedy="export it again")
-    return data
+    return files.read_bytes(path, DataError, most_mb=LARGEST_MB, smaller="crop it to the part")
 
 
 def check_size(file: str, columns: int, rows: int) -> None:

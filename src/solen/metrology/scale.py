@@ -21,8 +21,10 @@ from solen.errors import DataError, SolenError, SpecError
 from solen.files import read_text
 from solen.ranks import Caution, look_at
 from solen.spec.strict import (
+    Above0,
     Finite,
     Migrations,
+    NotBelow0,
     NotNegative,
     Options,
     Positive,
@@ -89,9 +91,9 @@ class ScaleOptions(Options):
 
     um_per_px: Annotated[Finite, Field(ge=1e-4, le=1e4)] | None = None
     """Size of a pixel in µm; it takes precedence over what the file states."""
-    u_um_per_px: Annotated[Finite, Field(ge=0)] | None = None
+    u_um_per_px: NotBelow0 | None = None
     """Standard uncertainty of the size of a pixel, µm."""
-    bar: tuple[Finite, Finite, Finite, Finite, Annotated[Finite, Field(gt=0)]] | None = None
+    bar: tuple[Finite, Finite, Finite, Finite, Above0] | None = None
     """Ends of a scale bar, or two marks, in pixels from the upper left corner, and their distance: X0 Y0 X1 Y1 UM;
     instead of --um-per-px. Each end is taken to be known to a pixel."""
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from solen.errors import DataError
+from solen.files import read_bytes
 
 LARGEST_MB = 100
 """A file beyond this is refused: no instrument here exports one, and reading it would take a laptop's memory."""
@@ -133,21 +134,7 @@ class Source:
 
 def load(path: Path) -> Source:
     """Bytes of a file; `DataError` if it cannot be read, is empty or larger than `LARGEST_MB`."""
-    try:
-        size = path.stat().st_size
-        if not path.is_file():
-            raise DataError(str(path), limit="is a folder or a device", remedy="name a file")
-        if size > LARGEST_MB * 1_000_000:
-            limit = f"has {size / 1e6:.0f} MB; at most {LARGEST_MB} MB are read"
-            raise DataError(str(path), limit=limit, remedy="export fewer channels or a shorter time")
-        data = path.read_bytes()
-    except FileNotFoundError:
-        raise DataError(str(path), limit="no such file", remedy="check the path") from None
-    except (OSError, ValueError) as bad:
-        reason = getattr(bad, "strerror", None) or bad
-        raise DataError(str(path), limit=f"cannot be read: {reason}", remedy="check its name and permissions") from None
-    if not data.strip():
-        raise DataError(str(path), limit="is empty", remedy="export it again")
+    data = read_bytes(path, DataError, most_mb=LARGEST_MB, smaller="export fewer channels or a shorter time")
     return Source(path, data)
 
 

@@ -85,6 +85,8 @@ NotNegative = Annotated[Number, Field(ge=0)]
 Text = Annotated[str, AfterValidator(_one_line)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 """A number of an option, which may be text from a command line; `Number` is for files."""
+Above0 = Annotated[Finite, Field(gt=0)]
+NotBelow0 = Annotated[Finite, Field(ge=0)]
 SHORTEST_NM, LONGEST_NM = 100.0, 20_000.0
 """Allowed wavelengths of an option; a value below is probably in µm."""
 

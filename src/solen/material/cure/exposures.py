@@ -13,11 +13,9 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import Field
 
 from solen.arrays import FloatArray
 from solen.errors import DataError
@@ -30,7 +28,7 @@ from solen.recording import Channel, Recording, Spectrum, spectra
 from solen.recording.model import Measured
 from solen.recording.optical import kind_of
 from solen.results import HIDDEN
-from solen.spec.strict import Finite, Wavelength
+from solen.spec.strict import Above0, Wavelength
 from solen.units import factor
 
 WAVELENGTHS_NM = (450.0, 500.0, 860.0)
@@ -43,8 +41,6 @@ _SECONDS = {"ms": 1e-3, "min": 60.0}
 _FEW = 4
 _REMEDY = "have columns exposure_s, wavelength_nm and T, or an instrument's traces of %T with names as 2 s"
 _NEAR_NM = 10.0
-
-Above0 = Annotated[Finite, Field(gt=0)]
 
 
 class ExposureOptions(RowOptions):

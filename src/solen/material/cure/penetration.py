@@ -15,11 +15,11 @@ one number, `attenuation` gives an `Attenuation`.
 
 import math
 from dataclasses import dataclass, field
-from typing import Annotated, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from solen.arrays import FloatArray
 from solen.errors import DataError
@@ -30,7 +30,7 @@ from solen.recording import Recording
 from solen.recording.model import Measured
 from solen.recording.optical import OpticalSpectra, optical_spectra
 from solen.results import HIDDEN, reported
-from solen.spec.strict import Finite, refused
+from solen.spec.strict import Above0, refused
 
 SHALLOW_UM, DEEP_UM = 25.0, 200.0
 """Depths between which the slope of a working curve is given: the paper's thinnest layer and its stated cure depth."""
@@ -38,8 +38,6 @@ _SATURATED = 3.0  # an absorbance that few instruments reach
 _OFFSET = 0.01  # change of Dp by an offset that deserves a warning
 _ALL_OFFSET = 0.5  # share of an offset in the absorbance from which on it may be all of it
 _BENT = 0.05  # how far Dp may run with depth
-
-Above0 = Annotated[Finite, Field(gt=0)]
 
 
 class PenetrationOptions(RowOptions):

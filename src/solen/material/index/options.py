@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, model_validator
 
 from solen.arrays import FloatArray
 from solen.errors import SpecError
@@ -13,7 +13,7 @@ from solen.material.index.reading import Length
 from solen.material.index.stack import Baseline, Setup, Side, Substrate
 from solen.material.resin import library_resin, load_resin
 from solen.material.rows import RowOptions
-from solen.spec.strict import Finite, Wavelength, error_context, refused
+from solen.spec.strict import Above0, Finite, Wavelength, error_context, refused
 
 _NM_PER_MM = 1e6
 _MOST_U = 0.1  # an uncertainty of T above this is a percentage without its sign
@@ -35,7 +35,6 @@ def _fraction(value: object) -> object:
 
 
 Fraction = Annotated[float | None, BeforeValidator(_fraction)]
-Above0 = Annotated[Finite, Field(gt=0)]
 
 
 class IndexOptions(RowOptions):

@@ -43,7 +43,7 @@ from solen.material.index.literature import (
 from solen.ranks import Caution, look_at
 from solen.recording.model import Measured, Provenance
 from solen.results import reported
-from solen.spec.strict import Finite, Options, Wavelength, refused
+from solen.spec.strict import Finite, NotBelow0, Options, Wavelength, refused
 from solen.units import NM_PER_UM
 
 VALID_NM = (400.0, 1000.0)
@@ -57,7 +57,6 @@ STEP_NM = 5.0
 WIDE95 = 1.959963984540054
 """Half of the 95 % interval of a normal distribution, in standard deviations."""
 
-NotBelow0 = Annotated[Finite, Field(ge=0)]
 _STEPS = 30
 _SURE = 0.01  # chance below which values and prior disagree
 _STEP = 1e-30

@@ -11,7 +11,7 @@ The interface: `evaluate` a test by `StiffnessOptions`; `mean_modulus` of severa
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Literal, Self
+from typing import Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -37,7 +37,7 @@ from solen.material.stiffness.stress_strain import StressStrain
 from solen.material.stiffness.toe import Toe, find_toe
 from solen.ranks import Caution, look_at, note
 from solen.results import Result, reported
-from solen.spec.strict import Finite, refused
+from solen.spec.strict import Above0, Finite, refused
 
 _WORTH = 8.0  # effective points below which an interval is known to be too narrow
 _BENT = 0.05  # departure of an ideal rubber's slope from its first one that is worth saying
@@ -51,7 +51,7 @@ class StiffnessOptions(RowOptions):
     """Mode of the tests; uniaxial takes both directions by their signs. Default: by the files' words and signs."""
     strain_range_percent: tuple[Finite, Finite] | None = None
     """From and to where the modulus is fitted, such as 0.05 0.25."""
-    secant_percent: tuple[Annotated[Finite, Field(gt=0.0)], ...] = ()
+    secant_percent: tuple[Above0, ...] = ()
     """Strains at which stress over strain is computed."""
     toe: Literal["auto", "none", "always"] = "auto"
     """Toe compensation; auto: where strain is made of displacement and the machine set no zero at a preload."""
