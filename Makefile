@@ -27,7 +27,7 @@ demo: $(VENV)/.run-ready
 
 # One process more than there are cores: tests of the bench wait, for simulated instruments, more than they compute.
 test: $(VENV)/.dev-ready
-	$(BIN)/python -m pytest -n $$(($$($(BIN)/python -c 'import os; print(os.cpu_count())') + 1)) --dist loadfile $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -n $$(($$($(BIN)/python -c 'import os; print(os.cpu_count())') + 1)) --dist loadfile --no-loadscope-reorder $(PYTEST_ARGS)
 
 # Tests side by side in a fresh clone would each compile the tracer's kernels; these few do it beforehand, once.
 KERNELS = tests/agreement/test_colours_and_histograms.py tests/agreement/test_space.py tests/trace/test_many.py \

@@ -5,6 +5,7 @@ import gc
 import os
 
 import docstring_parser
+import pytest
 from hypothesis import HealthCheck, settings
 
 settings.register_profile("solen", deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -19,3 +20,21 @@ gc.set_threshold(20_000, 50, 50)  # as the command line does: a fourteenth of al
 # numpy reads this when it is imported, which happens later; programs that tests start inherit it.
 for library in ("OMP", "OPENBLAS", "MKL"):
     os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+
+LONG = {
+    "agreement/test_lens_in_space.py",
+    "bench/test_kills.py",
+    "bench/test_ten_euros.py",
+    "explore/test_tuning.py",
+    "house/test_documents.py",
+    "house/test_every_command.py",
+    "house/test_examples.py",
+    "material/test_fringes.py",
+    "studio/test_page.py",
+    "studio/test_search.py",
+}
+"""Files of 15 s and more. They come first: side by side, the last one would otherwise run alone."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    items.sort(key=lambda item: "/".join(item.path.parts[-2:]) not in LONG)
