@@ -32,6 +32,8 @@ SMOOTH_PX = 1.2
 WALL_WEIGHT = 0.5
 """Weight of the walls beside the front, which a print may lack."""
 PEAKS = 3
+REACH_PX = 4
+"""Reduced pixels about a place within which its peak is looked for."""
 
 
 @dataclass(frozen=True)
@@ -175,10 +177,11 @@ def _unwrapped(at: int, padded: int, own: int) -> int:
     return at - padded if at >= 1.5 * own else at
 
 
-def _highest_near(scores: FloatArray, near: tuple[float, float], reach: int = 4) -> tuple[int, int]:
-    """Row and column of the highest score around a place."""
-    rows = np.arange(round(near[1]) - reach, round(near[1]) + reach + 1) % scores.shape[0]
-    columns = np.arange(round(near[0]) - reach, round(near[0]) + reach + 1) % scores.shape[1]
+def _highest_near(scores: FloatArray, near: tuple[float, float]) -> tuple[int, int]:
+    """Row and column of the highest score within `REACH_PX` of a place."""
+    around = np.arange(-REACH_PX, REACH_PX + 1)
+    rows = (round(near[1]) + around) % scores.shape[0]
+    columns = (round(near[0]) + around) % scores.shape[1]
     part = scores[np.ix_(rows, columns)]
     row, column = np.unravel_index(int(np.argmax(part)), part.shape)
     return int(rows[row]), int(columns[column])

@@ -209,8 +209,8 @@ def curves_of(calibration: Calibration) -> Curves:
     """Curves and covariances as the file holds them."""
     return Curves(
         angle_deg=tuple(calibration.angle_deg.tolist()),
-        rising_V=_rows(calibration.curves_V[0]),
-        falling_V=_rows(calibration.curves_V[1]),
+        rising_V=rows_as_tuples(calibration.curves_V[0]),
+        falling_V=rows_as_tuples(calibration.curves_V[1]),
         noise_V2=_three(calibration.noise),
         repeat_V2=_three(calibration.repeat),
         between_V2=_three(calibration.between),
@@ -223,12 +223,13 @@ def rails_of(calibration: Calibration) -> tuple[tuple[float | None, ...], ...]:
     return tuple(tuple(v if math.isfinite(v) else None for v in row) for row in calibration.rails_V.tolist())
 
 
-def _rows(values: FloatArray) -> tuple[tuple[float, ...], ...]:
+def rows_as_tuples(values: FloatArray) -> tuple[tuple[float, ...], ...]:
+    """Rows of a matrix as a file holds them."""
     return tuple(tuple(row) for row in values.tolist())
 
 
 def _three(matrices: FloatArray) -> tuple[tuple[float, ...], ...]:
-    return _rows(matrices.reshape(-1, 4)[:, [0, 1, 3]])
+    return rows_as_tuples(matrices.reshape(-1, 4)[:, [0, 1, 3]])
 
 
 def _square(rows: tuple[Three, ...]) -> FloatArray:

@@ -15,6 +15,7 @@ import numpy as np
 
 from solen import __version__
 from solen.analysis.calibration.decoder import OUTSIDE
+from solen.analysis.calibration.file import rows_as_tuples
 from solen.analysis.network.decoder import NetworkDecoded, NetworkDecoder
 from solen.analysis.network.file import MotionCheck, NetworkCalibration
 from solen.analysis.network.forward import ForwardMap
@@ -130,10 +131,10 @@ def calibrated_network(recordings: Sequence[NetworkReadings]) -> NetworkCalibrat
         emitters=first.emitters,
         receivers=first.receivers,
         range_deg=tuple(zip(forward.low.tolist(), forward.high.tolist(), strict=True)),
-        angle_deg=_rows(angle),
-        signal_V=_rows(signal),
-        noise_V2=_rows(noise),
-        reach=_rows(forward.reach),
+        angle_deg=rows_as_tuples(angle),
+        signal_V=rows_as_tuples(signal),
+        noise_V2=rows_as_tuples(noise),
+        reach=rows_as_tuples(forward.reach),
         scatter=tuple(forward.scatter.tolist()),
         outside=_outside(left_out),
         checks=checks,
@@ -311,7 +312,3 @@ def _on_a_grid(motions: Sequence[str], angle: FloatArray) -> list[Caution]:
         return []
     unseen = "what the readings do between its places is not seen, and bands do not hold it"
     return [look_at(f"all states lie on a grid: {unseen}; scatter some between them, as scatter = 200 in [grid] does")]
-
-
-def _rows(values: FloatArray) -> tuple[tuple[float, ...], ...]:
-    return tuple(tuple(row) for row in values.tolist())

@@ -54,12 +54,6 @@ class Signals(Result):
     sd_off_V: FloatArray
     slope_V: FloatArray
 
-    @property
-    def sd_power(self) -> FloatArray:
-        """(states, emitters, receivers) noise of a reading as a share of the emitted power; infinite if saturated."""
-        with np.errstate(divide="ignore"):
-            return np.asarray(self.sd_V / np.abs(self.slope_V))
-
     def covariance_V2(self, state: int = 0) -> FloatArray:
         """Covariance (emitters·receivers, emitters·receivers) of the readings in one state, in V²."""
         sd = self.sd_V[state]
