@@ -76,7 +76,7 @@ def same(found: Trace, reading: Reading, errors: float = 3.0) -> None:
     [
         (LINE | {"lens.y_focus_mm": "collimated"}, {}),
         (LAYERED | {"lens.layer_mm": 0.5}, {"emitter.y_mm": 0.5}),
-        (LAYERED, {"motion.kind": "bend", "absorption_per_mm": 0.01}),
+        (LAYERED | {"lens.layer_mm": 0.25}, {"motion.kind": "bend", "absorption_per_mm": 0.01}),
     ],
     ids=["collimated", "slabs off in y", "layers, bent, lossy"],
 )
