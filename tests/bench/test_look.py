@@ -4,7 +4,7 @@ import io
 import math
 import re
 from contextlib import redirect_stdout
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import solen.cli
+import solen.cli.bench.look  # noqa: F401  registers its lines
 from solen.arrays import FloatArray
 from solen.bench.check import CheckOptions, JogOptions, RigCheck, check, jog, judged
 from solen.bench.clock import WallClock
@@ -21,6 +22,7 @@ from solen.bench.record import record
 from solen.bench.rig import Rig, load_rig
 from solen.bench.simulated.sensors import simulated_sensors
 from solen.bench.watch import Seen, WatchOptions, watch
+from solen.cli.app import lines
 from solen.errors import BenchError, SpecError
 from solen.pipeline.bench.record import new
 from solen.ranks import ranked
@@ -126,6 +128,18 @@ def test_what_is_wrong_is_named(change: Any, told: list[str]) -> None:
     found = looked(change).faults
     assert len(found) == len(told), found
     assert all(re.search(pattern, line) for pattern, line in zip(told, found, strict=True)), found
+
+
+def test_a_shorted_input_has_no_share_of_a_level() -> None:
+    def shorted(at: Levels) -> None:
+        at.off[:, 1] = at.pull[:, 1] = 0.0
+
+    found = looked(shorted)
+    own = replace(found.sensors["A"]["left"], off_V=0.0, signal_V=0.0)
+    assert any("is near 0 V" in line for line in found.faults)
+    shown = "\n".join(lines(replace(found, sensors={"A": {"left": own}})))
+    assert "0 V off" in shown
+    assert "signal 0 V, noise" in shown
 
 
 def test_a_trimmer_that_was_turned_as_advised_is_fine() -> None:

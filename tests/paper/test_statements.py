@@ -5,6 +5,7 @@ import re
 
 import pytest
 
+from solen.paper.sensor_numbers import ratio
 from solen.paper.statements import NEGLIGIBLE_PERCENT, SURE, Statement, compared, stated, statements
 from solen.pipeline.project.paper import FIGURES
 
@@ -63,3 +64,8 @@ def test_a_reason_holds_numbers_of_the_run_alone() -> None:
     for one in statements().values():
         typed = re.findall(r"(?<![\d.°])\d+\.\d+", re.sub(r"\{[^}]*\}", "", one.why))
         assert set(typed) <= {"0.02"}, one.key
+
+
+def test_a_ratio_of_nothing_is_as_uncertain_as_its_part() -> None:
+    assert ratio((0.0, 0.02), (0.5, 0.1)) == pytest.approx((0.0, 0.04))
+    assert ratio((0.1, 0.02), (0.5, 0.1)) == pytest.approx((0.2, 0.2 * math.hypot(0.2, 0.2)))

@@ -110,6 +110,11 @@ def text(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
+def simulated(result: Any) -> str:
+    """Words before the name of a result that does not rest on measurements alone."""
+    return "simulated: " if result.simulated else ""
+
+
 def short(value: float | None) -> str:
     """An error or uncertainty to two digits; none that is not finite is known."""
     return f"{value:.1e}" if value is not None and math.isfinite(value) else "unknown"

@@ -50,7 +50,7 @@ def saturated_from_deg(sensor: Sensor) -> float | None:
 def ratio(part: tuple[float, float], whole: tuple[float, float]) -> tuple[float, float]:
     """Quotient of two numbers with independent uncertainties, and its own."""
     value = part[0] / whole[0]
-    return value, abs(value) * float(np.hypot(part[1] / part[0] if part[0] else 0.0, whole[1] / whole[0]))
+    return value, float(np.hypot(part[1], value * whole[1])) / abs(whole[0])
 
 
 def percent_without_lens(point: Sensor, with_lens: Turned) -> tuple[float, float]:

@@ -70,6 +70,11 @@ def figure_bytes(draw: "Callable[[], Figure]", path: Path, kind: str, look: Figu
     return canvas.encoded(canvas.drawn(draw, look), path.suffix.lower(), kind, look.dpi)
 
 
+def toml_bytes(text: str, command: str) -> bytes:
+    """Content of a TOML file, with the command that wrote it in its first line."""
+    return f"# Written by solen {__version__} {command}.\n{text}".encode()
+
+
 def named(**paths: Path | None) -> dict[str, Path]:
     """Files of an outcome by name, without those that were not requested."""
     return {name: path for name, path in paths.items() if path is not None}

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from solen.bench.check import InputCheck, Jogged, JogOptions, RigCheck, of_noise
 from solen.bench.watch import Seen, Watched, WatchOptions
 from solen.cli.app import SHOWN, lines
-from solen.cli.bench.record import confirmation
+from solen.cli.bench.record import block, confirmation
 from solen.pipeline.bench import look as pipeline
 from solen.pipeline.bench.look import check as check
 from solen.pipeline.options import FLAT
@@ -19,7 +19,6 @@ from solen.results import Outcome
 if TYPE_CHECKING:
     from rich.table import Table
 
-BLOCKS = "▁▂▃▄▅▆▇█"
 KEPT = 60
 """Length of a live plot's history, in readings."""
 
@@ -61,9 +60,10 @@ def _(checked: RigCheck) -> Iterator[str]:
 
 def _levels(own: InputCheck, unit: str) -> str:
     turn = "" if own.load_factor is None else f"; set its trimmer to {own.load_factor:.2g} times its load"
+    share = f" ({100 * own.signal_V / own.off_V:.0f} %)" if own.off_V else ""
     return (
-        f"{own.off_V:.5g} {unit} off, {own.on_V:.5g} {unit} on; signal {own.signal_V:.5g} {unit} "
-        f"({100 * own.signal_V / own.off_V:.0f} %), noise {of_noise(own.noise_V, unit)}, "
+        f"{own.off_V:.5g} {unit} off, {own.on_V:.5g} {unit} on; signal {own.signal_V:.5g} {unit}{share}, "
+        f"noise {of_noise(own.noise_V, unit)}, "
         f"off varies by {of_noise(own.room_V, unit)}{turn}"
     )
 
@@ -133,4 +133,4 @@ def sparkline(values: "deque[float]") -> str:
     """Values as block characters, scaled from the lowest to the highest."""
     low, high = min(values), max(values)
     steps = (0.0 if high == low else (value - low) / (high - low) for value in values)
-    return "".join(BLOCKS[min(7, int(8 * step))] for step in steps)
+    return "".join(map(block, steps))

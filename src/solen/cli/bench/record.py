@@ -19,6 +19,8 @@ from solen.pipeline.bench.record import recover as recover
 from solen.pipeline.options import FLAT
 from solen.results import Outcome
 
+BLOCKS = "▁▂▃▄▅▆▇█"
+
 
 def run(
     protocol: Path, /, *, rig: Path, out: Path, options: Annotated[RecordOptions, FLAT] = RecordOptions()
@@ -110,10 +112,13 @@ def _asked(question: str) -> bool:
     return sys.stdin.readline().strip().casefold() in {"y", "yes"}
 
 
+def block(share: float) -> str:
+    """A block character as high as a share, from 0 to 1."""
+    return BLOCKS[min(7, int(8 * max(0.0, share)))]
+
+
 def _line(tick: Tick) -> str:
     """Status line: progress of the run, and the brightness at each input while its emitters are on."""
-    levels = " ".join(
-        f"{number}:{'▁▂▃▄▅▆▇█'[min(7, int(8 * max(0.0, level)))]}" for number, level in enumerate(tick.levels, 1)
-    )
+    levels = " ".join(f"{number}:{block(level)}" for number, level in enumerate(tick.levels, 1))
     at = " ".join(f"{position:+7.3f}" for position in tick.position.values())
     return f"cycle {tick.cycle}/{tick.cycles}  {tick.t_s:7.1f} s  at {at}  {levels}"

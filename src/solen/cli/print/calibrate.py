@@ -2,14 +2,14 @@
 
 from collections.abc import Iterator
 
-from solen.cli.app import lines
+from solen.cli.app import lines, simulated
 from solen.fabricate.process import PrinterCalibration
 from solen.pipeline.print.calibrate import calibrate as calibrate
 
 
 @lines.register
 def _(fit: PrinterCalibration) -> Iterator[str]:
-    yield f"{'simulated: ' if fit.simulated else ''}{fit.name}"
+    yield f"{simulated(fit)}{fit.name}"
     for number in fit.numbers:
         yield f"  {number.key} {number.value:.4g} ± {number.u:.2g} (before: ± {number.u_before:.2g})"
     for scale in fit.scales:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from solen.cli.app import lines, short
+from solen.cli.app import lines, short, simulated
 from solen.metrology.coupons import CouponMeasurement, Limit
 from solen.pipeline.print.fidelity import fidelity as fidelity
 
@@ -17,9 +17,8 @@ MINIMA = {
 
 @lines.register
 def _(measured: CouponMeasurement) -> Iterator[str]:
-    simulated = "simulated: " if measured.simulated else ""
     scale = f"{measured.scale.um_per_px:.4g} µm per pixel"
-    yield f"{simulated}{measured.coupon} in a {measured.image} of {scale}{_seen(measured)}"
+    yield f"{simulated(measured)}{measured.coupon} in a {measured.image} of {scale}{_seen(measured)}"
     for limit in measured.limits:
         yield _minimum(limit)
     yield f"  {'':24} nominal    measured   u (mm)"

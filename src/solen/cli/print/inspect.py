@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from solen.cli.app import lines
+from solen.cli.app import lines, simulated
 from solen.metrology.inspection import FacesInspection, LensInspection
 from solen.metrology.print_fit import PrintFit
 from solen.pipeline.print.inspect import inspect as inspect
@@ -11,8 +11,7 @@ from solen.pipeline.print.inspect import inspect as inspect
 @lines.register
 def _(inspection: LensInspection) -> Iterator[str]:
     scale, off, edge, (low, high) = inspection.scale, inspection.deviation, inspection.edge, inspection.measured_x_mm
-    simulated = "simulated: " if inspection.simulated else ""
-    yield f"{simulated}{inspection.sources[0].file}, {scale.um_per_px:.6g} µm per pixel ({scale.origin})"
+    yield f"{simulated(inspection)}{inspection.sources[0].file}, {scale.um_per_px:.6g} µm per pixel ({scale.origin})"
     yield (
         f"{off.rms_um:.3g} ± {off.u_rms_um:.2g} µm (rms) from {inspection.design}, from x = {low:.2f} to {high:.2f} mm"
     )

@@ -2,17 +2,16 @@
 
 from collections.abc import Iterator
 
-from solen.cli.app import lines
+from solen.cli.app import lines, simulated
 from solen.metrology.micrometer import MeasuredScale
 from solen.pipeline.print.scale import scale as scale
 
 
 @lines.register
 def _(measured: MeasuredScale) -> Iterator[str]:
-    name = f"{measured.objective}: " if measured.objective else ""
-    simulated = "simulated: " if measured.simulated else ""
+    name = simulated(measured) + (f"{measured.objective}: " if measured.objective else "")
     u_percent = 100.0 * measured.u_um_per_px / measured.um_per_px
-    yield f"{simulated}{name}{measured.um_per_px:.6g} ± {measured.u_um_per_px:.2g} µm per pixel ({u_percent:.2g} %)"
+    yield f"{name}{measured.um_per_px:.6g} ± {measured.u_um_per_px:.2g} µm per pixel ({u_percent:.2g} %)"
     yield (
         f"{measured.lines} lines of {measured.spacing_mm:g} mm, {measured.period_px:.6g} ± {measured.u_period_px:.2g} "
         f"pixels apart, at {measured.angle_deg:.3g} deg from the rows; line positions deviate by "

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from solen.cli.app import lines
+from solen.cli.app import lines, simulated
 from solen.explore import TunedPrint
 from solen.explore.tuning_log import Residual, TunedResponse
 from solen.pipeline.print.tune import tune as tune
@@ -11,8 +11,7 @@ from solen.pipeline.print.tune import tune as tune
 @lines.register
 def _(tuned: TunedPrint) -> Iterator[str]:
     common, (low, high) = tuned.common, tuned.drawn_range_um
-    simulated = "simulated: " if tuned.simulated else ""
-    yield f"{simulated}print {tuned.number} of {tuned.design}, drawn by {tuned.drawn_by} ({tuned.process})"
+    yield f"{simulated(tuned)}print {tuned.number} of {tuned.design}, drawn by {tuned.drawn_by} ({tuned.process})"
     yield f"off the design by {tuned.rms_um:.3g} ± {tuned.u_rms_um:.2g} µm rms"
     yield (
         f"common to all prints, from {common.prints} of them: overgrowth {common.overgrowth_um:+.3g} ± "

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from solen.cli.app import lines
+from solen.cli.app import lines, simulated
 from solen.material.loss import GuideLoss
 from solen.material.loss.cutback import LAYER_UM, U_T
 from solen.pipeline.resin.cutback import cutback as cutback
@@ -12,9 +12,8 @@ from solen.pipeline.resin.cutback import cutback as cutback
 def _(loss: GuideLoss) -> Iterator[str]:
     low, high = loss.interval95_loss_dB_per_cm
     shortest, longest = loss.lengths_mm
-    simulated = "simulated: " if loss.simulated else ""
     yield (
-        f"{simulated}loss {loss.loss_dB_per_cm:.3g} dB/cm ({low:.3g} to {high:.3g}, 95 %), from "
+        f"{simulated(loss)}loss {loss.loss_dB_per_cm:.3g} dB/cm ({low:.3g} to {high:.3g}, 95 %), from "
         f"{loss.readings} readings of {loss.guides} guides, {shortest:g} to {longest:g} mm long"
     )
     if loss.absorption_per_mm is None:

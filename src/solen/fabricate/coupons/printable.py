@@ -9,7 +9,7 @@ from solen.errors import SpecError
 from solen.fabricate.coupons.job import JOB_KIND, coupon_options, read_job
 from solen.fabricate.coupons.solid import coupon_parts
 from solen.fabricate.label import Label
-from solen.fabricate.layers.printable import UNNAMED, Printable, placed_mesh, resin_named
+from solen.fabricate.layers.printable import Printable, placed_mesh, resin_named
 from solen.fabricate.layers.slicing import Slicing
 from solen.fabricate.layers.solid import MESH_MM, Solid, exposures_of, solid_of
 from solen.fabricate.mesh import mesh_of
@@ -61,7 +61,7 @@ def printable_coupon(path: Path, slicing: Slicing, run: str | None = None) -> tu
     else:
         solid = solid_of(part, np.eye(3))
     label = Label(part.name, data["sha256"], f"coupon: {coupon.title}")
-    material, cure = (f"{UNNAMED}: give --resin", None) if slicing.resin is None else resin_named(slicing.resin)
+    material, cure = resin_named(slicing.resin)
     notes = tuple(note(text) for text in (stage.note, *coupon.cautions) if text)
     source = Provenance(path.name, hashlib.sha256(path.read_bytes()).hexdigest(), JOB_KIND)
     placed = placed_mesh(mesh_of(part, MESH_MM), np.eye(3))

@@ -9,7 +9,7 @@ of resolution, size of the display in mm, height and layer; it has no room for e
 import io
 import json
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -52,17 +52,24 @@ class Stack:
 
 @dataclass
 class StackCount:
-    """A stack counted layer by layer."""
+    """A stack counted layer by layer, as its pictures are made."""
 
     job: Job
+    watch: Watch
     areas_mm2: list[float] = field(default_factory=list)
     islands: list[tuple[int, int]] = field(default_factory=list)
 
-    def add(self, layer: Layer) -> None:
-        """Count one more layer."""
-        self.areas_mm2.append(layer.area_mm2)
-        if layer.islands:
-            self.islands.append((layer.index, layer.islands))
+    def pictures(self, encode: Callable[[NDArray[np.uint8]], bytes]) -> Iterator[tuple[Layer, bytes]]:
+        """Layers with their pictures as bytes; one that shows the same as the last is encoded once."""
+        last, data = None, b""
+        for layer in self.job.layers():
+            if layer.image is not last:
+                last, data = layer.image, encode(layer.image)
+            yield layer, data
+            self.areas_mm2.append(layer.area_mm2)
+            if layer.islands:
+                self.islands.append((layer.index, layer.islands))
+            self.watch(layer)
 
     def stack(self) -> Stack:
         """The numbers of all of them."""
@@ -73,20 +80,13 @@ class StackCount:
 def write_archive(target: Path, job: Job, part: Printable | None = None, watch: Watch = lambda _: None) -> Stack:
     """Write a job's layers; job.json names ``part`` and its source, ``watch`` is called with each layer."""
     rows: list[dict[str, Any]] = []
-    count = StackCount(job)
+    count = StackCount(job, watch)
     with zipfile.ZipFile(target, "w", zipfile.ZIP_STORED) as archive:
         archive.writestr(zipfile.ZipInfo(MANIFEST_NAME, NO_DATE), _manifest(job))
-        last: Layer | None = None
-        data = b""
-        for layer in job.layers():
-            if last is None or layer.image is not last.image:
-                data = as_png(layer.image, job.printer.pitches_mm)
+        for layer, data in count.pictures(lambda image: as_png(image, job.printer.pitches_mm)):
             name = f"{layer.index + 1}.png"
             archive.writestr(zipfile.ZipInfo(name, NO_DATE), data)
             rows.append({"file": name} | _row(layer))
-            count.add(layer)
-            last = layer
-            watch(layer)
         stack = count.stack()
         entry = zipfile.ZipInfo(JOB_NAME, NO_DATE)
         entry.compress_type = zipfile.ZIP_DEFLATED

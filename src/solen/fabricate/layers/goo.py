@@ -42,18 +42,11 @@ def write_goo(target: Path, job: Job, part: Printable | None = None, watch: Watc
         If it is not known how the printer moves its plate, or pictures have exposures that it is not proven to keep.
     """
     lift = checked_for_goo(job)
-    count = StackCount(job)
-    last: Layer | None = None
-    runs = b""
+    count = StackCount(job, watch)
     with target.open("wb") as file:
         file.write(_header(job, lift, part))
-        for layer in job.layers():
-            if last is None or layer.image is not last.image:
-                runs = encoded(layer.image)
+        for layer, runs in count.pictures(encoded):
             _write_layer(file, layer, job, lift, runs)
-            count.add(layer)
-            last = layer
-            watch(layer)
         file.write(bytes(3) + MAGIC)
     return count.stack()
 

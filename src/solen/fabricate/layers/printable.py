@@ -27,6 +27,7 @@ from solen.material.resin import Cure, resin_of
 from solen.ranks import Caution, look_at, note
 from solen.recording import Provenance
 from solen.spec import Design
+from solen.spec.design import names_file
 
 MESH_READERS: dict[str, Callable[[Path], Mesh]] = {".stl": read_stl, ".3mf": read_threemf}
 
@@ -83,13 +84,12 @@ def printable_design(design: Design, part: Part, path: Path, slicing: Slicing) -
     """A design's part; ``path`` is the design's file."""
     rotation = orientation(slicing.orientation, slicing.rotate_deg)
     label = label_of(design, f"thickness {design.body.thickness_mm:g} mm, {slicing.orientation}")
-    if slicing.resin is not None:
-        material, cure = resin_named(slicing.resin)
-    elif design.material.resin is not None:
+    if slicing.resin is None and design.material.resin is not None:
         resin = resin_of(design.material.resin, design.files.get("material.resin"))
         material, cure = resin.name, resin.cure
     else:
-        material, cure = f"{UNNAMED} (n = {design.material.index:g} in the design): give --resin", None
+        index = design.material.index
+        material, cure = resin_named(slicing.resin, "" if index is None else f" (n = {index:g} in the design)")
     source = Provenance(path.name, label.sha256, "design")
     placed = placed_mesh(mesh_of(part, MESH_MM), rotation)
     lies, warnings = lies_flat(part, rotation, slicing.layer_um)
@@ -119,7 +119,7 @@ def printable_mesh(path: Path, slicing: Slicing) -> Printable:
         overlap = f"shells of the mesh overlap: {solid.overlap_mm3:.4g} mm³ that two of them fill count once"
         warnings = (*warnings, look_at(overlap))
     label = Label(path.stem, hashlib.sha256(path.read_bytes()).hexdigest(), slicing.orientation)
-    material, cure = (f"{UNNAMED}: give --resin", None) if slicing.resin is None else resin_named(slicing.resin)
+    material, cure = resin_named(slicing.resin)
     source = Provenance(path.name, label.sha256, kind[1:])
     return Printable(solid, placed_mesh(mesh, rotation), label, source, material, cure, warnings)
 
@@ -130,8 +130,9 @@ def placed_mesh(mesh: Mesh, rotation: FloatArray) -> Mesh:
     return Mesh(turned - turned.min(axis=0), mesh.triangles, mesh.tolerance_mm)
 
 
-def resin_named(name: str) -> tuple[str, Cure | None]:
-    """Name and working curve of a resin of the library, or of a file."""
-    is_file = name.endswith(".toml") or "/" in name or "\\" in name
-    resin = resin_of(name, Path(name) if is_file else None)
+def resin_named(name: str | None, known: str = "") -> tuple[str, Cure | None]:
+    """Name and working curve of a resin of the library, or of a file; without one, what is ``known`` of it."""
+    if name is None:
+        return f"{UNNAMED}{known}: give --resin", None
+    resin = resin_of(name, Path(name) if names_file(name) else None)
     return resin.name, resin.cure

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from solen import __version__, files
+from solen import files
 from solen.errors import DataError
 from solen.fabricate.process import (
     PrinterCalibration,
@@ -16,7 +16,7 @@ from solen.fabricate.process import (
     read_process,
 )
 from solen.pipeline.options import FLAT, Force
-from solen.pipeline.outputs import check_ending, check_new, drawn, named
+from solen.pipeline.outputs import check_ending, check_new, drawn, named, toml_bytes
 from solen.report.options import FigureOptions
 from solen.results import Outcome
 
@@ -54,7 +54,6 @@ def calibrate(
     fit = calibrated(before, [read_features(path) for path in features], name)
     contents = drawn(fit, figure, "calibration")
     if out is not None:
-        comment = f"# Written by solen {__version__} print calibrate.\n"
-        contents[out] = (comment + process_text(fit.process)).encode()
+        contents[out] = toml_bytes(process_text(fit.process), "print calibrate")
     files.write_all(contents)
     return Outcome(fit, named(figure=figure.figure, out=out))

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from solen import __version__, files
+from solen import files
 from solen.fabricate.process import (
     GreyOptions,
     MeasuredGreys,
@@ -15,7 +15,7 @@ from solen.fabricate.process import (
     read_process,
 )
 from solen.pipeline.options import FLAT, Force
-from solen.pipeline.outputs import check_ending, check_new, named
+from solen.pipeline.outputs import check_ending, check_new, named, toml_bytes
 from solen.recording import read
 from solen.results import Outcome
 
@@ -51,6 +51,5 @@ def grey(
     before = default_process() if process is None else read_process(process)
     found = measured_greys(read(file, sheet=sheet), before, options)
     if out is not None:
-        comment = f"# Written by solen {__version__} print grey.\n"
-        files.write_all({out: (comment + process_text(found.process)).encode()})
+        files.write_bytes(out, toml_bytes(process_text(found.process), "print grey"))
     return Outcome(found, named(out=out))

@@ -5,12 +5,12 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from solen import __version__, files
+from solen import files
 from solen.metrology.image import read_plane
 from solen.metrology.micrometer import MeasuredScale, MicrometerOptions, measured_scale
 from solen.metrology.scale import scale_text
 from solen.pipeline.options import FLAT, Force
-from solen.pipeline.outputs import check_ending, check_new, named
+from solen.pipeline.outputs import check_ending, check_new, named, toml_bytes
 from solen.results import Outcome
 
 
@@ -42,6 +42,5 @@ def scale(
     plane, source = read_plane(picture)
     measured = measured_scale(plane.grey, source, options)
     if out is not None:
-        comment = f"# Written by solen {__version__} print scale.\n"
-        files.write_all({out: (comment + scale_text(measured.file)).encode()})
+        files.write_bytes(out, toml_bytes(scale_text(measured.file), "print scale"))
     return Outcome(measured, named(out=out))

@@ -1,7 +1,5 @@
 """Figures of a soft body under load: its shape with the strain and the light in it, its response and its forces."""
 
-import csv
-import io
 from collections.abc import Callable
 from functools import partial
 
@@ -16,6 +14,7 @@ from solen.mechanics.design import LoadedState
 from solen.report import canvas
 from solen.report.canvas import INK, LOST, SPACE, receiver
 from solen.report.design.figures import SHOWN_RAYS, rays_figure, sensor_view
+from solen.report.design.table import csv_text
 from solen.sensor import SATURATED, Sensor
 from solen.sensor.loaded import Deformation, LoadedStudy
 from solen.sensor.traced import where
@@ -114,12 +113,7 @@ def columns(study: LoadedStudy) -> dict[str, FloatArray]:
 def csv_table(study: LoadedStudy) -> str:
     """One row a value."""
     table = columns(study)
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(table)
-    for row in np.column_stack(list(table.values())).tolist():
-        writer.writerow("" if value != value else repr(value) for value in row)
-    return text.getvalue()
+    return csv_text(table, zip(*table.values(), strict=True))
 
 
 def forces(study: LoadedStudy) -> tuple[FloatArray, FloatArray, str, str] | None:

@@ -1,7 +1,5 @@
 """Figures of a network: its light, emitter by emitter, and its response over each of its motions."""
 
-import csv
-import io
 import math
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -18,6 +16,7 @@ from solen.plane import Point, heading
 from solen.report import canvas
 from solen.report.canvas import INK, LOST, SOFT, SPACE, series
 from solen.report.design.figures import SHOWN_RAYS, colours_of, draw_body, draw_rays, sensor_view
+from solen.report.design.table import csv_text
 from solen.sensor import Sensor
 from solen.sensor.network import NetworkStudy, NetworkTrace
 from solen.sensor.network.motions import Determination, Suggestion
@@ -241,20 +240,17 @@ def figures(study: NetworkStudy) -> dict[str, str]:
 
 def csv_table(study: NetworkStudy) -> str:
     """One row for each state, emitter and receiver; readings are those of the state, empty where one has no value."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
     heads = [text for name in study.at_rest.readings for text in (name, f"u_{name}")]
     motions = (f"{name}_deg" for name in study.at_rest.motions)
-    writer.writerow([*motions, "emitter", "receiver", "power", "u_power", *heads])
+    rows: list[list[str | float]] = []
     for response in (study.at_rest, *study.sweeps.values()):
         for state, angles in enumerate(response.angle_deg.tolist()):
-            pairs = np.stack([response.reading[state], response.u_reading[state]], axis=1)
-            readings = ["" if math.isnan(number) else repr(number) for number in pairs.ravel().tolist()]
+            readings = np.stack([response.reading[state], response.u_reading[state]], axis=1).ravel().tolist()
             for i, emitter in enumerate(response.emitters):
                 for k, receiver in enumerate(response.receivers):
-                    numbers = (float(response.power[state, i, k]), float(response.u_power[state, i, k]))
-                    writer.writerow([*angles, emitter, receiver, *map(repr, numbers), *readings])
-    return text.getvalue()
+                    numbers = (response.power[state, i, k], response.u_power[state, i, k])
+                    rows.append([*angles, emitter, receiver, *numbers, *readings])
+    return csv_text([*motions, "emitter", "receiver", "power", "u_power", *heads], rows)
 
 
 def _draw_powers(

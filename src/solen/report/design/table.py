@@ -1,36 +1,30 @@
-"""The table of a study: `results.csv`."""
+"""The table of a study, `results.csv`, and tables of columns alike."""
 
 import csv
 import io
-import math
+from collections.abc import Iterable
 
-from solen.sensor import DesignStudy, Response
+from solen.sensor import DesignStudy
 
 PLAIN = ("right", "left", "contrast")
 
 
 def csv_table(study: DesignStudy) -> str:
     """One row per angle: right, left and contrast of every case in the order of the header; powers with u."""
-    columns: dict[str, Response] = {}
+    columns = {"angle_deg": study.case.power.angle_deg}
     for name, case in study.cases.items():
-        columns |= {f"{name}_count": case.count} if case.count is not None else {}
-        columns[f"{name}_power"] = case.power
+        if case.count is not None:
+            columns |= {f"{name}_count_{what}": getattr(case.count, what) for what in PLAIN}
+        columns |= {f"{name}_power_{what}": getattr(case.power, what) for what in (*PLAIN, "u_power")}
+    return csv_text(columns, zip(*columns.values(), strict=True))
+
+
+def csv_text(heads: Iterable[str], rows: Iterable[Iterable[str | float]]) -> str:
+    """A table as CSV: numbers with all their digits, those that are not known empty."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(
-        ["angle_deg"]
-        + [
-            f"{name}_{what}"
-            for name in columns
-            for what in (*PLAIN, *(("u_power",) if name.endswith("_power") else ()))
-        ]
-    )
-    for i, angle in enumerate(study.case.power.angle_deg):
-        row = [repr(float(angle))]
-        for response in columns.values():
-            values = [
-                getattr(response, what)[i] for what in (*PLAIN, *(("u_power",) if response.mode == "power" else ()))
-            ]
-            row += ["" if math.isnan(value) else repr(float(value)) for value in values]
-        writer.writerow(row)
+    writer.writerow(heads)
+    for row in rows:
+        cells = (one if isinstance(one, str) else float(one) for one in row)
+        writer.writerow("" if one != one else one if isinstance(one, str) else repr(one) for one in cells)
     return text.getvalue()
