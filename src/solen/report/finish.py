@@ -273,7 +273,7 @@ def _broken(text: Text, room: float) -> int:
     """Number of added lines."""
     words, box = text.get_text(), text.get_window_extent()
     long = max(box.width, box.height) if text.get_rotation() else box.width
-    if not words or not text.get_visible() or long <= 1.02 * room or "$" in words:
+    if not words or not text.get_visible() or long <= room or "$" in words:
         return 0
     count = max(len(line) for line in words.split("\n"))
     lines = [part for line in words.split("\n") for part in textwrap.wrap(line, max(8, int(count * room / long)))]
@@ -354,6 +354,7 @@ def _below(axes: Axes, legend: Legend) -> None:
     axes.legend(
         [by_label[label] for label in labels], labels, ncols=across, title=legend.get_title().get_text() or None,
         loc="upper left", bbox_to_anchor=(0.0, 0.0), bbox_transform=axes.transAxes + shift, borderaxespad=0.0,
+        prop=legend.get_texts()[0].get_fontproperties(), title_fontproperties=legend.get_title().get_fontproperties(),
     )  # fmt: skip
 
 
