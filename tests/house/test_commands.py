@@ -15,6 +15,7 @@ from solen.cli.commands import COMMANDS, GROUPS
 from solen.cli.design.schema import commands
 from solen.spec.strict import Options
 from tests.command_support import refusal
+from tools.command_pages import page_of
 
 ROOT = Path(__file__).resolve().parents[2]
 ROWS = [(group, name, place, text) for group, rows in COMMANDS.items() for name, place, text in rows]
@@ -38,10 +39,104 @@ def test_names_are_not_used_twice_in_a_group() -> None:
         assert not set(names) & set(GROUPS) or group
 
 
-def test_every_command_has_its_section_in_the_docs() -> None:
-    page = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
-    missing = [one for one in commands() if not re.search(rf"^## `solen {re.escape(one)}[ `]", page, re.MULTILINE)]
-    assert missing == []
+@pytest.mark.parametrize("command", commands())
+def test_every_command_has_a_page_and_its_line_in_the_list(command: str) -> None:
+    page = page_of(command)
+    title = re.match(rf"# `solen {command}`: (.+)\n", page.read_text(encoding="utf-8"))
+    assert title
+    listed = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
+    assert f"- [`solen {command}`](commands/{page.name}): {title[1]}\n" in listed
+
+
+def test_every_page_is_of_a_command_and_every_picture_on_a_page() -> None:
+    pages = {page_of(command) for command in commands()}
+    assert set((ROOT / "docs" / "commands").iterdir()) == pages
+    shown = {
+        name for page in pages for name in re.findall(r"images/commands/(\S+?)\)", page.read_text(encoding="utf-8"))
+    }
+    drawn = list((ROOT / "docs" / "images" / "commands").iterdir())
+    assert {picture.name for picture in drawn} == shown
+    assert sum(picture.stat().st_size for picture in drawn) < 3_000_000
+
+
+@pytest.mark.parametrize("command", commands())
+def test_a_command_that_draws_has_its_figure_on_its_page(command: str) -> None:
+    module, _, function = commands()[command].partition(":")
+    draws = "figure" in inspect.signature(getattr(import_module(f"solen.cli.{module}"), function)).parameters
+    page = page_of(command)
+    assert not draws or f"images/commands/{page.stem}.webp" in page.read_text(encoding="utf-8")
+
+
+QUERIES = {
+    "new": "new design file example",
+    "check": "check design errors build angle",
+    "run": "simulate sensor response report",
+    "trace": "trace rays angle scene",
+    "deform": "soft body deform strain force",
+    "lens": "lens profile focus acceptance",
+    "sensitivity": "sensitivity dimension matters most",
+    "convergence": "how many rays are enough",
+    "readout": "receiver voltage noise resolution load resistor",
+    "studio": "browser interactive drag lens",
+    "export": "export stl step cad solid",
+    "schema": "json schema result keys",
+    "doctor": "check installation bug report",
+    "completion": "shell completion bash tab",
+    "resin spectra": "plot spectrum spectrophotometer file",
+    "resin index": "refractive index from transmission spectrum",
+    "resin refractometer": "refractometer index other wavelengths",
+    "resin cutback": "waveguide loss cut-back dB per cm",
+    "resin cure": "working curve cure depth exposure dose",
+    "resin penetration": "penetration depth absorbance resin",
+    "resin exposures": "exposure time transmittance layers compare",
+    "resin stiffness": "young modulus hyperelastic compression test",
+    "resin build": "own material resin file",
+    "resin mix": "mixing ratio weigh resin",
+    "resin list": "list materials resins library",
+    "resin show": "show resin index at wavelength",
+    "print layers": "slice layer png printer",
+    "print coupons": "test parts printer resolution coupons",
+    "print fidelity": "measure printed coupon picture resolution",
+    "print calibrate": "calibrate printer shrinkage blur",
+    "print grey": "grey pixels light transmission",
+    "print predict": "predict printed lens compensate drawing",
+    "print scale": "microscope scale stage micrometer",
+    "print inspect": "wrong lens why micrograph",
+    "print tune": "correct drawing next print picture",
+    "print printers": "supported printers pixel plate",
+    "bench new": "example protocol rig measure",
+    "bench firmware": "wiring of the board firmware",
+    "bench check": "check rig before run wires noise",
+    "bench watch": "live voltage receivers plot",
+    "bench jog": "move stage position travel",
+    "bench run": "record sensor stage protocol",
+    "bench recover": "recover interrupted run recording",
+    "bench recordings": "list recordings folder",
+    "bench video": "angle from video marker aruco",
+    "bench demodulate": "remove ambient light flicker recording",
+    "bench analyse": "response curve hysteresis recording angle",
+    "bench diagnose": "what is wrong with sensor decentre",
+    "bench calibrate": "calibrate sensor voltage to angle",
+    "bench decode": "decode recording to angle live",
+    "bench table": "microcontroller code arduino calibration",
+    "explore sweep": "parameter sweep design",
+    "explore tolerance": "tolerance yield monte carlo prints",
+    "explore optimise": "optimise design inverse search",
+    "project examples": "sample data try examples",
+    "project pack": "pack sensor for sharing archive data",
+    "project unpack": "unpack archive check sensor",
+    "project reproduce": "reproduce paper figures",
+}
+"""What someone who does not know a command would search for."""
+
+
+@pytest.mark.parametrize("command", commands())
+def test_the_search_leads_from_words_of_users_to_a_command(command: str) -> None:
+    """The search lists only pages with all words of a query, and first those with the most of them in the title."""
+    title, _, text = page_of(command).read_text(encoding="utf-8").lower().partition("\n")
+    words = QUERIES[command].split()
+    assert [word for word in words if word not in f"{title}{text.partition('```')[0]}"] == []
+    assert sum(word in title for word in words) >= 2
 
 
 def option_classes(kind: type[Options] = Options) -> Iterator[type[Options]]:

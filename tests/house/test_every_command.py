@@ -6,6 +6,7 @@ The commands run in the order of a workshop, so that later ones read what earlie
 import inspect
 import io
 import json
+import os
 import sys
 from collections.abc import Iterator
 from contextlib import redirect_stdout
@@ -20,125 +21,43 @@ from matplotlib.figure import Figure
 import solen
 import solen.cli
 from solen.analysis.diagnosis import Response
-from solen.cli.app import show_outcome
+from solen.cli.app import SHOWN, show_outcome
 from solen.cli.design.schema import commands, result_schema, result_type
 from solen.report.options import FigureOptions
 from solen.report.plot import FIGURES
 from solen.results import Outcome, Result
 from solen.spec import template
 from tests.analysis.diagnosis_support import response
-from tests.bench.rig_support import PROTOCOL, RIG
 from tests.command_support import misfits
-from tests.fabricate.test_printed_command import sure
+from tests.house.test_documents import differences
 from tests.report.lettering import faults
+from tools.command_pages import OF_THE_COMPUTER, SAMPLES, calls
 
-SCENE = Path(__file__).resolve().parents[1] / "scenes" / "oval-relay.json"
-DESIGN = "part/sensor.toml"
-IN = "samples"
-LENS, ROTATION = f"{IN}/lens-simulated.ome.tif", f"{IN}/rotation-simulated.csv"
-CALIBRATION = f"{IN}/rotation-simulated.S1.calibration.json"
-
-ROWS = {
-    "project examples": f"--out {IN}",
-    "project pack": f"{IN}/sensor.toml {ROTATION} --out sensor.zip --author Author --licence MIT",
-    "project unpack": "sensor.zip --out unpacked",
-    "project reproduce": "--out paper --figure S2",
-    "new": "part",
-    "new #soft": "soft --example press-860",
-    "new #network": "net --example hand-860",
-    "check #network": "net/sensor.toml",
-    "trace #network": "net/sensor.toml --rays 64 --set trace.dimension=2d --figure net.svg",
-    "sensitivity #network": "net/sensor.toml network.guides[2].width_mm --set trace.dimension=2d --figure slopes.svg",
-    "readout #network": "net/sensor.toml --set trace.dimension=2d --set network.motion[0].steps=2 --figure volts.svg",
-    "run #network": "net/sensor.toml --out net-ran --set trace.dimension=2d --set network.motion=[]",
-    "deform": "soft/sensor.toml --set trace.dimension=2d --figure shape.svg",
-    "check": DESIGN,
-    "lens": f"{DESIGN} --csv profile.csv --figure lens.svg",
-    "trace": f"{DESIGN} --rays 50 --mode power --figure trace.svg",
-    "trace #scene": f"{SCENE} --mode power --figure scene.svg",
-    "convergence": f"{DESIGN} --set trace.dimension=2d --figure convergence.svg",
-    "sensitivity": f"{DESIGN} body.arm_width_mm --angle-deg 0.2 --set trace.dimension=2d --figure sensitivity.svg",
-    "run": f"{DESIGN} --out ran --set motion.step_deg=6 --set emitter.width_mm=0.2",
-    "studio": (
-        f"{DESIGN} --export page.html --over lens.focus_mm=18,20 --set motion.step_deg=3 --set trace.dimension=2d"
-    ),
-    "readout": f"{DESIGN} --set motion.step_deg=3 --figure readout.svg --out readout.json",
-    "export": f"{DESIGN} --out solid --stl --figure solid.png",
-    "doctor": "",
-    "completion": "bash",
-    "resin spectra": f"{IN}/layer-simulated.csv --figure spectra.svg",
-    "resin index": f"{IN}/layer-simulated.csv --thickness-um 50 --figure index.svg --out index.json",
-    "resin refractometer": "1.49 --u 0.001 --figure refractometer.svg --out refractometer.json",
-    "resin cutback": f"{IN}/guides-simulated.csv --launched 800 --figure cutback.svg --out cutback.json",
-    "resin cure": (
-        f"{IN}/discs-simulated.csv --irradiance-mW-per-cm2 13 --layer-um 25 --exposure-s 2 --figure cure.svg "
-        "--out cure.json"
-    ),
-    "resin penetration": (
-        f"{IN}/absorbance-simulated.csv --path-um 93 --led-nm 400 --led-fwhm-nm 12 --figure penetration.svg"
-    ),
-    "resin exposures": (f"{IN}/exposures-simulated.csv --wavelength-nm 450 --wavelength-nm 860 --figure exposures.svg"),
-    "resin stiffness": (f"{IN}/cube-simulated.csv --cube-mm 10 --fit yeoh --figure stiffness.svg --out stiffness.json"),
-    "resin build": (
-        "own.toml --name own --index index.json --cutback cutback.json --cure cure.json --stiffness stiffness.json"
-    ),
-    "resin mix": "a:60 b:40",
-    "resin list": "",
-    "resin show": "own.toml --at-nm 860 --figure resin.svg",
-    "print layers": f"{DESIGN} --out stack --layer-um 200 --exposure-s 2 --figure layers.png",
-    "print coupons": "--out coupons --only group-a --figure plans.svg",
-    "print fidelity": (
-        f"{IN}/pillars-simulated.png --job coupons/group-a.json --um-per-px 14 --figure fidelity.svg --out a.json"
-    ),
-    "print calibrate": f"{IN}/features-simulated.json --figure printer.svg --out process.toml",
-    "print grey": f"{IN}/greys-simulated.csv --u-thickness-um 2 --out greys.toml",
-    "print predict": f"{DESIGN} --process sure/process.toml --no-response --figure printed.svg --out printed.json",
-    "print scale": f"{IN}/micrometer-simulated.png --spacing-mm 0.01 --out scale.toml",
-    "print inspect": f"{LENS} --design {DESIGN} --figure inspected.svg --out lens.json",
-    "print tune": (f"{LENS} --design {DESIGN} --out tuned --no-response --sheet-only --figure tuned.svg"),
-    "print printers": "",
-    "bench new": "bench",
-    "bench firmware": "board --board uno",
-    "bench check": "--rig rig/rig.toml --seconds 1",
-    "bench watch": "--rig rig/rig.toml --seconds 1",
-    "bench jog": "--rig rig/rig.toml --to 0.1",
-    "bench run": "rig/protocol.toml --rig rig/rig.toml --out recorded",
-    "bench recover": f"{IN}/interrupted-simulated.journal",
-    "bench recordings": "recorded",
-    "bench video": f"{IN}/marker-simulated.avi --out turn.csv",
-    "bench demodulate": f"{IN}/switched-simulated.csv --figure switched.svg --out readings.csv",
-    "bench analyse": f"{ROTATION} --figure response.svg --traces traces.svg --out analysis.json",
-    "bench diagnose": f"{ROTATION} --sensor S1 --design {DESIGN} --figure diagnosis.svg --out diagnosis.json",
-    "bench calibrate": f"{ROTATION} --sensor S1 --design {DESIGN} --figure calibration.svg",
-    "bench table": f"{CALIBRATION} coded",
-    "bench decode": f"{CALIBRATION} {IN}/again-simulated.csv --out angles.csv",
-    "explore sweep": f"{DESIGN} --out swept --over lens.focus_mm=18,20 --set motion.step_deg=2 --figure swept.svg",
-    "explore tolerance": (
-        f"{DESIGN} --out prints --vary emitter.offset_mm=normal:0:0.02 --prints 32 --set motion.step_deg=2 "
-        "--set trace.dimension=2d --tolerance 1e-2 --require light>0.1 --figure prints.svg"
-    ),
-    "explore optimise": (
-        f"{DESIGN} --out better --maximise light --free lens.focus_mm=15:25 --evaluations 20 --set motion.step_deg=3 "
-        "--prints 32 --require light>0.1 --set trace.dimension=2d --tolerance 1e-2 --figure better.svg"
-    ),
+EXTRA = {
+    "check #network": "hand.toml",
+    "trace #network": "hand.toml --rays 64 --set trace.dimension=2d --figure net.svg",
+    "sensitivity #network": "hand.toml network.guides[2].width_mm --set trace.dimension=2d --figure slopes.svg",
+    "readout #network": "hand.toml --set trace.dimension=2d --set network.motion[0].steps=2 --figure volts.svg",
+    "run #network": "hand.toml --out net-ran --set trace.dimension=2d --set network.motion=[]",
+    "trace #scene": "scene.json --mode power --figure scene.svg",
 }
-"""Arguments of each command; after # what tells two of one command apart."""
+"""Further arguments of commands; after # what tells two of one command apart."""
+CALLS = {name: call for name, call in calls().items() if result_type(commands()[name]) is not None}
+ROWS = {name: arguments for name, (arguments, _) in CALLS.items()} | {
+    row: [*row.partition(" #")[0].split(), *arguments.split()] for row, arguments in EXTRA.items()
+}
+"""Command lines: the calls on the pages of docs/commands, and further ones."""
+SHORTENED = {"run", "bench check", "bench watch", "bench run", "bench recordings", "bench diagnose"}
+"""Commands that print something else here, where less is traced."""
 
 
 @dataclass
 class Answer:
-    """What a command printed with ``--json``, and its outcome."""
+    """What a command printed with ``--json``, its outcome, and the lines that it prints without."""
 
     printed: Any
     outcome: Outcome[Result]
-
-
-def write_rig(folder: Path) -> None:
-    """A small rig."""
-    (folder / "rig").mkdir()
-    files = {"sensor.toml": template("paper-860"), "rig.toml": RIG, "protocol.toml": PROTOCOL}
-    for name, text in files.items():
-        (folder / "rig" / name).write_text(text, encoding="utf-8")
+    lines: list[str]
 
 
 def answer(arguments: list[str], monkeypatch: pytest.MonkeyPatch) -> Answer:
@@ -153,15 +72,16 @@ def answer(arguments: list[str], monkeypatch: pytest.MonkeyPatch) -> Answer:
     with monkeypatch.context() as patch, redirect_stdout(printed):
         patch.setattr("solen.cli.show_outcome", keep)
         assert solen.cli.run_command([*arguments, "--json"]) == 0, arguments
-    return Answer(json.loads(printed.getvalue()), outcomes[0])
+        patch.setattr(SHOWN, "as_json", False)
+        with redirect_stdout(io.StringIO()) as text:
+            show(outcomes[0])
+    return Answer(json.loads(printed.getvalue()), outcomes[0], text.getvalue().replace(os.sep, "/").splitlines())
 
 
 @pytest.fixture(scope="module")
 def answers(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Answer]]:
     """Answers of all commands, by their rows."""
     folder = tmp_path_factory.mktemp("workshop")
-    (folder / "sure").mkdir()
-    sure(folder / "sure")
     found = {}
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
@@ -172,15 +92,16 @@ def answers(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Answ
         closed_form = response()
         patch.setattr(Response, "of", lambda *_: closed_form)  # a traced one takes minutes
         for row, arguments in ROWS.items():
-            if row == "bench check":
-                write_rig(folder)
-            found[row] = answer([*row.partition(" #")[0].split(), *arguments.split()], patch)
+            found[row] = answer(arguments, patch)
+            if row == SAMPLES:
+                patch.chdir(folder / "samples")
+                Path("bench/sensor.toml").write_text(template("paper-860"), encoding="utf-8")
         yield found
 
 
-def test_every_command_with_a_result_has_a_row() -> None:
-    answering = {name for name, place in commands().items() if result_type(place) is not None}
-    assert {row.partition(" #")[0] for row in ROWS} == answering
+@pytest.mark.parametrize("row", sorted(CALLS.keys() - SHORTENED - OF_THE_COMPUTER))
+def test_a_command_prints_what_its_page_shows(answers: dict[str, Answer], row: str) -> None:
+    assert not differences(CALLS[row][1], answers[row].lines)
 
 
 @pytest.mark.parametrize("row", ROWS)
