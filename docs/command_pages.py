@@ -12,13 +12,11 @@ from solen.cli.app import app
 from solen.cli.design.schema import commands, result_schema, result_type
 from solen.report.options import FigureOptions
 
-FIGURE = {f"--{name.replace('_', '-')}" for name in FigureOptions.model_fields}
-SAME = (
-    "`--width-mm`, `--letters`, `--panels` …\n: Size, lettering and panels of the figure: [figures](../figures.md).\n"
-)
-CODE = re.compile(
-    r"`+(?P<quoted>[^`]+)`+|\bsolen(?: [a-z]+)+|--[\w-]+|\S+=[\w.:,+-]*\w|\[\w+\]|[\w-]*\.[a-z3]\w+|\w*_\w+|[*<>$|\\{}\[\]]"
-)
+LOOK = {f"--{name.replace('_', '-')}" for name in FigureOptions.model_fields} - {"--figure"}
+SAME = "`--width-mm`, `--letters`, `--panels` …\n: Size, lettering and panels: [figures](../figures.md).\n"
+COMMAND = "|".join(sorted(commands(), reverse=True))  # the longer of two that begin alike first
+TYPED = rf"\bsolen (?:{COMMAND})\b|--[\w-]+|\S+=[\w.:,+-]*\w|\[\w+\]|[\w-]*\.[a-z3]\w+|\w*_\w+"
+MARKED = re.compile(rf"`+(?P<quoted>[^`]+)`+|{TYPED}|[*<>$|\\{{}}\[\]]")
 """Words of a help text that are typed, and characters that Markdown would read as its own."""
 
 
@@ -30,6 +28,7 @@ class Help:
         self.entries: list[HelpEntry] = []
 
     def __call__(self, _console: Any, _options: Any, panel: HelpPanel) -> None:
+        """Keep the entries of a panel."""
         self.entries += panel.entries
 
     def render_usage(self, _console: Any, _options: Any, usage: Any) -> None:
@@ -43,7 +42,7 @@ def reference(page: str) -> str:
     shown = Help()
     app.help_formatter = shown
     app.help_print(command.split(), console=Console(file=io.StringIO()))
-    options = [option(entry) for entry in shown.entries if not FIGURE & set(entry.names)]
+    options = [option(entry) for entry in shown.entries if not LOOK & set(entry.names)]
     if len(options) < len(shown.entries):
         options.append(SAME)
     parts = [f"## Options\n\n```text\n{shown.usage}\n```\n", *options]
@@ -76,8 +75,8 @@ def keys(schema: dict[str, Any]) -> Iterable[str]:
         texts |= {key: value.get("description", "") for key, value in kind["properties"].items()}
     groups: dict[str, list[str]] = {}
     for key, text in texts.items():
-        groups.setdefault(text or "…", []).append(f"`{key}`")
-    return (f"{', '.join(names)}\n: {readable(text)}\n" for text, names in groups.items())
+        groups.setdefault(f"\n: {readable(text)}" if text else "", []).append(f"`{key}`")
+    return (f"{', '.join(names)}{text}\n" for text, names in groups.items())
 
 
 def readable(text: str) -> str:
@@ -86,4 +85,4 @@ def readable(text: str) -> str:
     def marked(part: re.Match[str]) -> str:
         return f"`{part['quoted'] or part[0]}`" if len(part[0]) > 1 else f"\\{part[0]}"
 
-    return CODE.sub(marked, " ".join(text.split()))
+    return MARKED.sub(marked, " ".join(text.split()))

@@ -81,7 +81,7 @@ def find_among_few(domain: PythonDomain, env: Any, module: str, inside: str, nam
 
 
 def tree_once(builder: StandaloneHTMLBuilder, page: str, **kwargs: Any) -> str:
-    """Navigation of a page; of pages that are not in it that of their folder, made anew for each a quarter of the build."""
+    """Navigation of a page; of pages outside it one for each folder, as Sphinx would make it for each."""
     if "orphan" not in builder.env.metadata[page]:
         return local_toctree(builder, page, **kwargs)
     folder = page.rpartition("/")[0]
@@ -123,7 +123,7 @@ def setup(app: Sphinx) -> None:
         return ("(**values)", "") if what == "class" and isinstance(obj, type) and issubclass(obj, Strict) else None
 
     def with_reference(_app: Sphinx, page: str, source: list[str]) -> None:
-        """Complete the page of a command; the list of commands links to it, and no page's navigation is made from it."""
+        """Complete the page of a command; the list of commands links to it, so the navigation need not."""
         folder, _, command = page.rpartition("/")
         if folder == "commands":
             title, _, text = source[0].partition("\n")

@@ -1,7 +1,7 @@
 """Run the worked calls of docs/commands in the sample data: ``python -m tools.command_pages [COMMAND ...]``.
 
-Writes under each call the first lines of what it prints, and its figure to docs/images/commands. A command that reads what
-another one wrote is run with that one.
+Writes under each call the first lines of what it prints, and its figure to docs/images/commands. A command that reads
+what another one wrote is run with that one.
 """
 
 import io
@@ -43,9 +43,8 @@ def calls() -> dict[str, tuple[list[str], list[str]]]:
     """Arguments of the call on each command's page, and the lines that it shows; sample data first."""
     found = {}
     for command in sorted(commands(), key=lambda one: one != SAMPLES):
-        call = CALL.search(page_of(command).read_text(encoding="utf-8"))
-        assert call, f"{page_of(command)}: no call"
-        found[command] = (shlex.split(call[1].replace("\\\n", " ")), call[2].splitlines())
+        for call, shown in CALL.findall(page_of(command).read_text(encoding="utf-8")):
+            found[command] = (shlex.split(call.replace("\\\n", " ")), shown.splitlines())
     return found
 
 
@@ -76,8 +75,8 @@ def run(command: str, arguments: list[str]) -> tuple[str, Outcome[Result] | None
 
     text = io.StringIO()
     with patch("solen.cli.show_outcome", keep), redirect_stdout(text), redirect_stderr(io.StringIO()):
-        code = solen.cli.run_command(arguments)
-    assert code == 0, command
+        if solen.cli.run_command(arguments):
+            raise SystemExit(f"solen {command} failed on its page's call")
     return text.getvalue(), outcomes[0] if outcomes else None
 
 
@@ -93,8 +92,8 @@ def main() -> None:
             page = page_of(command)
             text = page.read_text(encoding="utf-8")
             shown = "" if command in OF_THE_COMPUTER else head(printed)
-            at = CALL.search(text).span(2)
-            page.write_text(f"{text[: at[0]]}{shown}{text[at[1] :]}", encoding="utf-8")
+            new = CALL.sub(lambda call, shown=shown: f"$ solen {call[1]}\n{shown}", text)
+            page.write_text(new, encoding="utf-8")
             drawn = DOCS / "images" / "commands" / f"{page.stem}.webp"
             if outcome and f"images/commands/{drawn.name}" in text:
                 figure = solen.plot(outcome.result)
