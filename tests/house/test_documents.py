@@ -1,32 +1,60 @@
-"""Pages that a newcomer follows, executed as they stand: in order, in an empty folder, with what they show compared.
+"""Every code block of the pages, executed or checked: in order, in an empty folder, with what it shows compared.
 
 Commands of solen are run, and what stands under ``$ solen ...`` is what each must print; ``...`` on a line of its own
-stands for any lines. Python is executed, and the ``text`` that follows is what it prints.
+stands for any lines, within a line for any part of it. Python is executed, and the ``text`` that follows is what it
+prints; other ``text`` is refusals, in solen's words. TOML and JSON are read as the file that their keys say. Files that
+a page takes for granted are simulated (`page_files.py`). A comment ``<!-- not run: reason -->`` before a block leaves
+its commands and options to the parser.
 """
 
 import contextlib
 import io
 import os
 import re
-import shlex
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from solen.analysis.diagnosis import Response
+from solen.bench.simulated import sensors
 from solen.cli import run_command
+from solen.cli.app import app
+from solen.errors import DataError
+from solen.pipeline.project.paper import FIGURES
+from tests.house.page_checks import check_file
+from tests.house.page_files import give
+from tests.house.page_support import ROOT, Block, blocks, commands, differences, not_said, pages, words_of
 
-ROOT = Path(__file__).resolve().parents[2]
-PAGES = [
-    "README.md",
-    "docs/quickstart.md",
-    *sorted(f"docs/{one.name}" for one in (ROOT / "docs").glob("tutorial-*.md")),
-]
-BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-INSTALLS = ("make ", "pip ", "python3 -m venv ", ". .venv/", "solen studio")
-"""Beginnings of lines that set a system up, or wait for a person."""
+NOT_RUN = {
+    "a drawing": 1,
+    "a summary of what follows": 1,
+    "a cluster": 1,
+    "an instrument": 1,
+    "belongs to a package that another test installs": 2,
+    "needs a measurement of your own": 4,
+    "sets a computer up": 6,
+    "takes too long": 22,
+}
+"""Why a block is not run, and how many blocks say so."""
+LESS = {
+    "solen explore sweep": ["--rays", "256"],
+    "solen explore tolerance": ["--rays", "256", "--prints", "32"],
+    "solen run": ["--set", "trace.dimension=2d", "--set", "motion.step_deg=3"],
+}
+"""Options that are added to a command that shows nothing of what it prints: the same with fewer rays or samples."""
+OTHERS = {"docs/gallery.md", "docs/commands.md"}
+"""Pages that other tests hold: test_examples.py, test_commands.py."""
+PAGES = [page for page in pages() if page not in OTHERS and blocks((ROOT / page).read_text(encoding="utf-8"))]
+ELSEWHERE = {command.partition(" #")[0].strip() for figure in FIGURES for command in figure.commands} | {
+    "solen completion",
+    "solen project reproduce --out reproduction",
+    "solen project reproduce --out reproduction --figure 3C",
+}
+"""Commands that other tests run: `tests/paper/test_reproduce.py` and `tests/house/test_every_command.py`."""
 
 
 def printed_by(command: list[str]) -> str:
@@ -43,34 +71,58 @@ def simulated(command: tuple[str, ...], design: str) -> str:
     return printed_by(list(command))
 
 
-def answer(line: str) -> list[str]:
-    """Lines that a command line prints."""
-    words = shlex.split(line, comments=True)
-    if words[0] == "cd":
-        os.chdir(words[1])
-        return []
-    assert words[0] == "solen", f"{line} is no command of solen"
-    if words[1] == "run":
-        return simulated(tuple(words[1:]), Path(words[2]).read_text(encoding="utf-8")).splitlines()
-    return printed_by(words[1:]).splitlines()
+@pytest.fixture(scope="module", autouse=True)
+def shared() -> Iterator[None]:
+    """What several pages trace of one design is traced once."""
+    with pytest.MonkeyPatch.context() as patch:
+        traced, of = sensors.traced, Response.of
+        kept: dict[str, Any] = {}
+
+        def once(make: Callable[..., Any], *parts: Any) -> Any:
+            key = repr((make, *parts))
+            if key not in kept:
+                kept[key] = make(*parts)
+            return kept[key]
+
+        patch.setattr(sensors, "traced", lambda sensor, angles: once(traced, sensor, angles))
+        patch.setattr(Response, "of", lambda *parts: once(of, *parts[:4]))
+        yield
 
 
-def commands(text: str) -> Iterator[tuple[str, list[str]]]:
-    """Command lines of a console, each with the lines under it."""
-    for part in re.split(r"^\$ ", text.replace("\\\n", " "), flags=re.MULTILINE)[1:]:
-        line, *shown = part.rstrip().splitlines()
-        yield line, shown
+def understood(words: list[str]) -> None:
+    """Refuse a command line that the parser refuses; files that it names need not exist."""
+    try:
+        app.parse_args(words, exit_on_error=False, print_error=False)
+    except DataError as bad:
+        if "no such file" not in str(bad):
+            raise
 
 
-def differences(shown: list[str], printed: list[str]) -> str:
-    """Empty if lines are as shown, ``...`` standing for any; else the first line that is not."""
-    at, text = 0, "".join(f"\n{line.rstrip()}" for line in printed) + "\n"
-    for place, part in enumerate("".join(f"\n{line}" for line in shown).split("\n...")):
-        found = text.find(f"{part}\n", at)
-        if found < 0 or (place == 0 and found > 0):
-            return f"shown:\n{part}\n\nprinted:\n{text}"
-        at = found + len(part)
-    return "" if shown[-1] == "..." or at == len(text) - 1 else f"not shown:\n{text[at:]}"
+def ran(page: str, line: str, shown: list[str]) -> list[str]:
+    """Lines that a command line prints; `AssertionError` where it is not one that can be run."""
+    words = words_of(line)
+    match words:
+        case ["cd", folder]:
+            os.chdir(folder)
+        case ["make", target]:
+            assert re.search(rf"^{target}:", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE), line
+        case ["python", script]:
+            assert (ROOT / script).is_file(), line  # run by test_examples.py
+        case ["solen", *rest]:
+            give(page, line)
+            if line.partition(" #")[0].strip() in ELSEWHERE:
+                understood(rest)
+                return []
+            less = [] if shown else next((more for start, more in LESS.items() if line.startswith(start)), [])
+            if rest[0] == "run" and shown:
+                return simulated(tuple(rest), Path(rest[1]).read_text(encoding="utf-8")).splitlines()
+            with pytest.MonkeyPatch.context() as patch:
+                if less:
+                    patch.setattr("solen.sensor.effects.KEYS", ("emitter.offset_mm",))
+                return printed_by([*rest, *less]).splitlines()
+        case _:
+            raise AssertionError(f"{line} is no command that a test runs")
+    return []
 
 
 def run_python(code: str, names: dict[str, Any]) -> list[str]:
@@ -80,29 +132,57 @@ def run_python(code: str, names: dict[str, Any]) -> list[str]:
     return text.getvalue().splitlines()
 
 
+def parsed(block: Block) -> None:
+    """What holds of a block that is not run: commands and options exist, Python is Python."""
+    if block.language == "python":
+        compile(block.text, "page", "exec")
+    for line, _ in commands(block) if block.language in {"sh", "console"} else ():
+        for part in line.split(" | "):
+            if part.startswith("solen "):
+                understood(words_of(part)[1:])
+
+
+def check(page: str, block: Block, names: dict[str, Any], printed: list[str] | None) -> list[str] | None:
+    """Run or check one block; lines that it printed, if it was Python."""
+    where = f"{page}, line {block.line}"
+    if block.not_run is not None:
+        parsed(block)
+    elif block.language in {"sh", "console"}:
+        for line, shown in commands(block):
+            found = ran(page, line, shown)
+            refused = any(row.startswith("solen: ") for row in found)
+            assert refused == any(row.startswith("solen: ") for row in shown), f"{where}: {line}\n{found}"
+            assert not shown or not differences(shown, found), f"{where}: {line}\n{differences(shown, found)}"
+    elif block.language == "python":
+        give(page, block.text)
+        return run_python(block.text, names)
+    elif block.language == "text":
+        shown = block.text.rstrip().splitlines()
+        missing = differences(shown, printed) if printed is not None else "\n".join(not_said(shown))
+        assert not missing, f"{where}\n{missing}"
+    else:
+        give(page, block.text)
+        check_file(block.language, block.text, Path(f"block.{block.language}"))
+    return None
+
+
 @pytest.mark.parametrize("page", PAGES)
 def test_a_page_does_what_it_says(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     names: dict[str, Any] = {}
     printed: list[str] | None = None
-    for language, text in BLOCK.findall((ROOT / page).read_text(encoding="utf-8")):
-        if language == "console":
-            for line, shown in commands(text):
-                found = answer(line)
-                refused = any(row.startswith("solen: ") for row in found)
-                assert refused == any(row.startswith("solen: ") for row in shown), f"{line}\n{found}"
-                assert not shown or not differences(shown, found), f"{page}: {line}\n{differences(shown, found)}"
-        elif language == "sh":
-            for line in text.splitlines():
-                if line and not line.startswith((*INSTALLS, "#")):
-                    assert not [row for row in answer(line) if row.startswith("solen: ")], line
-        elif language == "python":
-            printed = run_python(text, names)
-        elif language == "text" and printed is not None:
-            assert not differences(text.rstrip().splitlines(), printed), (
-                f"{page}\n{differences(text.splitlines(), printed)}"
-            )
-            printed = None
+    for block in blocks((ROOT / page).read_text(encoding="utf-8")):
+        printed = check(page, block, names, printed)
+
+
+def test_blocks_that_are_not_run_are_few_and_say_why() -> None:
+    found = Counter(
+        block.not_run
+        for page in PAGES
+        for block in blocks((ROOT / page).read_text(encoding="utf-8"))
+        if block.not_run is not None
+    )
+    assert found == NOT_RUN
 
 
 @pytest.mark.parametrize(
