@@ -3,9 +3,10 @@
 import io
 import re
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, cast
 
 from cyclopts.help import HelpEntry, HelpPanel
+from cyclopts.help.protocols import HelpFormatter
 from rich.console import Console
 
 from solen.cli.app import app
@@ -40,7 +41,7 @@ def reference(page: str) -> str:
     """Usage, options and keys of the command that a page is called after: ``bench-analyse``."""
     command = page.replace("-", " ", 1)
     shown = Help()
-    app.help_formatter = shown
+    app.help_formatter = cast(HelpFormatter, shown)
     app.help_print(command.split(), console=Console(file=io.StringIO()))
     options = [option(entry) for entry in shown.entries if not LOOK & set(entry.names)]
     if len(options) < len(shown.entries):

@@ -92,8 +92,9 @@ def main() -> None:
             page = page_of(command)
             text = page.read_text(encoding="utf-8")
             shown = "" if command in OF_THE_COMPUTER else head(printed)
-            new = CALL.sub(lambda call, shown=shown: f"$ solen {call[1]}\n{shown}", text)
-            page.write_text(new, encoding="utf-8")
+            if call := CALL.search(text):
+                text = f"{text[: call.start(2)]}{shown}{text[call.end(2) :]}"
+                page.write_text(text, encoding="utf-8")
             drawn = DOCS / "images" / "commands" / f"{page.stem}.webp"
             if outcome and f"images/commands/{drawn.name}" in text:
                 figure = solen.plot(outcome.result)
