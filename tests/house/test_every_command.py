@@ -29,7 +29,7 @@ from solen.results import Outcome, Result
 from solen.spec import template
 from tests.analysis.diagnosis_support import response
 from tests.command_support import misfits
-from tests.house.test_documents import differences
+from tests.house.page_support import differences
 from tests.report.lettering import faults
 from tools.command_pages import OF_THE_COMPUTER, SAMPLES, calls
 
