@@ -4,7 +4,7 @@ The deviation from a straight line is that of both where the emitter is 0.03 mm 
 """
 
 from solen.explore.merits import Merits, merits_of
-from solen.sensor import Sensor
+from solen.sensor import Response, Sensor
 from solen.spec import Design
 
 OFF_MM = 0.03
@@ -23,6 +23,7 @@ STRAIGHT = Design(
     body={"stem_length_mm": 19.37, "arm_width_mm": 2.812},
     **COMMON,
 )
+RESPONSES: dict[str, Response] = {}
 
 
 def main() -> dict[str, Merits]:
@@ -30,7 +31,8 @@ def main() -> dict[str, Merits]:
     found = {}
     for design in (PAPER, STRAIGHT):
         sensor = Sensor.of(design.set({"emitter.offset_mm": OFF_MM}))
-        merits = found[design.name] = merits_of(sensor.power(tolerance=1e-3))
+        response = RESPONSES[design.name] = sensor.power(tolerance=1e-3)
+        merits = found[design.name] = merits_of(response)
         print(
             f"{design.name}: {merits.linearity_percent:.1f} ± {merits.u_linearity_percent:.1f} % off a straight line, "
             f"span {merits.span:.2f}, light {merits.light:.2f}, null at {merits.null_deg:+.2f}°"

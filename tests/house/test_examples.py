@@ -7,11 +7,13 @@ tracer, with fewer rays.
 
 import contextlib
 import io
+import json
 import math
 import re
 import runpy
 from dataclasses import replace
 from functools import cache
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +31,8 @@ from solen.sensor import Sensor
 from solen.sensor.loaded import force_of
 from solen.spec import loads, template, with_values
 from solen.trace import trace_reference
+from tests.house.page_support import differences
+from tools.gallery import PICTURES, STATED, Example, file_of, values_of
 from tools.micrograph import NAME, micrograph
 from tools.samples import TABLES
 
@@ -38,11 +42,12 @@ DISTANCE_MM, FOCUS_MM, HALF_WIDTH_MM = 1.0, 20.0, 2.0
 
 
 @cache
-def ran(name: str) -> tuple[Any, str]:
-    """What an example's ``main`` returns, and what it prints; each runs once."""
+def ran(name: str) -> tuple[Any, str, dict[str, Any]]:
+    """What an example's ``main`` returns, what it prints, and its names; each runs once."""
     with contextlib.redirect_stdout(io.StringIO()) as printed:
-        returned = runpy.run_path(str(ROOT / "examples" / f"{name}.py"))["main"]()
-    return returned, printed.getvalue()
+        names = runpy.run_path(str(ROOT / "examples" / f"{name}.py"))
+        returned = names["main"]()
+    return returned, printed.getvalue(), names
 
 
 def result(name: str) -> Any:
@@ -116,6 +121,67 @@ def test_an_example_is_short_and_listed(path: Path) -> None:
     assert len(path.read_text(encoding="utf-8").splitlines()) < 60
     for page in ("examples/README.md", "docs/gallery.md"):
         assert path.name in (ROOT / page).read_text(encoding="utf-8"), f"{page} does not list {path.name}"
+
+
+def test_the_gallery_shows_what_each_example_prints() -> None:
+    page = (ROOT / "docs" / "gallery.md").read_text(encoding="utf-8")
+    shown = re.findall(r"examples/(\w+)\.py\n:language: python\n```\n\nIt prints\n\n```text\n(.*?)```", page, re.DOTALL)
+    differ = [name for name, text in shown if differences(text.rstrip().splitlines(), ran(name)[1].splitlines())]
+    assert differ == []
+    assert {name for name, _ in shown} == {path.stem for path in EXAMPLES}
+
+
+@pytest.mark.parametrize("name", PICTURES)
+def test_a_picture_of_the_gallery_is_what_its_example_draws(name: str) -> None:
+    stated = json.loads(STATED.read_text(encoding="utf-8"))[name]
+    returned, _, names = ran(name)
+    sums = values_of(PICTURES[name](Example(names, returned)))
+    assert [len(sums), sum(sums)] == pytest.approx(stated["values"], rel=1e-3)
+    assert sha256(file_of(name).read_bytes()).hexdigest() == stated["sha256"]
+    picture = f"images/gallery/{file_of(name).name}\n:alt: simulated: "
+    assert f"{picture}" in (ROOT / "docs" / "gallery.md").read_text(encoding="utf-8")
+
+
+def test_every_example_has_a_picture() -> None:
+    assert {*PICTURES, "four_motions", "index_of_a_layer", "coins"} == {path.stem for path in EXAMPLES}
+
+
+def test_prints_of_a_tolerance_run_balance_as_the_decentre_of_their_emitters_says() -> None:
+    """The balance follows the decentre along the line through three traced ones; prints are a sample of 128."""
+    found = result("tolerance_run")
+    per_mm = result("sweep_a_parameter")[-0.01] / -0.01
+    expected = math.erf(0.2 / (abs(per_mm) * 0.004) / math.sqrt(2.0))
+    share = found.yields[-1].share
+    assert share == pytest.approx(expected, abs=3.0 * math.sqrt(expected * (1.0 - expected) / 128))
+
+
+def test_two_spectra_give_the_index_that_they_were_simulated_with() -> None:
+    found = result("two_spectra")
+    n, u = (np.interp(860.0, found.wavelength_nm, values) for values in (found.n, found.u_n))
+    assert n == pytest.approx(1.48 + 0.005 / 0.86**2, abs=2.0 * u)
+    assert 0.001 < u < 0.006  # 0.1 % of R is 0.0039 in n
+
+
+def test_decoded_angles_are_the_known_ones_of_another_day() -> None:
+    _, decoded, known = result("decode_angles")
+    assert np.sqrt(np.mean((decoded - known) ** 2)) < 0.005
+    assert np.abs(decoded - known).max() < 0.03
+
+
+def test_a_network_sends_its_light_where_few_rays_of_the_readable_tracer_go() -> None:
+    found = result("network_of_guides")
+    scene = found.sensors[0].scene(0.0)
+    few = trace_reference(replace(scene, sources=(scene.sources[0].with_rays(400),)), "power")
+    for name, power in zip(found.receivers, found.power[0, 0], strict=True):
+        assert few.detectors[name].power == pytest.approx(power, abs=0.02)
+
+
+def test_the_pressed_body_holds_its_finger() -> None:
+    """The mount takes what the finger gives."""
+    found = result("soft_body")
+    (finger,) = found.contacts
+    assert finger.force_N == pytest.approx(0.3, rel=1e-3)
+    assert 0.3 < finger.depth_mm < 0.45
 
 
 def test_paper_sensor_gives_the_share_that_the_lens_accepts() -> None:
