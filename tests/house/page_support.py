@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[2]
-GENERATED = {ROOT / "docs" / "api"}
+GENERATED = {ROOT / "docs" / "api", ROOT / "docs" / "commands"}
+"""Folders of pages that programs write; calls of the latter are compared in `test_every_command.py`."""
 FENCE = re.compile(r"^(?:<!-- not run: ([^\n]*) -->\n)?```([^\n`]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 

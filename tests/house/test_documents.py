@@ -46,8 +46,8 @@ LESS = {
     "solen run": ["--set", "trace.dimension=2d", "--set", "motion.step_deg=3"],
 }
 """Options that are added to a command that shows nothing of what it prints: the same with fewer rays or samples."""
-OTHERS = {"docs/gallery.md", "docs/commands.md"}
-"""Pages that other tests hold: test_examples.py, test_commands.py."""
+OTHERS = {"docs/gallery.md"}
+"""Pages that other tests hold: `test_examples.py`."""
 PAGES = [page for page in pages() if page not in OTHERS and blocks((ROOT / page).read_text(encoding="utf-8"))]
 ELSEWHERE = {command.partition(" #")[0].strip() for figure in FIGURES for command in figure.commands} | {
     "solen completion",
