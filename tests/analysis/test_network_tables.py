@@ -85,6 +85,21 @@ def test_units_of_different_quantities_are_refused(
         assert "\n" not in str(refused.value)
 
 
+def test_lines_without_a_unit_are_in_volts_as_a_file_is(
+    calibration: tuple[Path, NetworkCalibrations], tmp_path: Path
+) -> None:
+    path = table(tmp_path / "bare.csv", rows(grid()[::6] * 0.7, 1), ("",))
+    text = path.read_text(encoding="utf-8").splitlines()
+    whole = [decode(calibration[0], source, text=text).result.warnings for source in (str(path), "-")]
+    assert all(lines.count("the powers state no unit; V is assumed") == 1 for lines in whole)
+    in_A = calibration[1].calibration.model_copy(update={"unit": "A"})
+    file = tmp_path / "in_A.json"
+    file.write_text(text_of(in_A), encoding="utf-8")
+    for source in (str(path), "-"):
+        with pytest.raises(DataError, match="'V'; is the unit of the readings"):
+            decode(file, source, text=text)
+
+
 def test_currents_are_taken_to_one_unit(tmp_path: Path) -> None:
     values = rows(grid()[:2], 1)
     found = network_readings(table(tmp_path / "currents.csv", values, ("uA", "mA", "uA", "uA")))

@@ -166,6 +166,29 @@ def test_lines_without_a_header_have_named_columns(folder: Path) -> None:
     decoded(folder, signals=named, rows=answers, text=["a,b\n", "2.0,2.0\n"])
 
 
+@pytest.mark.parametrize(
+    ("header", "assumed", "in_A"),
+    [("t,left,right", 3, False), ("t_s,left_V,right_V", 0, False), ("t_s,left (mA),right (mA)", 0, True)],
+)
+def test_lines_have_the_units_of_a_file(folder: Path, tmp_path: Path, header: str, assumed: int, *, in_A: bool) -> None:
+    """Without a unit, lines had that of the calibration, and a file V."""
+    known, unit = folder / "S1.calibration.json", 1e3 if in_A else 1.0
+    if in_A:
+        content = json.loads(known.read_text(encoding="utf-8").replace('_V"', '_A"'))
+        known = tmp_path / "A.json"
+        known.write_text(json.dumps({**content, "unit": "A"}), encoding="utf-8")
+    readings = [f"{0.005 * n:.3f},{unit * (2.0 - 0.02 * n):.6g},{unit * (2.0 + 0.02 * n):.6g}" for n in range(20)]
+    source = tmp_path / "file.csv"
+    source.write_text("\n".join([header, *readings, ""]), encoding="utf-8")
+    answers = []
+    for name, text in ((str(source), None), ("-", [header, *readings])):
+        rows = io.StringIO()
+        found = pipeline.decode(known, name, rows=rows, text=text).result
+        answers.append((rows.getvalue(), [line for line in found.warnings if "assumed" in line]))
+    assert answers[0][0] == answers[1][0]
+    assert [len(lines) for _, lines in answers] == [assumed, assumed]
+
+
 def test_a_reading_like_the_first_one_is_no_header_again(folder: Path) -> None:
     """Of a sensor at rest many lines are alike; only a header that is written again is left out."""
     answers = io.StringIO()

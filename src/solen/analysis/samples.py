@@ -1,6 +1,7 @@
 """Samples of a recording: times, receivers and stimulus from its columns, in s, V and the stimulus' unit.
 
-The interface: `sampled` of a recording gives `Waveforms`; `sample_times`; `ambient_by_side`.
+The interface: `sampled` of a recording gives `Waveforms`; `sample_times`; `ambient_by_side`; `time_scale`,
+`receivers_unit` and `receiver_scale` state or assume the units of columns, of lines as of files.
 """
 
 import re
@@ -70,13 +71,15 @@ def sampled(recording: Recording, options: SignalOptions, angle: AngleSource = "
     drive = None if angle == "elsewhere" else driven(recording, options, base, warnings)
     channels = _receivers(recording, options, drive)
     warnings += [] if options.channel else _passed_over(recording, channels)
-    unit, file = _unit_of(channels.values()), recording.provenance.name
+    unit, file = receivers_unit(channels.values()), recording.provenance.name
     flags = [_clipped_flags(recording, channel) for channel in channels.values()]
     samples = Waveforms(
         time_s=base.time_s,
         step_s=base.step_s,
         receivers=tuple(channels),
-        volts=np.column_stack([_values(channel, unit, file, warnings) for channel in channels.values()])[base.order],
+        volts=np.column_stack(
+            [channel.values * receiver_scale(channel, unit, file, warnings) for channel in channels.values()]
+        )[base.order],
         unit=unit,
         angle_deg=None if drive is None else drive.values,
         stimulus=ANGLE if drive is None else drive.stimulus,
@@ -140,17 +143,28 @@ def _time_s(
             remedy = f"name it with {named[0]}, or give {named[1]}; {existing(recording)}"
             raise DataError(file, limit="no column is recognised as the time", remedy=remedy)
         return np.arange(recording.channels[0].values.size) / options.rate_hz
-    unit = options.time_unit or channel.unit or NAMED_UNITS.get(plain(channel.name), "")
+    return channel.values * time_scale(channel, options.time_unit, file, warnings)
+
+
+def time_scale(channel: Channel, unit: str | None, file: str, warnings: list[Caution]) -> float:
+    """Factor of a column of times to s, by the ``unit``, else its own, else its name; an assumed one is a warning.
+
+    Raises
+    ------
+    DataError
+        If the unit is not one of time, or steps without a unit may be in several.
+    """
+    unit = unit or channel.unit or NAMED_UNITS.get(plain(channel.name), "")
     if not unit:
         return _seconds_assumed(channel, file, warnings)
     scale = factor(unit, "s")
     if scale is None:
         remedy = "name another column with --time, or its unit with --time-unit"
         raise DataError(f"{file}: {channel.name}", value=unit, limit="is not a unit of time", remedy=remedy)
-    return channel.values * scale
+    return scale
 
 
-def _seconds_assumed(channel: Channel, file: str, warnings: list[Caution]) -> FloatArray:
+def _seconds_assumed(channel: Channel, file: str, warnings: list[Caution]) -> float:
     steps = np.diff(channel.values)
     usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
     if usual >= _SLOW_S:
@@ -158,7 +172,7 @@ def _seconds_assumed(channel: Channel, file: str, warnings: list[Caution]) -> Fl
         raise DataError(f"{file}: {channel.name}", limit=limit, remedy="give --time-unit ms, or --rate-hz")
     rate = f", which makes {1 / usual:.4g} samples per second" if usual else ""
     warnings.append(look_at(f"{channel.name} states no unit; s is assumed{rate}"))
-    return channel.values
+    return 1.0
 
 
 def _receivers(recording: Recording, options: SignalOptions, drive: Drive | None) -> dict[str, Channel]:
@@ -191,25 +205,31 @@ def _passed_over(recording: Recording, channels: Iterable[str]) -> list[Caution]
     ]
 
 
-def _unit_of(channels: Iterable[Channel]) -> str:
+def receivers_unit(channels: Iterable[Channel]) -> str:
     """Unit of the receivers: V, unless one states another that cannot be converted to it."""
     units = [one.unit for one in channels if one.unit and one.unit != "1"]
     return next((unit for unit in units if factor(unit, "V") is None), "V")
 
 
-def _values(channel: Channel, unit: str, file: str, warnings: list[Caution]) -> FloatArray:
-    """Values of a receiver in the unit of all."""
+def receiver_scale(channel: Channel, unit: str, file: str, warnings: list[Caution]) -> float:
+    """Factor of a receiver to the unit of all; an assumed V is a warning.
+
+    Raises
+    ------
+    DataError
+        If its unit cannot be converted, or it states none beside one that is not V.
+    """
     if unit != "V" or (channel.unit and channel.unit != "1"):
         scale = factor(channel.unit, unit) if channel.unit else None
         if scale is None:
             limit = f"is not a unit that a receiver can have beside one in {unit}"
             remedy = "choose receivers of one kind with --channel NAME=COLUMN"
             raise DataError(f"{file}: {channel.name}", value=channel.unit or "none", limit=limit, remedy=remedy)
-        return channel.values * scale
+        return scale
     if not ENDS_IN_V.search(channel.name):
         largest = float(np.nanmax(np.abs(channel.values), initial=0.0))
         doubt = f"; up to {largest:.4g} V is much: are they mV?" if largest > _HIGH_V else ""
         unknown = _BRACKETED.search(channel.name)
         states = f'states "{unknown[1]}", which is not a known unit' if unknown else "states no unit"
         warnings.append(look_at(f"{channel.name} {states}; V is assumed{doubt}"))
-    return channel.values
+    return 1.0

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from solen.errors import DataError
 from solen.recording.model import Channel, Recording
 from solen.recording.stimulus import STIMULI
-from solen.recording.words import Heading, heading, plain
+from solen.recording.words import heading, plain
 from solen.units import factor
 
 _TIMES = frozenset(
@@ -145,7 +145,7 @@ def _sided(columns: Sequence[Channel]) -> list[Channel]:
     return [one for one in sided if one.unit == sided[0].unit]
 
 
-def unit_of(column: Channel | Heading) -> str:
+def unit_of(column: Channel) -> str:
     """Unit of a column as stated, or V by the end of its name: ``left_V``; empty if neither states one."""
     return column.unit or ("V" if ENDS_IN_V.search(column.name) else "")
 

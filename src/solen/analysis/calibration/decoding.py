@@ -5,6 +5,7 @@ The interface: `StreamDecoder` of a `CalibrationFile`; its `rows` are lines of C
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,7 @@ from solen.recording import Provenance
 from solen.recording.stimulus import ANGLE, STIMULI, Name
 from solen.results import Result
 from solen.spec.strict import Finite
+from solen.units import factor
 
 COLUMNS = (
     "time_s",
@@ -156,11 +158,13 @@ class StreamDecoder:
             limit = "needs the voltage without light, which the calibration does not have"
             remedy = "calibrate with --dark-V"
             raise SpecError("--gain-percent", value=options.gain_percent, limit=limit, remedy=remedy)
-        if stream.unit != known.unit:
+        scale = factor(stream.unit, known.unit)
+        if scale is None:
             limit = f"is the unit of the readings; those of {file} are in {known.unit}"
-            raise DataError(source, value=stream.unit, limit=limit, remedy="calibrate with such readings")
+            remedy = f"state theirs in the header, as in left ({known.unit}), or calibrate with such readings"
+            raise DataError(source, value=stream.unit, limit=limit, remedy=remedy)
         calibration = known.calibration
-        self._known, self._file, self._stream, self._source = known, file, stream, source
+        self._known, self._file, self._stream, self._source, self._scale = known, file, stream, source, scale
         self._decoder = Decoder(calibration, gain_percent=options.gain_percent, dark_V=known.dark_V or 0.0)
         self._tracker = Tracker(1e-3 * options.window_ms)
         self._largest_V = float(np.abs(calibration.curves_V).max())
@@ -186,6 +190,7 @@ class StreamDecoder:
 
     def rows(self, batch: Batch) -> str:
         """Lines of CSV of a batch, as `COLUMNS`; `DataError` if its values are in another unit."""
+        batch = replace(batch, volts=self._scale * batch.volts)
         good = np.asarray(np.isfinite(batch.volts).all(axis=1))
         self._check_scale(batch.volts[good])
         decoded = self._decoder.decode(batch.volts[good], self._marks(batch, good))

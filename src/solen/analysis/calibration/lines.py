@@ -8,8 +8,12 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
 
+import numpy as np
+
 from solen.errors import DataError
+from solen.recording import Channel, Provenance, Recording
 from solen.recording.numbers import is_number, parse
+from solen.recording.words import heading
 
 STDIN = "-"
 _SEPARATORS = (";", "\t", ",")
@@ -26,6 +30,13 @@ class Lines:
 
     names: tuple[str, ...]
     rows: Iterator[list[float]]
+
+    @property
+    def header(self) -> Recording:
+        """The columns without values, as of a file."""
+        heads = map(heading, self.names)
+        channels = (Channel(head.name, head.quantity, head.unit, np.empty(0)) for head in heads)
+        return Recording(tuple(channels), Provenance(STDIN))
 
 
 def lines_of(text: Iterable[str], columns: Sequence[str] = (), *, remedy: str) -> Lines:

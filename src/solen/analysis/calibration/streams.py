@@ -14,6 +14,7 @@ import numpy as np
 
 from solen.analysis.calibration.file import Ambient
 from solen.analysis.calibration.lines import STDIN, lines_of
+from solen.analysis.samples import receiver_scale, receivers_unit, time_scale
 from solen.analysis.signals import AngleSource, SignalOptions, Waveforms
 from solen.analysis.waveforms import waveforms
 from solen.arrays import BoolArray, FloatArray
@@ -31,8 +32,6 @@ from solen.recording.column_roles import (
     side_of,
 )
 from solen.recording.stimulus import ANGLE, STIMULI, Stimulus
-from solen.recording.words import heading
-from solen.units import factor
 
 _OF_DRIVE = ("angle", "load", "depth", "against", "load_cell", "tare_s", "zero_deg", "flip_angle")
 FILE_OPTIONS = (*_OF_DRIVE, "on_off_hz", "on", "mains_hz", "emitters", "smooth_ms", "sheet")
@@ -151,10 +150,10 @@ def check_live(options: SignalOptions, *, subtracted: bool = False) -> None:
             raise SpecError(option, limit="applies to recorded files, not to live readings", remedy="leave it out")
 
 
-def line_stream(text: Iterable[str], options: SignalOptions, unit: str = "V") -> Stream:
+def line_stream(text: Iterable[str], options: SignalOptions) -> Stream:
     """Readings of lines of CSV, each as soon as it arrives; the first line is the header unless columns are named.
 
-    Columns are converted to ``unit``, which is assumed if none is stated.
+    Columns are converted to the unit of a file's; a unit that is assumed is a warning.
 
     Raises
     ------
@@ -162,22 +161,22 @@ def line_stream(text: Iterable[str], options: SignalOptions, unit: str = "V") ->
         If no line arrives, or the header names no left and right receiver.
     """
     lines = lines_of(text, options.columns, remedy="name them, as in --columns time_s left_V right_V")
-    return Stream(_Layout.of(lines.names, options, unit).batches(lines.rows), unit=unit)
+    layout = _Layout.of(lines.header, options)
+    return Stream(layout.batches(lines.rows), warnings=layout.warnings, unit=layout.unit)
 
 
 @dataclass(frozen=True)
 class _Layout:
-    """Cells of a line that hold time, left and right, and their scale factors."""
+    """Cells of a line that hold time, left and right, their scale factors, and the unit of left and right."""
 
     places: tuple[int | None, int, int]
     scales: tuple[float, float, float]
+    unit: str
     rate_hz: float | None
+    warnings: tuple[Caution, ...]
 
     @classmethod
-    def of(cls, names: Sequence[str], options: SignalOptions, wanted: str) -> "_Layout":
-        heads = [heading(name) for name in names]
-        channels = tuple(Channel(head.name, head.quantity, head.unit, np.empty(0)) for head in heads)
-        header = Recording(channels, Provenance(STDIN))
+    def of(cls, header: Recording, options: SignalOptions) -> "_Layout":
         time = None
         if options.time is not None:
             time = named_column(header, options.time, "--time")
@@ -187,12 +186,13 @@ class _Layout:
                 remedy = f"name it with --time, or give --rate-hz; {existing(header)}"
                 raise DataError(STDIN, limit="no column is recognised as the time of the readings", remedy=remedy)
         left, right = (_receiver(header, options, side) for side in ("left", "right"))
-        unit = "" if time is None else options.time_unit or time.unit
-        of_left, of_right = (_scale(side.unit, wanted, side.name) for side in (left, right))
-        scales = (_scale(unit, "s", "time"), of_left, of_right)
-        at = {id(channel): place for place, channel in enumerate(channels)}
+        warnings: list[Caution] = []
+        of_time = 1.0 if time is None else time_scale(time, options.time_unit, STDIN, warnings)
+        unit = receivers_unit((left, right))
+        of_left, of_right = (receiver_scale(side, unit, STDIN, warnings) for side in (left, right))
+        at = {id(channel): place for place, channel in enumerate(header.channels)}
         places = (None if time is None else at[id(time)], at[id(left)], at[id(right)])
-        return cls(places, scales, options.rate_hz)
+        return cls(places, (of_time, of_left, of_right), unit, options.rate_hz, tuple(warnings))
 
     def batches(self, rows: Iterable[Sequence[float]]) -> Iterator[Batch]:
         """One reading at a time; a line that cannot be read counts as a missing reading."""
@@ -201,15 +201,6 @@ class _Layout:
             stamp = number / (self.rate_hz or 1.0) if place is None else values[place] * self.scales[0]
             volts = [values[left] * self.scales[1], values[right] * self.scales[2]]
             yield Batch(np.array([stamp]), np.array([volts if math.isfinite(stamp) else [math.nan, math.nan]]))
-
-
-def _scale(unit: str, wanted: str, name: str) -> float:
-    scale = factor(unit, wanted) if unit and unit != "1" else 1.0
-    if scale is None:
-        raise DataError(
-            f"-: {name}", value=unit, limit=f"cannot be converted to {wanted}", remedy="name another column"
-        )
-    return scale
 
 
 def _receiver(header: Recording, options: SignalOptions, side: str) -> Channel:

@@ -116,7 +116,7 @@ def calibrated_network(recordings: Sequence[NetworkReadings]) -> NetworkCalibrat
     left_out = _left_out(alike, each, forward, noise)
     checks = () if left_out is None else checks_of(first.motions, left_out)
     warnings = [
-        *(line for one in alike for line in missing_slots(one)),
+        *(line for one in alike for line in (*one.warnings, *missing_slots(one))),
         *(line for one, states in zip(alike, each, strict=True) for line in clipped_in(one, states)),
         *_cautions(checks, lost, worst),
         *_on_a_grid(first.motions, angle),

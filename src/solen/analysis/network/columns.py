@@ -1,23 +1,22 @@
 """Columns of a network's table, of a file or of lines: its powers, their common unit, and what accompanies them.
 
 The idea: a column is a power by its name, ``EMITTER.RECEIVER``. Each has its own unit, all are taken to that of the
-first, V where it can be; ``a.left_A`` is in ampere where all end so. Beside one may stand marks of clipping,
-``a.left_clipped``, and the ambient light that was subtracted, ``a.left_ambient``: such a column of no power, or of some
-powers only, is refused.
+first, V where it can be or where none states one; ``a.left_A`` is in ampere where all end so. Beside one may stand
+marks of clipping, ``a.left_clipped``, and the ambient light that was subtracted, ``a.left_ambient``: such a column of
+no power, or of some powers only, is refused.
 
-The interface: `power_columns` of headings or channels gives `PowerColumns`.
+The interface: `power_columns` of channels gives `PowerColumns`.
 """
 
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
 
 from solen.analysis.calibration.file import Ambient
 from solen.errors import DataError
+from solen.ranks import Caution, look_at
 from solen.recording import Channel
 from solen.recording.column_roles import ENDS_IN_V, is_companion, unit_of
-from solen.recording.words import Heading
 from solen.units import factor
 
 DOTTED = re.compile(r"([^.\s]+)\.([^.\s]+?)(?:_V)?")
@@ -25,14 +24,14 @@ DOTTED = re.compile(r"([^.\s]+)\.([^.\s]+?)(?:_V)?")
 ENDS_IN_A = "_A"
 _BESIDE = re.compile(r"(?:(ambient|clipped)_)?(.*?)(?:_(ambient|clipped))?")
 Pair = tuple[str, str]
-Column = TypeVar("Column", Channel, Heading)
 
 
 @dataclass(frozen=True)
 class PowerColumns:
-    """Places of the columns of powers and their factors to the common unit, empty if none is stated; marks of clipping.
+    """Places of the columns of powers and their factors to the common unit; marks of clipping.
 
-    ``ambient`` is ``subtracted`` where a column of it stands beside each power, else None.
+    ``ambient`` is ``subtracted`` where a column of it stands beside each power, else None; ``warnings`` say where V is
+    assumed.
     """
 
     places: dict[Pair, int]
@@ -40,9 +39,10 @@ class PowerColumns:
     unit: str
     clipped: dict[Pair, int]
     ambient: Ambient | None
+    warnings: tuple[Caution, ...] = ()
 
 
-def power_columns(columns: Sequence[Column], source: str) -> PowerColumns:
+def power_columns(columns: Sequence[Channel], source: str) -> PowerColumns:
     """Powers among columns.
 
     Raises
@@ -64,10 +64,11 @@ def power_columns(columns: Sequence[Column], source: str) -> PowerColumns:
         limit = f"has a column of ambient light beside some powers, but not beside {lacking[0]}"
         raise DataError(source, limit=limit, remedy="subtract it from all powers or from none")
     scaled = dict(zip(places, scales, strict=True))
-    return PowerColumns(places, scaled, unit, clipped, "subtracted" if ambient else None)
+    assumed = [] if unit or not places else [look_at("the powers state no unit; V is assumed")]
+    return PowerColumns(places, scaled, unit or "V", clipped, "subtracted" if ambient else None, tuple(assumed))
 
 
-def _in_ampere(columns: Sequence[Column]) -> Sequence[Column]:
+def _in_ampere(columns: Sequence[Channel]) -> Sequence[Channel]:
     """Columns with A as the unit of powers whose names all end in it, ``a.left_A``: a letter alone may be a name's."""
     are = [bool(DOTTED.fullmatch(one.name)) and not is_companion(one.name) for one in columns]
     powers = [one for one, is_power in zip(columns, are, strict=True) if is_power]
@@ -96,7 +97,7 @@ def _scales(units: dict[str, str], source: str) -> tuple[str, list[float]]:
     return common, scales
 
 
-def _in(unit: str, columns: Sequence[Channel] | Sequence[Heading], names: Sequence[str]) -> list[str]:
+def _in(unit: str, columns: Sequence[Channel], names: Sequence[str]) -> list[str]:
     """Names of columns without another kind of unit, as the temperature of ``ambient (K)`` has; empty for these."""
     other = (one.unit not in {"", "1", unit} and factor(one.unit, unit or "V") is None for one in columns)
     return ["" if odd else name for odd, name in zip(other, names, strict=True)]

@@ -17,8 +17,10 @@ import numpy as np
 from solen.analysis.calibration.conditions import header_of
 from solen.analysis.calibration.file import Ambient
 from solen.analysis.network.columns import DOTTED, power_columns
+from solen.analysis.samples import time_scale
 from solen.arrays import BoolArray, FloatArray
 from solen.errors import DataError, SpecError
+from solen.ranks import Caution
 from solen.recording import Channel, Provenance, Recording, read_parts
 from solen.recording.column_roles import column_of, existing, is_companion
 from solen.units import factor
@@ -48,6 +50,8 @@ class NetworkReadings:
         Of the signals, and whether ambient light was subtracted; None if unknown.
     provenance
         The file.
+    warnings
+        Units that were assumed.
     """
 
     sensor: str
@@ -61,6 +65,7 @@ class NetworkReadings:
     unit: str
     ambient: Ambient | None
     provenance: Provenance
+    warnings: tuple[Caution, ...] = ()
 
     def ordered(self, motions: Sequence[str], emitters: Sequence[str], receivers: Sequence[str]) -> "NetworkReadings":
         """The readings with emitters, receivers and motions in an order; `DataError` where one is missing.
@@ -214,11 +219,19 @@ def _angles(recording: Recording) -> dict[str, Channel]:
     return found
 
 
-def _of_table(recording: Recording) -> NetworkReadings:
+def times_of(recording: Recording) -> tuple[Channel, float, list[Caution]]:
+    """Column of the times, its factor to s, and a warning if that is assumed; `DataError` without one."""
     file = recording.provenance.name
     time = column_of(recording, "time")
     if time is None:
         raise DataError(file, limit="no column is recognised as the time", remedy=existing(recording))
+    warnings: list[Caution] = []
+    return time, time_scale(time, None, file, warnings), warnings
+
+
+def _of_table(recording: Recording) -> NetworkReadings:
+    file = recording.provenance.name
+    time, of_time, warnings = times_of(recording)
     layout = power_columns(recording.channels, file)
     powers = layout.places
     for name in recording.texts:
@@ -244,13 +257,14 @@ def _of_table(recording: Recording) -> NetworkReadings:
         motions=tuple(angles),
         emitters=emitters,
         receivers=receivers,
-        time_s=time.values * (factor(time.unit, "s") or 1.0),
+        time_s=of_time * time.values,
         angle_deg=np.column_stack([_degrees(one) for one in angles.values()]) if angles else np.zeros((len(marks), 0)),
         signal=matrix({pair: layout.scales[pair] * columns[place] for pair, place in powers.items()}),
         clipped=matrix({pair: columns[place] for pair, place in layout.clipped.items()}) > 0.5,
-        unit=layout.unit or "V",
+        unit=layout.unit,
         ambient=layout.ambient,
         provenance=recording.provenance,
+        warnings=(*warnings, *layout.warnings),
     )
 
 

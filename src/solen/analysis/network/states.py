@@ -133,7 +133,7 @@ def analysed_network(readings: NetworkReadings) -> NetworkStates:
         missing=missing,
         simulated=readings.provenance.simulated,
         sources=(readings.provenance,),
-        warnings=(*missing_slots(readings), *clipped_in(readings, states)),
+        warnings=(*readings.warnings, *missing_slots(readings), *clipped_in(readings, states)),
         states=states,
     )
 

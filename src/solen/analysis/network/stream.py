@@ -12,18 +12,17 @@ from pathlib import Path
 import numpy as np
 
 from solen.analysis.calibration.file import Ambient
-from solen.analysis.calibration.lines import STDIN, lines_of
+from solen.analysis.calibration.lines import STDIN, Lines, lines_of
 from solen.analysis.network.calibrate import LeftOut, checks_of
 from solen.analysis.network.columns import power_columns
 from solen.analysis.network.decoder import NetworkDecoded
 from solen.analysis.network.file import MotionCheck, NetworkCalibration
-from solen.analysis.network.recorded import network_readings
+from solen.analysis.network.recorded import network_readings, times_of
 from solen.analysis.network.states import at_rest
-from solen.arrays import BoolArray, FloatArray, rows_of
+from solen.arrays import BoolArray, FloatArray, IntArray, rows_of
 from solen.errors import DataError, SpecError
 from solen.ranks import DO_NOT_USE, Caution, do_not_use, look_at, of, rank_of
 from solen.recording import Provenance
-from solen.recording.words import heading
 from solen.results import Result
 from solen.spec.strict import Options
 from solen.units import factor
@@ -108,16 +107,25 @@ class NetworkStream:
         The calibration, and the name of its file.
     source, provenance
         Name of the stream in refusals, and its file; None for lines.
+    warnings
+        Of the stream itself.
     """
 
-    def __init__(self, known: NetworkCalibration, file: str, source: str, provenance: Provenance | None) -> None:
+    def __init__(
+        self,
+        known: NetworkCalibration,
+        file: str,
+        source: str,
+        provenance: Provenance | None,
+        warnings: tuple[Caution, ...] = (),
+    ) -> None:
         self._known, self._file, self._source, self._provenance = known, file, source, provenance
         self._largest = float(np.abs(np.array(known.signal_V)).max())
         self._times_s = (math.nan, math.nan)
         self._ends = np.array([[math.inf, -math.inf]] * len(known.motions))
         self._held: list[LeftOut] = []
         self.counts = dict.fromkeys(("readings", "missing", *FLAGS, "clipped"), 0)
-        self.warnings = tuple(self._doubts())
+        self.warnings = (*warnings, *self._doubts())
 
     @property
     def header(self) -> str:
@@ -201,8 +209,10 @@ class NetworkStream:
         return checks_of(self._known.motions, LeftOut.joined(held)) if held else ()
 
 
-def recorded_turns(path: Path, known: NetworkCalibration, sensor: str | None) -> tuple[Turns, Provenance]:
-    """Turns of a recording, with true angles at its stops, and its file.
+def recorded_turns(
+    path: Path, known: NetworkCalibration, sensor: str | None
+) -> tuple[Turns, Provenance, tuple[Caution, ...]]:
+    """Turns of a recording, with true angles at its stops, its file, and its warnings.
 
     `DataError` where it lacks an emitter or a receiver, or has another unit.
     """
@@ -210,7 +220,7 @@ def recorded_turns(path: Path, known: NetworkCalibration, sensor: str | None) ->
     scale = scale_of(path.name, found.unit, known)
     _check_ambient(path.name, found.ambient, known)
     true = np.where(at_rest(found.angle_deg)[:, None], found.angle_deg, np.nan) if found.motions else None
-    return Turns(found.time_s, scale * found.signal, true, found.clipped), found.provenance
+    return Turns(found.time_s, scale * found.signal, true, found.clipped), found.provenance, found.warnings
 
 
 def _check_ambient(source: str, ambient: Ambient | None, known: NetworkCalibration) -> None:
@@ -224,45 +234,58 @@ def scale_of(source: str, unit: str, known: NetworkCalibration) -> float:
     scale = factor(unit, known.unit)
     if scale is None:
         limit = f"is the unit of the readings; those of the calibration are in {known.unit}"
-        raise DataError(source, value=unit, limit=limit, remedy="calibrate with such readings")
+        remedy = f"state theirs in the header, as in a.end ({known.unit}), or calibrate with such readings"
+        raise DataError(source, value=unit, limit=limit, remedy=remedy)
     return scale
 
 
-def line_turns(text: Iterable[str], known: NetworkCalibration) -> Iterator[Turns]:
-    """Turns of lines of CSV, each as soon as it arrives; the first line names the columns.
+def line_turns(text: Iterable[str], known: NetworkCalibration) -> tuple[Iterator[Turns], tuple[Caution, ...]]:
+    """Turns of lines of CSV, each as soon as it arrives, and warnings; the first line names the columns.
 
     `DataError` if a power of the calibration, or the time, has no column.
     """
     lines = lines_of(text, remedy="begin with time_s, and EMITTER.RECEIVER for each power")
-    time, places, scales, marks = _layout(lines.names, known)
-    shape = 1, len(known.emitters), len(known.receivers)
-    for values in lines.rows:
-        stamp = np.array([values[time[0]] * time[1]])
-        signal = np.array([values[place] for place in places]) * scales
-        clipped = np.array([place >= 0 and values[place] > 0.5 for place in marks])
-        yield Turns(stamp, signal.reshape(shape), clipped=clipped.reshape(shape))
+    layout = _Layout.of(lines, known)
+    return (layout.turn(values) for values in lines.rows), layout.warnings
 
 
-def _layout(
-    cells: Sequence[str], known: NetworkCalibration
-) -> tuple[tuple[int, float], list[int], FloatArray, list[int]]:
-    """Place and scale of the time, and of each power in the order of the calibration; places of its marks, or -1."""
-    heads = [heading(cell) for cell in cells]
-    times = [place for place, one in enumerate(heads) if one.quantity == "time"]
-    if len(times) != 1:
-        raise DataError(STDIN, limit=f"names {len(times) or 'no'} columns as the time; one is needed")
-    layout = power_columns(heads, STDIN)
-    _check_ambient(STDIN, layout.ambient, known)
-    pairs = [(lit, read) for lit in known.emitters for read in known.receivers]
-    for pair in pairs:
-        if pair not in layout.places:
-            limit = f"has no column {'.'.join(pair)}, which the calibration needs"
-            raise DataError(STDIN, limit=limit, remedy=f"its columns are {', '.join(cells)}")
-    scale = scale_of(STDIN, layout.unit, known) if layout.unit else 1.0
-    places, marks = [layout.places[pair] for pair in pairs], [layout.clipped.get(pair, -1) for pair in pairs]
-    scales = scale * np.array([layout.scales[pair] for pair in pairs])
-    unit = heads[times[0]].unit
-    return (times[0], (factor(unit, "s") or 1.0) if unit else 1.0), places, scales, marks
+@dataclass(frozen=True, eq=False)
+class _Layout:
+    """Place and scale of the time, and of each power (emitters, receivers); places of its marks of clipping, or -1."""
+
+    time: tuple[int, float]
+    places: IntArray
+    scales: FloatArray
+    marks: IntArray
+    warnings: tuple[Caution, ...]
+
+    @classmethod
+    def of(cls, lines: Lines, known: NetworkCalibration) -> "_Layout":
+        """Layout of lines by their header."""
+        header = lines.header
+        times, of_time, warnings = times_of(header)
+        powers = power_columns(header.channels, STDIN)
+        _check_ambient(STDIN, powers.ambient, known)
+        pairs = [(lit, read) for lit in known.emitters for read in known.receivers]
+        for pair in pairs:
+            if pair not in powers.places:
+                limit = f"has no column {'.'.join(pair)}, which the calibration needs"
+                raise DataError(STDIN, limit=limit, remedy=f"its columns are {', '.join(lines.names)}")
+        shape = len(known.emitters), len(known.receivers)
+        return cls(
+            time=(header.names.index(times.name), of_time),
+            places=np.array([powers.places[pair] for pair in pairs]).reshape(shape),
+            scales=scale_of(STDIN, powers.unit, known)
+            * np.array([powers.scales[pair] for pair in pairs]).reshape(shape),
+            marks=np.array([powers.clipped.get(pair, -1) for pair in pairs]).reshape(shape),
+            warnings=(*warnings, *powers.warnings),
+        )
+
+    def turn(self, values: Sequence[float]) -> Turns:
+        """Turn of one line."""
+        (place, scale), row = self.time, np.array(values)
+        clipped = (self.marks >= 0) & (row[self.marks] > 0.5)
+        return Turns(scale * row[[place]], self.scales * row[None, self.places], clipped=clipped[None])
 
 
 def unused(options: Options, kept: Sequence[str] = ()) -> None:

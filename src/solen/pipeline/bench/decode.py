@@ -124,10 +124,12 @@ def _of_network(
     unused(signals)
     known, path = load_network(calibration), Path(source)
     if source == STDIN:
-        return NetworkStream(known, str(calibration), source, None), line_turns(text, known)
+        lines, warnings = line_turns(text, known)
+        return NetworkStream(known, str(calibration), source, None, warnings), lines
     if path.suffix != JOURNAL:
-        turns, provenance = recorded_turns(path, known, options.sensor)
-        return NetworkStream(known, str(calibration), source, provenance), in_pieces(turns, len(turns.time_s), _PIECE)
+        turns, provenance, warnings = recorded_turns(path, known, options.sensor)
+        pieces = in_pieces(turns, len(turns.time_s), _PIECE)
+        return NetworkStream(known, str(calibration), source, provenance, warnings), pieces
     following = Following(path)
     grown = _turns(following, known, options.sensor, path.name, follow=options.follow)
     return NetworkStream(known, str(calibration), source, _provenance(following, path)), grown
@@ -150,7 +152,7 @@ def _stream(
 ) -> Stream:
     if source == STDIN:
         check_live(signals)
-        return line_stream(text, signals, known.unit)
+        return line_stream(text, signals)
     path = Path(source)
     if path.suffix == JOURNAL:
         check_live(signals, subtracted=True)
