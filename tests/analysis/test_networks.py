@@ -28,7 +28,7 @@ from solen.pipeline.bench.calibrate import calibrate
 from solen.pipeline.bench.decode import decode
 from solen.recording import Provenance
 from tests.bench.lsl_support import kept_streams
-from tests.bench.network_support import EMITTERS, LEAN, PLAN, RECEIVERS, SWAY, light, without_tracing, write
+from tests.bench.network_support import EMITTERS, LEAN, PLAN, RECEIVERS, RIG, SWAY, light, without_tracing, write
 from tests.command_support import answered
 
 NOISE_V, HELD = 3e-4, 20
@@ -318,6 +318,22 @@ def test_a_run_of_a_network_is_followed_while_it_grows(bench: Path, monkeypatch:
     samples = np.array([values for values, stamp in streams[8:]])
     assert samples.shape == (len(rows), 7)
     assert samples[-1] == pytest.approx([float(rows[-1][header.index(name)]) for name in sent])
+
+
+def test_clipped_readings_of_a_journal_are_counted_as_those_of_its_recording(bench: Path, tmp_path: Path) -> None:
+    (file,) = calibrate(bench / "plan.nc", out=tmp_path / "known.calibration.json").files.values()
+    write(tmp_path, rig=RIG.replace("rate_hz = 100.0", "rate_hz = 100.0\nrange_v = 4.99"))
+    with pytest.MonkeyPatch.context() as patch:
+        without_tracing(patch)
+        patch.setattr(Journal, "end", kept_journal)
+        recorded = record(tmp_path / "plan.toml", tmp_path / "rig.toml", tmp_path, RecordOptions())
+    assert any(
+        "fork.a: readings clipped at an end of the converter's range: end " in line for line in recorded.warnings
+    )
+    found = [decode(file, str(tmp_path / name)).result for name in ("plan.nc", "kept-plan.journal")]
+    assert found[0].clipped == found[1].clipped > 10  # type: ignore[union-attr]
+    with pytest.raises(DataError, match="solen bench recover"):
+        calibrate(tmp_path / "kept-plan.journal")
 
 
 def test_options_of_sensors_with_one_motion_are_refused(bench: Path) -> None:

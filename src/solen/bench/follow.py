@@ -24,7 +24,10 @@ from solen.errors import DataError
 
 @dataclass(frozen=True, eq=False)
 class Fresh:
-    """Readings that came: times (n,), left and right (n, 2), which of them are clipped."""
+    """Readings that came: times (n,), left and right (n, 2), which of them are clipped.
+
+    Of a network, signals and marks are (n, emitters, receivers), NaN where a reading is missing.
+    """
 
     time_s: FloatArray
     volts: FloatArray
@@ -56,20 +59,18 @@ class Following:
             found = self._under(*self._with_before(rows), view)  # right before left
             yield Fresh(found.time_s, found.volts[:, ::-1], found.clipped[:, ::-1])
 
-    def turns(self, sensor: str) -> Iterator[tuple[FloatArray, FloatArray]]:
-        """Turns of a network's emitters that are new since the last call, a piece for each part of the run.
-
-        Times (n,) of the periods and signals (n, emitters, receivers), NaN where a reading is missing.
-        """
+    def turns(self, sensor: str) -> Iterator[Fresh]:
+        """Turns of a network's emitters that are new since the last call, a piece for each part of the run."""
         views = [one for one in views_of(self.header) if one.sensor["name"] == sensor]
         for rows in self._fresh():
             both, time_s, new = self._with_before(rows)
             signal = np.full((len(rows), len(views), len(views[0].inputs)), np.nan)
+            clipped = np.zeros(signal.shape, bool)
             for place, view in enumerate(views):
                 found = self._under(both, time_s, new, view)
                 at = np.searchsorted(time_s, found.time_s, "right") - 1 - new
-                signal[at, place] = found.volts
-            yield time_s[new:], signal
+                signal[at, place], clipped[at, place] = found.volts, found.clipped
+            yield Fresh(time_s[new:], signal, clipped)
 
     def _fresh(self) -> list[Rows]:
         """Periods that are new, part by part; a journal that is gone was closed, so that its run has ended."""

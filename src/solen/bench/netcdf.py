@@ -12,7 +12,7 @@ The interface: `write_recording` of a journal gives a `RecordedRun`; extra ``net
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field
 from pathlib import Path
 from typing import Any
@@ -127,6 +127,7 @@ def write_recording(journaled: JournalContent, path: Path) -> RecordedRun:
         with h5netcdf.File(target, "w") as file:
             content = _CONTENT[journaled.sampled]
             time_s, readings, remarks = content(file, journaled)
+            remarks += [line for view in views_of(journaled.header) for line in _clipped(file[view.name], view)]
             _positions(file, journaled)
             remarks += [look_at(event["reason"]) for event in journaled.events if event["what"] == "remark"]
             remarks += _overloaded(file, journaled)
@@ -182,6 +183,14 @@ def _bent(view: View, parts: Sequence[Columns], ends: Sequence[float] | None) ->
     share = float(np.concatenate(outside).mean())
     beyond = f"levels beyond {ends[0]:g} to {ends[1]:g}, where the converter is not linear"
     return [of(view.name, look_at(f"{100 * share:.3g} % of the readings rest on {beyond}"))] if share > 0.0 else []
+
+
+def _clipped(group: Any, view: View) -> Iterator[Caution]:
+    """Readings with a sample at an end of the converter's range."""
+    marks = {name: np.asarray(group[f"{name}_clipped"]) for name in view.inputs}
+    shares = [f"{name} {100 * own.mean():.3g} %" for name, own in marks.items() if own.any()]
+    if shares:
+        yield of(view.name, look_at(f"readings clipped at an end of the converter's range: {', '.join(shares)}"))
 
 
 def _unsound(board: Rows) -> list[Caution]:

@@ -20,6 +20,7 @@ LARGEST_MB = 100
 
 _ZIP, _OLE = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"
 _OTHERS = {
+    b"SOLENJ": ("the journal of a run", "close it with solen bench recover, and name its recording"),
     b"%PDF": ("a PDF", "export a table from the program that made it"),
     b"\x1f\x8b": ("a gzip archive", "unpack it"),
     b"\x89PNG": ("a picture", "name the table that it was drawn from"),

@@ -35,6 +35,7 @@ from solen.analysis.network.stream import (
 from solen.arrays import in_pieces
 from solen.bench.clock import WallClock
 from solen.bench.follow import Following
+from solen.bench.journal import SUFFIX
 from solen.bench.journal_content import signal_unit
 from solen.bench.outlets import Outlet, Paced, outlet
 from solen.errors import SpecError
@@ -42,7 +43,6 @@ from solen.pipeline.outputs import check_table
 from solen.recording import Provenance
 from solen.results import Outcome
 
-JOURNAL = ".journal"
 _PIECE = 4096
 _POLL_S = 0.05
 T = TypeVar("T")
@@ -90,8 +90,8 @@ def decode(
     """
     options, signals = options or DecodeOptions(), signals or SignalOptions()
     check_table(out, "a table of angles", source, force=force)
-    if options.follow and not source.endswith(JOURNAL):
-        raise SpecError("--follow", value=source, limit=f"is for the {JOURNAL} of a run", remedy="leave it out")
+    if options.follow and not source.endswith(SUFFIX):
+        raise SpecError("--follow", value=source, limit=f"is for the {SUFFIX} of a run", remedy="leave it out")
     decoder: StreamDecoder | NetworkStream
     pieces: Iterator[Any]
     given = sys.stdin if text is None else text
@@ -126,7 +126,7 @@ def _of_network(
     if source == STDIN:
         lines, warnings = line_turns(text, known)
         return NetworkStream(known, str(calibration), source, None, warnings), lines
-    if path.suffix != JOURNAL:
+    if path.suffix != SUFFIX:
         turns, provenance, warnings = recorded_turns(path, known, options.sensor)
         pieces = in_pieces(turns, len(turns.time_s), _PIECE)
         return NetworkStream(known, str(calibration), source, provenance, warnings), pieces
@@ -143,8 +143,8 @@ def _turns(
     scale = scale_of(file, signal_unit(following.header), known)
     lit = places_of("emitter", known.emitters, list(entry["emitters"]), file)
     read = places_of("receiver", known.receivers, list(entry["inputs"]), file)
-    for time_s, signal in _grown(following, lambda: following.turns(entry["name"]), follow=follow):
-        yield Turns(time_s, scale * signal[:, lit][:, :, read])
+    for one in _grown(following, lambda: following.turns(entry["name"]), follow=follow):
+        yield Turns(one.time_s, scale * one.volts[:, lit][:, :, read], clipped=one.clipped[:, lit][:, :, read])
 
 
 def _stream(
@@ -154,7 +154,7 @@ def _stream(
         check_live(signals)
         return line_stream(text, signals)
     path = Path(source)
-    if path.suffix == JOURNAL:
+    if path.suffix == SUFFIX:
         check_live(signals, subtracted=True)
         return _journal(path, options, known.sensor)
     return recorded_stream(path, signals, options.sensor, known.sensor, known.stimulus_of)
