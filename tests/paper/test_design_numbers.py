@@ -1,10 +1,20 @@
 """Sizes that stand beside the paper's are read off the body, and follow it."""
 
+import math
+
 import pytest
 
-from solen.paper.design_numbers import body_sizes, coupon_sizes, lens_sizes, peak_nm, pivot_off_mm, source_of
+from solen.paper.design_numbers import (
+    body_sizes,
+    coupon_sizes,
+    lens_sizes,
+    peak_nm,
+    pivot_off_mm,
+    source_of,
+    u_major_base_mm,
+)
 from solen.paper.sensor_numbers import POINT, shipped
-from solen.paper.statements import stated
+from solen.paper.statements import compared, stated
 
 
 def test_sizes_of_a_body_follow_its_design() -> None:
@@ -34,6 +44,17 @@ def test_sizes_of_a_body_follow_its_design() -> None:
         "wavelength": 850.0,
     }
     assert body_sizes(sensor) | lens_sizes(sensor) | source_of(sensor) == pytest.approx(expected, abs=1e-9)
+
+
+def test_the_width_at_the_fork_is_as_uncertain_as_the_digits_it_follows_from() -> None:
+    """The paper's 0.004 is anything from 0.0035 to 0.0045, by which alone the fork is 5.8 to 6.4 mm wide."""
+    sizes = body_sizes(shipped(POINT))
+    low, high = (4.0 + 2.0 * curve * 16.2**2 for curve in (0.0035, 0.0045))
+    parts = ((high - low) / math.sqrt(12.0), 1.0 / math.sqrt(12.0), 4.0 * 0.004 * 16.2 * 0.1 / math.sqrt(12.0))
+    assert u_major_base_mm(sizes) == pytest.approx(math.hypot(*parts))
+    row = compared("major-base", sizes["major-base"], u_major_base_mm(sizes))
+    assert low < stated("major-base") < high
+    assert row.verdict == "agrees"
 
 
 def test_the_centre_of_a_turn_is_found_from_the_lens() -> None:

@@ -2,19 +2,20 @@
 
 The idea: sizes of a body are read off its outline, not out of its design, so that the geometry is checked as well.
 
-The interface: `body_sizes` of a sensor's body, `source_of` its emitter, `coupon_sizes` of the resolution coupons,
-`settings_of_print` of the default process, `peak_nm` of a part, `wavelength_nm` of a printer; keys
+The interface: `body_sizes` of a sensor's body with `u_major_base_mm`, `source_of` its emitter, `coupon_sizes` of the
+resolution coupons, `settings_of_print` of the default process, `peak_nm` of a part, `wavelength_nm` of a printer; keys
 are those of the statements.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from solen.curve import Measure
 from solen.fabricate.process.process_file import default_process
 from solen.geometry.coupons import Coupon, Feature, layout
+from solen.paper.statements import statements
 from solen.parts.datasheet import EmitterPart, ReceiverPart, library_part
 from solen.parts.printer import library_printer
 from solen.plane import Point
@@ -37,6 +38,13 @@ def body_sizes(sensor: Sensor) -> dict[str, float]:
         "arm-length": Measure(body.face("outer-right").curve).length_mm,
         "arm-width": Measure(body.face("receiver-right").curve).length_mm,
     }
+
+
+def u_major_base_mm(sizes: Mapping[str, float]) -> float:
+    """Standard uncertainty of the width at the fork, by the last digits of what the paper builds it from."""
+    base, curve, length = (statements()[key].u_value for key in ("minor-base", "stem-curve", "stem-length"))
+    long_mm = sizes["stem-length"]
+    return math.hypot(base, 2.0 * long_mm**2 * curve, 4.0 * sizes["stem-curve"] * long_mm * length)
 
 
 def lens_sizes(sensor: Sensor) -> dict[str, float]:
@@ -154,7 +162,7 @@ def _thickness(coupon: Coupon) -> float:
 
 
 def peak_nm(part: str) -> tuple[float, float]:
-    """Peak wavelength of a part by its datasheet; of a spectrum, its highest point and half the way to the next."""
+    """Peak wavelength of a part and its standard uncertainty; of a spectrum, by the points beside its highest one."""
     sheet = library_part(part)
     if isinstance(sheet, EmitterPart):
         return sheet.peak_nm.usual, 0.0

@@ -93,14 +93,15 @@ def _first_run(study: Study) -> Run:
 
 
 def _hold_s(run: Run) -> tuple[float, float]:
-    """Median time of the holds away from rest, and its standard uncertainty by their scatter."""
+    """Mean time of the holds away from rest, and its standard uncertainty by their scatter and the reading's period."""
     signals, motion = run.signals, run.motion
     away = [
         float(np.ptp(signals.time_s[start:stop]))
         for start, stop in motion.holds
         if stop > start and abs(float(np.median(signals.angle_deg[start:stop])) - motion.rest_deg) > 0.5 * SIDE_DEG
     ]
-    return float(np.median(away)), float(np.std(away, ddof=1) / np.sqrt(len(away)))
+    period_s = float(np.median(np.diff(signals.time_s)))  # a hold begins and ends somewhere within one
+    return float(np.mean(away)), float(np.hypot(np.std(away, ddof=1) / np.sqrt(len(away)), period_s / np.sqrt(6.0)))
 
 
 def protocol_found(study: Study) -> dict[str, tuple[float, float]]:

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from solen.paper.design_numbers import body_sizes, lens_sizes, peak_nm, pivot_off_mm, source_of
+from solen.paper.design_numbers import body_sizes, lens_sizes, peak_nm, pivot_off_mm, source_of, u_major_base_mm
 from solen.paper.sensor_numbers import (
     LED,
     POINT,
@@ -60,8 +60,8 @@ def _simulated(_: Path) -> Made:
 def _sizes(point: Sensor) -> list[Comparison]:
     """Sizes of the Y, its light and the centre of its turn beside the paper's."""
     sizes = body_sizes(point)
-    known = {"major-base": {"major": sizes["major-base"]}}
-    rows = [compared(key, size, **known.get(key, {})) for key, size in (sizes | source_of(point)).items()]
+    u = {"major-base": u_major_base_mm(sizes)}
+    rows = [compared(key, size, u.get(key, 0.0)) for key, size in (sizes | source_of(point)).items()]
     return [*rows, compared("pivot", pivot_off_mm(point, -SIDE_DEG))]
 
 
