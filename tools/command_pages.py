@@ -30,6 +30,8 @@ SAMPLES = "project examples"
 """The command in whose folder the other calls are run."""
 OF_THE_COMPUTER = {"doctor", "completion"}
 """Commands whose answer is another one on each computer: their pages show none."""
+ROUNDED = re.compile(r"(?<=adaptive with )\d+(?= rays)")
+"""Rays of an integral to 1e-11: rounding decides the last ones, and differs between systems."""
 MOST_LINES = 12
 PAGE_MM = 180.0
 
@@ -50,7 +52,7 @@ def calls() -> dict[str, tuple[list[str], list[str]]]:
 
 def head(printed: str) -> str:
     """First lines of what a command printed, and dots for the others."""
-    lines = [line.rstrip() for line in printed.replace(os.sep, "/").splitlines()]
+    lines = [line.rstrip() for line in ROUNDED.sub("...", printed.replace(os.sep, "/")).splitlines()]
     return "\n".join(lines if len(lines) <= MOST_LINES else [*lines[: MOST_LINES - 2], "..."]) + "\n"
 
 
