@@ -141,9 +141,11 @@ def test_the_placed_stl_gives_the_same_layers_again(told: Run) -> None:
 
 def test_a_cure_depth_from_a_resin_of_ones_own(told: Run) -> None:
     text = 'schema = 1\nname = "thin"\n[cure]\nDp_um = 50\nEc_mJ_per_cm2 = 20\nwavelength_nm = 405\n'
+    text += 'warnings = ["one disc"]\n'
     Path("thin.toml").write_text(text, encoding="utf-8")
     found = told("print", "layers", "my sensor.toml", "--out", "out", "--sheet-only", "--resin", "thin.toml")
     assert found["settings"]["cure_depth_um"] == pytest.approx(50 * np.log(26 / 20))
+    assert "cure: one disc" in found["warnings"]
     assert found["settings"]["burn_in_cure_depth_um"] == pytest.approx(50 * np.log(39 / 20))
     assert any("cures 13 µm, a layer is 25 µm" in line for line in found["warnings"])
     assert any("405 nm, the printer has 385 nm" in line for line in found["warnings"])

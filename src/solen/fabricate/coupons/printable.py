@@ -61,11 +61,11 @@ def printable_coupon(path: Path, slicing: Slicing, run: str | None = None) -> tu
     else:
         solid = solid_of(part, np.eye(3))
     label = Label(part.name, data["sha256"], f"coupon: {coupon.title}")
-    material, cure = resin_named(slicing.resin)
+    material, resin = resin_named(slicing.resin)
     notes = tuple(note(text) for text in (stage.note, *coupon.cautions) if text)
     source = Provenance(path.name, hashlib.sha256(path.read_bytes()).hexdigest(), JOB_KIND)
     placed = placed_mesh(mesh_of(part, MESH_MM), np.eye(3))
-    return Printable(solid, placed, label, source, material, cure, notes), sliced
+    return Printable(solid, placed, label, source, material, resin, notes), sliced
 
 
 def _run(coupon: Coupon, name: str | None) -> Stage:

@@ -6,8 +6,8 @@ from dataclasses import field
 from solen.fabricate.layers.archive import Stack
 from solen.fabricate.layers.job import PAPER_MW_PER_CM2, Job
 from solen.fabricate.layers.printable import Printable
-from solen.fabricate.layers.sheet import PrintSettings, print_settings
-from solen.material.resin import Cure
+from solen.fabricate.layers.sheet import PrintSettings, has_curve, print_settings
+from solen.material.resin import Resin
 from solen.parts import Printer
 from solen.ranks import Caution, do_not_use, look_at, note
 from solen.recording import Provenance
@@ -99,11 +99,11 @@ def layered_print(job: Job, part: Printable, stl: str, stack: Stack | None) -> L
         islands=() if stack is None else stack.islands,
         settings=settings,
         sources=(part.source,),
-        warnings=(*part.warnings, *_warnings(job, settings, part.cure, stack)),
+        warnings=(*part.warnings, *_warnings(job, settings, part.stated_resin, stack)),
     )
 
 
-def _warnings(job: Job, settings: PrintSettings, cure: Cure | None, stack: Stack | None) -> list[Caution]:
+def _warnings(job: Job, settings: PrintSettings, resin: Resin | None, stack: Stack | None) -> list[Caution]:
     warnings = [
         *_of_printer(job),
         *_of_greys(job),
@@ -111,7 +111,7 @@ def _warnings(job: Job, settings: PrintSettings, cure: Cure | None, stack: Stack
         *_of_size(job),
         *_of_burn_in(job),
         *_of_level_faces(job),
-        *_of_cure(settings, cure, job.printer),
+        *_of_cure(settings, None if has_curve(job.process) else resin, job.printer),
     ]
     return warnings if stack is None else warnings + _of_stack(job, stack)
 
@@ -189,14 +189,14 @@ def _of_level_faces(job: Job) -> list[Caution]:
     ]
 
 
-def _of_cure(settings: PrintSettings, cure: Cure | None, printer: Printer) -> list[Caution]:
+def _of_cure(settings: PrintSettings, resin: Resin | None, printer: Printer) -> list[Caution]:
     if settings.cure_depth_um is None:
         return []
-    warnings = []
+    warnings = [] if resin is None else list(resin.cautions("cure"))
     if settings.cure_depth_um <= settings.layer_um:
         depth = f"{settings.cure_depth_um:.0f} µm, a layer is {settings.layer_um:g} µm"
         warnings.append(do_not_use(f"one exposure cures {depth}: layers would not hold together"))
-    light = printer.wavelength_nm
+    light, cure = printer.wavelength_nm, None if resin is None else resin.cure
     if cure is None or light is None or cure.wavelength_nm is None:
         return warnings
     if abs(light.usual - cure.wavelength_nm) > APART_NM:

@@ -23,7 +23,7 @@ from solen.fabricate.meshfiles import stl_pieces
 from solen.fabricate.part import Part
 from solen.fabricate.stl import read_stl
 from solen.fabricate.threemf import read_threemf
-from solen.material.resin import Cure, resin_of
+from solen.material.resin import Resin, resin_of
 from solen.ranks import Caution, look_at, note
 from solen.recording import Provenance
 from solen.spec import Design
@@ -49,8 +49,8 @@ class Printable:
         Its description in its files.
     source
         The file that it comes from.
-    material, cure
-        The resin in words, and its working curve where it has one.
+    material, stated_resin
+        The resin in words, and its content where it is named.
     warnings
         About the file.
     lies
@@ -64,7 +64,7 @@ class Printable:
     label: Label
     source: Provenance
     material: str
-    cure: Cure | None
+    stated_resin: Resin | None
     warnings: tuple[Caution, ...] = ()
     lies: str | None = None
     seats: tuple[str, ...] | None = None
@@ -84,17 +84,18 @@ def printable_design(design: Design, part: Part, path: Path, slicing: Slicing) -
     """A design's part; ``path`` is the design's file."""
     rotation = orientation(slicing.orientation, slicing.rotate_deg)
     label = label_of(design, f"thickness {design.body.thickness_mm:g} mm, {slicing.orientation}")
+    resin: Resin | None
     if slicing.resin is None and design.material.resin is not None:
-        resin = resin_of(design.material.resin, design.files.get("material.resin"))
-        material, cure = resin.name, resin.cure
+        named = resin_of(design.material.resin, design.files.get("material.resin"))
+        material, resin = named.name, named
     else:
         index = design.material.index
-        material, cure = resin_named(slicing.resin, "" if index is None else f" (n = {index:g} in the design)")
+        material, resin = resin_named(slicing.resin, "" if index is None else f" (n = {index:g} in the design)")
     source = Provenance(path.name, label.sha256, "design")
     placed = placed_mesh(mesh_of(part, MESH_MM), rotation)
     lies, warnings = lies_flat(part, rotation, slicing.layer_um)
     seats = tuple(cut.name for cut in part.cuts if cut.name.startswith(("pocket", "slot")))
-    return Printable(solid_of(part, rotation), placed, label, source, material, cure, tuple(warnings), lies, seats)
+    return Printable(solid_of(part, rotation), placed, label, source, material, resin, tuple(warnings), lies, seats)
 
 
 def printable_mesh(path: Path, slicing: Slicing) -> Printable:
@@ -119,9 +120,9 @@ def printable_mesh(path: Path, slicing: Slicing) -> Printable:
         overlap = f"shells of the mesh overlap: {solid.overlap_mm3:.4g} mm³ that two of them fill count once"
         warnings = (*warnings, look_at(overlap))
     label = Label(path.stem, hashlib.sha256(path.read_bytes()).hexdigest(), slicing.orientation)
-    material, cure = resin_named(slicing.resin)
+    material, resin = resin_named(slicing.resin)
     source = Provenance(path.name, label.sha256, kind[1:])
-    return Printable(solid, placed_mesh(mesh, rotation), label, source, material, cure, warnings)
+    return Printable(solid, placed_mesh(mesh, rotation), label, source, material, resin, warnings)
 
 
 def placed_mesh(mesh: Mesh, rotation: FloatArray) -> Mesh:
@@ -130,9 +131,9 @@ def placed_mesh(mesh: Mesh, rotation: FloatArray) -> Mesh:
     return Mesh(turned - turned.min(axis=0), mesh.triangles, mesh.tolerance_mm)
 
 
-def resin_named(name: str | None, known: str = "") -> tuple[str, Cure | None]:
-    """Name and working curve of a resin of the library, or of a file; without one, what is ``known`` of it."""
+def resin_named(name: str | None, known: str = "") -> tuple[str, Resin | None]:
+    """Name and content of a resin of the library, or of a file; without one, what is ``known`` of it."""
     if name is None:
         return f"{UNNAMED}{known}: give --resin", None
     resin = resin_of(name, Path(name) if names_file(name) else None)
-    return resin.name, resin.cure
+    return resin.name, resin

@@ -7,6 +7,7 @@ the dose. As a result for programs, and as Markdown to print out and lay beside 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeGuard
 
 import numpy as np
 
@@ -16,8 +17,9 @@ from solen.fabricate.layers.job import GREY_STEPS, Job
 from solen.fabricate.layers.orientation import described
 from solen.fabricate.layers.printable import Printable
 from solen.fabricate.layers.solid import Exposures
+from solen.fabricate.process import Process
 from solen.material.cure.law import CureLaw
-from solen.material.resin import Cure
+from solen.material.resin import Resin
 from solen.results import Result
 
 SHEET_SCHEMA = 1
@@ -118,7 +120,7 @@ class PrintSettings(Result):
 def print_settings(job: Job, part: Printable, stl: str) -> PrintSettings:
     """Settings of a job of a part; ``stl`` names its STL file."""
     slicing, printer, doses = job.slicing, job.printer, job.doses_mJ_per_cm2
-    law, words = cure_law(job, part.cure)
+    law, words = cure_law(job, part.stated_resin)
     dose, burn_in_dose = (job.irradiance_mW_per_cm2 * time for time in (slicing.exposure_s, slicing.burn_in_s))
     return PrintSettings(
         solen_settings=SHEET_SCHEMA,
@@ -164,16 +166,22 @@ def print_settings(job: Job, part: Printable, stl: str) -> PrintSettings:
     )
 
 
-def cure_law(job: Job, cure: Cure | None) -> tuple[CureLaw | None, str | None]:
+def has_curve(process: Process | None) -> TypeGuard[Process]:
+    """Whether a process has a working curve of its own, which goes before the resin's."""
+    return process is not None and not {"Dp_um", "Ec_mJ_per_cm2"} & set(process.assumptions)
+
+
+def cure_law(job: Job, resin: Resin | None) -> tuple[CureLaw | None, str | None]:
     """Law of a job's cure, and that in words: the process's where it is measured, else the resin's."""
     process = job.process
-    if process is not None and not {"Dp_um", "Ec_mJ_per_cm2"} & set(process.assumptions):
+    if has_curve(process):
         lines = len(process.process.lamp)
         lamp = f", the lamp by {lines} lines" if lines else ""
         s = process.process
         return s.law, f"Dp {s.Dp_um:.4g} µm, Ec {s.Ec_mJ_per_cm2:.3g} mJ/cm²{lamp} ({process.source['Dp_um']})"
-    if cure is None:
+    if resin is None or resin.cure is None:
         return None, None
+    cure = resin.cure
     return CureLaw(
         cure.Dp_um, cure.Ec_mJ_per_cm2
     ), f"Dp {cure.Dp_um:.4g} µm, Ec {cure.Ec_mJ_per_cm2:.3g} mJ/cm² (resin)"
