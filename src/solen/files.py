@@ -23,6 +23,10 @@ DEVICES = {"CON", "PRN", "AUX", "NUL", *(f"{name}{digit}" for name in ("COM", "L
 """Names reserved by Windows, with any extension."""
 LONGEST_NAME = 200
 """Longest name in bytes, so that name and extension are valid on every system."""
+SIMULATED = "# simulated by solen, not measured\n"
+"""First line of a table that solen computes from a model alone."""
+SIMULATED_DATA = "# simulated: yes\n"
+"""Line before the names of a table that rests on simulated data."""
 SEALED = b"SOLENSEAL1"
 _SEAL = struct.Struct("<10sQI")
 _APART = 1 << 13

@@ -270,8 +270,9 @@ def test_from_a_simulated_rig_to_motions(bench: Path) -> None:
     assert [one.motion for one in decoded.against] == list(MOTIONS)  # type: ignore[union-attr]
     assert all(one.within_95 > 0.9 and one.rms_deg < 0.15 for one in decoded.against)  # type: ignore[union-attr]
     rows = (bench / "angles.csv").read_text(encoding="utf-8").splitlines()
-    assert rows[0].startswith("time_s,lean_deg,lean_low68_deg")
-    assert len(rows) == decoded.readings + decoded.missing + 1
+    assert rows[0] == "# simulated: yes"
+    assert rows[1].startswith("time_s,lean_deg,lean_low68_deg")
+    assert len(rows) == decoded.readings + decoded.missing + 2
     # the same from lines, in another order of the columns, and from a live stream that lacks one
     turns = network_readings(bench / "visits.nc")
     names = [f"{lit}.{read}" for lit in EMITTERS[::-1] for read in RECEIVERS]

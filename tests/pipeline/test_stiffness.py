@@ -24,6 +24,7 @@ from solen.material.stiffness import (
 from solen.pipeline.resin.stiffness import stiffness
 from solen.recording import read
 from solen.report.options import FigureOptions
+from solen.samples import sample_files
 
 CUBE = Dimensions(cube_mm=10)
 
@@ -92,6 +93,15 @@ def test_two_materials_of_two_cubes_each(tmp_path: Path) -> None:
     rows = table.read_text(encoding="utf-8").splitlines()
     assert rows[0] == "specimen,material,strain,stress_MPa,true_strain,true_stress_MPa"
     assert len(rows) == 1 + 4 * (2 * 799)
+
+
+def test_a_table_of_simulated_specimens_says_so(tmp_path: Path) -> None:
+    cube, table = tmp_path / "cube.csv", tmp_path / "curves.csv"
+    cube.write_bytes(sample_files()["cube-simulated.csv"])
+    stiffness(cube, dimensions=CUBE, csv=table)
+    first, names, *_ = table.read_text(encoding="utf-8").splitlines()
+    assert (first, names.split(",")[0]) == ("# simulated: yes", "specimen")
+    assert read(table).provenance.simulated
 
 
 def test_three_modes_in_one_fit(tmp_path: Path) -> None:

@@ -28,6 +28,7 @@ from solen.explore.subject import Subject, design_of
 from solen.explore.usual import variations_of
 from solen.explore.variations import STATED, Variation, drawn, offs
 from solen.fabricate.process import Settings
+from solen.files import SIMULATED
 from solen.progress import Progress, part_of
 from solen.results import HIDDEN, Result
 from solen.sensor import Sensor
@@ -121,7 +122,7 @@ class Tolerances(Result):
         for place, (*values, met) in enumerate(rows, start=1):
             cells = ("" if math.isnan(value) else f"{value:.9g}" for value in values)
             text.append(",".join([str(place), *cells, "yes" if met else "no"]))
-        return "\n".join(["# simulated by solen, not measured", *text, ""])
+        return SIMULATED + "\n".join([*text, ""])
 
 
 def tolerance(

@@ -20,6 +20,7 @@ from solen.analysis.calibration.heading import WINDOW_S, Headings, Tracker
 from solen.analysis.calibration.streams import Batch, Stream
 from solen.arrays import BoolArray, FloatArray
 from solen.errors import DataError, SpecError
+from solen.files import SIMULATED_DATA
 from solen.ranks import DO_NOT_USE, Caution, do_not_use, look_at, note, of, rank_of
 from solen.recording import Provenance
 from solen.recording.stimulus import ANGLE, STIMULI, Name
@@ -184,9 +185,13 @@ class StreamDecoder:
 
     @property
     def heading(self) -> str:
-        """First lines of a file of rows: reasons not to use them as comments, then the header."""
+        """First lines of a file of rows: that it rests on simulated data and why not to use it, then the header."""
         doubts = dict.fromkeys(line for line in self.warnings if rank_of(line) == DO_NOT_USE)
-        return "".join(f"# {line}\n" for line in doubts) + self.header
+        return SIMULATED_DATA * self._simulated + "".join(f"# {line}\n" for line in doubts) + self.header
+
+    @property
+    def _simulated(self) -> bool:
+        return self._known.simulated or self._stream.simulated
 
     def rows(self, batch: Batch) -> str:
         """Lines of CSV of a batch, as `COLUMNS`; `DataError` if its values are in another unit."""
@@ -253,7 +258,7 @@ class StreamDecoder:
             calibration=self._file,
             calibrated_sensor=self._known.sensor,
             sensor=self._stream.sensor,
-            simulated=self._known.simulated or self._stream.simulated,
+            simulated=self._simulated,
             interrupted=interrupted,
             sources=() if provenance is None else (provenance,),
             warnings=(*self.warnings, *self._flag_warnings(), *self._cell_notes()),

@@ -17,7 +17,7 @@ from solen.analysis.demodulation.readings import Switched, switched
 from solen.analysis.demodulation.rejection import gain, mean_gain, rejection_dB
 from solen.analysis.demodulation.samples import DemodulationOptions, Samples, other_columns, samples_of
 from solen.analysis.demodulation.subtract import Counts, Demodulated
-from solen.files import csv_cell
+from solen.files import SIMULATED_DATA, csv_cell
 from solen.ranks import Caution, look_at, note
 from solen.recording import Provenance, Recording
 from solen.results import HIDDEN, Result
@@ -319,7 +319,7 @@ def readings_csv(result: Demodulation, recording: Recording) -> str:
     if result.means is not None:
         remarks.append(f"# means of {result.means.readings} readings, whole periods of {options.mains_hz:g} Hz")
     if result.simulated:
-        remarks.append("# simulated: yes")
+        remarks.append(SIMULATED_DATA.rstrip())
     table = [",".join(write(value) for write, value in zip(formats, row, strict=True)) for row in rows]
     return "\n".join([*remarks, ",".join(map(csv_cell, columns)), *table]) + "\n"
 

@@ -21,6 +21,7 @@ from solen.analysis.network.recorded import network_readings, times_of
 from solen.analysis.network.states import at_rest
 from solen.arrays import BoolArray, FloatArray, IntArray, rows_of
 from solen.errors import DataError, SpecError
+from solen.files import SIMULATED_DATA
 from solen.ranks import DO_NOT_USE, Caution, do_not_use, look_at, of, rank_of
 from solen.recording import Provenance
 from solen.results import Result
@@ -135,8 +136,13 @@ class NetworkStream:
 
     @property
     def heading(self) -> str:
-        """First lines of a file of rows: reasons not to use them as comments, then the header."""
-        return "".join(f"# {line}\n" for line in self.warnings if rank_of(line) == DO_NOT_USE) + self.header
+        """First lines of a file of rows: that it rests on simulated data and why not to use it, then the header."""
+        doubts = "".join(f"# {line}\n" for line in self.warnings if rank_of(line) == DO_NOT_USE)
+        return SIMULATED_DATA * self._simulated + doubts + self.header
+
+    @property
+    def _simulated(self) -> bool:
+        return self._known.simulated or (self._provenance is not None and self._provenance.simulated)
 
     def rows(self, turns: Turns) -> str:
         """Lines of CSV; `DataError` if the readings are a thousand times the calibrated ones."""
@@ -163,7 +169,7 @@ class NetworkStream:
             against=self._against(),
             calibration=self._file,
             sensor=self._known.sensor,
-            simulated=self._known.simulated or (self._provenance is not None and self._provenance.simulated),
+            simulated=self._simulated,
             interrupted=interrupted,
             sources=() if self._provenance is None else (self._provenance,),
             warnings=(*self.warnings, *self._flagged()),

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from solen.errors import DataError
-from solen.files import csv_cell
+from solen.files import SIMULATED_DATA, csv_cell
 from solen.material.rows import chosen_rows, refuse_unused
 from solen.material.stiffness.cautions import cautions
 from solen.material.stiffness.columns import read_test
@@ -114,7 +114,7 @@ class MeasuredStiffness(MaterialStiffness, Measured, kw_only=True):
         return self.groups or (self,)
 
     def table(self) -> str:
-        """Stress and strain of all specimens, each with its name and material, as CSV."""
+        """Stress and strain of all specimens, each with its name and material, as CSV that says if it is simulated."""
         lines = ["specimen,material,strain,stress_MPa,true_strain,true_stress_MPa"]
         for material in self.materials:
             for specimen in material.specimens:
@@ -122,7 +122,7 @@ class MeasuredStiffness(MaterialStiffness, Measured, kw_only=True):
                 test = specimen.test
                 columns = zip(test.strain, test.stress_MPa, test.true_strain, test.true_stress_MPa, strict=True)
                 lines += [f"{names},{a:.9g},{b:.9g},{c:.9g},{d:.9g}" for a, b, c, d in columns]
-        return "\n".join(lines) + "\n"
+        return SIMULATED_DATA * self.simulated + "\n".join(lines) + "\n"
 
 
 @dataclass(frozen=True, eq=False)

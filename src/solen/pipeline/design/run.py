@@ -17,8 +17,6 @@ from solen.sensor.network import NetworkStudy, network_study
 if TYPE_CHECKING:
     from solen.fabricate import SolidFiles
 
-MARK = "# simulated by solen, not measured"
-"""First line of results.csv."""
 R = TypeVar("R", DesignStudy, LoadedStudy, NetworkStudy)
 
 
@@ -63,7 +61,7 @@ def _written(result: R, out: Path, drawn: dict[str, str], report: str, csv: str,
 
     texts = {f"{name}.svg": text for name, text in drawn.items()}
     texts["results.json"] = json.dumps(result.to_dict(), indent=1, allow_nan=False) + "\n"
-    texts |= {"results.csv": f"{MARK}\n{csv}", "report.html": report}
+    texts |= {"results.csv": f"{files.SIMULATED}{csv}", "report.html": report}
     contents: dict[Path, files.Content] = {out / name: text.encode("utf-8") for name, text in texts.items()}
     files.write_all(contents | {out / name: content for name, content in solid.contents.items()})
     for name in FIGURES:
