@@ -204,7 +204,8 @@ def test_a_reading_like_the_first_one_is_no_header_again(folder: Path) -> None:
 def test_a_header_may_begin_with_a_mark_of_its_byte_order(folder: Path, mark: str, header: str) -> None:
     answers = io.StringIO()
     row = "0.5,2.0,2.0\n" if "," in header else "0,5;2,0;2,0\n"
-    decoded(folder, rows=answers, text=[f"{mark}{header}\n", row])
+    found = decoded(folder, rows=answers, text=[f"{mark}{header}\n", row, f"{header}\n", row, f"{mark}{header}\n", row])
+    assert (found.readings, found.missing) == (3, 0)
     assert answers.getvalue().splitlines()[1].startswith("0.500000,")
 
 

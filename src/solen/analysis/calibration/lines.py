@@ -55,7 +55,8 @@ def lines_of(text: Iterable[str], columns: Sequence[str] = (), *, remedy: str) -
     separator = next((sign for sign in _SEPARATORS if sign in head), ",")
     names = _cells(head, separator)
     if not all(map(is_number, names)):
-        rows = (row for row in rows if row.strip() != first.strip())  # a logger that begins anew writes it again
+        again = {first.strip(), head.strip()}  # as a logger that begins anew writes it
+        rows = (row for row in rows if row.strip() not in again)
     elif not columns:
         limit = "begins with numbers, not with the names of its columns"
         raise DataError(STDIN, limit=limit, remedy=remedy)
