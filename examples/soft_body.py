@@ -1,6 +1,6 @@
 """A soft body under load: the shipped press at 0.3 N, solved by finite elements, and the light that it moves.
 
-The finger dents the stem and bends it; the lens goes with it, and the light wanders to the other receiver.
+The finger dents the stem and bends it. Emitter and lens are held, so that only the way of the light changes.
 """
 
 from solen.sensor import Sensor

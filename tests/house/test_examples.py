@@ -177,8 +177,9 @@ def test_a_network_sends_its_light_where_few_rays_of_the_readable_tracer_go() ->
 
 
 def test_the_pressed_body_holds_its_finger() -> None:
-    """The mount takes what the finger gives."""
+    """The mount takes what the finger gives, and the lens stays where it is."""
     found = result("soft_body")
+    assert found.turn_deg == pytest.approx(0.0, abs=1e-9)
     (finger,) = found.contacts
     assert finger.force_N == pytest.approx(0.3, rel=1e-3)
     assert 0.3 < finger.depth_mm < 0.45
