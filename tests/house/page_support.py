@@ -9,6 +9,11 @@ from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
+import pytest
+from matplotlib.figure import Figure
+
+from solen.report import canvas
+
 ROOT = Path(__file__).resolve().parents[2]
 GENERATED = {ROOT / "docs" / "api", ROOT / "docs" / "commands"}
 """Folders of pages that programs write; calls of the latter are compared in `test_every_command.py`."""
@@ -48,6 +53,16 @@ def commands(block: Block) -> Iterator[tuple[str, list[str]]]:
         *before, last = re.split(r" && ", line)
         yield from ((one, []) for one in before)
         yield last, shown
+
+
+def paint_coarsely(patch: pytest.MonkeyPatch) -> None:
+    """Write figures with few pixels: with those of a printed page, painting them takes most of a command's time."""
+    encoded = canvas.encoded
+
+    def coarse(figure: Figure, suffix: str, salt: str, dpi: int = 200) -> bytes:
+        return encoded(figure, suffix, salt, min(dpi, 40))
+
+    patch.setattr(canvas, "encoded", coarse)
 
 
 def words_of(line: str) -> list[str]:

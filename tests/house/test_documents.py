@@ -27,7 +27,17 @@ from solen.errors import DataError
 from solen.pipeline.project.paper import FIGURES
 from tests.house.page_checks import check_file
 from tests.house.page_files import give
-from tests.house.page_support import ROOT, Block, blocks, commands, differences, not_said, pages, words_of
+from tests.house.page_support import (
+    ROOT,
+    Block,
+    blocks,
+    commands,
+    differences,
+    not_said,
+    pages,
+    paint_coarsely,
+    words_of,
+)
 
 NOT_RUN = {
     "a drawing": 1,
@@ -73,7 +83,7 @@ def simulated(command: tuple[str, ...], design: str) -> str:
 
 @pytest.fixture(scope="module", autouse=True)
 def shared() -> Iterator[None]:
-    """What several pages trace of one design is traced once."""
+    """What several pages trace of one design is traced once; figures have few pixels."""
     with pytest.MonkeyPatch.context() as patch:
         traced, of = sensors.traced, Response.of
         kept: dict[str, Any] = {}
@@ -84,6 +94,7 @@ def shared() -> Iterator[None]:
                 kept[key] = make(*parts)
             return kept[key]
 
+        paint_coarsely(patch)
         patch.setattr(sensors, "traced", lambda sensor, angles: once(traced, sensor, angles))
         patch.setattr(Response, "of", lambda *parts: once(of, *parts[:4]))
         yield

@@ -29,7 +29,7 @@ from solen.results import Outcome, Result
 from solen.spec import template
 from tests.analysis.diagnosis_support import response
 from tests.command_support import misfits
-from tests.house.page_support import differences
+from tests.house.page_support import differences, paint_coarsely
 from tests.report.lettering import faults
 from tools.command_pages import OF_THE_COMPUTER, SAMPLES, calls
 
@@ -89,6 +89,9 @@ def answers(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Answ
             patch.setenv(name, str(folder))
         patch.setattr("solen.sensor.effects.KEYS", ("emitter.offset_mm",))  # the others differ in their names alone
         patch.setattr("solen.sensor.effects.HOLDS", {})
+        patch.setattr("solen.bench.simulated.sensors.CLOSE", 0.02)
+        patch.setattr("solen.bench.simulated.sensors.TOLERANCE", 0.01)
+        paint_coarsely(patch)
         closed_form = response()
         patch.setattr(Response, "of", lambda *_: closed_form)  # a traced one takes minutes
         for row, arguments in ROWS.items():

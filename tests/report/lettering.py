@@ -12,6 +12,7 @@ from matplotlib.transforms import Bbox
 LEAST_PT = 6.0
 TOUCH = 1.0  # pixels that boxes of texts may share: they hold some air
 DPI = 100.0
+PAINTS = {name for name in dir(RendererAgg) if name.startswith("draw_")} - {"draw_text"}
 
 
 @dataclass(frozen=True)
@@ -24,15 +25,18 @@ class Written:
 
 
 class Recorder(RendererAgg):
-    """Draws as Agg does and notes every text."""
+    """Lays texts out as Agg does and notes them; nothing is painted."""
 
     def __init__(self, width: float, height: float, dpi: float) -> None:
         super().__init__(width, height, dpi)  # type: ignore[no-untyped-call]
         self.written: list[Written] = []
+        for name in PAINTS:
+            setattr(self, name, lambda *_, **__: None)
 
     def draw_text(
         self, gc: Any, x: float, y: float, s: str, prop: Any, angle: float, ismath: Any = False, mtext: Any = None
     ) -> None:
+        del gc, mtext  # nothing is painted
         size: Any = self.get_text_width_height_descent  # which matplotlib does not type
         width, height, descent = size(s, prop, ismath)
         turn = np.radians(angle)
@@ -42,13 +46,11 @@ class Recorder(RendererAgg):
         if s.strip():
             box = Bbox([points.min(axis=0), points.max(axis=0)])
             self.written.append(Written(s, box, prop.get_size_in_points()))
-        super().draw_text(gc, x, y, s, prop, angle, ismath, mtext)  # type: ignore[no-untyped-call]
 
 
 def faults(figure: Figure) -> list[str]:
     """What is wrong with a figure at the size it has: texts cut off, too small or on each other, legends on data."""
     figure.set_dpi(DPI)
-    FigureCanvasAgg(figure).draw()  # type: ignore[no-untyped-call]
     width, height = figure.bbox.width, figure.bbox.height
     recorder = Recorder(width, height, DPI)
     figure.draw(recorder)
@@ -68,6 +70,8 @@ def faults(figure: Figure) -> list[str]:
 def _covered(figure: Figure) -> list[str]:
     """Legends on something: without legends, grids and lines across the whole panel the paper must be bare there."""
     legends = [(axes, legend) for axes in figure.axes if (legend := axes.get_legend()) is not None]
+    if not legends:
+        return []
     boxes = [legend.get_window_extent().padded(-1.0) for _, legend in legends]
     for _, legend in legends:
         legend.set_visible(False)
