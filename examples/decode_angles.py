@@ -26,7 +26,7 @@ def main() -> tuple[SensorCalibrations, np.ndarray, np.ndarray]:
     inside = (decoded.low_deg[:, 1] <= known) & (known <= decoded.high_deg[:, 1])
     print(calibrations.calibrations[0].words[0])
     print(f"{known.size} readings of another day, decoded to {np.sqrt(np.mean(off**2)):.4f}° (rms)")
-    print(f"{100 * inside.mean():.0f} % of the known angles lie in the bands of 95 %")
+    print(f"{100 * inside.mean():.0f} % of the known angles lie in the 95 % bands")
     return calibrations, decoded.angle_deg, known
 
 

@@ -34,7 +34,7 @@ class Registry(Mapping[str, T], Generic[T]):
     Parameters
     ----------
     group
-        Of the entry points.
+        Group of the entry points.
     own
         solen's own entries.
     kind

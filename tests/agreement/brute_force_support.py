@@ -2,7 +2,7 @@
 
 Many rays at a time march through the lens in short steps, layer by layer, and everything else is met by solving for
 straight lines. Light is a complex field, at first linearly polarised at random; at every surface Fresnel's amplitudes
-act on it, and one of both parts is drawn by its power. Sixteen scrambled Sobol' nets of launches give the errors.
+act on it, and one of the two parts is drawn by its power. Sixteen scrambled Sobol' nets of launches give the errors.
 """
 
 import math

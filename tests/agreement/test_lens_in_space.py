@@ -263,7 +263,7 @@ def test_what_such_a_lens_cannot_do_is_refused() -> None:
     scene = sensor(LINE).scene(-1.0, 100)
     with pytest.raises(DesignError, match=r"line-focus.*cartesian-oval"):
         sensor(LINE).body().upright()
-    with pytest.raises(DesignError, match="no form in JSON"):
+    with pytest.raises(DesignError, match="cannot be written as JSON"):
         dumps(scene)
     with pytest.raises(DesignError, match="monitors"):
         replace(scene, monitors=(Monitor("m", (-1.0, 5.0), (1.0, 5.0)),))

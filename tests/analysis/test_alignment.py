@@ -116,7 +116,7 @@ def test_a_hysteresis_is_said_to_look_like_a_lag() -> None:
 def test_a_log_of_another_test_is_refused() -> None:
     signals = made(TRUTH)
     noise = np.random.default_rng(3).standard_normal(signals.volts.shape)
-    with pytest.raises(DataError, match="does not go with the voltages"):
+    with pytest.raises(DataError, match="does not match the voltages"):
         align(signals.time_s, noise, *logged(TRUTH, 0.0))
 
 
@@ -143,7 +143,7 @@ def test_sides_that_no_name_tells_begin_with_a_positive_one() -> None:
 @pytest.mark.parametrize("other", [{"hold_s": 2.0}, {"hold_s": 0.2}, {"speed_deg_per_s": 5.0}], ids=str)
 def test_a_protocol_that_was_another_is_refused(other: dict[str, float]) -> None:
     signals = made(replace(TRUTH, protocol=Protocol(**other)))  # type: ignore[arg-type]  # its numbers
-    with pytest.raises(DataError, match=r"does not go with ±3° at 15°/s and holds of 0\.8 s"):
+    with pytest.raises(DataError, match=r"does not match ±3° at 15°/s and holds of 0\.8 s"):
         angle_by_protocol(signals.time_s, signals.volts, signals.receivers, Asked(3.0))
 
 

@@ -103,7 +103,7 @@ def test_gaps_repeats_and_disorder_are_said_with_their_place() -> None:
     found = time_base(time_s)
     text = " | ".join(found.warnings)
     assert "1 gap in the samples, the longest 2 s from 4.995 s" in text
-    assert "share their time" in text
+    assert "have the same time" in text
     assert "out of order" in text
     assert (np.diff(found.time_s) >= 0.0).all()
     assert found.gaps_s == pytest.approx(np.array([[4.995, 7.0]]))

@@ -214,7 +214,7 @@ def test_the_uncertainty_of_a_lag_is_truthful_for_each_log(place: int) -> None:
 
 
 def covered(seeds: range, folder: Path) -> dict[str, float]:
-    """How often intervals of 95 % hold the truth, from raw samples to a diagnosis."""
+    """How often 95 % intervals hold the truth, from raw samples to a diagnosis."""
     of, hits = response(), {"emitter_offset_mm": 0, "chip_width_mm": 0, "lag": 0, "corners": 0}
     for seed in seeds:
         draw = np.random.default_rng(seed + 500)

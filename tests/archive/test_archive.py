@@ -225,7 +225,7 @@ def _design_outside(files: dict[str, bytes]) -> None:
         (_stated("contentSize", 10**13), "MB"),
         (_stated("contentSize", -1), "contentSize"),
         (_stated("sha256", "0" * 63), "sha256"),
-        (lambda files: files.pop(NAME), "not an archive"),
+        (lambda files: files.pop(NAME), "not a solen archive"),
         (lambda files: files.update({NAME: b"[]"}), "RO-Crate"),
         (lambda files: files.update({NAME: b"\xff"}), "utf-8"),
         (lambda files: files.update({NAME: b"[" * 100_000}), "RO-Crate"),

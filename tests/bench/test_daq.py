@@ -237,7 +237,7 @@ def test_a_sync_that_jitters_or_loses_a_period_is_followed_edge_by_edge() -> Non
 @pytest.mark.parametrize(
     ("sync", "told"),
     [
-        (np.full(2000, 1.0), "sync; goes no further than 0 V; 0.5 V are needed"),
+        (np.full(2000, 1.0), "sync; changes by only 0 V; 0.5 V are needed"),
         (np.where(np.arange(2000) < 1000, 3.3, 0.0), "sync = 0; rises in a window of samples; two are needed"),
     ],
 )
@@ -374,7 +374,7 @@ def test_emitters_that_do_not_switch_give_no_reading_and_the_file_says_so(made: 
 
     done, path = recorded(made, rig, daq_of(rig, prints, kind=Unplugged), "unplugged")
     assert done.sensors == {"A": 0, "B": 0}
-    assert "sync; goes no further than 0 V" in done.remarks[0]
+    assert "sync; changes by only 0 V" in done.remarks[0]
     with h5netcdf.File(path, "r") as file:
         assert json.loads(file.attrs["remarks"]) == list(done.remarks)
         assert file.variables["counts"].shape[0] > 10_000
@@ -405,7 +405,7 @@ def test_without_counters_or_a_sync_the_signal_tells_when_its_emitter_is_on(made
         (("[daq]", "[daq]\nrate_hz = 80000.0"), r"other\.toml: daq\.rate_hz = 80000\.0; of 4 inputs are 320000"),
         (("[daq]", '[daq]\nchannels = ["ai0"]'), "names 1 inputs; the sensors are on 4"),
         (('switching = "counter"', 'switching = "external"'), "sync; is needed with 2 alternating emitters"),
-        (("[daq]", '[daq]\nsync = "ai9"'), "sync = 'ai9'; has no use beside what runs by the clock"),
+        (("[daq]", '[daq]\nsync = "ai9"'), "sync = 'ai9'; cannot be combined with what runs by the clock"),
         (("[daq]", '[daq]\ndriver = "nidaqmx"\ndevice = "Dev1"'), "ambient; is for a simulated rig"),
     ],
 )

@@ -77,7 +77,7 @@ def test_it_moves_from_where_it_stands_and_stops() -> None:
 
 def test_a_run_is_not_resumed_from_wherever_it_stands() -> None:
     stage, controller, _, _ = driven()
-    with pytest.raises(BenchError, match=r"forgotten its zero since the run began; .*recover"):
+    with pytest.raises(BenchError, match=r"lost its zero since the run began; .*recover"):
         make_known(stage, "here", 0.0, resumed=True)
     assert not controller.moved
 

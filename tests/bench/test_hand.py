@@ -101,8 +101,8 @@ def test_what_is_typed_is_where_it_stands() -> None:
     assert math.isnan(stage.position())
     answered(stage)
     assert stage.position() == -3.1
-    assert [line for line in said if "no position" in line] == [
-        "'there' is no position in deg; press Enter, or type a number."
+    assert [line for line in said if "not a position" in line] == [
+        "'there' is not a position in deg; press Enter, or type a number."
     ]
     stage.begin_move(-3.1, 1.0)  # it stands there
     assert len(said) == 3

@@ -112,8 +112,8 @@ def lamps(_: Levels) -> Any:
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        (cut, [r"A left \(input 2\): do not use: answers to no emitter"]),
-        (crossed, [r"A left .* answers to emitter 2, not to 1", r"B left \(input 3\): .* emitter 1, not to 2"]),
+        (cut, [r"A left \(input 2\): do not use: responds to no emitter"]),
+        (crossed, [r"A left .* responds to emitter 2, not to 1", r"B left \(input 3\): .* emitter 1, not to 2"]),
         (crossed_and_leaking, ["A left .* emitter 2, not to 1", "B left .* emitter 1, not to 2"]),
         (dead, ["B right .* no emitter", "B left .* no emitter", "no input sees emitter 2"]),
         (short, [r"A right \(input 1\): do not use: .* near 0 V"]),

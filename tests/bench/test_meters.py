@@ -131,7 +131,7 @@ def test_an_oscilloscope_that_clips_or_does_not_trigger_or_shows_nothing() -> No
         meter = Oscilloscope(clock, names[0], ("1", "2"), sync="4")
         assert first(meter).clipped.tolist() == [True, True]
         scope.waves["4"] = lambda time_s: np.zeros(len(time_s))
-        with pytest.raises(DataError, match="sync; goes no further than 0 V"):
+        with pytest.raises(DataError, match="sync; changes by only 0 V"):
             first_fault(meter)
         assert meter.losses.unreadable == 5
         meter.close()

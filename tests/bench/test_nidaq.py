@@ -386,7 +386,7 @@ def test_a_device_says_what_it_can_and_is_used_so(
     [
         ("USB-6001", {"rate_hz": 15e3}, r"takes 20000; 10000 or less"),
         ("USB-6001", {"range_v": 5.0}, r"USB-6001 has ±10 V"),
-        ("USB-6001", {"terminal": "nrse"}, "is no way to wire USB-6001, which has rse, differential"),
+        ("USB-6001", {"terminal": "nrse"}, "is not a wiring of USB-6001, which has rse, differential"),
         (
             "USB-6009",
             {"switching": "counter"},
@@ -399,7 +399,7 @@ def test_a_device_says_what_it_can_and_is_used_so(
         ),
         ("USB-6009", {"enable": "port2/line0"}, r"USB-6009's static outputs, port0/line0 to port1/line3"),
         ("USB-6211", {"switching": "counter", "enable": "port1/line0"}, "is the line on which a counter lights"),
-        ("myDAQ", {}, "'rse'; is no way to wire myDAQ, which has differential"),
+        ("myDAQ", {}, "'rse'; is not a wiring of myDAQ, which has differential"),
         ("myDAQ", {"terminal": "differential", "range_v": 5.0}, r"range_v = 5\.0; myDAQ has ±2, 10 V"),
         (
             "myDAQ",
@@ -414,7 +414,7 @@ def test_a_device_says_what_it_can_and_is_used_so(
         ),
         ("USB-6289", {}, "has a converter of 18 bits, and counts of 16 are kept; take"),
         ("USB-6289", {"switching": "counter", "emitters": 3}, "USB-6289 has 2 counters"),
-        ("USB-6501", {}, "is no way to wire USB-6501, which has no analog inputs"),
+        ("USB-6501", {}, "is not a wiring of USB-6501, which has no analog inputs"),
     ],
 )
 def test_what_a_device_says_it_cannot_do_is_refused(
@@ -511,7 +511,7 @@ def test_lines_that_follow_the_samples_light_emitters_in_turn(tmp_path: Path, mo
         (
             "USB-6218",
             {"lines": ("port1/line0",), "terminal": "rse"},
-            "USB-6218 .BNC. follow the program",
+            "USB-6218 .BNC. follow only the program",
         ),
         ("USB-6356", {"lines": ("port3/line0",)}, r"daq\.lines = 'port3/line0'; must be one of USB-6356's"),
         (
@@ -526,8 +526,8 @@ def test_lines_that_follow_the_samples_light_emitters_in_turn(tmp_path: Path, mo
         ),
         ("USB-6356", {"lines": ("port0/line0",), "emitters": 2}, "must be one for each of 2 emitters"),
         ("USB-6356", {"lines": ("port0/line0",), "rate_hz": 10_100.0}, "must be a multiple of 400 Hz"),
-        ("USB-6356", {"lines": ()}, 'are for switching = "lines", and needed there'),
-        ("USB-6356", {"lines": ("port0/line0",), "switching": "counter"}, 'are for switching = "lines"'),
+        ("USB-6356", {"lines": ()}, 'are required with switching = "lines", and refused otherwise'),
+        ("USB-6356", {"lines": ("port0/line0",), "switching": "counter"}, 'are required with switching = "lines"'),
     ],
 )
 def test_lines_that_cannot_light_emitters_are_refused(

@@ -245,7 +245,7 @@ def test_the_board_s_clock_is_laid_on_the_run_s() -> None:
             ("cycles = 3", "cycles = 0"),
             r"protocol\.toml: cycles = 0; must be greater than or equal to 1|must be at least 1",
         ),
-        (("to_deg = 0.0", "to_mm = 0.0"), r"step\[2\]; must say where to and how fast, in one unit"),
+        (("to_deg = 0.0", "to_mm = 0.0"), r"step\[2\]; must state a target and a speed, in one unit"),
         (("velocity_deg_per_s = 15.0", "speed = 15.0"), r"step\[0\]\.speed; unknown key"),
         (
             ("to_deg = 3.0", "to_deg = 300.0"),

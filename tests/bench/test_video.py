@@ -161,7 +161,7 @@ def test_glow_that_is_not_seen_or_always_on_and_options_that_do_not_go_together(
     with pytest.raises(SpecError, match="--recording; needs --glow"):
         motion_of(path, VideoOptions(recording=path))
     (tmp_path / "none.mp4").write_bytes(b"no video")
-    with pytest.raises(DataError, match="is no video that OpenCV can read"):
+    with pytest.raises(DataError, match="is not a video that OpenCV can read"):
         motion_of(tmp_path / "none.mp4")
     with pytest.raises(DataError, match="no such file"):
         motion_of(tmp_path / "gone.mp4")

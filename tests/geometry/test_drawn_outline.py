@@ -434,7 +434,7 @@ def test_json_holds_any_curve_and_is_taken_as_it_is(tmp_path: Path) -> None:
     assert shorter.face("receiver-3").curve.start == shorter.face("wall.1").curve.end
     faces[2]["curve"] = parabola | {"vertex": [2.5, 8.0], "axis": [-1.0, 0.0], "to_mm": 5.0, "curve_per_mm": 0.0}
     file.write_text(json.dumps(data), encoding="utf-8")
-    assert "a Parabola from x = 2.5, z = 8 mm'; does not end where its neighbours do" in refused(file)
+    assert "a Parabola from x = 2.5, z = 8 mm'; does not meet its neighbours" in refused(file)
 
 
 @pytest.mark.parametrize(

@@ -122,7 +122,7 @@ def test_a_spline_bends_evenly_and_keeps_its_length() -> None:
         ({"part": "arm-left", "pivot": (0.0, -60.0), "at_deg": 3.0}, r"would tear arm-left from x = .*mm"),
         ({"part": "stem", "join": "bridge"}, r"motion\[0\]\.join = 'bridge'; is of a lens"),
         ({"part": "stem", "pivot": "emitter"}, r"motion\[0\]\.pivot = 'emitter'; is of a lens or an emitter"),
-        ({"part": "stem", "kind": "bend", "pivot": (0.0, 1.0)}, r"pivot = .*has no meaning for a bend"),
+        ({"part": "stem", "kind": "bend", "pivot": (0.0, 1.0)}, r"pivot = .*does not apply to a bend"),
     ],
 )
 def test_what_tears_or_has_no_meaning_is_refused_with_its_place(motion: dict[str, Any], told: str) -> None:
@@ -310,7 +310,7 @@ BAD = {
         r"^lens\.shape = ",
     ),
     "measured": ({"lens.shape": "measured", "lens.profile": "lens.json"}, r"^lens\.(shape|profile) = "),
-    "ambient": ({"ambient.power": 0.1}, r"^ambient\.power = 0\.1; has no meaning with body\.kind"),
+    "ambient": ({"ambient.power": 0.1}, r"^ambient\.power = 0\.1; does not apply with body\.kind"),
     "no receivers": ({"network.receivers": []}, r"^network\.receivers; missing"),
     "face": ({"network.guides[0].name": "mirror-a"}, r"^network\.guides\[0\]\.name = 'mirror-a'; must not begin"),
 }

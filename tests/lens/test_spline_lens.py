@@ -176,8 +176,8 @@ def test_the_derivative_by_a_knot_is_that_of_differences(knots: tuple[float, ...
     [
         ({"shape": "spline"}, "lens.knots_um; missing"),
         ({"shape": "spline", "knots_um": []}, "lens.knots_um = .*at least 1"),
-        ({"knots_um": [1.0]}, 'lens.knots_um = .*has no meaning with shape = "cartesian-oval"'),
-        ({"least_feature_um": 50.0}, "lens.least_feature_um = 50.0; has no meaning without knots_um"),
+        ({"knots_um": [1.0]}, 'lens.knots_um = .*does not apply with shape = "cartesian-oval"'),
+        ({"least_feature_um": 50.0}, "lens.least_feature_um = 50.0; does not apply without knots_um"),
         ({"shape": "spline", "knots_um": [1.0, "2"]}, r"lens.knots_um\[1\] = '2'; must be a number"),
         ({"shape": "spline", "knots_um": [1.0, 1e5]}, r"lens.knots_um\[1\] = 100000"),
     ],

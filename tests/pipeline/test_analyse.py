@@ -320,7 +320,7 @@ def test_a_file_of_several_sensors_by_groups(tmp_path: Path) -> None:
     assert list(found["sensors"]["S1"]["receivers"]) == ["left", "right"]
     assert found["sensors"]["S1"]["receivers"]["right"]["clipped_samples"] == 1
     assert found["simulated"] is True
-    assert found["dark_V"] is None  # only one of both receivers has its ambient light beside it
+    assert found["dark_V"] is None  # only one of the two receivers has its ambient light beside it
     assert found["mean_of_sensors"]["n"] == 2
     assert len(found["sources"]) == 1
 

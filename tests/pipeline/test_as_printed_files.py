@@ -148,7 +148,7 @@ def test_a_measured_lens_needs_a_profile_and_a_drawn_body_has_none() -> None:
     with pytest.raises(SpecError, match=r'lens\.profile; missing: shape = "measured" needs it; add profile'):
         loads(MEASURED.replace('profile = "lens.json"\n', ""))
     outline = '[body]\nkind = "outline"\nfile = "a.dxf"\n[lens]\nprofile = "lens.json"\n'
-    with pytest.raises(SpecError, match=r"lens\.profile = 'lens\.json'; has no meaning with body.kind = \"outline\""):
+    with pytest.raises(SpecError, match=r"lens\.profile = 'lens\.json'; does not apply with body.kind = \"outline\""):
         loads(f'schema = 1\nname = "a"\n[material]\nindex = 1.44\n{outline}')
 
 

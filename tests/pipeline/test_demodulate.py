@@ -211,7 +211,7 @@ def test_swapped_phases_are_reported(tmp_path: Path, on: str) -> None:
 def test_settling_longer_than_a_phase_is_refused(tmp_path: Path) -> None:
     time, values, _ = waveform(1.0, noise=0.002)
     path = written(tmp_path / "w.csv", "time_s,right (V)", time, values[:, 0])
-    with pytest.raises(SpecError, match=r"leaves nothing of the shorter phase, which lasts 2[45]"):
+    with pytest.raises(SpecError, match=r"leaves no sample of the shorter phase, which lasts 2[45]"):
         demodulate(path, DemodulationOptions(rate_hz=200.0, settle_us=2600.0))
     with pytest.raises(DataError, match="needs two readings of an emitter"):
         demodulate(with_states(tmp_path / "a.csv", readings=1), DemodulationOptions(mains_hz=50.0))

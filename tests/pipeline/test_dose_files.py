@@ -306,7 +306,7 @@ def test_penetration_of_a_file(tmp_path: Path) -> None:
     assert broad.Dp_um is not None
     assert broad.between_Dp_um is not None
     assert broad.between_Dp_um > 1.05 * broad.Dp_um
-    assert any("no exponential" in told for told in broad.warnings)
+    assert any("not decay exponentially" in told for told in broad.warnings)
 
 
 def test_penetration_from_a_transmittance(tmp_path: Path) -> None:

@@ -103,11 +103,11 @@ def check_report(page: Page, found: dict[str, Any]) -> None:
 @pytest.mark.parametrize(
     ("command", "says"),
     [
-        (["deform", "{}", "--set", "motion.kind=rotation"], "motion.drives = 'clamp.angle_deg'; has no meaning"),
+        (["deform", "{}", "--set", "motion.kind=rotation"], "motion.drives = 'clamp.angle_deg'; does not apply"),
         (["deform", "{}", "--at", "95"], "--at = 95.0; must be between"),
         (["deform", "{}", "--set", "hold[0].face=recievers"], "mount.face = 'recievers'; names no face"),
         (["deform", "{}", "--set", "hold[4].face=lens"], "hold[4].face; the design has 2"),
-        (["trace", "{}", "--angle-deg", "1"], "--angle-deg = 1.0; has no meaning: the motion drives clamp.angle_deg"),
+        (["trace", "{}", "--angle-deg", "1"], "--angle-deg = 1.0; does not apply: the motion drives clamp.angle_deg"),
         (["run", "{}", "--set", "motion.drives=clamp.depth_mm", "--out", "{}.out"], "motion.drives = 'clamp.depth_mm'"),
     ],
 )

@@ -61,7 +61,7 @@ def test_a_machine_s_export_in_an_xls_is_the_same(tmp_path: Path) -> None:
 def test_what_is_no_workbook_is_refused_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = xls({"data": ROWS})
     other = whole.replace("Workbook".encode("utf-16-le"), "Contents".encode("utf-16-le"))
-    with pytest.raises(DataError, match="is no Excel workbook"):
+    with pytest.raises(DataError, match="is not an Excel workbook"):
         read(saved(tmp_path, other))
     with pytest.raises(DataError, match="is a damaged workbook"):
         read(saved(tmp_path, whole[:700]))

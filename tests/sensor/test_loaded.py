@@ -264,7 +264,9 @@ def test_what_reads_angles_refuses_a_depth() -> None:
     """A depth must never stand in a column of degrees."""
     sensor = coarse(pressed(FORK + LENS))
     for ask in (sensor.power, sensor.count, sensor.design.motion.angles_deg, lambda: design_readings(sensor)):
-        with pytest.raises(SpecError, match=r"motion\.drives = 'finger\.depth_mm'; is no angle, which this reads"):
+        with pytest.raises(
+            SpecError, match=r"motion\.drives = 'finger\.depth_mm'; is not an angle, which this command needs"
+        ):
             ask()
     with pytest.raises(SpecError, match=r"motion\.from_deg"):
         sensor.set({"motion.from_deg": -1.0})
@@ -277,9 +279,9 @@ def test_values_are_asked_for_in_their_own_unit() -> None:
         0.2,
         0,
     )
-    with pytest.raises(SpecError, match=r"--angle-deg = 1\.0; has no meaning: the motion drives finger\.depth_mm"):
+    with pytest.raises(SpecError, match=r"--angle-deg = 1\.0; does not apply: the motion drives finger\.depth_mm"):
         value_asked(soft, 1.0, None)
-    with pytest.raises(SpecError, match=r"--at = 1\.0; has no meaning with motion\.kind"):
+    with pytest.raises(SpecError, match=r"--at = 1\.0; does not apply with motion\.kind"):
         value_asked(rigid, None, 1.0)
     for value in (math.nan, math.inf):
         with pytest.raises(SpecError, match="--at"):

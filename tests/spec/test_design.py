@@ -146,7 +146,7 @@ def test_a_table_alone_tells_its_dotted_key() -> None:
 def test_a_gap_goes_with_an_air_gap_only() -> None:
     assert Receivers(coupling="air-gap", gap_mm=0.5).gap_mm == 0.5
     assert told(receivers={"coupling": "air-gap"}).startswith("receivers.gap_mm; missing")
-    assert told(receivers={"gap_mm": 0.5}).startswith("receivers.gap_mm = 0.5; has no meaning with coupling")
+    assert told(receivers={"gap_mm": 0.5}).startswith("receivers.gap_mm = 0.5; does not apply with coupling")
 
 
 @pytest.mark.parametrize("name", ["", " ", "two\nlines", 3])
@@ -204,29 +204,29 @@ DRAWN = {"kind": "outline", "file": "sensor.dxf"}
 @pytest.mark.parametrize(
     ("tables", "start"),
     [
-        ({"motion": BEND | {"pivot": "emitter"}}, "motion.pivot = 'emitter'; has no meaning with motion.kind = "),
-        ({"motion": BEND | {"join": "seam"}}, "motion.join = 'seam'; has no meaning with motion.kind = "),
-        ({"motion": {"moves": ["emitter"], "join": "seam"}}, "motion.join = 'seam'; has no meaning unless the lens"),
-        ({"motion": {"join": "seam"}, "body": DRAWN}, "motion.join = 'seam'; has no meaning with body.kind"),
-        ({"motion": BEND | {"moves": ["emitter"]}}, "motion.moves = ['emitter']; has no meaning with motion.kind"),
-        ({"motion": BEND | {"bend_mm": [0, 5]}}, "motion.bend_mm = (0.0, 5.0); has no meaning with body.kind"),
+        ({"motion": BEND | {"pivot": "emitter"}}, "motion.pivot = 'emitter'; does not apply with motion.kind = "),
+        ({"motion": BEND | {"join": "seam"}}, "motion.join = 'seam'; does not apply with motion.kind = "),
+        ({"motion": {"moves": ["emitter"], "join": "seam"}}, "motion.join = 'seam'; does not apply unless the lens"),
+        ({"motion": {"join": "seam"}, "body": DRAWN}, "motion.join = 'seam'; does not apply with body.kind"),
+        ({"motion": BEND | {"moves": ["emitter"]}}, "motion.moves = ['emitter']; does not apply with motion.kind"),
+        ({"motion": BEND | {"bend_mm": [0, 5]}}, "motion.bend_mm = (0.0, 5.0); does not apply with body.kind"),
         ({"motion": {"centre_line": [[0, 0], [0, 1], [1, 2]]}}, "motion.centre_line = ((0.0, 0.0), (0.0, 1.0)"),
         ({"motion": BEND | {"centre_line": [[0, 0], [0, 1]]}}, "motion.centre_line = [[0, 0], [0, 1]]; must be"),
         ({"motion": BEND, "body": DRAWN}, "motion.bend_mm; missing: an outline needs it"),
         ({"motion": BEND | {"bend_mm": [5, 0]}, "body": DRAWN}, "motion.bend_mm = [5.0, 0.0]; must run from low"),
         ({"body": {"kind": "outline"}}, "body.file; missing"),
-        ({"body": {"file": "sensor.dxf"}}, "body.file = 'sensor.dxf'; has no meaning with body.kind = "),
-        ({"body": {"units": "mm"}}, "body.units = 'mm'; has no meaning"),
-        ({"body": DRAWN | {"arm_width_mm": 4.0}}, "body.arm_width_mm = 4.0; has no meaning with body.kind = "),
-        ({"body": DRAWN, "lens": {"shape": "none"}}, "lens.shape = 'none'; has no meaning with body.kind"),
-        ({"body": DRAWN, "emitter": {"distance_mm": 2.0}}, "emitter.distance_mm = 2.0; has no meaning"),
+        ({"body": {"file": "sensor.dxf"}}, "body.file = 'sensor.dxf'; does not apply with body.kind = "),
+        ({"body": {"units": "mm"}}, "body.units = 'mm'; does not apply"),
+        ({"body": DRAWN | {"arm_width_mm": 4.0}}, "body.arm_width_mm = 4.0; does not apply with body.kind = "),
+        ({"body": DRAWN, "lens": {"shape": "none"}}, "lens.shape = 'none'; does not apply with body.kind"),
+        ({"body": DRAWN, "emitter": {"distance_mm": 2.0}}, "emitter.distance_mm = 2.0; does not apply"),
         (
             {"trace": {"dimension": "plane"}},
             "trace.dimension = 'plane'; must be '2d' (in the plane) or 'extruded' (in space)",
         ),
         ({"trace": {"dimension": "extruded"}}, "trace.dimension = 'extruded'; needs light out of the plane"),
         ({"trace": {"dimension": "extruded"}, "emitter": {"part": "VSMY1850", "pattern": "fan"}}, "trace.dimension"),
-        ({"emitter": {"axis_deg": 10.0}}, "emitter.axis_deg = 10.0; has no meaning with body.kind"),
+        ({"emitter": {"axis_deg": 10.0}}, "emitter.axis_deg = 10.0; does not apply with body.kind"),
         ({"emitter": {"point_mm": [0.0]}}, "emitter.point_mm = [0.0]; must be [x_mm, z_mm]"),
     ],
 )

@@ -302,7 +302,7 @@ REFUSED: list[tuple[dict[str, object], str]] = [
     ({"behaviour": "lens"}, "needs surface.focal_mm"),
     ({"behaviour": "splitter"}, "needs a surface"),
     ({"behaviour": "absorbing", "surface": Surface(scatter=Lambertian())}, "absorbs all light"),
-    ({"surface": Surface(focal_mm=3.0)}, "has no meaning for behaviour refracting"),
+    ({"surface": Surface(focal_mm=3.0)}, "does not apply to behaviour refracting"),
     ({"behaviour": "mirror", "surface": Surface(coating=Coating((Layer(1.4, 1.0),)))}, "needs a refracting interface"),
 ]
 

@@ -88,7 +88,7 @@ def ageing_of(
     scatters
         Scatter of the readings of each of these cycles.
     names, sides
-        Of the receivers; places of left and right.
+        Names of the receivers; positions of the left and the right one among them.
     every
         Cycles in a group.
 

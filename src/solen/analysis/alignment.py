@@ -106,7 +106,7 @@ def align(
         shifts = laid.shifts(lag, rate)
         if not shifts.when.size:
             limit = "covers no whole cycle of the recording"
-            raise DataError("angle of the log", limit=limit, remedy="check that both are of the same test")
+            raise DataError("angle of the log", limit=limit, remedy="check that both files are of the same test")
         lag += shifts.mean
         if abs(shifts.mean) < 1e-7:
             break
@@ -150,8 +150,8 @@ def _coarse(
     best = int(np.argmax(height))
     overlap = math.sqrt(max(spans) / min(spans))
     if height[best] * overlap < _LEAST_CORRELATION:
-        limit = f"does not go with the voltages (correlation {height[best]:.2f} at best)"
-        raise DataError("angle of the log", limit=limit, remedy="check that both are of the same test")
+        limit = f"does not match the voltages (correlation {height[best]:.2f} at best)"
+        raise DataError("angle of the log", limit=limit, remedy="check that both files are of the same test")
     lags = (np.arange(found.size) - (ours.size - 1)) * even_s + log_s[0] - time_s[0]
     peaks = np.flatnonzero((height[1:-1] > height[:-2]) & (height[1:-1] >= height[2:])) + 1
     others = [int(n) for n in peaks if height[n] > _RIVAL * height[best] and abs(n - best) > 2]

@@ -37,7 +37,7 @@ def find_log(path: Path, others: Iterable[Path] = ()) -> Path | None:
     named = [log for log in logs if log in named]
     if len(named or logs) > 1:
         names = ", ".join(one.name for one in named or logs)
-        limit = f"has no angle, and several files beside it may be the log of the stage: {names}"
+        limit = f"has no angle, and several files next to it could be the log of the stage: {names}"
         raise DataError(path.name, limit=limit, remedy="name one with --angle-file")
     return next(iter(named or logs), None)
 

@@ -90,13 +90,13 @@ def driven(recording: Recording, options: "SignalOptions", base: TimeBase, warni
         values = _by_cell(channel, cell if options.load_cell else None, options, base, f"{file}: {channel.name}")
     else:
         if stimulus is FORCE and options.load_cell is not None:
-            unused = f"is in {channel.unit} already: of --load-cell only its uncertainties are used"
+            unused = f"is already in {channel.unit}: only the uncertainties of --load-cell are used"
             warnings.append(of(channel.name, note(unused)))
         values = scale * (channel.values[base.order] - _tare(channel, options, base))
     if options.tare_s is not None:
         u, n = _u_tare(values, options.tare_s, base)
         if u > _LARGEST_TARE * float(np.ptp(values[np.isfinite(values)])):
-            doubt = f"is known to ± {u:.1g} {stimulus.unit} only, from {n} readings, which no band counts"
+            doubt = f"is known only to ± {u:.1g} {stimulus.unit}, from {n} readings; no band includes that"
             warnings.append(of("the zero", look_at(f"{doubt}; tare for longer")))
     return Drive(stimulus, values, columns, cell)
 
@@ -163,7 +163,9 @@ def _check_options(stimulus: Stimulus, options: "SignalOptions") -> None:
             option = f"--{name.replace('_', '-')}"
             remedy = "leave it out" if stimulus is ANGLE or name != "zero_deg" else "--tare-s sets the zero"
             value = getattr(options, name)
-            raise SpecError(option, value=value, limit=f"has no use against the {stimulus.name}", remedy=remedy)
+            raise SpecError(
+                option, value=value, limit=f"does not apply to a response against the {stimulus.name}", remedy=remedy
+            )
 
 
 def _by_cell(
@@ -178,12 +180,14 @@ def _by_cell(
         raise DataError(what, value=unit or None, limit=limit, remedy=remedy)
     if cell is None:
         remedy = "state its calibration with --load-cell FILE: [load_cell] with N_per_V"
-        raise DataError(what, value=unit, limit="is a voltage: what force it stands for is not stated", remedy=remedy)
+        raise DataError(what, value=unit, limit="is a voltage: the force per volt is not stated", remedy=remedy)
     if cell.zero_V is None and options.tare_s is None:
         remedy = "state zero_V in [load_cell], or --tare-s, seconds at the beginning without load"
         raise DataError(what, limit="has no known voltage without load", remedy=remedy)
     if cell.zero_V is not None and options.tare_s is not None:
-        raise SpecError("--tare-s", value=options.tare_s, limit="has no use beside zero_V", remedy="leave one out")
+        raise SpecError(
+            "--tare-s", value=options.tare_s, limit="cannot be combined with zero_V", remedy="leave one out"
+        )
     volts = scale * channel.values[base.order]
     zero_V = cell.zero_V if cell.zero_V is not None else scale * _tare(channel, options, base)
     return cell.force_N(volts, zero_V)
@@ -195,7 +199,7 @@ def _tare(channel: Channel, options: "SignalOptions", base: TimeBase) -> float:
         return 0.0
     first = channel.values[base.order][base.time_s <= base.time_s[0] + options.tare_s]
     if not np.isfinite(first).any():
-        limit = "are without a number in the column of the force or depth"
+        limit = "have no number in the column of the force or depth"
         raise SpecError("--tare-s", value=options.tare_s, limit=limit, remedy="take more")
     return float(np.nanmean(first))
 
@@ -232,7 +236,7 @@ def _check_degrees(channel: Channel, file: str, warnings: list[Caution]) -> None
     """`DataError` if an angle without a unit cannot be in degrees."""
     farthest = float(np.nanmax(np.abs(channel.values), initial=0.0))
     if farthest > _FAR_DEG:
-        limit = f"goes to {farthest:.4g} without a known unit, too far for degrees"
+        limit = f"reaches {farthest:.4g} without a known unit, too large for degrees"
         remedy = "state its unit in the header: deg, mdeg, rad or mrad; or name another column with --angle"
         raise DataError(f"{file}: {channel.name}", limit=limit, remedy=remedy)
     if not plain(channel.name).endswith("deg"):

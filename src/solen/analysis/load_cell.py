@@ -29,25 +29,25 @@ class LoadCell(Strict):
 
     table: ClassVar[str] = "load_cell"
 
-    name: Text = Field("load cell", description="What it is called.")
+    name: Text = Field("load cell", description="Its name.")
     input: Annotated[int, Field(strict=True, ge=1, le=64)] | None = Field(
-        None, description="Of a rig: the input that it is on."
+        None, description="In a rig: the input it is connected to."
     )
-    N_per_V: Number | None = Field(
-        None, description="Newtons for each volt; negative where a press makes the voltage fall."
+    N_per_V: Number | None = Field(None, description="Newtons per volt; negative where pressing lowers the voltage.")
+    mV_per_V: Positive | None = Field(
+        None, description="Alternatively: its output at capacity_N, per volt of excitation."
     )
-    mV_per_V: Positive | None = Field(None, description="Or its output at capacity_N, for each volt of excitation.")
-    excitation_V: Positive | None = Field(None, description="Beside mV_per_V: the voltage that supplies its bridge.")
-    gain: Positive | None = Field(None, description="Beside mV_per_V: of its amplifier; default: 1.")
+    excitation_V: Positive | None = Field(None, description="With mV_per_V: the excitation voltage of its bridge.")
+    gain: Positive | None = Field(None, description="With mV_per_V: the gain of its amplifier; default: 1.")
     capacity_N: Positive | None = Field(None, description="Its rated load.")
     u_sensitivity_percent: NotNegative | None = Field(
-        None, description="Standard uncertainty of newtons for each volt, with excitation and amplifier."
+        None, description="Standard uncertainty of the newtons per volt, including excitation and amplifier."
     )
     nonlinearity_percent: NotNegative = Field(
-        0.0, description="Largest distance from a straight line, in per cent of capacity_N."
+        0.0, description="Non-linearity: largest distance from a straight line, in per cent of capacity_N."
     )
     zero_V: Number | None = Field(
-        None, description="Voltage without load; default: the mean of the rest at the beginning (tare)."
+        None, description="Voltage without load; default: the mean over the rest at the beginning (tare)."
     )
 
     @model_validator(mode="after")
@@ -57,7 +57,7 @@ class LoadCell(Strict):
             limit = "must be stated by N_per_V, or by mV_per_V with excitation_V and capacity_N"
             raise refused("", limit, remedy="add N_per_V = 2.0")
         if self.N_per_V is not None and rated:
-            limit = "has no meaning beside N_per_V"
+            limit = "does not apply beside N_per_V"
             raise refused(rated[0], limit, value=getattr(self, rated[0]), remedy="leave one of them out")
         if self.N_per_V == 0.0:
             raise refused("N_per_V", "must not be 0", value=0.0)
@@ -71,7 +71,7 @@ class LoadCell(Strict):
 
     @property
     def sensitivity_N_per_V(self) -> float:
-        """Newtons for each volt."""
+        """Sensitivity: newtons per volt."""
         if self.mV_per_V is None or self.excitation_V is None or self.capacity_N is None:
             return self.N_per_V or 0.0  # one of the two is stated
         return self.capacity_N / (1e-3 * self.mV_per_V * self.excitation_V * (self.gain or 1.0))

@@ -353,7 +353,7 @@ def _cycles(
     far = _TENTH * float(np.ptp([end for ramp in ramps for end in (ramp.start_deg, ramp.end_deg)]))
     starts = _starts(away, ramps, rest, first, far, tolerance)
     if not starts:
-        raise DataError(name, limit="makes no cycle from its rest", remedy="record at least one whole cycle")
+        raise DataError(name, limit="makes no cycle that starts from rest", remedy="record at least one whole cycle")
     following = [*starts[1:], (None, tolerance)]
     spans = [_span(away, start, stop, within) for (start, _), (stop, within) in zip(starts, following, strict=True)]
     if bool((away > -far).all()):

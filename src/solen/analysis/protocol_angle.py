@@ -134,7 +134,7 @@ def _check_goes_with(signal: FloatArray, angle_deg: FloatArray, protocol: Protoc
     rest = float(apart @ apart) / signal.size - noise
     if whole > 0.0 and rest > _ELSEWHERE * whole:
         limit = (
-            f"does not go with ±{protocol.amplitude_deg:g}° at {protocol.speed_deg_per_s:g}°/s and holds of "
+            f"does not match ±{protocol.amplitude_deg:g}° at {protocol.speed_deg_per_s:g}°/s and holds of "
             f"{protocol.hold_s:g} s: that motion leaves {100.0 * rest / whole:.0f} % of its variance open"
         )
         raise DataError("recording", limit=limit, remedy="state the --speed-deg-per-s and --hold-s that the stage had")

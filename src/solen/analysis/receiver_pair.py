@@ -84,7 +84,7 @@ def pair_response(
     dark_V: float | None,
     near_zero: float = NEAR_ZERO_DEG,
 ) -> PairResponse:
-    """Response of V_left − V_right, and what each receiver sees while the other brightens.
+    """Response of V_left − V_right, and the change of each receiver while the other brightens.
 
     Parameters
     ----------
@@ -93,11 +93,11 @@ def pair_response(
     sides
         Places of the left and the right receiver.
     noise_V
-        Of left and right.
+        Noise of the left and the right receiver.
     dark_V
         Voltage without light; shares of light need it.
     near_zero
-        As of `receiver_response`.
+        As in `receiver_response`.
     """
     left, right = sides
     difference = Passes(

@@ -206,9 +206,9 @@ class Signals:
     clipped
         Samples that the recording marks as clipped, (n, m); None if it marks none.
     provenance
-        Of the recording.
+        Provenance of the recording.
     unit
-        Of the values: V, or another that the recording states.
+        Unit of the values: V, or another that the recording states.
     ambient_subtracted
         Whether ambient light was subtracted; clipped samples are then those marked before.
     timing_bound_s

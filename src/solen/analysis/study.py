@@ -68,7 +68,7 @@ class Study(Result):
     ambient_subtracted
         Whether ambient light is subtracted in all recordings.
     provenances
-        Of every recording.
+        Provenance of every recording.
     warnings
         Assumptions, and what cannot be concluded.
     """
@@ -128,7 +128,7 @@ def in_volts_of_angles(found: Study) -> Study:
     A soft body has many unknowns besides (modulus, holds, where and how it is pressed) that one curve cannot separate.
     """
     if found.stimulus is not ANGLE:
-        limit = f"is analysed against the {found.stimulus.name}; a diagnosis fits the response to an angle"
+        limit = f"is analysed against the {found.stimulus.name}; a diagnosis needs the response to an angle"
         remedy = "record the same sensor turned by an angle, or calibrate it as it is: solen bench calibrate"
         raise DataError(found.provenances[0].file, limit=limit, remedy=remedy)
     if found.unit != "V":
@@ -306,7 +306,7 @@ def _with_angle(part: _Part, options: AnalysisOptions, number: int, files: Seque
     beside = find_log(files[number], files)
     if beside is None:
         refuse_without(part.recording)
-    warning = look_at(f"{files[number].name} holds no angle: that of {beside.name} beside it is used")
+    warning = look_at(f"{files[number].name} has no angle: the angle in {beside.name}, next to it, is used")
     part = replace(part, samples=replace(samples, warnings=(warning, *samples.warnings)))
     return replace(_by_log(part, beside, options), beside=beside)
 

@@ -67,12 +67,10 @@ def time_base(time_s: FloatArray, name: str = "time") -> TimeBase:
     warnings = [look_at(f"{missing} samples without a time are left out")] if missing else []
     if order.size < _LEAST:
         limit = f"has {order.size} samples with a time; at least {_LEAST} are needed"
-        raise DataError(name, limit=limit, remedy="name the column of times with --time")
+        raise DataError(name, limit=limit, remedy="name the time column with --time")
     steps = np.diff(time_s[order])
     if not (steps > 0.0).any():
-        raise DataError(
-            name, limit="does not advance", remedy="name the column of times with --time, or give --rate-hz"
-        )
+        raise DataError(name, limit="does not advance", remedy="name the time column with --time, or give --rate-hz")
     usual = float(np.median(steps[steps > 0.0]))
     if (steps < 0.0).any():
         warnings.append(_disorder(time_s, order, steps, usual, name))
@@ -103,7 +101,7 @@ def _repeated(ordered: FloatArray) -> list[Caution]:
     if not same:
         return []
     where = ordered[np.flatnonzero(np.diff(ordered) == 0.0)[0]]
-    return [look_at(f"{same} samples share their time with the one before (first at {where:.6g} s); all are kept")]
+    return [look_at(f"{same} samples have the same time as the previous one (first at {where:.6g} s); all are kept")]
 
 
 def _gaps(ordered: FloatArray, usual: float) -> FloatArray:
@@ -117,4 +115,4 @@ def _gap_words(gaps: FloatArray) -> list[Caution]:
     longest = int(np.argmax(gaps[:, 1] - gaps[:, 0]))
     start, end = gaps[longest]
     count = f"{len(gaps)} gap{'s' * (len(gaps) > 1)} in the samples"
-    return [look_at(f"{count}, the longest {end - start:.3g} s from {start:.6g} s; nothing is made up for them")]
+    return [look_at(f"{count}, the longest {end - start:.3g} s from {start:.6g} s; they are not interpolated")]

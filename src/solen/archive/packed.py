@@ -173,7 +173,7 @@ class _Places:
             check_name(f"name of {file}", part, DataError, "rename it")
         other = self._lower.setdefault(str(place).lower(), file)
         if other != file:
-            limit = f"would stand in the archive as {place}, as {other} does on Windows and macOS"
+            limit = f"would have the same name in the archive, {place}, as {other} on Windows and macOS"
             raise DataError(str(file), limit=limit, remedy="rename one of the two")
         self.of[file] = place
         self._references[file] = references(file)

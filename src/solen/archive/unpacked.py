@@ -27,7 +27,7 @@ from solen.spec.strict import Options
 
 MOST_METADATA = 32 << 20
 MEGABYTE = 1_000_000
-AGAIN = "have it packed and sent again"
+AGAIN = "ask its sender to pack it again"
 
 
 class Limits(Options):
@@ -84,14 +84,14 @@ def opened(archive: Path, limits: Limits | None = None) -> Opened:
         names = source.names
         if NAME not in names:
             remedy = "name a folder or zip file that solen project pack wrote"
-            raise DataError(str(archive), limit=f"is not an archive of solen: it has no {NAME}", remedy=remedy)
+            raise DataError(str(archive), limit=f"is not a solen archive: it has no {NAME}", remedy=remedy)
         if len(names) > limits.most_files + 1:
             limit = f"at most {limits.most_files}"
             raise DataError(f"{archive}: files", value=len(names) - 1, limit=limit, remedy="raise --most-files")
         for name in names:
             _check_path(archive, name)
         if len({name.lower() for name in names}) < len(names):
-            raise DataError(str(archive), limit="holds two files of one path", remedy=AGAIN)
+            raise DataError(str(archive), limit="holds two files with the same path", remedy=AGAIN)
         stated = loads(source.text(NAME), f"{archive}: {NAME}")
     _check_stated(archive, [item.path for item in stated.items], set(names) - {NAME})
     size = sum(item.size_bytes for item in stated.items)
@@ -106,8 +106,8 @@ def opened(archive: Path, limits: Limits | None = None) -> Opened:
 def _check_stated(archive: Path, stated: list[str], held: set[str]) -> None:
     """`DataError` unless the files are exactly those stated, each once."""
     if len(set(stated)) < len(stated):
-        raise DataError(str(archive), limit="describes two files of one path", remedy=AGAIN)
-    for paths, limit in ((set(stated) - held, "is described and missing"), (held - set(stated), "is not described")):
+        raise DataError(str(archive), limit="lists two files with the same path", remedy=AGAIN)
+    for paths, limit in ((set(stated) - held, "is listed but missing"), (held - set(stated), "is not described")):
         if paths:
             raise DataError(f"{archive}: {min(paths)}", limit=limit, remedy=AGAIN)
 
@@ -119,7 +119,7 @@ def _check_path(archive: Path, path: str) -> None:
     if not path or pure.is_absolute() or ".." in pure.parts or "\\" in path or ":" in path or str(pure) != path:
         raise DataError(what, value=path, limit="must stay within the folder", remedy="do not trust this archive")
     for part in pure.parts:
-        check_name(what, part, DataError, "have it renamed and packed again")
+        check_name(what, part, DataError, "ask its sender to rename it and pack it again")
 
 
 def _check_references(file: Path, kind: str, folder: Path) -> None:
@@ -163,7 +163,7 @@ class _Source:
                 checksum.update(chunk)
                 written.write(chunk)
         if left != 0 or checksum.hexdigest() != item.sha256:
-            limit = "is not as it was packed: its size or checksum differs"
+            limit = "has changed since it was packed: its size or checksum differs"
             raise DataError(f"{self.archive}: {item.path}", limit=limit, remedy=AGAIN)
 
 

@@ -38,7 +38,7 @@ CONFIGURATION = struct.Struct("<IBB")
 _TIME, _MOVE, _WHERE, _PLACE = struct.Struct("<I"), struct.Struct("<iII"), struct.Struct("<IiB"), struct.Struct("<i")
 STATUSES = {
     1: "unknown command",
-    2: "cannot be done so",
+    2: "cannot be done that way",
     3: "not configured",
     4: "an emitter is at fault",
     5: "has no motor",
@@ -228,11 +228,11 @@ class BoardStage:
     @property
     def search(self) -> str:
         """Nothing can be searched for."""
-        return "It has no switch to find it by."
+        return "It has no switch to find it with."
 
     def reference(self) -> None:
         """Refused: there is no switch."""
-        raise BenchError(self.name, limit="has no switch to find its zero by", remedy='home = "here" in [stage]')
+        raise BenchError(self.name, limit="has no switch to find its zero with", remedy='home = "here" in [stage]')
 
     def set_position(self, position: float) -> None:
         """Define the current position as a given value; nothing moves."""

@@ -112,7 +112,7 @@ class RigCheck(Result):
     rig
         Its name.
     unit
-        Of its receivers; keys name it in place of V.
+        Unit of its receivers; keys name it in place of V.
     periods
         How many were looked at.
     sensors
@@ -207,7 +207,7 @@ def _cell_faults(cell: CellCheck, glance: Glance) -> list[Caution]:
     near_V = SHORTED * (glance.high_V - glance.low_V)
     if glance.low_V + near_V < cell.level_V < glance.high_V - near_V:
         return []
-    end = "is at an end of the input's range: check its wire, its amplifier and its zero"
+    end = "is at a limit of the input's range: check its wire, its amplifier and its zero"
     return [of(f"load cell (input {cell.input})", do_not_use(end))]
 
 
@@ -254,11 +254,11 @@ def _faults(
         mine, emitter = answers[:, own.input - 1], _brightest(sensor, own.input, mean)
         strongest = int(np.argmax(np.where(mine, np.abs(mean[:, own.input - 1]), 0.0))) + 1
         if circuit and own.on_V < short_V and own.off_V < short_V:
-            yield of(what, do_not_use("is near 0 V, lit or not: a short circuit, or far too much light"))
+            yield of(what, do_not_use("is near 0 V, lit or unlit: a short circuit, or far too much light"))
         elif not mine.any():
-            yield of(what, do_not_use("answers to no emitter; check its wire and its receiver"))
+            yield of(what, do_not_use("responds to no emitter; check its wire and its receiver"))
         elif strongest not in sensor.lit_by.values():
-            wires = f"answers to emitter {strongest}, not to {emitter}; check rig file and wires"
+            wires = f"responds to emitter {strongest}, not to {emitter}; check rig file and wires"
             yield of(what, do_not_use(wires))
         elif circuit and mean[emitter - 1, own.input - 1] < 0.0:
             yield of(what, do_not_use("rises with its emitter on; load and receiver are swapped"))

@@ -92,7 +92,7 @@ class Model:
     def _check_channels(self, setup: "Setup") -> None:
         known = self.inputs.get(setup.terminal, ())
         if not known:
-            limit = f"is no way to wire {self.name}, which has {', '.join(self.inputs) or 'no analog inputs'}"
+            limit = f"is not a wiring of {self.name}, which has {', '.join(self.inputs) or 'no analog inputs'}"
             raise BenchError("daq.terminal", value=setup.terminal, limit=limit)
         for channel in setup.channels:
             if channel not in known:
@@ -129,7 +129,7 @@ class Model:
         """Lines that light emitters follow the clock of the samples."""
         if setup.rate_hz > self.timed_hz:
             follow = (
-                f"follow a clock of {self.timed_hz:g} Hz at the most" if self.timed_hz else "follow the program alone"
+                f"follow a clock of {self.timed_hz:g} Hz at the most" if self.timed_hz else "follow only the program"
             )
             limit = f"cannot be: the digital outputs of {self.name} {follow}"
             raise BenchError("daq.switching", value="lines", limit=limit, remedy=OUTSIDE)
@@ -246,7 +246,7 @@ class Setup:
     def _check_slots(self) -> None:
         """Lines that follow the samples: one for each emitter, and whole samples in each half of a slot."""
         if (self.switching == "lines") != bool(self.lines):
-            limit = 'are for switching = "lines", and needed there'
+            limit = 'are required with switching = "lines", and refused otherwise'
             raise BenchError("daq.lines", value=", ".join(self.lines), limit=limit)
         if self.switching != "lines":
             return

@@ -25,7 +25,7 @@ class GcodeStage(LineStage):
     link, clock
         Line to the board, and the clock that time-outs follow.
     unit
-        Of the axis, as its steps per unit are configured: G-code says mm for both.
+        Unit of the axis, as its steps per unit are configured: G-code says mm for both.
     axis
         Its letter.
     answer_s, home_s

@@ -18,7 +18,7 @@ from solen.errors import BenchError
 Unit = Literal["deg", "mm"]
 
 ERRORS = {
-    1: "the command's parameters are not as they should be",
+    1: "the command's parameters are wrong",
     2: "unknown command",
     3: "the command is too long",
     5: "a move without a reference, or with the servo off",
@@ -71,7 +71,7 @@ class Gcs2Stage(LineStage):
     stage
         Name of the stage on that axis; the controller must have it configured.
     unit
-        Of its positions; default: that of one of `STAGES`.
+        Unit of its positions; default: that of one of `STAGES`.
     axis, address
         The axis' name, and the controller's address where several share a line.
     answer_s, reference_s
@@ -171,7 +171,7 @@ class Gcs2Stage(LineStage):
         self._say(STOP_ALL)
         code = self._error()
         if code not in {0, STOPPED}:
-            raise self._refusal(_meaning(code), "look after the stage")
+            raise self._refusal(_meaning(code), "check the stage")
         self._come_to_rest(lambda: not self._moving())
 
     def command(self, text: str) -> None:

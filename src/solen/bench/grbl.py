@@ -25,7 +25,7 @@ ERRORS = {
     8: "it is not idle",
     9: "it is locked after an alarm",
     15: "the target is beyond its soft limits ($130 to $132)",
-    16: "it does not know this jog",
+    16: "it does not support this jog command",
     22: "no feed rate",
 }
 """Meaning of the controller's error codes; others are shown by number."""
@@ -61,7 +61,7 @@ class GrblStage(GcodeStage):
     def search(self) -> str:
         """How far it may move to find its zero."""
         if not self._setting(22):
-            return "It has no switch to find it by ($22=0)."
+            return "It has no switch to find it with ($22=0)."
         return f"It drives to its limit switch, by up to {self._setting(130 + self._place):g} {self.unit}."
 
     def reference(self) -> None:
@@ -119,7 +119,7 @@ class GrblStage(GcodeStage):
         for _ in range(10):
             line = self._lines.next().strip()
             if line.startswith("ALARM:"):
-                raise self._refusal(f"raised {line}", "look after the stage")
+                raise self._refusal(f"raised {line}", "check the stage")
             if line.startswith("<"):
                 found = _STATUS.match(line)
                 places = found[2].split(",") if found else []

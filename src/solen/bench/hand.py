@@ -17,7 +17,7 @@ from typing import Literal
 from solen.errors import BenchError
 
 PATIENCE_S = 3600.0
-"""How long somebody may take for a move."""
+"""How long a person may take for a move."""
 
 
 def _said(line: str) -> None:
@@ -35,7 +35,7 @@ class HandStage:
     Parameters
     ----------
     unit
-        Of its positions.
+        Unit of its positions.
     say
         Shows a line to the operator; default: stderr.
     answer
@@ -103,7 +103,7 @@ class HandStage:
         if math.isfinite(position):
             self._position = position
         else:
-            self._say(f"{text!r} is no position in {self.unit}; press Enter, or type a number.")
+            self._say(f"{text!r} is not a position in {self.unit}; press Enter, or type a number.")
             self._ask()
 
     def _ask(self) -> None:

@@ -45,7 +45,7 @@ def make_known(stage: Stage, home: Home, zero: float, confirm: Confirm | None = 
         return
     elif home == "here" and resumed:
         remedy = "close the journal with solen bench recover, and begin another run"
-        raise BenchError(stage.name, limit="has forgotten its zero since the run began", remedy=remedy)
+        raise BenchError(stage.name, limit="has lost its zero since the run began", remedy=remedy)
     elif home == "here":
         stage.set_position(zero)
     elif home or (confirm is not None and confirm(f"{stage.name} does not know its zero. {stage.search} Begin?")):

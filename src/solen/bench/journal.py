@@ -110,7 +110,7 @@ class Journal:
         self.sync()
 
     def sync(self) -> None:
-        """Have everything on the disk itself, so that not even a power cut loses it."""
+        """Flush everything to the disk, so that not even a power cut loses it."""
         os.fsync(self._file.fileno())
 
     def close(self) -> None:

@@ -52,7 +52,7 @@ class JournalContent:
     missing
         Content of those, as far as the numbers of the others show.
     version
-        Of the file.
+        Version of the file.
     path
         The journal itself.
     records

@@ -81,7 +81,7 @@ class KinesisStage(LineStage):
     counts_per_unit
         Counts of its encoder, or microsteps, per deg or mm, by the protocol's section 8.
     unit
-        Of its positions.
+        Unit of its positions.
     answer_s, home_s
         How long an answer, and homing, may take.
 
@@ -229,6 +229,6 @@ class KinesisStage(LineStage):
 
     def _complaint(self, number: int, said: bytes) -> BenchError:
         if number not in {BAD, BAD_WITH_WORDS}:
-            return self._refusal(f"said {said[:20]!r}, which is not APT", "is the port the right one?")
+            return self._refusal(f"said {said[:20]!r}, which is not APT", "is it the right port?")
         words = said[_HEADER.size + 4 :].split(bytes(1))[0].decode("ascii", "replace")
         return self._refusal(f"reports an error: {words or 'without words'}", "see its manual")

@@ -19,7 +19,7 @@ class LineStage(ABC):
     Parameters
     ----------
     name
-        Of the stage, with its link's.
+        Name of the stage, with its link's.
     link, clock
         Line to it, and the clock that time-outs follow.
     answer_s

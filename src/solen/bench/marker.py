@@ -114,7 +114,7 @@ class Turns:
     Attributes
     ----------
     angle_deg
-        Of each picture, from the first, counter-clockwise, (N,).
+        Angle of each picture, from the first, counter-clockwise, (N,).
     u_angle_deg
         Of each, as far as the corners' misfit shows it.
     row

@@ -24,7 +24,7 @@ class Multimeters(AskingMeter):
     Parameters
     ----------
     clock
-        Of the run.
+        Clock of the run.
     addresses
         Of each input's, as VISA calls it.
     ask
@@ -32,7 +32,7 @@ class Multimeters(AskingMeter):
     setup
         Commands to each, before the first reading.
     unit
-        Of what they read.
+        Unit of what they read.
     backend, answer_s
         PyVISA's name of the library, and how long an answer may take.
 

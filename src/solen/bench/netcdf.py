@@ -72,7 +72,7 @@ class RecordedRun(Result):
     losses
         Losses of the sampler, over all parts of the run.
     lost_bytes
-        Of the journal's unfinished last record.
+        Number of bytes of the journal's unfinished last record.
     damaged_bytes, missing_records
         Of the journal, where it was damaged: bytes that no longer make a record, and records known to be missing.
     simulated
@@ -205,8 +205,8 @@ def _waveform(file: Any, journaled: JournalContent) -> Content:
     _attributes(file, journaled, wave.lines)
     file.dimensions["period"] = len(wave.time_s)
     _variable(file, "time_s", ("period",), wave.time_s, "s", "time of a frame's first sample on the clock of the run")
-    _variable(file, "part", ("period",), wave.part, "1", "part of the run, one more each time it was taken up")
-    _variable(file, "stretch", ("period",), wave.stretch, "1", "stretch of the part, one more after each gap")
+    _variable(file, "part", ("period",), wave.part, "1", "part of the run, counted up each time it was resumed")
+    _variable(file, "stretch", ("period",), wave.stretch, "1", "stretch of the part, counted up after each gap")
     _variable(file, "number", ("period",), wave.number, "1", "number of the frame's first sample in its stretch")
     coefficients = np.array(header["daq"]["coefficients"])
     file.dimensions["power"] = coefficients.shape[1]
@@ -230,9 +230,9 @@ def _readings(file: Any, journaled: JournalContent) -> Content:
     bound_s = float(half_s.mean()) if len(rows) else None
     _attributes(file, journaled, {"meter": ClockLine(0.0, 1.0, 0.0, bound_s)})
     file.dimensions = {"period": len(rows), "input": header["meter"]["inputs"]}
-    _variable(file, "time_s", ("period",), time_s, "s", "middle of question and answer, on the clock of the run")
-    _variable(file, "bound_s", ("period",), half_s, "s", "how far that may be off, to either side")
-    _variable(file, "part", ("period",), rows["part"], "1", "part of the run, one more each time it was taken up")
+    _variable(file, "time_s", ("period",), time_s, "s", "midpoint of query and answer, on the clock of the run")
+    _variable(file, "bound_s", ("period",), half_s, "s", "half-width of its error")
+    _variable(file, "part", ("period",), rows["part"], "1", "part of the run, counted up each time it was resumed")
     for name, text in (("on", "inputs with the emitters on"), ("off", "inputs with the emitters off; NaN: unknown")):
         _variable(file, name, ("period", "input"), rows[name], header["meter"]["unit"], text)
     cuts, readings = cut_short(journaled), {}
@@ -299,7 +299,7 @@ def _sampled(file: Any, board: Rows, time_s: FloatArray, header: Mapping[str, An
         "input": header["receivers"],
     }
     _variable(file, "time_s", ("period",), time_s, "s", "start of the period on the clock of the run")
-    _variable(file, "part", ("period",), board["part"], "1", "part of the run, one more each time it was taken up")
+    _variable(file, "part", ("period",), board["part"], "1", "part of the run, counted up each time it was resumed")
     _variable(file, "number", ("period",), board["number"], "1", "number of the period by the board")
     _variable(file, "board_us", ("period",), board["board_us"], "us", "start of the period by the board's own clock")
     _variable(
@@ -325,9 +325,9 @@ def _positions(file: Any, journaled: JournalContent) -> None:
         own = f"{motion}_" if motion else ""
         file.dimensions[f"{own}look"] = len(stage)
         for name, values, unit, text in (
-            ("stage_time_s", looks.time_s, "s", "time of the position: the middle of query and answer"),
-            ("stage_bound_s", looks.bound_s, "s", "how far that may be off, to either side"),
-            ("stage_answer_s", stage["t_s"], "s", "when its answer had come, by the run's clock as it was read"),
+            ("stage_time_s", looks.time_s, "s", "time of the position: the midpoint of query and answer"),
+            ("stage_bound_s", looks.bound_s, "s", "half-width of its error"),
+            ("stage_answer_s", stage["t_s"], "s", "when its answer arrived, on the run's clock as read"),
             ("stage_position", looks.position, journaled.header["unit"], "where it was"),
         ):
             _variable(file, f"{own}{name}", (f"{own}look",), values, unit, text)
@@ -348,7 +348,7 @@ def _damage(journaled: JournalContent) -> list[Caution]:
     places = ", ".join(map(str, journaled.missing[:_NAMED]))
     more = f" and {len(journaled.missing) - _NAMED} more gaps" if len(journaled.missing) > _NAMED else ""
     lacks = f"it lacks {places}{more}" if places else "what it lacks is unknown"
-    kept = f"the journal is damaged and kept: {journaled.damaged_bytes} bytes no longer make records; {lacks}"
+    kept = f"the journal is damaged and kept: {journaled.damaged_bytes} bytes cannot be read as records; {lacks}"
     return [look_at(kept)]
 
 

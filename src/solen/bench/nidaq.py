@@ -60,7 +60,7 @@ class NiDaq:
     Parameters
     ----------
     clock
-        Of the run.
+        Clock of the run.
     device
         Its name in NI-DAQmx.
     setup

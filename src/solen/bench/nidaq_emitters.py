@@ -1,9 +1,9 @@
 """Tasks of NI-DAQmx that light emitters in step with the samples: by counters, or by digital lines.
 
 The idea: a counter puts out pulses by itself from the first sample on; lines follow the clock of the samples, sample by
-sample, where a device can do that. Both then need no more attention.
+sample, where a device can do that. Both then run without further commands.
 
-The interface: `pulses` for one emitter, `turns` for all; `clear` lets go of a task.
+The interface: `pulses` for one emitter, `turns` for all; `clear` releases a task.
 """
 
 import contextlib

@@ -84,7 +84,7 @@ class Oscilloscope(AskingMeter):
     Parameters
     ----------
     clock
-        Of the run.
+        Clock of the run.
     address
         Its VISA address.
     channels, sync
@@ -155,7 +155,7 @@ class Oscilloscope(AskingMeter):
         state = self._asked(command, self._dialect.done)
         while (state == self._dialect.answer) != whole:
             if self._clock.now_s() > sent_s + self._answer_s:
-                what = "acquires nothing" if whole else f"is not seen to acquire after {command}"
+                what = "acquires nothing" if whole else f"does not start acquiring after {command}"
                 raise self._scope.refusal(f"{what} within {self._answer_s:g} s", "does it trigger?")
             self._clock.sleep(LOOK_S)
             state = self._scope.ask(self._dialect.done)

@@ -171,6 +171,6 @@ def _lsl(where: str, rest: str) -> Iterator[Outlet]:
 
 
 def _sent(header: list[str]) -> list[str]:
-    """Columns of numbers, up to the last band, without the bands of 68 %."""
+    """Columns of numbers, up to the last band, without the 68 % bands."""
     last = max(place for place, name in enumerate(header) if "high95_" in name)
     return [name for name in header[: last + 1] if not _OTHER_BAND.fullmatch(name)]

@@ -102,7 +102,7 @@ def _edges(time_s: FloatArray, volts: FloatArray) -> tuple[FloatArray, FloatArra
     """Times of rises and falls: half a sample before the first sample beyond a third of the height, with hysteresis."""
     low, high = float(volts.min()), float(volts.max())
     if high - low < LEAST_SYNC_V:
-        limit = f"goes no further than {high - low:.2g} V; {LEAST_SYNC_V:g} V are needed to distinguish on and off"
+        limit = f"changes by only {high - low:.2g} V; {LEAST_SYNC_V:g} V are needed to distinguish on and off"
         raise DataError("sync", limit=limit, remedy="check its wire")
     height = (volts - low) / (high - low)
     mark = np.where(height > 2.0 / 3.0, 1, np.where(height < 1.0 / 3.0, -1, 0))

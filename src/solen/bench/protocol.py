@@ -45,26 +45,26 @@ class Step(BenchTable):
     table: ClassVar[str] = "step"
 
     to_deg: Annotated[Turn | OfMotions[Turn], _PLACE] | None = Field(
-        None, description="Where to turn to, in degrees; of several motions by name, the others stay."
+        None, description="Angle to turn to, in degrees; with several motions, by name: the others stay."
     )
     to_mm: Annotated[Shift | OfMotions[Shift], _PLACE] | None = Field(
-        None, description="Where to shift to, in mm; of several motions by name, the others stay."
+        None, description="Position to move to, in mm; with several motions, by name: the others stay."
     )
-    to_N: Positive | None = Field(None, description="What force to press to, in N, by the rig's load cell.")
-    velocity_deg_per_s: Positive | None = Field(None, description="How fast, in degrees per second.")
-    velocity_mm_per_s: Positive | None = Field(None, description="How fast, in mm per second.")
-    hold_s: NotNegative = Field(0.0, description="How long to stay there, in s.")
+    to_N: Positive | None = Field(None, description="Force to press to, in N, measured by the rig's load cell.")
+    velocity_deg_per_s: Positive | None = Field(None, description="Speed in degrees per second.")
+    velocity_mm_per_s: Positive | None = Field(None, description="Speed in mm per second.")
+    hold_s: NotNegative = Field(0.0, description="Time to stay there, in s.")
 
     @model_validator(mode="after")
     def _one_unit(self) -> Self:
         if self.to_mm is not None and self.to_N is not None:
-            raise refused("to_N", "has no use beside to_mm", value=self.to_N, remedy="leave one of them out")
+            raise refused("to_N", "cannot be combined with to_mm", value=self.to_N, remedy="leave one of them out")
         place = self.to_N if self.to_mm is None else self.to_mm
         units = (self.to_deg, self.velocity_deg_per_s), (place, self.velocity_mm_per_s)
         stated = sorted([value is not None for value in unit] for unit in units)
         if stated != [[False, False], [True, True]]:
             remedy = "give to_deg with velocity_deg_per_s, or to_mm or to_N with velocity_mm_per_s"
-            raise refused("", "must say where to and how fast, in one unit", remedy=remedy)
+            raise refused("", "must state a target and a speed, in one unit", remedy=remedy)
         return self
 
     @property
@@ -105,13 +105,13 @@ class Grid(BenchTable):
     table: ClassVar[str] = "grid"
 
     to_deg: OfMotions[tuple[Turn, ...]] | None = Field(None, description="Places of each motion by name, in degrees.")
-    to_mm: OfMotions[tuple[Shift, ...]] | None = Field(None, description="The same of linear stages, in mm.")
+    to_mm: OfMotions[tuple[Shift, ...]] | None = Field(None, description="The same for linear stages, in mm.")
     scatter: Annotated[int, Field(strict=True, ge=0, le=MOST_STATES)] = Field(
         0, description="States scattered evenly over the ranges of the places, visited after their combinations."
     )
-    velocity_deg_per_s: Positive | None = Field(None, description="How fast, in degrees per second.")
-    velocity_mm_per_s: Positive | None = Field(None, description="How fast, in mm per second.")
-    hold_s: Positive = Field(0.5, description="How long to stay at each, in s.")
+    velocity_deg_per_s: Positive | None = Field(None, description="Speed in degrees per second.")
+    velocity_mm_per_s: Positive | None = Field(None, description="Speed in mm per second.")
+    hold_s: Positive = Field(0.5, description="Time to stay at each, in s.")
 
     @model_validator(mode="after")
     def _has_places(self) -> Self:
@@ -121,7 +121,7 @@ class Grid(BenchTable):
             if not places:
                 raise refused(f"to_{self._unit}.{name}", "must be a list of places")
         if (states := math.prod(map(len, self._places.values()))) > MOST_STATES:
-            raise refused("", f"has {states} combinations; a protocol goes to {MOST_STATES} at most")
+            raise refused("", f"has {states} combinations; a protocol visits at most {MOST_STATES}")
         _ = self.steps[:1]  # a step refuses what is missing
         return self
 
@@ -180,8 +180,10 @@ def _halton(count: int, dimensions: int) -> FloatArray:
 class Protocol(BenchTable):
     """Steps, how often, and the rest before and after them."""
 
-    name: Text = Field(description="what the protocol is called.")
-    cycles: Annotated[int, Field(strict=True, ge=1, le=100_000)] = Field(1, description="How often the steps are done.")
+    name: Text = Field(description="name of the protocol.")
+    cycles: Annotated[int, Field(strict=True, ge=1, le=100_000)] = Field(
+        1, description="Number of repetitions of the steps."
+    )
     rest_s: NotNegative = Field(1.0, description="Rest before the first cycle and after the last, in s.")
     slow_cycles: Annotated[int, Field(strict=True, ge=0, le=100_000)] = Field(
         0, description="Further cycles at a lower velocity: what differs between the two is time, not hysteresis."
@@ -207,7 +209,7 @@ class Protocol(BenchTable):
         if len({"" in step.targets for step in self.steps}) > 1:
             raise refused("step", "must all name motions, or none of them")
         if self.slow_share is not None and self.slow_cycles == 0:
-            raise refused("slow_share", "has no use without slow_cycles", value=self.slow_share)
+            raise refused("slow_share", "does not apply without slow_cycles", value=self.slow_share)
         if self.shortest_s > LONGEST_S:
             days = self.shortest_s / 86_400.0
             raise refused("cycles", f"take {days:.3g} days; a protocol takes a week at most", value=self.cycles)

@@ -129,7 +129,7 @@ def subtracted(
 ) -> Demodulated:
     """Demodulated readings of some inputs with one emitter, in some periods.
 
-    Of a period only the emitter's own on phase and the off phases beside it are looked at.
+    Of each period, only the emitter's own on phase and the off phases next to it are used.
     """
     phases, on = 2 * counts.shape[1], 2 * (emitter - 1)
     near = np.unique([(on - 1) % phases, on, on + 1])

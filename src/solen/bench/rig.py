@@ -60,7 +60,7 @@ class SensorOf(BenchTable):
                 raise refused(key, "missing", remedy="of a network state emitters and inputs")
         for key, value in beside.items():
             if value is not None:
-                raise refused(key, "has no meaning with emitters and inputs", value=value, remedy="leave it out")
+                raise refused(key, "does not apply with emitters and inputs", value=value, remedy="leave it out")
         for key, wires in network.items():
             twice = [number for number, times in Counter((wires or {}).values()).items() if times > 1]
             if twice:
@@ -175,7 +175,7 @@ class Rig(BenchTable):
         if "stage" in self.model_fields_set:
             raise refused("stage", "cannot be combined with [stages.NAME]", remedy="leave it out")
         if self.load_cell is not None:
-            raise refused("load_cell", "has no meaning with [stages.NAME]", remedy="leave it out")
+            raise refused("load_cell", "does not apply with [stages.NAME]", remedy="leave it out")
         for name, one in self.stages.items():
             if one.drives != "angle":
                 limit = "a motion of a network is an angle"

@@ -101,7 +101,7 @@ class StageOf(BenchTable):
             if unit == "deg":
                 raise refused("drives", "is for a linear stage", value="depth", remedy='leave it out, or unit = "mm"')
             if self.lever_mm is not None:
-                limit = 'has no use beside drives = "depth"'
+                limit = 'cannot be combined with drives = "depth"'
                 raise refused("lever_mm", limit, value=self.lever_mm, remedy="leave one of them out")
         elif unit is not None and (unit == "mm") != (self.lever_mm is not None):
             limit = "is for a linear stage, and a linear stage needs it"
@@ -190,7 +190,7 @@ class DaqOf(BenchTable):
     )
     device: Text | None = Field(None, description="Name of a real one, as NI-DAQmx calls it: Dev1.")
     model: Text | None = Field(
-        None, description=f"What it must be; default: whatever it says it is. Simulated: {', '.join(MODELS)}."
+        None, description=f"Model it must be; default: the model that it reports. Simulated: {', '.join(MODELS)}."
     )
     rate_hz: Annotated[Number, Field(ge=100, le=2_000_000)] = Field(
         10_000.0, description="Samples of each input per second."
@@ -226,7 +226,7 @@ class DaqOf(BenchTable):
             raise refused("model", f"must be one of {', '.join(MODELS)}", value=self.model)
         _check_driver(self, "device")
         if self.switching != "external" and self.sync is not None:
-            raise refused("sync", "has no use beside what runs by the clock of the samples", value=self.sync)
+            raise refused("sync", "cannot be combined with what runs by the clock of the samples", value=self.sync)
         return self
 
     @property

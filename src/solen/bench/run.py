@@ -171,7 +171,9 @@ def check_motions(protocol: Protocol, known: Collection[str], what: str = "proto
         if not name:
             remedy = f"say to_deg = {{{next(iter(known))} = ...}}"
             raise BenchError(what, limit=f"names no motion, and the rig's stages make {there}", remedy=remedy)
-        limit = f"names no motion of the rig; there are {there}" if there else "is a motion's name; the rig has one"
+        limit = (
+            f"names no motion of the rig; there are {there}" if there else "names a motion, but the rig has only one"
+        )
         raise BenchError(f"{what}: step", value=name, limit=limit)
 
 

@@ -28,9 +28,9 @@ class Taken:
     Attributes
     ----------
     rows
-        Of the stream, with their ``part`` still to be written.
+        Rows of the stream; the caller fills in their ``part``.
     came
-        How far it has come, for the stream ``came``.
+        Progress of the stream, for the stream ``came``.
     last
         Something to show of the last period, shape (emitters, 2, inputs): on and off, from 0 up; None if nothing
         came.
@@ -75,7 +75,7 @@ class BoardSampling:
         }
 
     def start(self) -> float | None:
-        """Begin to sample; the first period begins when the board likes."""
+        """Start sampling; the board decides when the first period begins."""
         self._board.start()
         return None
 

@@ -181,7 +181,7 @@ def motion_of(path: Path, options: VideoOptions = VideoOptions()) -> VideoMotion
 
 def _check(options: VideoOptions) -> None:
     if options.glow is not None and options.offset_s is not None:
-        raise SpecError("--offset-s", limit="is already determined by --glow", remedy="give one of both")
+        raise SpecError("--offset-s", limit="is already determined by --glow", remedy="give one of the two")
     if options.recording is not None and options.glow is None:
         raise SpecError("--recording", limit="needs --glow, which shows when it began", remedy="or give --offset-s")
 
@@ -197,7 +197,7 @@ def _pictures(path: Path) -> Iterator[tuple[float, FloatArray]]:
     video = cv2.VideoCapture(str(path))
     try:
         if not video.isOpened():
-            raise DataError(str(path), limit="is no video that OpenCV can read", remedy="convert it to MP4 (H.264)")
+            raise DataError(str(path), limit="is not a video that OpenCV can read", remedy="convert it to MP4 (H.264)")
         while True:
             there, picture = video.read()
             if not there:

@@ -1,4 +1,4 @@
-"""Receivers as they read now, again and again, until somebody has seen enough.
+"""Receivers as they read now, repeatedly, until the user stops it.
 
 The interface: `watch` calls a function with each `Seen`.
 """

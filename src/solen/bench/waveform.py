@@ -59,7 +59,7 @@ class Waveform:
     part, stretch, number
         Of each frame, shape (F,): part of the run, stretch without a gap, number of its first sample in that.
     time_s
-        Of each frame's first sample on the clock of the run, shape (F,).
+        Time of each frame's first sample on the clock of the run, shape (F,).
     remarks
         Windows that gave no readings, and why.
     """

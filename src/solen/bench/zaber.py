@@ -49,7 +49,7 @@ class ZaberStage(LineStage):
     steps_per_unit
         Microsteps per deg or mm, by the device's specifications.
     unit
-        Of its positions.
+        Unit of its positions.
     axis, address
         The axis' number, and the device's.
     answer_s, home_s

@@ -81,7 +81,7 @@ COMMANDS: dict[str, tuple[tuple[str, str, str], ...]] = {
     EXPLORE: (
         ("sweep", "explore.sweep:sweep", "Trace a design over values of its numbers: merits and responses."),
         ("tolerance", "explore.tolerance:tolerance", "Trace prints whose numbers vary: yield and what costs most."),
-        ("optimise", "explore.optimise:optimise", "Search for the numbers of a design that make a merit best."),
+        ("optimise", "explore.optimise:optimise", "Search for the design parameters that optimise a merit."),
     ),
     PROJECT: (
         ("examples", "project.examples:examples", "Copy sample data for every command, all simulated, into a folder."),

@@ -1,4 +1,4 @@
-"""The response of a design that somebody is changing: roughly at once, then better and better.
+"""The response of a design while a user changes it: roughly at once, then better and better.
 
 The idea: while a number moves, few rays of the compiled batch give a response with a large but stated uncertainty;
 at rest the rays grow until the contrast is known to `GOAL`. What the batch does not know is integrated at rest.

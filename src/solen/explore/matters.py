@@ -64,7 +64,7 @@ class Matter(Result):
 def matters(sensor: Sensor, stop: Callable[[], bool] = lambda: False) -> Iterator[Matter]:
     """Changes of the contrast by the tolerance of each number, as they are traced; ends early where ``stop``.
 
-    What the batch does not know has none; a number at its limit is compared on one side.
+    Numbers that the batch does not support get none; a number at its limit is compared on one side.
     """
     if why_not_batched(sensor):
         return

@@ -232,7 +232,7 @@ def every_second(number: int) -> IntArray:
 
 
 def worst_place(name: str, values: FloatArray) -> int:
-    """Place of the worst of some values (C,) of a merit: one that does not exist, else the smallest or the largest."""
+    """Index of the worst value (C,) of a merit: one that does not exist, else the smallest or the largest."""
     size = np.abs(values)
     return int(np.argmax(np.where(np.isnan(values), np.inf, -size if name.startswith(_WORSE_IF_SMALL) else size)))
 

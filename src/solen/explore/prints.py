@@ -101,7 +101,7 @@ class MeritSpread(Result):
     first_order, total
         Sobol' indices by key: share of the variance by that number alone, and with others; of the surrogate.
     degree
-        Of the surrogate's polynomial.
+        Degree of the surrogate's polynomial.
     held_out
         Share of the variance which the surrogate leaves unexplained of prints that it was not fitted to.
     """

@@ -57,7 +57,7 @@ class Sliders(Result):
     Attributes
     ----------
     name
-        Of the design.
+        Name of the design.
     keys, values
         Key of each slider, and its values.
     in_space

@@ -79,11 +79,11 @@ class Tolerances(Result):
     prints, seed
         Number of traced prints, and the seed of them.
     yields
-        Of each requirement, and last of all together.
+        Yield of each requirement, and last of all together.
     varied
         What varies; what costs most yield first.
     spreads
-        Of each merit.
+        Spread of each merit.
     traced
         Number of prints traced now; the others were known.
     deviations
@@ -246,12 +246,14 @@ def print_design(subject: Subject, options: ToleranceOptions) -> Design | None:
         grown = any(one.moved is not None and "emitter.distance_mm" in one.weights for one in variations)
         why = "growth of --process brings the lens nearer to the emitter" if grown else "emitter.distance_mm varies"
         limit = f"{why}, and the lens of a design file is cut for the distance that it states"
-        remedy = "leave --process out" if grown else "hold it, by --vary of the others"
+        remedy = "leave --process out" if grown else "hold it fixed: name only the others with --vary"
         raise SpecError("--print-number", value=place, limit=limit, remedy=f"{remedy}; the table has this print")
     if "material.index" in values and design.material.resin is not None:
         if sensor.is_loaded or sensor.light.spectrum:
             limit = "material.index varies, and a design without its resin has neither its stiffness nor its dispersion"
-            raise SpecError("--print-number", value=place, limit=limit, remedy="hold it, by --vary of the others")
+            raise SpecError(
+                "--print-number", value=place, limit=limit, remedy="hold it fixed: name only the others with --vary"
+            )
         values = {"material.absorption_per_mm": sensor.material.absorption_per_mm} | values
     if sensor.has_lens and not sensor.is_measured and {"material.index", "emitter.wavelength_nm"} & values.keys():
         values = {"lens.design_index": sensor.design.lens.design_index or sensor.material.index} | values

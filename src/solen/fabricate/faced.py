@@ -211,7 +211,7 @@ class FacedPart(Part):
 def faced_part(name: str, body: Body, thickness_mm: float, cuts: tuple[Cut, ...]) -> Part:
     """Part of a body whose lens differs by height, with cuts that do not reach the lens."""
     if body.front is None:
-        raise AssertionError("a prism is no faced part")
+        raise AssertionError("a prism is not a faced part")
     lens = body.front.lens
     if isinstance(lens, LayeredLens):
         return StackedPart(name, stacked(body, lens, thickness_mm), cuts)

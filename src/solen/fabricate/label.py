@@ -1,4 +1,4 @@
-"""The label of a file: its design, the version of solen that wrote it, and the design file."""
+"""The metadata label of an exported file: its design, the version of solen that wrote it, and the design file."""
 
 import hashlib
 from dataclasses import dataclass

@@ -54,7 +54,7 @@ class Mesh:
             yield some, np.asarray(np.einsum("ij,ij->i", a - middle, np.cross(b - middle, c - middle)))
 
     def corners(self) -> Iterator[tuple[slice, FloatArray]]:
-        """Corners (3, m, 3) of some triangles at a time, so that a large mesh is never spread out whole."""
+        """Corners (3, m, 3) of a batch of triangles at a time, so that a large mesh is never spread out whole."""
         for first in range(0, len(self.triangles), AT_ONCE):
             some = slice(first, first + AT_ONCE)
             yield some, self.vertices[self.triangles[some].T]

@@ -63,7 +63,7 @@ class Pieces:
     own: FloatArray
 
     def summed(self, first: int, last: int, columns: int) -> FloatArray:
-        """Covered shares (last - first, columns) of some rows."""
+        """Covered shares (last - first, columns) of the given rows."""
         chosen = slice(*np.searchsorted(self.row, [first, last]))
         at = (self.row[chosen] - first) * (columns + 1) + self.column[chosen]
         climb, own = self.climb[chosen], self.climb[chosen] * self.own[chosen]

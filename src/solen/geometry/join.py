@@ -198,7 +198,7 @@ def _between(curve: Curve, first: Point, last: Point) -> Curve:
     raise DesignError(
         "body outline",
         value=f"a {type(curve).__name__} from {place_text(curve.start)}",
-        limit=f"does not end where its neighbours do to {GAP_MM:g} mm",
+        limit=f"does not meet its neighbours to within {GAP_MM:g} mm",
         remedy="make its ends exact: this kind of curve cannot be deformed",
     )
 

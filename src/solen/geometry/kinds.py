@@ -33,7 +33,7 @@ class BodyKind:
         Checked body of a design with its lens in the motion's state at an angle in degrees; `DesignError` if it
         cannot be built. The lens is None if drawn.
     unused_keys
-        Keys of the design that have no meaning for this kind, by table.
+        Keys of the design that do not apply to this kind, by table.
     lens_is_drawn
         Whether the lenses are parts of the body, as in a drawing or a network, so that none stands before all of it.
     parameters

@@ -38,7 +38,7 @@ class Closed:
     at_mm
         Where it begins now.
     length_mm
-        Of the closed part of the first wall, from the corner.
+        Length of the closed part of the first wall, from the corner.
     overlap_mm
         How far the walls would lie in each other.
     """

@@ -242,7 +242,7 @@ class FittedProfile(Result, eq=True):
         if self.scatter_um > ROUGH * max(stated_um, 1e3 * LEAST_U_MM):
             return (
                 f"neighbouring points scatter by {self.scatter_um:.2g} µm, more than their stated {stated_um:.2g} µm: "
-                "the scatter is taken as their uncertainty"
+                "the scatter is used as their uncertainty"
             )
         if self.smooth.residual > ROUGH:
             return (

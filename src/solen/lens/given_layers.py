@@ -37,7 +37,7 @@ class Profiles:
     Attributes
     ----------
     name
-        Of the lens.
+        Name of the lens.
     half_width_mm
         Half the width of the aperture.
     edges_mm

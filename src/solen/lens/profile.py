@@ -54,7 +54,7 @@ class MeasuredProfile(Result):
     simulated
         Whether it was computed, as by a print model or from a rendered picture, rather than measured.
     name
-        Of the lens or the part.
+        Name of the lens or the part.
     edge
         Edge of the part: ``top``, ``bottom``, ``mean``, or ``predicted``.
     sources

@@ -316,7 +316,7 @@ def _plain(x: FloatArray, y: FloatArray, each: FloatArray) -> LinearFit:
 def _at(
     x: FloatArray, y: FloatArray, own: FloatArray, effects: Sequence[FloatArray], ratios: Mapping[int, float]
 ) -> LinearFit:
-    """Fit at given ratios of the variances of some effects and of e."""
+    """Fit at given ratios of the variances of the effects to that of e."""
     n, p = x.shape
     parts = [own, *(effects[number] for number in ratios)]
     shape = own + sum((ratio * effects[number] for number, ratio in ratios.items()), np.zeros_like(own))

@@ -56,7 +56,7 @@ class Contact(Result):
     Attributes
     ----------
     name
-        Of the press.
+        Name of the press.
     face
         Of the body.
     u_from, u_to

@@ -87,7 +87,7 @@ class Press:
     face, at_mm
         Where it first touches: length along a face, counted as in `Stretch`.
     radius_mm
-        Of the finger.
+        Radius of the finger.
     depth_mm, force_N
         How far it moves on, or the force along its way with which it does: one of the two.
     direction_deg

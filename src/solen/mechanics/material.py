@@ -34,7 +34,7 @@ class Material:
     kind
         A hyperelastic model: ``neo-hookean``, ``mooney-rivlin``, ``yeoh``, ``ogden-1`` to ``ogden-3``.
     parameters
-        Of the model, in the order of its names.
+        Parameters of the model, in the order of its names.
     poisson
         Poisson's ratio at small strain, 0.4 to 0.5; 0.5 keeps every volume. Plane stress takes 0.5.
     """

@@ -38,7 +38,7 @@ class Outcome:
     pulls
         Forces (N, 2) on all nodes of every pull by its name, N for the whole thickness.
     thickness_mm
-        Of the body.
+        Thickness of the body.
     """
 
     body: Body

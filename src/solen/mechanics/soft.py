@@ -165,7 +165,7 @@ class Path:
     spread
         Forces on all components of displacement by each amount of a pull of 1 N, per mm of thickness.
     thickness_mm
-        Of the body.
+        Thickness of the body.
     passed
         The states, rest first.
     """

@@ -352,7 +352,7 @@ class FacesInspection(Result):
 
     @reported
     def rms_um(self) -> dict[str, float]:
-        """Deviation of each, root mean square."""
+        """Root-mean-square deviation of each face."""
         return {"first_layer": self.first_layer.deviation.rms_um, "last_layer": self.last_layer.deviation.rms_um}
 
     @reported

@@ -115,7 +115,7 @@ def _decoded(file: str, data: bytes, page: Any) -> NDArray[Any]:
     if values.dtype == bool:
         values = values.astype(np.uint8) * 255
     if values.shape[:2] != (page.imagelength, page.imagewidth):
-        raise DataError(file, limit="is compressed in a way that is not read", remedy="save it without compression")
+        raise DataError(file, limit="is compressed in an unsupported way", remedy="save it without compression")
     return values
 
 

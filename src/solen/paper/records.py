@@ -72,7 +72,7 @@ def chosen(names: Sequence[str], asked: Sequence[str]) -> tuple[str, ...]:
         found = {name for name in names if _holds(name, text)}
         if not found:
             raise SpecError(
-                "--figure", value=one, limit="is no figure that is made", remedy=f"one of {', '.join(names)}"
+                "--figure", value=one, limit="is not a figure that can be made", remedy=f"one of {', '.join(names)}"
             )
         wanted |= found
     return tuple(name for name in names if not asked or name in wanted)

@@ -209,7 +209,9 @@ class TrimmerPart(Sheet):
     resistance_ohm: Quantity = Field(description="a table with its whole resistance in ohm.")
     end_ohm: Quantity | None = Field(None, description="Residual resistance at its end, in ohm.")
     turn_deg: Quantity | None = Field(None, description="Angle from one end to the other.")
-    drift_ppm_per_k: Quantity | None = Field(None, description="Change of the resistance per K, in ppm, either way.")
+    drift_ppm_per_k: Quantity | None = Field(
+        None, description="Change of the resistance per K, in ppm, of either sign."
+    )
     power_mw: Quantity | None = Field(None, description="Largest power allowed, in mW.")
 
 

@@ -50,7 +50,7 @@ class Lift(Sourced):
     height_mm: NotNegative = Field(description="lift of the others in mm.")
     bottom_speed_mm_per_min: Positive = Field(description="speed of the lift of the bottom layers in mm/min.")
     speed_mm_per_min: Positive = Field(description="the same of the others.")
-    retract_mm_per_min: Positive = Field(description="speed of the way back in mm/min.")
+    retract_mm_per_min: Positive = Field(description="speed of the retraction in mm/min.")
     bottom_wait_before_s: NotNegative = Field(0.0, description="rest before an exposure of the bottom layers in s.")
     wait_before_s: NotNegative = Field(0.0, description="the same of the others.")
     bottom_wait_after_s: NotNegative = Field(0.0, description="rest after an exposure of the bottom layers in s.")
@@ -152,7 +152,7 @@ def library_printer(name: str) -> Printer:
 
 
 def load_printer(path: Path | str) -> Printer:
-    """Printer of a file.
+    """Read a printer from a file.
 
     Raises
     ------

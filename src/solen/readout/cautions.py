@@ -22,7 +22,7 @@ def cautions(
     circuit, advice
         With typical parts, and the advice on its loads.
     wavelength_nm
-        Of the traced light.
+        Wavelength of the traced light.
     dark_V
         Highest reading: with the emitter off.
     in_space

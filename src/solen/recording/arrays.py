@@ -65,7 +65,7 @@ def recorded(
     whole = [column for column in columns if column[2].size == length]
     others = sorted({name for name, _, values in columns if values.size not in {1, length}})
     stated = {name: f"{values[0]:.10g}" for name, _, values in columns if values.size == 1} | dict(metadata)
-    note = f"arrays of another length are left out: {', '.join(others[:12])}" if others else ""
+    note = f"arrays of a different length are left out: {', '.join(others[:12])}" if others else ""
     channels = []
     for name, (_, unit, values) in zip(unique([name for name, _, _ in whole]), whole, strict=True):
         head = heading(name, _SINCE.sub(r"\1", unit)) if unit else heading(name)

@@ -226,7 +226,9 @@ def _notes(trace: _Trace, waves: FloatArray, values: FloatArray, quantity: str, 
     if missing:
         notes.append(f"{missing} of {values.size} values are empty")
     if quantity == "absorbance" and (full := int(np.sum(values >= _SATURATED_ABS))):
-        notes.append(f"{full} values are at the limit of the instrument, Abs = {_SATURATED_ABS:g}: the light was gone")
+        notes.append(
+            f"{full} values are at the limit of the instrument, Abs = {_SATURATED_ABS:g}: no light was left to measure"
+        )
     if quantity in {"transmittance", "reflectance"} and (low := int(np.sum(values < 0.0))):
         notes.append(f"{low} values are negative, down to {np.nanmin(values):.3g} %: noise or stray light about zero")
     lone = scan.alone_note(values, [f"at {wave:g} nm" for wave in waves.tolist()])

@@ -73,5 +73,7 @@ def has_lens(word: str) -> bool:
     plain = re.sub(r"[\W_]+", "", word).casefold()
     if plain in _WITH or plain in _WITHOUT:
         return plain in _WITH
-    remedy = "call it lens or nolens, or leave {lens} out of --pattern and name the sensors without one with --control"
+    remedy = (
+        "call it lens or nolens, or leave {lens} out of --pattern and name the sensors without a lens with --control"
+    )
     raise DataError("lens", value=word, limit="states neither a lens nor its absence", remedy=remedy)

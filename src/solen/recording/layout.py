@@ -39,7 +39,7 @@ class Layout:
     names
         Text of each column's header.
     units
-        Units of each by the row of units; empty texts where there is no such row.
+        Unit of each column from the row of units; empty if there is no such row.
     before
         Rows above the header that are not empty.
     body
@@ -47,7 +47,7 @@ class Layout:
     after
         Rows of text after it.
     again
-        How often the header stands in the table again, as where a logger appended to its file.
+        How often the header is repeated in the table, as when a logger appended to its file.
     """
 
     header: int

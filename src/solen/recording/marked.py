@@ -37,15 +37,15 @@ class Program:
     mark
         Bytes that only its files hold, or begin with.
     header
-        Statements of the lines above the numbers, by the file's own words.
+        Reads the lines above the numbers into a header, with the file's own keys.
     begin, end
-        Lines above and below the numbers; without one below, they go to the end of the file.
+        Lines above and below the numbers; without one below, the numbers run to the end of the file.
     ended
-        Whether the line below them must be there.
+        Whether the line below the numbers is required.
     named
         Whether the line above the numbers holds the units of columns, and the one above that their names.
     labels
-        Labels of JCAMP-DX (`solen.recording.stated`) and others that are used here, by the file's words.
+        The file's own keys, mapped to labels of JCAMP-DX (`solen.recording.stated`) and others used here.
     """
 
     mark: re.Pattern[bytes]
@@ -156,7 +156,9 @@ def _read(source: Source, name: str, program: Program) -> Recording:
         heads = [[cell.strip(" []") for cell in line.split(";")[1:]] for line in lines[begin - 1 : begin + 1]]
         if len(heads[0]) != len(heads[1]) or len(heads[0]) != len(columns):
             raise source.refused(
-                f"line {begin}", f"has not a name and a unit for each of {len(columns)} columns", "export it again"
+                f"line {begin}",
+                f"does not have a name and a unit for each of {len(columns)} columns",
+                "export it again",
             )
         pairs = [(name, unit + name if unit == "%" else unit) for name, unit in zip(*heads, strict=True)]
     else:

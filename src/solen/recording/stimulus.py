@@ -28,7 +28,7 @@ class Stimulus:
     name, plural
         How sentences call it.
     unit
-        Of its values, and in keys.
+        Unit of its values, and in keys.
     sign
         Its unit behind a number.
     """

@@ -98,7 +98,7 @@ def _old_sheets(source: Source, wanted: str | None) -> dict[str, list[list[str]]
         sheets = {one.name: [_old_row(book, one.row(n)) for n in range(one.nrows)] for one in book.sheets()}
     except Exception as bad:  # xlrd raises whatever fits what it stumbled over
         no_book = "find workbook" in str(bad)
-        limit = "is no Excel workbook, but a program's own binary format" if no_book else "is a damaged workbook"
+        limit = "is not an Excel workbook but another program's binary format" if no_book else "is a damaged workbook"
         raise source.refused("", limit, "save the table as .xlsx or CSV") from None
     _check_name(source, wanted, list(sheets))
     return sheets if wanted is None else {wanted: sheets[wanted]}

@@ -33,7 +33,7 @@ PARTS = ("regions", "interfaces", "sources", "monitors")
 def dumps(scene: Scene) -> str:
     """JSON text of a scene; `DesignError` for a curve or a source that has no name in JSON."""
     if scene.front is not None:
-        limit = "has no form in JSON: a face in space belongs to a design"
+        limit = "cannot be written as JSON: only a design file can hold a face in space"
         raise DesignError("scene front", value=scene.front.lens.shape, limit=limit, remedy="keep the design file")
     data: dict[str, Any] = {
         "solen_scene": SCHEMA,

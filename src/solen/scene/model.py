@@ -212,7 +212,7 @@ class Scene:
             (behaviour == "splitter" and interface.surface is None, None, "needs a surface with its transmitted share"),
             (is_ideal and not one_medium, behaviour, "must have the same region on both sides"),
             (focuses and not straight, "focal_mm", "an ideal element is a straight segment"),
-            (focuses and behaviour not in ("lens", "mirror"), "focal_mm", f"has no meaning for behaviour {behaviour}"),
+            (focuses and behaviour not in ("lens", "mirror"), "focal_mm", f"does not apply to behaviour {behaviour}"),
             (absorbs and (surface.is_random or coated), behaviour, "absorbs all light: no scatter, texture or coating"),
             (coated and behaviour != "refracting", behaviour, "a coating needs a refracting interface"),
             (ruled != (surface.grating is not None), behaviour, "a grating, and only a grating, has surface.grating"),

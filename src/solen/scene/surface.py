@@ -181,7 +181,7 @@ def _check_column(what: str, values: tuple[float, ...], axis: tuple[float, ...],
 class Grating:
     """A thin grating in the plane: order m changes the tangential wave number by m times that of its lines.
 
-    n₂ sin θ₂ = n₁ sin θ₁ + m λ ``lines_per_mm`` towards the right of the light's way, from whichever side it comes.
+    n₂ sin θ₂ = n₁ sin θ₁ + m λ ``lines_per_mm`` towards the right of the light's direction, from either side.
 
     Attributes
     ----------
@@ -243,11 +243,11 @@ class Surface:
     Attributes
     ----------
     reflectance
-        Of a mirror: the share of the power that it reflects, the rest is absorbed.
+        For a mirror: the share of the power that it reflects, the rest is absorbed.
     transmitted
-        Of a splitter: the share of the power that goes straight on, the rest is reflected.
+        For a splitter: the share of the power that goes straight on, the rest is reflected.
     focal_mm
-        Of a thin lens or a mirror: its focal length, of an ideal element that bends rays by their height over it, as
+        For a thin lens or a mirror: its focal length, of an ideal element that bends rays by their height over it, as
         paraxial optics do at any angle. Positive where it gathers light.
     partial
         False where refraction loses nothing to partial reflection, as under a perfect antireflection coating.

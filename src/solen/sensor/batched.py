@@ -163,7 +163,7 @@ class _Batch:
         out.truncated[d] = found.truncated.max(initial=0.0)
 
     def _why_not(self, d: int, angle_deg: FloatArray) -> str:
-        """Why a body cannot be at one of some angles: a scene knows."""
+        """Why a body cannot be at one of the angles, as its scene reports."""
         try:
             for angle in angle_deg.tolist():
                 self.sensors[d].scene(angle, 1)

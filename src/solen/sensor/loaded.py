@@ -115,7 +115,7 @@ class LoadedStudy(Result):
     angle_deg, depth_mm, force_N
         Values of an angle, a depth and a force; of a finger both of the latter, None where the motion has none.
     moment_Nmm
-        Of a driven clamp, about its pivot; None otherwise.
+        Moment of a driven clamp, about its pivot; None otherwise.
     turn_deg, lens_turn_deg
         Turn of what carries the emitter, 0 where that is the ground, and of the lens.
     rigid_contrast, rigid_refused
@@ -321,7 +321,7 @@ def force_of(sensor: Sensor, value: float) -> float:
 
 
 def _cautions(states: Sequence[LoadedState]) -> list[Caution | str]:
-    """Warnings of some states, each once."""
+    """Warnings of the given states, each once."""
     found: list[Caution | str] = list(dict.fromkeys(text for state in states for text in state.deformed.warnings))
     strain = max(abs(state.deformed.strain_largest) for state in states)
     if LARGE_STRAIN < strain <= LARGE:  # beyond it the body says so
@@ -346,6 +346,6 @@ def _of_planes(sensor: Sensor, planes: PlaneSpread | None) -> list[Caution]:
     return [
         look_at(
             f"plane strain and plane stress differ by up to {planes.apart:.2f} in the contrast: a part of "
-            f"{sensor.design.body.thickness_mm:g} mm lies between, and three dimensions would be needed to say where"
+            f"{sensor.design.body.thickness_mm:g} mm lies in between; only a model in three dimensions could say where"
         )
     ]

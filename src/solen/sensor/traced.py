@@ -72,7 +72,7 @@ class Sensitivities(Result):
     Attributes
     ----------
     name
-        Of the design.
+        Name of the design.
     angle_deg, depth_mm, force_N
         Angle of its motion, or the depth or force that loads a soft body; the others are None.
     sensitivities
@@ -180,16 +180,16 @@ def value_asked(sensor: Sensor, angle_deg: float | None, at: float | None) -> fl
     """
     motion = sensor.design.motion
     if sensor.is_network and (angle_deg is not None or at is not None):
-        limit = "has no meaning: a network has motions by name"
+        limit = "does not apply: a network has motions by name"
         name, value = ("--at", at) if angle_deg is None else ("--angle-deg", angle_deg)
         raise SpecError(name, value=value, limit=limit, remedy="use --set network.motion[0].at_deg=...")
     if sensor.is_loaded:
         if angle_deg is not None:
-            limit = f"has no meaning: the motion drives {motion.drives}"
+            limit = f"does not apply: the motion drives {motion.drives}"
             raise SpecError("--angle-deg", value=angle_deg, limit=limit, remedy=f"use --at, in {motion.unit}")
         return motion.values()[-1] if at is None else at
     if at is not None:
-        limit = f'has no meaning with motion.kind = "{motion.kind}"'
+        limit = f'does not apply with motion.kind = "{motion.kind}"'
         raise SpecError("--at", value=at, limit=limit, remedy="use --angle-deg")
     return angle_deg or 0.0
 

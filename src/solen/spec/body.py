@@ -190,15 +190,15 @@ class Lens(Strict):
             remedy = "add knots_um = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]"
             raise refused("knots_um", 'missing: shape = "spline" needs it', remedy=remedy)
         if self.least_feature_um is not None and self.knots_um is None:
-            limit = "has no meaning without knots_um"
+            limit = "does not apply without knots_um"
             raise refused("least_feature_um", limit, value=self.least_feature_um, remedy="leave it out")
         if self.layer_mm is not None and self.profile is not None:
             raise refused(
-                "layer_mm", "has no meaning with profile", value=self.layer_mm, remedy="leave one of them out"
+                "layer_mm", "does not apply with profile", value=self.layer_mm, remedy="leave one of them out"
             )
         for key, *shapes in OF_SHAPES:
             if getattr(self, key) is not None and self.shape not in shapes:
-                limit, remedy = f'has no meaning with shape = "{self.shape}"', f'set shape = "{shapes[0]}"'
+                limit, remedy = f'does not apply with shape = "{self.shape}"', f'set shape = "{shapes[0]}"'
                 raise refused(key, limit, value=getattr(self, key), remedy=remedy)
         return self
 
@@ -284,6 +284,6 @@ class Receivers(Strict):
         if self.coupling != "air-gap" and self.gap_mm is not None:
             remedy = 'leave it out, or set coupling = "air-gap"'
             raise refused(
-                "gap_mm", f'has no meaning with coupling = "{self.coupling}"', value=self.gap_mm, remedy=remedy
+                "gap_mm", f'does not apply with coupling = "{self.coupling}"', value=self.gap_mm, remedy=remedy
             )
         return self

@@ -31,7 +31,7 @@ def check_combinations(design: "Design") -> None:
     if outline and design.body.file is None:
         raise refused("body.file", 'missing: kind = "outline" needs it', remedy='add file = "sensor.dxf"')
     if design.fabricate.pockets and design.receivers.coupling == "air-gap":
-        limit = 'has no meaning with receivers.coupling = "air-gap": a pocket seats a receiver on the body'
+        limit = 'does not apply with receivers.coupling = "air-gap": a pocket seats a receiver on the body'
         raise refused("fabricate.pockets", limit, value=True, remedy="leave one of them out")
     if design.trace.dimension == "extruded" and design.emitter.is_fan:
         limit = 'needs light out of the plane, and emitter.pattern = "fan" has none'
@@ -55,7 +55,7 @@ def _refuse_stated(design: "Design", keys: Keys, because: str) -> None:
         for name in names:
             value = getattr(part, name)
             if value != type(part).model_fields[name].default:
-                raise refused(f"{table}.{name}", f"has no meaning with {because}", value=value, remedy="leave it out")
+                raise refused(f"{table}.{name}", f"does not apply with {because}", value=value, remedy="leave it out")
 
 
 def _check_network(design: "Design") -> None:
@@ -72,7 +72,7 @@ def _check_network(design: "Design") -> None:
         _check_drawn(design) if drawn else _check_places(design)
     stated = next((key for key in type(network).model_fields if getattr(network, key)), None)
     if stated is not None and not has:
-        limit = f'has no meaning with body.kind = "{design.body.kind}"'
+        limit = f'does not apply with body.kind = "{design.body.kind}"'
         raise refused(f"network.{stated}", limit, remedy='set body.kind = "network"')
 
 
@@ -86,7 +86,7 @@ def _check_places(design: "Design") -> None:
     """Reject a part without a place, and keys of a drawing that there is not."""
     for key in ("units", "join_mm"):
         if getattr(design.body, key) is not None:
-            raise refused(f"body.{key}", "has no meaning without body.file", value=getattr(design.body, key))
+            raise refused(f"body.{key}", "does not apply without body.file", value=getattr(design.body, key))
     for key in ("lenses", "emitters", "receivers"):
         for number, one in enumerate(getattr(design.network, key)):
             if one.node is None and one.guide is None and getattr(one, "lens", None) is None:
@@ -99,14 +99,14 @@ def _check_drawn(design: "Design") -> None:
     network, because = design.network, "with body.file"
     for key in OF_A_DRAWING:
         if getattr(network, key):
-            raise refused(f"network.{key}", f"has no meaning {because}: the network is drawn", remedy="leave it out")
+            raise refused(f"network.{key}", f"does not apply {because}: the network is drawn", remedy="leave it out")
     outline = UNUSED_KEYS["outline"]
     _refuse_stated(design, {table: outline[table] for table in ("lens", "emitter")}, "body.file")
     for key in ("lenses", "emitters", "receivers"):
         for number, one in enumerate(getattr(network, key)):
             for name in WHERE:
                 if getattr(one, name, None) is not None:
-                    limit = f"has no meaning {because}: the part is drawn"
+                    limit = f"does not apply {because}: the part is drawn"
                     what = f"network.{key}[{number}].{name}"
                     raise refused(what, limit, value=getattr(one, name), remedy="leave it out")
     lit = {one.lens for one in network.emitters}
@@ -125,7 +125,7 @@ def _check_carried(design: "Design") -> None:
     """Reject a bend or a load that names what moves: all of the body does."""
     motion = design.motion
     if motion.moves != (("emitter",) if design.body.lens_is_drawn else ("lens", "emitter")):
-        limit = f'has no meaning with motion.kind = "{motion.kind}": lens and emitter are carried along'
+        limit = f'does not apply with motion.kind = "{motion.kind}": lens and emitter are carried along'
         raise refused("motion.moves", limit, value=list(motion.moves), remedy="leave it out")
 
 
@@ -147,7 +147,7 @@ def _check_moves(design: "Design") -> None:
     if "mirrors" in moves:
         raise refused("motion.moves", "a Y has no mirrors", value=list(moves), remedy="leave them out")
     if "lens" not in moves and design.motion.join != "bridge":
-        limit = "has no meaning unless the lens turns"
+        limit = "does not apply unless the lens turns"
         raise refused("motion.join", limit, value=design.motion.join, remedy="leave it out")
     if "receivers" in moves and design.receivers.coupling != "air-gap":
         limit = "receivers on the arm ends cannot turn without the arms"

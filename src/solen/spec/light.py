@@ -88,17 +88,17 @@ class Emitter(Strict):
         if len(tables) > 1:
             raise refused("pattern_file", "cannot be combined with pattern_table", remedy="keep one of the two")
         if tables and self.pattern != "table":
-            raise refused(tables[0], f'has no meaning with pattern = "{self.pattern}"', remedy='set pattern = "table"')
+            raise refused(tables[0], f'does not apply with pattern = "{self.pattern}"', remedy='set pattern = "table"')
         if self.pattern == "table" and not tables:
             remedy = "add pattern_table = [[0, 1], [90, 0]], or pattern_file"
             raise refused("pattern_table", 'missing: pattern = "table" needs it', remedy=remedy)
         if self.pattern_table is not None and (bad := why_no_pattern(self.pattern_table)):
             raise refused("pattern_table", bad)
         if self.exponent != 1.0 and self.pattern != "lambertian":
-            limit = f'has no meaning with pattern = "{self.pattern}"'
+            limit = f'does not apply with pattern = "{self.pattern}"'
             raise refused("exponent", limit, value=self.exponent, remedy='set pattern = "lambertian"')
         if self.height_mm > 0.0 and self.pattern == "fan" and self.part is None:
-            limit = 'has no meaning with pattern = "fan", which lies in the plane'
+            limit = 'does not apply with pattern = "fan", which lies in the plane'
             raise refused("height_mm", limit, value=self.height_mm, remedy='set pattern = "lambertian"')
         if self.ray_file is not None:
             self._rays_alone()

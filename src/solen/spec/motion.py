@@ -151,7 +151,7 @@ class Motion(Strict):
             Where the motion drives a depth or a force.
         """
         if self.key != "angle_deg":
-            limit = "is no angle, which this reads"
+            limit = "is not an angle, which this command needs"
             raise SpecError("motion.drives", value=self.drives, limit=limit, remedy="use solen run, deform or trace")
         first, last, step = (Decimal(repr(value)) for value in (self.from_deg, self.to_deg, self.step_deg))
         steps = int((last - first) / step + _SAME_ANGLE)

@@ -61,7 +61,8 @@ class Node(Strict):
 
     name: Name = Field(description="its name.")
     at_mm: PlaceOf | None = Field(
-        None, description="Place [x_mm, z_mm]; default: the end of the guide that leads there, of the first the origin."
+        None,
+        description="Place [x_mm, z_mm]; default: the end of the guide that leads there; the first: the origin.",
     )
     fillet_mm: Size = Field(0.0, description="Radius of the fillets in the corners between guides; 0 for none.")
     end: Literal["open", "mirror", "black"] = Field(
@@ -106,7 +107,7 @@ class Guide(Strict):
         stated["length_mm"] = self.length_mm
         for key, value in stated.items():
             if self.through_mm and value:
-                raise refused(key, "has no meaning with through_mm", value=value, remedy="leave one of them out")
+                raise refused(key, "does not apply with through_mm", value=value, remedy="leave one of them out")
         if self.direction_deg is not None and self.length_mm is None:
             raise refused("length_mm", "missing: direction_deg needs it", remedy="add it")
         if self.length_mm is not None and self.direction_deg is None and self.flush is None:
@@ -130,11 +131,11 @@ class Placed(Strict):
     def check_place(self, beside: Iterable[str]) -> None:
         """Reject both a node and a side, and keys of a side without it, or a side without them."""
         if self.node is not None and self.guide is not None:
-            raise refused("node", "has no meaning with guide", value=self.node, remedy=REMEDY_OF_PLACE)
+            raise refused("node", "does not apply with guide", value=self.node, remedy=REMEDY_OF_PLACE)
         for key in ("side", *beside):
             value = getattr(self, key)
             if (value is None) == (self.guide is not None):
-                limit = "missing: guide needs it" if value is None else "has no meaning without guide"
+                limit = "missing: guide needs it" if value is None else "does not apply without guide"
                 raise refused(key, limit, value=value, remedy="add it" if value is None else "leave it out")
 
 
@@ -182,7 +183,7 @@ class PlacedEmitter(Placed):
             return self
         for key in ("node", "guide", "side", "at_mm"):
             if getattr(self, key) is not None:
-                raise refused(key, "has no meaning with lens", value=getattr(self, key), remedy="leave it out")
+                raise refused(key, "does not apply with lens", value=getattr(self, key), remedy="leave it out")
         return self
 
 
@@ -227,7 +228,7 @@ class NamedMotion(Strict):
     def _ascends(self) -> Self:
         for key in ("pivot", "join"):
             if self.kind == "bend" and getattr(self, key) is not None:
-                raise refused(key, "has no meaning for a bend", value=getattr(self, key), remedy="leave it out")
+                raise refused(key, "does not apply to a bend", value=getattr(self, key), remedy="leave it out")
         if not self.from_deg < self.to_deg:
             raise refused("from_deg", f"must be less than to_deg = {self.to_deg}", value=self.from_deg)
         if not self.from_deg <= self.at_deg <= self.to_deg:

@@ -37,7 +37,7 @@ class Formula:
     Attributes
     ----------
     name
-        Of the reading.
+        Name of the reading.
     powers
         Emitters and receivers whose powers it holds.
     """

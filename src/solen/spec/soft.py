@@ -50,7 +50,7 @@ class Hold(Stretch):
 
     table: ClassVar[str] = "hold"
 
-    name: Text = Field("hold", description="Its name; tables of one name are one support.")
+    name: Text = Field("hold", description="Its name; tables with the same name form one support.")
     kind: Literal["fixed", "sliding", "turning"] = Field(
         "fixed", description="Fixed; sliding along the wall; or turning as a rigid piece about a point."
     )
@@ -72,7 +72,7 @@ class Hold(Stretch):
             raise refused("about", 'missing: kind = "turning" needs it', remedy='add about = "stem-base"')
         for key in ("about", "angle_deg"):
             if self.kind != "turning" and getattr(self, key) is not None:
-                limit = f'has no meaning with kind = "{self.kind}"'
+                limit = f'does not apply with kind = "{self.kind}"'
                 raise refused(key, limit, value=getattr(self, key), remedy='leave it out, or set kind = "turning"')
         return self
 
@@ -89,7 +89,7 @@ class Press(Strict):
     depth_mm: NotNegative | None = Field(None, description="How far it moves on after it touches, in mm.")
     force_N: NotNegative | None = Field(None, description="Or with what force in N, over the whole thickness.")
     direction_deg: Annotated[Number, Field(ge=-360, le=360)] | None = Field(
-        None, description="Direction of its way, counter-clockwise from +z; default: square to the wall."
+        None, description="Direction of its motion, counter-clockwise from +z; default: normal to the wall."
     )
     backing: Text | None = Field(
         None, description="Face that slides on a flat support behind the body; default: its back is free."
@@ -102,9 +102,9 @@ class Press(Strict):
     @model_validator(mode="after")
     def _by_depth_or_force(self) -> Self:
         if self.depth_mm is not None and self.force_N is not None:
-            raise refused("force_N", "has no meaning with depth_mm", value=self.force_N, remedy="leave one of them out")
+            raise refused("force_N", "does not apply with depth_mm", value=self.force_N, remedy="leave one of them out")
         if self.absorption_per_mm and self.index is None:
-            limit = "has no meaning without index: a dry finger takes no light"
+            limit = "does not apply without index: a dry finger takes no light"
             raise refused("absorption_per_mm", limit, value=self.absorption_per_mm, remedy="add index = 1.4")
         return self
 
@@ -128,7 +128,7 @@ def check_loads(design: "Design") -> None:
         stated = [name for name, rows in tables.items() if rows]
         stated += ["mechanics"] * (design.mechanics != Mechanics())
         if stated:
-            limit = f'has no meaning with motion.kind = "{design.motion.kind}"'
+            limit = f'does not apply with motion.kind = "{design.motion.kind}"'
             raise refused(stated[0], limit, remedy='leave it out, or set motion.kind = "loaded"')
         return
     if not design.hold:
@@ -196,7 +196,7 @@ def _check_stated(design: "Design") -> None:
             stated = next((key for key in DRIVEN[table] if getattr(row, key) is not None), None)
             of_driven = (table, row.name) == (driving, name)
             if of_driven and stated:
-                limit = f"has no meaning beside motion.drives = {design.motion.drives!r}"
+                limit = f"does not apply beside motion.drives = {design.motion.drives!r}"
                 raise refused(f"{table}[{number}].{stated}", limit, value=getattr(row, stated), remedy="leave it out")
             if not (of_driven or stated or table == "hold"):
                 key = DRIVEN[table][0]
@@ -214,7 +214,7 @@ def _check_values(design: "Design") -> None:
     wanted = LISTS[key]
     for name, stated in (lists | (sweep if wanted else {})).items():
         if stated and name != wanted:
-            limit = f"has no meaning with {because}"
+            limit = f"does not apply with {because}"
             raise refused(f"motion.{name}", limit, value=getattr(motion, name), remedy="leave it out")
     if wanted and not lists[wanted]:
         raise refused(f"motion.{wanted}", f"missing: {because} needs it", remedy=f"add {wanted} = [0, 0.1, 0.2]")

@@ -15,31 +15,36 @@ class Tolerance(Strict):
 
     table: ClassVar[str] = "tolerance"
 
-    emitter_wavelength_nm: Positive = Field(5.0, description="Of emitter.wavelength_nm, in nm.")
-    emitter_distance_mm: Positive = Field(0.05, description="Of emitter.distance_mm, in mm, with the lens unchanged.")
-    emitter_offset_mm: Positive = Field(0.01, description="Of emitter.offset_mm, in mm: placed under a microscope.")
-    emitter_y_mm: Positive = Field(0.1, description="Of emitter.y_mm, in mm: placed by eye.")
-    emitter_width_mm: Positive = Field(0.02, description="Of emitter.width_mm, in mm.")
-    emitter_height_mm: Positive = Field(0.02, description="Of emitter.height_mm, in mm.")
-    emitter_cone_deg: Positive = Field(5.0, description="Of emitter.cone_deg, in degrees.")
+    emitter_wavelength_nm: Positive = Field(5.0, description="Tolerance of emitter.wavelength_nm, in nm.")
+    emitter_distance_mm: Positive = Field(
+        0.05, description="Tolerance of emitter.distance_mm, in mm, with the lens unchanged."
+    )
+    emitter_offset_mm: Positive = Field(
+        0.01, description="Tolerance of emitter.offset_mm, in mm: placed under a microscope."
+    )
+    emitter_y_mm: Positive = Field(0.1, description="Tolerance of emitter.y_mm, in mm: placed by eye.")
+    emitter_width_mm: Positive = Field(0.02, description="Tolerance of emitter.width_mm, in mm.")
+    emitter_height_mm: Positive = Field(0.02, description="Tolerance of emitter.height_mm, in mm.")
+    emitter_cone_deg: Positive = Field(5.0, description="Tolerance of emitter.cone_deg, in degrees.")
     material_index: Positive | None = Field(
-        None, description="Of material.index; default: the resin's standard uncertainty, 0.01 where it states none."
+        None,
+        description="Tolerance of material.index; default: the resin's standard uncertainty, else 0.01.",
     )
     material_absorption_per_mm: Positive | None = Field(
         None,
-        description="Of material.absorption_per_mm; default: the resin's standard uncertainty, else 0.005.",
+        description="Tolerance of material.absorption_per_mm; default: the resin's standard uncertainty, else 0.005.",
     )
-    lens_focus_mm: Positive = Field(0.2, description="Of lens.focus_mm, in mm.")
-    lens_half_width_mm: Positive = Field(0.05, description="Of lens.half_width_mm, in mm.")
-    lens_knots_um: Positive = Field(2.0, description="Of each of lens.knots_um, in µm: the form of a print.")
-    lens_design_index: Positive = Field(0.002, description="Of lens.design_index.")
-    body_stem_length_mm: Positive = Field(0.05, description="Of body.stem_length_mm, in mm.")
-    body_stem_curve_per_mm: Positive = Field(1e-4, description="Of body.stem_curve_per_mm, in 1/mm.")
-    body_arm_length_mm: Positive = Field(0.05, description="Of body.arm_length_mm, in mm.")
-    body_arm_width_mm: Positive = Field(0.05, description="Of body.arm_width_mm, in mm.")
-    body_arm_angle_deg: Positive = Field(0.2, description="Of body.arm_angle_deg, in degrees.")
-    body_thickness_mm: Positive = Field(0.05, description="Of body.thickness_mm, in mm.")
-    receivers_gap_mm: Positive = Field(0.05, description="Of receivers.gap_mm, in mm.")
+    lens_focus_mm: Positive = Field(0.2, description="Tolerance of lens.focus_mm, in mm.")
+    lens_half_width_mm: Positive = Field(0.05, description="Tolerance of lens.half_width_mm, in mm.")
+    lens_knots_um: Positive = Field(2.0, description="Tolerance of each of lens.knots_um, in µm: the form of a print.")
+    lens_design_index: Positive = Field(0.002, description="Tolerance of lens.design_index.")
+    body_stem_length_mm: Positive = Field(0.05, description="Tolerance of body.stem_length_mm, in mm.")
+    body_stem_curve_per_mm: Positive = Field(1e-4, description="Tolerance of body.stem_curve_per_mm, in 1/mm.")
+    body_arm_length_mm: Positive = Field(0.05, description="Tolerance of body.arm_length_mm, in mm.")
+    body_arm_width_mm: Positive = Field(0.05, description="Tolerance of body.arm_width_mm, in mm.")
+    body_arm_angle_deg: Positive = Field(0.2, description="Tolerance of body.arm_angle_deg, in degrees.")
+    body_thickness_mm: Positive = Field(0.05, description="Tolerance of body.thickness_mm, in mm.")
+    receivers_gap_mm: Positive = Field(0.05, description="Tolerance of receivers.gap_mm, in mm.")
 
     def of(self, key: str) -> float | None:
         """Tolerance of a number by its dotted key; None if neither stated nor known by default."""

@@ -104,7 +104,7 @@ class Wall(Stretch):
                 remedy = (
                     f'leave it out, or name what touches the wall: outside = "{"glue" if key != "gap_um" else "skin"}"'
                 )
-                raise refused(key, 'has no meaning where outside = "air"', value=value, remedy=remedy)
+                raise refused(key, 'does not apply where outside = "air"', value=value, remedy=remedy)
 
     @property
     def finish_is_added(self) -> bool:
@@ -121,7 +121,7 @@ class Wall(Stretch):
         for key, has in stated.items():
             if self.finish_is_added and has:
                 limit = (
-                    f'has no meaning with finish = "{self.finish}", which states the whole surface between body and air'
+                    f'does not apply with finish = "{self.finish}", which states the whole surface between body and air'
                 )
                 raise refused(key, limit, remedy="leave it out")
 
@@ -131,12 +131,12 @@ class Wall(Stretch):
             value = getattr(self, key)
             if (value is None) == (key in needed):
                 limit = f'missing: scatter = "{self.scatter}" needs it' if value is None else ""
-                limit = limit or f'has no meaning with scatter = "{self.scatter}"'
+                limit = limit or f'does not apply with scatter = "{self.scatter}"'
                 raise refused(key, limit, value=value, remedy="add it" if value is None else "leave it out")
         if self.finish != "mirror" and self.reflectance != 1.0:
-            raise refused("reflectance", 'has no meaning without finish = "mirror"', value=self.reflectance)
+            raise refused("reflectance", 'does not apply without finish = "mirror"', value=self.reflectance)
         if self.finish != "clear" and (self.outside != "air" or self.coating):
             key = "outside" if self.outside != "air" else "coating"
-            raise refused(key, f'has no meaning with finish = "{self.finish}": no light gets there')
+            raise refused(key, f'does not apply with finish = "{self.finish}": no light gets there')
         if self.finish == "black" and (self.scatter != "none" or self.texture_pitch_um is not None):
             raise refused("finish", "black absorbs all light: no scatter or texture on it", value="black")

@@ -2,7 +2,7 @@
 
 What is not saved is kept beside, in a file that this document has made itself; an older one is offered, never replaced.
 Several pages may work on one document. What is saved is the opened text with the changed values; where the file was
-changed by somebody else meanwhile, nothing is written.
+changed by another program meanwhile, nothing is written.
 """
 
 import tomllib
@@ -133,7 +133,7 @@ class Document:
         Raises
         ------
         OutputError
-            If it cannot be written, or somebody else changed it since it was opened or saved.
+            If it cannot be written, or another program changed it since it was opened or saved.
         """
         with self.lock:
             if self._now_on_disk() != self.on_disk:
@@ -165,7 +165,7 @@ class Document:
     def keep_unsaved(self) -> None:
         """Write what is not saved into a file beside, which is ``kept``; once it is saved, that is removed.
 
-        A file that somebody else made or changed is left as it is, and another one is made.
+        A file that another program made or changed is left as it is, and another one is made.
         """
         with self.lock:
             own = self.kept is not None and self.kept.exists()

@@ -145,7 +145,7 @@ class Points:
     scene
         As for `integrate`, with one source.
     tolerance
-        Of each power, as a fraction of what the point emits.
+        Tolerance of each power, as a fraction of what the point emits.
 
     Raises
     ------

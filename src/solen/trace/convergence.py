@@ -69,7 +69,7 @@ def convergence(
     most_rays
         Rays of the densest fan and sample, at least 16; from there on downwards by powers of two.
     seed
-        Of the samples and of the roulette.
+        Seed of the samples and of the roulette.
 
     Returns
     -------

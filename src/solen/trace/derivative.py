@@ -88,7 +88,7 @@ def derivative(
         Where the derivative is taken.
     step
         Largest change of the parameter; by default 1e-2 of ``value`` or, at 0, 1e-2; of a chip in space 2e-2, of a
-        point in the plane 2e-4. There it is halved, up to six times, where the light's ways change within it. Of
+        point in the plane 2e-4. There it is halved, up to six times, where the paths of the light change within it. Of
         sampled light it is doubled, up to four times, while that lessens the error.
     mode, tolerance, limits
         As in `solen.trace.integrate`, for integrals in the plane; by default a tolerance of 1e-9, and of 1e-6 for

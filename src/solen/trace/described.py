@@ -192,7 +192,7 @@ def trace_scene(file: SceneFile, options: TraceOptions = TraceOptions(), *, path
     Raises
     ------
     SpecError
-        If an option has no meaning for the scene.
+        If an option does not apply to the scene.
     """
     if file.imported is not None and options.mode is None:
         return _in_turns(file.imported, options, paths)
@@ -257,7 +257,7 @@ def branches(trace: Trace, scene: Scene) -> tuple[Branch, ...]:
 def _in_turns(imported: rayoptics.Imported, options: TraceOptions, paths: bool) -> Trace:
     """Trace as ray-optics does, which has no other way to choose rays."""
     for name, value in options.model_dump(exclude_defaults=True).items():
-        limit = "has no meaning where rays are traced as in ray-optics"
+        limit = "does not apply where rays are traced as in ray-optics"
         raise SpecError(f"--{name}", value=value, limit=limit, remedy="add --mode power to trace by solen's engine")
     max_hits = {} if imported.max_hits is None else {"max_hits": imported.max_hits}
     turns = Turns(imported.weak, imported.weakest, imported.fresh, **max_hits)

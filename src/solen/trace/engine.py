@@ -85,7 +85,7 @@ def trace(
         ``"fan"``: the sources' own regular rays. ``"sobol"``: sixteen independent scrambled Sobol' samples, for
         extended emitters and spectra; a source's number of rays is rounded up to 16 times a power of two.
     seed
-        Of the samples and of the roulette: the same seed gives the same numbers.
+        Seed of the samples and of the roulette: the same seed gives the same numbers.
     precision
         ``"single"`` computes in float32, faster, and states the error of that in the result's ``single_error``.
     position_bins, angle_bins

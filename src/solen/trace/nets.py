@@ -34,7 +34,7 @@ def by_nets(
     scene
         The numbers of rays of its sources play no part.
     tolerance
-        Of each power, as a fraction of the emitted power.
+        Tolerance of each power, as a fraction of the emitted power.
     mode, limits, threads
         As in `solen.trace.trace`.
     most_rays
@@ -44,7 +44,7 @@ def by_nets(
     first_rays
         Number of rays that it begins with.
     seed
-        Of the nets: another gives others.
+        Seed of the nets: another gives others.
     """
     rays = first_rays
     while True:

@@ -43,7 +43,7 @@ class TraceOptions(Options):
         single = "single" if self.precision == "single" else None
         for name, value in (("seed", self.seed), ("precision", single), ("histogram", self.histogram)):
             if value is not None:
-                limit = "has no meaning with sampling adaptive"
+                limit = "does not apply with sampling adaptive"
                 raise refused(name, limit, value=value, remedy="leave one of them out")
         return self
 

@@ -3,7 +3,7 @@
 One ray at a time, in plain Python, with the curves of `solen.curve` and the physics of `solen.interface`. In
 *counting* mode a ray is refracted or totally reflected, never split, and nothing is absorbed on the way. In *power*
 mode Fresnel's equations split it, s and p apart, both parts are followed down to the stated weight, and media absorb.
-In *roulette* one of both parts is followed with all the power, drawn by their powers.
+In *roulette* one of the two parts is followed with all the power, drawn by their powers.
 
 At a split the weaker part is followed first: it holds at most half of the power, so that the number of parts waiting
 never exceeds the logarithm of the least weight. The stronger part keeps the branch's number.

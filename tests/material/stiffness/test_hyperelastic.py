@@ -131,7 +131,7 @@ def test_what_cannot_be_said_is_said() -> None:
     told = " | ".join(cautions(found))
     assert "holds over the stretches it was fitted to (uniaxial 1 to 2)" in told
     assert "planar and equibiaxial deformation was not measured" in told
-    assert "the uncertainty exceeds the value" in told or "not determined one by one" in told
+    assert "the uncertainty exceeds the value" in told or "cannot be determined individually" in told
 
 
 def test_bad_curves_are_refused() -> None:

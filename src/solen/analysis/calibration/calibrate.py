@@ -26,7 +26,7 @@ from solen.recording.stimulus import ANGLE, FORCE, Stimulus
 from solen.results import HIDDEN, Result, plain
 
 POOL = "pooled"
-_FEW = 0.9  # of the readings of a cycle left out within their bands of 95 %
+_FEW = 0.9  # of the readings of a cycle left out within their 95 % bands
 _MANY = 0.01  # ambiguous
 
 
@@ -115,7 +115,7 @@ def _chosen(study: Study, options: CalibrationOptions) -> tuple[list[SensorRespo
     bare = ", ".join(sensor.label for sensor in sensors if sensor.lens is False)
     kept = [sensor for sensor in sensors if options.with_controls or sensor.lens is not False]
     if not kept:
-        limit = f"has no lens and hardly answers to the {study.stimulus.name}"
+        limit = f"has no lens and hardly responds to the {study.stimulus.name}"
         raise DataError(f"sensor {bare}", limit=limit, remedy="--with-controls calibrates it all the same")
     if options.pool and len(kept) < 2:
         raise SpecError("--pool", value=len(kept), limit="needs at least two sensors with a lens")
@@ -192,7 +192,7 @@ def _cautions(sensor: SensorResponse, calibration: Calibration, check: Check | N
         several = f"several {sensor.stimulus.plural} that explain them"
         warnings.append(look_at(f"{share:.2g} % of the readings have {several}"))
     if check is not None and check.whole.within_95 < _FEW:
-        few = f"only {100 * check.whole.within_95:.0f} % of a cycle left out lie within the bands of 95 %"
+        few = f"only {100 * check.whole.within_95:.0f} % of a cycle left out lie within the 95 % bands"
         warnings.append(do_not_use(few))
     low, high = sensor.runs[0].motion.low_deg, sensor.runs[0].motion.high_deg
     first, second, last = (float(calibration.angle_deg[place]) for place in (0, 1, -1))

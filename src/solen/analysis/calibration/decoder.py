@@ -51,7 +51,7 @@ class Decoded:
     low_deg, high_deg
         Its bands of 68 and 95 %, (n, 2).
     probability
-        Of that stretch.
+        Probability of that stretch.
     right
         Probability of a negative angle, which is to the right.
     distance
@@ -63,7 +63,7 @@ class Decoded:
     other
         The readings (k,) that other stretches belong to.
     other_deg, other_probability
-        Their bands of 95 % (k, 2), and how probable they are.
+        Their 95 % bands (k, 2), and how probable they are.
     """
 
     angle_deg: FloatArray

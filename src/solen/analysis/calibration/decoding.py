@@ -48,8 +48,8 @@ FLAGS = ("outside", "ambiguous", "clipped", "at_end")
 _MILLI = 100.0  # times the calibration's largest voltage, from which on a reading is not in volts
 _TOLD = 0.5  # per cent of the readings from which on a flag is warned of
 _MEANING = {
-    "outside": "lie outside of the calibrated curve, and their {plural} mean nothing",
-    "ambiguous": "have several {plural} that explain them",
+    "outside": "lie outside the calibrated curve, so their {plural} are meaningless",
+    "ambiguous": "are consistent with several {plural}",
     "clipped": "are clipped: their {name} rests on one receiver",
     "missing": "lack a reading of a receiver",
 }
@@ -161,8 +161,8 @@ class StreamDecoder:
             raise SpecError("--gain-percent", value=options.gain_percent, limit=limit, remedy=remedy)
         scale = factor(stream.unit, known.unit)
         if scale is None:
-            limit = f"is the unit of the readings; those of {file} are in {known.unit}"
-            remedy = f"state theirs in the header, as in left ({known.unit}), or calibrate with such readings"
+            limit = f"is the unit of the readings, but those of {file} are in {known.unit}"
+            remedy = f"state theirs in the header, as in left ({known.unit}), or calibrate with readings in that unit"
             raise DataError(source, value=stream.unit, limit=limit, remedy=remedy)
         calibration = known.calibration
         self._known, self._file, self._stream, self._source, self._scale = known, file, stream, source, scale
@@ -290,11 +290,11 @@ def _condition_warnings(known: CalibrationFile, stream: Stream, options: DecodeO
             other.insert(0, f"sensor {stream.sensor} instead of {known.sensor}")
         else:
             yield note(
-                f"{stream.sensor} is only the file's name: it is decoded as the calibrated sensor {known.sensor}; "
+                f"{stream.sensor} is only the file's name, so it is decoded as the calibrated sensor {known.sensor}; "
                 f"--sensor {stream.sensor} states another"
             )
     if other:
-        yield do_not_use(f"this calibration is not for what is decoded: {'; '.join(other)}")
+        yield do_not_use(f"the recording does not match the calibration: {'; '.join(other)}")
     if unknown and not moved:
         yield look_at(
             f"whether the calibration is for this motion cannot be checked: nothing states the {', '.join(unknown)}; "

@@ -42,10 +42,10 @@ class Motion(Strict):
     kind: Literal["rotation", "bend", "loaded"] | None = Field(
         None, description="rotation, bend or loaded; null if not stated."
     )
-    drives: Text | None = Field(None, description="Of a loaded sensor: what is driven, as press.depth_mm.")
+    drives: Text | None = Field(None, description="For a loaded sensor: the driven quantity, such as press.depth_mm.")
     pivot: Text | None = Field(None, description="Centre of the rotation: stem-base, emitter, or x z in mm.")
     parts: tuple[Text, ...] | None = Field(None, description="Parts that move: lens, emitter, receivers, mirrors.")
-    low_deg: Number | None = Field(None, description="Lowest angle that was gone to.")
+    low_deg: Number | None = Field(None, description="Lowest angle visited.")
     high_deg: Number | None = Field(None, description="Highest angle.")
     speed_deg_per_s: Number | None = Field(None, description="Median speed of the ramps.")
     protocol: Text | None = Field(None, description="Name of the protocol.")
@@ -57,10 +57,10 @@ class Cell(Strict):
     table: ClassVar[str] = "load_cell"
     error: ClassVar[type[DataError]] = DataError
 
-    name: Text = Field(description="What it is called.")
-    sensitivity_deg_per_V: Number = Field(description="Newtons for each volt.")
+    name: Text = Field(description="Its name.")
+    sensitivity_deg_per_V: Number = Field(description="Sensitivity: newtons per volt.")
     u_sensitivity_deg_per_V: NotNegative | None = Field(None, description="Its uncertainty; null if not stated.")
-    off_line_deg: NotNegative = Field(0.0, description="Standard uncertainty by its distance from a straight line.")
+    off_line_deg: NotNegative = Field(0.0, description="Standard uncertainty from its non-linearity.")
 
     @property
     def u_scale(self) -> float | None:
@@ -87,7 +87,7 @@ class Circuit(Strict):
     table: ClassVar[str] = "circuit"
     error: ClassVar[type[DataError]] = DataError
 
-    ambient: Ambient | None = Field(None, description="Whether ambient light was taken out of the voltages.")
+    ambient: Ambient | None = Field(None, description="Whether ambient light was subtracted from the voltages.")
     emitter_current_mA: Number | None = Field(None, description="Current of the emitter, by the design.")
     load_ohm: Number | None = Field(None, description="Load resistor of the receivers, by the design.")
     design_sha256: Text | None = Field(None, description="Checksum of the design file's text.")
@@ -100,12 +100,12 @@ class Curves(Strict):
     error: ClassVar[type[DataError]] = DataError
 
     angle_deg: Column = Field(description="Angles, ascending, in degrees.")
-    rising_V: tuple[Pair, ...] = Field(description="Mean of the rising ways.")
-    falling_V: tuple[Pair, ...] = Field(description="Mean of the falling ways.")
+    rising_V: tuple[Pair, ...] = Field(description="Mean of the rising half-cycles.")
+    falling_V: tuple[Pair, ...] = Field(description="Mean of the falling half-cycles.")
     noise_V2: tuple[Three, ...] = Field(description="Covariance of the noise of a reading.")
     repeat_V2: tuple[Three, ...] = Field(description="Covariance of a new cycle, with the error of the mean.")
     between_V2: tuple[Three, ...] = Field(description="Covariance of a new print; zero for a single one.")
-    samples: tuple[NotNegative, ...] = Field(description="Samples that the covariances rest on.")
+    samples: tuple[NotNegative, ...] = Field(description="Number of samples behind the covariances.")
 
     @model_validator(mode="after")
     def _is_one(self) -> Self:
@@ -132,10 +132,10 @@ class Part(Strict):
     rms_deg: NotNegative = Field(description="Root mean square error.")
     bias_deg: Number = Field(description="Mean error.")
     worst_deg: NotNegative = Field(description="Largest error.")
-    within_68: NotNegative = Field(description="Share of the readings within their bands of 68 %.")
-    within_95: NotNegative = Field(description="Share within their bands of 95 %.")
-    outside: NotNegative = Field(description="Share that lies on no point of the curve.")
-    ambiguous: NotNegative = Field(description="Share that lies on several.")
+    within_68: NotNegative = Field(description="Share of the readings within their 68 % bands.")
+    within_95: NotNegative = Field(description="Share within their 95 % bands.")
+    outside: NotNegative = Field(description="Share that matches no point of the curve.")
+    ambiguous: NotNegative = Field(description="Share that matches several points.")
 
 
 class Checked(Strict):
@@ -155,12 +155,14 @@ class CalibrationFile(Strict):
     kind: Literal["calibration"] = Field("calibration", description="What the file is.")
     solen: Text = Field(description="Version that wrote it.")
     sensor: Text = Field(description="Name of the sensor, or of the pool.")
-    prints: tuple[Text, ...] = Field(description="The sensors that it was made of.")
-    simulated: bool = Field(description="Whether any recording was computed.")
+    prints: tuple[Text, ...] = Field(description="Sensors it was made from.")
+    simulated: bool = Field(description="Whether any recording was simulated.")
     cycles: Annotated[int, Field(ge=2)] = Field(description="Cycles used, of all prints.")
-    unit: Text = Field("V", description="Of the receivers; keys name it in place of V.")
-    stimulus: Name = Field("angle", description="What is decoded; of a force or depth keys name N or mm, not deg.")
-    load_cell: Cell | None = Field(None, description="What the forces were read from; null if not stated.")
+    unit: Text = Field("V", description="Unit of the receivers; it replaces V in the keys.")
+    stimulus: Name = Field(
+        "angle", description="Decoded quantity; for a force or depth, keys end in N or mm instead of deg."
+    )
+    load_cell: Cell | None = Field(None, description="Load cell that measured the forces; null if not stated.")
     range_deg: Pair = Field(description="Lowest and highest calibrated angle.")
     freedom_repeat: Annotated[int, Field(ge=1)] = Field(description="Degrees of freedom of repeat_V2.")
     rails_V: tuple[tuple[Number | None, Number | None], tuple[Number | None, Number | None]] = Field(
@@ -168,13 +170,13 @@ class CalibrationFile(Strict):
     )
     dark_V: Number | None = Field(None, description="Voltage without light, if known.")
     motion: Motion = Field(description="The moving part and its range.")
-    circuit: Circuit = Field(description="What the voltages are.")
+    circuit: Circuit = Field(description="Meaning of the voltages.")
     curves: Curves = Field(exclude=True, description="Voltages over the angles, and their covariances.")
     leave_one_cycle_out: Checked | None = Field(description="Each cycle decoded by the others; null with two cycles.")
     leave_one_sensor_out: Checked | None = Field(description="Each print decoded by the others; null without three.")
     words: tuple[str, ...] = Field(description="What the checks show, in sentences.")
     sources: tuple[dict[str, Any], ...] = Field(description="The recordings.")
-    warnings: tuple[Caution, ...] = Field(description="What cannot be concluded.")
+    warnings: tuple[Caution, ...] = Field(description="What the calibration cannot establish.")
 
     @property
     def stimulus_of(self) -> Stimulus:
@@ -273,7 +275,7 @@ def tuples(value: Any) -> Any:
 def json_schema() -> dict[str, Any]:
     """JSON Schema of the file."""
     found = CalibrationFile.model_json_schema()
-    found["properties"]["schema"] = {"const": SCHEMA, "description": "Version of this form.", "type": "integer"}
+    found["properties"]["schema"] = {"const": SCHEMA, "description": "Version of this file format.", "type": "integer"}
     found["required"] = ["schema", *found["required"]]
     return found
 

@@ -102,7 +102,7 @@ def recorded_stream(
 
 def _check_drive(options: SignalOptions, stimulus: Stimulus) -> None:
     """`SpecError` for the column of a quantity that is not decoded."""
-    limit = f"has no use: the calibration is of the {stimulus.name}"
+    limit = f"does not apply: the calibration is of the {stimulus.name}"
     for name, other in STIMULI.items():
         if name != stimulus.name and (column := getattr(options, other.column)) is not None:
             raise SpecError(f"--{other.column}", value=column, limit=limit, remedy=f"name it with --{stimulus.column}")

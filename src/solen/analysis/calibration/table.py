@@ -107,7 +107,7 @@ class BoardTable:
     Attributes
     ----------
     name, readings, version, stimulus
-        Description of the sensor, its readings, the program and what is decoded, for the sources.
+        Sensor, readings, version of solen and decoded quantity, as stated in the generated source files.
     """
 
     pieces: FloatArray

@@ -56,7 +56,7 @@ class Clock(Result):
     on_share
         Share of a period that an emitter is on.
     depth
-        Of the modulation in the sum of the channels, in their unit.
+        Depth of the modulation in the sum of the channels, in their unit.
     clearness
         Modulation over its noise.
     between_share

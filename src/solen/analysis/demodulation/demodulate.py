@@ -230,7 +230,7 @@ def _warnings(result: Switched) -> list[Caution]:
     ]
 
 
-_LEFT_OUT = "{} readings fill no unbroken period of the mains: left out of the means"
+_LEFT_OUT = "{} readings do not fill a whole period of the mains and are left out of the means"
 
 
 def _count_warnings(readings: Demodulated) -> list[Caution]:

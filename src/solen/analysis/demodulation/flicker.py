@@ -50,7 +50,7 @@ class Flicker(Result):
     multiples
         Which multiples of it were subtracted.
     amplitude
-        Of the strongest of them in each channel, in its unit, (C,).
+        Amplitude of the strongest of them in each channel, in its unit, (C,).
     values
         Value subtracted from each sample, (N, C).
     """

@@ -32,7 +32,7 @@ def gain(
     Parameters
     ----------
     frequency_hz
-        Of the light, any shape.
+        Frequency of the light, any shape.
     period_s
         Between on slots; the off slots stand in the middle between them.
     window_s

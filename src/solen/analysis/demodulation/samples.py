@@ -128,7 +128,7 @@ def samples_of(recording: Recording, options: DemodulationOptions) -> Samples:
     settle_s = 1e-6 * (DEFAULT_SETTLE_US if options.settle_us is None else options.settle_us)
     clock = find_clock(time_s, values, options.rate_hz, on=options.on, emitters=options.emitters)
     if settle_s >= clock.shorter_s:
-        limit = f"leaves nothing of the shorter phase, which lasts {1e6 * clock.shorter_s:.0f} µs"
+        limit = f"leaves no sample of the shorter phase, which lasts {1e6 * clock.shorter_s:.0f} µs"
         raise SpecError("--settle-us", value=1e6 * settle_s, limit=limit, remedy="shorten it")
     return Samples(time_s, values, names, units, clock.states(settle_s, options.emitters), settle_s, clock)
 

@@ -28,7 +28,7 @@ class Slots:
     time_s, state
         Mean time of the samples that were averaged, and the state, both (K,).
     mean
-        Of each channel, (K, C); NaN where it has no sample.
+        Mean of each channel, (K, C); NaN where it has no sample.
     scatter
         Noise of one sample, from differences of neighbours inside slots, pooled by state: by state, (C,). Empty if
         slots are single samples.
@@ -76,8 +76,8 @@ def slots_of(
     clipped
         Which samples are cut off, (N, C), in place of limits.
     gap_s
-        Time without samples from which on two of one state are of two slots; by default one and a half usual steps.
-        Where every phase is known to last longer, fewer samples hide none.
+        Gap between samples of the same state that separates two slots; by default one and a half usual steps.
+        Where every phase is known to last longer, a smaller gap cannot hide a change of state.
 
     Raises
     ------
@@ -138,7 +138,7 @@ def _check(time_s: FloatArray, values: FloatArray, state: IntArray) -> None:
     if late.size or not np.isfinite(time_s).all():
         row = int(late[0]) + 1 if late.size else int(np.flatnonzero(~np.isfinite(time_s))[0])
         raise DataError(
-            f"time of sample {row + 1}", value=float(time_s[row]), limit="must be later than the one before"
+            f"time of sample {row + 1}", value=float(time_s[row]), limit="must be later than the previous one"
         )
 
 

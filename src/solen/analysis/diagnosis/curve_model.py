@@ -73,7 +73,7 @@ class Parameter:
     Attributes
     ----------
     name
-        A key of the design, ``angle.zero_deg``, ``loss_per_mm``, ``gain right`` or ``offset left`` and their likes.
+        A key of the design, ``angle.zero_deg``, ``loss_per_mm``, ``gain right`` or ``offset left``, and so on.
     start
         Its value by the design.
     scale

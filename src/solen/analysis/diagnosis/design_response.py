@@ -40,7 +40,7 @@ class Change:
     Attributes
     ----------
     step
-        Of the number.
+        Step of the number.
     up, down
         The table a step above and below, less the design's.
     """

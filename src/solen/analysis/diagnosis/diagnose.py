@@ -84,19 +84,19 @@ class Diagnosis:
     Attributes
     ----------
     label
-        Of the sensor.
+        Label of the sensor.
     cycles
         Its curves.
     fitted
         The fit.
     estimates
-        Of every number, by name.
+        Estimate of every number, by name.
     held
         Parameters that the recording does not determine, each with those that it is correlated with.
     poor
         Pairs of parameters that are poorly separated, with their correlation.
     correlations
-        Of the fitted numbers, (a, a), in the order of ``fitted.active``.
+        Correlations of the fitted numbers, (a, a), in the order of ``fitted.active``.
     left_out
         Share of the angles that are left out, by receiver.
     """

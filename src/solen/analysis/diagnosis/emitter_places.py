@@ -74,7 +74,7 @@ def light_by_place(wide: Sensor, angle_deg: float, reach_mm: float, like: Places
     wide
         The sensor; its chip is twice ``reach_mm`` wide.
     angle_deg
-        Of the motion.
+        Angle of the motion.
     reach_mm
         How far from the axis.
     like

@@ -107,11 +107,11 @@ class Fitted:
     model
         The model fitted.
     values
-        Of all parameters, (p,).
+        Values of all parameters, (p,).
     active
         Places of those that were fitted, (a,).
     covariance
-        Of the fitted ones, (a, a).
+        Covariance of the fitted ones, (a, a).
     freedom
         Effective degrees of freedom of each, (a,).
     residual_V

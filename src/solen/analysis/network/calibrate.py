@@ -39,7 +39,7 @@ MOST_LOST, SOME_LOST = 0.5, 0.02
 TAIL = 0.1
 """Share of the distances of states left out that is their tail."""
 FEW = 0.88
-"""Share within the bands of 95 % from which on they are to be trusted."""
+"""Share within the 95 % bands from which on they are to be trusted."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -285,7 +285,7 @@ def checks_of(motions: Sequence[str], left_out: LeftOut) -> tuple[MotionCheck, .
 def _words(check: MotionCheck) -> str:
     return (
         f"{check.motion}: states left out are decoded to {check.rms_deg:.2g}° (rms; mean error "
-        f"{check.bias_deg:+.1g}°, worst {check.worst_deg:.2g}°); bands of 95 % are {check.band95_deg:.2g}° wide; "
+        f"{check.bias_deg:+.1g}°, worst {check.worst_deg:.2g}°); 95 % bands are {check.band95_deg:.2g}° wide; "
         f"{100 * check.within_68:.0f} % lie within the 68 % bands, {100 * check.within_95:.0f} % within the 95 % bands"
     )
 
@@ -297,7 +297,7 @@ def _cautions(checks: Sequence[MotionCheck], lost: float, worst: Determination |
     if lost > SOME_LOST and worst is not None:
         found.append(look_at(f"in {100 * lost:.2g} % of the states, {' and '.join(in_words(worst))}"))
     found += [
-        do_not_use(f"{one.motion}: only {100 * one.within_95:.0f} % of states left out lie within the bands of 95 %")
+        do_not_use(f"{one.motion}: only {100 * one.within_95:.0f} % of states left out lie within the 95 % bands")
         for one in checks
         if one.within_95 < FEW
     ]

@@ -112,8 +112,8 @@ def _beside(kind: str, names: Sequence[str], powers: dict[Pair, int], source: st
         if match is None or kind not in {match[1], match[3], name}:
             continue
         if match[2] not in known:
-            limit = f"is beside no power; there are {', '.join(known)}"
-            remedy = f"name it by its power, as in {next(iter(known))}_{kind}, or leave it out"
+            limit = f"belongs to no power; there are {', '.join(known)}"
+            remedy = f"name it after its power, as in {next(iter(known))}_{kind}, or leave it out"
             raise DataError(f"{source}: {name}", limit=limit, remedy=remedy)
         found[known[match[2]]] = place
     return found

@@ -33,9 +33,9 @@ class MotionCheck(Strict):
     rms_deg: NotNegative = Field(description="Root mean square error.")
     bias_deg: Number = Field(description="Mean error.")
     worst_deg: NotNegative = Field(description="Largest error.")
-    band95_deg: NotNegative = Field(description="Median width of the bands of 95 %.")
-    within_68: NotNegative = Field(description="Share of the readings within their bands of 68 %.")
-    within_95: NotNegative = Field(description="Share within their bands of 95 %.")
+    band95_deg: NotNegative = Field(description="Median width of the 95 % bands.")
+    within_68: NotNegative = Field(description="Share of the readings within their 68 % bands.")
+    within_95: NotNegative = Field(description="Share within their 95 % bands.")
 
 
 class NetworkCalibration(Strict):
@@ -46,9 +46,9 @@ class NetworkCalibration(Strict):
     kind: Literal["network calibration"] = Field("network calibration", description="What the file is.")
     solen: Text = Field(description="Version that wrote it.")
     sensor: str = Field(description="Name of the network; empty where the recording states none.")
-    simulated: bool = Field(description="Whether any recording was computed.")
-    unit: Text = Field("V", description="Of the readings; keys name it in place of V.")
-    ambient: Ambient | None = Field(None, description="Whether ambient light was taken out; null if unknown.")
+    simulated: bool = Field(description="Whether any recording was simulated.")
+    unit: Text = Field("V", description="Unit of the readings; it replaces V in the keys.")
+    ambient: Ambient | None = Field(None, description="Whether ambient light was subtracted; null if unknown.")
     motions: Annotated[tuple[Text, ...], Field(min_length=1)] = Field(description="Names of the motions.")
     emitters: Annotated[tuple[Text, ...], Field(min_length=1)] = Field(description="Names of the emitters.")
     receivers: Annotated[tuple[Text, ...], Field(min_length=1)] = Field(description="Names of the receivers.")
@@ -57,16 +57,16 @@ class NetworkCalibration(Strict):
     signal_V: tuple[Row, ...] = Field(description="Readings in them, by emitter, and of each by receiver.")
     noise_V2: tuple[Row, ...] = Field(description="Covariance of the noise of a reading.")
     reach: tuple[tuple[Positive, ...], ...] = Field(
-        description="How far the map of each reading reaches, as a share of each motion's range."
+        description="Correlation length of the map of each reading, as a share of each motion's range."
     )
     scatter: tuple[Positive, ...] = Field(description="Variance of a state beside the map, relative to the map's.")
     outside: NotNegative = Field(
-        0.0, description="Squared distance of a reading from the map beyond which it is on no point of it, at least."
+        0.0, description="Smallest squared distance of a reading from the map at which it counts as off the map."
     )
     checks: tuple[MotionCheck, ...] = Field(description="States left out, decoded by the others; none with few states.")
     words: tuple[str, ...] = Field(description="What the checks show, in sentences.")
     sources: tuple[dict[str, Any], ...] = Field(description="The recordings.")
-    warnings: tuple[Caution, ...] = Field(description="What cannot be concluded.")
+    warnings: tuple[Caution, ...] = Field(description="What the calibration cannot establish.")
 
     @model_validator(mode="after")
     def _is_one(self) -> Self:

@@ -39,7 +39,7 @@ class NetworkReadings:
     motions, emitters, receivers
         Their names.
     time_s
-        Of each turn's first reading, (N,).
+        Time of each turn's first reading, (N,).
     angle_deg
         (N, motions), the mean over a turn; no columns where the recording has no angles.
     signal
@@ -68,7 +68,7 @@ class NetworkReadings:
     warnings: tuple[Caution, ...] = ()
 
     def ordered(self, motions: Sequence[str], emitters: Sequence[str], receivers: Sequence[str]) -> "NetworkReadings":
-        """The readings with emitters, receivers and motions in an order; `DataError` where one is missing.
+        """The readings with emitters, receivers and motions in the given order; `DataError` where one is missing.
 
         Motions may be missing, as they are where a recording is decoded.
         """

@@ -77,7 +77,7 @@ class NetworkStates(Result):
     motions, emitters, receivers
         Their names.
     unit
-        Of the signals; keys name it in place of V.
+        Unit of the signals; keys name it in place of V.
     angle_deg
         (stops, motions).
     signal_V, u_signal_V
@@ -188,7 +188,9 @@ def clipped_in(readings: NetworkReadings, states: States) -> list[Caution]:
     ends = [f"{name} {100 * share:.2g} %" for name, share in zip(names, shares, strict=True) if share > 0.0]
     if not ends:
         return []
-    return [look_at(f"readings at an end of the recorder's range, which show no change beyond it: {', '.join(ends)}")]
+    return [
+        look_at(f"readings at a limit of the recorder's range, which hides any change beyond it: {', '.join(ends)}")
+    ]
 
 
 def _held(rows: FloatArray) -> int:

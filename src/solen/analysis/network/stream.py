@@ -32,10 +32,10 @@ BANDS = ("low68", "high68", "low95", "high95")
 FLAGS = ("outside", "ambiguous", "at_end")
 _TOLD = 0.5  # per cent of the readings from which on a flag is warned of
 _MEANING = {
-    "outside": "lie on no point of the calibrated map, and their motions mean nothing",
-    "ambiguous": "have several states that explain them",
+    "outside": "lie off the calibrated map, so their motions are meaningless",
+    "ambiguous": "are consistent with several states",
     "missing": "lack a reading of a receiver",
-    "clipped": "hold one at an end of the recorder's range, which shows no change beyond it",
+    "clipped": "contain a value at a limit of the recorder's range, which hides any change beyond it",
 }
 
 
@@ -239,8 +239,8 @@ def scale_of(source: str, unit: str, known: NetworkCalibration) -> float:
     """Factor of readings in a unit to that of the calibration; `DataError` if there is none."""
     scale = factor(unit, known.unit)
     if scale is None:
-        limit = f"is the unit of the readings; those of the calibration are in {known.unit}"
-        remedy = f"state theirs in the header, as in a.end ({known.unit}), or calibrate with such readings"
+        limit = f"is the unit of the readings, but those of the calibration are in {known.unit}"
+        remedy = f"state theirs in the header, as in a.end ({known.unit}), or calibrate with readings in that unit"
         raise DataError(source, value=unit, limit=limit, remedy=remedy)
     return scale
 
@@ -295,11 +295,11 @@ class _Layout:
 
 
 def unused(options: Options, kept: Sequence[str] = ()) -> None:
-    """`SpecError` for an option that has no meaning for a network."""
+    """`SpecError` for an option that does not apply to a network."""
     for name, info in type(options).model_fields.items():
         value = getattr(options, name)
         if name not in kept and value != info.get_default(call_default_factory=True):
-            limit = "has no meaning for a network, whose columns and motions are known by their names"
+            limit = "does not apply to a network, whose columns and motions are known by their names"
             raise SpecError(f"--{name.replace('_', '-')}", value=str(value), limit=limit, remedy="leave it out")
 
 

@@ -33,7 +33,7 @@ class SimulatedBoard:
     Attributes
     ----------
     clock
-        Of the run.
+        Clock of the run.
     sensors
         Those on its inputs.
     angle_deg

@@ -42,7 +42,7 @@ class SimulatedDaq:
     Attributes
     ----------
     clock
-        Of the run.
+        Clock of the run.
     sensors
         Those on its inputs.
     angle_deg

@@ -83,9 +83,9 @@ class SimulatedNetwork:
         return np.maximum(found, 0.0).reshape(len(angles_deg), *self.fractions.shape[-2:])
 
     def shares(self, angles_deg: FloatArray, emitter: IntArray) -> FloatArray:
-        """Light (N, receivers) in states (N, motions), with an emitter of the board lit, from 0, or none, -1.
+        """Light (N, receivers) in states (N, motions), with the board's emitter of that number lit (from 0; -1: none).
 
-        It is that share of the first emitter's power which makes the same current.
+        The light is the share of the first emitter's power that would give the same photocurrent.
         """
         light = np.zeros((len(angles_deg), len(self.places)))
         for place, number in enumerate(self.wires.lit_by.values()):

@@ -113,7 +113,7 @@ def simulated_networks(
     Parameters
     ----------
     rig, folder, rng, progress
-        As of `simulated_sensors`.
+        As in `simulated_sensors`.
     visited_deg
         Angles that each motion reaches, which must be within its range.
 

@@ -91,7 +91,7 @@ class Axis:
     Attributes
     ----------
     acceleration
-        Of all its moves, per s².
+        Acceleration of all its moves, per s².
     rest
         Where it is before its first move.
     """

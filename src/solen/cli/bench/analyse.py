@@ -74,7 +74,7 @@ def _ageing(ageing: Ageing, unit: str, sign: str) -> Iterator[str]:
 def _timing(timing: Timing, stimulus: Stimulus) -> str:
     if timing.separated:
         lag = f"{1e3 * timing.lag_s:.3g} ± {1e3 * timing.u_lag_s:.2g} ms"
-        return f"  timing: by two speeds, the voltages come {lag} after the {stimulus.name}"
+        return f"  timing: from two speeds, the voltages lag the {stimulus.name} by {lag}"
     if not math.isfinite(timing.bound_s):
         return "  timing: unknown"
     if timing.timing_deg == 0.0:

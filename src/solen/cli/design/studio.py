@@ -53,7 +53,7 @@ def studio(
     if export is not None:
         refused = {"--listen": listen != LOCAL, "--no-browser": no_browser, "--beside": beside is not None}
         if stated := [name for name, given in refused.items() if given]:
-            limit = "has no meaning with --export, which serves nothing"
+            limit = "does not apply with --export, which serves nothing"
             raise SpecError(", ".join(stated), limit=limit, remedy="leave it out")
         return write_page(file, export, options, set_, progress)
     if options != SlidersOptions():
@@ -72,7 +72,9 @@ def _serve(file: Path, changes: dict[str, Any], listen: str, beside: Path | None
     if beside is not None:
         document.put_beside(beside)
     if listen != LOCAL:
-        line = f"warning: whoever reaches {listen} and knows the address below can read and change {file}, unencrypted"
+        line = (
+            f"warning: anyone who reaches {listen} and knows the address below can read and change {file}, unencrypted"
+        )
         print(line, file=sys.stderr)
 
     def opened(address: str) -> None:

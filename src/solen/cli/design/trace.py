@@ -53,9 +53,9 @@ def trace(
         Angle in degrees, counter-clockwise: negative turns to the right; default: 0. For designs only.
         Above -90, below 90.
     at
-        Of a soft body: value of what its motion drives, in its unit; default: the last of the motion.
+        For a soft body: value of what its motion drives, in its unit; default: the last of the motion.
     emitter
-        Of a network: the emitter that lights; default: all in turn, as powers by emitter and receiver.
+        For a network: the emitter that lights; default: all in turn, as powers by emitter and receiver.
     no_lens
         Leave the lens out: a flat face at the stem's base.
     paths
@@ -68,7 +68,7 @@ def trace(
     rays = options.rays
     if options.sampling == "adaptive" and rays is not None:
         raise SpecError(
-            "--rays", value=rays, limit="has no meaning with sampling adaptive", remedy="leave one of them out"
+            "--rays", value=rays, limit="does not apply with sampling adaptive", remedy="leave one of them out"
         )
     of_designs = {"--angle-deg": angle_deg, "--at": at, "--emitter": emitter, "--no-lens": no_lens, "--rays": rays}
     if is_scene(file, of_designs | {"--set": set_ and set_[0]}):

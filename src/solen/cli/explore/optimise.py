@@ -36,7 +36,7 @@ def _(result: Optimum) -> Iterator[str]:
         yield "before and after are traced again, by other samples at half the steps"
     else:
         by_samples = measured(result.sampled_difference, result.u_sampled_difference, sign=False)
-        yield f"contrast by samples less that by integration: {by_samples} at most"
+        yield f"largest difference in contrast between sampling and integration: {by_samples}"
     if result.prints_before is not None and result.prints_after is not None:
         yield from _prints(result.prints_before, result.prints_after)
 

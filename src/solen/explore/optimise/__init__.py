@@ -8,7 +8,7 @@ tracing leaves open, so its results are traced again, more finely and by samples
 `solen.explore.optimise.judge` judges a design, `solen.explore.optimise.course` keeps what a search has tried,
 `solen.explore.optimise.search` is the algorithm; `solen.explore.optimise.optimum` and `solen.explore.optimise.front`
 are the results, with what tracing them again says; `solen.explore.optimise.prints` adds prints of a result and of the
-design before. `solen.explore.optimise.straighter` is what is asked where somebody
+design before. `solen.explore.optimise.straighter` sets up the search where a user
 only wants a straighter response.
 """
 

@@ -140,6 +140,6 @@ def least(
     ideal: FloatArray | float = 0.0,
     size: FloatArray | float = 1.0,
 ) -> Candidate:
-    """Best of some candidates by weights of the goals; of equals the first."""
+    """Best candidate by weights of the goals; the first of equals."""
     totals = [one.total(weights, ideal, size) for one in candidates]
     return candidates[int(np.argmin(totals))]

@@ -178,7 +178,7 @@ def _chosen(course: Course, designs: int) -> list[Candidate]:
 
 
 def _not_worse(goals: FloatArray) -> list[bool]:
-    """Which of some designs (P, 2) are not worse than another in both goals."""
+    """Which designs (P, 2) no other design beats in both goals."""
     return [not (goals < own).all(axis=1).any() for own in goals]
 
 

@@ -1,4 +1,4 @@
-"""What to ask of a search where somebody only wants a straighter response: goals, conditions, and what may change.
+"""What to ask of a search for a user who only wants a straighter response: goals, conditions, and what may change.
 
 The interface: `straighter` of a design; its answer is a beginning that a person changes.
 """

@@ -1,7 +1,7 @@
 """The job of a coupon: its exposures, its nominal sizes and positions, and assumptions about its source.
 
-A job is a JSON file beside the solids. It holds the whole layout, so that `solen print fidelity` compares what was
-measured sizes with the nominal ones, regardless of the coupon's options.
+A job is a JSON file beside the solids. It holds the whole layout, so that `solen print fidelity` compares measured
+sizes with the nominal ones, regardless of the coupon's options.
 """
 
 import hashlib

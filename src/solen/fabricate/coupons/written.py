@@ -70,7 +70,7 @@ class CouponSummary:
 
     @classmethod
     def of(cls, coupon: Coupon, options: CouponOptions, parts: Sequence[CouponPart] = ()) -> "CouponSummary":
-        """Summary of a coupon that was laid out by some options."""
+        """Summary of a coupon laid out with the given options."""
         return cls(
             name=coupon.name,
             title=coupon.title,

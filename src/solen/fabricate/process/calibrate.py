@@ -71,7 +71,7 @@ class PrinterCalibration(Result):
     numbers
         Fitted numbers.
     covariance
-        Of the numbers, (p, p).
+        Covariance of the numbers, (p, p).
     Ec_mJ_per_cm2, u_Ec_mJ_per_cm2
         Effective critical dose.
     given, features
@@ -247,7 +247,7 @@ def _inseparable(fit: PrinterCalibration) -> list[Caution]:
     """Warnings about numbers that change all coupons alike."""
     warnings = [
         note(
-            "washing, critical dose, exposure and scattering move edges alike and cannot be separated here: "
+            "washing, critical dose, exposure and scattering move edges in the same way and cannot be separated here: "
             f"Ec_mJ_per_cm2 is an effective one, for edges at wash_um = {fit.settings.wash_um:g} and not for "
             "depths; the growth of walls is what is known and kept"
         )

@@ -108,7 +108,7 @@ class CouponFit:
         return Solution(np.asarray(solution.x), covariance, chi2, df, scale)
 
     def settings(self, values: FloatArray) -> Settings:
-        """Process of some values."""
+        """Process with the given values of its parameters."""
         changed = dict(zip(self.sought, values.tolist(), strict=True))
         growth = changed.pop("growth_um")
         blurred = self.process.process.model_copy(update=changed)

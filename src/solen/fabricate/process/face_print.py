@@ -139,7 +139,7 @@ class FacePrint:
         return stack.offsets_um(layer, self._layers(self.body)[layer].target, VERTEX)
 
     def moved_um(self, face: PrintedFace, layers: Sequence[int], phase: tuple[float, float]) -> list[FloatArray]:
-        """Change of some layers' deviations (N,) for an uncompensated face at another position in the pixel."""
+        """Change of the given layers' deviations (N,) for an uncompensated face at another position in the pixel."""
         stack, alike = replace(self, phase=phase)._plain, self._alike
         return [stack.offsets_um(alike[one], self._targets[alike[one]], VERTEX) - face.um[one] for one in layers]
 

@@ -63,7 +63,7 @@ class FlatPrint:
         settings
             The process.
         thickness_mm
-            Of the part; it is made of the nearest whole number of layers.
+            Thickness of the part; it is made of the nearest whole number of layers.
         phase
             Where the drawing's origin stands in its pixel, 0 to 1 along x and z; at (0, 0) on a corner.
 

@@ -278,8 +278,8 @@ def _of_response(prediction: PrintedDesign) -> list[Caution]:
         return []
     return [
         look_at(
-            f"the response is not symmetric: walls stand {least:+.3g} to {most:+.3g} µm beyond their image by the side "
-            "they face; the lens follows that, and other walls are drawn and reported by the mean of all sides"
+            f"the response is not symmetric: walls lie {least:+.3g} to {most:+.3g} µm beyond their image, by "
+            "the side they face; the lens follows that, and other walls are drawn and reported by the mean of all sides"
         )
     ]
 

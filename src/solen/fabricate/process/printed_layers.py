@@ -51,7 +51,7 @@ class LayerDeviation:
     layer
         Number, from 1 on the build plate.
     height_mm
-        Of its middle above the plate.
+        Height of its middle above the plate.
     rms_um, mean_um, largest_um, largest_x_mm
         Over half the wall, which mirrors itself; where the largest is.
     u_rms_um
@@ -82,7 +82,7 @@ class PrintedLayers(Result):
     rms_um
         Deviation of the whole printed face from the designed one, root mean square along the normals.
     deviations
-        Of the first layer, one in the middle, one at three quarters of the height, and the last.
+        Deviations of the first layer, one in the middle, one at three quarters of the height, and the last.
     compensated_rms_um, compensated_deviations, rounds_um
         The same of the compensated drawing, and its root mean square along z round by round; None without one.
     drawn_range_um
@@ -253,7 +253,7 @@ def _check(options: PrintOptions, *, part: bool) -> None:
     if options.at != "middle":
         raise SpecError("--at", value=options.at, limit=f"{why}: all heights are predicted", remedy="leave it out")
     if options.phase_px is not None and options.phase_px[0] not in MIDDLE_PIXELS:
-        limit = "must be 0 or 0.5 across the axis for a lens that varies with height: its halves must print alike"
+        limit = "must be 0 or 0.5 across the axis for a lens that varies with height: its halves must print identically"
         raise SpecError("--phase-px", value=options.phase_px, limit=limit)
 
 
@@ -264,7 +264,7 @@ def _check_halves(settings: Settings) -> None:
         raise SpecError(
             "process.response",
             value=f"walls at {least:+.3g} to {most:+.3g} µm by the side they face",
-            limit=f"must move all sides alike, within {ALIKE_UM:g} µm, for a lens that varies with height",
+            limit=f"must move all sides equally, within {ALIKE_UM:g} µm, for a lens that varies with height",
             remedy="state a symmetric response, or its sigma_um",
         )
 

@@ -68,7 +68,7 @@ class PixelResponse(Strict):
     )
     pitch_um: Annotated[Positive, Field(le=1e3)] = Field(description="distance of neighbouring samples in µm.")
     centre_um: tuple[Number, Number] | None = Field(
-        None, description="Place of the pixel's centre from the first sample of all, along x and y; else the centroid."
+        None, description="Position of the pixel's centre from the first sample, along x and y; default: the centroid."
     )
 
     @model_validator(mode="after")

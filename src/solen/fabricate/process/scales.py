@@ -75,7 +75,7 @@ class Scales:
 
     @property
     def covariance(self) -> FloatArray:
-        """Priors of the errors."""
+        """Prior covariance of the errors."""
         u = np.array([self.u_before(key) for key in self.of])
         together = np.array([[self._alike(one, other) for other in self.of] for one in self.of])
         return np.asarray(u[:, None] * together * u[None, :]) if len(u) else np.zeros((0, 0))

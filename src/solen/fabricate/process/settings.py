@@ -180,7 +180,7 @@ class Settings(Strict):
         return Greys(self.grey, self.grey_drawn == "corrected", self.grey_power, self.pixels_um)
 
     def exposures(self, layers: int) -> FloatArray:
-        """Dose at the window of each of some layers, the first printed first, shape (layers,)."""
+        """Dose at the window of each given layer, the first printed first, shape (layers,)."""
         doses = np.full(layers, self.dose_mJ_per_cm2)
         doses[: self.burn_in_layers] = self.burn_in_s * self.irradiance_mW_per_cm2
         return doses

@@ -103,11 +103,11 @@ def printed_solid(
     settings
         The process.
     thickness_mm
-        Of the part; it is made of the nearest whole number of layers.
+        Thickness of the part; it is made of the nearest whole number of layers.
     centre_mm
         Centre of the shrinkage: the middle of the lens.
     name
-        Of the part, for refusals.
+        Name of the part, for refusals.
     phase
         Where the drawing's origin stands in its pixel.
 

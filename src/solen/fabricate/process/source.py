@@ -81,7 +81,7 @@ def with_cure(process: Process, path: Path) -> Process:
     Raises
     ------
     DataError
-        Where the file is no working curve, or the process was calibrated: its critical dose is that of its walls.
+        Where the file is not a working curve, or the process was calibrated: its critical dose is that of its walls.
     """
     curve = read_law(path)
     if process.keeps_growth:

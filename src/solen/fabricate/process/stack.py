@@ -35,7 +35,7 @@ class Stack:
     Attributes
     ----------
     spectra
-        Of the images that differ, (I, rows, columns).
+        Spectra of the images that differ, (I, rows, columns).
     image
         Number of each layer's image, (L,), the layer on the plate first.
     grid
@@ -90,7 +90,7 @@ class Stack:
         )
 
     def _summed(self, terms: Terms, chosen: IntArray) -> Spectrum:
-        """Spectrum of some terms' images, each by its dose."""
+        """Spectrum of the given terms' images, each weighted by its dose."""
         weights = np.bincount(self.image[terms.layer[chosen]], terms.dose[chosen], len(self.spectra))
         used = np.flatnonzero(weights)
         return np.tensordot(weights[used], self.spectra[used], axes=1)

@@ -73,7 +73,7 @@ def _check_lamps(design: Design, drawing: Drawing) -> None:
     """`DesignError` unless the drawn emitters are those listed, or where a pivot is drawn."""
     pivot = next((point for name, point in drawing.points if name in PIVOTS), None)
     if pivot is not None:
-        limit = f"has no meaning in a network, at {place_text(pivot)}"
+        limit = f"does not apply in a network, at {place_text(pivot)}"
         raise DesignError("body outline", value="pivot", limit=limit, remedy="state network.motion[0].pivot")
     places: dict[str, Lamp] = {}
     for lamp in drawing.lamps:

@@ -136,7 +136,7 @@ class InLampExposure:
     Attributes
     ----------
     cure_depth_um, print_through_many_layers_um, interior_mean_mJ_per_cm2
-        As of `LayerExposure` and `StackDose`, by the law with the spectrum.
+        Values by the law with the spectrum, of the quantities in `LayerExposure` and `StackDose`.
     interior_over_jacobs
         The last over what Jacobs' law gives.
     """

@@ -98,7 +98,7 @@ def read_law(path: Path) -> CureFile:
     """Working curve of a file; `DataError` if it is not one."""
     data = parsed(read_text(path, DataError), str(path), remedy="write it with solen resin cure --out")
     if not isinstance(data, dict) or data.get("kind") != "cure":
-        limit = "is no working curve"
+        limit = "is not a working curve"
         raise DataError(str(path), limit=limit, remedy="write it with solen resin cure --out")
     with error_context(str(path)):
         return CureFile(**data)

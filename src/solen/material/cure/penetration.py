@@ -311,8 +311,8 @@ def _lamp_warnings(decay: Attenuation, nm: FloatArray, absorbance: FloatArray, p
     if deep > (1.0 + _BENT) * surface:
         warnings.append(
             look_at(
-                f"the lamp's light is no exponential: Dp is {surface:.3g} µm at the surface and {deep:.3g} µm between "
-                f"{SHALLOW_UM:g} and {DEEP_UM:g} µm, so that a working curve bends upwards"
+                f"the lamp's light does not decay exponentially: Dp is {surface:.3g} µm at the surface "
+                f"and {deep:.3g} µm between {SHALLOW_UM:g} and {DEEP_UM:g} µm, so that a working curve bends upwards"
             )
         )
     highest = float(decay.per_um.max()) * path_um / math.log(10.0)

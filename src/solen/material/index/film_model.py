@@ -331,7 +331,7 @@ class FilmModel:
         return -0.5 * float(sum(one.size * np.log(np.mean(one**2)) for one in off))
 
     def weigh(self, p: FloatArray) -> None:
-        """Take the scatter of the residuals for that of the readings, where repeats do not say more."""
+        """Use the scatter of the residuals as that of the readings, unless their repeats scatter more."""
         spectra = self.spectra(p)
         for kind, reading in self.blocks.items():
             off = reading.value - spectra[kind]

@@ -119,14 +119,14 @@ def invert_many(
     Parameters
     ----------
     reflectance, transmittance, thickness_um, wavelength_nm
-        As of `invert`.
+        As in `invert`.
     out
         Arrays of the common shape that n and k are written into, to reuse memory.
     """
     arguments = _broadcast(reflectance, transmittance, 1.0 / optical_depth(thickness_um, wavelength_nm))
     n, k = out or (np.empty(arguments[0].shape), np.empty(arguments[0].shape))
     parts = _parts(n.shape)
-    with ThreadPoolExecutor(len(parts)) as pool:  # numpy lets go of Python's lock while it computes
+    with ThreadPoolExecutor(len(parts)) as pool:  # numpy releases Python's lock while it computes
         for done in [pool.submit(_invert_into, *(one[part] for one in (*arguments, n, k))) for part in parts]:
             done.result()
     return n, k

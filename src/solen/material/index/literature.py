@@ -212,7 +212,7 @@ def curve_of(material: Material, *, package: bool | None = None) -> Curve:
 
 @dataclass(frozen=True, eq=False)
 class Band:
-    """Least and greatest index of some polymers at some wavelengths.
+    """Lowest and highest index of the given polymers at the given wavelengths.
 
     Attributes
     ----------
@@ -242,7 +242,7 @@ def band(wavelength_nm: ArrayLike, polymers: Sequence[str] = RESINS, *, package:
     polymers
         Of `POLYMERS`.
     package
-        As of `curve_of`.
+        As in `curve_of`.
     """
     nm = np.atleast_1d(np.asarray(wavelength_nm, dtype=float))
     entries = materials(polymers)
@@ -281,7 +281,7 @@ def check_index(
     wavelength_nm, n, u_n
         Shape (wavelengths,); NaN is passed over, an uncertainty of NaN counts as 0.
     polymers, package
-        As of `band`.
+        As in `band`.
     """
     nm, values = (np.atleast_1d(np.asarray(one, dtype=float)) for one in (wavelength_nm, n))
     slack = MARGIN + 2 * np.nan_to_num(np.broadcast_to(np.asarray(0.0 if u_n is None else u_n, dtype=float), nm.shape))
@@ -329,7 +329,7 @@ def check_dispersion(
     u_n
         Standard uncertainties that are independent from point to point; without them the scatter counts.
     package
-        As of `curve_of`.
+        As in `curve_of`.
     """
     nm, values = (np.atleast_1d(np.asarray(one, dtype=float)) for one in (wavelength_nm, n))
     there = np.isfinite(nm) & np.isfinite(values) & (nm >= 400) & (nm <= 1100)

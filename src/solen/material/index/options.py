@@ -1,4 +1,4 @@
-"""Options of the index of a layer: what was measured, on what, and what is to be made of it."""
+"""Options of the index of a layer: what was measured, on which substrate, and how to evaluate it."""
 
 from pathlib import Path
 from typing import Annotated, Literal, Self

@@ -293,7 +293,7 @@ def refractometer(
     n, u_n
         Indices and their standard uncertainties, above 0; one or several.
     wavelength_nm
-        Of each; default: the sodium line.
+        Wavelength of each; default: the sodium line.
     u_shared
         Standard uncertainty that all values share: the calibration of the instrument.
     u_temperature_k
@@ -301,7 +301,7 @@ def refractometer(
     dn_dt_per_k
         Temperature coefficient that makes an error of n of it.
     prior
-        Of the dispersion; default: that of acrylates and printing resins.
+        Prior of the dispersion; default: that of acrylates and printing resins.
 
     Raises
     ------

@@ -41,7 +41,7 @@ from solen.ranks import do_not_use, look_at
 
 AS_PUBLISHED = do_not_use(
     "as published, refused as a measurement: R = 1 − T − A with A = −log10 T makes R a function of T alone, so this n "
-    "says nothing of the reflectance; so read, a clear layer of n = 1.50 gives 1.351"
+    "says nothing about the reflectance; so read, a clear layer of n = 1.50 gives 1.351"
 )
 BASES = {"log10": float(np.log(10.0)), "ln": 1.0}
 """Kinds of absorbance, by name the natural logarithm of their base."""
@@ -208,7 +208,7 @@ def no_reflectance(what: str, wavelength_nm: ArrayLike, transmittance: Reading) 
             instead += f", where acrylates and photoresins have {known.low[0]:.2f} to {known.high[0]:.2f}"
     return DataError(
         "a measured index",
-        limit=f"does not follow from {what} which says nothing of the reflectance{instead}",
+        limit=f"does not follow from {what} which says nothing about the reflectance{instead}",
         remedy="measure R; or take --mode lossless; or --mode as-published, which is labelled as not measured",
     )
 

@@ -76,7 +76,7 @@ class IndexSpectrum:
     reflectance, transmittance
         The inverted readings, unmasked; the reflectance of the lossless route is 1 − T.
     thickness
-        Of the layer; None if the route needs none.
+        Thickness of the layer; None if the route needs none.
     warnings
         Warnings, in sentences with numbers.
     """

@@ -156,7 +156,7 @@ def extinction(
     n
         The layer's index, one or one for each wavelength.
     transmittance, wavelength_nm, thickness_um, setup
-        As of `invert_on_substrate`.
+        As in `invert_on_substrate`.
     """
     t, wavelength, n = _rows(transmittance, wavelength_nm, n)
     case = _case(wavelength, thickness_um, setup)

@@ -154,9 +154,9 @@ class GuideLoss(Line, Measured, kw_only=True):
         Standard deviations: of pieces about the line; of the starts of guides that were cut to several lengths; of
         readings about their piece (None if none was repeated).
     wavelength_nm
-        Of the light, as stated.
+        Wavelength of the light, as stated.
     power_unit
-        Of the readings; None if they are proportional to power.
+        Unit of the readings; None if they are proportional to power.
     dark
         Reading without light, as stated, in that unit.
     falls_with_light

@@ -66,7 +66,7 @@ class Readings:
     length_mm, values, level_dB
         Length, reading in `unit`, and level, shape (n,).
     unit
-        Of the readings; empty for readings proportional to power.
+        Unit of the readings; empty for readings proportional to power.
     guide, orientation
         Texts of the rows; None without such a column.
     columns

@@ -52,7 +52,7 @@ def _unstable(fit: Fit) -> list[Caution]:
 def _undetermined(fit: Fit) -> Caution | None:
     if fit.scatter.covariance is None:
         return look_at(
-            f"the parameters of {fit.model.kind} are not determined one by one: their covariance does not exist"
+            f"the parameters of {fit.model.kind} cannot be determined individually: their covariance does not exist"
         )
     spread = np.sqrt(np.diag(fit.scatter.covariance))
     loose = [n for n, p, u in zip(fit.model.names, fit.values, spread, strict=True) if u > abs(p)]

@@ -33,7 +33,7 @@ class Scatter:
     Attributes
     ----------
     covariance
-        Of the parameters, shape (p, p); None if the data do not determine them.
+        Covariance of the parameters, shape (p, p); None if the data do not determine them.
     sigma
         Standard deviation of a residual.
     lag_one

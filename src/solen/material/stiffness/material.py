@@ -75,11 +75,11 @@ class MaterialStiffness(MeanModulus, kw_only=True):
     Attributes
     ----------
     label
-        Of the material; None without one.
+        Label of the material; None without one.
     strain_range
-        Of the modulus of the first specimen, magnitudes.
+        Strain range of the modulus of the first specimen, magnitudes.
     mode
-        Of the first specimen's test: tension, compression, uniaxial (both directions), planar or equibiaxial.
+        Mode of the first specimen's test: tension, compression, uniaxial (both directions), planar or equibiaxial.
     specimens
         All of them; the modulus is the mean over those tested like the first.
     model, fits

@@ -55,14 +55,14 @@ def height_of(z_mm: FloatArray, coupon: Coupon, feature: Feature, pose: Pose) ->
     ground = _within(dx, dy, feature, FAR) & _free(x_mm, y_mm, coupon)
     valid = np.isfinite(z)
     if np.count_nonzero(top & valid) < max(VALID * np.count_nonzero(top), FEWEST_PX):
-        return "too few heights on its top"
+        return "too few heights were measured on its top"
     if np.count_nonzero(ground & valid) < FEWEST_PX:
         return "too few heights on the ground beside it"
     plane, u_ground = _plane(dx[ground & valid], dy[ground & valid], z[ground & valid])
     over = z - plane[0] - plane[1] * dx - plane[2] * dy
     pieces = _pieces(dx[top & valid], dy[top & valid], over[top & valid])
     if len(pieces) < FEWEST_PIECES:
-        return "too few heights on its top"
+        return "too few heights were measured on its top"
     u_top = float(np.std(pieces, ddof=1)) / math.sqrt(len(pieces))
     return Height(feature.name, feature.height_mm, float(np.mean(pieces)), math.hypot(u_top, u_ground))
 

@@ -57,7 +57,7 @@ class Location:
     Attributes
     ----------
     pose
-        Of the layout in the picture, at the scale that fits the features' places.
+        Pose of the layout in the picture, at the scale that fits the features' places.
     bright
         Whether its features are brighter than their surroundings.
     matched

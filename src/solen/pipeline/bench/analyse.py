@@ -48,7 +48,7 @@ def analyse(
         unused(options)
         if traces is not None or len(files) > 1:
             what = ("--traces", traces) if traces is not None else ("files", len(files))
-            limit = "has no meaning for a network" if traces is not None else "must be one, of a network"
+            limit = "does not apply to a network" if traces is not None else "must be one, of a network"
             raise SpecError(what[0], value=str(what[1]), limit=limit)
         return write(analysed_network(network_readings(files[0])), "analysis", out, figure=figure)
     result = study(files, options)

@@ -70,7 +70,7 @@ def export(
     assignments = [*(set_ or ()), *seats.assignments, *thickness]
     formats = tuple(kind for kind, wanted in asked.items() if wanted)
     if slicing is not None and not layers:
-        raise SpecError("options of layers", limit="have no meaning without --layers", remedy="add --layers")
+        raise SpecError("options of layers", limit="do not apply without --layers", remedy="add --layers")
     return pipeline.export(
         file,
         out,

@@ -112,9 +112,9 @@ def convergence(
     angle_deg
         Angle in degrees, counter-clockwise: a negative one turns to the right; default: 0. Above -90, below 90.
     at
-        Of a soft body: value of what its motion drives, in its unit; default: the last of the motion.
+        For a soft body: value of what its motion drives, in its unit; default: the last of the motion.
     emitter
-        Of a network: the emitter that lights; default: network.lit, or the only one.
+        For a network: the emitter that lights; default: network.lit, or the only one.
     mode
         How light meets faces.
     """
@@ -146,9 +146,9 @@ def sensitivity(
     angle_deg
         Angle in degrees, counter-clockwise: a negative one turns to the right; default: 0. Above -90, below 90.
     at
-        Of a soft body: value of what its motion drives, in its unit; default: the last of the motion.
+        For a soft body: value of what its motion drives, in its unit; default: the last of the motion.
     suggest
-        Of a network: places where another receiver or emitter would help most, ranked by what they determine.
+        For a network: places where another receiver or emitter would help most, ranked by what they determine.
     """
     figure.check()
     sensor = Sensor.of(open_design(file, set_))

@@ -1,1 +1,1 @@
-"""Commands of a print."""
+"""The `solen print` commands."""

@@ -1,1 +1,1 @@
-"""Commands of a resin."""
+"""The `solen resin` commands."""

@@ -17,7 +17,7 @@ from solen.report.canvas import INK, LEFT, RIGHT
 def optimum_figure(result: Optimum) -> Figure:
     """Contrast over the angle before and after, best value by number of designs tried, and prints of both.
 
-    Of a network all merits after, as parts of those before, in place of the contrast.
+    For a network, every merit after, relative to its value before, replaces the contrast.
     """
     has_prints = result.prints_before is not None and result.prints_after is not None
     rows = 3 if has_prints else 2
@@ -138,6 +138,6 @@ def front_figure(result: Front) -> Figure:
 
 
 def _designs(axes: Axes, designs: Sequence[FrontDesign], **look: Any) -> None:
-    """Goals of some designs with their uncertainties."""
+    """Goals of the given designs with their uncertainties."""
     goals, u = (np.array([getattr(one, name) for one in designs]).T for name in ("goals", "u_goals"))
     axes.errorbar(goals[0], goals[1], xerr=u[0], yerr=u[1], capsize=2, ecolor=INK, elinewidth=1.0, **look)

@@ -68,7 +68,7 @@ def _curve(_: Figure, axes: Axes, sweep: Sweep, name: str, __: str) -> None:
 
 
 def _responses(axes: Axes, sweep: Sweep) -> None:
-    """Contrast of some points of a sweep over one key."""
+    """Contrast of the given points of a sweep over one key."""
     ((key, values),) = sweep.values.items()
     chosen = np.unique(np.linspace(0, sweep.points - 1, MOST_CURVES).round().astype(int))
     for number, place in enumerate(chosen):

@@ -58,7 +58,7 @@ class Scope:
 
 @dataclass(frozen=True)
 class Expression:
-    """A formula of some variables, with all else that it names."""
+    """A formula of given variables, with everything else that it names."""
 
     text: str
     variables: tuple[str, ...]

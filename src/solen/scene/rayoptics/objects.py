@@ -160,7 +160,7 @@ def _transmitted(fields: Fields) -> float:
 
 
 def _grating(curves: Outline, way: int, mirrored: bool | None = None) -> Reader:
-    """Reader of a grating, whose orders are counted to the right of the light's way, or to its left for ``way`` −1."""
+    """Reader of a grating, with orders counted to the right of the light's direction, to its left for ``way`` −1."""
 
     def read(fields: Fields, name: str, world: World) -> Sequence[Glass | Element]:
         lines, custom = fields.number_of("lineDensity", 1000.0, above=0.0), fields.flag("customBrightness")

@@ -255,7 +255,7 @@ def about_axis(theta: FloatArray, phi: FloatArray, dx: FloatArray | float, dz: F
 
 
 def drawn_by(weights: Sequence[float] | FloatArray, u: FloatArray) -> IntArray:
-    """Which of some things is drawn by their weights at each of the numbers ``u`` (N,) in [0, 1)."""
+    """Index of the item drawn by its weight at each of the numbers ``u`` (N,) in [0, 1)."""
     share = np.cumsum(weights)
     return np.minimum(np.searchsorted(share / share[-1], u, side="right"), len(share) - 1)
 

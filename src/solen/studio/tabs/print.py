@@ -51,5 +51,5 @@ def suits(path: Path) -> tuple[str, ...]:
         return ("print tune",)
     if path.suffix.lower() in {".toml", ".json"}:
         return ("print predict", "print layers")
-    limit, remedy = "is no picture, process or working curve", f"a picture ends in {', '.join(PICTURES)}"
+    limit, remedy = "is not a picture, process or working curve", f"a picture ends in {', '.join(PICTURES)}"
     raise DataError(path.name, limit=limit, remedy=remedy)

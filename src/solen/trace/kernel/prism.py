@@ -321,7 +321,7 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
             value[unfinished] += (1.0 + above) * power
             if hits + 1 < most_hits:
                 tail, gain, fate = True, 1.0, GOES_ON
-            if above > 0.0:  # one of both parts by chance
+            if above > 0.0:  # one of the two parts by chance
                 if chance(rules.seed, draw, draws) * (1.0 + above) < above:
                     ya, yb = above_low, above_high
                 light, above, draws = scaled(light, 1.0 + above), 0.0, draws + 1

@@ -121,9 +121,9 @@ def at_treated(  # noqa: C901  one case for each kind of surface
 def at_grating(
     k: Precision, tables: Tables, t: Treatment, splitting: int, colour: int, event: Event, ray: Incidence
 ) -> Divided:
-    """As `at_treated`, at a grating whose normal faces the ray: one order, drawn by its share, has the power of all.
+    """As `at_treated`, at a grating whose normal faces the ray: one order, drawn by its share, carries all power.
 
-    Positive orders lie to the right of the light's way.
+    Positive orders lie to the right of the direction of the light.
     """
     _, _, dx, dz, nx, nz, n1, n2, s, p = ray
     after = n1 if t.lines < 0.0 else n2

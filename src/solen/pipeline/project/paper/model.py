@@ -50,7 +50,7 @@ class Made:
 
 @dataclass(frozen=True)
 class PaperFigure:
-    """A figure of the paper: its name, what it shows, commands that make it alone, and its making in a data folder."""
+    """A figure of the paper: contents, the commands that make it alone and the function that does so."""
 
     name: str
     title: str
