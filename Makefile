@@ -81,15 +81,16 @@ $(VENV)/.python-ready:
 	done; \
 	echo "solen needs Python 3.11 or later, and $(PYTHON) is not; name one: make PYTHON=/path/to/python3.13" >&2; exit 1
 
-# Built with the pinned setuptools rather than the newest: hence --no-build-isolation.
+# With the extras that README, quickstart and tutorials use. Built with the pinned setuptools rather than the newest: hence
+# --no-build-isolation.
 $(VENV)/.run-ready: $(VENV)/.python-ready pyproject.toml requirements.lock
-	@echo "Installing solen into $(VENV)"
+	@echo "Installing solen into $(VENV); pip says nothing for a minute or two"
 	@$(PIP) install -c requirements.lock setuptools
-	@$(PIP) install -c requirements.lock --no-build-isolation -e .
+	@$(PIP) install -c requirements.lock --no-build-isolation -e ".[mechanics,netcdf]"
 	@touch $@
 
 $(VENV)/.dev-ready: $(VENV)/.python-ready pyproject.toml requirements.lock
-	@echo "Installing solen, its tests and its docs into $(VENV)"
+	@echo "Installing solen, its tests and its docs into $(VENV); pip says nothing for some minutes"
 	@$(PIP) install -c requirements.lock setuptools
 	@$(PIP) install -c requirements.lock --no-build-isolation -e ".[dev,docs]"
 	@touch $(VENV)/.run-ready $@

@@ -169,14 +169,14 @@ def write_all(contents: Mapping[Path, Content]) -> list[Path]:
 
 
 def write_new(folder: Path, contents: Mapping[str, bytes]) -> list[Path]:
-    """Write files into a folder under their names, made with it if missing; `OutputError` if one exists already.
+    """Write files into a folder under their names, made with it if missing; `OutputError` if one is there and differs.
 
     A name may have folders of its own, ``bench/rig.toml``.
     """
     targets = {folder / name: data for name, data in contents.items()}
     with output_folder(folder):
-        for target in targets:
-            if target.exists():
+        for target, data in targets.items():
+            if target.exists() and not (target.is_file() and target.read_bytes() == data):
                 raise OutputError(str(target), limit="exists already", remedy="name another folder or remove it")
         for target in targets:
             target.parent.mkdir(parents=True, exist_ok=True)

@@ -40,6 +40,9 @@ def test_what_talks_itself_or_is_quiet_is_left_alone() -> None:
     assert is_silent(["run", "sensor.toml", "--quiet"])
     assert not is_silent(["run", "sensor.toml", "--json"])
     assert not is_silent(["bench", "run", "rotation.toml"])
+    assert is_silent(["bench", "decode", "calibration.json", "-", "--rate-hz", "100"])
+    assert is_silent(["bench", "decode", "calibration.json", "run.journal"])
+    assert not is_silent(["bench", "decode", "calibration.json", "recording.csv"])
 
 
 def test_a_compilation_is_noticed_and_said_on_stderr() -> None:

@@ -1,6 +1,7 @@
 """The sensor as in the paper and as built, what matters to it, and where its light goes."""
 
 import json
+import sys
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise
@@ -192,6 +193,16 @@ def test_how_a_soft_body_is_held_is_what_matters_most() -> None:
     assert abs(holds["outer-*"].contrast[0]) < 0.005
     (warning,) = paper().warnings
     assert "held by the ends of the arms moves the contrast by -0.15 at -3°" in warning
+
+
+def test_what_a_missing_package_leaves_out_is_warned_of(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "skfem", None)
+    monkeypatch.setattr("solen.sensor.effects.KEYS", ("emitter.offset_mm",))
+    without = found()
+    assert not [effect for effect in without.effects if effect.key == "hold"]
+    (warning,) = without.warnings
+    assert "how a soft body is held" in warning
+    assert "scikit-fem" in warning
 
 
 def test_about_the_emitter_the_join_matters() -> None:

@@ -13,8 +13,10 @@ from typing import Any
 LOOK_S, FIRST_S, AGAIN_S, LATER = 0.2, 1.5, 10.0, 0.2
 """How often the thread looks, when the first line is due and each further one: at least a fifth of the time later."""
 COMPILING = "compiling the tracer for this computer, once; it takes a minute or less, and later runs begin at once"
-TALK = {"studio", "watch", "jog", "decode", "completion"}
+TALK = {"studio", "watch", "jog", "completion"}
 """Commands that wait for a person or for readings, and answer as they come."""
+LIVE = ("-", ".journal")
+"""Ends of the sources from which `solen bench decode` answers as readings come; a recording is decoded whole."""
 
 
 class Waiting:
@@ -84,7 +86,8 @@ def spoken(command: str) -> Iterator[None]:
 def is_silent(arguments: list[str]) -> bool:
     """Whether a command line is one that nothing is said of: quiet, or one that talks itself."""
     shows = "run" in arguments[1:2] and arguments[0] == "bench" and sys.stderr.isatty()  # has a line of its own
-    return not arguments or "--quiet" in arguments or shows or bool(TALK & set(arguments[:2]))
+    live = "decode" in arguments[1:2] and any(word.endswith(LIVE) for word in arguments)
+    return not arguments or "--quiet" in arguments or shows or live or bool(TALK & set(arguments[:2]))
 
 
 def _listen() -> bool:

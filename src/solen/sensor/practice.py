@@ -128,6 +128,9 @@ class Practice(Result):
         """Warning where it matters how a soft body is held."""
         found = [effect for effect in self.effects if effect.key == HOLD]
         most = max(found, key=lambda effect: effect.largest, default=None)
+        for key, why in self.skipped.items():
+            if key.startswith(HOLD) and "not installed" in why:
+                return (f"how a soft body is held, which may matter most, is left out: {why}",)
         if most is None or most.largest < MOVED:
             return ()
         place = int(np.nanargmax(np.abs(most.contrast)))

@@ -291,7 +291,7 @@ def _condition_warnings(known: CalibrationFile, stream: Stream, options: DecodeO
         else:
             yield note(
                 f"{stream.sensor} is only the file's name, so it is decoded as the calibrated sensor {known.sensor}; "
-                f"--sensor {stream.sensor} states another"
+                f'--sensor "{stream.sensor}" states another'
             )
     if other:
         yield do_not_use(f"the recording does not match the calibration: {'; '.join(other)}")
