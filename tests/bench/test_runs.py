@@ -358,8 +358,11 @@ def test_what_is_written_to_start_from_runs(tmp_path: Path) -> None:
         rig = load_rig(tmp_path / "bench" / f"{name}.toml")
         assert (rig.inputs, rig.stage.lever_mm) == (8, 40.0 if kind == "bend" else None)
         assert load(tmp_path / "bench" / rig.sensor[0].design).motion.kind == kind
+    new(tmp_path / "bench")  # the same again changes nothing
+    (tmp_path / "bench" / "rig.toml").write_text("mine", encoding="utf-8")
     with pytest.raises(OutputError, match="exists already"):
         new(tmp_path / "bench")
+    assert (tmp_path / "bench" / "rig.toml").read_text(encoding="utf-8") == "mine"
 
 
 def test_a_folder_that_cannot_be_written_to_is_listed(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:

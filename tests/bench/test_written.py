@@ -15,5 +15,7 @@ def test_sources_of_a_board_are_written_once(tmp_path: Path, board: Board) -> No
     found = {path.relative_to(tmp_path / "board").as_posix() for path in outcome.files.values()}
     assert found == set(BOARDS[board])
     assert all(path.stat().st_size > 200 for path in outcome.files.values())
+    firmware(tmp_path / "board", board=board)  # the same again changes nothing
+    next(iter(outcome.files.values())).write_text("mine", encoding="utf-8")
     with pytest.raises(OutputError, match="exists already"):
         firmware(tmp_path / "board", board=board)

@@ -108,7 +108,7 @@ def test_a_recording_is_decoded_to_its_own_angle(
     assert told["against_angle"]["rms_deg"] < 0.06
     assert 0.92 < told["against_angle"]["within_95"] <= 1.0
     assert told["outside"] < 0.01 * told["readings"]
-    (named,) = [line for line in told["warnings"] if "--sensor again" in line]
+    (named,) = [line for line in told["warnings"] if '--sensor "again"' in line]
     assert named.startswith("note")
     command = ("bench", "decode", str(calibration), str(folder / "again.csv"), "--out", str(out))
     out.write_text("measured once", encoding="utf-8")
