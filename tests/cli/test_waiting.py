@@ -27,11 +27,13 @@ def test_progress_is_said() -> None:
 
 def test_compiling_is_said_at_once_and_then_counted() -> None:
     waiting = Waiting()
-    waiting.compiled = 1
+    waiting.compiled, waiting.function = 1, "meet"
     assert "compiling the tracer" in (waiting.words(0.3) or "")
-    assert waiting.words(5.0) is None
+    assert waiting.words(1.0) is None
     waiting.compiled = 40
-    assert "40 functions" in (waiting.words(11.0) or "")
+    assert (waiting.words(2.4) or "").endswith("40 functions, now meet")
+    waiting.function = ""
+    assert "working" in (waiting.words(5.0) or "")
 
 
 def test_what_talks_itself_or_is_quiet_is_left_alone() -> None:
@@ -59,4 +61,5 @@ def test_a_compilation_is_noticed_and_said_on_stderr() -> None:
         [sys.executable, "-c", program], capture_output=True, text=True, check=True, env={**os.environ}, timeout=120
     )
     assert "solen x: compiling the tracer" in done.stderr
+    assert "1 functions, now <lambda>" in done.stderr
     assert done.stdout == ""

@@ -2,6 +2,8 @@
 
 import os
 import pickle
+import subprocess
+import sys
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import Any
@@ -55,3 +57,40 @@ def test_an_index_of_another_version_is_left_alone(tmp_path: Path) -> None:
         anew = twice(path)
         assert anew(2.0) == 4.0
         assert sum(anew.stats.cache_misses.values()) == 1
+
+
+CALLS = """
+from solen.trace.kernel.compiled import called, compiled
+@called
+def root(x: float) -> float:
+    return x ** 0.5
+@compiled
+def more(x: float) -> float:
+    return root(x) + 1.0
+@called
+def outer(x: float) -> float:
+    return 2.0 * more(x)
+"""
+ASKED = """
+import sys
+sys.path.insert(0, {folder!r})
+import three
+print(three.outer(9.0), three.more(9.0), sum(sum(f.stats.cache_misses.values()) for f in (three.root, three.outer)))
+"""
+
+
+def asked(folder: Path) -> list[float]:
+    """What a process of its own says of the functions in a folder."""
+    program = ASKED.format(folder=str(folder))
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=300)
+    return [float(word) for word in done.stdout.split()]
+
+
+def test_a_function_that_stands_on_its_own_is_there_before_its_callers(tmp_path: Path) -> None:
+    """Its code is kept once: where it was lost it is compiled again, for callers that were kept."""
+    (tmp_path / "three.py").write_text(CALLS)
+    assert asked(tmp_path) == [8.0, 4.0, 2.0]
+    assert asked(tmp_path) == [8.0, 4.0, 0.0]
+    for path in tmp_path.rglob("three.root*"):
+        path.unlink()
+    assert asked(tmp_path) == [8.0, 4.0, 1.0]

@@ -12,6 +12,8 @@ from typing import Any
 
 LOOK_S, FIRST_S, AGAIN_S, LATER = 0.2, 1.5, 10.0, 0.2
 """How often the thread looks, when the first line is due and each further one: at least a fifth of the time later."""
+COMPILING_S = 2.0
+"""When a line is due again while the tracer is compiled."""
 COMPILING = "compiling the tracer for this computer, once; it takes a minute or less, and later runs begin at once"
 TALK = {"studio", "watch", "jog", "completion"}
 """Commands that wait for a person or for readings, and answer as they come."""
@@ -30,28 +32,37 @@ class Waiting:
         Changes the words of a bar on the terminal; None without one.
     compiled
         Functions of the tracer that were compiled, or are being.
+    function
+        The one that is compiled now; empty while none is.
     """
 
     def __init__(self) -> None:
         self.done: float | None = None
         self.describe: Callable[[str], None] | None = None
-        self.compiled = 0
-        self._said_compiling, self._due_s = False, FIRST_S
+        self.compiled, self.function = 0, ""
+        self._said_compiling, self._said, self._due_s = False, 0, FIRST_S
 
     def words(self, elapsed_s: float) -> str | None:
         """What is to be said after so long a time, if anything."""
         if self.compiled and not self._said_compiling:
-            self._said_compiling, self._due_s = True, elapsed_s + AGAIN_S
-            return COMPILING
+            self._said_compiling, self._due_s = True, elapsed_s + COMPILING_S
+            return f"{COMPILING}: {self._functions()}"
         if elapsed_s < self._due_s:
             return None
+        if self.function or self.compiled > self._said:
+            self._due_s = elapsed_s + max(COMPILING_S, LATER * elapsed_s)
+            return f"compiling, {elapsed_s:.0f} s: {self._functions()}"
         self._due_s = elapsed_s + max(AGAIN_S, LATER * elapsed_s)
         parts = [f"{elapsed_s:.0f} s"]
         if self.done:
             parts.append(f"{100.0 * self.done:.0f} % done")
-        if self.compiled:
-            parts.append(f"{self.compiled} functions of the tracer compiled")
         return f"working, {', '.join(parts)}"
+
+    def _functions(self) -> str:
+        """How far the compiling is, and what is compiled."""
+        self._said = self.compiled
+        many = f"{self.compiled} functions"
+        return f"{many}, now {self.function}" if self.function else many
 
 
 NOW = Waiting()
@@ -69,7 +80,7 @@ def spoken(command: str) -> Iterator[None]:
             heard = heard or _listen()
             words = NOW.words(time.monotonic() - begun)
             if words is not None and NOW.describe is not None:
-                NOW.describe(words if words is COMPILING else command)
+                NOW.describe(words if words.startswith("compiling") else command)
             elif words is not None:
                 sys.stderr.write(f"{command}: {words}\n")
                 sys.stderr.flush()
@@ -95,13 +106,19 @@ def _listen() -> bool:
     events: Any = sys.modules.get("numba.core.event")
     if events is None or not hasattr(events, "register"):
         return False
+    depth = 0
 
     class Heard(events.Listener):  # type: ignore[misc]
-        def on_start(self, _: object) -> None:
+        def on_start(self, event: Any) -> None:
+            nonlocal depth
+            depth += 1
             NOW.compiled += 1
+            NOW.function = event.data["dispatcher"].py_func.__name__
 
         def on_end(self, _: object) -> None:
-            pass
+            nonlocal depth
+            depth -= 1
+            NOW.function = NOW.function if depth else ""
 
     events.register("numba:compile", Heard())
     return True

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solen.arrays import FloatArray, IntArray
-from solen.trace.kernel.compiled import called, compiled
+from solen.trace.kernel.compiled import called, compiled, linked
 from solen.trace.kernel.rows import Floats, Precision
 from solen.trace.kernel.tree import NO_ROOM, Family, intensity, trace_tree
 from solen.trace.tables import Tables
@@ -62,7 +62,7 @@ class Pieces(NamedTuple):
     """(room, 2) parts still to be integrated"""
 
 
-@called
+@linked
 def weigh(family: Family, angle: float, value: FloatArray) -> None:
     """Multiply what a ray gives by how much it counts."""
     weight = intensity(family, angle)
@@ -71,7 +71,7 @@ def weigh(family: Family, angle: float, value: FloatArray) -> None:
             value[d] *= weight
 
 
-@called
+@linked
 def add_sample(k: Precision, tables: Tables, family: Family, samples: Samples, angle: float) -> int:
     """Trace a ray and keep it; returns its number, −1 where there is no room."""
     n, first = samples.counts[SAMPLES], samples.counts[LEGS]
@@ -105,7 +105,7 @@ def holds(
     return inside
 
 
-@called
+@linked
 def is_whole(samples: Samples, i: int, j: int, ends: FloatArray) -> bool:
     """Whether two rays have one tree and no curve ends in the beam between them or beside a curved face of it."""
     if samples.tree[i] != samples.tree[j] or samples.many[i] != samples.many[j]:
@@ -132,7 +132,7 @@ def is_whole(samples: Samples, i: int, j: int, ends: FloatArray) -> bool:
     return True
 
 
-@called
+@linked
 def cut(
     k: Precision,
     tables: Tables,
@@ -163,7 +163,7 @@ def cut(
     return DONE
 
 
-@called
+@linked
 def open_gaps(samples: Samples, narrow: float) -> int:
     """Put the stretches that are not whole and wider than ``narrow`` into ``samples.open``; returns how many."""
     opened, i = 0, 0
@@ -176,7 +176,7 @@ def open_gaps(samples: Samples, narrow: float) -> int:
     return opened
 
 
-@called
+@linked
 def gather(samples: Samples, pieces: Pieces) -> float:
     """Runs of whole stretches become pieces; returns the width of all that is between them."""
     n, i, gaps = 0, 0, 0.0
@@ -198,7 +198,7 @@ def gather(samples: Samples, pieces: Pieces) -> float:
     return gaps
 
 
-@called
+@linked
 def insert_stray(k: Precision, tables: Tables, family: Family, samples: Samples, start: int, angle: float) -> int:
     """Keep a ray whose tree differs from its piece's, so that its stretch is looked at anew: its number, or −1."""
     i = start
@@ -212,7 +212,7 @@ def insert_stray(k: Precision, tables: Tables, family: Family, samples: Samples,
     return new
 
 
-@called
+@linked
 def integrate_pieces(  # noqa: C901  pieces, parts and nodes: three loops of one quadrature
     k: Precision,
     tables: Tables,
@@ -338,7 +338,7 @@ def integrate_cone(
             return error, gaps + left_out, parts
 
 
-@called
+@linked
 def has_tree(k: Precision, tables: Tables, family: Family, samples: Samples, angle: float, tree: np.uint64) -> bool:
     """Whether the ray at an angle has a tree; what it took is counted."""
     many, found, _ = trace_tree(k, tables, family, angle, samples.value, samples.legs, samples.stack)
@@ -346,7 +346,7 @@ def has_tree(k: Precision, tables: Tables, family: Family, samples: Samples, ang
     return many != NO_ROOM and found == tree
 
 
-@called
+@linked
 def moved_edge(
     k: Precision,
     tables: Tables,

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solen.arrays import FloatArray, IntArray
-from solen.trace.kernel.compiled import called, compiled
+from solen.trace.kernel.compiled import called, compiled, linked
 from solen.trace.kernel.family import FamilyInSpace, at_angles
 from solen.trace.kernel.nearest import Walls
 from solen.trace.kernel.paths import FIRST, FIRST_ANGLES, PathRoom, integrate_path
@@ -88,7 +88,7 @@ def node_between(rule: Rule, low: float, high: float, n: int) -> float:
     return low if n == 0 else high if n == len(rule.nodes) - 1 else inner
 
 
-@called
+@linked
 def node(k: Precision, walls: Walls, light: Light, room: PathRoom, nodes: Nodes, q: float, t: float) -> int:
     """Row of a node, which is integrated where it is not known.
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from solen.arrays import FloatArray, IntArray
 from solen.lens.face import Face
-from solen.trace.kernel.compiled import called, compiled
+from solen.trace.kernel.compiled import called, compiled, linked
 from solen.trace.kernel.space import (
     Beam,
     Border,
@@ -201,7 +201,7 @@ def may_dip(f: Face, d: Vector, g: float, change: float, way: float) -> bool:
     return g <= 0.0 or change > 0.0 or g - change * way <= 0.5 * f.bend * d.x * d.x * way * way
 
 
-@called
+@linked
 def to_layers(f: Face, layer: int, at: Vector, d: Vector, start: float, end: float) -> Step:
     """The profile of a layer ahead of a ray, or the ledge of the next one.
 
@@ -327,7 +327,7 @@ def write(f: Faced, rays: Passage, i: int, walk: Walk) -> None:
         rays.y[i] = 4.0 * f.face.half_height
 
 
-@called
+@linked
 def set_aside(f: Faced, rays: Passage, free: IntArray, i: int, layer: int, chance: float, walk: Walk) -> None:
     """Write what the face reflects of a ray into a row of its own, where it may get to the body; the rest goes back."""
     power = power_of(walk.beam.light)
@@ -343,7 +343,7 @@ def set_aside(f: Faced, rays: Passage, free: IntArray, i: int, layer: int, chanc
     free[0] += 1
 
 
-@called
+@linked
 def met(f: Faced, rays: Passage, i: int, free: IntArray) -> Walk:
     """A ray at the face, on its way in, or as it misses it."""
     at, d = Vector(rays.x[i], rays.y[i], rays.z[i]), Vector(rays.dx[i], rays.dy[i], rays.dz[i])
@@ -375,7 +375,7 @@ def met(f: Faced, rays: Passage, i: int, free: IntArray) -> Walk:
         beam = times(parts.back, 1.0 / returned)
 
 
-@called
+@linked
 def carried(f: Faced, rays: Passage, i: int, walk: Walk) -> Walk:
     """A ray in the body at the plane of the stem's base, by its bounces off top, bottom and sides, or where it was."""
     at, beam, optical, _ = walk

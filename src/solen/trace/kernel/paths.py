@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from solen.arrays import FloatArray, IntArray
 from solen.trace.kernel.adapt import holds
-from solen.trace.kernel.compiled import called, compiled
+from solen.trace.kernel.compiled import called, compiled, linked
 from solen.trace.kernel.family import FamilyInSpace, Heading, heading
 from solen.trace.kernel.nearest import Walls
 from solen.trace.kernel.prism import NO_DRAW, STACK_IN_SPACE, WIDTH_IN_SPACE, trace_prism
@@ -69,7 +69,7 @@ def path_room(columns: int) -> PathRoom:
     )
 
 
-@called
+@linked
 def trace_rays(
     k: Precision,
     walls: Walls,
@@ -172,7 +172,7 @@ def passed(
     return many
 
 
-@called
+@linked
 def predicted_edge(room: PathRoom, i: int, j: int, ends: FloatArray) -> float:
     """Share of the stretch at which the beam between two rays passes an end of a curve; −1 where none is seen."""
     legs = room.legs
@@ -201,7 +201,7 @@ def predicted_edge(room: PathRoom, i: int, j: int, ends: FloatArray) -> float:
     return -1.0
 
 
-@called
+@linked
 def integrate_path(  # noqa: C901  one loop over stretches
     k: Precision,
     walls: Walls,

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from solen.trace.kernel.compiled import called, compiled
+from solen.trace.kernel.compiled import compiled, linked
 from solen.trace.kernel.nearest import Ray, nearest
 from solen.trace.kernel.rows import SEGMENT, Floats, Precision
 from solen.trace.kernel.step import Load, Meeting, Rules, carried_on, escape, leave, meet, part, weakened
@@ -56,7 +56,7 @@ def intensity(family: Family, angle: float) -> float:
     return value if family.power == 0.0 else value * math.cos(angle) ** family.power
 
 
-@called
+@linked
 def trace_tree(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
     k: Precision,
     tables: Tables,
