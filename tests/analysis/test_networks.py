@@ -332,7 +332,7 @@ def test_clipped_readings_of_a_journal_are_counted_as_those_of_its_recording(ben
         "fork.a: readings clipped at an end of the converter's range: end " in line for line in recorded.warnings
     )
     found = [decode(file, str(tmp_path / name)).result for name in ("plan.nc", "kept-plan.journal")]
-    assert found[0].clipped == found[1].clipped > 10  # type: ignore[union-attr]
+    assert found[0].clipped == found[1].clipped > 10
     with pytest.raises(DataError, match="solen bench recover"):
         calibrate(tmp_path / "kept-plan.journal")
 
