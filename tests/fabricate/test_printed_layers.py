@@ -85,7 +85,7 @@ def test_a_response_that_parts_the_halves_is_refused(tmp_path: Path) -> None:
     table = {"light": light.tolist(), "pitch_um": 5.0, "centre_um": [55.0, 60.0]}
     made = process(**FAST | {"sigma_um": None, "response": table})
     (tmp_path / "process.toml").write_text(process_text(made), encoding="utf-8")
-    with pytest.raises(SpecError, match=r"process\.response.*alike"):
+    with pytest.raises(SpecError, match=r"process\.response.*equally"):
         print_layers(Sensor.of(small(lens__layer_mm=0.05)), PrintOptions(process=tmp_path / "process.toml"))
 
 

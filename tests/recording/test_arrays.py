@@ -105,7 +105,7 @@ def test_what_has_another_length_is_named(tmp_path: Path) -> None:
     write_matlab(path)
     found = read(path)
     assert found.provenance.metadata["fs"] == "200"
-    assert any("another length are left out: short" in warning for warning in found.warnings)
+    assert any("different length are left out: short" in warning for warning in found.warnings)
 
 
 def test_a_tdms_file_that_was_cut_is_refused_and_prints_nothing(

@@ -327,8 +327,8 @@ def _warnings(
     if len(layers) < _FEW:
         warnings.append(
             look_at(
-                f"{len(layers)} samples leave {max(len(layers) - 2, 0)} to judge a trend by: its interval is as wide "
-                "as that makes it; measure several layers of each exposure"
+                f"{len(layers)} samples are few for a trend (degrees of freedom: {max(len(layers) - 2, 0)}), so its "
+                "interval is wide; measure several layers of each exposure"
             )
         )
     if kinds == 2:
