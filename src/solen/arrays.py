@@ -37,6 +37,6 @@ def joined_rows(parts: Sequence[T]) -> T:
 
 
 def stretches(flags: BoolArray) -> list[tuple[int, int]]:
-    """Bounds, as of a slice, of each stretch of flags (n,) that are set."""
+    """Slice bounds of each stretch of flags (n,) that are set."""
     edges = np.flatnonzero(np.diff(flags.astype(np.int8), prepend=0, append=0)).tolist()
     return list(zip(edges[::2], edges[1::2], strict=True))

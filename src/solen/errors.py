@@ -49,7 +49,7 @@ class SpecError(SolenError):
 
 
 class DataError(SolenError):
-    """A data file (a resin, a scene) cannot be read or holds values that are not physical."""
+    """A data file (a resin, a scene) cannot be read or contains values that are not physical."""
 
 
 class DesignError(SolenError):

@@ -1,8 +1,8 @@
 """Expressions such as ``abs(null_deg) < 0.3``, parsed and never run as code.
 
-Allowed are names, numbers, + - * / ** and brackets, abs, min and max, comparisons, ``and``, ``or`` and ``not``. What
-the names are is said by a `Grammar`, which may also have functions of one name, as ``worst(light)``: the value of that
-is found under the name ``worst light``.
+Allowed are names, numbers, + - * / ** and brackets, abs, min and max, comparisons, ``and``, ``or`` and ``not``. A
+`Grammar` defines the names; it may also have functions of one name, as ``worst(light)``, whose value is found under the
+name ``worst light``.
 
 The interface: `parsed` a text, the `names` in it; its `value` for values of the names, `slopes` by them, and how far a
 condition is `missed`.
@@ -48,13 +48,13 @@ class Grammar:
     Attributes
     ----------
     what
-        What a name stands for, in one word.
+        Kind of quantity that a name refers to, in one word.
     is_condition
         Whether it is a condition, or else a value.
     refusal
         Makes an error of a limit and a remedy, which may be empty.
     check
-        Raises where a name is none.
+        Raises an error for an unknown name.
     of_a_name
         Functions that take one name.
     """
@@ -190,7 +190,7 @@ def _of_a_name(node: ast.Call, function: str, grammar: Grammar) -> str:
 
 
 def _arguments(node: ast.Call, grammar: Grammar) -> list[ast.AST]:
-    """Arguments of a function that an expression may hold."""
+    """Arguments of a function that an expression may contain."""
     if not (isinstance(node.func, ast.Name) and node.func.id in _FUNCTIONS and node.args and not node.keywords):
         raise grammar.refusal(f"functions are {', '.join((*_FUNCTIONS, *grammar.of_a_name))}", "")
     if node.func.id == "abs" and len(node.args) > 1:

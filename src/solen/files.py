@@ -26,7 +26,7 @@ LONGEST_NAME = 200
 SIMULATED = "# simulated by solen, not measured\n"
 """First line of a table that solen computes from a model alone."""
 SIMULATED_DATA = "# simulated: yes\n"
-"""Line before the names of a table that rests on simulated data."""
+"""Line before the column names of a table based on simulated data."""
 SEALED = b"SOLENSEAL1"
 _SEAL = struct.Struct("<10sQI")
 _APART = 1 << 13

@@ -2,8 +2,7 @@
 
 `study` takes files to a `Study`; its steps are `waveforms` of a recording, `find_motion` (ramps, holds and cycles of an
 angle), `sensor_response` of a sensor's `Signals`, and `group_of` sensors. Voltages are analysed as they were recorded:
-no filter runs unless it is asked for. Of emitters that switch, `solen.analysis.demodulation` subtracts the ambient
-light first.
+no filter runs unless requested. For switched emitters, `solen.analysis.demodulation` subtracts the ambient light first.
 """
 
 from solen.analysis.figures_of_merit import ReceiverResponse

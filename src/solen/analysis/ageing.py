@@ -20,7 +20,7 @@ from solen.errors import DataError
 from solen.results import Result
 
 LEAST_GROUPS = 3
-"""Fewer groups make no trend."""
+"""Smallest number of groups that shows a trend."""
 
 
 class ReceiverAgeing(Result):
@@ -29,13 +29,13 @@ class ReceiverAgeing(Result):
     Attributes
     ----------
     swing_V, u_swing_V
-        Value at the upper end of the angles less that at the lower, (groups,).
+        Value at the upper end of the angles minus that at the lower end, (groups,).
     level_V, u_level_V
         Mean over the angles.
     noise_V
         Standard deviation of a reading.
     swing_V_per_cycle, u_swing_V_per_cycle, level_V_per_cycle, u_level_V_per_cycle
-        Slopes of the first two, by the scatter of the groups about a line.
+        Slopes of swing and level; uncertainty from the scatter of the groups about a line.
     """
 
     swing_V: FloatArray
@@ -57,7 +57,7 @@ class Ageing(Result):
     first_cycle
         Number of each group's first cycle among those used, from 1, (groups,).
     receivers
-        Of each receiver, by its name.
+        Results of each receiver, by its name.
     balance_deg, u_balance_deg
         Angle nearest to 0 of equal left and right voltages, (groups,); NaN if the names do not identify them.
     balance_deg_per_cycle, u_balance_deg_per_cycle

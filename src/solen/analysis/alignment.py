@@ -1,10 +1,10 @@
 """A stage's log on another clock: its offset, its rate, and the uncertainty of both.
 
 The idea: a receiver's voltage is a function of the angle, whatever that function is. Shifted against each other, the
-log and the voltages disagree: rising and falling ways show two curves. The shift is found roughly by cross-correlation,
-then by least squares: with f the mean curve, a shift by δ changes the voltage by f'(θ) θ' δ, which has opposite signs
-on both ways, which separates f and δ. Each cycle gives its own shift; a line through them over time gives lag
-and rate of the clock, its residuals their uncertainties.
+log and the voltages disagree: rising and falling ramps show two curves. The shift is found roughly by
+cross-correlation, then by least squares: with f the mean curve, a shift by δ changes the voltage by f'(θ) θ' δ, which
+has opposite signs on both ways, which separates f and δ. Each cycle gives its own shift; a line through them over time
+gives lag and rate of the clock, its residuals their uncertainties.
 
 A log has few entries, and a ramp begins and ends between two of them: a straight line there would cut the corner. The
 ramp's own line and the level of the hold meet in it (`solen.analysis.log_interpolation`); such times are left out of
@@ -54,7 +54,7 @@ class Alignment(Result):
     Attributes
     ----------
     lag_s, u_lag_s
-        Log's time less the recorder's in the middle of the recording, and its standard uncertainty (NaN for less than
+        Log's time minus the recorder's in the middle of the recording, and its standard uncertainty (NaN for less than
         three cycles).
     rate_ppm, u_rate_ppm
         How much faster the log's clock runs; 0 where it is not resolved (three uncertainties).
@@ -208,7 +208,7 @@ class _Laid:
         return self.log.at(self.log_times(lag, rate), window_s)
 
     def shifts(self, lag: float, rate: float) -> _Shifts:
-        """Best shift of each cycle beyond that of a clock."""
+        """Best shift of each cycle beyond the shift of the clock."""
         motion, when = self.motion, self.log_times(lag, rate)
         angle, speed = self.log.at(when), self._speed(when)
         reach = motion.high_deg - motion.low_deg
@@ -242,7 +242,7 @@ class _Laid:
 
 
 def _u_of_parts(place: IntArray, rest: FloatArray, change: FloatArray) -> float:
-    """Uncertainty of a lag from the spread of lags that parts of the range of each receiver yield."""
+    """Uncertainty of a lag from the spread of the lags fitted to parts of each receiver's range."""
     top, weight = (
         np.concatenate([np.bincount(place, one, _PARTS) for one in columns.T]) for columns in (rest * change, change**2)
     )

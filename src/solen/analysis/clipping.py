@@ -3,7 +3,7 @@
 The idea: a converter, an amplifier or a circuit at its rail repeats one value, the largest or the smallest of the whole
 recording, while the angle goes on moving. A hold repeats a value, too, and so does a coarse converter; therefore only
 runs of the very same extreme value within ramps count, and only if no other value of that recording repeats as long.
-Rails that are known are better than any guess: with them, every sample at or beyond counts.
+Known rails are better than any guess: with them, every sample at or beyond a rail counts.
 
 The interface: `clipped` marks samples.
 """
@@ -13,7 +13,7 @@ import numpy as np
 from solen.arrays import BoolArray, FloatArray, IndexArray, IntArray
 
 _RUN = 3
-"""Samples in a row of one extreme value, on the move, from which on they count as clipped."""
+"""Number of successive samples at one extreme value during a motion that count as clipped."""
 _TIMES = 2  # how much longer than the longest run of any other value
 
 

@@ -1,6 +1,6 @@
 """Axes of a run: each stage by the motion that it makes, where it was seen, and whether it has arrived.
 
-The interface: `Axis`; `stream_of` a motion is what its stage's positions are called in a journal.
+The interface: `Axis`; `stream_of` a motion is the name of its stage's positions in a journal.
 """
 
 from collections.abc import Mapping
@@ -17,9 +17,9 @@ from solen.errors import BenchError
 SETTLE_S = 0.5
 """After a move's shortest time, a stage that does not come to rest is asked all the same whether it has arrived."""
 OVERSHOOT = 1e-3
-"""Share of the travel by which a stage at its end may stand beyond it."""
+"""Fraction of the travel by which a stage at its end may overshoot."""
 RESTING = 0.01
-"""Share of its velocity below which a stage counts as at rest."""
+"""Fraction of its velocity below which a stage counts as at rest."""
 STREAM = "stage"
 
 
@@ -35,7 +35,7 @@ class Axis:
     Attributes
     ----------
     motion
-        What it makes; empty for the only one.
+        The motion it makes; empty for the only axis.
     stage, clock, part
         The stage, the run's clock and its part.
     travel
@@ -52,7 +52,7 @@ class Axis:
 
     @property
     def name(self) -> str:
-        """What it is called where it does not stop."""
+        """Its name in a message that it does not stop."""
         return f"stage of {self.motion}" if self.motion else "stage"
 
     def look(self) -> float:
@@ -65,7 +65,7 @@ class Axis:
         return position
 
     def write(self, journal: Journal) -> None:
-        """Write down what was seen since the last time."""
+        """Record the positions seen since the last call."""
         looks, self._looks = self._looks, []
         stream = stream_of(self.motion)
         journal.rows(stream, np.array(looks, journal.dtype(stream)))

@@ -45,7 +45,7 @@ STATUSES = {
 }
 ALIVE_EVERY_S = 0.25
 WAKES_S = 3.0
-"""So long after its port was opened an Arduino may not answer yet."""
+"""Time for which an Arduino may not answer after its port was opened."""
 _NAMES = {
     IDENTIFY: "identify",
     CONFIGURE: "configure",
@@ -107,13 +107,13 @@ class SerialBoard:
         return self._reader.losses
 
     def start(self) -> None:
-        """Begin to light and to sample."""
+        """Start lighting and sampling."""
         self._renew()
         self.command(START)
         self._fed_s = self._clock.now_s()
 
     def read(self) -> Periods:
-        """Periods that came since the last call."""
+        """Periods that arrived since the last call."""
         now = self._clock.now_s()
         if now - self._fed_s >= ALIVE_EVERY_S:
             self._send(ALIVE)
@@ -227,7 +227,7 @@ class BoardStage:
 
     @property
     def search(self) -> str:
-        """Nothing can be searched for."""
+        """Do nothing: there is no reference to search for."""
         return "It has no switch to find it with."
 
     def reference(self) -> None:

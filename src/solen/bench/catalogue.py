@@ -1,7 +1,7 @@
 """The catalogue of a folder of recordings: one row for each closed run, in an SQLite file beside them.
 
-The idea: the files are the truth, the catalogue only finds them. A row is what the file states; a file that was moved
-away is listed as missing, and a new one is entered at the next look.
+The idea: the files are authoritative; the catalogue only indexes them. A row is what the file states; a file that was
+moved away is listed as missing, and a new one is entered at the next look.
 
 The interface: `Catalogue`; `CatalogueEntry`.
 """

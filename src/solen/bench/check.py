@@ -1,4 +1,4 @@
-"""A rig looked over before a run, standing still: wires, emitters, rails, noise, light of the room, trimmers.
+"""A check of a rig at rest before a run: wires, emitters, rails, noise, light of the room, trimmers.
 
 The idea: every emitter is lit and every input read. An input that answers to no emitter, or to another one than the
 rig file has it, is a wire; one that stands at an end of the range is a rail; how far light pulls a receiver down says
@@ -32,7 +32,7 @@ from solen.results import HIDDEN, Result, in_unit, reported
 from solen.spec.strict import Options
 
 ANSWERS_SD, ANSWERS = 6.0, 0.0004
-"""An input answers to an emitter by so many standard errors of the mean, and such a share of the range."""
+"""Least response of an input to an emitter, in standard errors of the mean and as a share of the range."""
 SHORTED = 0.005
 """Share of the range below which a level is that of a short."""
 BOTTOM = 0.05

@@ -1,6 +1,6 @@
 """The time of a run: that of the wall, or a simulated one that passes only while something waits.
 
-The idea: nothing on the bench asks the system for the time or sleeps by itself; it is given a clock. With a
+The idea: nothing on the bench asks the system for the time or sleeps by itself, but uses a given clock. With a
 `SimulatedClock` a protocol of a minute runs as fast as its numbers can be computed, and twice the same.
 
 A clock that advances in steps hides up to one step: `Clock.resolution_s` states it, and it goes into every recording.
@@ -56,7 +56,7 @@ class WallClock:
 
 
 class SimulatedClock:
-    """A time that passes only in `sleep`, and then at once."""
+    """A simulated time that passes only in `sleep`, without delay."""
 
     resolution_s = 0.0
 

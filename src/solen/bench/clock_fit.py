@@ -6,7 +6,7 @@ So the line that lies below all points (board's time, time it came) and nearest 
 run's, but for the least delay: an edge of the points' lower convex hull. Of a short run the edge's slope says more of
 the delays than of the clocks; it counts by what it is worth beside what is known of any quartz.
 
-The least delay stays unknown to who only listens. An exchange says more: the instrument read its clock after it was
+Received messages alone do not show the least delay. An exchange says more: the instrument read its clock after it was
 asked and before its answer came. What all exchanges leave open is the line's bound.
 
 The interface: `fit_clock` gives the line of one stretch without a break.
@@ -21,9 +21,9 @@ from solen.arrays import FloatArray
 LEAST_SPAN_S = 5.0
 """Over a shorter span delays hide the rate, and the two clocks are taken to run alike."""
 MOST_PPM = 1000.0
-"""No quartz is farther off."""
+"""Largest relative error of a quartz."""
 USUAL_PPM = 50.0
-"""How far quartzes usually are off."""
+"""Usual relative error of a quartz."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ def _credible(rate: float, delay: FloatArray, edge_s: float) -> float:
 
 
 def _below(x: FloatArray, y: FloatArray) -> list[int]:
-    """Places of the corners of the lower convex hull of points of ascending x."""
+    """Indices of the corners of the lower convex hull of points with ascending x."""
     hull: list[int] = []
     for place in range(len(x)):
         while len(hull) > 1:

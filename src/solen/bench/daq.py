@@ -65,7 +65,7 @@ class Model:
     timed_hz: float = 0.0
 
     def check(self, setup: "Setup") -> None:
-        """`BenchError` if it cannot do what is asked of it."""
+        """`BenchError` if it cannot do what is requested."""
         self._check_channels(setup)
         self._check_rate(setup)
         if setup.range_v not in self.ranges_v:
@@ -84,7 +84,7 @@ class Model:
             self._check_lines(setup)
 
     def highest_hz(self, channels: int) -> float:
-        """Samples per second of each of so many inputs, at the most."""
+        """Highest sampling rate of each of a number of inputs."""
         if channels == 1:
             return self.alone_hz
         return self.rate_hz if self.simultaneous else self.rate_hz / channels

@@ -35,7 +35,7 @@ class Fresh:
 
 
 class Following:
-    """A journal that is read as it grows; `DataError` if it is none, or holds a waveform and not periods."""
+    """A journal that is read as it grows; `DataError` if it is not a journal, or contains a waveform."""
 
     def __init__(self, path: Path) -> None:
         self._path = path

@@ -1,9 +1,9 @@
 """The wire of the emitter board: frames with a checksum and a number, read from a stream that may lose or garble some.
 
 The idea: in each period the board lights its emitters one after the other and samples every receiver with the emitter
-on and with it off again. One frame holds one period, so a frame that is lost is a period that is lost, and its number
-says so. A frame is believed when its checksum is right and not otherwise; a reader that lost its place looks for the
-next two bytes that begin a frame. All numbers are little-endian:
+on and with it off again. One frame carries one period, so a lost frame is a lost period, and the frame numbers show it.
+A frame counts only if its checksum is right; a reader that lost its place looks for the next two
+bytes that begin a frame. All numbers are little-endian:
 
 ====== ===== ==========================================================================================
 offset bytes what

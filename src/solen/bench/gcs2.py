@@ -45,7 +45,7 @@ _READY, _BUSY = b"\xb1", b"\xb0"
 
 
 STAGES: dict[str, Unit] = {"M-060.DG": "deg", "M-111.1DG": "mm"}
-"""Stages that PI sells, and the unit each is moved in."""
+"""Stages that PI sells, and the unit of each stage's motion."""
 
 
 def unit_of(stage: str, unit: Unit | None) -> Unit:

@@ -32,7 +32,7 @@ from solen.errors import BenchError
 REACH = {"deg": 3.0, "mm": 2.0}
 """How far from zero a simulated rig is traced where no protocol says so."""
 SHALLOW_MM = 0.1
-"""The same of a finger's depth: nothing presses a sensor that is looked at."""
+"""The same for a finger's depth: nothing presses on the sensor during a glance."""
 LEAST_PERIODS = 3.0
 """Periods of the switching in which its clock is sought: they hold two rises of a sync, and a fall after the first."""
 

@@ -18,7 +18,7 @@ from solen.bench.link import Link
 
 CANCEL, STATUS = b"\x85", b"?"
 BEGINS_S = 0.25
-"""So long after its command a move may not have begun yet."""
+"""Time after its command within which a move may not have begun yet."""
 AT_REST = {"Idle", "Alarm", "Check", "Sleep"}
 ERRORS = {
     5: "homing is not enabled ($22)",

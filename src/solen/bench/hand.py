@@ -17,7 +17,7 @@ from typing import Literal
 from solen.errors import BenchError
 
 PATIENCE_S = 3600.0
-"""How long a person may take for a move."""
+"""Longest time that a person may take for a move."""
 
 
 def _said(line: str) -> None:
@@ -57,10 +57,10 @@ class HandStage:
         self._target, self._position = math.nan, math.nan
 
     def reference(self) -> None:
-        """Who turns it knows where its zero is."""
+        """Always true: the operator knows where its zero is."""
 
     def begin_move(self, target: float, velocity: float) -> None:  # noqa: ARG002  a hand has its own
-        """Ask for a move; a target that it stands at already needs none."""
+        """Ask for a move; a target that it has already reached needs no move."""
         if target == self._position:
             return
         self._target, self._position = target, math.nan
@@ -107,7 +107,7 @@ class HandStage:
             self._ask()
 
     def _ask(self) -> None:
-        """Wait for a line, unless a line is waited for still: who asks twice needs one answer."""
+        """Wait for a line, unless a wait is already under way: two prompts need only one answer."""
         with self._lock:
             self._question += 1
             waiting, self._waiting = self._waiting, True
@@ -115,7 +115,7 @@ class HandStage:
             threading.Thread(target=self._hear, daemon=True).start()
 
     def _hear(self) -> None:
-        """Put a line beside the question that it answers: the last one when it came."""
+        """Assign a line to the question that it answers: the last one when it arrived."""
         line = self._answer()
         with self._lock:
             self._waiting = False

@@ -15,7 +15,7 @@ from solen.errors import BenchError
 
 Home = bool | Literal["here"]
 Confirm = Callable[[str], bool]
-"""Asks the operator; true where the answer was yes."""
+"""Asks the operator; true if the answer was yes."""
 
 
 def make_known(stage: Stage, home: Home, zero: float, confirm: Confirm | None = None, *, resumed: bool = False) -> None:

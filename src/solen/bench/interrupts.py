@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from types import FrameType
 
 NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
-"""Those of them that the system has are caught; SIGBREAK is Ctrl-Break on Windows, SIGHUP a terminal that went away."""
+"""Signals to catch, where the system has them; SIGBREAK is Ctrl-Break on Windows, SIGHUP a terminal that went away."""
 CLOSING_S = 4.5
 """Windows ends a program 5 s after its console was closed."""
 
@@ -63,7 +63,7 @@ def ended_by_signals() -> Iterator[None]:
 
 
 def pass_over() -> None:
-    """Pass over every further request: for a program that is about to end, and still has something to say."""
+    """Pass over every further request: for a program that is about to end, and still has something to report."""
     for name in NAMES:
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)

@@ -1,4 +1,4 @@
-"""The journal of a run: samples on disk as they come, so that a kill or a damaged disk costs no more than it hits.
+"""The journal of a run: samples on disk as they arrive, so that a kill or disk damage loses only the records it hits.
 
 The idea: a file that only ever grows, of records (`solen.bench.records`) that are handed to the operating system whole,
 in one call, before anything else is done with them. A killed process leaves at most one unfinished record at the end;

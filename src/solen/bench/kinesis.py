@@ -55,9 +55,9 @@ CONTROLLERS = {
 }
 """Controllers whose factor is known, by the beginning of the model that they state."""
 BEGINS_S = 0.25
-"""So long after its command a move may not have begun yet."""
+"""Time after its command within which a move may not have begun yet."""
 NEAR = 0.01
-"""As far from its target, in deg or mm, a servo may rest."""
+"""Largest distance from its target, in deg or mm, at which a servo may rest."""
 CLOSE = 2.0
 """So many counts from its target, a move has ended that nothing shows to have begun."""
 

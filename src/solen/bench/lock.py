@@ -21,7 +21,7 @@ def locked(path: Path) -> Iterator[None]:
     Raises
     ------
     BenchError
-        If another process holds it. A file system without locks grants it to everyone.
+        If another process has the lock. A file system without locks grants it to every process.
     """
     file = path.with_name(f".{path.name}.lock")
     with contextlib.ExitStack() as leftover, contextlib.ExitStack() as connection:  # closed first: Windows asks for it

@@ -4,7 +4,7 @@ The idea: a protocol runs on roles. A real and a simulated instrument implement 
 rig file chooses between them.
 
 The interface: `Stage`, `Homes`, `EmitterBoard`, `KeepsTime`, `Daq`, `Meter`; `Sampler` is any of the last.
-Every call raises `BenchError` if the instrument does not do what it is asked.
+Every call raises `BenchError` if the instrument does not do what is requested.
 """
 
 from typing import Literal, Protocol, runtime_checkable

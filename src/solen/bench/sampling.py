@@ -196,7 +196,7 @@ class MeterSampling:
         return None
 
     def time_s(self) -> float | None:
-        """None: it keeps no time."""
+        """None: it has no clock."""
         return None
 
     def read(self) -> Taken:

@@ -1,7 +1,8 @@
 """An adjustment of each print on the bench: a number moved until the contrast at rest is that of the design.
 
-The idea: whoever mounts an emitter moves it until both receivers read alike. How the design's contrast at its null
-follows that number says how far each print must be moved, within a limit; then the print is traced again, as moved.
+The idea: the person who mounts an emitter moves it until both receivers read alike. How the design's contrast at its
+null follows that number says how far each print must be moved, within a limit; then the print is traced again, as
+moved.
 
 The interface: `Adjustment.parse` a text, ``of`` prints.
 """
@@ -19,7 +20,7 @@ from solen.explore.variations import deviation_of
 from solen.sensor import Sensor
 
 STEPS = 9
-"""Places of the number, from one limit to the other, at which the design is traced."""
+"""Values of the number, from one limit to the other, at which the design is traced."""
 OPTION = "--adjust"
 
 

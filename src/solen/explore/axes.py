@@ -55,7 +55,7 @@ def axis(text: str, design: Design, option: str = "--over", forms: str = FORMS) 
 
 
 def check_not_set(option: str, texts: Sequence[str], assignments: Sequence[str] | None) -> None:
-    """`SpecError` where an option's key is one that an assignment sets."""
+    """`SpecError` where an assignment already sets an option's key."""
     fixed = {parse_assignment(text)[0] for text in assignments or ()}
     for text in texts:
         for key in re.split(r"[-+*\s]+", text.partition("=")[0]):

@@ -23,7 +23,7 @@ MOST_REACH = 8.0
 
 
 def chips_of(design: Design, axes: Sequence[Axis]) -> tuple[Chip, ...]:
-    """Widths and decentres of a grid that are traced together; none where that does not pay or cannot be."""
+    """Widths and decentres of a grid that are traced together; none where that is impossible or not worthwhile."""
     values = {one.key: one.values for one in axes}
     own = Sensor.of(design)
     widths = values.get(KEYS[0], (own.light.width_mm,))

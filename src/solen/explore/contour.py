@@ -19,7 +19,7 @@ from solen.metrology.print_fit import EDGE_BIAS_PX, laid
 
 FRONT_PIECES, WALL_PIECES = 100, 8
 SHARED_LINES = 2.0
-"""Neighbouring points of an edge share grey values: this many count as one."""
+"""Number of neighbouring points of an edge that share grey values and count as one."""
 
 
 @dataclass(frozen=True, eq=False)

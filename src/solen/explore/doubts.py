@@ -10,7 +10,7 @@ from solen.metrology import LensInspection
 from solen.ranks import Caution, do_not_use, look_at, note
 
 WORTH = 0.95
-"""A correction is worthwhile if its deviation is below this share of that of the unchanged drawing."""
+"""A correction is worthwhile if its deviation is below this share of the unchanged drawing's deviation."""
 SURE = 0.95
 _TAPER_UM = 1.0
 

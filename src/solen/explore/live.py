@@ -20,17 +20,17 @@ from solen.sensor.response import shift
 
 COARSE_RAYS = 1280
 REFINED_RAYS = tuple(2**n for n in (14, 17, 19))
-"""Rays at an angle, over all places together."""
+"""Rays at an angle, over all emitter positions together."""
 GOAL = 2e-3
-"""Uncertainty of the contrast at which refining ends."""
+"""Uncertainty of the contrast at which refinement ends."""
 
 
 class Stopped(Exception):  # noqa: N818  a wish, not an error
-    """Refining was no longer wanted."""
+    """Refining was stopped."""
 
 
 class Curve(Result):
-    """Response of a design, as good as it is so far.
+    """Response of a design at the present state of refinement.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class Curve(Result):
     rays
         Rays at each angle; None where they were integrated.
     finished
-        Whether it becomes no better.
+        Whether the response is final.
     """
 
     response: Response

@@ -35,7 +35,7 @@ ALLOWED_FAILURES = 10
 CHUNK_POINTS, BATCH = 16, 256
 """Points of a task, and of a call of the compiled batch."""
 WAIT_S = 30.0
-"""How long an address may take to answer, in s."""
+"""Longest time in s that an address may take to answer."""
 
 
 class Machine(Protocol):
@@ -199,7 +199,7 @@ class Slurm(Strict):
 
 
 def check_job(script: str) -> None:
-    """`DataError` where SLURM would refuse a job script, as Dask would wait for its workers for ever."""
+    """`DataError` where SLURM would refuse a job script, since Dask would wait for its workers forever."""
     submit = shutil.which("sbatch")
     if submit is None:
         limit, remedy = "sbatch is not installed here", "call from a machine that submits jobs"

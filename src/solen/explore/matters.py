@@ -1,4 +1,4 @@
-"""What matters in a design, at once: each number off by its tolerance, by the compiled batch.
+"""Quick estimate of what matters in a design: each number off by its tolerance, traced by the compiled batch.
 
 `solen.sensor.effects` integrates the same for a report. Here few rays are traced several times with other shifts, the
 same for both sides of a number; the scatter of the differences is their uncertainty.
@@ -27,7 +27,7 @@ class Matter(Result):
     Attributes
     ----------
     key, tolerance
-        The number, and by how much it is off.
+        The number and its deviation.
     angle_deg
         (A,) angles.
     contrast, u_contrast
@@ -84,7 +84,7 @@ def band(found: Sequence[Matter]) -> FloatArray:
 
 
 def _of(sensor: Sensor, key: str, angles: Sequence[float]) -> Matter | None:
-    """Change of one number; None where it can be off to neither side."""
+    """Change of the contrast due to one number; None where the number cannot deviate to either side."""
     tolerance, _ = tolerance_of(sensor, key)
     ends, steps = [], []
     for step in (-tolerance, tolerance):

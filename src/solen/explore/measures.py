@@ -1,4 +1,4 @@
-"""What designs are compared by: the merits of their points, of a contrast over one motion or of a network.
+"""Measures for comparing designs: the merits of their points, for a contrast over one motion or for a network.
 
 The interface: `measure_of` a design is a `Measure`; `merits_of_points` by it.
 """
@@ -29,7 +29,7 @@ class Measure(Protocol):
     angle_deg
         (A,) angles of all points; of a network (A, M) of M motions in A states.
     labels
-        Of a network the names of its motions, emitters and receivers.
+        For a network, the names of its motions, emitters and receivers.
     """
 
     angle_deg: FloatArray
@@ -55,7 +55,7 @@ class ContrastMerits:
     labels: Mapping[str, tuple[str, ...]] = MappingProxyType({})
 
     def __init__(self, design: Design) -> None:
-        """Of a design; `SpecError` where it has too few angles."""
+        """Measure of a design; `SpecError` where it has too few angles."""
         self.angle_deg = np.array(design.motion.angles_deg())
         if self.angle_deg.size < LEAST_ANGLES:
             limit, remedy = f"merits need {LEAST_ANGLES}", "take a smaller motion.step_deg"
@@ -84,7 +84,7 @@ class ContrastMerits:
 
 
 def measure_of(design: Design) -> Measure:
-    """What a design is compared by; `SpecError` where it has too few states for that."""
+    """Measure for comparing a design; `SpecError` where it has too few states."""
     return NetworkMerits(design) if design.body.kind == "network" else ContrastMerits(design)
 
 

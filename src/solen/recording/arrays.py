@@ -2,7 +2,7 @@
 
 The idea: such a file is a set of arrays, some of which run side by side. The length that most arrays have is that of
 the recording; an array with as many rows gives a channel for each of its columns; single numbers and texts are
-parameters. What has another length is left out and named, as nothing says how it would lie beside the rest.
+parameters. An array of another length is left out and named, as nothing says how it relates to the rest.
 
 The interface: `Array`, and `recorded` of a file's arrays.
 """

@@ -1,6 +1,6 @@
 """Large plain tables, such as an hour of samples: read in a second or two, in little more memory than the numbers take.
 
-The idea: the beginning is read as every table is, and says what the columns are. If all of them are numbers, and the
+The idea: the beginning is read like any table, and defines the columns. If all of them are numbers, and the
 rest of the file holds nothing but digits, signs, the decimal mark and the separator, numpy's own reader takes it.
 Anything else (a remark, an empty cell, a word, a row of another length) is left to the reader that reports what is
 wrong and where.

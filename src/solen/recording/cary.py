@@ -26,7 +26,7 @@ MODES = {
     "%a": ("absorptance", "%"),
     "abs": ("absorbance", "1"),
 }
-"""Quantity and unit of the words that the program writes above the values; of others neither is known."""
+"""Quantity and unit of the words that the program writes above the values; unknown for other words."""
 _SATURATED_ABS = 10.0
 _LIMITS = {"%": 1e4, "1": 12.0}
 """No spectrophotometer shows a number beyond these: a lost decimal point does."""

@@ -28,7 +28,7 @@ _ANGLES = frozenset(
     {"theta", "position", "pos", "rotation", "stage", "stage position", "encoder", "stage angle", "phi", "deg"}
 )
 _ANGLE_WORDS = frozenset(["angle", "winkel", "drehwinkel", "rotation", "rot", "theta", "alpha", "angolo"])
-"""Words that make a longer name that of an angle."""
+"""Words that mark a longer name as an angle."""
 _FORCES = frozenset({"load cell", "loadcell", "force cell", "force sensor", "kraftsensor", "kraftaufnehmer"})
 _FORCE_WORDS = frozenset({"force", "kraft", "load", "loadcell"})
 _DEPTHS = frozenset(
@@ -98,7 +98,7 @@ def _is_another(column: Channel, quantity: str) -> bool:
 
 
 def force_in_volts(recording: Recording) -> Channel | None:
-    """Column in volts that its name makes a load cell's: ``Load cell (mV)``, ``force_V``."""
+    """Column in volts whose name marks it as a load cell's: ``Load cell (mV)``, ``force_V``."""
     return next((one for one in recording.channels if _volts_of_force(one)), None)
 
 

@@ -1,4 +1,4 @@
-"""What a page asks, and the frames that answer it: stages are called here, nothing is computed."""
+"""Requests of a page and the frames that answer them: this module calls the stages and computes nothing."""
 
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -67,7 +67,7 @@ def hello(document: Document) -> bytes:
 
 
 def suggested(state: State) -> bytes:
-    """Frame of what to ask of a search for a straighter response, as a page sends it."""
+    """Frame of the request for a search for a straighter response, as a page sends it."""
     options = straighter(state.design)
     sought = Sought(**{name: getattr(options, name) for name in ("minimise", "maximise", "free", "subject_to")})
     return encoded({"kind": "suggested", "sought": sought.model_dump()})

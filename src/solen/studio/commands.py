@@ -1,4 +1,4 @@
-"""The same as the page shows, from the command line and in Python."""
+"""The state of the page as a command line and as a Python script."""
 
 import shlex
 from collections.abc import Mapping

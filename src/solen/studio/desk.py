@@ -53,7 +53,7 @@ class Desk:
             return {"name": name, "suits": (), "why": str(bad)}
 
     def begin(self, order: Order) -> Job:
-        """Begin what is asked, in the background.
+        """Start the requested job in the background.
 
         Raises
         ------

@@ -1,6 +1,6 @@
 """The design that is worked on: changed, undone, saved into the file it came from, comments kept.
 
-What is not saved is kept beside, in a file that this document has made itself; an older one is offered, never replaced.
+Unsaved changes go into a file beside the design, made by this document; an older one is offered, never replaced.
 Several pages may work on one document. What is saved is the opened text with the changed values; where the file was
 changed by another program meanwhile, nothing is written.
 """
@@ -84,7 +84,7 @@ class Document:
 
     @property
     def is_saved(self) -> bool:
-        """Whether the file holds the present state."""
+        """Whether the file contains the present state."""
         return self.saved is not None and self.state.changes == self.saved.changes
 
     def change(self, values: Mapping[str, Any], gesture: str = "", at: float = 0.0) -> State:
@@ -157,7 +157,7 @@ class Document:
         self.beside = State(Sensor.of(design), {})
 
     def reload(self) -> State:
-        """Open the file anew; what was not saved is lost."""
+        """Open the file again; unsaved changes are lost."""
         with self.lock:
             self._open()
             return self.state
@@ -201,13 +201,13 @@ class Document:
             return state
 
     def leave(self) -> None:
-        """Offer what was left unsaved no longer; its file stays."""
+        """Stop offering the changes left unsaved; their file stays."""
         with self.lock:
             self.offered = None
             self.version += 1
 
     def _beside(self) -> Iterator[Path]:
-        """Names for what is not saved, in turn."""
+        """Names for files of unsaved changes, in turn."""
         for number in count(1):
             yield self.path.with_name(f"{self.path.stem}-unsaved{'' if number == 1 else f'-{number}'}.toml")
 

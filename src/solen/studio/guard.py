@@ -25,7 +25,7 @@ POLICY = (
 
 
 class Guard:
-    """Passes on what comes from the studio's own page, and refuses the rest."""
+    """Passes on requests of the studio's own page, and refuses all others."""
 
     def __init__(self, app: App, token: str, address: str, port: int) -> None:
         self.app, self.token, self.host = app, token, f"{address}:{port}"

@@ -112,13 +112,13 @@ class Job:
         return self.news.get("result")
 
     def head(self) -> dict[str, Any]:
-        """What a page shows of it, without its result."""
+        """The job as a page shows it, without its result."""
         with self.lock:
             shown = {key: value for key, value in self.news.items() if key != "result"}
             return {"kind": "job", "number": self.number, "name": self.name, **self.about, **shown}
 
     def begin(self, work: Work, given: Sequence[Any]) -> None:
-        """Send work to a process, and listen to it."""
+        """Send work to a process, and listen to its reports."""
         self.process = self.jobs.process()
         self.process.pipe.send((work, given))
         Thread(target=self._listen, args=(self.process,), daemon=True).start()

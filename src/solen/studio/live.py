@@ -1,4 +1,4 @@
-"""What is seen while work runs: a run of the bench, and angles as they are decoded.
+"""Live views while work runs: a run of the bench, and angles as they are decoded.
 
 A page is shown the whole course, with few enough points to be sent at each look.
 """

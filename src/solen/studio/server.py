@@ -1,4 +1,4 @@
-"""The studio's server: its own files and one WebSocket per page, for the guard's chosen few."""
+"""The studio's server: its own files and one WebSocket per page, for requests that the guard passes."""
 
 import asyncio
 import contextlib
@@ -30,12 +30,12 @@ TYPES = {
     ".svg": "image/svg+xml",
     ".txt": "text/plain; charset=utf-8",
 }
-"""What the files of the page are, by their endings; no other is served."""
+"""Media types of the page's files, by their endings; no other file is served."""
 LARGEST_MESSAGE = 2**16
 """Bytes of a message of a page; a longer one ends its connection."""
 MOST_PAGES, MOST_CONNECTIONS = 8, 64
 KEPT_S = 2.0
-"""Time between looks at whether something is to be kept."""
+"""Time between checks for unsaved changes."""
 TRY_AGAIN = 1013
 
 
@@ -103,7 +103,7 @@ async def _serve(page: "WebSocket", document: Document, sessions: set[Session]) 
 
 
 async def _keep(document: Document) -> None:
-    """Keep what is not saved beside the file, soon after each change."""
+    """Write unsaved changes beside the file, soon after each change."""
     kept = -1
     while True:
         if document.version != kept:
@@ -129,7 +129,7 @@ def serve(
     opened: Callable[[str], object],
     shown: Shown | None = None,
 ) -> None:
-    """Serve a document until Ctrl-C, and write what was not saved beside its file.
+    """Serve a document until Ctrl-C, and write unsaved changes beside its file.
 
     Parameters
     ----------

@@ -2,8 +2,7 @@
 
 The idea: a calibration is the curve that (V_left, V_right) runs through while the sensor turns, one for rising and one
 for falling angles, and the covariance of a reading about it. A reading is decoded by the likelihood of every angle, so
-that two angles that explain it equally well stay two. What a calibration is worth is measured on cycles, or prints,
-that were left out of it.
+that two equally likely angles are both reported. Cycles or prints left out of the calibration measure its accuracy.
 
 The interface: `calibrated_sensors` of a `Study`; its steps `training_of` a `SensorResponse`, `calibrated`, `pooled`,
 `leave_one_cycle_out` and `leave_one_sensor_out`; `CalibrationFile` is what is saved, `Decoder` decodes by it, and

@@ -1,7 +1,7 @@
 """Cross-validation of a calibration: by leaving out a cycle or a print.
 
-The idea: the rest is calibrated as if what is left out had never been recorded; then it is decoded and held against the
-angle of the stage. The share of readings within their bands shows whether the bands can be trusted; readings of one
+The idea: the rest is calibrated as if the left-out part had never been recorded; then it is decoded and compared with
+the angle of the stage. The share of readings within their bands shows whether the bands can be trusted; readings of one
 cycle err together, so that the share of a single recording scatters more than its number of readings suggests.
 
 The interface: `leave_one_cycle_out` and `leave_one_sensor_out`, both a `Check` with a `Part` for each thing left out.
@@ -53,7 +53,7 @@ def leave_one_cycle_out(training: Training) -> Check | None:
 
 
 def leave_one_sensor_out(trainings: Sequence[Training], ones: Sequence[Calibration]) -> Check | None:
-    """Each print decoded by the others, of which there must be two at least; None with fewer than three prints."""
+    """Each print decoded with a calibration from the others; None with fewer than three prints."""
     if len(ones) < 3:
         return None
     found = []
@@ -83,7 +83,7 @@ def _check(names: Sequence[str], result: Sequence[tuple[FloatArray, Decoded]]) -
 
 
 def merged(name: str, parts: Sequence[Part]) -> Part:
-    """Parts merged into one; at least one of them holds a reading."""
+    """Parts merged into one; at least one part contains a reading."""
     weight = np.array([part.readings for part in parts], dtype=float)
     weight /= max(weight.sum(), 1.0)
 

@@ -9,8 +9,8 @@ it. Where two stretches count, the reading is ambiguous and both are given.
 
 A receiver whose reading is clipped shows only that the true voltage lies at or beyond it.
 
-The interface: `Decoder` of a `Calibration`, its `decode` gives `Decoded`; `solen.analysis.calibration.posterior` is the
-same in short, and slow.
+The interface: `Decoder` of a `Calibration`, its `decode` gives `Decoded`; `solen.analysis.calibration.posterior` is a
+short but slow reference.
 """
 
 import math
@@ -27,7 +27,7 @@ from solen.errors import DataError
 
 LEVELS = (0.68, 0.95)
 OUTSIDE = 1e-3
-"""A reading that would be so rare on the curve lies outside of it."""
+"""Probability below which a reading counts as off the curve."""
 _DROP = 8.0  # of the log-likelihood, below its largest, that still counts
 _POINTS = 64  # of a stretch's own grid
 _AT_ONCE = 512
@@ -57,7 +57,7 @@ class Decoded:
     distance
         Squared distance of the voltages from the curve in units of their covariance.
     outside, ambiguous, clipped
-        Whether the voltages are on no point of the curve, on several, or at the end of what the recorder shows.
+        Whether the voltages match no point of the curve, match several, or are at a limit of the recorder.
     at_end
         Whether the band reaches an end of the calibrated range: the angle may lie beyond.
     other
@@ -124,9 +124,9 @@ class Decoder:
     calibration
         Calibration of the sensor.
     gain_percent
-        Standard deviation of a common factor of the light, as an emitter's that ages or warms.
+        Standard deviation of a common factor of the light, as of an emitter that ages or warms up.
     dark_V
-        Voltage without light, which that factor leaves alone.
+        Voltage without light, which that factor does not change.
 
     Raises
     ------
@@ -272,7 +272,7 @@ class Decoder:
         return row, place, along[row, place], distance[row, place]
 
     def _law(self, distance: FloatArray, piece: IndexArray, size: int) -> FloatArray:
-        """Logarithm of the t distribution but for its constant."""
+        """Logarithm of the t distribution without its constant."""
         freedom = self._freedom[piece]
         return np.asarray(-0.5 * (freedom + size) * np.log1p(distance / freedom))
 

@@ -1,4 +1,4 @@
-"""A stream decoded by a saved calibration: rows of angles as they arrive, and a summary at the end.
+"""A stream decoded with a saved calibration: rows of angles as they arrive, and a summary at the end.
 
 The interface: `StreamDecoder` of a `CalibrationFile`; its `rows` are lines of CSV, its `result` a `Decoding`.
 """

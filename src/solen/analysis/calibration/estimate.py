@@ -1,11 +1,11 @@
 """A calibration from sweeps and samples: curves, and the components of a reading's covariance about them.
 
-The idea: every sample is held against the mean of the *other* cycles, so that its distance is that of a reading of a
+The idea: every sample is compared with the mean of the *other* cycles, so that its distance is that of a reading of a
 new cycle. The mean of these distances' products, over neighbouring angles, is the covariance of a reading that has not
 been seen. What changes from sample to sample is the noise of a reading; the rest stays for a cycle: how cycles repeat,
-and the error of the mean. That rest is known by a few cycles only, so readings follow a t distribution whose degrees of
-freedom are those of the parts by their shares (Satterthwaite 1946). Of several prints, the scatter of their mean curves
-comes on top, with as many degrees of freedom as prints less one.
+and the error of the mean. That rest is known from a few cycles only, so readings follow a t distribution whose degrees
+of freedom are those of the parts by their shares (Satterthwaite 1946). For several prints, the scatter of their mean
+curves is added, with one degree of freedom fewer than prints.
 
 The interface: `calibrated` of a `Training` gives a `Calibration`, `pooled` one of several.
 """
@@ -77,7 +77,7 @@ class Calibration:
 
     @property
     def shared(self) -> FloatArray:
-        """Covariance by errors that all readings of the calibration share, along the curve, (g, 2, 2)."""
+        """Covariance from errors that all readings of the calibration share, along the curve, (g, 2, 2)."""
         slope = self._slope
         variance = self.u_shared_deg[:, None, None] ** 2
         return np.asarray(variance * slope[:, :, None] * slope[:, None, :])

@@ -208,7 +208,7 @@ class CalibrationFile(Strict):
 
 
 def curves_of(calibration: Calibration) -> Curves:
-    """Curves and covariances as the file holds them."""
+    """Curves and covariances as the file stores them."""
     return Curves(
         angle_deg=tuple(calibration.angle_deg.tolist()),
         rising_V=rows_as_tuples(calibration.curves_V[0]),
@@ -226,7 +226,7 @@ def rails_of(calibration: Calibration) -> tuple[tuple[float | None, ...], ...]:
 
 
 def rows_as_tuples(values: FloatArray) -> tuple[tuple[float, ...], ...]:
-    """Rows of a matrix as a file holds them."""
+    """Rows of a matrix as a file stores them."""
     return tuple(tuple(row) for row in values.tolist())
 
 

@@ -25,7 +25,7 @@ _BYTE_ORDER = ("\ufeff", "\xef\xbb\xbf")
 class Lines:
     """Names of the columns, and the numbers of each line: NaN for a cell that is empty or a word.
 
-    A line with another number of cells holds none.
+    A line with another number of cells has no numbers.
     """
 
     names: tuple[str, ...]
@@ -33,7 +33,7 @@ class Lines:
 
     @property
     def header(self) -> Recording:
-        """The columns without values, as of a file."""
+        """The columns without values, as a file would give them."""
         heads = map(heading, self.names)
         channels = (Channel(head.name, head.quantity, head.unit, np.empty(0)) for head in heads)
         return Recording(tuple(channels), Provenance(STDIN))

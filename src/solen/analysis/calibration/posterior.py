@@ -1,6 +1,6 @@
 """Reference for decoding a single reading: the likelihood on an even grid of angles of any spacing.
 
-It is what `Decoder` must agree with, and short enough to be read. The curves are not taken for straight anywhere.
+`Decoder` must agree with it; it is short enough to read. It does not approximate the curves by straight lines.
 
 The interface: `posterior` of one reading.
 """

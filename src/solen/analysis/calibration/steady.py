@@ -1,8 +1,9 @@
-"""Forces of a noisy load cell, averaged over time before curves are laid through them.
+"""Forces of a noisy load cell, averaged over time before curves are fitted to them.
 
-The idea: noise of the cell is not that of the receivers. Left in, it moves the ends of the calibrated range inwards, to
-where every press was read, and shows as scatter of the voltages. Within a ramp a straight line over few samples, in a
-hold their mean (or a line, where it drifts), leave little of it; a cell whose noise is small stays as it was read.
+The idea: noise of the load cell is not noise of the receivers. Left in, it moves the ends of the calibrated range
+inwards, to where every press was read, and shows as scatter of the voltages. Within a ramp a straight line over few
+samples, in a hold their mean (or a line, where it drifts), leave little of it; a cell whose noise is small stays as it
+was read.
 
 The interface: `smoothed` of a `SensorResponse`; `OUT`.
 """
@@ -64,7 +65,7 @@ def _whole(ramp: Ramp, noise: float, size: int) -> Ramp:
 
 
 def _cycles(motion: Motion, ramps: tuple[Ramp, ...]) -> tuple[Cycle, ...]:
-    """Cycles that begin and end with the ramps that they began and ended with."""
+    """Cycles that begin and end with the same ramps as before."""
     begins = {old.start: new.start for old, new in zip(motion.ramps, ramps, strict=True)}
     ends = {old.stop: new.stop for old, new in zip(motion.ramps, ramps, strict=True)}
     return tuple(

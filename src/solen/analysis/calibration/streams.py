@@ -35,7 +35,7 @@ from solen.recording.stimulus import ANGLE, STIMULI, Stimulus
 
 _OF_DRIVE = ("angle", "load", "depth", "against", "load_cell", "tare_s", "zero_deg", "flip_angle")
 FILE_OPTIONS = (*_OF_DRIVE, "on_off_hz", "on", "mains_hz", "emitters", "smooth_ms", "sheet")
-"""Options that have a meaning for files alone."""
+"""Options that apply only to files."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +74,7 @@ def recorded_stream(
 ) -> Stream:
     """Readings of a file; ``sensor`` is the sensor to decode, by default the ``calibrated`` one.
 
-    Decoded values are held against the file's own of the ``stimulus``, where it has one.
+    Decoded values are compared with the file's own ``stimulus``, where it has one.
 
     Raises
     ------

@@ -1,6 +1,6 @@
 """A calibration as a small table, with code in MicroPython and C that decodes by it on a board.
 
-The idea: between two nodes of the table the curve in the plane of both voltages is straight. Of each piece the place
+The idea: between two nodes of the table the curve in the plane of both voltages is straight. The point of each piece
 nearest to a reading has a closed form, in units of the reading's covariance; the nearest piece gives the angle. That is
 the middle of what `solen.analysis.calibration.decoder` gives, without its bands: rising and falling ways are one curve
 here, their difference counts as spread, and where two angles explain a reading only the likelier one is given.
@@ -26,9 +26,9 @@ from solen.results import Result, reported
 from solen.spec.strict import Options
 
 TRIED = 20
-"""Places of each piece at which the table is compared with the whole decoder."""
+"""Positions on each piece at which the table is compared with the full decoder."""
 MOST_OFF = 0.5
-"""Standard uncertainties that a table may lie beside the whole decoder without a warning."""
+"""Largest deviation from the full decoder without a warning, in standard uncertainties."""
 _PYTHON = '''"""{plural} of a calibrated sensor: {name}. Written by solen {version}.
 
 decode(left, right) gives the {what} in {unit}, its standard uncertainty, and whether the readings lie on no point of
@@ -194,11 +194,11 @@ class DecodingTable(Result):
     low_deg, high_deg
         Its range.
     off_deg
-        Largest difference from the whole decoder along the curve.
+        Largest difference from the full decoder along the curve.
     sigma
         The same in standard uncertainties of an angle.
     simulated
-        Whether the calibration rests on simulated recordings.
+        Whether the calibration is based on simulated recordings.
     stimulus
         What is decoded: ``angle``, ``force`` or ``depth``; keys name its unit.
     """

@@ -19,7 +19,7 @@ from solen.errors import DataError
 
 MOST_READINGS = 1000
 NEAR = 0.02
-"""Part of a mains period that a block may miss a whole number of them by."""
+"""Largest deviation of a block from a whole number of mains periods, as a part of one period."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +53,7 @@ def readings_per_mains(period_s: float, mains_hz: float) -> int:
 
 
 def averaged(result: Demodulated, slots: Slots, readings: int) -> Averaged:
-    """Means of blocks of successive readings of each emitter; a block with a reading missing inside is left out.
+    """Means of blocks of successive readings of each emitter; a block in which a reading is missing is left out.
 
     ``slots`` are those that the readings were made of. Flicker that the means remove is not in their uncertainty.
     """

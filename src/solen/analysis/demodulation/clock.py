@@ -26,14 +26,14 @@ On = Literal["low", "high"]
 
 LEAST_PERIODS, BLOCK_PERIODS = 8, 32
 AT_EDGE = 0.45
-"""Steps of the samples from an edge within which one may be of either side."""
+"""Sample intervals around an edge within which a sample may belong to either side."""
 LEAST_SAMPLES = 6
 """Samples in a period: an edge, a settled and a spare one on each side."""
 SEARCHED_SHARE, SEARCHED_S = 0.05, 10.0
 """Search range about the stated rate, and the part of the recording used."""
 BINS = 200
 CLEAR, CERTAIN = 6.0, 20.0
-"""How many times its noise a modulation must stand out by; and without doubt."""
+"""Ratio of modulation to noise that a clock needs; and the ratio that leaves no doubt."""
 SMOOTH = 0.2
 """Share of a period between on and off from which on it looks like flicker rather than a switch."""
 SLOWEST_HZ, TRIED = 15.0, 4
@@ -152,7 +152,7 @@ def find_clock(time_s: FloatArray, values: FloatArray, rate_hz: float, *, on: On
 
 
 def find_switching(time_s: FloatArray, values: FloatArray, on: On = "low") -> Clock | None:
-    """Clock of a waveform of one emitter of unknown rate; None without one.
+    """Clock of a waveform of one emitter of unknown rate; None if it does not switch.
 
     Times (N,) ascend, values (N, C) move the same way with the light. The strongest lines are tried, the highest first.
     """
@@ -284,7 +284,7 @@ def _levels(folded: FloatArray) -> tuple[float, float]:
 
 
 def _check_once(folded: FloatArray, rate_hz: float) -> None:
-    """`DataError` if a period holds several on phases: the rate is a part of the true one."""
+    """`DataError` if a period has several on phases: the rate is a fraction of the true rate."""
     low, high = _levels(folded)
     marks = np.where(folded > low + 0.7 * (high - low), 1, np.where(folded < low + 0.3 * (high - low), -1, 0))
     marks = marks[marks != 0]

@@ -48,7 +48,7 @@ class ChannelReadings(Result):
     mean_ambient, sd_ambient
         Mean and standard deviation of what was subtracted.
     sd_slot
-        Noise of an off slot: what of it the subtraction leaves.
+        Noise of an off slot that the subtraction leaves.
     """
 
     unit: str
@@ -295,7 +295,7 @@ def swapped(samples: Samples, readings: Demodulated) -> list[Caution]:
 def readings_csv(result: Demodulation, recording: Recording) -> str:
     """Readings as CSV: time, emitter; of each channel signal, uncertainty, ambient light and whether it clipped.
 
-    Other columns of the recording stand beside them, averaged over the samples of each reading; the last column is the
+    Other columns of the recording follow, averaged over the samples of each reading; the last column is the
     time over which a reading is a mean, unless it is a single sample.
     """
     kept, options = result.switched.kept, result.options
@@ -325,7 +325,7 @@ def readings_csv(result: Demodulation, recording: Recording) -> str:
 
 
 def _format(head: str) -> Callable[[Any], str]:
-    """How a column is written: whole numbers whole, times to the microsecond, gaps empty."""
+    """Format of a column: integers without decimals, times to the microsecond, gaps empty."""
     if head == "emitter" or head.startswith("clipped_"):
         return lambda value: str(int(value))
     digits = ".6f" if head == "time_s" else ".9g"

@@ -2,8 +2,8 @@
 
 The idea: samples at a limit are marked as they were recorded, before anything is subtracted from them. The lamps'
 flicker is taken out where the samples inside slots show it; of single samples, which do not, means over whole periods
-of the mains are taken where they are asked for. Then slots are averaged and on less off is a reading. Whatever else was
-recorded, such as the angle of a stage, is averaged over the very samples that make a reading.
+of the mains are taken where they are asked for. Then slots are averaged, and a reading is on minus off. Whatever else
+was recorded, such as the angle of a stage, is averaged over the very samples that make a reading.
 
 The interface: `switched` of `Samples` gives `Switched`; `limits_of` samples where they clip.
 """
@@ -43,7 +43,7 @@ class Switched:
     limits
         Lowest and highest value of each channel, both (C,), infinite where none is known.
     clipped
-        How many samples of each channel stand at a limit, (C,).
+        How many samples of each channel are at a limit, (C,).
     dark_at_limit
         Channels that rest at a limit while the emitters are off, (C,).
     """

@@ -34,7 +34,7 @@ def gain(
     frequency_hz
         Frequency of the light, any shape.
     period_s
-        Between on slots; the off slots stand in the middle between them.
+        Time between on slots; the off slots are midway between them.
     window_s
         Over which a slot is averaged; 0 for a single sample.
     kernel

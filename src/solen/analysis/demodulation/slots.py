@@ -16,7 +16,7 @@ from solen.errors import DataError
 OFF, DROPPED = 0, -1
 """States of samples: all emitters off; not to be used. Emitters that are on are numbered from 1."""
 BREAK = 1.5
-"""A step of time this many times the usual one is one where samples are missing."""
+"""Time step, in units of the usual step, from which on samples are missing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,9 +35,9 @@ class Slots:
     samples
         How many were averaged, (K,), of the channel that has most.
     clipped
-        Whether a sample of the slot stood at a limit, (K, C).
+        Whether a sample of the slot was at a limit, (K, C).
     emptied
-        Slots of which nothing was left after settling.
+        Number of slots without a sample after settling.
     """
 
     time_s: FloatArray
@@ -150,7 +150,7 @@ def _begins(time_s: FloatArray, state: IntArray, gap_s: float | None) -> BoolArr
 
 
 def at_limits(values: FloatArray, limits: tuple[FloatArray, FloatArray] | None) -> BoolArray:
-    """Which samples (N, C) stand at or beyond a limit of their channel."""
+    """Which samples (N, C) are at or beyond a limit of their channel."""
     if limits is None:
         return np.broadcast_to(np.False_, values.shape)
     low, high = limits

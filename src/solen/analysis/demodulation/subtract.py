@@ -1,8 +1,8 @@
 """On minus off: the reading of each on slot without the simultaneous ambient light.
 
 The idea: ambient light at the time of an on slot lies on the straight line between the off slots before and after it.
-Where these are equally far that is their mean. Constant light and light that changes at a constant rate are taken out
-exactly, for every emitter of a sequence. With one off slot alone (one-sided) only constant light is.
+Where both are equally far away, this is their mean. Constant light and light that changes at a constant rate are taken
+out exactly, for every emitter of a sequence. With only one off slot (one-sided), only constant light is removed.
 
 The uncertainty of a reading comes from the off slots themselves: the deviation of one from the line between its
 neighbours is the noise of a slot and whatever of the ambient light is too fast to subtract.
@@ -49,7 +49,7 @@ class Demodulated:
     time_s, emitter, slot
         Of each reading, (M,): the last is the place of its on slot.
     signal, u
-        On less ambient, (M, C), negative where light pulls a voltage down, and its standard uncertainty.
+        On minus ambient, (M, C), negative where light pulls a voltage down, and its standard uncertainty.
     ambient
         Value subtracted, (M, C): the reading with the emitter off.
     one_sided
@@ -57,7 +57,7 @@ class Demodulated:
     clipped
         Whether a sample of the on slot or of its off slots stood at a limit, (M, C).
     slot_sd
-        Noise of a slot, (C,), of which the uncertainties are made; NaN with fewer than three off slots.
+        Noise of a slot, (C,), from which the uncertainties follow; NaN with fewer than three off slots.
     period_s
         Usual time between readings of one emitter; NaN with fewer than two.
     counts

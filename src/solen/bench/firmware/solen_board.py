@@ -19,9 +19,9 @@ LATE = 1
 HEAD_BYTES, PERIOD_BYTES, LONGEST_COMMAND = 10, 8, 64
 FLAGS_AT = HEAD_BYTES + 6
 WATCHDOG_US = 800_000
-"""After such a silence of the host the emitters go off; with what a loop needs, within a second."""
+"""Silence of the host after which the emitters go off; with the time of a loop, within a second."""
 LATE_SHARE = 8
-"""A half that is sampled later than this part of its length makes its period late."""
+"""A half sampled later than its length divided by this makes its period late."""
 
 
 def _table() -> "array[int]":
@@ -77,7 +77,7 @@ class Hardware:
         raise NotImplementedError  # MicroPython has no abc
 
     def step(self, position: int, forward: bool) -> None:
-        """Bring the motor one step on, to a position."""
+        """Move the motor by one step, to a position."""
         raise NotImplementedError  # MicroPython has no abc
 
 

@@ -41,7 +41,7 @@ MOST_ADVICE, MOST_DIGITS = 4, 4
 
 
 class Matter(NamedTuple):
-    """One number of the design that is off: its name, by how much, and the effect on null, contrast and light."""
+    """One number of the design that is off: its name, its deviation, and the effect on null, contrast and light."""
 
     name: str
     by: str
@@ -248,7 +248,7 @@ def _name(effect: Effect) -> str:
 
 
 def _by(effect: Effect) -> str:
-    """By how much a number is off, in words."""
+    """Deviation of a number, in words."""
     if effect.tolerance is None:
         return "instead"
     unit, value = effect.key.rpartition(".")[2].rpartition("_")[2], effect.tolerance

@@ -37,7 +37,7 @@ METHODS = {
 }
 """Name, colour and marker of each method of choosing rays."""
 SIMULATED = "simulated"
-"""What every figure of traced light says in a title."""
+"""Note in the title of every figure of traced light."""
 SHOWN_RAYS = 100
 """Most rays drawn in a picture; more would merge into a blot."""
 

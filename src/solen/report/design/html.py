@@ -77,7 +77,7 @@ def figures(study: DesignStudy) -> dict[str, str]:
 
 
 def html(study: DesignStudy, drawn: dict[str, str], solid: SolidFiles = NO_SOLID) -> str:
-    """HTML text of the report; ``drawn`` are its figures as `figures` returns them, ``solid`` what is to be printed."""
+    """HTML text of the report; ``drawn`` are its figures as `figures` returns them, ``solid`` is the part to print."""
     in_plane = study.design.trace.dimension == "2d"
     case = study.case
     return page(

@@ -1,4 +1,4 @@
-"""The report of a soft body under load: its response, its shape, and what is assumed of it."""
+"""The report of a soft body under load: its response, its shape, and the assumptions about it."""
 
 from solen.fabricate import SolidFiles
 from solen.geometry.displaced import GROUND
@@ -19,7 +19,7 @@ ALWAYS = [
     ("Index", "Strain leaves it as it is."),
     ("Touching itself", "Where walls of the body would meet, the design is refused."),
 ]
-"""What is assumed of every soft body."""
+"""Assumptions about every soft body."""
 
 
 def html(study: LoadedStudy, drawn: dict[str, str], solid: SolidFiles = NO_SOLID) -> str:
@@ -60,7 +60,7 @@ def expected(study: LoadedStudy) -> list[tuple[str, str]]:
 
 
 def assumed(design: Design) -> list[tuple[str, str]]:
-    """What is assumed of the body of a design, by heading."""
+    """Assumptions about the body of a design, by heading."""
     material, plane, emitter_on = material_of(design), design.mechanics.plane, design.motion.emitter_on
     along_y = "nothing moves along y" if plane == "strain" else "the body is free to move along y"
     model = f"{material.kind}, shear modulus {material.shear_modulus_MPa:.3g} MPa, Poisson's ratio {material.poisson:g}"

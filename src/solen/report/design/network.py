@@ -269,7 +269,7 @@ def _receivers(sensor: Sensor) -> list[str]:
 
 
 def _extent(body: Body) -> tuple[FloatArray, FloatArray]:
-    """Least and greatest x and z of a body and its emitter, with some room."""
+    """Least and greatest x and z of a body and its emitter, with some margin."""
     points = np.vstack([body.outline(1e-2), [body.emitter.point]])
     low, high = points.min(axis=0), points.max(axis=0)
     room = 0.06 * float((high - low).max())

@@ -29,7 +29,7 @@ def html(study: NetworkStudy, drawn: dict[str, str], solid: SolidFiles = NO_SOLI
 
 
 def expected(study: NetworkStudy) -> list[tuple[str, str]]:
-    """The response in words, by heading: what is received, and what tells each motion most."""
+    """The response in words, by heading: the received light, and the reading that shows each motion best."""
     rest = study.at_rest
     rows = []
     for number, name in enumerate(rest.emitters):

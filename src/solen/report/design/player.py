@@ -1,6 +1,6 @@
 """A page with sliders that needs no server: responses and rays that were computed beforehand, in one HTML file.
 
-The page is built from ``web/`` beforehand; here the numbers are put into it. Places are whole numbers of a step that
+The page is built from ``web/`` beforehand; this module inserts the numbers. Places are whole numbers of a step that
 reaches over the whole drawing.
 """
 
