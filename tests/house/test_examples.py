@@ -11,6 +11,7 @@ import json
 import math
 import re
 import runpy
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import cache
 from hashlib import sha256
@@ -38,6 +39,15 @@ from tools.samples import TABLES
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+LONG = {"fingertip"}
+"""Examples that take half a minute: they are run by `make evidence`."""
+
+
+def each(names: Iterable[str]) -> list[Any]:
+    """Names of examples as parameters, the long ones for evidence."""
+    return [pytest.param(name, marks=[pytest.mark.evidence] if name in LONG else []) for name in names]
+
+
 DISTANCE_MM, FOCUS_MM, HALF_WIDTH_MM = 1.0, 20.0, 2.0
 
 
@@ -111,27 +121,25 @@ def entering(n: float) -> float:
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
-def test_an_example_is_a_script_that_prints_numbers(path: Path) -> None:
-    assert path.read_text(encoding="utf-8").endswith('\n\n\nif __name__ == "__main__":\n    main()\n')
-    assert re.search(r"\d\.\d", ran(path.stem)[1])
-
-
-@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
 def test_an_example_is_short_and_listed(path: Path) -> None:
-    assert len(path.read_text(encoding="utf-8").splitlines()) < 60
+    text = path.read_text(encoding="utf-8")
+    assert len(text.splitlines()) < 60
+    assert text.endswith('\n\n\nif __name__ == "__main__":\n    main()\n')
     for page in ("examples/README.md", "docs/gallery.md"):
         assert path.name in (ROOT / page).read_text(encoding="utf-8"), f"{page} does not list {path.name}"
 
 
-def test_the_gallery_shows_what_each_example_prints() -> None:
+@pytest.mark.parametrize("name", each(path.stem for path in EXAMPLES))
+def test_the_gallery_shows_what_an_example_prints(name: str) -> None:
     page = (ROOT / "docs" / "gallery.md").read_text(encoding="utf-8")
-    shown = re.findall(r"examples/(\w+)\.py\n:language: python\n```\n\nIt prints\n\n```text\n(.*?)```", page, re.DOTALL)
-    differ = [name for name, text in shown if differences(text.rstrip().splitlines(), ran(name)[1].splitlines())]
-    assert differ == []
-    assert {name for name, _ in shown} == {path.stem for path in EXAMPLES}
+    shown = re.findall(
+        rf"examples/{name}\.py\n:language: python\n```\n\nIt prints\n\n```text\n(.*?)```", page, re.DOTALL
+    )
+    assert [differences(text.rstrip().splitlines(), ran(name)[1].splitlines()) for text in shown] == [""]
+    assert re.search(r"\d\.\d", shown[0])
 
 
-@pytest.mark.parametrize("name", PICTURES)
+@pytest.mark.parametrize("name", each(PICTURES))
 def test_a_picture_of_the_gallery_is_what_its_example_draws(name: str) -> None:
     stated = json.loads(STATED.read_text(encoding="utf-8"))[name]
     returned, _, names = ran(name)
@@ -238,6 +246,7 @@ def test_solid_has_the_volume_of_lens_stem_and_arms() -> None:
         assert volume == pytest.approx(seated, abs=560.0 * tolerance_mm), "the walls are some 555 mm²"
 
 
+@pytest.mark.evidence
 def test_the_fingertip_decodes_the_force_of_the_solved_body() -> None:
     """The force is the finite elements', which neither the calibration nor its load cell, off by 0.5 %, has seen."""
     contrasts, found, calibrations, (force, low, high) = result("fingertip")
