@@ -6,7 +6,7 @@ import json
 import re
 import tomllib
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -229,11 +229,7 @@ GIVEN: dict[str, Maker] = {
     "turn.mp4": lambda: sample("marker-simulated.avi"),
     "scene.json": lambda: SCENE,
     **{f"cube{number}.csv": lambda: sample("cube-simulated.csv") for number in (1, 2, 3)},
-    **{
-        name.replace("-simulated", ""): (lambda content=content: content)  # type: ignore[misc]
-        for name, content in SHIPPED.items()
-        if "-simulated" in name
-    },
+    **{name.replace("-simulated", ""): partial(SHIPPED.__getitem__, name) for name in SHIPPED if "-simulated" in name},
 }
 """Makers of files by their names on the pages; ``layer.csv`` is the sample ``layer-simulated.csv``."""
 GIVEN_ON: dict[str, dict[str, Maker]] = {
