@@ -73,9 +73,9 @@ def test_a_picture_that_shows_too_little_is_refused_with_the_reason(name: str, t
 
 
 DOUBTED: dict[str, tuple[Shot, dict[str, Any], str]] = {
-    "tilted by 10°": (replace(SHOT, tilt_deg=10.0), {}, "lies tilted"),
-    "a scale 5 % too large": (SHOT, {"um_per_px": 8.4}, "the scale is off"),
-    "saturated": (replace(SHOT, scenery=[gradient(0.9, 90.0)]), {}, "camera's limit"),
+    "tilted by 10°": (replace(SHOT, tilt_deg=10.0), {}, "it was tilted"),
+    "a scale 5 % too large": (SHOT, {"um_per_px": 8.4}, "the scale is wrong"),
+    "saturated": (replace(SHOT, scenery=[gradient(0.9, 90.0)]), {}, "is saturated"),
 }
 
 
@@ -109,7 +109,7 @@ def test_a_photograph_needs_its_scale_and_is_measured_with_a_caution(form: str, 
     found = inspect(picture, design=design, options=InspectOptions(um_per_px=8.0)).to_dict()
     off = found["deviation"]
     assert off["rms_um"] < 3.0 * off["u_rms_um"]
-    words = "compressed with loss" if form == "compressed" else "coloured"
+    words = "lossy" if form == "compressed" else "coloured"
     assert any(words in warning for warning in found["warnings"])
 
 

@@ -91,7 +91,7 @@ def test_given_scale_counts_and_a_different_tag_is_reported(tmp_path: Path) -> N
     assert near.um_per_px == 2.01
     assert not near.warnings
     assert far.um_per_px == 2.1
-    assert any("ImageJ says 2 (+5.0 %)" in warning for warning in far.warnings)
+    assert any("ImageJ states 2 (+5.0 %)" in warning for warning in far.warnings)
 
 
 @pytest.mark.parametrize("bad", [0.0, -1.0, float("nan"), float("inf"), 1e9])
@@ -174,7 +174,7 @@ def test_camera_at_its_limit_is_reported(tmp_path: Path) -> None:
     bright = np.minimum(RAMP.astype(int) + 60, 255).astype(np.uint8)
     image = read_image(save(tmp_path / "a.tif", bright), 1.0)
     assert image.ceiling == 1.0
-    assert any("camera's limit" in warning for warning in image.warnings)
+    assert any("is saturated" in warning for warning in image.warnings)
 
 
 @pytest.mark.parametrize("content", [b"", b"no picture", b"II*\0junk", b"\x89PNG\r\n\x1a\nrest", b"\xff\xd8\xff\xe0zz"])

@@ -37,7 +37,7 @@ def test_cells_without_a_height(tmp_path: Path) -> None:
     found = read_z_map(path, 1.0, um_per_px=5.0)
     assert np.isnan(found.z_mm).sum() == 2
     assert np.isfinite(found.grey).all()
-    assert any("holds no height" in line for line in found.warnings)
+    assert any("have no height" in line for line in found.warnings)
 
 
 @pytest.mark.parametrize("kind", [np.uint16, np.float32, np.int32, np.float64])
@@ -61,7 +61,7 @@ REFUSED: dict[str, tuple[str, bytes, str]] = {
     "a stack": ("a.tif", tiff(np.stack([RAMP, RAMP]).astype(np.float32), photometric="minisblack"), "2 planes"),
     "colours": ("a.tif", tiff(np.zeros((40, 50, 3), np.uint16), photometric="rgb"), "not a grid of heights"),
     "mostly empty": ("a.tif", tiff(np.where(RAMP < 5, RAMP, np.nan).astype(np.float32)), "5 % of its pixels"),
-    "flat": ("a.tif", tiff(np.zeros((40, 50), np.float32)), "one height everywhere"),
+    "flat": ("a.tif", tiff(np.zeros((40, 50), np.float32)), "same height everywhere"),
     "small": ("a.tif", tiff(np.zeros((4, 5), np.float32)), "at least 32"),
     "damaged": ("a.tif", tiff(RAMP)[:90], "is damaged"),
     "another file": ("a.bin", b"\x89PNG not really", "not a z map"),

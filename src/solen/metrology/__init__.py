@@ -1,8 +1,8 @@
-"""From a picture to sizes: micrographs with their scale, sub-pixel edges, and printed parts against their design.
+"""Measurement of prints in pictures: micrographs with their scale, sub-pixel edges, and deviations from the design.
 
-`read_image` gives an `Image`, grey values with a scale that is never guessed; `measure_lens` measures a printed lens in
-it against its design, `solen.metrology.coupons.measure_coupon` a coupon. `fit_edge` finds an edge near a contour to a
-small part of a pixel, with its uncertainty and what was rejected.
+`read_image` returns an `Image`: grey values with a scale that is never guessed. `measure_lens` measures a printed lens
+in it against its design, and `solen.metrology.coupons.measure_coupon` measures a coupon. `fit_edge` locates an edge
+near a contour to a small fraction of a pixel, with its uncertainty and the number of rejected points.
 """
 
 from solen.metrology.edge import Edge, fit_edge, fit_two_edges, normals_of

@@ -1,12 +1,12 @@
 """Comparison of a printed outline with several designs: the nearest one, with probabilities.
 
-The idea: the outline is fitted to each design in turn with all that makes a print larger or smaller as a whole (see
-`solen.metrology.print_fit`): a design is not nearer because the scale is wrong or the print overgrown. With equal
-priors, the marginal likelihoods over their sum are the posterior probabilities, among these designs alone. Whether any
-of them explains the outline is another question, which `p_form` answers: where the form that is left is larger than
-prints of the right design have, it is none of these.
+The outline is fitted to each design in turn, together with everything that makes a whole print larger or smaller (see
+`solen.metrology.print_fit`), so a design is not nearer because the scale is wrong or the print is overgrown. With equal
+priors, the posterior probabilities are the marginal likelihoods divided by their sum; they apply to these designs
+alone. Whether any of them explains the outline is a separate question, which `p_form` answers: if the residual form
+error is larger than that of prints of the right design, none of the designs fits.
 
-The interface: `designs_to_compare` and `compare`; `doubts` says what the comparison does not show.
+The interface: `designs_to_compare` and `compare`; `doubts` states what the comparison does not show.
 """
 
 from collections.abc import Sequence
@@ -27,28 +27,29 @@ from solen.spec import Design, with_values
 
 SURE = 0.95
 LIKELY = 0.05
-"""Probability of a form as large as the outline's, below which it is not a print of the design."""
+"""Probability of a form error as large as the outline's, below which it is not a print of the design."""
 PAPER_INDICES = (1.44, 1.49, 1.54)
 PAPER_MM = (1.0, 20.0, 2.0)
-"""Emitter's distance, focus and half width of the paper's lenses."""
+"""Emitter distance, focus and half width of the paper's lenses."""
 
 
 @dataclass(frozen=True, eq=False)
 class ComparedDesign:
-    """A design and how an outline fits it.
+    """A design and how well an outline fits it.
 
     Attributes
     ----------
     name
         Name of the design.
     registration
-        With the scale as stated and the size as designed.
+        Registration with the scale as stated and the size as designed.
     front_mm
         The front as designed, shape (n, 2).
     size
-        Size, overgrowth and form of the print, if it is one of this design.
+        Size, overgrowth and form of the print if it was made from this design.
     probability
-        Of this design among those compared; pose, scale, shrinkage, overgrowth and form are integrated over.
+        Probability of this design among those compared; pose, scale, shrinkage, overgrowth and form are integrated
+        over.
     """
 
     name: str
@@ -64,16 +65,16 @@ class ComparedDesign:
 
     @property
     def possible(self) -> bool:
-        """Whether a print of this design may deviate as much."""
+        """Whether the form error is plausible for a print of this design."""
         return self.size.p_form >= LIKELY
 
 
 def designs_to_compare(
     design: Design, nominal: NominalFront, against: Sequence[Design] = (), seen_from: SeenFrom | None = None
 ) -> list[NominalFront]:
-    """Nominal fronts to compare an outline with, under unique names; the design's is always included.
+    """Return the nominal fronts to compare an outline with, under unique names; the design's own is always included.
 
-    Default: the paper's three indices, if the design has the paper's lens.
+    By default these are the paper's three indices if the design has the paper's lens.
     """
     if against:
         return _distinct([nominal, *(nominal_front(other, seen_from=seen_from) for other in against)])
@@ -90,7 +91,7 @@ def designs_to_compare(
 
 
 def _distinct(fronts: Sequence[NominalFront]) -> list[NominalFront]:
-    """Names made unique by a number after each repetition."""
+    """Make names unique by appending a number to each repetition."""
     names = [front.name for front in fronts]
     before = [names[:place].count(name) for place, name in enumerate(names)]
     return [
@@ -102,7 +103,7 @@ def _distinct(fronts: Sequence[NominalFront]) -> list[NominalFront]:
 def compare(
     edge: NamedEdge, fronts: Sequence[NominalFront], priors: PrintPriors = PrintPriors()
 ) -> list[ComparedDesign]:
-    """Designs with their probabilities, the most probable first.
+    """Return the designs with their probabilities, the most probable first.
 
     Parameters
     ----------
@@ -133,13 +134,13 @@ def compare(
 
 
 def doubts(designs: Sequence[ComparedDesign], form_um: float) -> list[Caution]:
-    """Limits of the comparison, as warnings."""
+    """Return the limits of the comparison as warnings."""
     first = designs[0]
     if not any(design.possible for design in designs):
-        none = "none of these designs" if len(designs) > 1 else f"no usual print of {first.name}"
+        none = "none of these designs" if len(designs) > 1 else f"no normal print of {first.name}"
         return [
             do_not_use(
-                f"{none}: {first.size.form_um:.3g} µm (rms) of form are left beside size and overgrowth, and a print "
+                f"{none}: the form error is {first.size.form_um:.3g} µm (rms) after size and overgrowth, and a print "
                 f"of the right design has about {form_um:g} µm (--form-um; probability {first.size.p_form:.2g})"
             )
         ]
@@ -148,7 +149,7 @@ def doubts(designs: Sequence[ComparedDesign], form_um: float) -> list[Caution]:
     second = designs[1]
     return [
         look_at(
-            f"{first.name} and {second.name} cannot be distinguished: beside size and overgrowth the outline deviates "
+            f"{first.name} and {second.name} cannot be distinguished: after size and overgrowth the outline deviates "
             f"by {first.size.form_um:.3g} and {second.size.form_um:.3g} µm (rms) from them, and neighbouring points "
             f"are not independent ({first.size.independent_values:.0f} independent values)"
         )

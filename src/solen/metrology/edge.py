@@ -1,12 +1,14 @@
 """Sub-pixel edges: the position of a contour from the blurred step along its normals.
 
-The idea: contours by a threshold are off by a part of a pixel, more where the ground is uneven. Here a first contour
-only says where to look. Along each of its normals the grey values are read, averaged over a few neighbouring lines, and
-a step blurred by a Gaussian is fitted with levels of its own; the edge is the middle of the step. Whatever is not such
-a step (dust, a reflection, an edge too weak for the noise) is rejected with its reason.
+Contours from a threshold are off by a fraction of a pixel, and by more where the background is uneven. Here an initial
+contour only states where to search. Along each of its normals, the grey values are averaged over a few neighbouring
+lines, and a step blurred by a Gaussian is fitted with its own levels; the edge is the centre of the step. A point
+without such a step (because of dust, a reflection, or an edge that is too weak for the noise) is rejected with a
+reason.
 
-The interface: `fit_edge` of a picture and a contour gives an `Edge`; `normals_of` a contour; `profiles` are the grey
-values along normals. Places are (x, y) = (column, row) in pixels, whole at the middle of a pixel, y downwards.
+The interface: `fit_edge` of a picture and a contour returns an `Edge`; `normals_of` computes the normals of a contour,
+and `profiles` the grey values along them. Positions are (x, y) = (column, row) in pixels, integer at the centre of a
+pixel, y downwards.
 """
 
 from dataclasses import dataclass, replace
@@ -23,26 +25,26 @@ LINES = 5
 BLURS = 5.0
 """Half the length of a fitted line, in blurs."""
 USUAL_BLUR_PX = 2.0
-"""First guess of a blur; the picture's own is found from it."""
+"""First guess of the blur, from which the picture's own blur is determined."""
 LEAST_HALF_PX = 5.0
 SOME, WIDER = 120, 1.25
 """Number of positions from which the blur is estimated, and its growth below which search lines are long enough."""
 FEWEST = 20
-"""Good fits that are needed to estimate what is usual."""
+"""Number of good fits that is needed to estimate typical parameters."""
 U_LOG_BLUR, U_SLOPE_SHARE = 0.2, 3e-3
-"""How much the blur varies along a contour, relative, and the background's slope per px, in rises."""
+"""Relative variation of the blur along a contour, and the slope of the background per px, in rises."""
 SATURATED = 0.5
-"""Share of the pixels across a line that are at the camera's limit; noise alone brings fewer there."""
+"""Fraction of saturated pixels across a line above which it is rejected; noise alone saturates fewer."""
 MOST_U_PX = 1.0
 LEAST_SNR = 4.0
-"""Rise of the step over the noise of a line, below which it is none."""
+"""Least rise of a step over the noise of a line."""
 LEAST_RISE = 0.25
-"""Rise over the median rise along the contour, below which it is another edge or none."""
+"""Rise over the median rise along the contour, below which the step is another edge or none."""
 ODD_BLUR = 2.5
 ODD_SHAPE = 2.2
-"""Residuals above so many times their median: something else lies on the edge."""
+"""Residuals over their median, above which something else is on the edge."""
 ODD_SHARE = 0.02
-"""Share of the rise below which residuals are insignificant."""
+"""Fraction of the rise below which residuals are insignificant."""
 BESIDE = 2
 NEIGHBOURS = 15
 OFF_SIGMAS, OFF_PX = 5.0, 0.5
@@ -50,7 +52,7 @@ ALONE_PLACES, ALONE_SHARE = 9, 0.4
 NOISE_PLACES, NEIGHBOURS_WEIGHT = 31, 4.0
 """Number of neighbours used for a point's noise, and their weight relative to its own residuals."""
 LEAST_TRIPLES = 40
-"""Comparisons of places with their neighbours, below which their scatter says nothing."""
+"""Number of comparisons of points with their neighbours, below which their scatter is not evaluated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,27 +90,27 @@ class Edge:
 
     @property
     def measured(self) -> tuple[FloatArray, FloatArray]:
-        """Points (M, 2) that are kept and their standard uncertainties (M,), px."""
+        """Accepted points (M, 2) and their standard uncertainties (M,), px."""
         return self.points_px[self.kept], self.u_px[self.kept]
 
     @property
     def share_kept(self) -> float:
-        """Share of the places in the picture that are kept."""
+        """Fraction of the points in the picture that are accepted."""
         return float(self.kept.sum()) / max(int(self.inside.sum()), 1)
 
     @property
     def blur(self) -> float:
-        """Median blur of the accepted points, px; NaN without any."""
+        """Median blur of the accepted points, px; NaN without accepted points."""
         return float(np.median(self.blur_px[self.kept])) if self.kept.any() else float("nan")
 
     @property
     def contrast(self) -> float:
-        """Median rise of the accepted points; NaN without any."""
+        """Median rise of the accepted points; NaN without accepted points."""
         return float(np.median(self.rise[self.kept])) if self.kept.any() else float("nan")
 
 
 def normals_of(contour_px: FloatArray, *, closed: bool, over: int = 5) -> FloatArray:
-    """Unit normals (N, 2) of a contour, to its left as seen in the picture.
+    """Return the unit normals (N, 2) of a contour, to its left as seen in the picture.
 
     The tangent (dx, dy) runs from ``over`` points before to ``over`` points after, and is rotated to (dy, −dx).
     """
@@ -130,9 +132,10 @@ def profiles(
     lines: int = LINES,
     order: Literal[1, 3] = 3,
 ) -> tuple[FloatArray, BoolArray]:
-    """Grey values (N, M) at distances ``t_px`` (M,) along normals, and whether they lie in the picture.
+    """Return grey values (N, M) at distances ``t_px`` (M,) along normals, and whether each line is in the picture.
 
-    Values between pixels are by splines, cubic ones by default; ``lines`` parallel lines, a pixel apart, are averaged.
+    Values between pixels are interpolated by splines, cubic ones by default; ``lines`` parallel lines, a pixel apart,
+    are averaged.
     """
     rows, columns = grey.shape
     values = np.zeros((len(points_px), len(t_px)))
@@ -151,7 +154,7 @@ def profiles(
 def _patch(
     grey: FloatArray, points: FloatArray, reach: float, order: Literal[1, 3]
 ) -> tuple[FloatArray, tuple[int, int]]:
-    """Spline coefficients of the part of the picture that is needed, and its first column and row."""
+    """Return the spline coefficients of the required part of the picture, and its first column and row."""
     rows, columns = grey.shape
     margin = reach + 12.0  # the spline's memory is a few pixels
     x0, y0 = (int(max(0.0, np.floor(float(points[:, i].min()) - margin))) for i in (0, 1))
@@ -172,7 +175,7 @@ def fit_edge(
     lines: int = LINES,
     closed: bool = False,
 ) -> Edge:
-    """Edge near a contour, to a small part of a pixel.
+    """Fit the edge near a contour, to a small fraction of a pixel.
 
     Parameters
     ----------
@@ -181,15 +184,15 @@ def fit_edge(
     contour_px, normals
         Shape (N, 2): a contour within about two blurs of the edge, and unit vectors across it.
     half_px
-        How far to look at most on each side, where another edge is near.
+        Largest distance searched on each side, for an edge with another one near it.
     ceiling
         Grey value at which the camera was saturated.
     rising
-        Whether the grey value rises along the normals; None takes the sign that most have.
+        Whether the grey value rises along the normals; None selects the more frequent sign.
     lines
-        Parallel lines to average, one pixel apart; 1 where the contour turns within a few pixels.
+        Number of parallel lines to average, one pixel apart; 1 if the contour turns within a few pixels.
     closed
-        Whether the last place is beside the first.
+        Whether the contour is closed, so that the last point is next to the first.
     """
     at = np.zeros((len(contour_px), 1))
     view = _View(grey, contour_px, normals, half_px, ceiling, lines, closed)
@@ -206,9 +209,9 @@ def fit_two_edges(
     blur_px: float = USUAL_BLUR_PX,
     ceiling: float = float("inf"),
 ) -> tuple[Edge, Edge]:
-    """Two edges with overlapping blurs, fitted jointly.
+    """Fit two edges with overlapping blurs jointly.
 
-    Parameters as in `fit_edge`; ``at_px`` (N, 2) are initial positions of both edges along the normals.
+    Parameters are as in `fit_edge`; ``at_px`` (N, 2) are initial positions of both edges along the normals.
     """
     view = _View(grey, contour_px, normals, float("inf"), ceiling, LINES, False)
     steps, inside, saturated = view.fitted(at_px, view.two_blurs(at_px, blur_px))
@@ -217,7 +220,7 @@ def fit_two_edges(
 
 @dataclass(frozen=True, eq=False)
 class _View:
-    """A contour in a picture, and how lines across it are read."""
+    """A contour in a picture, and how the lines across it are sampled."""
 
     grey: FloatArray
     contour_px: FloatArray
@@ -228,7 +231,7 @@ class _View:
     closed: bool
 
     def blur(self, at: FloatArray, guess_px: float) -> float:
-        """Median blur of some of the places, on ever longer lines until they are long enough for it."""
+        """Return the median blur at a sample of points, on lines that are lengthened until they are long enough."""
         part, at = self._sample(at)
         for _ in range(4):
             steps, inside, _ = part.fitted(at, guess_px)
@@ -240,7 +243,7 @@ class _View:
         return guess_px
 
     def two_blurs(self, at: FloatArray, guess_px: float) -> FloatArray:
-        """Blurs of two edges from some of the places: the pair with which most of the fits succeed, and best."""
+        """Return the blurs of two edges at a sample of points: the pair with the most, and the best, fits."""
         part, at = self._sample(at)
         best, blurs = -np.inf, np.array([guess_px, guess_px])
         for factors in ((1.0, 1.0), (1.0, 2.0), (2.0, 1.0), (2.0, 2.0)):
@@ -252,15 +255,15 @@ class _View:
         return np.asarray(np.clip(blurs, 0.5, MOST_BLUR_PX))
 
     def _sample(self, at: FloatArray) -> tuple["_View", FloatArray]:
-        """Some of the places, evenly along the contour, and their first guesses."""
+        """Return a sample of points, evenly spaced along the contour, and their first guesses."""
         some = np.unique(np.linspace(0, len(at) - 1, min(len(at), SOME)).astype(int))
         return replace(self, contour_px=self.contour_px[some], normals=self.normals[some]), at[some]
 
     def fitted(self, at: FloatArray, blur_px: float | FloatArray) -> tuple[Steps, BoolArray, BoolArray]:
-        """Fits, whether each line lies in the picture, and its saturated share.
+        """Return the fits, whether each line is in the picture, and its saturated fraction.
 
-        A second fit uses what the lines of the first have in common: if edges overlap or are faint, a single line
-        cannot determine its blur and slope.
+        A second fit uses parameters that the lines of the first have in common: if edges overlap or are faint, a single
+        line cannot determine its own blur and slope.
         """
         around = max(BLURS * float(np.max(blur_px)), LEAST_HALF_PX)
         half = np.ceil(min(float(np.max(np.abs(at))) + around, self.half_px))
@@ -274,7 +277,7 @@ class _View:
         return (alone if usual is None else fit_steps(t, values, at, blur_px, use, usual)), seen, saturated
 
     def _saturated(self, t: FloatArray, use: BoolArray) -> BoolArray:
-        """Lines with a saturated point, which shifts the fitted step."""
+        """Return the lines with a saturated point, which shifts the fitted step."""
         limit = self.grey >= self.ceiling
         if not limit.any():
             return np.zeros(len(use), dtype=bool)
@@ -282,7 +285,7 @@ class _View:
         return np.asarray(((share > SATURATED) & use).any(axis=1))
 
     def judged(self, steps: Steps, which: int, rising: bool | None, inside: BoolArray, saturated: BoolArray) -> Edge:
-        """One of the fitted edges, with the outliers rejected."""
+        """Return one of the fitted edges, with the outliers rejected."""
         at, u, rise, blur = (values[:, which] for values in (steps.at_px, steps.u_at_px, steps.rise, steps.blur_px))
         points = self.contour_px + self.normals * at[:, None]
         fit = inside & ~saturated
@@ -310,9 +313,9 @@ class _View:
 
 
 def _steadied(noise: FloatArray) -> FloatArray:
-    """Factors (N,) on uncertainties when noise is also estimated from neighbours.
+    """Return factors (N,) on the uncertainties if the noise is also estimated from neighbours.
 
-    A line has about ten values and five parameters: its residuals determine its noise to 30 % at best.
+    A line has about ten values and five parameters, so its residuals determine its noise to 30 % at best.
     """
     usual = ndimage.median_filter(noise, NOISE_PLACES, mode="nearest")
     own = np.maximum(noise, 1e-12)
@@ -322,11 +325,11 @@ def _steadied(noise: FloatArray) -> FloatArray:
 def scatter_over_u(
     points: FloatArray, normals: FloatArray, u: FloatArray, kept: BoolArray, lines: int = LINES
 ) -> float:
-    """Ratio of the scatter of edges between neighbours to that expected from the fits' residuals; at least 1.
+    """Return the ratio of the edges' scatter between neighbours to that expected from the residuals; at least 1.
 
-    Residuals are taken as independent, which those of a sharpened, compressed or textured picture are not, nor quite
-    those between pixels. Each place is compared with the mean of one before and one behind that share no pixel with
-    it; what bends slowly is no scatter. So roughness finer than some ten pixels counts as uncertainty as well.
+    The fit treats residuals as independent, but those of a sharpened, compressed or textured picture are not, nor fully
+    those between pixels. Each point is compared with the mean of one before and one after that share no pixel with it;
+    slow bending does not count as scatter. Roughness finer than about ten pixels therefore counts as uncertainty too.
     """
     step = float(np.median(np.hypot(*np.diff(points, axis=0).T))) if len(points) > 1 else 0.0
     lag = int(np.ceil((lines + 1.0) / step)) if step > 0.0 else 0
@@ -344,7 +347,7 @@ def scatter_over_u(
 
 
 def _usual(steps: Steps, fit: BoolArray) -> Usual | None:
-    """Typical parameters of the good fits; None if there are few."""
+    """Return typical parameters of the good fits, or None if there are too few."""
     noise = _median(steps.noise, fit)
     good = fit & steps.settled & (np.abs(steps.rise).min(axis=1) > LEAST_SNR * noise)
     good &= steps.u_at_px.max(axis=1) < np.maximum(2.0 * float(np.median(steps.u_at_px)), 0.1)
@@ -361,7 +364,7 @@ def _usual(steps: Steps, fit: BoolArray) -> Usual | None:
 
 
 def _counted(bad: dict[str, BoolArray], count: int) -> tuple[BoolArray, dict[str, int]]:
-    """Points without a reason for rejection, and the number that each reason rejects."""
+    """Return the points without a reason for rejection, and the number of points that each reason rejects."""
     kept, rejected = np.ones(count, dtype=bool), {}
     for reason, flags in bad.items():
         rejected[reason] = int(np.sum(kept & flags))
@@ -370,14 +373,14 @@ def _counted(bad: dict[str, BoolArray], count: int) -> tuple[BoolArray, dict[str
 
 
 def _alone(kept: BoolArray, inside: BoolArray) -> BoolArray:
-    """Points whose neighbours in the picture are mostly not edges, and which are therefore not trusted."""
+    """Return points whose neighbours in the picture are mostly not edges, and which are therefore not trusted."""
     shares = (ndimage.uniform_filter1d(flags.astype(float), ALONE_PLACES, mode="nearest") for flags in (kept, inside))
     own, all_of_them = shares
     return np.asarray(own < ALONE_SHARE * all_of_them)
 
 
 def _beside(odd: BoolArray) -> BoolArray:
-    """Outliers with `BESIDE` neighbours to either side, as an object on an edge fades out gradually."""
+    """Return outliers with `BESIDE` neighbours to either side, because an object on an edge fades out gradually."""
     return np.asarray(ndimage.binary_dilation(odd, iterations=BESIDE)) if odd.any() else odd
 
 
@@ -386,7 +389,7 @@ def _median(values: FloatArray, where: BoolArray) -> float:
 
 
 def _off(points: FloatArray, contour: FloatArray, normals: FloatArray, kept: BoolArray, closed: bool) -> BoolArray:
-    """Points further from the running median of their neighbours than these scatter, and than half a pixel."""
+    """Return points whose distance from the running median of their neighbours exceeds the scatter and half a pixel."""
     if int(kept.sum()) < NEIGHBOURS:
         return np.zeros(len(kept), dtype=bool)
     mode: Literal["wrap", "nearest"] = "wrap" if closed else "nearest"

@@ -1,9 +1,9 @@
 """Edges along a whole front, traced in the band around it.
 
-The idea: the band around the front is straightened, along the front one way and across it the other. An edge of the
-lens is then a line from one end of the band to the other; dust and reflections are short. The path that gathers the
-most change of one sign, without jumping, is found exactly by dynamic programming, then the next one beside it: the two
-rims of a thick transparent part, or both sides of a dark band.
+The band around the front is straightened, with one axis along the front and the other across it. An edge of the lens is
+then a line from one end of the band to the other; dust and reflections are short. The path without jumps that gathers
+the largest change of one sign is computed exactly by dynamic programming, and then the next one near it: the two rims
+of a thick transparent part, or both sides of a dark band.
 """
 
 from dataclasses import dataclass
@@ -17,21 +17,23 @@ from solen.metrology.nominal import NominalFront
 from solen.metrology.pose import Pose
 
 ALONG, ACROSS = 500, 160
-"""Places along the front, and pixels from its middle to a side of the band, about."""
+"""Approximate number of positions along the front, and of pixels from its centre line to a side of the band."""
 SMOOTH_ALONG, SMOOTH_ACROSS = 1.5, 2.0
 JUMP = 2
-"""Pixels by which a path may move aside from one place to the next."""
+"""Pixels by which a path may move sideways from one position to the next."""
 JUMP_COST = 0.08
 APART, APART_OTHER = 3.5, 1.0
-"""Smoothing widths between two paths, at least: of one sign, and of two, as on both sides of a narrow dark band."""
+"""Least distance between two paths, in smoothing widths: of the same sign, and of opposite signs, as on both sides of a
+narrow dark band.
+"""
 FLANK = 3
 """Pixels to each side at which the change must be less than on the path."""
 MOST_EDGES = 4
 LEAST_COVERED, LEAST_COVERED_FURTHER = 0.5, 0.35
-"""Share of positions at which the first edge, and a further one, must be distinct; two edges may cross."""
+"""Fraction of positions at which the first edge, and a further one, must be distinct; two edges may cross."""
 LEAST_SNR = 5.0
 FAINTEST = 0.15
-"""Change across a further edge over that of the first."""
+"""Least change across a further edge, relative to that of the first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,13 +43,13 @@ class Band:
     Attributes
     ----------
     arc_mm
-        Shape (N,), along the front.
+        Shape (N,), position along the front.
     offset_mm
-        Shape (M,), across it, positive outwards.
+        Shape (M,), position across it, positive outwards.
     change
-        Shape (N, M), smoothed derivative of the grey value across.
+        Shape (N, M), smoothed derivative of the grey value across the front.
     seen
-        Shape (N, M), whether the place is in the picture.
+        Shape (N, M), whether the position is in the picture.
     """
 
     arc_mm: FloatArray
@@ -57,7 +59,7 @@ class Band:
 
     @classmethod
     def of(cls, grey: FloatArray, pose: Pose, nominal: NominalFront, reach_mm: float) -> "Band":
-        """Band of a picture, ``reach_mm`` to each side of the front."""
+        """Return the band of a picture, ``reach_mm`` to each side of the front."""
         arc = np.linspace(0.0, float(nominal.arc_mm[-1]), ALONG)
         return cls.along(grey, pose, arc, *nominal.at(arc), reach_mm)
 
@@ -65,7 +67,7 @@ class Band:
     def along(
         cls, grey: FloatArray, pose: Pose, arc: FloatArray, points: FloatArray, normals: FloatArray, reach_mm: float
     ) -> "Band":
-        """Band along any points (N, 2) in lens coordinates, with unit normals (N, 2) and lengths ``arc`` (N,)."""
+        """Return the band at points (N, 2) in lens coordinates, with unit normals (N, 2) and lengths ``arc`` (N,)."""
         reach_px = reach_mm * pose.px_per_mm
         factor = max(1, int(reach_px / ACROSS))
         coarse = binned(grey, factor)
@@ -80,7 +82,7 @@ class Band:
 
     @property
     def share_seen(self) -> float:
-        """Share of the front itself that is in the picture."""
+        """Fraction of the front itself that is in the picture."""
         return float(np.mean(self.seen[:, len(self.offset_mm) // 2]))
 
 
@@ -91,15 +93,15 @@ class TracedEdge:
     Attributes
     ----------
     offset_mm
-        Shape (N,): position across the band, at positions along it.
+        Shape (N,): position across the band, for positions along it.
     rising
         Whether the grey value rises outwards.
     strength
-        Median change across it.
+        Median change across the edge.
     covered
-        Share of positions in the picture where it is distinct.
+        Fraction of positions in the picture at which the edge is distinct.
     shown
-        Shape (N,): whether it is distinct there.
+        Shape (N,): whether the edge is distinct at a position.
     """
 
     offset_mm: FloatArray
@@ -110,7 +112,7 @@ class TracedEdge:
 
 
 def trace_edges(band: Band, most: int = MOST_EDGES) -> list[TracedEdge]:
-    """Edges along the front, the strongest first; empty if nothing exceeds the noise."""
+    """Trace the edges along the front, the strongest first; the list is empty if nothing exceeds the noise."""
     if not band.seen.any():
         return []
     noise = 1.4826 * float(np.median(np.abs(band.change[band.seen])))
@@ -132,7 +134,7 @@ def trace_edges(band: Band, most: int = MOST_EDGES) -> list[TracedEdge]:
 
 
 def _traced(band: Band, rising: bool, free: BoolArray, scale: float, least: float) -> TracedEdge:
-    """The edge of one sign with the largest total change along a free path; visible above a change of ``least``."""
+    """Return the edge of one sign with the largest total change on a free path; visible above a change of ``least``."""
     change = band.change if rising else -band.change
     allowed = np.where(free, change, 0.0)
     gain = np.maximum(allowed, 0.0)
@@ -145,14 +147,14 @@ def _traced(band: Band, rising: bool, free: BoolArray, scale: float, least: floa
 
 
 def _on_maximum(gain: FloatArray, path: IndexArray) -> BoolArray:
-    """Whether a path lies on a maximum across, not on the flank of a broader edge beside it."""
+    """Return whether a path is on a maximum across the band, not on the flank of a broader edge near it."""
     along, last = np.arange(len(path)), gain.shape[1] - 1
     before, behind = (gain[along, np.clip(path + side * FLANK, 0, last)] for side in (-1, 1))
     return np.asarray((gain[along, path] >= before) & (gain[along, path] >= behind))
 
 
 def best_path(gain: FloatArray) -> IndexArray:
-    """Column for each row of (N, M) that maximises the sum of gains minus the cost of sideways steps."""
+    """Return the column for each row of (N, M) that maximises the sum of gains minus the cost of sideways steps."""
     rows, columns = gain.shape
     cost = JUMP_COST * np.abs(np.arange(-JUMP, JUMP + 1))
     came = np.zeros((rows, columns), dtype=np.intp)

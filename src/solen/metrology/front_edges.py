@@ -1,4 +1,4 @@
-"""Edges along a front, fitted near their traces, and which of two is in focus."""
+"""Edges along a front, fitted near their traces, and the choice of the one in focus."""
 
 from collections import Counter
 from dataclasses import replace
@@ -17,16 +17,16 @@ MOST_PLACES = 2500
 SPACING_PX = 3.0
 USUAL_BLUR_PX = (0.5, 2.0, 8.0)
 OVERLAP = 12.0
-"""Blurs; edges nearer each other than these are fitted together."""
+"""Distance between edges, in blurs, below which they are fitted together."""
 SHARPER = 1.25
-"""Ratio of blurs from which on one of two edges is in focus and the other is not."""
+"""Ratio of blurs above which one of two edges is in focus and the other is not."""
 
 
 def edges_along(image: Image, pose: Pose, nominal: NominalFront, band: Band, traced: list[TracedEdge]) -> list[Edge]:
-    """Fits of the traced edges, from the outermost inwards; two near each other are fitted together.
+    """Fit the traced edges, from the outermost inwards; two edges near each other are fitted together.
 
-    A picture shows a curved edge too far inwards, by σ²/2R for a blur σ and a radius R, and by as much for the variance
-    of the lines that are averaged; this is made good.
+    A picture shows a curved edge too far inwards, by σ²/2R for a blur σ and a radius R, and by a similar amount for the
+    variance of the averaged lines; both shifts are corrected.
     """
     length = float(nominal.arc_mm[-1])
     count = int(min(MOST_PLACES, max(100, length * pose.px_per_mm / SPACING_PX)))
@@ -64,14 +64,14 @@ def _unbent(edge: Edge, half_curvature_per_px: FloatArray) -> Edge:
 
 
 def _spaces(offset: FloatArray, px_per_mm: float) -> list[float]:
-    """Median distance in px of each edge to the nearest other one; infinite for a single edge."""
+    """Return the median distance in px of each edge to the nearest other one; infinite for a single edge."""
     apart = np.median(np.abs(offset[:, None] - offset[None, :]), axis=2) * px_per_mm
     np.fill_diagonal(apart, np.inf)
     return [float(space) for space in apart.min(axis=1)]
 
 
 def by_focus(outer: Edge, inner: Edge) -> tuple[Edge, Edge] | None:
-    """The sharper and the softer edge where these change sides along the front, as in a tilted part; None otherwise."""
+    """Return the sharper and the softer edge if they change sides along the front, as in a tilted part, else None."""
     both = outer.kept & inner.kept
     if both.sum() < 50:
         return None
@@ -86,7 +86,7 @@ def by_focus(outer: Edge, inner: Edge) -> tuple[Edge, Edge] | None:
 
 
 def _mixed(first: Edge, second: Edge, swap: BoolArray) -> Edge:
-    """Points of the second edge where ``swap``, of the first elsewhere."""
+    """Return the points of the second edge where ``swap`` is true, and of the first elsewhere."""
     return replace(
         first,
         points_px=np.where(swap[:, None], second.points_px, first.points_px),
@@ -100,7 +100,7 @@ def _mixed(first: Edge, second: Edge, swap: BoolArray) -> Edge:
 
 
 def why_rejected(edges: list[Edge]) -> str:
-    """The most frequent reasons for rejection."""
+    """Return the most frequent reasons for rejection."""
     counts: Counter[str] = Counter()
     for edge in edges:
         counts.update(edge.rejected)

@@ -1,10 +1,10 @@
 """A micrograph as grey values with a scale.
 
-The idea: whatever the file is (a TIFF with its microscope's metadata, a PNG, a photograph), it becomes one plane of
-grey values in [0, 1] with the size of a pixel, or it is refused with the reason: several planes, no scale, too large.
-The format, the size and the number of planes are read from the header, before any pixel is decoded.
+Whatever the file is (a TIFF with its microscope's metadata, a PNG, a photograph), it becomes one plane of grey values
+in [0, 1] with the size of a pixel, or it is rejected with the reason: several planes, no scale, too large. The format,
+the size and the number of planes are read from the header, before any pixel is decoded.
 
-The interface: `read_image` gives an `Image`. TIFF needs the extra ``vision``.
+The interface: `read_image` returns an `Image`. TIFF needs the extra ``vision``.
 """
 
 import hashlib
@@ -23,7 +23,7 @@ from solen.ranks import Caution, look_at
 from solen.recording import Provenance
 
 CLIPPED_SHARE = 1e-3
-"""If this many pixels share the picture's highest level, the camera was saturated there."""
+"""Fraction of pixels at the picture's highest level above which the camera was saturated there."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,13 +33,13 @@ class Image:
     Attributes
     ----------
     grey
-        Shape (rows, columns), 0 to 1 of the file's range; a photograph's rows run downwards.
+        Shape (rows, columns), 0 to 1 of the file's range; rows run downwards in a photograph.
     scale
         Size of a pixel.
     bits
-        Per grey value, as stored; None for numbers with a point.
+        Number of bits of a stored grey value; None for floating-point numbers.
     ceiling
-        Grey value at which the camera was saturated; infinite where none of the picture is.
+        Grey value at which the camera was saturated; infinite if no part of the picture is saturated.
     provenance
         The file.
     warnings
@@ -60,30 +60,30 @@ class Image:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Rows and columns."""
+        """Number of rows and columns."""
         return self.grey.shape[0], self.grey.shape[1]
 
 
 def read_image(
     path: Path, um_per_px: float | None = None, u_um_per_px: float | None = None, *, options: ScaleOptions | None = None
 ) -> Image:
-    """Picture of a file: TIFF, OME-TIFF, PNG, JPEG, BMP, or another that Pillow reads.
+    """Read a picture from a file: TIFF, OME-TIFF, PNG, JPEG, BMP, or another format that Pillow reads.
 
     Parameters
     ----------
     path
         The file.
     um_per_px
-        Size of a pixel in µm; overrides the file's.
+        Size of a pixel in µm; overrides the file's value.
     u_um_per_px
-        Its standard uncertainty, or that of the file's value.
+        Standard uncertainty of this size, or of the file's value.
     options
-        Both, or a scale file; instead of the two above.
+        Both of these, or a scale file; instead of the two parameters above.
 
     Raises
     ------
     DataError
-        If the file cannot be read, holds several planes, is too large or too small, or states no scale.
+        If the file cannot be read, contains several planes, is too large or too small, or states no scale.
     SpecError
         If a given number cannot be the size of a pixel.
     OutputError
@@ -96,14 +96,12 @@ def read_image(
     warnings += [*given.rescaled(*plane.grey.shape), *plane.warnings]
     if np.isfinite(ceiling):
         share = float(np.mean(plane.grey >= ceiling))
-        warnings.append(
-            look_at(f"{100.0 * share:.2g} % of the picture is at the camera's limit: edges there are not measured")
-        )
+        warnings.append(look_at(f"{100.0 * share:.2g} % of the picture is saturated: edges there are not measured"))
     return Image(plane.grey, scale, plane.bits, ceiling, source, tuple(warnings))
 
 
 def read_plane(path: Path) -> tuple[Plane, Provenance]:
-    """Grey values of a picture without their scale, and where they come from; raises as `read_image`."""
+    """Read the grey values of a picture without their scale, and their provenance; raises as `read_image`."""
     data = read_bytes(path)
     plane = (read_tiff if data[:4] in MAGIC else read_raster)(str(path), data)
     rows, columns = plane.grey.shape
@@ -120,7 +118,7 @@ def read_plane(path: Path) -> tuple[Plane, Provenance]:
 
 
 def png_of(path: Path) -> bytes:
-    """The grey values of a picture as a PNG of 8 bits, as a browser shows it; raises as `read_image`."""
+    """Return the grey values of a picture as an 8-bit PNG for a browser; raises as `read_image`."""
     from PIL import Image as Picture
 
     plane, _ = read_plane(path)
@@ -132,7 +130,7 @@ def png_of(path: Path) -> bytes:
 
 
 def as_image(grey: FloatArray, um_per_px: float, *, u_um_per_px: float | None = None, name: str = "array") -> Image:
-    """Picture of an array (rows, columns) in memory, grey values 0 to 1; `DataError` if it cannot be one."""
+    """Return the picture of an array (rows, columns) of grey values 0 to 1; `DataError` if the array is not valid."""
     if grey.ndim != 2 or not np.isfinite(grey).all():
         raise DataError(name, value=grey.shape, limit="must be rows and columns of finite grey values")
     scale, _ = choose_scale(name, (), ScaleOptions(um_per_px=um_per_px, u_um_per_px=u_um_per_px))
@@ -140,7 +138,7 @@ def as_image(grey: FloatArray, um_per_px: float, *, u_um_per_px: float | None = 
 
 
 def binned(grey: FloatArray, factor: int) -> FloatArray:
-    """Means of blocks of ``factor`` by ``factor`` pixels; a remainder at the far sides is left out."""
+    """Return the means of blocks of ``factor`` by ``factor`` pixels; a remainder at the far sides is omitted."""
     if factor == 1:
         return grey
     rows, columns = grey.shape[0] // factor, grey.shape[1] // factor
@@ -149,9 +147,9 @@ def binned(grey: FloatArray, factor: int) -> FloatArray:
 
 
 def _ceiling(grey: FloatArray) -> float:
-    """Highest level, if so many pixels have it that it is the camera's limit; else infinity.
+    """Return the highest level if enough pixels have it for it to be the camera's limit, else infinity.
 
-    A picture of one level, or of two as a mask is, was not taken by a camera at its limit.
+    A picture of one level, or of two levels such as a mask, does not count as saturated.
     """
     highest, lowest = float(grey.max()), float(grey.min())
     at_it = grey >= highest

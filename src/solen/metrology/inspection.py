@@ -1,6 +1,6 @@
-"""Inspection of a printed lens: its outline in a picture, its deviations from the design, the nearest of some designs.
+"""Inspection of a printed lens: its outline in a picture, its deviations from the design, and the nearest design.
 
-`measure_lens` of a picture and a design gives a `LensInspection`; its `profile` is what a design takes for its lens.
+`measure_lens` of a picture and a design returns a `LensInspection`; its `profile` can replace the lens of a design.
 """
 
 from collections.abc import Sequence
@@ -26,45 +26,48 @@ from solen.results import HIDDEN, Result, plain, reported
 from solen.spec import Design
 
 OTHER_SIZE, SURE_SIZE = 0.01, 3.0
-"""Relative difference of size that causes a warning, if above this multiple of its uncertainty."""
+"""Relative difference in size that causes a warning if it exceeds this multiple of its uncertainty."""
 FACES = {"sharper": "top", "softer": "bottom"}
 LEAST_STEP_MM = 1e-4
-"""Points nearer each other than this in x are one."""
+"""Distance in x below which points are treated as one."""
 
 
 class InspectOptions(PrintPriors, ScaleOptions):
-    """How a picture of a lens is measured."""
+    """Options for the measurement of a lens in a picture."""
 
     edge: EdgeChoice = "auto"
-    """Edge of a thick transparent part to take; auto: the sharper, else the outer."""
+    """Edge of a thick transparent part to measure; auto selects the sharper one, or the outer one if neither is
+    sharper.
+    """
     seen_from: SeenFrom | None = None
-    """Face that the picture shows: top is away from the build plate, bottom lay on it and is seen mirrored."""
+    """Face that the picture shows: top faces away from the build plate; bottom was on the plate and appears
+    mirrored.
+    """
 
 
 @dataclass(frozen=True)
 class FrontDeviation:
     """Deviations of a printed front from its design, positive outwards, with their uncertainty.
 
-    The rms of a perfect print would be that of the edge noise: ``rms_beyond_noise_um`` excludes
-    it, and ``u_rms_um`` covers it. The largest of many deviations is biased by noise: its
-    interval holds for all points simultaneously.
+    The rms of a perfect print would be that of the edge noise: ``rms_beyond_noise_um`` excludes it, and ``u_rms_um``
+    covers it. The largest of many deviations is biased by noise: its interval holds for all points simultaneously.
 
     Attributes
     ----------
     rms_um, u_rms_um
-        Root mean square and its standard uncertainty.
+        Root mean square deviation and its standard uncertainty.
     rms_beyond_noise_um
-        Root mean square without the scatter of the edge.
+        Root mean square deviation without the scatter of the edge.
     max_um, u_max_um, interval95_max_um
-        The largest in size, signed, its standard uncertainty and 95 % interval.
+        Deviation of largest magnitude, with its sign, its standard uncertainty and its 95 % interval.
     max_x_mm
-        Where it is.
+        Lateral position of that deviation.
     mean_um, highest_um, lowest_um, p95_um
-        Mean, extremes, and the 95th percentile of the sizes.
+        Mean and extremes of the deviations, and the 95th percentile of their absolute values.
     rms_of_u_um
         Root mean square of the points' standard uncertainties, including common shifts of the edge.
     rms_um_per_percent_of_scale
-        Change (rms) for a change of the scale by 1 %.
+        Rms change of the deviations for a change of the scale by 1 %.
     independent_values
         Number of independent values among the deviations.
     """
@@ -86,7 +89,7 @@ class FrontDeviation:
 
     @classmethod
     def of(cls, chosen: NamedEdge, image: Image) -> "FrontDeviation":
-        """Numbers of the chosen edge."""
+        """Return the deviations of the chosen edge."""
         fit = chosen.registration
         deviation, rms, bias = fit.deviation_um, fit.rms_um, EDGE_BIAS_PX * image.um_per_px
         scatter_um = chosen.edge.measured[1][fit.used] * image.um_per_px
@@ -116,22 +119,22 @@ class FrontDeviation:
 
 @dataclass(frozen=True)
 class EdgeSummary:
-    """One of the edges along the front, in numbers.
+    """Key figures of one edge along the front.
 
     Attributes
     ----------
     name
         ``single``, ``outer``, ``inner``, ``sharper`` or ``softer``.
     chosen, in_focus
-        Whether it is taken for the outline; whether it is clearly the sharpest.
+        Whether it is used as the outline, and whether it is clearly the sharpest.
     blur_px, contrast
         Medians along the edge.
     points_used
         Number of points.
     rms_um, mean_um
-        Of its deviations, root mean square and mean.
+        Root mean square and mean of its deviations.
     outside_chosen_um
-        Median distance from the chosen edge, positive outwards; None if they share no place.
+        Median distance from the chosen edge, positive outwards; None if they have no position in common.
     """
 
     name: str
@@ -146,7 +149,7 @@ class EdgeSummary:
 
     @classmethod
     def of(cls, edge: NamedEdge, chosen: NamedEdge) -> "EdgeSummary":
-        """Numbers of an edge beside the chosen one."""
+        """Return the key figures of an edge relative to the chosen one."""
         fit, outside = edge.registration, edge.outside_um(chosen)
         return cls(
             name=edge.name,
@@ -167,32 +170,32 @@ class LensInspection(Result):
     Attributes
     ----------
     design
-        Its name.
+        Name of the design.
     simulated
         Whether the picture was computed.
     scale
-        Size of a pixel and where it comes from.
+        Size of a pixel and its origin.
     deviation
         Deviation of the outline from the design.
     size
-        Scale, shrinkage and even overgrowth, fitted together with the pose to the front and its walls.
+        Scale, shrinkage and uniform overgrowth, fitted together with the pose to the front and its walls.
     nearest
-        Name of the most probable of the compared designs; None if it is none of them.
+        Name of the most probable of the compared designs; None if the outline fits none of them.
     designs
         The compared designs by name, the most probable first.
     edges
         All edges along the front, the chosen one first.
     rotation_deg, u_rotation_deg
-        Rotation of the part, counter-clockwise as seen; 0 if its front faces down.
+        Counter-clockwise rotation of the part in the picture; 0 if its front faces down.
     vertex_px, u_shift_um
         (x, y) of the designed vertex, and standard uncertainties of the registration along the lens's x and z.
     mirrored
-        Whether the picture shows the part from its other side; None if the design is mirror-symmetric and the
-        face is not stated.
+        Whether the picture shows the part from its other side; None if the design is mirror-symmetric and the face is
+        not stated.
     points_rejected
         Number of rejected points of the chosen edge, by reason.
     seen
-        Share of the front that the picture shows.
+        Fraction of the front that the picture shows.
     measured_x_mm
         Lateral range that was measured.
     width_mm
@@ -241,9 +244,10 @@ class LensInspection(Result):
         return self.edges[0]
 
     def profile(self) -> MeasuredProfile:
-        """The chosen edge as a profile z(x); `DataError` if it folds back on itself.
+        """Return the chosen edge as a profile z(x); `DataError` if it folds back on itself.
 
-        The edge that is in focus counts as the top one; a single one, or two that are equally sharp, as the mean.
+        An edge that is in focus is assigned to the top face; a single edge, or one of two that are equally sharp, to
+        the mean.
         """
         chosen = self.outline.chosen
         fit = chosen.registration
@@ -285,7 +289,7 @@ def measure_lens(
     edge
         Edge to choose on a thick transparent part.
     against
-        Other designs to compare with; default: the paper's three indices, for the paper's lens.
+        Other designs to compare with; by default the paper's three indices if the design has the paper's lens.
     priors
         Priors of the print's size and form.
     seen_from
@@ -344,7 +348,7 @@ class FacesInspection(Result):
     Attributes
     ----------
     first_layer, last_layer
-        The face that lay on the build plate, and the one away from it, each against its own layer of the design.
+        The face that was on the build plate, and the opposite one, each compared with its own layer of the design.
     """
 
     first_layer: LensInspection
@@ -357,19 +361,19 @@ class FacesInspection(Result):
 
     @reported
     def overgrowth_difference_um(self) -> float:
-        """By how much more the last layer has grown evenly than the first."""
+        """Uniform overgrowth of the last layer minus that of the first."""
         return self.last_layer.size.overgrowth_um - self.first_layer.size.overgrowth_um
 
     @reported
     def u_overgrowth_difference_um(self) -> float:
-        """Its standard uncertainty: of one scale, what it does to both drops out; all else is taken for independent."""
+        """Standard uncertainty of the difference; the effect of a common scale cancels."""
         last, first = self.last_layer.size, self.first_layer.size
         shared = last.by_scale_um * first.by_scale_um if self.last_layer.scale == self.first_layer.scale else 0.0
         return float(np.sqrt(last.u_overgrowth_um**2 + first.u_overgrowth_um**2 - 2.0 * shared))
 
     @reported
     def simulated(self) -> bool:
-        """Whether a picture was computed."""
+        """Whether either picture was computed."""
         return self.first_layer.simulated or self.last_layer.simulated
 
     @property
@@ -388,15 +392,15 @@ def measure_faces(
     against: Sequence[Design] = (),
     priors: PrintPriors = PrintPriors(),
 ) -> FacesInspection:
-    """Measure both faces of a printed lens; parameters and errors as of `measure_lens`.
+    """Measure both faces of a printed lens; parameters and errors are those of `measure_lens`.
 
     Raises
     ------
     DataError
-        If both are one picture.
+        If both pictures are the same.
     """
     if top.provenance.sha256 and top.provenance.sha256 == bottom.provenance.sha256:
-        limit = f"is the very picture that {top.provenance.file} is"
+        limit = f"is the same picture as {top.provenance.file}"
         raise DataError(bottom.provenance.file, limit=limit, remedy="name the picture of the face on the plate")
     return FacesInspection(
         measure_lens(bottom, design, edge=edge, against=against, priors=priors, seen_from="bottom"),
@@ -418,15 +422,15 @@ def _size_warnings(scale: Scale, chosen: NamedEdge) -> list[Caution]:
     if abs(off) > OTHER_SIZE and abs(off) > SURE_SIZE * size.u_size_factor:
         warnings.append(
             look_at(
-                f"beside its overgrowth the outline is {100.0 * abs(off):.2f} % {'larger' if off > 0.0 else 'smaller'} "
-                "than designed: the scale is off, or the print has shrunk or grown, or it lies tilted; this picture "
-                "does not show which"
+                f"apart from its overgrowth the outline is {100.0 * abs(off):.2f} % "
+                f"{'larger' if off > 0.0 else 'smaller'} than designed: the scale is wrong, the print has shrunk or "
+                "grown, or it was tilted; this picture does not show which"
             )
         )
     if abs(size.overgrowth_um) > SURE_SIZE * size.u_overgrowth_um:
         warnings.append(
             note(
-                f"all walls stand {'out' if size.overgrowth_um > 0.0 else 'back'} evenly by "
+                f"all walls are displaced {'outwards' if size.overgrowth_um > 0.0 else 'inwards'} by "
                 f"{abs(size.overgrowth_um):.3g} ± {size.u_overgrowth_um:.2g} µm"
             )
         )

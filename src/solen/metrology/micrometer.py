@@ -1,12 +1,13 @@
-"""The scale of an objective from a picture of a stage micrometer: even parallel lines of a known distance.
+"""The scale of an objective from a picture of a stage micrometer: parallel lines at an equal, known spacing.
 
-The idea: lines that are evenly apart have one period, whatever each of them looks like. Their direction is that of the
-grey values' gradients; in strips across the lines each line's place is the centroid of its darkness (or light) beyond
-its sides; a straight fit of all places over the lines' numbers gives the period and what is left of the tilt. Places of
-one line are read by the same optics, so lines, not readings, are counted for the uncertainty; a period that changes
-across the picture is distortion or a tilted micrometer, and is part of the uncertainty of any length measured there.
+Equally spaced lines have one period, whatever each of them looks like. Their direction is found from the gradients of
+the grey values. In strips across the lines, the position of each line is the centroid of its darkness (or brightness)
+beyond its sides; a straight fit of all positions against the line numbers gives the period and the remaining tilt. The
+positions on one line share the same optical errors, so the uncertainty counts lines, not readings. A period that
+changes across the picture is a sign of distortion or a tilted micrometer, and is part of the uncertainty of any length
+measured there.
 
-The interface: `measured_scale` gives a `MeasuredScale`; `scale_text` writes it as the file that ``--scale`` takes
+The interface: `measured_scale` returns a `MeasuredScale`; `scale_text` writes it as the file that ``--scale`` accepts
 (`solen.metrology.scale.ScaleFile`).
 """
 
@@ -27,17 +28,17 @@ from solen.spec.strict import Finite, Options
 FEWEST_LINES = 5
 STRIPS = 12
 TURNS = 3
-"""Rounds in which the direction across the lines is made better by the lines' own places."""
+"""Number of rounds in which the direction across the lines is refined with the positions of the lines."""
 FILLED = 0.6
-"""Share of a strip's pixels beyond which its profile counts: at the picture's corners it runs out."""
+"""Fraction of a strip's pixels above which its profile is valid; near the picture's corners it is not filled."""
 REACH = 0.35
-"""Share of the period about a line in which its centroid is taken."""
+"""Half width, as a fraction of the period, of the window about a line in which its centroid is computed."""
 UNEVEN = 0.015
-"""Share of the period by which lines may be uneven, root mean square, beside a steady change across the picture."""
+"""Largest rms unevenness of the lines, as a fraction of the period, besides a steady change across the picture."""
 OFF = 0.15
 """Largest displacement of a line, as a share of the period."""
 PROMINENT = 0.4
-"""Share of the strongest line's contrast that a line must have."""
+"""Least contrast of a line, as a fraction of that of the strongest line."""
 LEAST_PERIOD_PX = 4.0
 STRETCH_SIGMAS = 3.0
 NORMAL = 1.96
@@ -45,14 +46,14 @@ _CENTROID_ROUNDS = 3
 
 
 class MicrometerOptions(Options):
-    """Options of a stage micrometer and its picture."""
+    """Options for the measurement of a stage micrometer in a picture."""
 
     spacing_mm: Finite = Field(gt=0.0, le=100.0)
-    """Distance of neighbouring lines, middle to middle."""
+    """Distance between the centres of neighbouring lines."""
     u_spacing_mm: Finite | None = Field(None, ge=0.0)
-    """Its standard uncertainty, from the micrometer's certificate."""
+    """Standard uncertainty of this distance, from the micrometer's certificate."""
     objective: str = ""
-    """Name of the objective and camera, as in 10x, for the file."""
+    """Name of the objective and camera, such as 10x, for the file."""
 
 
 class MeasuredScale(Measured, kw_only=True):
@@ -61,21 +62,21 @@ class MeasuredScale(Measured, kw_only=True):
     Attributes
     ----------
     objective
-        Its name, as stated.
+        Name of the objective, as stated.
     um_per_px, u_um_per_px
         Side of a pixel in the object, and its standard uncertainty.
     spacing_mm, u_spacing_mm
-        Distance of the micrometer's lines; its uncertainty, None if none is stated.
+        Distance of the micrometer's lines, and its standard uncertainty; None if none is stated.
     lines
         Number of lines.
     period_px, u_period_px
-        Their distance in the picture.
+        Distance of the lines in the picture, and its standard uncertainty.
     angle_deg
-        Direction of their distance from the picture's rows.
+        Angle of the direction across the lines from the picture's rows.
     rms_um
-        Residuals of the lines' positions.
+        Residuals of the lines' positions (rms).
     stretch_percent
-        By how much the scale changes from one side of the picture to the other; None if that is not seen.
+        Change of the scale from one side of the picture to the other; None if it is not significant.
     columns, rows
         Size of the picture.
     """
@@ -96,7 +97,7 @@ class MeasuredScale(Measured, kw_only=True):
 
     @property
     def file(self) -> ScaleFile:
-        """Content of the scale's file."""
+        """Content of the scale file."""
         return ScaleFile(
             objective=self.objective,
             um_per_px=self.um_per_px,
@@ -110,7 +111,7 @@ class MeasuredScale(Measured, kw_only=True):
 
 @dataclass(frozen=True, eq=False)
 class _Ruler:
-    """Even lines: their numbers, their positions in strips (n, strips), NaN if missing, and the strips' middles."""
+    """Equally spaced lines: numbers, positions in strips (n, strips), NaN if missing, and the strips' centres."""
 
     number: IntArray
     places: FloatArray
@@ -118,12 +119,12 @@ class _Ruler:
 
 
 def measured_scale(grey: FloatArray, source: Provenance, options: MicrometerOptions) -> MeasuredScale:
-    """Scale of a picture (rows, columns) of a stage micrometer.
+    """Measure the scale of a picture (rows, columns) of a stage micrometer.
 
     Raises
     ------
     DataError
-        If the picture shows no even lines, or too few.
+        If the picture shows too few lines, or lines that are not equally spaced.
     """
     across = _direction(grey)
     for _ in range(TURNS):
@@ -132,7 +133,7 @@ def measured_scale(grey: FloatArray, source: Provenance, options: MicrometerOpti
         across = np.asarray((across - tilt * np.array([-across[1], across[0]])) / math.hypot(1.0, tilt))
     period_px, u_fit, quadratic, u_quadratic, left, uneven_px = _even(number, line_at)
     if uneven_px > UNEVEN * period_px:
-        raise _no_lines(source.file, f"lines uneven by {100.0 * uneven_px / period_px:.2g} % of their distance")
+        raise _no_lines(source.file, f"lines with a spacing uneven by {100.0 * uneven_px / period_px:.2g} %")
     square = math.hypot(1.0, tilt)
     stretch = 2.0 * quadratic * float(np.ptp(number)) / period_px
     seen = abs(quadratic) > STRETCH_SIGMAS * u_quadratic
@@ -162,7 +163,7 @@ def measured_scale(grey: FloatArray, source: Provenance, options: MicrometerOpti
 
 
 def _ruler(grey: FloatArray, across: FloatArray, file: str) -> _Ruler:
-    """Even lines of a picture, across which a direction leads."""
+    """Find the equally spaced lines of a picture, given the direction across them."""
     profile = _profiles(grey, across, 1)[0][0]
     sign, period = _period(profile, file)
     flat = sign * (profile - ndimage.uniform_filter1d(profile, round(2.0 * period), mode="nearest"))
@@ -185,19 +186,19 @@ def _ruler(grey: FloatArray, across: FloatArray, file: str) -> _Ruler:
     )
     kept = np.isfinite(places).sum(axis=1) >= 2
     if kept.sum() < FEWEST_LINES:
-        raise _no_lines(file, f"{int(kept.sum())} lines that run through")
+        raise _no_lines(file, f"{int(kept.sum())} lines that cross the picture")
     return _Ruler(number[on][kept], places[kept], strip_at)
 
 
 def _no_lines(file: str, value: str) -> DataError:
     limit = f"must show at least {FEWEST_LINES} even parallel lines, {LEAST_PERIOD_PX:g} pixels apart or more"
     return DataError(
-        file, value=value, limit=limit, remedy="take a sharp picture of the finest division that it resolves"
+        file, value=value, limit=limit, remedy="take a sharp picture of the finest division that the objective resolves"
     )
 
 
 def _direction(grey: FloatArray) -> FloatArray:
-    """Unit vector (x, y) across the lines: that of the strongest gradients, by the structure tensor."""
+    """Return the unit vector (x, y) across the lines: that of the strongest gradients, from the structure tensor."""
     smooth = ndimage.gaussian_filter(grey, 1.0)
     y, x = np.gradient(smooth)
     tensor = np.array([[np.sum(x * x), np.sum(x * y)], [np.sum(x * y), np.sum(y * y)]])
@@ -206,10 +207,10 @@ def _direction(grey: FloatArray) -> FloatArray:
 
 
 def _profiles(grey: FloatArray, across: FloatArray, strips: int) -> tuple[list[FloatArray], FloatArray]:
-    """Mean grey by the distance across the lines, in strips along them, pixel by pixel; and the strips' middles.
+    """Return the mean grey values by distance across the lines in strips along them, and the strips' centres.
 
-    A value is shared by the two nearest pixels of the profile, which widens lines evenly and moves none. Where a strip
-    runs out of the picture, its profile is NaN.
+    A value is divided between the two nearest pixels of the profile, which widens lines evenly and displaces none.
+    Parts of a strip outside the picture are NaN in its profile.
     """
     rows, columns = grey.shape
     y, x = np.indices(grey.shape)
@@ -236,7 +237,7 @@ def _profiles(grey: FloatArray, across: FloatArray, strips: int) -> tuple[list[F
 
 
 def _period(profile: FloatArray, file: str) -> tuple[float, float]:
-    """Whether lines are bright (1) or dark (-1), and their distance in pixels, by the profile's autocorrelation."""
+    """Return 1 for bright lines or -1 for dark ones, and their spacing in pixels, from the autocorrelation."""
     level = profile - ndimage.median_filter(profile, size=max(5, len(profile) // 8), mode="nearest")
     sign = 1.0 if np.mean(level**3) > 0.0 else -1.0
     line = np.maximum(sign * level, 0.0)
@@ -252,7 +253,7 @@ def _period(profile: FloatArray, file: str) -> tuple[float, float]:
 
 
 def _centroid(line: FloatArray, peak: float, period: float, least: float) -> float:
-    """Position of a bright line near a peak: the centroid above its sides; NaN below a minimum contrast."""
+    """Return the position of a bright line near a peak: the centroid above its sides; NaN below a minimum contrast."""
     at, reach = peak, REACH * period
     for _ in range(_CENTROID_ROUNDS):
         low, high = at - reach, at + reach
@@ -270,7 +271,7 @@ def _centroid(line: FloatArray, peak: float, period: float, least: float) -> flo
 
 
 def _straight(ruler: _Ruler) -> tuple[IntArray, FloatArray, float]:
-    """Numbers of the lines, their places (n,) at the middle of the strips, and their common slope along the strips."""
+    """Return line numbers, positions (n,) at the centre of the strips, and the common slope along the strips."""
     t = ruler.strip_at - ruler.strip_at.mean()
     seen = np.isfinite(ruler.places)
     t_all = np.where(seen, t, 0.0)
@@ -289,9 +290,9 @@ def _straight(ruler: _Ruler) -> tuple[IntArray, FloatArray, float]:
 
 
 def _even(number: IntArray, places: FloatArray) -> tuple[float, float, float, float, FloatArray, float]:
-    """Spacing of even lines and the quadratic term, with their uncertainties, and the residuals of the positions.
+    """Return the spacing of the lines and the quadratic term, their uncertainties, and the residuals of the positions.
 
-    Last what is left beside the quadratic term as well, root mean square.
+    The last value is the rms residual after the quadratic term.
     """
     x = number - number.mean()
     wanted = np.vander(x, 3, increasing=True)
@@ -315,10 +316,10 @@ def _even(number: IntArray, places: FloatArray) -> tuple[float, float, float, fl
 
 
 def _u_of_uneven(x: FloatArray, beside: FloatArray) -> float:
-    """Standard uncertainty of a slope where points (n,) scatter unequally, by residuals over 1 less their leverage.
+    """Return the standard uncertainty of a slope for points (n,) that scatter unequally.
 
-    The lines at the picture's corners are short, so read worse than others, and they bear most on the slope (HC3: J. G.
-    MacKinnon and H. White, J. Econometrics 29, 305, 1985).
+    It uses residuals over 1 − leverage: the lines at the picture's corners are short, so their positions scatter
+    more, and they influence the slope most (HC3: J. G. MacKinnon and H. White, J. Econometrics 29, 305, 1985).
     """
     leverage = 1.0 / len(x) + x**2 / float(x @ x)
     return float(np.sqrt(np.sum((x * beside / (1.0 - leverage)) ** 2))) / float(x @ x)
@@ -328,16 +329,16 @@ def _warnings(options: MicrometerOptions, number: IntArray, stretch_percent: flo
     warnings = []
     if options.u_spacing_mm is None:
         warnings.append(
-            look_at("the micrometer's own uncertainty is not stated (--u-spacing-mm) and not in that of the scale")
+            look_at("the micrometer's own uncertainty is not stated (--u-spacing-mm), so that of the scale excludes it")
         )
     if stretch_percent is not None:
         warnings.append(
             look_at(
-                f"the scale changes by {stretch_percent:+.2g} % across the picture: distortion, or a tilted "
-                "micrometer; measure parts in its middle"
+                f"the scale changes by {stretch_percent:+.2g} % across the picture, because of distortion or a tilted "
+                "micrometer; measure parts at the picture's centre"
             )
         )
     missing = int(np.ptp(number)) + 1 - len(number)
     if missing:
-        warnings.append(look_at(f"{missing} lines between the first and the last were not read"))
+        warnings.append(look_at(f"{missing} lines between the first and the last were not detected"))
     return warnings

@@ -1,7 +1,7 @@
 """The nominal front of a lens as dense points, and the distance of other points from it.
 
-Lens coordinates as everywhere: the vertex is the origin, x to the right, z into the material, mm. The front runs from
-left to right, so the material lies on its left: deviations are positive outwards.
+Lens coordinates are those of the design: the vertex is the origin, x to the right, z into the material, mm. The front
+runs from left to right, so the material is on its left, and deviations are positive outwards.
 """
 
 import math
@@ -23,39 +23,39 @@ from solen.sensor import Sensor
 from solen.spec import Design
 
 SeenFrom = Literal["top", "bottom"]
-"""Face of a print: away from the build plate, or the one that lay on it."""
+"""Face of a print: ``top`` faces away from the build plate, ``bottom`` was on it."""
 TOLERANCE_MM = 1e-6
-"""Distance of the dense points' chords from the exact curve, at most: a nanometre."""
+"""Largest distance of the dense points' chords from the exact curve: a nanometre."""
 SPACING_MM = 2e-3
 WALL = 0.35
-"""Length of wall beside the front that helps to find the lens, as a fraction of its width."""
+"""Length of the walls behind the front that help to find the lens, as a fraction of its width."""
 PAST_CORNER = 0.25
-"""Where behind the corner a wall begins to be looked at, as a fraction of its length."""
+"""Part of a wall behind the corner that is not evaluated, as a fraction of the wall's length."""
 END_MM = 0.03
-"""The front's ends are corners, which no step along a normal fits: they are left out over this length."""
+"""Length at each end of the front that is omitted, because no step along a normal fits a corner."""
 NEAR_END = 0.25
-"""Share of the front at each end whose points may belong to the wall behind it."""
+"""Fraction of the front at each end whose points may belong to the wall behind it."""
 SYMMETRIC_MM = 1e-4
 FLATTEST = 0.01
 """Sag over chord below which a front cannot be registered."""
 LOWEST_OF = 2001
-"""Points among which the vertex of a drawn front is sought."""
+"""Number of points among which the vertex of a drawn front is searched."""
 
 
 @dataclass(frozen=True, eq=False)
 class NearestPoints:
-    """The nearest place on a front to each of N points.
+    """The nearest position on a front to each of N points.
 
     Attributes
     ----------
     arc_mm
-        Shape (N,): length of the front up to that place.
+        Shape (N,): length of the front up to that position.
     deviation_mm
         Shape (N,): distance, positive outwards.
     normals
         Shape (N, 2): outward unit normals there.
     beyond
-        Shape (N,): whether the place is an end of the front.
+        Shape (N,): whether the position is an end of the front.
     """
 
     arc_mm: FloatArray
@@ -75,7 +75,7 @@ class NominalFront:
     front_mm
         Shape (N, 2): points of the front from left to right, within `TOLERANCE_MM` of the curve.
     left_mm, right_mm
-        Shape (M, 2): walls from the front's ends on; empty if the design has none.
+        Shape (M, 2): walls that start at the front's ends; empty if the design has none.
     """
 
     name: str
@@ -85,9 +85,9 @@ class NominalFront:
 
     @classmethod
     def of(cls, name: str, front: Curve, left: Sequence[Curve] = (), right: Sequence[Curve] = ()) -> "NominalFront":
-        """Outline of curves: the front from left to right, and walls that start at its ends, piece by piece.
+        """Return the outline of curves: the front from left to right, and walls that start at its ends, piece by piece.
 
-        `DataError` for a front that is nearly straight.
+        Raise `DataError` for a front that is nearly straight.
         """
         points = _dense(front)
         chord = points[-1] - points[0]
@@ -110,7 +110,7 @@ class NominalFront:
         return outward(self.front_mm)
 
     def curvature_per_mm(self, arc_mm: FloatArray) -> FloatArray:
-        """Curvature (N,) at lengths along the front, positive where the material is convex."""
+        """Return the curvature (N,) at lengths along the front, positive where the material is convex."""
         turned = np.unwrap(np.arctan2(self.normals[:, 1], self.normals[:, 0]))
         return np.asarray(np.interp(arc_mm, self.arc_mm, np.gradient(turned, self.arc_mm)))
 
@@ -121,7 +121,7 @@ class NominalFront:
 
     @cached_property
     def walls(self) -> tuple["NominalFront", ...]:
-        """The walls past their corners, each with its material on the left as the front has it; left, then right."""
+        """The left and the right wall beyond their corners, each with its material on the left as for the front."""
         past = [(wall[arc_lengths(wall) > PAST_CORNER * _length(wall)], side) for wall, side in self._sides]
         return tuple(NominalFront(self.name, wall[::side], *_NO_WALLS) for wall, side in past if len(wall) > 1)
 
@@ -131,7 +131,7 @@ class NominalFront:
         return (self.left_mm, -1), (self.right_mm, 1)
 
     def corner_moved(self, larger: float, grown: float) -> FloatArray:
-        """How far (2,) the left and the right corner move along the front where it is larger by a share and grown."""
+        """Return how far (2,) the left and the right corner move outwards along the front when it grows."""
         moved = [
             (larger * self.front_mm[at] + grown * _mitre(self.normals[at], wall, side)) @ away
             for (wall, side), at, away in zip(self._sides, (0, -1), self._away, strict=True)
@@ -139,7 +139,7 @@ class NominalFront:
         return np.array(moved)
 
     def before_corners(self, points_mm: FloatArray, arc_mm: FloatArray, moved_mm: FloatArray) -> BoolArray:
-        """Whether points (N, 2), whose feet are at lengths (N,), lie on the front and not on a wall or a corner.
+        """Return whether points (N, 2) with feet at lengths (N,) are on the front and not on a wall or a corner.
 
         Corners are further out along the front than designed by ``moved_mm`` (2,).
         """
@@ -152,23 +152,23 @@ class NominalFront:
 
     @cached_property
     def _away(self) -> tuple[FloatArray, FloatArray]:
-        """Unit vectors (2,) along the front, out of its left and its right end."""
+        """Unit vectors (2,) along the front, outwards at its left and its right end."""
         left, right = self.front_mm[0] - self.front_mm[1], self.front_mm[-1] - self.front_mm[-2]
         return left / np.hypot(*left), right / np.hypot(*right)
 
     @cached_property
     def is_symmetric(self) -> bool:
-        """Whether the front is its own mirror image, so that no picture of it shows from which side it was taken."""
+        """Whether the front is its own mirror image, in which case a picture does not show the visible side."""
         mirrored = self.front_mm[::-1] * np.array([-1.0, 1.0])
         return bool(np.abs(self.nearest(mirrored).deviation_mm).max() < SYMMETRIC_MM)
 
     def at(self, arc_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Points (N, 2) and outward unit normals (N, 2) at lengths along the front."""
+        """Return points (N, 2) and outward unit normals (N, 2) at lengths along the front."""
         normals = interpolated(arc_mm, self.arc_mm, self.normals)
         return interpolated(arc_mm, self.arc_mm, self.front_mm), normals / np.hypot(*normals.T)[:, None]
 
     def nearest(self, points_mm: FloatArray) -> NearestPoints:
-        """Nearest places of the front to points (N, 2) in lens coordinates."""
+        """Return the positions on the front nearest to points (N, 2) in lens coordinates."""
         _, vertex = self._tree.query(points_mm)
         last = len(self.front_mm) - 2
         before, after = np.clip(vertex - 1, 0, last), np.clip(vertex, 0, last)
@@ -191,7 +191,7 @@ class NominalFront:
         return cKDTree(self.front_mm)
 
     def _foot(self, points: FloatArray, segment: IndexArray) -> tuple[FloatArray, FloatArray]:
-        """Feet of the perpendiculars on segments, as a fraction of their length, and the squared distances."""
+        """Return the feet of perpendiculars on segments, as a fraction of their length, and the squared distances."""
         start, way = self.front_mm[segment], self.front_mm[segment + 1] - self.front_mm[segment]
         share = np.sum((points - start) * way, axis=1) / np.sum(way * way, axis=1)
         away = points - start - np.clip(share, 0.0, 1.0)[:, None] * way
@@ -199,10 +199,10 @@ class NominalFront:
 
 
 def nominal_front(design: Design, name: str = "", seen_from: SeenFrom | None = None) -> NominalFront:
-    """Front of a design, with its adjacent walls.
+    """Return the front of a design, with its adjacent walls.
 
-    For a lens that varies with height, the front of the visible face: that of the last layer from the top, of the
-    first from the bottom.
+    For a lens that varies with height, this is the front of the visible face: that of the last layer from the top, or
+    of the first layer from the bottom.
 
     Raises
     ------
@@ -228,12 +228,12 @@ def nominal_front(design: Design, name: str = "", seen_from: SeenFrom | None = N
 
 
 def _height_mm(lens: Lens, seen_from: SeenFrom | None) -> float:
-    """Height of the face that is seen, from the middle of the body; 0 of a cylinder."""
+    """Return the height of the visible face from the middle of the body; 0 for a cylinder."""
     if not isinstance(lens, LensInSpace):
         return 0.0
     if seen_from is None:
-        limit = f"is missing: a {lens.shape} lens differs by height, and the picture shows one face"
-        raise SpecError("--seen-from", limit=limit, remedy="say top or bottom")
+        limit = f"is missing: a {lens.shape} lens varies with height, and the picture shows one face"
+        raise SpecError("--seen-from", limit=limit, remedy="set it to top or bottom")
     return lens.half_height_mm if seen_from == "bottom" else -lens.half_height_mm
 
 
@@ -245,7 +245,7 @@ def _length(points: FloatArray) -> float:
 
 
 def _mitre(normal: FloatArray, wall: FloatArray, side: int) -> FloatArray:
-    """Displacement (2,) of a corner if front and wall both move outwards by 1; the front's normal without a wall."""
+    """Return a corner's displacement (2,) if front and wall (if there is one) both move outwards by 1."""
     if len(wall) < 2:
         return normal
     beside = side * outward(wall)[0]
@@ -257,7 +257,7 @@ def _starting_near(wall: Curve, point: tuple[float, float]) -> Curve:
 
 
 def _drawn_front(name: str, body: Body) -> NominalFront:
-    """Front of a drawn body: its one face called lens, levelled, with its lowest point as the vertex."""
+    """Return the front of a drawn body: its one face called lens, levelled, with its lowest point as the vertex."""
     fronts = [face for face in body.all_faces if face.part == "lens"]
     if len(fronts) != 1:
         limit = f"has {len(fronts)} faces called lens; exactly one is needed"
@@ -271,23 +271,23 @@ def _drawn_front(name: str, body: Body) -> NominalFront:
 
 
 def arc_lengths(points: FloatArray) -> FloatArray:
-    """Length (N,) of a polyline (N, 2) up to each of its points."""
+    """Return the length (N,) of a polyline (N, 2) up to each of its points."""
     return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
 
 
 def interpolated(at: FloatArray, arc: FloatArray, vectors: FloatArray) -> FloatArray:
-    """Vectors (M, 2) at lengths (M,) along a polyline whose vectors (N, 2) stand at lengths ``arc`` (N,)."""
+    """Interpolate vectors (N, 2), given at lengths ``arc`` (N,) along a polyline, at lengths (M,)."""
     return np.stack([np.interp(at, arc, vectors[:, i]) for i in (0, 1)], axis=1)
 
 
 def outward(points: FloatArray) -> FloatArray:
-    """Unit normals (N, 2), to the right along points."""
+    """Return unit normals (N, 2), to the right of the direction of the points."""
     way = np.gradient(points, axis=0)
     return np.asarray(np.stack([way[:, 1], -way[:, 0]], axis=1) / np.hypot(*way.T)[:, None])
 
 
 def _dense(curve: Curve) -> FloatArray:
-    """Points of a curve: near enough for the tolerance, and for normals between them."""
+    """Return points of a curve, dense enough for the tolerance and for normals between them."""
     points = curve.flattened(TOLERANCE_MM)
     count = max(int(np.ceil(arc_lengths(points)[-1] / SPACING_MM)), 64)
     if len(points) < count:
@@ -296,7 +296,7 @@ def _dense(curve: Curve) -> FloatArray:
 
 
 def _cut(curves: Sequence[Curve], reach: float) -> FloatArray:
-    """Points of a wall up to a length from its start."""
+    """Return the points of a wall up to a given length from its start."""
     if not curves:
         return np.zeros((0, 2))
     points = np.vstack([curve.points(np.linspace(0.0, 1.0, 400)[bool(i) :]) for i, curve in enumerate(curves)])

@@ -1,11 +1,11 @@
-"""The printed front in a picture: found, its edges named, each measured to a small part of a pixel.
+"""The printed front in a picture: location, names of its edges, and their positions to a small fraction of a pixel.
 
-The idea: the design says what to look for and where its normals are, and nothing more; where an edge is, the grey
-values alone say. A thick transparent part shows the rim of its upper face and that of its lower one. Where both run
-along the front, both are measured: `outer` and `inner` by their place, and where one is clearly sharper than the other,
-that is the face on which the microscope was focused, usually the upper one, and it is taken for the outline.
+The design only states what to search for and where its normals are; the grey values alone determine the position of an
+edge. A thick transparent part shows the rim of its upper face and that of its lower one. If both run along the front,
+both are measured: `outer` and `inner` by their position. If one is clearly sharper than the other, it belongs to the
+face on which the microscope was focused, usually the upper one, and is used as the outline.
 
-The interface: `measure_outline` gives an `Outline`: its edges in the order of the front, the chosen one first.
+The interface: `measure_outline` returns an `Outline` with its edges in the order of the front, the chosen one first.
 """
 
 from collections.abc import Iterable, Sequence
@@ -41,15 +41,15 @@ from solen.ranks import Caution, do_not_use, look_at
 
 EdgeChoice = Literal["auto", "outer", "inner", "sharper"]
 REACH = 0.08
-"""How far to each side of the design an edge is searched, as a fraction of the lens's width."""
+"""Distance on each side of the design in which an edge is searched, as a fraction of the lens's width."""
 REACH_PX = 14.0
-"""And in pixels at least: the noise of a picture is seen beside the edge, not on it."""
+"""Least value of this distance in pixels: the noise of a picture is estimated near the edge, not on it."""
 LEAST_SCORE = 0.08
 LEAST_KEPT = 0.4
-"""Share of the places in the picture that must have an edge."""
+"""Fraction of the positions in the picture that must have an edge."""
 RIVAL = 0.9
 SIDES = 0.8
-"""Ratio of rms deviations above which it is not clear from which side a picture was taken."""
+"""Ratio of rms deviations above which the side that a picture was taken from is uncertain."""
 
 
 UNKNOWN_SIDE = look_at(
@@ -65,15 +65,15 @@ class NamedEdge:
     Attributes
     ----------
     name
-        ``single``, ``outer``, ``inner``, or ``sharper`` and ``softer`` where these cross each other along the front.
+        ``single``, ``outer``, ``inner``, or ``sharper`` and ``softer`` if these cross each other along the front.
     edge
-        Its places, in the order of the front.
+        The fitted edge, in the order of the front.
     registration
-        How it lies on the design.
+        Registration of the edge to the design.
     traced, size
         The edge with the walls behind it, and their fit with size and overgrowth.
     sharpest
-        Whether it is in focus and the other is not.
+        Whether it is in focus and the other edge is not.
     """
 
     name: str
@@ -84,7 +84,7 @@ class NamedEdge:
     sharpest: bool = False
 
     def outside_um(self, other: "NamedEdge") -> FloatArray:
-        """How far this edge lies outside another, where both are measured (M,)."""
+        """Return how far this edge is outside another, at positions (M,) where both are measured."""
         both = self.edge.kept & other.edge.kept
         px = np.sum((self.edge.points_px - other.edge.points_px) * other.edge.normals, axis=1)[both]
         return np.asarray(px * other.registration.pose.um_per_px)
@@ -97,13 +97,14 @@ class Outline:
     Attributes
     ----------
     edges
-        The chosen edge first.
+        All edges, the chosen one first.
     seen
-        Share of the front that the picture shows.
+        Fraction of the front that the picture shows.
     ends_x_mm
         Lateral range over which the chosen edge was measured, lens coordinates.
     width_mm
-        Of the part right behind the front, from wall to wall; None if the picture or the design does not show both.
+        Width of the part just behind the front, from wall to wall; None if the picture or the design does not show
+        both.
     warnings
         Warnings.
     """
@@ -116,7 +117,7 @@ class Outline:
 
     @property
     def chosen(self) -> NamedEdge:
-        """The edge that is taken for the outline."""
+        """The edge that is used as the outline."""
         return self.edges[0]
 
 
@@ -134,14 +135,15 @@ def measure_outline(
     image
         The picture.
     nominal
-        The design that the part was made from, or one near it.
+        The design that the part was made from, or a similar one.
     choice
-        Which edge of two to take: ``outer``, ``inner``, ``sharper``, or ``auto``: the sharper one, and where neither
-        is, the outer one.
+        Edge to select if there are two: ``outer``, ``inner``, ``sharper``, or ``auto`` for the sharper one, or the
+        outer one if neither is sharper.
     priors
         Priors of the print's size and form.
     seen_from
-        Face that the picture shows; ``bottom`` lay on the build plate, and is seen mirrored. None: the side that fits.
+        Face that the picture shows; ``bottom`` was on the build plate and appears mirrored. None selects the side that
+        fits.
 
     Raises
     ------
@@ -182,23 +184,23 @@ def measure_outline(
 
 
 def _match(image: Image, nominal: NominalFront, sides: Sequence[bool]) -> tuple[Match, list[Caution]]:
-    """Location of the lens, and a warning of other candidates; ``sides`` are the allowed mirror states."""
+    """Return the location of the lens, and a warning of other candidates; ``sides`` are the allowed mirror states."""
     matches = [one for side in sides for one in match_template(image.grey, image.um_per_px, nominal, mirrored=side)]
     matches.sort(key=lambda one: -one.score)
     if not matches or matches[0].score < LEAST_SCORE:
-        raise no_lens(image, nominal, "nothing in it has its shape at this scale")
+        raise no_lens(image, nominal, "nothing in it has the shape of the lens at this scale")
     best, far = matches[0], 0.5 * nominal.width_mm * 1e3 / image.um_per_px
     x, y = best.pose.origin_px
     rivals = sum(
         match.score > RIVAL * best.score and np.hypot(*np.subtract(match.pose.origin_px, (x, y))) > far
         for match in matches
     )
-    warning = f"{rivals + 1} places look like the lens: the one with its vertex at ({x:.0f}, {y:.0f}) px is taken"
+    warning = f"{rivals + 1} places look like the lens: the one with its vertex at ({x:.0f}, {y:.0f}) px is used"
     return best, [look_at(warning)] if rivals else []
 
 
 def _traced(image: Image, pose: Pose, nominal: NominalFront) -> tuple[Pose, Band, list[TracedEdge]]:
-    """The edges along the front, after the strongest one has corrected the pose."""
+    """Return the edges along the front, after the strongest one has corrected the pose."""
     reach_mm = max(REACH * nominal.width_mm, REACH_PX * 1e-3 * image.um_per_px)
     band = Band.of(image.grey, pose, nominal, reach_mm)
     for _ in range(2):
@@ -214,14 +216,14 @@ def _traced(image: Image, pose: Pose, nominal: NominalFront) -> tuple[Pose, Band
 
 @dataclass(frozen=True, eq=False)
 class _Prior:
-    """Inputs of the registration of an edge: a first pose, the design, and priors of prints."""
+    """Inputs of the registration of an edge: an initial pose, the design, and priors of prints."""
 
     pose: Pose
     nominal: NominalFront
     priors: PrintPriors
 
     def named(self, name: str, edge: Edge, walls: Sequence[Edge | None], image: Image, *, sharpest: bool) -> NamedEdge:
-        """An edge with its fit and registration."""
+        """Return an edge with its name, fit and registration."""
         scale = image.scale
         traced = Traced.of(edge, walls, self.pose, None if scale.u_um_per_px is None else scale.u_relative)
         size = fit_print(traced, self.nominal, self.priors)
@@ -230,7 +232,7 @@ class _Prior:
 
 
 def _named(edges: list[Edge], walls: Sequence[list[Edge]], image: Image, prior: _Prior) -> list[NamedEdge]:
-    """Edges of which enough can be measured, with names."""
+    """Return named edges of which enough can be measured."""
     kept = [edge for edge in edges if edge.share_kept >= LEAST_KEPT]
     beside = [_beside(walls, edges.index(edge), len(edges)) for edge in kept]
     names: Iterable[str] = ("outer", *(f"middle {i}" for i in range(1, len(kept) - 1)), "inner")
@@ -254,12 +256,12 @@ def _named(edges: list[Edge], walls: Sequence[list[Edge]], image: Image, prior: 
 
 
 def _beside(walls: Sequence[list[Edge]], place: int, count: int) -> tuple[Edge | None, ...]:
-    """The edge of each wall that continues an edge of the front; None if their numbers differ."""
+    """Return the edge of each wall that continues an edge of the front, or None if their numbers differ."""
     return tuple(wall[place] if len(wall) == count else None for wall in walls)
 
 
 def _side(edges: list[Edge], pose: Pose, nominal: NominalFront, sides: Sequence[bool]) -> tuple[Pose, list[Caution]]:
-    """Pose with the allowed mirror state that fits the edge best, and a warning if that is uncertain."""
+    """Return the pose with the allowed mirror state that fits the edge best, and a warning if that is uncertain."""
     edge = max(edges, key=lambda one: one.share_kept)
     if nominal.is_symmetric:
         return pose, [UNKNOWN_SIDE] if len(sides) > 1 else []
@@ -270,7 +272,7 @@ def _side(edges: list[Edge], pose: Pose, nominal: NominalFront, sides: Sequence[
     if best.pose.mirrored not in sides:
         seen = "bottom" if best.pose.mirrored else "top"
         doubt = f"the front fits the design better as seen from the {seen} ({best.rms_um:.3g} µm rms, and "
-        stated = f"{other.rms_um:.3g} as --seen-from has it): check which face the picture shows"
+        stated = f"{other.rms_um:.3g} from the side of --seen-from): check which face the picture shows"
         return other.pose, [do_not_use(f"{doubt}{stated}")]
     if len(sides) == 1 or best.rms_um <= SIDES * other.rms_um:
         return best.pose, []
@@ -283,10 +285,10 @@ def _side(edges: list[Edge], pose: Pose, nominal: NominalFront, sides: Sequence[
 
 
 def _ordered(named: list[NamedEdge], choice: EdgeChoice) -> tuple[list[NamedEdge], list[Caution]]:
-    """The chosen edge first, and warnings of the choice."""
+    """Return the chosen edge first, and warnings about the choice."""
     if len(named) == 1:
         without_choice = choice in {"inner", "sharper"}
-        return named, [look_at(f"only one edge is seen: --edge {choice} has no effect")] if without_choice else []
+        return named, [look_at(f"only one edge is visible: --edge {choice} has no effect")] if without_choice else []
     by_name = {one.name: one for one in named}
     sharp = next((one for one in named if one.sharpest or one.name == "sharper"), None)
     if choice == "sharper" and sharp is None:
@@ -295,7 +297,7 @@ def _ordered(named: list[NamedEdge], choice: EdgeChoice) -> tuple[list[NamedEdge
     others = [one for one in named if one is not chosen]
     gaps = ", ".join(f"{np.median(np.abs(other.outside_um(chosen))):.0f} µm" for other in others)
     why = "the sharper" if chosen is sharp else f"the {chosen.name}"
-    warning = f"{len(named)} edges are seen ({', '.join(one.name for one in named)}; {gaps} apart): {why} is taken"
+    warning = f"{len(named)} edges are visible ({', '.join(one.name for one in named)}; {gaps} apart): {why} is used"
     if chosen is not sharp and choice == "auto":
-        warning += ", as none is sharper: the picture does not show which face it belongs to (--edge)"
+        warning += " because none is sharper; the picture does not show which face it belongs to (--edge)"
     return [chosen, *others], [look_at(warning)]

@@ -1,8 +1,8 @@
-"""Plausibility: whether what a picture shows can be a print of the design at the picture's scale.
+"""Plausibility: whether the outline in a picture can be a print of the design at the picture's scale.
 
-A lens of another size or shape, or at a wrong scale, has edges as well. What gives it away are the ends of the front,
-the width of the part behind it, and the residual of the registration: each is refused beyond one limit, and warned of
-before. The functions that warn return sentences, none where nothing is wrong.
+A lens of another size or shape, or at a wrong scale, has edges too. It is recognised by the ends of the front, the
+width of the part behind it, and the residual of the registration: each of these has one limit for rejection and a lower
+one for a warning. The functions that warn return a list of sentences, which is empty if nothing is wrong.
 """
 
 from collections.abc import Sequence
@@ -21,63 +21,66 @@ from solen.ranks import Caution, look_at
 
 SIDES = ("left", "right")
 WALL_REACH = 0.3
-"""Distance to each side in which a wall is searched for, as a fraction of the lens's width."""
+"""Distance to each side in which a wall is searched, as a fraction of the lens's width."""
 MOST_WIDTH, ODD_WIDTH = 1.3, 0.03
-"""Factor of width above which it is not a print of the design, and the relative difference that gives a warning."""
+"""Factor of width above which a part is not a print of the design, and relative difference that gives a warning."""
 MOST_RMS = 0.015
-"""Rms deviation over the lens's width above which it is not a print of the design."""
+"""Rms deviation over the lens's width above which a part is not a print of the design."""
 MOST_MISSING = 0.1
-"""Share of the front without an edge at an end of it that is warned of, and at both ends refused."""
+"""Fraction of the front without an edge at one end that gives a warning; at both ends the picture is rejected."""
 MOST_OF_PICTURE, LEAST_SHARE = 1.2, 0.1
-"""Width of a lens over that of the picture, at which a scale in another unit is the likely cause."""
+"""Limits of the width of a lens over that of the picture for which another unit of the scale is the probable cause."""
 COARSEST_PX = 60
-"""Pixels across the lens, at least."""
+"""Least number of pixels across the lens."""
 NEAR_PX = 4
-"""Pixels within which two edges cannot be resolved."""
+"""Distance in pixels below which two edges cannot be resolved."""
 RESOLVED_PX = 200
-"""Pixels across the lens from which on two faces that both show are usually two edges."""
+"""Number of pixels across the lens above which two visible faces usually show as two edges."""
 WIDER, LEAST_PLACES = 1.3, 20
-"""Blur over a wall's from which on an edge may be two, and places along that wall that are needed to say so."""
+"""Blur relative to a wall's above which an edge may be two, and number of points that this requires along the wall."""
 LEAST_SEEN = 0.5
-"""Share of the front that a picture must show."""
+"""Fraction of the front that a picture must show."""
 
 
 def no_lens(image: Image, nominal: NominalFront, why: str) -> DataError:
-    """The error for a picture that shows no such lens, with the reason and the remedy; few pixels are the likeliest."""
+    """Return the error for a picture without such a lens, with the remedy; too few pixels are the usual cause."""
     limit = f"shows no lens like that of {nominal.name}: {why}"
     across = nominal.width_mm * 1e3 / image.um_per_px
     if across < RESOLVED_PX:
         limit += (
-            f", and at {image.um_per_px:.4g} µm per pixel it is {across:.0f} pixels wide: too few for two near edges"
+            f", and at {image.um_per_px:.4g} µm per pixel it is {across:.0f} pixels wide, too few "
+            "to resolve two near edges"
         )
         finest = image.um_per_px * across / RESOLVED_PX
         return DataError(
-            image.provenance.file, limit=limit, remedy=f"magnify more, to {finest:.2g} µm per pixel or less"
+            image.provenance.file,
+            limit=limit,
+            remedy=f"increase the magnification to {finest:.2g} µm per pixel or less",
         )
     remedy = "check --um-per-px, the design, and that the whole front is in the picture and in focus"
     return DataError(image.provenance.file, limit=limit, remedy=remedy)
 
 
 def check_scale(image: Image, nominal: NominalFront) -> None:
-    """`DataError` if the lens would be too small in the picture or far larger than it."""
+    """Raise `DataError` if the lens would be too small in the picture or far larger than it."""
     across = nominal.width_mm * 1e3 / image.um_per_px
     size = f"at {image.um_per_px:.4g} µm per pixel the lens of {nominal.width_mm:g} mm is {across:.0f} pixels wide"
     limit, change = "", ""
     if across < COARSEST_PX:
         limit, change = f"{size}; at least {COARSEST_PX} are needed", "magnify more"
     elif across * LEAST_SEEN > np.hypot(*image.shape):
-        limit, change = f"{size}, and the picture {image.shape[1]} x {image.shape[0]}", "magnify less"
+        limit, change = f"{size}, and the picture is {image.shape[1]} x {image.shape[0]}", "magnify less"
     if limit:
         raise DataError(image.provenance.file, limit=limit, remedy=f"{_other_unit(image, nominal)}, or {change}")
 
 
 def _other_unit(image: Image, nominal: NominalFront) -> str:
-    """The likeliest cause: the scale in another unit, in which the lens would be in the picture as a whole."""
+    """Return the most probable cause: a scale in another unit, for which the whole lens would be in the picture."""
     stated, size = image.um_per_px, nominal.width_mm * 1e3
     units = {"mm per pixel": 1e3 * stated, "pixels per mm": 1e3 / stated, "nm per pixel": 1e-3 * stated}
     units |= {"pixels per µm": 1.0 / stated, "dpi": 25.4e3 / stated}
     likely = [
-        f"{stated:g} looks like {unit}: give --um-per-px {um:.4g}"
+        f"{stated:g} looks like {unit}: set --um-per-px {um:.4g}"
         for unit, um in units.items()
         if max(COARSEST_PX, LEAST_SHARE * max(image.shape)) <= size / um <= MOST_OF_PICTURE * max(image.shape)
     ]
@@ -85,7 +88,7 @@ def _other_unit(image: Image, nominal: NominalFront) -> str:
 
 
 def of_pixels(image: Image, nominal: NominalFront) -> list[Caution]:
-    """Warning of a lens of few pixels: edges that are nearer than a blur are measured as one, between them."""
+    """Return a warning for a lens of few pixels: edges nearer than a blur are measured as one edge between them."""
     across = nominal.width_mm * 1e3 / image.um_per_px
     if across >= RESOLVED_PX:
         return []
@@ -93,26 +96,26 @@ def of_pixels(image: Image, nominal: NominalFront) -> list[Caution]:
     return [
         look_at(
             f"the lens is {across:.0f} pixels wide: edges of its two faces less than {near_um:.2g} µm apart are "
-            f"measured as one between them; magnify to {RESOLVED_PX} pixels or more, or light it from "
+            f"measured as one edge between them; magnify it to {RESOLVED_PX} pixels or more, or illuminate it from "
             "above"
         )
     ]
 
 
 def check_seen(image: Image, seen: float) -> None:
-    """`DataError` if too little of the front is in the picture."""
+    """Raise `DataError` if too little of the front is in the picture."""
     if seen < LEAST_SEEN:
         limit = f"shows {seen:.0%} of the front; at least {LEAST_SEEN:.0%} is needed for the registration"
         raise DataError(image.provenance.file, limit=limit, remedy="take a picture of the whole lens")
 
 
 def check_shape(image: Image, nominal: NominalFront, edge: Edge, fit: Registration, width: float | None) -> None:
-    """`DataError` if the outline is too unlike the design to be a print of it at this scale."""
+    """Raise `DataError` if the outline is too unlike the design to be a print of it at this scale."""
     missing = _missing(edge)
     if width is not None and abs(np.log(width / nominal.width_mm)) > np.log(MOST_WIDTH):
-        why = f"the part is {width:.3g} mm wide behind the front, and the design {nominal.width_mm:.3g} mm"
+        why = f"the part is {width:.3g} mm wide behind the front, and the design is {nominal.width_mm:.3g} mm wide"
     elif fit.rms_um > MOST_RMS * 1e3 * nominal.width_mm:
-        why = f"the best registration leaves {fit.rms_um:.3g} µm (rms)"
+        why = f"the best registration has a residual of {fit.rms_um:.3g} µm (rms)"
     elif min(missing) > MOST_MISSING:
         why = f"its edge ends {missing[0]:.0%} and {missing[1]:.0%} before the ends of the front"
     else:
@@ -121,7 +124,7 @@ def check_shape(image: Image, nominal: NominalFront, edge: Edge, fit: Registrati
 
 
 def wall_edges(image: Image, pose: Pose, nominal: NominalFront, most: int) -> tuple[list[Edge], ...]:
-    """Edges of the left and the right wall, the outermost first; none of a wall that the picture does not show."""
+    """Return the edges of the left and the right wall, the outermost first; none for a wall that is not visible."""
     edges: list[list[Edge]] = []
     for wall in nominal.walls:
         band = Band.of(image.grey, pose, wall, WALL_REACH * nominal.width_mm)
@@ -132,7 +135,7 @@ def wall_edges(image: Image, pose: Pose, nominal: NominalFront, most: int) -> tu
 
 
 def part_width_mm(walls: Sequence[Edge | None], pose: Pose, nominal: NominalFront) -> float | None:
-    """Width of the part from wall to wall, a witness of the scale that the front is not; None without both walls."""
+    """Return the width of the part from wall to wall, an independent check of the scale; None without both walls."""
     offsets = [
         float(np.median(wall.nearest(pose.to_mm(edge.measured[0])).deviation_mm))
         for edge, wall in zip(walls, nominal.walls, strict=False)
@@ -142,7 +145,7 @@ def part_width_mm(walls: Sequence[Edge | None], pose: Pose, nominal: NominalFron
 
 
 def merged_edges(walls: Sequence[Edge | None], edge: Edge) -> list[Caution]:
-    """Warning of a single edge that is clearly more blurred than the walls beside it: it may be two in one."""
+    """Return a warning for a single edge that is clearly more blurred than the adjacent walls: it may be two in one."""
     blurs = [wall.blur for wall in walls if wall is not None]
     if not blurs or edge.blur < WIDER * min(blurs):
         return []
@@ -150,16 +153,16 @@ def merged_edges(walls: Sequence[Edge | None], edge: Edge) -> list[Caution]:
         look_at(
             f"the edge of the front is blurred over {edge.blur:.2g} px, {edge.blur / min(blurs):.2g} times as far as a "
             f"wall's ({min(blurs):.2g} px): it is out of focus, or two edges closer than about two blurs were "
-            "measured as one, which lies between them"
+            "measured as one edge between them"
         )
     ]
 
 
 def missing_ends(edge: Edge) -> list[Caution]:
-    """Warnings of ends of the front that are in the picture and have no edge."""
+    """Return warnings for ends of the front that are in the picture but have no edge."""
     return [
         look_at(
-            f"the last {share:.0%} of the front on the {side} is in the picture and has no edge that can be measured"
+            f"the last {share:.0%} of the front on the {side} is in the picture but has no edge that can be measured"
         )
         for share, side in zip(_missing(edge), SIDES, strict=True)
         if share > MOST_MISSING
@@ -167,31 +170,31 @@ def missing_ends(edge: Edge) -> list[Caution]:
 
 
 def odd_width(width: float | None, nominal: NominalFront) -> list[Caution]:
-    """Warning of a part that is wider or narrower than the design."""
+    """Return a warning for a part that is wider or narrower than the design."""
     if width is None or abs(width / nominal.width_mm - 1.0) < ODD_WIDTH:
         return []
     return [
         look_at(
-            f"the part is {width:.3f} mm wide right behind the front where the design has {nominal.width_mm:.3f} mm "
-            f"({100.0 * (width / nominal.width_mm - 1.0):+.1f} %): the scale is off, or the print is"
+            f"the part is {width:.3f} mm wide just behind the front and the design {nominal.width_mm:.3f} mm "
+            f"({100.0 * (width / nominal.width_mm - 1.0):+.1f} %): the scale or the size of the print is wrong"
         )
     ]
 
 
 def cropped(seen: float, ends: tuple[float, float]) -> list[Caution]:
-    """Warning of a front that is only partly in the picture."""
+    """Return a warning for a front that is only partly in the picture."""
     if seen > 0.99:
         return []
     return [
         look_at(
-            f"the picture shows {seen:.0%} of the front: it is measured from x = {ends[0]:.2f} to {ends[1]:.2f} mm "
-            "alone"
+            f"the picture shows {seen:.0%} of the front, which is measured only from x = {ends[0]:.2f} "
+            f"to {ends[1]:.2f} mm"
         )
     ]
 
 
 def _missing(edge: Edge) -> tuple[float, float]:
-    """Shares of the front at its left and right end that the picture shows and that have no edge."""
+    """Return the fractions of the front at its left and right end that are in the picture but have no edge."""
     at = np.flatnonzero(edge.kept)
     shown = np.flatnonzero(edge.inside)
     return (max(float(at[0] - shown[0]), 0.0) / len(edge.kept), max(float(shown[-1] - at[-1]), 0.0) / len(edge.kept))

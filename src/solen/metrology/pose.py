@@ -1,4 +1,4 @@
-"""Pose of a part in a picture: from its coordinates in mm to pixels and back."""
+"""Pose of a part in a picture: the transformation between its coordinates in mm and pixels."""
 
 import cmath
 import math
@@ -16,9 +16,9 @@ class Pose:
     Attributes
     ----------
     rotation_deg
-        Counter-clockwise as seen in the picture; at 0 the part's second axis (a lens's z, a layout's y) points up.
+        Counter-clockwise rotation in the picture; at 0 the part's second axis (a lens's z, a layout's y) points up.
     origin_px
-        (x, y) = (column, row) of the part's origin: a lens's vertex, the middle of a layout.
+        (x, y) = (column, row) of the part's origin: a lens's vertex, the centre of a layout.
     um_per_px
         Size of a pixel.
     mirrored
@@ -32,7 +32,7 @@ class Pose:
 
     @classmethod
     def fitted(cls, points_mm: FloatArray, points_px: FloatArray, *, mirrored: bool) -> "Pose":
-        """Pose of least squares for matched points (N, 2) and (N, 2), at least two; the scale is fitted as well."""
+        """Fit the pose to at least two matched points (N, 2) and (N, 2) by least squares, including the scale."""
         p = (-1.0 if mirrored else 1.0) * points_mm[:, 0] - 1j * points_mm[:, 1]
         q = points_px[:, 0] + 1j * points_px[:, 1]
         p0, q0 = p.mean(), q.mean()
@@ -42,24 +42,24 @@ class Pose:
 
     @property
     def px_per_mm(self) -> float:
-        """Pixels to a millimetre of the part."""
+        """Pixels per millimetre of the part."""
         return 1e3 / self.um_per_px
 
     def to_px(self, points_mm: FloatArray) -> FloatArray:
-        """Places (..., 2) in the picture of points (..., 2) of the part."""
+        """Return the positions (..., 2) in the picture of points (..., 2) of the part."""
         return np.asarray(points_mm @ self._matrix.T * self.px_per_mm + np.asarray(self.origin_px))
 
     def to_mm(self, points_px: FloatArray) -> FloatArray:
-        """Points (..., 2) of the part at places (..., 2) in the picture."""
+        """Return the points (..., 2) of the part at positions (..., 2) in the picture."""
         return np.asarray((points_px - np.asarray(self.origin_px)) @ self._matrix * (self.um_per_px / 1e3))
 
     def direction_px(self, directions: FloatArray) -> FloatArray:
-        """Directions (..., 2) in the picture of those (..., 2) of the part, of the same length."""
+        """Return the directions (..., 2) in the picture of directions (..., 2) of the part, of the same length."""
         return np.asarray(directions @ self._matrix.T)
 
     @property
     def _matrix(self) -> FloatArray:
-        """From the part's axes to the picture's, x to the right and y downwards."""
+        """Matrix from the part's axes to the picture's, x to the right and y downwards."""
         c, s = math.cos(math.radians(self.rotation_deg)), math.sin(math.radians(self.rotation_deg))
         flip = -1.0 if self.mirrored else 1.0
         return np.array([[flip * c, -s], [-flip * s, -c]])

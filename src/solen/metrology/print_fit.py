@@ -1,18 +1,18 @@
 """Size and form of a print: pose, scale, shrinkage and uniform overgrowth fitted jointly.
 
-The idea: three effects change the size of a whole print. A wrong scale and shrinkage multiply all lengths and
-cannot be separated in a picture; their priors decide how the factor is divided.
-Overgrowth, the usual fault of projection printing, moves every wall outwards by the same distance. The front alone
-hardly separates it from a factor (a circle not at all); the walls behind the front do. So front and walls are fitted
-jointly, all five numbers at once, with the form error of the print, of unknown size, as residual.
+Three effects change the size of a whole print. A wrong scale and shrinkage multiply all lengths and cannot be separated
+in a picture; their priors decide how the factor is divided. Overgrowth, the usual fault of projection printing, moves
+every wall outwards by the same distance. The front alone hardly separates it from a factor (a circle not at all), but
+the walls behind the front do. Front and walls are therefore fitted jointly, all five parameters at once, with the form
+error of the print, of unknown magnitude, as residual.
 
-Form errors of neighbours correlate, so N points count as m independent values: with a
-form of standard deviation σ the logarithm of the likelihood is -m ln σ - (m/N) Σ d²/2σ². Deviations are linear in the
-five numbers near the best fit, so these are integrated exactly, and σ over a grid with its prior about the usual form
+Form errors of neighbours correlate, so N points count as m independent values: with a form error of standard deviation
+σ, the logarithm of the likelihood is -m ln σ - (m/N) Σ d²/2σ². Deviations are linear in the five parameters near the
+best fit, so the integral over these is exact, and that over σ is computed on a grid with a prior about the usual form
 error. The integral is the marginal likelihood of the design (A. Gelman and others, Bayesian Data Analysis, chapters 7
-and 14). The same prior gives the probability that a print of this design deviates as much: an absolute test.
+and 14). The same prior gives the probability that a print of this design deviates by as much: an absolute test.
 
-The interface: `fit_print` of a `Traced` outline returns a `PrintFit`; `PrintPriors` holds the priors.
+The interface: `fit_print` of a `Traced` outline returns a `PrintFit`; `PrintPriors` contains the priors.
 """
 
 import math
@@ -34,16 +34,20 @@ from solen.results import HIDDEN
 from solen.spec.strict import Finite, Options
 
 U_SCALE = 0.03
-"""Relative standard uncertainty of a scale of which none is stated."""
+"""Relative standard uncertainty assumed for a scale without a stated one."""
 EDGE_BIAS_PX = 0.05
-"""Shift of an edge by uneven light and a camera's grey value curve: systematic, and not seen in scatter."""
+"""Shift of an edge by uneven illumination and the camera's tone curve: systematic, and not visible in scatter."""
 SPREAD_OF_FORM = 2.0
-"""Factor by which the usual form error of a print is known."""
+"""Factor of uncertainty of the usual form error of a print."""
 ABSORBED = 8.0
-"""The five fitted numbers take slow form out of the residual, which then looks less correlated than it is: m values
-count as m²/(m + 8), with which intervals cover for forms of 0.15 to 0.6 mm correlation length (by simulation)."""
+"""The five fitted parameters remove slowly varying form from the residual, which then looks less correlated than it
+is: m values count as m²/(m + 8), for which intervals cover form errors of 0.15 to 0.6 mm correlation length (by
+simulation).
+"""
 U_MOTION = 10.0
-"""Prior of a turn (rad) and a shift (mm): as good as none, and the same for all designs."""
+"""Prior standard deviation of a rotation (rad) and a shift (mm): wide enough to have no effect, equal for all
+designs.
+"""
 _FORMS_MM = np.geomspace(1e-6, 1.0, 121)
 _NORMAL = ndtri((np.arange(31) + 0.5) / 31)
 
@@ -52,20 +56,20 @@ class PrintPriors(Options):
     """Priors of a print's size and form."""
 
     shrinkage_percent: Annotated[Finite, Field(ge=-20, le=20)] = 0.0
-    """Shrinkage that is expected, left over after any compensation, %."""
+    """Expected shrinkage that remains after any compensation, %."""
     u_shrinkage_percent: Annotated[Finite, Field(gt=0, le=20)] = 2.0
-    """Standard uncertainty of that, %."""
+    """Standard uncertainty of the expected shrinkage, %."""
     overgrowth_um: Annotated[Finite, Field(ge=-1000, le=1000)] = 0.0
-    """Even overgrowth of all walls that is expected, µm."""
+    """Expected uniform overgrowth of all walls, µm."""
     u_overgrowth_um: Annotated[Finite, Field(gt=0, le=1000)] = 50.0
-    """Standard uncertainty of that, µm."""
+    """Standard uncertainty of the expected overgrowth, µm."""
     form_um: Annotated[Finite, Field(gt=0, le=1000)] = 2.0
-    """Usual deviation (rms) of a print of the right design when its size is accounted for, µm."""
+    """Usual deviation (rms) of a print of the right design after its size is corrected, µm."""
 
 
 @dataclass(frozen=True, eq=False)
 class Traced:
-    """A print's outline in a picture: points (N, 2) of the front and those of its walls, and the picture's scale."""
+    """A print's outline in a picture: points (N, 2) of the front and of its walls, and the picture's scale."""
 
     front_px: FloatArray
     walls_px: tuple[FloatArray | None, ...]
@@ -74,26 +78,26 @@ class Traced:
 
     @classmethod
     def of(cls, edge: Edge, walls: Sequence[Edge | None], pose: Pose, u_scale: float | None) -> "Traced":
-        """Outline of measured edges; None for a wall that is not visible."""
+        """Return the outline of measured edges; None stands for a wall that is not visible."""
         beside = tuple(None if wall is None else wall.measured[0] for wall in walls)
         return cls(edge.measured[0], beside, pose, u_scale)
 
     @property
     def u_factor(self) -> float:
-        """Relative standard uncertainty of the scale, an assumed one where none is stated."""
+        """Relative standard uncertainty of the scale, an assumed value if none is stated."""
         return U_SCALE if self.u_scale is None else self.u_scale
 
 
 @dataclass(frozen=True)
 class PrintFit:
-    """Size and form of a print against one design.
+    """Size and form of a print relative to one design.
 
     Attributes
     ----------
     overgrowth_um, u_overgrowth_um
         Uniform displacement of all walls outwards.
     size_factor, u_size_factor
-        Factor of size of the outline relative to the design, by the picture's scale, apart from overgrowth.
+        Size of the outline relative to the design, at the picture's scale and without overgrowth.
     scale_factor, u_scale_factor
         Ratio of true to stated pixel size.
     shrinkage_percent, u_shrinkage_percent
@@ -101,18 +105,18 @@ class PrintFit:
     form_um
         Rms deviation that no rotation, shift, size and overgrowth explain.
     p_form
-        Probability that a print of this design deviates as much, given the usual form error.
+        Probability that a print of this design deviates by as much, given the usual form error.
     independent_values
         Number of independent values among the deviations.
     walls
         Number of walls used; without them overgrowth and size are hardly separated.
     log_evidence
-        Logarithm of the design's marginal likelihood up to a constant, for one number of independent values.
+        Logarithm of the design's marginal likelihood up to a constant, for a given number of independent values.
     on_front
-        Shape (N,): which of the front's points lie on the front, not on a corner or a wall; all if the size is
-        too uncertain to locate the corners.
+        Shape (N,): which of the front's points are on the front, not on a corner or a wall; all if the size is too
+        uncertain to locate the corners.
     motion
-        Rotation (rad) and shift along x and z (mm) that register the outline to the design, apart from its size.
+        Rotation (rad) and shift along x and z (mm) that register the outline to the design, without its size.
     by_scale_um
         Signed error of the overgrowth due to one standard uncertainty of the scale, part of ``u_overgrowth_um``.
     """
@@ -149,7 +153,7 @@ def fit_print(
     priors
         Priors.
     independent
-        Number of independent values that is to be taken, as when designs are compared; default: that of the residual.
+        Number of independent values to assume, as when designs are compared; by default that of the residual.
     """
     problem = _Problem(traced, nominal, priors)
     fit = problem.solved()
@@ -160,7 +164,7 @@ def fit_print(
 
 @dataclass(frozen=True, eq=False)
 class _Placed:
-    """Outline after a motion and at a size: residuals (N,) in mm, derivatives (N, 5), weights, and which points."""
+    """Outline after a motion and a change of size: residuals (N,) in mm, derivatives (N, 5), weights, used points."""
 
     values: FloatArray
     residual: FloatArray
@@ -181,7 +185,7 @@ class _Placed:
         return np.asarray(self.jacobian.T @ (self.weights * self.residual) / len(self.residual))
 
     def independent(self) -> float:
-        """Number of independent residuals, N over 1 + 2 Σ ρ_k as for a mean; front and walls share the correlation."""
+        """Return the number of independent residuals, N over 1 + 2 Σ ρ_k as for a mean; front and walls share ρ_k."""
         ends = np.cumsum([int(piece.sum()) for piece in self.pieces])
         rho = correlations(np.split(self.residual, ends[:-1]))
         count = len(self.residual) / (1.0 + 2.0 * float(np.sum(rho)))
@@ -189,7 +193,7 @@ class _Placed:
 
 
 class _Problem:
-    """Turn, shift along x and z, logarithm of the size factor and overgrowth (mm) of an outline."""
+    """Fit of rotation, shift along x and z, logarithm of the size factor and overgrowth (mm) of an outline."""
 
     def __init__(self, traced: Traced, nominal: NominalFront, priors: PrintPriors) -> None:
         self.traced, self.nominal, self.priors = traced, nominal, priors
@@ -207,7 +211,7 @@ class _Problem:
         return np.asarray(self.u_before**-2.0)
 
     def solved(self) -> _Placed:
-        """The most probable motion, size and overgrowth, with the form's size taken from the residual."""
+        """Return the most probable motion, size and overgrowth; the residual gives the magnitude of the form error."""
         fit = self.placed(np.zeros(5))
         for _ in range(ROUNDS):
             spread = fit.independent() / max(fit.mean_square, 1e-14)
@@ -221,7 +225,7 @@ class _Problem:
         return fit
 
     def placed(self, values: FloatArray) -> _Placed:
-        """Residuals of front and walls: deviations from the scaled and uniformly grown design."""
+        """Return the residuals of front and walls: deviations from the scaled and uniformly grown design."""
         turn, factor, grown = float(values[0]), math.exp(values[3]), float(values[4])
         fronts = (self.nominal, *(wall for _, wall in self.walls))
         rows = [_piece(rotated(points, turn) + values[1:3], front, factor, grown)
@@ -236,7 +240,7 @@ class _Problem:
 def _piece(
     points: FloatArray, nominal: NominalFront, factor: float, grown: float
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Residuals, derivatives and use of the points of a front or a wall."""
+    """Return residuals, derivatives and use of the points of a front or a wall."""
     nearest = nominal.nearest(points / factor)
     outside = factor * nearest.deviation_mm
     motion = by_motion(points, nearest.normals)
@@ -256,7 +260,7 @@ class _Posterior:
 
     @classmethod
     def of(cls, problem: _Problem, fit: _Placed, count: float) -> "_Posterior":
-        """Integrated over the size of the form."""
+        """Integrate over the magnitude of the form error."""
         precision, off = np.diag(problem.precision), fit.values - problem.before
         means, covariances, logs = [], [], []
         for form in _FORMS_MM:
@@ -279,7 +283,7 @@ class _Posterior:
 
 
 def _print_fit(problem: _Problem, fit: _Placed, posterior: _Posterior, count: float) -> PrintFit:
-    """The numbers, with the size shared out between scale and shrinkage by their priors."""
+    """Return the result, with the size factor divided between scale and shrinkage by their priors."""
     priors, traced = problem.priors, problem.traced
     size, u_size = float(posterior.mean[3]), math.sqrt(float(posterior.covariance[3, 3]))
     parts = np.array([traced.u_factor, 1e-2 * priors.u_shrinkage_percent])
@@ -309,7 +313,7 @@ def _print_fit(problem: _Problem, fit: _Placed, posterior: _Posterior, count: fl
 
 
 def laid(traced: Traced, nominal: NominalFront, size: PrintFit) -> tuple[FloatArray, tuple[FloatArray | None, ...]]:
-    """Points (N, 2) of the front and of its left and right wall, registered to the design by the fit, mm."""
+    """Return the points (N, 2) of the front and of its left and right wall, registered to the design by the fit, mm."""
 
     def moved(points_px: FloatArray) -> FloatArray:
         turn, *shift = size.motion
@@ -322,13 +326,13 @@ def laid(traced: Traced, nominal: NominalFront, size: PrintFit) -> tuple[FloatAr
 
 
 def _u_of_corners(nominal: NominalFront, posterior: _Posterior) -> float:
-    """Standard uncertainty in mm of where along the front its corners lie, the larger of both."""
+    """Return the larger standard uncertainty in mm of the positions of both corners along the front."""
     slopes = np.column_stack([nominal.corner_moved(1.0, 0.0), nominal.corner_moved(0.0, 1.0)])
     return math.sqrt(float(np.einsum("ki,ij,kj->k", slopes, posterior.covariance[3:, 3:], slopes).max()))
 
 
 def _p_form(form: float, usual: float, count: float) -> float:
-    """Probability of as large a form error where the usual one is known within a factor."""
+    """Return the probability of such a form error if the usual one is known within a factor."""
     usuals = usual * SPREAD_OF_FORM**_NORMAL
     freedom = max(count - 5.0, 1.0)
     return float(np.mean(chi2.sf(freedom * (form / usuals) ** 2, freedom)))

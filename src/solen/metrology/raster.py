@@ -1,4 +1,4 @@
-"""A picture as one plane of grey values, with the checks of every format; PNG, JPEG, BMP and others, by Pillow."""
+"""A picture as one plane of grey values, with the checks of every format; Pillow reads PNG, JPEG, BMP and others."""
 
 import io
 import math
@@ -24,15 +24,15 @@ LARGEST_MB = 1_000
 LARGEST_PIXELS = 100_000_000
 SMALLEST = 32
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
-"""Weights of red, green and blue in brightness (ITU-R BT.709)."""
+"""Weights of red, green and blue in the luminance (ITU-R BT.709)."""
 COLOURED = 0.02
-"""Channels that differ by less are those of a grey picture."""
+"""Mean difference of the channels below which a picture counts as grey."""
 BITS = {"1": 1, "L": 8, "LA": 8, "P": 8, "RGB": 8, "RGBA": 8, "CMYK": 8, "YCbCr": 8, "I;16": 16, "I;16B": 16, "I": 16}
 PLAIN = {"1": "L", "LA": "RGBA", "P": "RGBA", "CMYK": "RGB", "YCbCr": "RGB"}
 EXIF_UM = {2: 25_400.0, 3: 10_000.0}
 LOSSY = {"JPEG", "MPO", "WEBP"}
 BLOCK, NO_DATA = 8, 128
-"""Rows of a block of a JPEG, and the value of what its data do not reach."""
+"""Number of rows in a block of a JPEG, and the value that Pillow gives to pixels without data."""
 TURNED: dict[int, Callable[[FloatArray], FloatArray]] = {
     2: np.fliplr,
     3: lambda a: np.rot90(a, 2),
@@ -42,12 +42,12 @@ TURNED: dict[int, Callable[[FloatArray], FloatArray]] = {
     7: lambda a: np.rot90(a, 2).T,
     8: np.rot90,
 }
-"""Rotation that puts a picture upright, by its orientation tag (TIFF 6.0)."""
+"""Rotation that makes a picture upright, by its orientation tag (TIFF 6.0)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Plane:
-    """Grey values, shape (rows, columns), 0 to 1 of the file's range, and what the file says of them."""
+    """Grey values, shape (rows, columns), 0 to 1 of the file's range, and the metadata of the file."""
 
     grey: FloatArray
     bits: int | None
@@ -61,27 +61,27 @@ class Plane:
 
 
 def read_bytes(path: Path) -> bytes:
-    """Bytes of a file; `DataError` if it cannot be read, is empty or larger than `LARGEST_MB`."""
+    """Return the bytes of a file; `DataError` if it cannot be read, is empty or is larger than `LARGEST_MB`."""
     return files.read_bytes(path, DataError, most_mb=LARGEST_MB, smaller="crop it to the part")
 
 
 def check_size(file: str, columns: int, rows: int) -> None:
-    """`DataError` if a picture is too large to be decoded or too small to show anything."""
+    """Raise `DataError` if a picture is too large to be decoded or too small to show anything."""
     if columns * rows >= LARGEST_PIXELS:
         limit = f"has {columns * rows / 1e6:.0f} megapixels ({columns} x {rows}); it must be below 100"
         raise DataError(file, limit=limit, remedy="crop it to the part, or bin it by two and double --um-per-px")
     if min(columns, rows) < SMALLEST:
-        raise DataError(file, limit=f"has {columns} x {rows} pixels; at least {SMALLEST} each way are needed")
+        raise DataError(file, limit=f"has {columns} x {rows} pixels; at least {SMALLEST} in each direction are needed")
 
 
 def check_vision(what: str) -> None:
-    """`OutputError` if the extra ``vision`` is not installed."""
+    """Raise `OutputError` if the extra ``vision`` is not installed."""
     need("skimage", "tifffile", "ome_types", what=what)
 
 
 @contextmanager
 def readable(file: str) -> Iterator[None]:
-    """Turn what a decoder raises for a damaged file, which is nearly anything, into one line; keep it from warning."""
+    """Turn any error of a decoder, which may raise almost anything, into one line; suppress warnings."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -91,39 +91,41 @@ def readable(file: str) -> Iterator[None]:
     except Pillow.DecompressionBombError:
         raise DataError(file, limit="has far more than 100 megapixels", remedy="crop it to the part") from None
     except UnidentifiedImageError:
-        raise DataError(file, limit="is not a picture that can be read", remedy="save it as TIFF or PNG") from None
+        raise DataError(file, limit="is not a readable picture", remedy="save it as TIFF or PNG") from None
     except Exception as bad:
         raise DataError(file, limit=f"is damaged: {bad}", remedy="export it again") from None
 
 
 def brightness(values: FloatArray) -> tuple[FloatArray, tuple[Caution, ...]]:
-    """Brightness of (rows, columns, 3), and a warning where the picture is coloured."""
+    """Return the luminance of (rows, columns, 3), and a warning if the picture is coloured."""
     spread = float(np.mean(values.max(axis=2) - values.min(axis=2)))
-    warning = look_at("the picture is coloured: its luminance is measured, which a lens's colour fringes can shift")
+    warning = look_at(
+        "the picture is coloured: its luminance is measured, and colour fringes of a lens can shift edges in it"
+    )
     return values @ LUMINANCE, (warning,) if spread > COLOURED else ()
 
 
 def upright(grey: FloatArray, orientation: int) -> FloatArray:
-    """Picture as its orientation tag (1 to 8) asks for it to be shown."""
+    """Return a picture rotated as its orientation tag (1 to 8) states."""
     return np.ascontiguousarray(TURNED[orientation](grey)) if orientation in TURNED else grey
 
 
 def is_simulated(*texts: str) -> bool:
-    """Whether a file says of itself that it was computed."""
+    """Return whether a file states that it was computed."""
     return any("simulated" in text.casefold() or "synthetic" in text.casefold() for text in texts)
 
 
 def float_levels(file: str, values: NDArray[np.generic]) -> FloatArray:
-    """Floating-point numbers as levels from 0 to 1: unchanged if within, else scaled from minimum to maximum."""
+    """Return floating-point numbers as levels: unchanged if between 0 and 1, else scaled from minimum to maximum."""
     levels = values.astype(np.float64)
     if not np.isfinite(levels).all():
-        raise DataError(file, limit="holds pixels that are not finite", remedy="export it again")
+        raise DataError(file, limit="contains pixels that are not finite", remedy="export it again")
     low, high = float(levels.min()), float(levels.max())
     return levels if low >= 0.0 and high <= 1.0 else (levels - low) / max(high - low, 1e-300)
 
 
 def read_raster(file: str, data: bytes) -> Plane:
-    """Plane of a picture that Pillow reads; `DataError` if it has several frames or is damaged."""
+    """Return the plane of a picture that Pillow reads; `DataError` if it has several frames or is damaged."""
     with readable(file), Pillow.open(io.BytesIO(data)) as opened:
         check_size(file, *opened.size)
         frames = getattr(opened, "n_frames", 1)
@@ -135,7 +137,7 @@ def read_raster(file: str, data: bytes) -> Plane:
         texts = {key: value for key, value in opened.info.items() if isinstance(key, str) and isinstance(value, str)}
         words = (str(exif.get(tag, "")).strip() for tag in (ExifTags.Base.Make, ExifTags.Base.Model))
         if kind in LOSSY:
-            lossy = f"{kind} is compressed with loss: its blocks of 8 pixels shift edges; TIFF or PNG do not"
+            lossy = f"{kind} compression is lossy: its blocks of 8 pixels shift edges; TIFF or PNG avoid this"
             warned = (*warned, look_at(lossy))
         return Plane(
             upright(grey, int(exif.get(ExifTags.Base.Orientation, 1))),
@@ -160,7 +162,7 @@ def _grey(file: str, opened: Pillow.Image) -> tuple[FloatArray, int | None, tupl
         return float_levels(file, values), None, ()
     bits = BITS.get(mode)
     if bits is None:
-        raise DataError(file, value=mode, limit="is an unsupported kind of pixel", remedy="save it as 8 or 16 bits")
+        raise DataError(file, value=mode, limit="has an unsupported pixel format", remedy="save it as 8 or 16 bits")
     top = 65_535.0 if bits == 16 else 255.0
     levels = values.astype(np.float64) / top
     if levels.ndim == 2:
@@ -174,7 +176,7 @@ def _grey(file: str, opened: Pillow.Image) -> tuple[FloatArray, int | None, tupl
 
 
 def _tags(opened: Pillow.Image, kind: str) -> tuple[Tag, ...]:
-    """Resolutions that the file states: PNG pHYs and JFIF density as dpi, Exif's own."""
+    """Return the resolutions that the file states: PNG pHYs and JFIF density as dpi, and that of the Exif data."""
     tags = []
     dpi = opened.info.get("dpi")
     if dpi is not None and min(dpi) > 0.0:

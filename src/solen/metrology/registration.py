@@ -1,13 +1,13 @@
-"""Registration of a measured outline to its design: the rotation and the shift that leave the smallest deviations.
+"""Registration of a measured outline to its design: the rotation and the shift that minimise the deviations.
 
-The idea: a picture says nothing about where the part was put, so rotation and shift are free; its scale is not, or an
-error of size could never be seen (`solen.metrology.print_fit` fits size as well). The distances of the points from the
-front, along its normal, are minimised by Gauss and Newton's method with Huber's weights (P. J. Huber, Ann. Math.
-Statist. 35, 73, 1964), so that an outlier such as a speck counts little. A print's deviations are form, not noise:
-neighbours agree. Uncertainties therefore count as many independent values as the deviations' own correlation leaves,
-not as many as there are pixels.
+A picture does not show where the part was placed, so rotation and shift are free. Its scale is fixed, because an error
+of size could not be detected otherwise (`solen.metrology.print_fit` fits size too). The distances of the points from
+the front, along its normal, are minimised by the Gauss-Newton method with Huber's weights (P. J. Huber, Ann. Math.
+Statist. 35, 73, 1964), so an outlier such as a speck has little influence. A print's deviations are form, not noise:
+neighbours agree. Uncertainties therefore use the number of independent values that follows from the correlation of the
+deviations, not the number of pixels.
 
-The interface: `register` gives a `Registration`; `effective_number` the number of independent values.
+The interface: `register` returns a `Registration`; `effective_number` the number of independent values.
 """
 
 import math
@@ -23,10 +23,10 @@ from solen.metrology.pose import Pose
 
 ROUNDS = 60
 HUBER = 2.5
-"""Deviations beyond so many robust standard deviations count less."""
+"""Deviation, in robust standard deviations, above which a point is given a lower weight."""
 CONVERGED_MM = 1e-8
 FEWEST = 4
-"""Points at least that a rotation and a shift are fitted to."""
+"""Least number of points to which a rotation and a shift are fitted."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,11 +42,11 @@ class Registration:
     deviation_um
         Shape (N,): their deviations from the design, µm.
     u_um
-        Shape (N,): standard uncertainty of that: edge, registration and scale.
+        Shape (N,): standard uncertainties of the deviations due to edge, registration and scale.
     used
         Indices of these among the given points.
     u_rotation_deg, u_shift_um
-        Standard uncertainties of the pose, shift along x and z.
+        Standard uncertainties of the rotation and of the shifts along x and z.
     by_scale_um
         Shape (N,): growth of ``deviation_um``, after registration, if the true scale is larger by the factor e.
     independent
@@ -68,12 +68,12 @@ class Registration:
 
     @property
     def rms_um(self) -> float:
-        """Root of the mean square of the deviations."""
+        """Root mean square of the deviations."""
         return float(np.sqrt(np.mean(self.deviation_um**2)))
 
     @property
     def um_per_percent_of_scale(self) -> float:
-        """Change (rms) of the deviations where the scale changes by 1 %."""
+        """Rms change of the deviations if the scale changes by 1 %."""
         return 0.01 * float(np.sqrt(np.mean(self.by_scale_um**2)))
 
 
@@ -114,17 +114,17 @@ def register(
     u_scale
         Relative standard uncertainty of the scale.
     only
-        Shape (N,): which points are of the front; default: those beside it.
+        Shape (N,): which points belong to the front; by default those near it.
 
     Raises
     ------
     DataError
-        If too few points lie beside the front.
+        If too few points are near the front.
     """
     fit = _fit(pose.to_mm(points_px), nominal, np.ones(len(points_px), dtype=bool) if only is None else only)
     order = np.flatnonzero(fit.inside)
     if len(order) < FEWEST:
-        what, limit = "points of the picture beside the designed lens", f"at least {FEWEST} are needed"
+        what, limit = "points of the picture near the designed lens", f"at least {FEWEST} are needed"
         raise DataError(what, value=len(order), limit=limit, remedy="check the scale (--um-per-px) and the design")
     order = order[np.argsort(fit.arc[order], kind="stable")]
     deviation, weights, jacobian = fit.deviation[order], fit.weights[order], fit.jacobian[order]
@@ -148,10 +148,10 @@ def register(
 
 
 def effective_number(values: FloatArray) -> float:
-    """Number of independent values that tell as much about a mean square as correlated ones in their order do.
+    """Return the number of independent values with the same information on a mean square as a correlated sequence.
 
-    N over 1 + 2 Σ ρ_k², ρ_k the correlation of values k places apart, up to the first that is not positive (see
-    G. V. Bayley and J. M. Hammersley, J. R. Stat. Soc. Suppl. 8, 184, 1946, for variances).
+    It is N over 1 + 2 Σ ρ_k², ρ_k the correlation of values k positions apart, up to the first that is not positive
+    (see G. V. Bayley and J. M. Hammersley, J. R. Stat. Soc. Suppl. 8, 184, 1946, for variances).
     """
     count = len(values)
     if count < 4:
@@ -160,7 +160,7 @@ def effective_number(values: FloatArray) -> float:
 
 
 def correlations(parts: Sequence[FloatArray]) -> FloatArray:
-    """Correlations of values 1, 2, … places apart within parts of a sequence, up to the first that is not positive."""
+    """Return the correlations at lags 1, 2, … within parts of a sequence, up to the first that is not positive."""
     longest = max(len(part) for part in parts)
     size = 1 << (2 * longest - 1).bit_length()
     spectra = [np.fft.rfft(part, size) for part in parts]
@@ -171,7 +171,7 @@ def correlations(parts: Sequence[FloatArray]) -> FloatArray:
 
 
 def _fit(start: FloatArray, nominal: NominalFront, only: BoolArray) -> _Fit:
-    """The motion that makes the points' deviations least."""
+    """Return the motion that minimises the points' deviations."""
     turn, shift = 0.0, np.zeros(2)
     fit = _placed(start, nominal, only, turn, shift)
     for _ in range(ROUNDS):
@@ -186,7 +186,7 @@ def _fit(start: FloatArray, nominal: NominalFront, only: BoolArray) -> _Fit:
 
 
 def _placed(start: FloatArray, nominal: NominalFront, only: BoolArray, turn: float, shift: FloatArray) -> _Fit:
-    """Points after a motion: their deviations, derivatives by turn, shift and growth, and Huber's weights."""
+    """Return the moved points: deviations, derivatives by rotation, shift and growth, and Huber's weights."""
     points = rotated(start, turn) + shift
     nearest = nominal.nearest(points)
     jacobian = by_motion(points, nearest.normals)
@@ -196,26 +196,26 @@ def _placed(start: FloatArray, nominal: NominalFront, only: BoolArray, turn: flo
 
 
 def rotated(points: FloatArray, turn: float) -> FloatArray:
-    """Points (..., 2) after a turn in radians, counter-clockwise."""
+    """Return points (..., 2) after a counter-clockwise rotation in radians."""
     c, s = math.cos(turn), math.sin(turn)
     return np.asarray(points @ np.array([[c, s], [-s, c]]))
 
 
 def by_motion(points: FloatArray, normals: FloatArray) -> FloatArray:
-    """Derivatives (N, 4) of deviations along normals by a turn, a shift along x and z, and growth by the factor e."""
+    """Return derivatives (N, 4) of deviations by rotation, shift along x and z, and logarithm of the size."""
     by_turn = -normals[:, 0] * points[:, 1] + normals[:, 1] * points[:, 0]
     return np.stack([by_turn, normals[:, 0], normals[:, 1], np.sum(normals * points, axis=1)], axis=1)
 
 
 def huber(deviation: FloatArray, inside: BoolArray) -> FloatArray:
-    """Huber's weights (N,) of deviations, by the robust standard deviation of those inside."""
+    """Return Huber's weights (N,) of deviations, from the robust standard deviation of those inside."""
     size = np.abs(deviation)
     sigma = 1.4826 * float(np.median(size[inside])) if inside.any() else 1.0
     return np.minimum(1.0, HUBER * max(sigma, 1e-9) / np.maximum(size, 1e-12))
 
 
 def _covariance(jacobian: FloatArray, deviation: FloatArray, weights: FloatArray, independent: float) -> FloatArray:
-    """Covariance of the parameters with as many independent deviations as there are."""
+    """Return the covariance of the parameters for the given number of independent deviations."""
     count, parameters = jacobian.shape
     freedom = max(independent - parameters, 1.0)
     variance = float(np.sum(weights * deviation**2)) / count * independent / freedom
@@ -224,7 +224,7 @@ def _covariance(jacobian: FloatArray, deviation: FloatArray, weights: FloatArray
 
 
 def _u_of_pose(jacobian: FloatArray, u: FloatArray, weights: FloatArray) -> FloatArray:
-    """Standard uncertainty at each point that the edges' own uncertainties give the pose."""
+    """Return the standard uncertainty at each point from the pose, due to the uncertainties of the edges."""
     inverse = np.linalg.pinv(jacobian.T @ (weights[:, None] * jacobian))
     noise = jacobian.T @ ((weights * u)[:, None] ** 2 * jacobian)
     spread = inverse @ noise @ inverse
@@ -232,13 +232,13 @@ def _u_of_pose(jacobian: FloatArray, u: FloatArray, weights: FloatArray) -> Floa
 
 
 def _residual(column: FloatArray, jacobian: FloatArray, weights: FloatArray) -> FloatArray:
-    """The part of a change of all deviations that no rotation and no shift can take away."""
+    """Return the part of a change of all deviations that no rotation and no shift can remove."""
     normal = jacobian.T @ (weights[:, None] * jacobian)
     return np.asarray(column - jacobian @ (np.linalg.pinv(normal) @ (jacobian.T @ (weights * column))))
 
 
 def _moved(pose: Pose, fit: _Fit) -> Pose:
-    """Pose of the design after the motion of the points, which is rigid."""
+    """Return the pose of the design after the rigid motion of the points."""
     c, s = math.cos(fit.turn), math.sin(fit.turn)
     back = np.array([[c, -s], [s, c]])  # rows times this turn back
     axis = pose.direction_px(np.array([0.0, 1.0]) @ back)

@@ -1,11 +1,11 @@
-"""The size of a pixel: from what a file states of itself or from the user, and never guessed.
+"""The size of a pixel: from the metadata of a file or from the user, and never guessed.
 
-The idea: a wrong scale makes every length wrong without a trace, so a number that was not written by a measuring
-program is not believed. A microscope's program writes its calibration (OME-XML, ImageJ) or a fine resolution tag;
-office and photo programs write 72 or 300 dpi into every file, which is the size to print it at.
+A wrong scale makes every length wrong without any visible sign, so only values written by a measuring program are
+trusted. A microscope's program writes its calibration (OME-XML, ImageJ) or a fine resolution tag; office and photo
+programs write 72 or 300 dpi into every file, which is the size to print it at.
 
-The interface: `Scale`; `Tag`, what a file states; `choose_scale` between the tags and the user's own `ScaleOptions`;
-`ScaleFile`, the scale of an objective that was measured once (`solen.metrology.micrometer`).
+The interface: `Scale`; `Tag`, a scale stated by a file; `choose_scale` between the tags and the user's own
+`ScaleOptions`; `ScaleFile`, the scale of an objective that was measured once (`solen.metrology.micrometer`).
 """
 
 import math
@@ -38,14 +38,16 @@ SCALE_SCHEMA = 1
 SCALE_MIGRATIONS: Migrations = {}
 Count = Annotated[int, Field(strict=True, ge=1)]
 SAME = 0.01
-"""Relative: scales that differ by no more agree."""
+"""Largest relative difference of scales that agree."""
 COARSEST_TAG_UM = 20.0
-"""A plain resolution tag coarser than this (1,270 dpi) is one for printing, not one of a microscope."""
+"""Pixel size above which a plain resolution tag (below 1,270 dpi) is meant for printing, not written by a
+microscope.
+"""
 CLICK_PX, LEAST_BAR_PX = 1.0, 10.0
-"""Standard uncertainty of a place that is clicked, and the shortest scale bar."""
+"""Standard uncertainty of a clicked position, and the shortest scale bar."""
 SQUARE = 1e-3
-"""Relative: pixels whose sides differ by more are not square."""
-REMEDY = "measure a stage micrometer at the same magnification (solen print scale) and give its --scale or --um-per-px"
+"""Largest relative difference of the sides of a square pixel."""
+REMEDY = "measure a stage micrometer at the same magnification (solen print scale) and pass its --scale or --um-per-px"
 UM = {"m": 1e6, "cm": 1e4, "mm": 1e3, "um": 1.0, "µm": 1.0, "μm": 1.0, "nm": 1e-3, "pm": 1e-6, "inch": 25_400.0}
 UM |= {"in": 25_400.0, "micron": 1.0, "microns": 1.0, "micrometer": 1.0, "millimeter": 1e3, "Å": 1e-4}
 UM |= {"\\u00b5m": 1.0, "\\u00B5m": 1.0}
@@ -57,16 +59,16 @@ class ScaleFile(Strict):
     error: ClassVar[type[SolenError]] = DataError
 
     objective: str = Field("", description="Name of the objective and camera.")
-    um_per_px: Positive = Field(description="side of a pixel in the object, µm.")
-    u_um_per_px: NotNegative = Field(description="its standard uncertainty, µm.")
-    columns: Count = Field(description="columns of the picture that it was measured in.")
+    um_per_px: Positive = Field(description="Side of a pixel in the object, µm.")
+    u_um_per_px: NotNegative = Field(description="Standard uncertainty of this side, µm.")
+    columns: Count = Field(description="Number of columns of the picture that it was measured in.")
     rows: Count = Field(description="its rows.")
-    source: str = Field("", description="What it was measured with.")
+    source: str = Field("", description="Standard that it was measured with.")
     simulated: bool = Field(False, description="Whether the picture was simulated.")
 
 
 def read_scale(path: Path) -> ScaleFile:
-    """Scale of a file that `solen print scale` wrote; `DataError` if it is none."""
+    """Read the scale from a file that `solen print scale` wrote; `DataError` if it is not a scale file."""
     data = migrated(
         parse_toml(read_text(path, DataError), str(path), DataError),
         str(path),
@@ -79,7 +81,7 @@ def read_scale(path: Path) -> ScaleFile:
 
 
 def scale_text(scale: ScaleFile) -> str:
-    """TOML text of a scale; `read_scale` gives it back."""
+    """Return the TOML text of a scale, which `read_scale` reads back."""
     return tomli_w.dumps({"schema": SCALE_SCHEMA, **scale.model_dump()})
 
 
@@ -87,15 +89,16 @@ class ScaleOptions(Options):
     """The size of a pixel as the user states it."""
 
     scale: Path | None = None
-    """File of the objective's scale, as solen print scale writes it; instead of --um-per-px."""
+    """File with the objective's scale, written by solen print scale; instead of --um-per-px."""
 
     um_per_px: Annotated[Finite, Field(ge=1e-4, le=1e4)] | None = None
-    """Size of a pixel in µm; it takes precedence over what the file states."""
+    """Size of a pixel in µm; it takes precedence over the value in the file."""
     u_um_per_px: NotBelow0 | None = None
     """Standard uncertainty of the size of a pixel, µm."""
     bar: tuple[Finite, Finite, Finite, Finite, Above0] | None = None
     """Ends of a scale bar, or two marks, in pixels from the upper left corner, and their distance: X0 Y0 X1 Y1 UM;
-    instead of --um-per-px. Each end is taken to be known to a pixel."""
+    instead of --um-per-px. Each end is assumed to be accurate to a pixel.
+    """
 
     @model_validator(mode="before")
     @classmethod
@@ -112,11 +115,11 @@ class ScaleOptions(Options):
 
     @classmethod
     def _check_alone(cls, data: dict[str, Any], name: str) -> None:
-        """`SpecError` if the size of a pixel is stated twice."""
+        """Raise `SpecError` if the size of a pixel is stated twice."""
         for key in ("um_per_px", "u_um_per_px", *(("scale",) if name == "bar" else ())):
             if data.get(key) is not None:
                 option = f"--{key.replace('_', '-')}"
-                limit = f"is stated by --{name}"
+                limit = f"is already determined by --{name}"
                 raise SpecError(option, value=str(data[key]), limit=limit, remedy="leave one out")
 
     @model_validator(mode="after")
@@ -126,7 +129,7 @@ class ScaleOptions(Options):
         return self
 
     def rescaled(self, rows: int, columns: int) -> list[Caution]:
-        """Warning if a picture has the same proportions as the scale's picture but another size."""
+        """Return a warning if a picture has the same proportions as the scale's picture but another size."""
         if self.scale is None:
             return []
         taken = read_scale(self.scale)
@@ -142,7 +145,7 @@ class ScaleOptions(Options):
 
 
 def _of_bar(bar: Any) -> dict[str, float]:
-    """Size of a pixel from two places and their distance, with its uncertainty; empty for what its field refuses."""
+    """Return the size of a pixel from two points and their distance, with its uncertainty; empty for invalid values."""
     try:
         x0, z0, x1, z1, length_um = map(float, bar)
     except (TypeError, ValueError):
@@ -151,7 +154,7 @@ def _of_bar(bar: Any) -> dict[str, float]:
         return {}
     px = math.hypot(x1 - x0, z1 - z0)
     if px < LEAST_BAR_PX:
-        limit = f"has ends {px:.3g} pixels apart; at least {LEAST_BAR_PX:g} tell the size of one"
+        limit = f"has ends {px:.3g} pixels apart; at least {LEAST_BAR_PX:g} are needed to determine the size of a pixel"
         raise SpecError("--bar", limit=limit, remedy="take a longer bar, or marks farther apart")
     return {"um_per_px": length_um / px, "u_um_per_px": length_um / px * math.sqrt(2.0) * CLICK_PX / px}
 
@@ -167,7 +170,7 @@ class Scale:
     u_um_per_px
         Its standard uncertainty; None if none is stated.
     origin
-        Where it comes from: ``given``, ``OME-XML PhysicalSizeX``, ``ImageJ``, ``TIFF XResolution``, …
+        Source of the value: ``given``, ``OME-XML PhysicalSizeX``, ``ImageJ``, ``TIFF XResolution``, …
     """
 
     um_per_px: float
@@ -176,13 +179,13 @@ class Scale:
 
     @property
     def u_relative(self) -> float:
-        """Relative standard uncertainty; 0 where none is stated."""
+        """Relative standard uncertainty; 0 if none is stated."""
         return (self.u_um_per_px or 0.0) / self.um_per_px
 
 
 @dataclass(frozen=True)
 class Tag:
-    """Size of a pixel as a file states it.
+    """Size of a pixel as stated by a file.
 
     Attributes
     ----------
@@ -191,7 +194,7 @@ class Tag:
     x_um, y_um
         Size of a pixel along a row and along a column.
     calibrated
-        Whether a measuring program wrote it as a calibration; if not it is a resolution that any program may write.
+        Whether a measuring program wrote it as a calibration; otherwise it is a resolution that any program may write.
     """
 
     origin: str
@@ -201,25 +204,25 @@ class Tag:
 
     @property
     def doubt(self) -> str:
-        """Why the tag is not a scale; empty if it is one."""
+        """Reason why the tag is not a scale; empty if it is valid."""
         sizes = (self.x_um, self.y_um)
         if not all(math.isfinite(size) and size > 0.0 for size in sizes):
-            return f"{self.origin} is not a size of a pixel"
+            return f"{self.origin} is not the size of a pixel"
         if abs(self.x_um / self.y_um - 1.0) > SQUARE:
-            return f"{self.origin} says that pixels are {self.x_um:.6g} by {self.y_um:.6g} µm, which are not square"
+            return f"{self.origin} states pixels of {self.x_um:.6g} by {self.y_um:.6g} µm, which are not square"
         if not self.calibrated and self.x_um > COARSEST_TAG_UM:
             return (
-                f"{self.origin} says {25_400.0 / self.x_um:.4g} dpi, or {self.x_um:.4g} µm per pixel: the "
-                "size to print it at, which office programs write into every file, and not the object's"
+                f"{self.origin} states {25_400.0 / self.x_um:.4g} dpi, or {self.x_um:.4g} µm per pixel: this is the "
+                "size for printing, which office programs write into every file, not the scale of the object"
             )
         return ""
 
 
 def choose_scale(file: str, tags: Sequence[Tag], given: ScaleOptions) -> tuple[Scale, list[Caution]]:
-    """Scale of a picture, and warnings.
+    """Choose the scale of a picture; return it with warnings.
 
-    The user's number takes precedence, with a warning if a usable tag differs by more than `SAME`: a wrong tag must
-    not make a picture unusable, and an outline of known size reveals a wrong number.
+    The user's value takes precedence, with a warning if a usable tag differs by more than `SAME`: a wrong tag must not
+    make a picture unusable, and an outline of known size reveals a wrong value.
 
     Raises
     ------
@@ -246,7 +249,7 @@ def choose_scale(file: str, tags: Sequence[Tag], given: ScaleOptions) -> tuple[S
 def _contradictions(um_per_px: float, usable: Sequence[Tag]) -> list[Caution]:
     return [
         look_at(
-            f"--um-per-px {um_per_px:g} is taken although {tag.origin} says {tag.x_um:.6g} "
+            f"--um-per-px {um_per_px:g} is used although {tag.origin} states {tag.x_um:.6g} "
             f"({100.0 * (um_per_px / tag.x_um - 1.0):+.1f} %): one of them is wrong"
         )
         for tag in usable
@@ -255,12 +258,12 @@ def _contradictions(um_per_px: float, usable: Sequence[Tag]) -> list[Caution]:
 
 
 def _ambiguities(usable: Sequence[Tag]) -> list[Caution]:
-    """Warnings of the first tag, which is taken."""
+    """Return warnings about the first tag, which is used."""
     first = usable[0]
     warnings = [
         look_at(
-            f"{other.origin} says {other.x_um:.6g} µm per pixel and {first.origin} {first.x_um:.6g}: the latter is "
-            "taken"
+            f"{other.origin} states {other.x_um:.6g} µm per pixel and {first.origin} {first.x_um:.6g}: "
+            "the latter is used"
         )
         for other in usable[1:]
         if abs(other.x_um / first.x_um - 1.0) > SAME
@@ -269,13 +272,13 @@ def _ambiguities(usable: Sequence[Tag]) -> list[Caution]:
         warnings.append(
             look_at(
                 f"{first.x_um:.6g} µm per pixel is taken from {first.origin}, which any program may have written: "
-                "check it against a scale bar, or give --um-per-px"
+                "check it against a scale bar, or set --um-per-px"
             )
         )
     return warnings
 
 
 def in_um(size: float, unit: str) -> float | None:
-    """Size in µm; None if the unit is not one of length, as ``pixel``."""
+    """Return a size in µm, or None if the unit is not a unit of length, such as ``pixel``."""
     factor = UM.get(unit.strip()) or UM.get(unit.strip().casefold())
     return None if factor is None else size * factor

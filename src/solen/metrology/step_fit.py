@@ -2,9 +2,9 @@
 
     I(t) = level + slope t + Σ rise_k · ½ [1 + erf((t − at_k) / (√2 blur_k))]
 
-A straight edge blurred by a Gaussian of standard deviation ``blur`` is exactly this. Each row of the data is a line of
-its own; all rows are fitted together by Levenberg and Marquardt's method (see D. W. Marquardt, J. Soc. Indust. Appl.
-Math. 11, 431, 1963), each with its own damping.
+This is the exact profile of a straight edge blurred by a Gaussian of standard deviation ``blur``. Each row of the data
+is a separate line; all rows are fitted together by the Levenberg-Marquardt method (see D. W. Marquardt, J. Soc. Indust.
+Appl. Math. 11, 431, 1963), each with its own damping.
 """
 
 from dataclasses import dataclass
@@ -16,17 +16,18 @@ from solen.arrays import BoolArray, FloatArray
 
 ROUNDS = 40
 SETTLED_PX = 1e-4
-"""A fit whose edges move by less is done."""
+"""Displacement of the edges below which a fit has converged."""
 LEAST_BLUR_PX, MOST_BLUR_PX = 0.35, 50.0
-"""A pixel integrates over its width, 0.29 px as a standard deviation, and reading between pixels blurs a little more:
-no picture of an edge is sharper, and below this the place of an edge between two values would be undetermined."""
+"""A pixel integrates over its width, 0.29 px as a standard deviation, and interpolation between pixels blurs a little
+more: no picture of an edge is sharper, and below this limit the position of an edge between two values is undetermined.
+"""
 NARROWER = 0.3
-"""Limits of the logarithm of the blur's change in one round."""
+"""Largest change of the logarithm of the blur in one iteration."""
 
 
 @dataclass(frozen=True, eq=False)
 class Usual:
-    """Priors of lines of one edge, as normal distributions.
+    """Priors for the lines across one edge, as normal distributions.
 
     Attributes
     ----------
@@ -35,7 +36,7 @@ class Usual:
     slope_per_px, u_slope_per_px
         Slope of the background, and its standard deviation.
     noise
-        Standard deviation of a grey value, by which these are weighed against the values.
+        Standard deviation of a grey value, which sets the weight of the priors relative to the values.
     """
 
     log_blur: FloatArray
@@ -45,7 +46,7 @@ class Usual:
     noise: float
 
     def of(self, parameters: int) -> tuple[FloatArray, FloatArray]:
-        """Expected parameters (P,) and weights (P,) in units of the grey values."""
+        """Return the expected parameters (P,) and weights (P,) in units of the grey values."""
         expected, weight = np.zeros(parameters), np.zeros(parameters)
         expected[1], weight[1] = self.slope_per_px, self.noise / max(self.u_slope_per_px, 1e-12)
         expected[4::3], weight[4::3] = self.log_blur, self.noise / self.u_log_blur
@@ -61,7 +62,7 @@ class Steps:
     at_px, u_at_px
         Shape (N, K): positions of the edges on their line, and their standard uncertainties from the residuals.
     rise
-        Shape (N, K): rise of the grey value there, along the line.
+        Shape (N, K): rise of the grey value at the edge, along the line.
     blur_px
         Shape (N, K): standard deviation of the blur.
     slope_per_px
@@ -94,17 +95,17 @@ def fit_steps(
     Parameters
     ----------
     t_px
-        Shape (M,), places along the lines.
+        Shape (M,), positions along the lines.
     values
-        Shape (N, M), grey values there.
+        Shape (N, M), grey values at these positions.
     at_px
         Shape (N, K), first guesses of the edges.
     blur_px
-        First guess of the blur, of all edges or of each (K,).
+        First guess of the blur, for all edges or for each (K,).
     use
         Shape (N, M): which values are fitted; at least 2 + 3 K + 1 of each line.
     usual
-        Priors of blurs and slope; without them each line stands alone.
+        Priors of blurs and slope; without them each line is fitted independently.
     """
     weight = use.astype(np.float64)
     values = np.where(use, values, 0.0)
@@ -133,7 +134,7 @@ def fit_steps(
 
 
 def _start(t: FloatArray, values: FloatArray, at: FloatArray, blur: FloatArray, weight: FloatArray) -> FloatArray:
-    """First parameters: levels and rises by linear least squares at the guessed places and blur."""
+    """Return initial parameters: levels and rises by linear least squares at the guessed positions and blur."""
     count, edges = at.shape
     shape = 0.5 * (1.0 + erf((t[None, None, :] - at[:, :, None]) / (np.sqrt(2.0) * blur[:, None])))
     columns = np.concatenate([np.ones((count, 1, len(t))), shape], axis=1) * weight[:, None, :]
@@ -148,7 +149,7 @@ def _start(t: FloatArray, values: FloatArray, at: FloatArray, blur: FloatArray, 
 def _model(
     t: FloatArray, values: FloatArray, parameters: FloatArray, weight: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Weighted residuals (N, M), and derivatives (N, M, P) of the model by level, slope, and rise, place, log blur."""
+    """Return the weighted residuals (N, M), and derivatives (N, M, P) by level, slope, and rise, position, log blur."""
     rise, at, blur = parameters[:, 2::3], parameters[:, 3::3], np.exp(parameters[:, 4::3])
     u = (t[None, None, :] - at[:, :, None]) / blur[:, :, None]
     shape = 0.5 * (1.0 + erf(u / np.sqrt(2.0)))
@@ -163,7 +164,7 @@ def _model(
 
 
 def _normal(jacobian: FloatArray, damping: FloatArray, stiff: FloatArray) -> FloatArray:
-    """Normal matrices (N, P, P) with what is known before, their diagonals raised by a fraction."""
+    """Return the normal matrices (N, P, P) with the priors, their diagonals increased by a fraction."""
     normal = np.matmul(np.swapaxes(jacobian, 1, 2), jacobian) + np.diag(stiff**2)
     diagonal = np.einsum("nii->ni", normal)
     floor = 1e-12 * (1.0 + diagonal.max(axis=1, keepdims=True))
@@ -179,7 +180,7 @@ def _step(
     expected: FloatArray,
     stiff: FloatArray,
 ) -> FloatArray:
-    """Steps (N, P); a blur at its limit that would go beyond stays there, or what depends on it would never settle."""
+    """Return steps (N, P); a blur at its limit stays there, because parameters that depend on it would not converge."""
     gradient = np.einsum("nmi,nm->ni", jacobian, residual) + stiff**2 * (expected - parameters)
     held = np.zeros(gradient.shape, dtype=bool)
     blur, way = parameters[:, 4::3], gradient[:, 4::3]
@@ -189,7 +190,7 @@ def _step(
 
 
 def _limited(parameters: FloatArray, step: FloatArray, t: FloatArray) -> FloatArray:
-    """Parameters after a step that leaves every edge on its line and changes a blur by no more than a third."""
+    """Return the parameters after a step that keeps edges on their line and limits the change of a blur."""
     trial = parameters + step
     trial[:, 3::3] = np.clip(trial[:, 3::3], t[0], t[-1])
     narrow = np.clip(step[:, 4::3], -NARROWER, NARROWER)

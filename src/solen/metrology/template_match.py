@@ -1,12 +1,12 @@
-"""Template matching: the approximate pose of a lens in a picture, in any lighting.
+"""Template matching: the approximate pose of a lens in a picture, for any illumination.
 
-The idea: whether a lens is bright on dark, dark on bright, or transparent with dark rims, along its outline the grey
-value changes across the outline. The picture is reduced, its gradients are divided by their own strength (so that one
-bright reflection counts no more than a faint edge), and for each of many rotations the squared cosine between gradient
-and normal is summed over the design's outline for all positions at once, by Fourier transforms. The highest sum is the
-lens. A cropped lens has a lower one, and dust does not make the shape of a lens.
+Whether a lens is bright on dark, dark on bright, or transparent with dark rims, the grey value changes across its
+outline. The picture is reduced, and its gradients are divided by their own magnitude so that one bright reflection
+counts no more than a faint edge. For each of many rotations, the squared cosine between gradient and normal is summed
+over the design's outline for all positions at once, by Fourier transforms. The highest sum is the lens. A cropped lens
+has a lower sum, and dust does not have the shape of a lens.
 
-The interface: `match_template` gives each `Match`, a pose and its score, best first.
+The interface: `match_template` returns a list of `Match`, each a pose and its score, best first.
 """
 
 import math
@@ -25,15 +25,15 @@ from solen.metrology.pose import Pose
 ACROSS_PX = 70
 """Reduced pixels across the lens."""
 MOST_PX = 512
-"""Reduced pixels along the longer side of the picture, at most."""
+"""Largest number of reduced pixels along the longer side of the picture."""
 STEP_DEG = 5.0
 FINE_DEG = (-2.0, -1.0, 0.0, 1.0, 2.0)
 SMOOTH_PX = 1.2
 WALL_WEIGHT = 0.5
-"""Weight of the walls beside the front, which a print may lack."""
+"""Weight of the walls behind the front, which a print may lack."""
 PEAKS = 3
 REACH_PX = 4
-"""Reduced pixels about a place within which its peak is looked for."""
+"""Distance in reduced pixels about a position within which its peak is searched."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Match:
 
 
 def match_template(grey: FloatArray, um_per_px: float, nominal: NominalFront, *, mirrored: bool = False) -> list[Match]:
-    """Poses at which a picture is most like a lens, best first; those after the first lie elsewhere.
+    """Return the poses at which a picture is most like a lens, best first; the others are at different positions.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def match_template(grey: FloatArray, um_per_px: float, nominal: NominalFront, *,
     nominal
         The lens to find; a print of it may differ by about a fiftieth of its width.
     mirrored
-        Whether the picture shows it from its other side.
+        Whether the picture shows the part from its other side.
     """
     across = nominal.width_mm * 1e3 / um_per_px
     factor = max(1, math.floor(across / ACROSS_PX), math.ceil(max(grey.shape) / MOST_PX))
@@ -75,20 +75,20 @@ def match_template(grey: FloatArray, um_per_px: float, nominal: NominalFront, *,
 
 
 def _full_px(place: tuple[float, float], factor: int) -> tuple[float, float]:
-    """Place in the picture of a place among its blocks."""
+    """Return the position in the picture of a position in the reduced picture."""
     middle = 0.5 * (factor - 1)
     return (place[0] * factor + middle, place[1] * factor + middle)
 
 
 def _refined(gradients: "_Gradients", match: Match, template: "_Template") -> Match:
-    """The best pose at rotations between those of the coarse search."""
+    """Return the best pose at rotations between those of the coarse search."""
     poses = [replace(match.pose, rotation_deg=match.pose.rotation_deg + by) for by in FINE_DEG]
     tried = [one for pose in poses for one in gradients.matches(template, pose, near=match.pose.origin_px)]
     return max(tried, key=lambda one: one.score, default=match)
 
 
 def _apart(matches: list[Match], least_px: float) -> list[Match]:
-    """The first matches whose origins or rotations are apart."""
+    """Return the first matches that differ in origin or rotation."""
     kept: list[Match] = []
     for match in matches:
         if all(_differ(match.pose, other.pose, least_px) for other in kept):
@@ -129,7 +129,7 @@ class _Template:
 
 @dataclass(frozen=True, eq=False)
 class _Gradients:
-    """Products of the components of a picture's gradients, divided by their strength, as Fourier transforms."""
+    """Products of the components of a picture's gradients, divided by their magnitude, as Fourier transforms."""
 
     spectra: tuple[NDArray[np.complex128], ...]
     shape: tuple[int, int]
@@ -148,7 +148,7 @@ class _Gradients:
         return cls(spectra, (rows, columns), padded)
 
     def matches(self, template: _Template, pose: Pose, near: tuple[float, float] | None = None) -> Iterator[Match]:
-        """The best origins at a pose's rotation; near a place only the best one."""
+        """Return the best origins at a pose's rotation; near a given position only the best one."""
         scores = self._scores(replace(pose, origin_px=(0.0, 0.0)), template)
         rows, columns = self.padded
         reach = np.arange(-template.apart_px, template.apart_px + 1)
@@ -160,7 +160,7 @@ class _Gradients:
             yield Match(replace(pose, origin_px=(float(x), float(y))), score)
 
     def _scores(self, pose: Pose, template: _Template) -> FloatArray:
-        """Sum of squared cosines for every position of the origin, over the sum of weights."""
+        """Return the sum of squared cosines for every position of the origin, divided by the sum of weights."""
         at = np.rint(pose.to_px(template.points_mm)).astype(int)
         normals = pose.direction_px(template.normals)
         total = np.zeros(self.spectra[0].shape, dtype=np.complex128)
@@ -173,12 +173,12 @@ class _Gradients:
 
 
 def _unwrapped(at: int, padded: int, own: int) -> int:
-    """Place along an axis: one before the picture's first pixel stands at the far end of the padding."""
+    """Return a position along an axis; positions before the picture's first pixel are at the far end of the padding."""
     return at - padded if at >= 1.5 * own else at
 
 
 def _highest_near(scores: FloatArray, near: tuple[float, float]) -> tuple[int, int]:
-    """Row and column of the highest score within `REACH_PX` of a place."""
+    """Return row and column of the highest score within `REACH_PX` of a position."""
     around = np.arange(-REACH_PX, REACH_PX + 1)
     rows = (round(near[1]) + around) % scores.shape[0]
     columns = (round(near[0]) + around) % scores.shape[1]

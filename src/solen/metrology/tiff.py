@@ -1,4 +1,4 @@
-"""TIFF as microscopes write it: OME-TIFF, ImageJ, and plain TIFF with a resolution, by tifffile."""
+"""TIFF as written by microscopes: OME-TIFF, ImageJ, and plain TIFF with a resolution, read by tifffile."""
 
 import io
 import logging
@@ -30,11 +30,11 @@ if TYPE_CHECKING:
 
 MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 UNIT_UM = {2: 25_400.0, 3: 10_000.0, 4: 1_000.0, 5: 1.0}
-"""ResolutionUnit: inch and centimetre of TIFF 6.0, millimetre and micrometre of later writers."""
+"""ResolutionUnit in µm: inch and centimetre of TIFF 6.0, millimetre and micrometre of later writers."""
 AXES = {"Z": "a z-stack of {} planes", "T": "{} times", "C": "{} channels", "Q": "{} pages", "I": "{} pages"}
 WHITE_IS_ZERO, PALETTE = 0, 3
 MOST_SAMPLES = 4
-"""Red, green, blue and one more."""
+"""Largest number of samples per pixel: red, green, blue and one more."""
 
 
 @contextmanager
@@ -54,15 +54,13 @@ def opened_tiff(file: str, data: bytes) -> "Iterator[tifffile.TiffFile]":
 
 
 def read_tiff(file: str, data: bytes) -> Plane:
-    """Plane of a TIFF; `DataError` if it is damaged or holds several; `OutputError` without the extra ``vision``."""
+    """Read a plane of a TIFF; `DataError` if it is damaged or has several planes; `OutputError` without ``vision``."""
     with opened_tiff(file, data) as opened:
         if not opened.series:
             raise DataError(file, limit="holds no picture", remedy="export it again")
         page: Any = opened.pages.first
         if page.samplesperpixel > MOST_SAMPLES:
-            raise DataError(
-                file, limit=f"holds {page.samplesperpixel} values for each pixel", remedy="export one plane"
-            )
+            raise DataError(file, limit=f"has {page.samplesperpixel} values per pixel", remedy="export one plane")
         _check_planes(file, opened, opened.series[0])
         grey, bits, warned = _grey(file, page, _decoded(file, data, page))
         tags, instrument, date = stated(opened)
@@ -81,25 +79,25 @@ def read_tiff(file: str, data: bytes) -> Plane:
 
 
 def stated(opened: "tifffile.TiffFile") -> tuple[tuple[Tag, ...], str, str]:
-    """Pixel sizes stated in a TIFF, and the instrument and date of its OME-XML, empty if missing."""
+    """Return the pixel sizes stated in a TIFF, and the instrument and date of its OME-XML, empty if missing."""
     tags, instrument, date = _ome(opened.ome_metadata or "") if opened.is_ome else ((), "", "")
     return (*tags, *_imagej(opened), *_resolution(opened)), instrument, date
 
 
 def _check_planes(file: str, opened: "tifffile.TiffFile", series: Any) -> None:
-    """`DataError` for more than one plane, named by their axis; resolution levels of one picture count once."""
+    """Raise `DataError` for more than one plane, with the name of their axis; resolution levels count once."""
     for axis, size in zip(series.axes, series.shape, strict=True):
         if axis not in "YXS" and size > 1:
             what = AXES.get(axis, "{} planes along " + axis).format(size)
             raise DataError(file, limit=f"holds {what}", remedy="export the one plane to measure")
     if len(opened.series) > 1:
         shapes = {one.shape for one in opened.series}
-        limit = f"holds {len(opened.series)} pictures of {len(shapes)} size{'s' * (len(shapes) > 1)}"
+        limit = f"contains {len(opened.series)} pictures of {len(shapes)} size{'s' * (len(shapes) > 1)}"
         raise DataError(file, limit=limit, remedy="export the one to measure")
 
 
 def _decoded(file: str, data: bytes, page: Any) -> NDArray[Any]:
-    """Pixels of the page; by Pillow if tifffile needs another package for the compression."""
+    """Return the pixels of the page; Pillow decodes them if tifffile needs another package for the compression."""
     parts, needed = sum(count > 0 for count in page.databytecounts), math.prod(page.chunked)
     if not page.is_contiguous and parts < needed:  # tifffile reads those that are missing as black
         raise DataError(file, value=f"{parts} of {needed} parts", limit="is not whole", remedy="export it again")
@@ -115,7 +113,7 @@ def _decoded(file: str, data: bytes, page: Any) -> NDArray[Any]:
     if values.dtype == bool:
         values = values.astype(np.uint8) * 255
     if values.shape[:2] != (page.imagelength, page.imagewidth):
-        raise DataError(file, limit="is compressed in an unsupported way", remedy="save it without compression")
+        raise DataError(file, limit="has an unsupported compression", remedy="save it without compression")
     return values
 
 
@@ -135,13 +133,13 @@ def _grey(file: str, page: Any, values: NDArray[Any]) -> tuple[FloatArray, int |
         bits = 1 if values.dtype.kind == "b" else int(values.dtype.itemsize * 8)
         levels = values.astype(np.float64) / (2.0**bits - 1.0)
     else:
-        raise DataError(file, value=str(values.dtype), limit="is an unsupported kind of pixel")
+        raise DataError(file, value=str(values.dtype), limit="has an unsupported pixel format")
     grey, warned = brightness(levels) if levels.ndim == 3 else (levels, ())
     return (1.0 - grey if page.photometric == WHITE_IS_ZERO else grey), bits, warned
 
 
 def _value(page: Any, name: str, otherwise: Any) -> Any:
-    """Value of a tag of the page; ``otherwise`` where it has none."""
+    """Return the value of a tag of the page, or ``otherwise`` if the page lacks the tag."""
     tag = page.tags.get(name)
     return otherwise if tag is None else tag.value
 
@@ -166,7 +164,7 @@ def _ome(xml: str) -> tuple[tuple[Tag, ...], str, str]:
 
 
 def _per_unit(page: Any) -> tuple[float, float] | None:
-    """Pixels per unit along a row and a column, from the resolution tags."""
+    """Return the pixels per unit along a row and a column, from the resolution tags."""
     per_unit = []
     for name in ("XResolution", "YResolution"):
         value = _value(page, name, None)
@@ -177,7 +175,7 @@ def _per_unit(page: Any) -> tuple[float, float] | None:
 
 
 def _imagej(opened: "tifffile.TiffFile") -> tuple[Tag, ...]:
-    """Unit stated by ImageJ, which applies to the resolution tags."""
+    """Return the unit stated by ImageJ, which applies to the resolution tags."""
     about, per_unit = opened.imagej_metadata, _per_unit(opened.pages.first)
     if not opened.is_imagej or not about or per_unit is None:
         return ()
@@ -188,7 +186,7 @@ def _imagej(opened: "tifffile.TiffFile") -> tuple[Tag, ...]:
 
 
 def _resolution(opened: "tifffile.TiffFile") -> tuple[Tag, ...]:
-    """Resolution tags with a unit of their own."""
+    """Return the resolution tags that have a unit of their own."""
     page = opened.pages.first
     per_unit, unit_um = _per_unit(page), UNIT_UM.get(int(_value(page, "ResolutionUnit", 2)))
     if per_unit is None or unit_um is None or opened.is_imagej:

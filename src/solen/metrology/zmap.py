@@ -1,10 +1,10 @@
-"""A z map: heights on a grid of pixels, from a TIFF of a profiler or a depth-from-focus microscope, or a table of text.
+"""A z map: heights on a grid of pixels, from a TIFF of a profiler or a depth-from-focus microscope, or a text table.
 
-The height of one level is not stated in such a file in any common way, so it is asked for (`z_um`, µm for one level or
-unit) and never guessed; the size of a pixel comes from the file's own tags or from the user, as with a picture. Pixels
-without a height (NaN, an empty cell) stay without one.
+There is no common tag for the height of one level, so the user must state it (`z_um`, µm for one level or unit); it is
+never guessed. The size of a pixel comes from the file's own tags or from the user, as with a picture. Pixels without a
+height (NaN, an empty cell) are not filled in.
 
-The interface: `read_z_map` gives a `ZMap`.
+The interface: `read_z_map` returns a `ZMap`.
 """
 
 import hashlib
@@ -34,34 +34,34 @@ from solen.spec.strict import Finite
 TEXT = (".csv", ".txt", ".tsv", ".asc", ".xyz")
 EMPTY = {"", "nan", "-", "--", "---", "***", "bad", "n/a", "null"}
 HEAD = 4000
-"""Bytes in which a table of text may say of itself that it is simulated."""
+"""Number of bytes at the start of a text table that are searched for a note that it is simulated."""
 LEAST_VALID = 0.2
-"""Share of the pixels that must hold a height."""
+"""Fraction of the pixels that must have a height."""
 
 
 class ZMapOptions(ScaleOptions):
     """The scales of a z map."""
 
     z_um: Annotated[Finite, Field(gt=0, le=1e4)] | None = None
-    """Height of one level or unit of a z map, µm; without it the file is a picture."""
+    """Height of one level or unit of a z map, µm; without it the file is read as a picture."""
     u_z_um: Annotated[Finite, Field(ge=0, le=1e4)] | None = None
-    """Standard uncertainty of that, µm."""
+    """Standard uncertainty of that height, µm."""
 
 
 @dataclass(frozen=True, eq=False)
 class ZMap:
-    """Heights.
+    """A map of heights.
 
     Attributes
     ----------
     z_mm
-        Shape (rows, columns), mm; NaN where there is none.
+        Shape (rows, columns), mm; NaN for pixels without a height.
     scale
         Size of a pixel.
     provenance
         The file.
     warnings
-        Warnings about it.
+        Warnings about the map.
     z_um, u_z_um
         Height of a level or unit of the file, µm, and its standard uncertainty; None if not stated.
     """
@@ -75,12 +75,12 @@ class ZMap:
 
     @property
     def u_z_relative(self) -> float:
-        """Relative standard uncertainty of heights by their scale; 0 where none is stated."""
+        """Relative standard uncertainty of heights due to their scale; 0 if none is stated."""
         return (self.u_z_um or 0.0) / self.z_um
 
     @cached_property
     def filled_mm(self) -> FloatArray:
-        """Heights (rows, columns), gaps filled with the nearest one."""
+        """Heights (rows, columns), gaps filled with the nearest height."""
         holes = ~np.isfinite(self.z_mm)
         if not holes.any():
             return self.z_mm
@@ -89,13 +89,13 @@ class ZMap:
 
     @cached_property
     def grey(self) -> FloatArray:
-        """Heights (rows, columns) from 0 to 1 as a picture, gaps filled with the nearest height."""
+        """Heights (rows, columns) scaled to 0 to 1 as a picture, gaps filled with the nearest height."""
         low, high = np.percentile(self.filled_mm, [0.1, 99.9])
         return np.asarray((self.filled_mm - low) / max(float(high - low), 1e-12))
 
 
 def is_text(path: Path) -> bool:
-    """Whether a file is a table of text by its name."""
+    """Return whether the name of a file is that of a text table."""
     return path.suffix.casefold() in TEXT
 
 
@@ -106,7 +106,7 @@ def read_z_map(
     u_um_per_px: float | None = None,
     u_z_um: float | None = None,
 ) -> ZMap:
-    """Heights of a file: a TIFF of whole numbers or numbers with a point, or a table of text.
+    """Read the heights from a file: a TIFF of integers or floating-point numbers, or a text table.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ def read_z_map(
     z_um
         Height of one level or unit of the file, µm.
     um_per_px, u_um_per_px
-        Size of a pixel and its standard uncertainty; they take precedence over what the file states.
+        Size of a pixel and its standard uncertainty; they take precedence over the values in the file.
     u_z_um
         Standard uncertainty of the height.
 
@@ -136,16 +136,18 @@ def read_z_map(
         levels, tags, kind = _of_text(file, data), (), "z-map-text"
         simulated = is_simulated(*(line for line in data[:HEAD].decode("utf-8", "replace").splitlines() if "#" in line))
     else:
-        raise DataError(file, limit="is not a z map: a TIFF or a table of numbers", remedy="export the heights")
+        raise DataError(
+            file, limit="is not a z map, which is a TIFF or a table of numbers", remedy="export the heights"
+        )
     valid = np.isfinite(levels)
     if valid.mean() < LEAST_VALID:
-        limit = f"holds heights in only {100 * valid.mean():.0f} % of its pixels"
+        limit = f"has heights in only {100 * valid.mean():.0f} % of its pixels"
         raise DataError(file, limit=limit, remedy="measure it again with more light, or crop it to the coupon")
     if float(np.nanmax(levels)) == float(np.nanmin(levels)):
-        raise DataError(file, limit="holds one height everywhere", remedy="export the heights, not a mask")
+        raise DataError(file, limit="has the same height everywhere", remedy="export the heights, not a mask")
     scale, warnings = choose_scale(file, tags, given)
     if not valid.all():
-        warnings.append(look_at(f"{100.0 * (1.0 - valid.mean()):.2g} % of the z map holds no height"))
+        warnings.append(look_at(f"{100.0 * (1.0 - valid.mean()):.2g} % of the pixels of the z map have no height"))
     size = {"rows": str(levels.shape[0]), "columns": str(levels.shape[1]), "z_um_per_level": f"{z_um:g}"}
     sha256 = hashlib.sha256(data).hexdigest()
     source = Provenance(file=path.name, sha256=sha256, format=kind, metadata=size, simulated=simulated)
@@ -153,18 +155,20 @@ def read_z_map(
 
 
 def read_image_or_z_map(path: Path, options: ZMapOptions) -> Image | ZMap:
-    """Z map of a file where the height of one level is given, else its picture; `SpecError` for a table without it."""
+    """Read a z map if the height of one level is given, else a picture; `SpecError` for a text table without it."""
     if options.z_um is not None:
         return read_z_map(path, options.z_um, options.um_per_px, options.u_um_per_px, options.u_z_um)
     if options.u_z_um is not None:
         raise SpecError("--u-z-um", value=options.u_z_um, limit="has no effect without --z-um", remedy="give both")
     if is_text(path):
-        raise SpecError("--z-um", limit="is missing: a table of numbers is a z map", remedy="give µm for one unit")
+        raise SpecError(
+            "--z-um", limit="is missing: a table of numbers is a z map", remedy="state the height of one unit in µm"
+        )
     return read_image(path, options=options)
 
 
 def _of_tiff(file: str, data: bytes) -> tuple[FloatArray, tuple[Tag, ...], str, bool]:
-    """Levels of the file, its stated pixel sizes, its format, and whether it is marked as simulated."""
+    """Return the levels of the file, its stated pixel sizes, its format, and whether it is marked as simulated."""
     with opened_tiff(file, data) as opened:
         page: Any = opened.pages.first
         if len(opened.pages) > 1:
@@ -177,19 +181,19 @@ def _of_tiff(file: str, data: bytes) -> tuple[FloatArray, tuple[Tag, ...], str, 
 
 def _levels(file: str, values: NDArray[Any]) -> FloatArray:
     if values.ndim != 2:
-        raise DataError(file, value=values.shape, limit="is not a grid of heights: one number for each pixel is needed")
+        raise DataError(file, value=values.shape, limit="is not a grid of heights: one number per pixel is needed")
     if values.dtype.kind not in "uif":
-        raise DataError(file, value=str(values.dtype), limit="is an unsupported kind of pixel")
+        raise DataError(file, value=str(values.dtype), limit="has an unsupported pixel format")
     if values.dtype.itemsize == 1:
         limit = "has 8 bits, at most 256 heights: it is a picture of a z map"
-        raise DataError(file, limit=limit, remedy="export the heights with 16 bits or as numbers with a point")
+        raise DataError(file, limit=limit, remedy="export the heights with 16 bits or as floating-point numbers")
     levels = values.astype(np.float64)
     levels[~np.isfinite(levels)] = np.nan
     return levels
 
 
 def _of_text(file: str, data: bytes) -> FloatArray:
-    """Numbers of a table without a header, one row of pixels to a line; lines that begin with # are left out."""
+    """Return the numbers of a table without a header, one row of pixels per line; lines starting with # are skipped."""
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as bad:
@@ -202,18 +206,18 @@ def _of_text(file: str, data: bytes) -> FloatArray:
     check_size(file, len(rows[0]), len(rows))
     for number, row in enumerate(rows, 1):
         if len(row) != len(rows[0]):
-            limit = f"row {number} holds {len(row)} numbers, the first {len(rows[0])}"
+            limit = f"row {number} contains {len(row)} numbers, the first row {len(rows[0])}"
             raise DataError(file, limit=limit, remedy="export one line for each row of pixels")
     try:
         return np.array([[_height(cell) for cell in row] for row in rows])
     except ValueError as bad:
         raise DataError(
-            file, limit=f"{bad}, which is not a height", remedy="remove headers, or begin them with #"
+            file, limit=f"{bad}, which is not a height", remedy="remove headers, or start them with #"
         ) from None
 
 
 def _splitter(line: str) -> Callable[[str], list[str]]:
-    """Separator of a line: semicolons or tabs, with commas as decimal marks; commas; or blanks."""
+    """Return the separator of a line: semicolons or tabs, with commas as decimal marks; commas; or blanks."""
     for sign in ";\t":
         if sign in line:
             return lambda row: row.replace(",", ".").strip("\r\n").split(sign)

@@ -1,8 +1,8 @@
-"""Round blobs of a picture: candidates for a coupon's features.
+"""Round blobs in a picture: candidates for a coupon's features.
 
-What is smaller than a window and brighter (or darker) than what surrounds it is left by a top hat, whatever the light
-does over the picture. What is left is cut at several levels; of the connected pieces those as compact as a disc or a
-square are kept. A pillar that shows as a bright ring counts with its inside.
+A top-hat filter keeps what is smaller than a window and brighter (or darker) than its surroundings, however uneven the
+illumination is. The result is thresholded at several levels, and connected pieces that are as compact as a disc or a
+square are kept. A pillar that appears as a bright ring is counted with its interior.
 """
 
 import math
@@ -15,29 +15,31 @@ from solen.arrays import BoolArray, FloatArray
 from solen.metrology.image import binned
 
 LEVELS = (0.5, 0.35, 0.7, 0.25)
-"""Cuts, as shares of the height of the highest blobs."""
+"""Thresholds, as fractions of the height of the highest blobs."""
 HIGHEST = 99.5
-"""Percentile that is taken for that height."""
+"""Percentile that defines that height."""
 NOISE = 5.0
-"""Blobs are higher than so many standard deviations of the noise."""
+"""Least height of a blob, in standard deviations of the noise."""
 MOST_PIXELS = 600_000
 FEWEST_PX = 12
-"""Area in pixels below which a blob has no shape."""
+"""Area in pixels below which the shape of a blob cannot be assessed."""
 LONGEST, COMPACT = 1.3, (0.8, 1.15)
-"""Ratio of axes; area over that of the ellipse with the same second moments: 1 for a disc, 0.955 for a square."""
+"""Largest ratio of axes, and limits of the area relative to the ellipse with the same second moments: 1 for a disc,
+0.955 for a square.
+"""
 MOST = 150
 
 
 @dataclass(frozen=True, eq=False)
 class Blobs:
-    """Blobs: middles (N, 2) as (column, row), and diameters (N,) of discs of the same area, both in px."""
+    """Blobs: centres (N, 2) as (column, row), and diameters (N,) of discs of the same area, both in px."""
 
     places_px: FloatArray
     diameter_px: FloatArray
 
 
 def blobs(grey: FloatArray, window_px: float, *, bright: bool, most_rise: float = math.inf) -> Blobs:
-    """Blobs smaller than a window that are brighter, or darker, than their surroundings; the largest `MOST` of them.
+    """Return the largest `MOST` blobs that fit in a window and are brighter, or darker, than their surroundings.
 
     Rises above ``most_rise`` are clipped to it, so that blobs of different heights are segmented equally.
     """
@@ -58,13 +60,13 @@ def blobs(grey: FloatArray, window_px: float, *, bright: bool, most_rise: float 
 
 
 def _noise(grey: FloatArray) -> float:
-    """Noise of a picture, by the median of its second differences."""
+    """Return the noise of a picture, estimated from the median of its second differences."""
     second = grey[:, 2:] - 2.0 * grey[:, 1:-1] + grey[:, :-2]
     return float(np.median(np.abs(second)) / (0.6745 * np.sqrt(6.0)))
 
 
 def _pieces(mask: BoolArray) -> list[tuple[float, float, float]]:
-    """Compact pieces of a mask as (column, row, diameter)."""
+    """Return the compact pieces of a mask as (column, row, diameter)."""
     labels, _ = ndimage.label(mask)
     areas = np.bincount(labels.ravel())
     pieces = []

@@ -1,17 +1,17 @@
 """The diameter of a disc in a picture, to a small fraction of a pixel, with its uncertainty.
 
-The disc's edge is a circle blurred by a Gaussian of standard deviation s. At the distance d from its centre a disc of
-radius r then covers the share
+The disc's edge is a circle blurred by a Gaussian of standard deviation s. At the distance d from its centre, the
+blurred disc of radius r has the height
 
     P(d) = probability that |X| < r, X normal about d with variance s² in both directions
          = the non-central chi-square distribution with two degrees of freedom at (r/s)², non-centrality (d/s)²,
 
 which for r >> s is a blurred straight edge, shifted by s²/2r because the edge is convex. Levels, a gradient of the
-light, the centre, r and s are fitted to the pixels around the edge. So small discs are not underestimated, as they
-are when tracing the half level.
+illumination, the centre, r and s are fitted to the pixels around the edge. Small discs are therefore not
+underestimated, as they are when the half level is traced.
 
-The uncertainty does not rest on pixel noise alone: twenty-four sectors of the edge each give their distance
-from the circle, and their scatter, which includes roughness and form, gives the uncertainty.
+The uncertainty does not rest on pixel noise alone: each of twenty-four sectors of the edge gives its distance from the
+circle, and the scatter of these distances, which includes roughness and form, gives the uncertainty.
 """
 
 import math
@@ -26,21 +26,23 @@ from solen.metrology.coupons.least_squares import Fit, least_squares
 
 SECTORS = 24
 MOST_FITTED = 3000
-"""Pixels that the fit takes at most; sectors take all."""
+"""Largest number of pixels used in the fit; the sectors use all pixels."""
 SMALL = 12.0
-"""Radius over blur from which on the edge is that of a straight one, shifted."""
+"""Radius over blur above which the edge is treated as a straight one with a shift."""
 TABLE = np.linspace(-6.5, 6.5, 261)
-"""Distances from the edge, in blurs, between which a small disc's share is interpolated: within 1e-4."""
+"""Distances from the edge, in blurs, at which the height of a small disc is tabulated; interpolation is within 1e-4."""
 BLURS = 5.0
 """Half the width of the fitted ring, in blurs."""
 FLOOR_PX = 0.05
-"""Half width of the uniform error of a radius from any picture's edge; its standard uncertainty is this over √3."""
+"""Half width of the uniform error of a radius from the edge in any picture; its standard uncertainty is this over
+√3.
+"""
 PRESENT = 0.4
-"""Share of the rise that a sector must have to hold an edge."""
+"""Least fraction of the disc's rise that a sector must have for its edge to count as present."""
 LEAST_BLUR_PX, MOST_BLUR_PX = 0.3, 30.0
 FEWEST_PIXELS = 24
 NUDGE = 0.03
-"""Step of the derivatives, px."""
+"""Step of the numerical derivatives, px."""
 LEAST_RADIUS_PX = 1.2
 
 
@@ -51,17 +53,17 @@ class Disc:
     Attributes
     ----------
     x_px, y_px
-        Its middle.
+        Coordinates of its centre.
     diameter_px, u_diameter_px
-        Mean over its edge, and standard uncertainty.
+        Mean diameter over its edge, and its standard uncertainty.
     blur_px
         Standard deviation of the blur.
     rise
-        By how much the disc is brighter than its surroundings.
+        Difference in brightness between the disc and its surroundings.
     snr
         Rise over its standard uncertainty.
     coverage
-        Share of the edge, as far as it was looked at, that is there.
+        Fraction of the inspected edge that is present.
     roundness_px
         Standard deviation of the sectors' radii.
     """
@@ -79,7 +81,7 @@ class Disc:
 
 @dataclass(frozen=True, eq=False)
 class _Pixels:
-    """Pixels around a place: offsets (N,) from it, distances, angles and grey values."""
+    """Pixels around a point: their offsets (N,) from it, distances, angles and grey values."""
 
     x: FloatArray
     y: FloatArray
@@ -90,12 +92,12 @@ class _Pixels:
 
 
 def share(distance_px: FloatArray, radius_px: float, blur_px: float) -> FloatArray:
-    """Blurred disc of height 1 at distances from its middle."""
+    """Return a blurred disc of height 1 at distances from its centre."""
     return _share(distance_px, radius_px, blur_px)[0]
 
 
 def _share(distance: FloatArray, radius: float, blur: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Blurred disc (N,), and its derivatives by distance, radius and the logarithm of the blur."""
+    """Return a blurred disc (N,) and its derivatives with respect to distance, radius and the logarithm of the blur."""
     if radius > SMALL * blur:
         u, bend = (radius - distance) / blur, 0.5 * blur / radius
         bell = np.exp(-0.5 * (u - bend) ** 2) / math.sqrt(math.tau)
@@ -126,33 +128,33 @@ def fit_disc(
     half_blocked_rad: float = math.radians(65.0),
     ceiling: float = math.inf,
 ) -> Disc | None:
-    """Disc near a place.
+    """Fit a disc near a given position.
 
     Parameters
     ----------
     grey
         Shape (rows, columns).
     place_px
-        First guess of its middle, (column, row), within about a third of its radius.
+        First guess of its centre, (column, row), within about a third of its radius.
     radius_px
         Nominal radius.
     reach_px
-        How far beyond the nominal edge nothing else lies.
+        Distance beyond the nominal edge that is free of other features.
     bright
-        Whether it is brighter than what surrounds it.
+        Whether the disc is brighter than its surroundings.
     blur_px
-        Blur, where it is known; it is fitted otherwise.
+        Blur if it is known; otherwise it is fitted.
     blocked_rad
-        Directions, atan2(rows, columns), in which something else is too near.
+        Directions, atan2(rows, columns), in which another feature is too near.
     half_blocked_rad
-        Half the angle about them that is left out.
+        Half of the angle about these directions that is omitted.
     ceiling
-        Grey value at which the camera was saturated; such pixels are left out where the edge is.
+        Grey value at which the camera was saturated; such pixels near the edge are omitted.
 
     Returns
     -------
     Disc or None
-        None if there are too few pixels, or no edge of that kind.
+        None if there are too few pixels, or if there is no edge of that kind.
     """
     pixels = _around(grey, place_px, radius_px + reach_px)
     if pixels is None:
@@ -176,7 +178,7 @@ def fit_disc(
 
 
 def _around(grey: FloatArray, place: tuple[float, float], reach: float) -> _Pixels | None:
-    """Pixels within a distance; None if some lie outside the picture."""
+    """Return the pixels within a distance, or None if some of them are outside the picture."""
     x0, y0 = place
     left, right = math.floor(x0 - reach), math.ceil(x0 + reach)
     low, high = math.floor(y0 - reach), math.ceil(y0 + reach)
@@ -190,7 +192,7 @@ def _around(grey: FloatArray, place: tuple[float, float], reach: float) -> _Pixe
 
 
 def _first_radius(pixels: _Pixels, radius: float, reach: float, *, bright: bool) -> float | None:
-    """Distance at which the mean over rings falls (or rises) most."""
+    """Return the distance at which the mean over rings falls (or rises) most."""
     ring = np.round(np.hypot(pixels.x, pixels.y)).astype(int)
     count = np.bincount(ring)
     mean = np.bincount(ring, pixels.grey) / np.maximum(count, 1)
@@ -205,7 +207,7 @@ def _first_radius(pixels: _Pixels, radius: float, reach: float, *, bright: bool)
 
 
 def _fit(pixels: _Pixels, radius: float, blur: float, most: float, *, fixed: bool, start: Fit | None) -> Fit | None:
-    """Fit of x, y, radius, log blur, ground, rise and the slopes of the light."""
+    """Fit x, y, radius, log blur, background level, rise and the slopes of the illumination."""
     x0, y0 = (0.0, 0.0) if start is None else (float(start.values[0]), float(start.values[1]))
     distance = np.hypot(pixels.x - x0, pixels.y - y0)
     ring = pixels.of(np.abs(distance - radius) <= BLURS * blur + 2.0)
@@ -225,14 +227,14 @@ def _fit(pixels: _Pixels, radius: float, blur: float, most: float, *, fixed: boo
 
 
 def _levels(inside: FloatArray, ring: _Pixels) -> list[float]:
-    """Ground and rise for known position, radius and blur, without slopes."""
+    """Return background level and rise for known position, radius and blur, without slopes."""
     weight = inside - inside.mean()
     rise = float(np.sum(weight * ring.grey) / max(float(np.sum(weight**2)), 1e-12))
     return [float(ring.grey.mean() - rise * inside.mean()), rise, 0.0, 0.0]
 
 
 def _model(pixels: _Pixels, p: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Grey values (N,), and derivatives (N, 8) by the parameters."""
+    """Return grey values (N,) and their derivatives (N, 8) with respect to the parameters."""
     dx, dy = pixels.x - p[0], pixels.y - p[1]
     distance = np.maximum(np.hypot(dx, dy), 1e-9)
     radius, blur, rise = float(p[2]), math.exp(float(p[3])), float(p[5])
@@ -244,7 +246,7 @@ def _model(pixels: _Pixels, p: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _judged(pixels: _Pixels, fit: Fit, place: tuple[float, float], *, bright: bool, ceiling: float) -> Disc | None:
-    """The disc of fitted parameters, checked by its sectors; None if its contrast has the opposite sign."""
+    """Return the disc after the check of its sectors, or None if its contrast has the opposite sign."""
     p = fit.values
     radius, blur, rise = float(p[2]), math.exp(float(p[3])), float(p[5])
     if rise * (1.0 if bright else -1.0) <= 0.0 or radius < LEAST_RADIUS_PX:
@@ -292,7 +294,7 @@ def _sectors(
     rise: float,
     usable: BoolArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Distance of each sector's edge from the circle, and its rise relative to the whole disc's; NaN for none."""
+    """Return the distance of each sector's edge from the circle, and its relative rise; NaN for no edge."""
     away, rises = np.full(SECTORS, np.nan), np.full(SECTORS, np.nan)
     for number in range(SECTORS):
         mine = (sector == number) & usable

@@ -1,10 +1,10 @@
-"""The gap between two pillars: whether it is open, and how wide.
+"""The gap between two pillars: whether it is open, and how wide it is.
 
-Along lines from one pillar to the other the grey value falls from the pillars' level to the ground's and rises again:
-a slit, with the blur of the pillars' edges. Off-centre lines are wider, by the geometry of the two circles. The depth
-of the slit is that of the pillars' other edges, so that even a slit narrower than the blur has a width, from the
-missing light; if it is wide enough to show its own depth, that is fitted, and a film that closes the gap
-halfway up shows as a reduced depth. A merged pair has no slit: its width is zero within its
+Along lines from one pillar to the other, the grey value falls from the level of the pillars to that of the ground and
+rises again: a slit, with the blur of the pillars' edges. Off-centre lines are wider, by the geometry of the two
+circles. The depth of the slit is taken from the pillars' other edges, so even a slit narrower than the blur has a
+width, given by the missing light. If the slit is wide enough to show its own depth, the depth is fitted, and a film
+that closes the gap halfway up shows as a reduced depth. A merged pair has no slit: its width is zero within its
 uncertainty.
 """
 
@@ -22,21 +22,21 @@ from solen.metrology.coupons.least_squares import least_squares
 STRIP = 0.15
 """Half the width of the strip evaluated, in radii."""
 INTO = 0.7
-"""How far the strip reaches into the pillars, in radii."""
+"""Distance by which the strip extends into the pillars, in radii."""
 OWN_DEPTH = 2.5
-"""Width in blurs from which on the depth is fitted."""
+"""Width in blurs above which the depth is fitted."""
 SIGMAS = 4.0
-"""An open gap's width is above so many standard uncertainties."""
+"""Least width of an open gap, in standard uncertainties."""
 DEEP = 0.5
-"""And its depth above this share of the pillars' rise."""
+"""Least depth of an open gap, as a fraction of the pillars' rise."""
 WHOLE = math.sqrt(math.tau)
 NOISE_OF_LINES = 1.5
-"""Neighbouring samples share pixels: factor on the uncertainty."""
+"""Factor on the uncertainty because neighbouring samples share pixels."""
 
 
 @dataclass(frozen=True)
 class GapFit:
-    """A fitted gap: its width and standard uncertainty in px, its depth as a share of the pillars' rise."""
+    """A fitted gap: its width and standard uncertainty in px, and its depth as a fraction of the pillars' rise."""
 
     width_px: float
     u_width_px: float
@@ -49,7 +49,7 @@ class GapFit:
 
 
 def fit_gap(grey: FloatArray, left: Disc, right: Disc) -> GapFit | None:
-    """Gap between two standing pillars; None if it is not in the picture."""
+    """Fit the gap between two standing pillars; return None if it is not in the picture."""
     radius = 0.25 * (left.diameter_px + right.diameter_px)
     blur = 0.5 * (left.blur_px + right.blur_px)
     apart = math.hypot(right.x_px - left.x_px, right.y_px - left.y_px)
@@ -69,7 +69,7 @@ def fit_gap(grey: FloatArray, left: Disc, right: Disc) -> GapFit | None:
 
 
 def _strip(grey: FloatArray, left: Disc, right: Disc, along: FloatArray, aside: FloatArray) -> FloatArray | None:
-    """Grey values (lines, positions) between two pillars; None if they leave the picture."""
+    """Return grey values (lines, positions) between two pillars, or None if the strip leaves the picture."""
     middle = np.array([0.5 * (left.x_px + right.x_px), 0.5 * (left.y_px + right.y_px)])
     way = np.array([right.x_px - left.x_px, right.y_px - left.y_px])
     way = way / np.hypot(*way)

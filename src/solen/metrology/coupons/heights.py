@@ -1,8 +1,9 @@
-"""Heights of columns from a z map, and which steps between them are rises.
+"""Heights of columns from a z map, and the steps between them that are significant rises.
 
-A column's top, away from its edge, is cut into twelve pieces of equal angle. Its height is the mean of their medians
-above the plane of the ground around it, so that dust and a tilted or bent slab do no harm. The medians' scatter, which
-holds the roughness of the print over distances that matter, gives the uncertainty; so does that of the ground.
+A column's top, away from its edge, is cut into twelve sectors of equal angle. Its height is the mean of the sectors'
+medians above the plane of the ground around it, so dust and a tilted or bent slab have little effect. The scatter of
+the medians, which includes the roughness of the print over relevant distances, gives the uncertainty; that of the
+ground is determined in the same way.
 """
 
 import math
@@ -16,22 +17,22 @@ from solen.metrology.coupons.limits import LEVEL, OUTSIDE, MeasuredSize, rise_by
 from solen.metrology.pose import Pose
 
 TOP = 0.65
-"""Share of a column's radius that is taken as its top."""
+"""Fraction of a column's radius within which its top is evaluated."""
 NEAR, FAR = 1.25, 2.2
-"""Inner and outer radius of the ground around a feature, in its radii, where nothing else stands."""
+"""Inner and outer radius of the free ground around a feature, in radii of the feature."""
 EDGE_MM = 0.03
-"""The ground ends so far from the edges of slab and blocks."""
+"""Distance kept between the evaluated ground and the edges of slab and blocks."""
 PIECES = 12
 FEWEST_PIECES = 6
 VALID = 0.3
-"""Share of a top's pixels that must hold a height."""
+"""Fraction of a top's pixels that must have a height."""
 FEWEST_PX = 24
 FREEDOM = float(PIECES - 1)
 
 
 @dataclass(frozen=True)
 class Height:
-    """A column's nominal height, its measured height above the ground beside it, and its standard uncertainty."""
+    """Nominal height of a column, its measured height above the surrounding ground, and its standard uncertainty."""
 
     name: str
     nominal_mm: float
@@ -40,9 +41,9 @@ class Height:
 
 
 def height_of(z_mm: FloatArray, coupon: Coupon, feature: Feature, pose: Pose) -> Height | str:
-    """Height of a column, or the reason why it has none.
+    """Return the height of a column, or the reason why it could not be measured.
 
-    ``z_mm`` has shape (rows, columns) and NaN where nothing was measured.
+    ``z_mm`` has shape (rows, columns) and NaN for pixels without a measurement.
     """
     window = _window(z_mm.shape, feature, pose)
     if window is None:
@@ -57,7 +58,7 @@ def height_of(z_mm: FloatArray, coupon: Coupon, feature: Feature, pose: Pose) ->
     if np.count_nonzero(top & valid) < max(VALID * np.count_nonzero(top), FEWEST_PX):
         return "too few heights were measured on its top"
     if np.count_nonzero(ground & valid) < FEWEST_PX:
-        return "too few heights on the ground beside it"
+        return "too few heights were measured on the ground around it"
     plane, u_ground = _plane(dx[ground & valid], dy[ground & valid], z[ground & valid])
     over = z - plane[0] - plane[1] * dx - plane[2] * dy
     pieces = _pieces(dx[top & valid], dy[top & valid], over[top & valid])
@@ -68,7 +69,10 @@ def height_of(z_mm: FloatArray, coupon: Coupon, feature: Feature, pose: Pose) ->
 
 
 def steps_of(coupon: Coupon, heights: dict[str, Height | str], u_scale: float = 0.0) -> list[MeasuredSize]:
-    """Every step of the coupon: its rise and whether it is significant; ``u_scale`` is that of heights, relative."""
+    """Return every step of the coupon with its rise and whether it is significant.
+
+    ``u_scale`` is the relative standard uncertainty of the scale of heights.
+    """
     steps = []
     for step in coupon.steps:
         low, high = (heights[name] for name in step.between)
@@ -79,7 +83,7 @@ def steps_of(coupon: Coupon, heights: dict[str, Height | str], u_scale: float = 
         alike = sum(abs(other.step_mm - step.step_mm) < 1e-6 for other in coupon.steps)
         rise, (u_low, u_high) = high.measured_mm - low.measured_mm, (low.u_measured_mm, high.u_measured_mm)
         resolved = rise_by_chance(rise, u_low, u_high, FREEDOM) < LEVEL / alike
-        reason = "" if resolved else "no rise beyond chance"
+        reason = "" if resolved else "the rise is not significant"
         u_own = math.hypot(u_low, u_high)
         u_rise = math.hypot(u_own, rise * u_scale)
         steps.append(MeasuredSize(step.name, "step", step.step_mm, rise, u_rise, resolved, reason, u_own_mm=u_own))
@@ -87,7 +91,7 @@ def steps_of(coupon: Coupon, heights: dict[str, Height | str], u_scale: float = 
 
 
 def _window(shape: tuple[int, ...], feature: Feature, pose: Pose) -> tuple[IntArray, IntArray] | None:
-    """Rows and columns around a feature; None if a part of its top is outside."""
+    """Return the rows and columns around a feature, or None if a part of its top is outside the picture."""
     x, y = pose.to_px(np.array([feature.x_mm, feature.y_mm])).tolist()
     own = 0.5 * max(feature.width_mm, feature.depth_mm) * pose.px_per_mm
     rows, columns = shape
@@ -101,14 +105,14 @@ def _window(shape: tuple[int, ...], feature: Feature, pose: Pose) -> tuple[IntAr
 
 
 def _within(dx: FloatArray, dy: FloatArray, feature: Feature, share: float) -> BoolArray:
-    """Whether points lie in a feature enlarged by a factor."""
+    """Return whether points are inside a feature enlarged by a factor."""
     if feature.round:
         return np.hypot(dx, dy) < 0.5 * share * feature.diameter_mm
     return (np.abs(dx) < 0.5 * share * feature.width_mm) & (np.abs(dy) < 0.5 * share * feature.depth_mm)
 
 
 def _free(x_mm: FloatArray, y_mm: FloatArray, coupon: Coupon) -> BoolArray:
-    """Whether points lie on the slab, away from all features."""
+    """Return whether points are on the slab, away from all features."""
     free = np.ones(x_mm.shape, dtype=bool)
     if coupon.slab is not None:
         free &= np.abs(x_mm) < 0.5 * coupon.slab.width_mm - EDGE_MM
@@ -120,7 +124,7 @@ def _free(x_mm: FloatArray, y_mm: FloatArray, coupon: Coupon) -> BoolArray:
 
 
 def _plane(dx: FloatArray, dy: FloatArray, z: FloatArray) -> tuple[FloatArray, float]:
-    """Plane a + b dx + c dy through heights, the outermost left out, and the uncertainty of a by pieces."""
+    """Fit the plane a + b dx + c dy to heights without outliers; the uncertainty of a is estimated from sectors."""
     columns = np.column_stack([np.ones(len(z)), dx, dy])
     kept = np.ones(len(z), dtype=bool)
     plane: FloatArray = np.zeros(3)
@@ -135,7 +139,7 @@ def _plane(dx: FloatArray, dy: FloatArray, z: FloatArray) -> tuple[FloatArray, f
 
 
 def _pieces(dx: FloatArray, dy: FloatArray, values: FloatArray) -> FloatArray:
-    """Medians over sectors of equal angle that contain values."""
+    """Return the medians of the sectors of equal angle that contain values."""
     number = np.floor((np.arctan2(dy, dx) / math.tau + 0.5) * PIECES).astype(int) % PIECES
     parts = (values[number == piece] for piece in range(PIECES))
     return np.array([np.median(part) for part in parts if len(part) > 2])

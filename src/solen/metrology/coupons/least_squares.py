@@ -1,7 +1,7 @@
-"""Least squares of a few parameters over many pixels, by Levenberg and Marquardt's method within limits.
+"""Least squares of a few parameters over many pixels, by the Levenberg-Marquardt method within limits.
 
 D. W. Marquardt, J. Soc. Indust. Appl. Math. 11, 431 (1963). The normal matrix is summed without a linear algebra
-library: for matrices this small its threads cost more than they bring.
+library: for matrices this small, starting its threads costs more time than they save.
 """
 
 from collections.abc import Callable, Sequence
@@ -12,16 +12,16 @@ import numpy as np
 from solen.arrays import BoolArray, FloatArray
 
 Model = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
-"""Function of parameters (P,) that gives the values (N,) and their derivatives (N, P)."""
+"""Function of the parameters (P,) that returns the values (N,) and their derivatives (N, P)."""
 
 ROUNDS = 60
 SETTLED = 1e-6
-"""Relative change of the sum of squares at which a fit is done."""
+"""Relative change of the sum of squares below which a fit has converged."""
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Parameters (P,) of least squares, their standard uncertainties (P,) from the residuals (N,)."""
+    """Least-squares parameters (P,) and their standard uncertainties (P,) from the residuals (N,)."""
 
     values: FloatArray
     u_values: FloatArray
@@ -31,7 +31,7 @@ class Fit:
 def least_squares(
     model: Model, data: FloatArray, first: Sequence[float], low: Sequence[float], high: Sequence[float]
 ) -> Fit:
-    """Fit of a model to data (N,) from start values, within limits; a parameter with equal limits is fixed."""
+    """Fit a model to data (N,) from start values, within limits; a parameter with equal limits is fixed."""
     lower, upper = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
     p = np.clip(np.asarray(first, dtype=float), lower, upper)
     free = upper > lower
@@ -60,7 +60,7 @@ def least_squares(
 
 
 def _normal(slopes: FloatArray, residual: FloatArray, free: BoolArray) -> tuple[FloatArray, FloatArray]:
-    """Normal matrix of the free parameters, regularised, and the gradient."""
+    """Return the regularised normal matrix of the free parameters, and the gradient."""
     some = slopes[:, free]
     normal = np.einsum("ni,nj->ij", some, some)
     normal[np.diag_indices_from(normal)] += 1e-12 * max(float(np.trace(normal)), 1e-300)

@@ -1,21 +1,21 @@
-"""Limits of a printer and a resin from a coupon: the smallest resolved features, as the Methods define them.
+"""Limits of a printer and a resin from a coupon: the smallest resolved features, as defined in the paper's Methods.
 
 The paper's fidelity parts are "used to extract: (i) the minimum resolvable XY feature size for raised elements, (ii)
 the minimum XY separation required to avoid feature merging, (iii) the minimum resolvable diameter variation for
 recessed features, and (iv) the minimum reproducible Z step". Here each becomes a rule that needs no judgement:
 
-- (i) the smallest nominal diameter at which a pillar stands, all larger ones standing too. The printed diameter of that
-  pillar is beside it: it is what the paper calls the resolvable size, and no nominal one.
-- (ii) the smallest nominal gap that is open, all larger ones being open too; and so for holes.
-- (iii) the smallest nominal difference of diameter at which any two holes so far or farther apart come out in their
-  order, each by more than chance lets equal holes differ: the scatter of the printed diameters about a straight line of
-  the nominal ones, or the uncertainty of measuring where that is more, by Student's t, 5 % shared among the pairs
-  (Bonferroni). Two holes of one nominal size belong to the scatter.
-- (iv) the smallest nominal step at which every step of that size, and of all larger ones, is a rise that is not chance,
-  one-sided by Welch's t, 5 % shared among the steps of that size.
+- (i) the smallest nominal diameter for which a pillar of this and of every larger diameter stands. The printed diameter
+  of that pillar is reported with it: the paper's resolvable size is a printed diameter, not a nominal one.
+- (ii) the smallest nominal gap for which this and every larger gap is open; the same rule applies to holes.
+- (iii) the smallest nominal difference of diameter for which any two holes that differ by this much or more are printed
+  in the right order, each pair by more than chance. Chance is the scatter of the printed diameters about a straight
+  line of the nominal ones, or the measurement uncertainty if that is larger, by Student's t with 5 % shared among the pairs
+  (Bonferroni). Two holes of the same nominal size belong to the scatter.
+- (iv) the smallest nominal step for which every step of this and of every larger size is a significant rise, by a
+  one-sided Welch's t-test with 5 % shared among the steps of that size.
 
-A limit is a bound where the coupon's smallest feature is resolved, and is none where its largest is not. The next
-smaller feature, which is not resolved, stands beside: the truth lies between.
+A limit is only a bound if the coupon's smallest feature is resolved, and does not exist if the largest is not. The next
+smaller feature, which is not resolved, is reported too: the true limit is between the two.
 """
 
 import math
@@ -34,24 +34,24 @@ OUTSIDE = "not in the picture"
 
 @dataclass(frozen=True)
 class MeasuredSize:
-    """A feature, a gap or a step: its nominal and its measured size.
+    """A feature, a gap or a step with its nominal and its measured size.
 
     Attributes
     ----------
     name, kind
-        Of the layout; ``kind`` is ``pillar``, ``hole``, ``gap``, ``step`` or ``mark``.
+        Name and kind in the layout; ``kind`` is ``pillar``, ``hole``, ``gap``, ``step`` or ``mark``.
     nominal_mm
         Diameter, width of the gap, or rise of the step.
     measured_mm, u_measured_mm
-        The same as measured, and its standard uncertainty; None if there is nothing to measure.
+        The measured value and its standard uncertainty; None if there is nothing to measure.
     resolved
         Whether it stands, is open, or is a rise; None if the picture does not show it well enough.
     reason
-        Why it is not resolved, or undecided.
+        Reason why it is not resolved or undecided.
     diameter_mm
-        Of a gap the nominal diameter of its pillars.
+        Nominal diameter of the pillars of a gap.
     u_own_mm
-        Standard uncertainty without that of the scale, which all features of a picture share.
+        Standard uncertainty without that of the scale, which is common to all features of a picture.
     """
 
     name: str
@@ -74,13 +74,13 @@ class Limit:
     kind
         ``positive_diameter``, ``gap``, ``hole``, ``hole_variation`` or ``z_step``.
     nominal_mm
-        The smallest resolved; None if not even the largest is.
+        The smallest resolved nominal size; None if not even the largest is resolved.
     measured_mm, u_measured_mm
         Measured size at that nominal size, and its standard uncertainty.
     next_mm
-        The next smaller one, which is not resolved or undecided; None if there is none.
+        The next smaller nominal size, which is not resolved or undecided; None if there is none.
     bound
-        Whether the coupon holds none smaller that could fail, so that the limit may be smaller still.
+        Whether the coupon has no smaller feature that could fail, in which case the limit may be smaller.
     """
 
     kind: str
@@ -92,7 +92,7 @@ class Limit:
 
 
 def limits_of(measured: Sequence[MeasuredSize]) -> tuple[Limit, ...]:
-    """Limits of all kinds that were measured."""
+    """Return the limits of all kinds that were measured."""
     by = {kind: [one for one in measured if one.kind == kind] for kind in ("pillar", "gap", "hole", "step")}
     sizes = {pillar.nominal_mm for pillar in by["pillar"]}
     limits = [
@@ -106,9 +106,9 @@ def limits_of(measured: Sequence[MeasuredSize]) -> tuple[Limit, ...]:
 
 
 def smallest(kind: str, measured: Sequence[MeasuredSize]) -> Limit | None:
-    """Limits (i), (ii) and of open holes: from the largest nominal size down to the first that is not resolved.
+    """Return limit (i), (ii) or that of open holes: the smallest size before the first one that is not resolved.
 
-    None if there is nothing of the kind in the picture.
+    Return None if the picture shows no feature of the kind.
     """
     seen = [one for one in measured if one.resolved is not None or one.reason != OUTSIDE]
     if not seen:
@@ -124,7 +124,7 @@ def smallest(kind: str, measured: Sequence[MeasuredSize]) -> Limit | None:
 
 
 def hole_variation(holes: Sequence[MeasuredSize]) -> Limit | None:
-    """Limit (iii); None for fewer than four measured holes or of one size only."""
+    """Return limit (iii), or None for fewer than four measured holes or holes of one size only."""
     rows = [
         (hole.nominal_mm, hole.measured_mm, hole.u_measured_mm)
         for hole in holes
@@ -151,7 +151,7 @@ def hole_variation(holes: Sequence[MeasuredSize]) -> Limit | None:
 
 
 def z_step(steps: Sequence[MeasuredSize]) -> Limit | None:
-    """Limit (iv), from steps that are rises or not; None if none was measured."""
+    """Return limit (iv) from the significance of the steps, or None if no step was measured."""
     seen = [step for step in steps if step.resolved is not None]
     if not seen:
         return None
@@ -165,7 +165,7 @@ def z_step(steps: Sequence[MeasuredSize]) -> Limit | None:
 
 
 def _mean_step(size: float, group: Sequence[MeasuredSize]) -> Limit:
-    """Limit with the mean of the steps of that size, and its standard uncertainty from their scatter or their own."""
+    """Return a limit with the mean of the steps of that size, its uncertainty from their scatter or from their own."""
     rises = np.array([step.measured_mm for step in group], dtype=float)
     own = np.array([step.u_measured_mm for step in group], dtype=float)
     count = len(rises)
@@ -174,7 +174,7 @@ def _mean_step(size: float, group: Sequence[MeasuredSize]) -> Limit:
 
 
 def rise_by_chance(rise: float, u_low: float, u_high: float, freedom: float) -> float:
-    """Probability of such a rise of the mean by chance: Welch's t, one-sided."""
+    """Return the probability of such a rise of the mean by chance, by a one-sided Welch's t-test."""
     u = math.hypot(u_low, u_high)
     if u == 0.0:
         return 0.0 if rise > 0.0 else 1.0

@@ -1,9 +1,9 @@
 """Location of a coupon in a picture or a height map, from the blobs of its features or from the slab.
 
-Two blobs whose sizes and distance match two of the largest features fix the pose of the whole coupon, once as
-drawn and once mirrored. Each hypothesis is scored by the number of features with a blob at the expected position, and
-the best are fitted by least squares. The final choice uses positions, marks, and sizes up to a common offset, since
-print and light change all alike. It is ambiguous if another pose with other positions is nearly as good.
+Two blobs whose sizes and distance match two of the largest features fix the pose of the whole coupon, once as drawn and
+once mirrored. Each hypothesis is scored by the number of features with a blob at the expected position, and the best
+ones are fitted by least squares. The final choice uses positions, marks, and sizes up to a common offset, because print
+and illumination change all sizes alike. The pose is ambiguous if another one with other positions fits nearly as well.
 
 A coupon of blocks is located in a height map by its rectangular slab, and oriented by the blocks' heights.
 """
@@ -23,31 +23,35 @@ from solen.metrology.coupons.blobs import Blobs, blobs
 from solen.metrology.pose import Pose
 
 WINDOW = 1.0
-"""Window of the top hat, in diameters of the largest feature: a disc holds no square as wide as 0.71 of them."""
+"""Window of the top hat, in diameters of the largest feature: a disc contains no square wider than 0.71 of its
+diameter.
+"""
 LARGEST = 9
-"""Features that are tried for the two blobs of a guess."""
+"""Number of the largest features that are tried as the two blobs of a guess."""
 SCALE = 0.06
 """Largest combined relative deviation of print and scale from the layout."""
 SIZE = 0.5
-"""Natural logarithm of a blob's size over its feature's, at most."""
+"""Largest natural logarithm of the ratio of a blob's size to its feature's."""
 SHORT = 0.12
-"""Share of the coupon's extent that two features of a guess are apart at least."""
+"""Least distance between the two features of a guess, as a fraction of the coupon's extent."""
 NEAR_MM, NEARER_MM = 0.25, 0.12
-"""Distance of a blob from the place of its feature, at most, at first and after the fit."""
+"""Largest distance of a blob from the position of its feature, before and after the fit."""
 PLACE_MM, DIAMETER_MM = 0.02, 0.04
 """Assumed standard deviation of a blob's position and size."""
 GROWN_MM, STRETCHED = 0.06, 0.015
-"""The same for all sizes together, and for the scale: a shift by one feature would be a print of another size."""
+"""The same for an offset of all sizes, and for the scale: a shift by one feature would imply a print of another
+size.
+"""
 MISSING, MARK = 4.0, 4.0
 """Cost of a feature without a blob, and the extra weight of a mark."""
 CLEAR = 4.0
-"""Cost by which the best guess must be better than another."""
+"""Least difference in cost between the best guess and any other."""
 PARAMETERS, MANY, PLACED_MM = 4, 8, 0.003
-"""Parameters of a pose; further positions from which on their scatter is known; and its least value."""
+"""Parameters of a pose; number of further positions above which their scatter is known; and its least value."""
 MOST_GUESSES, FITTED = 4000, 40
 FEWEST = 3
 AREA, SIDES = 0.15, 0.1
-"""Relative difference of a slab's area, and of the ratio of its sides, from the layout's, at most."""
+"""Largest relative deviations of a slab's area, and of the ratio of its sides, from the layout."""
 
 
 @dataclass(frozen=True)
@@ -57,15 +61,15 @@ class Location:
     Attributes
     ----------
     pose
-        Pose of the layout in the picture, at the scale that fits the features' places.
+        Pose of the layout in the picture, at the scale that fits the positions of the features.
     bright
         Whether its features are brighter than their surroundings.
     matched
         Names of the features that have a blob.
     oriented
-        Whether the marks distinguish a mirror image from the coupon itself.
+        Whether the marks distinguish the coupon from its mirror image.
     rms_mm
-        Root of the mean square distance of the blobs from the features' places.
+        Root mean square distance of the blobs from the positions of their features.
     """
 
     pose: Pose
@@ -86,7 +90,7 @@ class _Guess:
 
 @dataclass(frozen=True, eq=False)
 class _Search:
-    """A coupon's round features and the blobs of a picture among which they are searched."""
+    """A coupon's round features and the blobs of a picture that they are matched with."""
 
     features: Sequence[Feature]
     blobs: Blobs
@@ -103,18 +107,18 @@ class _Search:
         return np.array([feature.diameter_mm for feature in self.features])
 
     def alike(self, px_per_mm: float) -> BoolArray:
-        """Whether features (rows) and blobs (columns) are of about one size."""
+        """Return whether features (rows) and blobs (columns) are of about the same size."""
         ratio = self.blobs.diameter_px[None, :] / (px_per_mm * self.sizes_mm[:, None])
         return np.asarray(np.abs(np.log(ratio)) < SIZE)
 
     def guesses(self) -> list[_Guess]:
-        """Fitted guesses of the coupon's pose."""
+        """Return fitted guesses of the coupon's pose."""
         if len(self.blobs.diameter_px) < FEWEST:
             return []
         return [self._refined(pose) for pose in self._rough()]
 
     def _rough(self) -> list[Pose]:
-        """Poses from pairs of blobs, those that explain most features first."""
+        """Return poses from pairs of blobs, those that explain most features first."""
         at, seen = self.places_mm, self.blobs.places_px
         extent = float(np.ptp(at, axis=0).max())
         order = np.argsort(-self.sizes_mm, kind="stable")[:LARGEST]
@@ -135,16 +139,16 @@ class _Search:
         return _distinct([poses[k] for k in np.argsort(-np.array(explained, dtype=float), kind="stable")], extent)
 
     def _explained(self, pose: Pose, alike: BoolArray) -> int:
-        """Number of features with a blob of about their size at their position."""
+        """Return the number of features with a blob of about their size at their position."""
         return int(np.count_nonzero(((self._apart_px(pose) < NEAR_MM * self.px_per_mm) & alike).any(axis=1)))
 
     def _apart_px(self, pose: Pose) -> FloatArray:
-        """Distances of the features' places (rows) from the blobs (columns)."""
+        """Return the distances of the features' positions (rows) from the blobs (columns)."""
         apart = pose.to_px(self.places_mm)[:, None, :] - self.blobs.places_px[None, :, :]
         return np.asarray(np.hypot(apart[..., 0], apart[..., 1]))
 
     def _refined(self, pose: Pose) -> _Guess:
-        """A pose fitted to its blobs, and its cost."""
+        """Fit a pose to its blobs, and compute its cost."""
         pairs: list[tuple[int, int]] = []
         for near_mm in (NEAR_MM, NEARER_MM, NEARER_MM):
             pairs = self._pairs(pose, near_mm)
@@ -156,17 +160,17 @@ class _Search:
         return _Guess(pose, tuple(pairs), cost, rms, self.bright)
 
     def _pairs(self, pose: Pose, near_mm: float) -> list[tuple[int, int]]:
-        """Pairs of features and blobs that are each other's nearest."""
+        """Return pairs of features and blobs that are each other's nearest."""
         apart = np.where(self.alike(pose.px_per_mm), self._apart_px(pose), np.inf)
         nearest, back = apart.argmin(axis=1), apart.argmin(axis=0)
         most = near_mm * pose.px_per_mm
         return [(i, int(j)) for i, j in enumerate(nearest) if back[j] == i and apart[i, j] < most]
 
     def _cost(self, pose: Pose, pairs: list[tuple[int, int]]) -> tuple[float, float]:
-        """Cost of a pose, and the rms distance of its blobs from the features.
+        """Return the cost of a pose, and the rms distance of its blobs from the features.
 
-        The cost is the sum of squares of deviations, each `MISSING` at most, and `MISSING` for each feature that is not
-        found though it should be in the picture, less `MISSING` for each blob that is explained.
+        The cost is the sum of squared deviations, each at most `MISSING`, plus `MISSING` for each feature without a
+        blob though it should be in the picture, minus `MISSING` for each blob that is explained.
         """
         weight = np.array([MARK if feature.kind == "mark" else 1.0 for feature in self.features])
         expected, scale, sizes = pose.to_px(self.places_mm), pose.px_per_mm, self.sizes_mm
@@ -186,7 +190,7 @@ class _Search:
 
 
 def places(features: Sequence[Feature]) -> FloatArray:
-    """Middles (N, 2) of features, mm."""
+    """Return the centres (N, 2) of features, mm."""
     return np.array([(feature.x_mm, feature.y_mm) for feature in features])
 
 
@@ -202,9 +206,9 @@ def locate(grey: FloatArray, coupon: Coupon, px_per_mm: float, what: str, *, mos
     px_per_mm
         Scale of the picture.
     what
-        The picture, as errors name it.
+        Name of the picture in errors.
     most_rise
-        Grey value over the surroundings beyond which features count as equally bright.
+        Grey value above the surroundings beyond which features count as equally bright.
 
     Raises
     ------
@@ -231,7 +235,7 @@ def locate(grey: FloatArray, coupon: Coupon, px_per_mm: float, what: str, *, mos
 
 
 def _check_clear(best: _Guess, guesses: list[_Guess], measured_mm: FloatArray, what: str, name: str) -> None:
-    """`DataError` if another pose fits nearly as well and would measure other places."""
+    """Raise `DataError` if another pose fits nearly as well and would measure other positions."""
     here = best.pose.to_px(measured_mm)
     for other in guesses[1:]:
         if other.cost - best.cost >= CLEAR:
@@ -239,11 +243,11 @@ def _check_clear(best: _Guess, guesses: list[_Guess], measured_mm: FloatArray, w
         elsewhere = np.hypot(*(here - other.pose.to_px(measured_mm)).T).max() > NEAR_MM * best.pose.px_per_mm
         if elsewhere and other.cost - best.cost + _farther(other, best) < CLEAR:
             limit = f"the {name} has an ambiguous pose: its marks or largest features are not visible"
-            raise DataError(what, limit=limit, remedy="take a picture with the marks in it")
+            raise DataError(what, limit=limit, remedy="take a picture that shows the marks")
 
 
 def _farther(other: _Guess, best: _Guess) -> float:
-    """Evidence of the positions beyond the cost, which assumes rougher positions than this coupon's may be."""
+    """Return the evidence of the positions beyond the cost, which assumes larger errors than this coupon's may be."""
     free = 2 * len(best.pairs) - PARAMETERS
     if free < MANY:
         return 0.0
@@ -251,7 +255,7 @@ def _farther(other: _Guess, best: _Guess) -> float:
 
 
 def _distinct(poses: Sequence[Pose], extent_mm: float) -> list[Pose]:
-    """The first poses that differ by more than `NEAR_MM`."""
+    """Return the first poses that differ by more than `NEAR_MM`."""
     chosen: list[Pose] = []
     for pose in poses:
         if not any(_same(pose, other, extent_mm) for other in chosen):
@@ -270,7 +274,7 @@ def _same(pose: Pose, other: Pose, extent_mm: float) -> bool:
 
 
 def locate_slab(z_mm: FloatArray, coupon: Coupon, px_per_mm: float, what: str) -> Location:
-    """Find a coupon whose slab lies entirely in a height map, above its surroundings.
+    """Find a coupon whose slab is entirely in a height map and above its surroundings.
 
     Raises
     ------
@@ -279,7 +283,7 @@ def locate_slab(z_mm: FloatArray, coupon: Coupon, px_per_mm: float, what: str) -
     """
     slab = coupon.slab
     if slab is None:
-        raise DataError(what, limit=f"a {coupon.name} has no slab to locate it by")
+        raise DataError(what, limit=f"cannot be located: a {coupon.name} has no slab")
     low = float(np.nanpercentile(z_mm, 1.0))
     raised = np.nan_to_num(z_mm, nan=low) > low + 0.5 * slab.thickness_mm
     labels, _ = ndimage.label(ndimage.binary_opening(raised, iterations=2))
@@ -299,7 +303,7 @@ def locate_slab(z_mm: FloatArray, coupon: Coupon, px_per_mm: float, what: str) -
 
 
 def _covariance(z_mm: FloatArray, coupon: Coupon, pose: Pose) -> float:
-    """Covariance of nominal heights with those in the middle of each block."""
+    """Return the covariance of the nominal heights with the heights measured at the centres of the blocks."""
     reach = max(1, int(0.2 * min(feature.depth_mm for feature in coupon.features) * pose.px_per_mm))
     heights = [
         float(np.nanmedian(z_mm[max(0, y - reach) : y + reach + 1, max(0, x - reach) : x + reach + 1]))

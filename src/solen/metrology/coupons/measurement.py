@@ -23,25 +23,25 @@ from solen.recording import Provenance
 from solen.results import HIDDEN, Result, reported
 
 SNR = 6.0
-"""Rise of a disc over its uncertainty, below which there is none."""
+"""Rise of a disc over its uncertainty below which it counts as missing."""
 COVERAGE = 0.75
-"""Share of its edge that must be there."""
+"""Fraction of the edge that must be present."""
 RISE = 0.25
-"""Rise relative to the usual one, below which a disc is a stain or a stump."""
+"""Rise relative to the typical one, below which a disc is a stain or a stump."""
 UNSURE = 0.3
-"""Uncertainty relative to the diameter, from which on a disc is not measured."""
+"""Uncertainty relative to the diameter above which a disc is not measured."""
 FIRST_BLUR_PX = 2.0
 EDGE = 5.0
 """Half width of an edge, in blurs."""
 AWAY_MM = 0.12
-"""Distance of a feature from its place, at most."""
+"""Largest distance of a feature from its nominal position."""
 LOW = 0.9
-"""Share of the lowest column's height up to which columns of a z map are distinguished."""
+"""Fraction of the lowest column's height up to which columns of a z map are distinguished."""
 SURE_PX = 8.0
-"""Radius from which on a disc shows the blur."""
+"""Radius above which a disc determines the blur."""
 BLURRED_PX = 8.0
 CHANGED = 0.02
-"""Relative: the print or the scale differs from the layout by more."""
+"""Relative difference between print or scale and layout above which a warning is given."""
 TOO_SMALL = "too small for this picture"
 CALIBRATES = ("pillar", "hole", "gap", "step")
 
@@ -52,7 +52,7 @@ class CouponMeasurement(Result):
     Attributes
     ----------
     coupon
-        Its name.
+        Name of the coupon.
     simulated
         Whether the picture was computed.
     image
@@ -66,11 +66,12 @@ class CouponMeasurement(Result):
     blur_um
         Standard deviation of the picture's blur; None if unknown.
     pitch_ratio, u_pitch_ratio
-        Ratio of printed to nominal distances between features; None for fewer than three features.
+        Ratio of printed to nominal distances between features, and its standard uncertainty; None for fewer than three
+        features.
     sources
-        The file.
+        The measured file.
     warnings
-        Warnings about the numbers.
+        Warnings about the values.
     z_um, u_z_um
         Height of a grey level of a height map, and its standard uncertainty; None for a picture, or if not stated.
     layout, picture
@@ -80,7 +81,7 @@ class CouponMeasurement(Result):
     limits
         The smallest resolved features.
     discs
-        Round features present, by name.
+        Fits of the round features that are present, by name.
     """
 
     coupon: str
@@ -104,7 +105,7 @@ class CouponMeasurement(Result):
 
     @reported
     def minimum(self) -> dict[str, Limit]:
-        """The smallest that are resolved, by kind."""
+        """The smallest resolved features, by kind."""
         return {limit.kind: limit for limit in self.limits}
 
     @reported
@@ -129,7 +130,7 @@ def measure_coupon(image: Image | ZMap, coupon: Coupon) -> CouponMeasurement:
     Raises
     ------
     DataError
-        If the coupon has nothing measurable in this way, or is not found.
+        If the coupon has nothing that the picture or map can show, or is not found.
     """
     z_mm = image.z_mm if isinstance(image, ZMap) else None
     what, px_per_mm = image.provenance.file, 1e3 / image.scale.um_per_px
@@ -175,17 +176,17 @@ def measure_coupon(image: Image | ZMap, coupon: Coupon) -> CouponMeasurement:
 
 def _check_kind(coupon: Coupon, image: Image | ZMap, what: str) -> None:
     if not coupon.measured_kinds:
-        limit = f"coupon {coupon.name} has no features that a picture shows"
+        limit = f"cannot be measured: the coupon {coupon.name} has no features that a picture shows"
         raise DataError(what, limit=limit, remedy="measure group-a, group-b, group-c, holes or z-reference")
     sizes = {one.diameter_mm for one in coupon.of_kind("pillar")}
     if isinstance(image, Image) and coupon.steps and not coupon.gaps and len(sizes) == 1:
-        limit = f"a {coupon.name} shows heights, which a picture does not"
-        raise DataError(what, limit=limit, remedy="give a z map, with the height of one of its levels: --z-um")
+        limit = f"cannot be measured: a {coupon.name} varies only in height, which a picture does not show"
+        raise DataError(what, limit=limit, remedy="use a z map, and state the height of one of its levels with --z-um")
 
 
 @dataclass(frozen=True, eq=False)
 class _DiscFits:
-    """The round features of a located coupon, fitted in turn, the largest first."""
+    """The round features of a located coupon, fitted in turn from the largest to the smallest."""
 
     image: Image | ZMap
     coupon: Coupon
@@ -196,7 +197,7 @@ class _DiscFits:
         return self.location.pose
 
     def judged(self) -> tuple[dict[str, Disc], dict[str, str], float]:
-        """Round features that exist, the reason for the others, and the blur in px."""
+        """Return the round features that exist, the reasons for the others, and the blur in px."""
         fits, reasons, blur = self._fitted()
         features = {name: self.coupon.feature(name) for name in fits}
         heights = {
@@ -214,7 +215,7 @@ class _DiscFits:
         return discs, reasons, blur
 
     def _fitted(self) -> tuple[dict[str, Disc | None], dict[str, str], float]:
-        """Fits of those in the picture, and the reason for the others; the small ones take the blur of the large."""
+        """Return the fits of visible features, and reasons for the others; small ones use the blur of large ones."""
         fits: dict[str, Disc | None] = {}
         reasons: dict[str, str] = {}
         blur, known = FIRST_BLUR_PX, False
@@ -245,7 +246,7 @@ class _DiscFits:
         return fits, reasons, _blur(fits, blur)
 
     def _surroundings(self, feature: Feature, blur: float) -> tuple[float, list[float]]:
-        """Free distance beyond a feature's edge, px, and the directions in which something is too near."""
+        """Return the free distance beyond a feature's edge, px, and the directions in which another one is too near."""
         scale, coupon = self.pose.px_per_mm, self.coupon
         need = EDGE * blur + 3.0
         reach = max(0.4 * feature.diameter_mm * scale, need)
@@ -266,16 +267,16 @@ class _DiscFits:
         return reach, blocked
 
     def _missing(self, feature: Feature, fit: Disc | None, usual: float) -> str:
-        """Reason why a round feature counts as missing; empty if it exists."""
+        """Return the reason why a round feature counts as missing; empty if it exists."""
         if 0.5 * feature.diameter_mm * self.pose.px_per_mm < LEAST_RADIUS_PX:
             return TOO_SMALL
         if fit is None or fit.snr < SNR or abs(fit.rise) < RISE * usual:
             return "no edge"
         if fit.coverage < COVERAGE:
-            return f"only {100 * fit.coverage:.0f} % of its edge"
+            return f"only {100 * fit.coverage:.0f} % of its edge is visible"
         away = math.dist((fit.x_px, fit.y_px), self.pose.to_px(places([feature]))[0]) / self.pose.px_per_mm
         if away > max(AWAY_MM, 0.25 * feature.diameter_mm):
-            return f"{away:.2g} mm from its place"
+            return f"its position is off by {away:.2g} mm"
         if fit.u_diameter_px > UNSURE * fit.diameter_px:
             return "its edge is not clear"
         return ""
@@ -325,13 +326,13 @@ def _gap(
 
 
 def _size_mm(size_px: float, u_px: float, scale: Scale) -> tuple[float, float, float]:
-    """A length in mm and its standard uncertainty, with the scale's and without."""
+    """Return a length in mm with its standard uncertainty, including and excluding that of the scale."""
     size, own = size_px * 1e-3 * scale.um_per_px, u_px * 1e-3 * scale.um_per_px
     return size, math.hypot(own, size * scale.u_relative), own
 
 
 def _pitch(coupon: Coupon, discs: Mapping[str, Disc], px_per_mm: float) -> tuple[float | None, float | None]:
-    """Ratio of printed to nominal distances, and its standard uncertainty from the fit of the positions."""
+    """Return the ratio of printed to nominal distances, and its standard uncertainty from the fit of the positions."""
     names = [name for name in discs if not any(name in gap.between for gap in coupon.gaps)] or list(discs)
     if len(names) < 3:
         return None, None
@@ -369,10 +370,10 @@ def _warnings(
         ),
         f"{outside} of {len(measured)} features are not in the picture": outside > 0,
         f"{small}: too small for pixels of {scale.um_per_px:g} µm and this blur": bool(small),
-        "no uncertainty of the heights' scale is stated (--u-z-um), so those of the steps exclude it": (
+        "no uncertainty of the heights' scale is stated (--u-z-um), so the uncertainties of the steps exclude it": (
             isinstance(image, ZMap) and image.u_z_um is None and bool(coupon.steps)
         ),
-        "heights and steps are not measured: they are in a z map, not in a picture": (
+        "heights and steps are not measured: this requires a z map, not a picture": (
             isinstance(image, Image) and bool(coupon.steps)
         ),
         f"the picture is blurred by {blur or 0.0:.1f} px: small features and gaps are lost in it": (
