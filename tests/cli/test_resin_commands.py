@@ -321,7 +321,7 @@ def test_what_cannot_be_shown_is_reported(shell: Shell) -> None:
     assert "did you mean pmma?" in shell.refused("resin", "show", "PMA")
     assert "known from 436.8 to 1052 nm only" in shell.refused("resin", "show", "pmma", "--at-nm", "1200")
     assert "--at-nm = nan" in shell.refused("resin", "show", "pmma", "--at-nm", "nan")
-    assert "a figure ends in" in shell.refused("resin", "show", "pmma", "--figure", "r.jpg")
+    assert "a figure must end in" in shell.refused("resin", "show", "pmma", "--figure", "r.jpg")
     assert "no such file" in shell.refused("resin", "show", "./none.toml")
 
 

@@ -99,7 +99,7 @@ def test_a_figure_of_a_scene(peer: Path, tmp_path: Path, capsys: pytest.CaptureF
         (("--mode", "guess"), "guess"),
         (("--sampling", "sobol"), "add --mode power"),
         (("--histogram", "7"), "add --mode power"),
-        (("--figure", "drawn.gif"), "a figure ends in"),
+        (("--figure", "drawn.gif"), "a figure must end in"),
     ],
 )
 def test_what_a_scene_does_not_have_is_refused(

@@ -243,7 +243,7 @@ def test_a_reader_gets_lines(capfd: pytest.CaptureFixture[str], tmp_path: Path) 
         (["--out", "p", "--only", "cubes", "--printer", "asiga-pico2-hd-27"], "does not fit on a plate of"),
         (["--out", "p", "--printer", "asiga-none"], "asiga"),
         (["--out", "p", "--tolerance-mm", "5"], "--tolerance-mm = 5.0"),
-        (["--out", "p", "--figure", "p.bmp"], "a figure ends in .svg, .pdf"),
+        (["--out", "p", "--figure", "p.bmp"], "a figure must end in .svg, .pdf"),
         (["--out", "p", "--only", "holes", "--figure", "p/holes.svg"], "is another file of this command"),
     ],
 )

@@ -159,7 +159,7 @@ def test_files_are_replaced_and_others_stay(told: Run) -> None:
         (["--set", "lens.half_width_mm=4"], "lens.half_width_mm"),
         (["--set", "fabricate.pocket=true"], "did you mean fabricate.pockets?"),
         (["--pockets", "--set", "body.arm_width_mm=1.5"], "pocket-right; would take"),
-        (["--figure", "solid.jpg"], "a figure ends in .svg, .pdf"),
+        (["--figure", "solid.jpg"], "a figure must end in .svg, .pdf"),
         (["--stl", "--svg", "--figure", "out/my-sensor.svg"], "is another file of this command"),
     ],
 )

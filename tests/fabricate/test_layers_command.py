@@ -210,7 +210,7 @@ def test_printers_as_json(told: Run) -> None:
         (["--resin", "noa16"], "did you mean noa61?"),
         (["--set", "body.thickness_mm=0"], "body.thickness_mm = 0"),
         (["--set", "body.thickness_mm=0.01"], "half a layer of 25 µm"),
-        (["--figure", "f.jpg"], "a figure ends in"),
+        (["--figure", "f.jpg"], "a figure must end in"),
         (["--figure", "f.svg", "--sheet-only"], "draws layers"),
     ],
 )

@@ -238,7 +238,7 @@ def test_bad_demands_are_refused(
 
 
 def test_a_figure_of_an_unknown_kind_is_refused(sensor: Path) -> None:
-    with pytest.raises(OutputError, match="a figure ends in"):
+    with pytest.raises(OutputError, match="a figure must end in"):
         predict(sensor, options=PrintOptions(), response=False, figure=FigureOptions(figure=Path("lens.gif")))
 
 

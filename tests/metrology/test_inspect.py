@@ -112,7 +112,7 @@ BAD = {
     "other width": (["lens.ome.tif", "--um-per-px", "8"], "shows no lens"),
     "too coarse": (["lens.ome.tif", "--um-per-px", "100"], "pixels wide"),
     "edge": (["lens.ome.tif", "--edge", "upper"], "outer"),
-    "figure": (["lens.ome.tif", "--figure", "a.txt"], "figure ends in"),
+    "figure": (["lens.ome.tif", "--figure", "a.txt"], "figure must end in"),
     "out": (["lens.ome.tif", "--out", "a.csv"], ".json"),
     "u": (["lens.ome.tif", "--u-um-per-px", "-1"], "--u-um-per-px"),
 }

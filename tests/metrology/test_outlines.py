@@ -169,7 +169,7 @@ def test_a_scale_that_cannot_be_is_refused() -> None:
     ("stated", "meant"), [(0.005, "mm per pixel"), (200.0, "pixels per mm"), (5000.0, "nm per pixel")]
 )
 def test_a_scale_in_another_unit_is_named_first(stated: float, meant: str) -> None:
-    with pytest.raises(DataError, match=rf"{meant}: give --um-per-px 5"):
+    with pytest.raises(DataError, match=rf"{meant}: set --um-per-px 5"):
         measure_outline(as_image(np.zeros(SHAPE), stated), NOMINAL)
 
 

@@ -68,7 +68,7 @@ REFUSED: dict[str, tuple[str, bytes, str]] = {
     "empty": ("a.csv", b"", "is empty"),
     "a header": ("a.csv", b"x,y\n" * 40, "at least 32"),
     "words": ("a.csv", "\n".join([",".join(["one"] * 40)] * 40).encode(), "not a height"),
-    "ragged": ("a.csv", (text(RAMP, ",") + "\n1,2").encode(), "row 41 holds 2 numbers, the first 50"),
+    "ragged": ("a.csv", (text(RAMP, ",") + "\n1,2").encode(), "row 41 contains 2 numbers, the first row 50"),
     "no UTF-8": ("a.csv", b"\xff\xfe1,2", "not UTF-8"),
 }
 

@@ -101,7 +101,7 @@ def test_a_z_map_of_the_reference(told: Run) -> None:
         (["z.csv", "--coupon", "z-reference", "--um-per-px", "14"], "--z-um; is missing"),
         (["a.png", "--job", "none.json", "--um-per-px", "14"], "no such file"),
         (["a.png", "--job", "job.json", "--um-per-px", "14"], "job.json"),
-        (["a.png", "--coupon", "group-a", "--um-per-px", "14", "--figure", "a.gif"], "a figure ends in"),
+        (["a.png", "--coupon", "group-a", "--um-per-px", "14", "--figure", "a.gif"], "a figure must end in"),
         (["a.png", "--coupon", "group-a", "--um-per-px", "14", "--out", "a.txt"], "a result ends in .json"),
         (["a.png", "--coupon", "group-a", "--um-per-px", "14", "--set", "spacing=2"], "spacing"),
     ],

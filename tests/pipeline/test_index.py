@@ -266,7 +266,7 @@ def test_bad_options_are_reported_in_one_line(tmp_path: Path, values: dict[str, 
 
 def test_nothing_is_written_where_something_is_refused(tmp_path: Path) -> None:
     file = table(tmp_path, {"wavelength_nm": NM, "T": T, "R": R})
-    with pytest.raises(SolenError, match="a figure ends in"):
+    with pytest.raises(SolenError, match="a figure must end in"):
         index(file, options(), out=tmp_path / "n.json", figure=FigureOptions(figure=tmp_path / "n.bmp"))
     assert [path.name for path in tmp_path.iterdir()] == ["layer.csv"]
 

@@ -75,7 +75,7 @@ def test_files_are_both_written_or_neither(tmp_path: Path) -> None:
     text = figure.read_text(encoding="utf-8")
     assert "literature of acrylates and photoresins" in text
     assert "measured" in text
-    with pytest.raises(OutputError, match="a figure ends in"):
+    with pytest.raises(OutputError, match="a figure must end in"):
         refractometer(n, options=options, out=tmp_path / "other.json", figure=FigureOptions(figure=tmp_path / "n.gif"))
     assert not (tmp_path / "other.json").exists()
 

@@ -54,7 +54,7 @@ def test_every_series_is_drawn_with_its_uncertainty_dashed(power: Convergence) -
 def test_the_axes_say_what_they_show_and_the_title_what_errors_are_measured_from(power: Convergence) -> None:
     told = words(svg(convergence_figure(power), "convergence"))
     assert "rays traced" in told
-    assert "error and stated u (share of the emitted power)" in told
+    assert "error and stated u (fraction of the emitted power)" in told
     assert f"simulated, mode power; errors against adaptive with {power.reference.rays:,} rays" in told
 
 

@@ -66,7 +66,7 @@ def test_chosen_panels_are_lettered_and_have_the_stated_ends() -> None:
         ({"panels": "D"}, "ABC"),
         ({"limits": ("E.x=0:1",)}, "ABC"),
         ({"limits": ("z=0:1",)}, "z=0:1"),
-        ({"letters": "3"}, "as A, a or"),
+        ({"letters": "3"}, "A, a or"),
         ({"limits": ("x=0:inf",)}, "x=0:inf"),
         ({"limits": ("x=-inf:1",)}, "x=-inf:1"),
         ({"font": "No Such Font"}, "No Such Font"),

@@ -40,7 +40,7 @@ def test_every_design_is_reported_without_what_no_reader_wants(studied: Studies,
     study = studied(name)
     words = said(study)
     assert next(iter(words)) == "contrast"
-    assert list(words)[-1] == "Not included in these numbers"
+    assert list(words)[-1] == "Not included in these results"
     cells = [
         cell for row in matters(study.practice)[1] for cell in (row.name, row.by, row.null, row.light, *row.contrast)
     ]
@@ -120,7 +120,7 @@ def test_slope_null_and_range_are_those_of_the_results(studied: Studies, name: s
 def test_without_a_null_no_range_is_reported(studied: Studies) -> None:
     words = said(studied("one-sided"))
     assert "no null" in words["slope"]
-    assert words["range"] == "none without a null"
+    assert words["range"] == "none, as there is no null"
 
 
 @pytest.mark.parametrize("name", ["paper", "mismatched", "no lens", "acrylate", "dim"])
@@ -161,7 +161,7 @@ def test_the_sensor_as_built_stands_beside_a_point_in_the_plane(studied: Studies
     agree(told[:1] + told[2:4], [built["response"]["contrast"][0], -3.0, built["response"]["contrast"][-1]])
     assert "as in the paper (point, plane)" not in said(studied("paper"))
     assert "as in the paper (point, plane)" in said(studied("in space"))
-    assert said(studied("in space"))["Not included in these numbers"].startswith("Rays in space")
+    assert said(studied("in space"))["Not included in these results"].startswith("Rays in space")
 
 
 @pytest.mark.parametrize("name", PRACTICAL)
@@ -229,8 +229,8 @@ def test_a_mismatched_lens_is_reported_where_its_rays_go(studied: Studies) -> No
 
 def test_the_limits_name_the_absorption_and_the_assumed_arms(studied: Studies) -> None:
     paper, dim = said(studied("paper")), said(studied("dim"))
-    last = "Not included in these numbers"
-    assert "no absorption was given" in paper[last]
+    last = "Not included in these results"
+    assert "no absorption is stated" in paper[last]
     assert "assumed to continue" in paper[last]
     assert "absorbs 0.02 per mm" in dim[last]
     assert "absorbs 0.01 ± 0.002 per mm" in said(studied("uncertain"))[last]

@@ -1,1 +1,1 @@
-"""Every figure, the numbers as plain data, and the HTML report."""
+"""Figures, values as plain data, and the HTML report."""

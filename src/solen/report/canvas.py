@@ -1,7 +1,7 @@
-"""The style of figures, and their files, whose bytes depend only on the numbers drawn.
+"""The style of figures and their files, whose bytes depend only on the drawn values.
 
-The module of a figure draws it with the colours and `series` below, at any size; `drawn` sets the style around
-that and fits the figure to its page. `encoded` makes the bytes of the file.
+The module of a figure draws it with the colours and `series` below, at any size; `drawn` applies the style and fits the
+figure to its page. `encoded` returns the bytes of the file.
 """
 
 import io
@@ -60,13 +60,13 @@ STYLE: dict[Any, Any] = {
 
 
 def series(number: int, *, dots: bool = False) -> dict[str, Any]:
-    """Style of the series with a given number: colour and dashes, or colour and marker."""
+    """Return the style of the series with a given number: colour and dashes, or colour and marker."""
     place = number % len(SERIES)
     return {"color": SERIES[place]} | ({"marker": MARKERS[place], "ls": ""} if dots else {"ls": LINES[place]})
 
 
 def receiver(name: str, place: int = 0) -> dict[str, Any]:
-    """Style of a receiver's curve: colour of its side and triangles pointing there; other receivers by position."""
+    """Return the style of a receiver's curve: colour and triangles of its side; others by position."""
     side = SIDES.get(side_of(name) or "")
     colour, marker = side or (SERIES[2:][place % len(SERIES[2:])], MARKERS[1:][place % len(MARKERS[1:])])
     return {"color": colour, "marker": marker, "markevery": 0.13, "ms": 6.5, "mew": 0.0}
@@ -75,7 +75,7 @@ def receiver(name: str, place: int = 0) -> dict[str, Any]:
 def draw_repeats(
     axes: Axes, curves: Sequence[tuple[FloatArray, FloatArray]], number: int, label: str | None, **more: Any
 ) -> None:
-    """Repeats of one curve, each x and y of shape (n,): thin lines, and the mean with its SD as a band."""
+    """Draw repeats of one curve, each x and y of shape (n,): thin lines, and the mean with its SD as a band."""
     look = series(number) | more
     if len(curves) == 1:
         axes.plot(*curves[0], **look, label=label)
@@ -91,29 +91,29 @@ def draw_repeats(
 
 
 def style(look: FigureOptions = FigureOptions()) -> dict[Any, Any]:
-    """Settings of matplotlib for a figure's options; `SpecError` if the font is not installed."""
+    """Return matplotlib's settings for a figure's options; `SpecError` if the font is not installed."""
     installed = {font.name.casefold(): font.name for font in fontManager.ttflist}
     names = [name for name in FONTS if name.casefold() in installed]
     if look.font is not None:
         if look.font.casefold() not in installed:
-            raise SpecError("--font", value=look.font, limit="is not installed", remedy="name a font of this computer")
+            raise SpecError("--font", value=look.font, limit="is not installed", remedy="name an installed font")
         names.insert(0, installed[look.font.casefold()])
     return STYLE | {"font.size": look.size_pt, "font.sans-serif": names}
 
 
 def drawn(draw: Callable[[], Figure], look: FigureOptions = FigureOptions()) -> Figure:
-    """A figure in the common style, fitted to its page."""
+    """Return a figure in the common style, fitted to its page."""
     with mpl.rc_context(style(look)):
         return finish(draw(), look)
 
 
 def svg(figure: Figure, salt: str) -> str:
-    """SVG text of a figure; ``salt`` distinguishes its internal names from those of other figures on a page."""
+    """Return the SVG text of a figure; ``salt`` distinguishes its internal names from those of others on a page."""
     return encoded(figure, ".svg", salt).decode("utf-8")
 
 
 def encoded(figure: Figure, suffix: str, salt: str, dpi: int = 200) -> bytes:
-    """A figure as the bytes of a file of one of the `KINDS`, with its titles in the metadata and no date."""
+    """Return the bytes of a file of one of the `KINDS`, with the figure's titles in the metadata and no date."""
     data, title = io.BytesIO(), titles_of(figure)
     with mpl.rc_context({**STYLE, "svg.hashsalt": f"solen-{salt}"}):
         if suffix == ".svg":  # savefig would draw it twice, once for the layout: the bytes are the same

@@ -1,9 +1,9 @@
-"""Fitting of a drawn figure to its page: selects, stacks and letters panels, keeps text whole and apart.
+"""Fitting of a drawn figure to its page: selects, stacks and letters panels, keeps texts complete and separate.
 
-The module of a figure cannot know the width of the page, the requested panels,
-free places for the legend, or titles too long for their panel; all that is handled here.
+The module of a figure does not know the width of the page, the requested panels, free positions for the legend, or
+titles too long for their panel; all of this is handled here.
 
-The interface: `finish` fits a figure to its options; `panels_of`, `covers_data` and `titles_of` inspect one.
+The interface: `finish` fits a figure to its options; `panels_of`, `covers_data` and `titles_of` inspect a figure.
 """
 
 import math
@@ -34,7 +34,7 @@ from solen.report.options import LEAST_PT, FigureOptions
 
 MM_PER_IN = 25.4
 NARROWEST_IN = 2.1
-"""Least width of a panel beside others, unless drawn narrower; narrower panels are stacked."""
+"""Least width of a panel next to others, unless drawn narrower; narrower panels are stacked."""
 TALLEST = 0.75
 """Height of a graph on a page, as a multiple of its width; pictures keep their aspect ratio."""
 LOWEST_IN = 1.3
@@ -46,11 +46,11 @@ _MANY = 4
 _CODES = range(1, 11)
 """Positions of a legend inside its panel."""
 _ROUNDS = 6
-"""Most layout passes until every text has its place."""
+"""Largest number of layout passes until every text has its position."""
 
 
 def finish(figure: Figure, look: FigureOptions) -> Figure:
-    """A figure according to its options; `SpecError` if they name a panel that does not exist."""
+    """Finish a figure according to its options; `SpecError` if they name a panel that does not exist."""
     panels = panels_of(figure)
     if look.panels:
         panels = _chosen(panels, look.panels)
@@ -69,7 +69,7 @@ def finish(figure: Figure, look: FigureOptions) -> Figure:
 
 
 def panels_of(figure: Figure) -> list[list[Axes]]:
-    """Panels in reading order: for each, the axes that share its place, with their colour bars."""
+    """Return the panels in reading order: for each, the axes that share its position, with their colour bars."""
     panels: list[list[Axes]] = []
     for axes in figure.axes:
         if axes.get_label() == "<colorbar>":
@@ -81,12 +81,12 @@ def panels_of(figure: Figure) -> list[list[Axes]]:
 
 
 def titles_of(figure: Figure) -> str:
-    """Titles of a figure on one line, including hidden ones."""
+    """Return the titles of a figure on one line, including hidden ones."""
     return "; ".join(" ".join(title.get_text().split()) for title in _titles(figure))
 
 
 def _letter_of(number: int) -> str:
-    """A to Z, then AA, AB..."""
+    """Return the letter of a panel: A to Z, then AA, AB..."""
     before, last = divmod(number, len(string.ascii_uppercase))
     return (_letter_of(before - 1) if before else "") + string.ascii_uppercase[last]
 
@@ -175,7 +175,7 @@ def _set_limits(panels: list[list[Axes]], look: FigureOptions) -> None:
 
 
 def _titles(figure: Figure) -> list[Text]:
-    """Title of the figure, and those of its panels."""
+    """Return the title of the figure, and those of its panels."""
     whole = figure.get_suptitle()
     texts = [text for text in figure.texts if whole and text.get_text() == whole]
     for axes in figure.axes:
@@ -196,7 +196,7 @@ def _hide_titles(figure: Figure) -> None:
 
 
 def _letter(panels: list[list[Axes]], first: str) -> None:
-    """Letters at the upper left corners, outside the axes."""
+    """Draw letters at the upper left corners, outside the axes."""
     start = first.strip("()")
     for number, panel in enumerate(panels, string.ascii_lowercase.index(start.lower())):
         letter = _letter_of(number)
@@ -208,7 +208,7 @@ def _letter(panels: list[list[Axes]], first: str) -> None:
 
 
 def _settle(figure: Figure, *, may_grow: bool) -> None:
-    """Lay the figure out until no text is too long for its place and no legend covers data."""
+    """Lay the figure out until no text is too long for its position and no legend covers data."""
     family = [*rcParams["font.sans-serif"][:1], "sans-serif"]  # as it is measured, so it is drawn
     for text in figure.findobj(Text):
         text.set_fontsize(max(text.get_fontsize(), LEAST_PT))
@@ -270,7 +270,7 @@ def _wrap(figure: Figure) -> float:
 
 
 def _broken(text: Text, room: float) -> int:
-    """Number of added lines."""
+    """Break a text; return the number of added lines."""
     words, box = text.get_text(), text.get_window_extent()
     long = max(box.width, box.height) if text.get_rotation() else box.width
     if not words or not text.get_visible() or long <= room or "$" in words:

@@ -1,4 +1,4 @@
-"""Look and file of a figure: the options of every command with ``--figure``."""
+"""Style and file of a figure: the options of every command with ``--figure``."""
 
 import math
 from pathlib import Path
@@ -14,7 +14,7 @@ PIXELS = (".png", ".tiff", ".tif")
 KINDS = (".svg", ".pdf", ".eps", *PIXELS)
 LEAST_PT = 6.0
 """Smallest font size, as journals require."""
-LETTERS_LIMIT = "is one letter, as A, a or (a)"
+LETTERS_LIMIT = "must be one letter: A, a or (a)"
 Limits = tuple[str | None, str, float, float]
 """Panel (None for all), x or y, and the ends of the axis."""
 
@@ -25,19 +25,23 @@ class FigureOptions(Options):
     figure: Path | None = None
     """Draw the result into this .svg, .pdf, .eps, .png or .tiff."""
     width_mm: Annotated[Finite, Ge(40.0), Le(600.0)] | None = None
-    """Width of the figure, as 90 for a column and 180 for a page; panels that do not fit side by side are stacked."""
+    """Width of the figure, such as 90 for a column and 180 for a page; panels that do not fit side by side are
+    stacked.
+    """
     height_mm: Annotated[Finite, Ge(30.0), Le(600.0)] | None = None
-    """Height of the figure; default: as its panels need."""
+    """Height of the figure; by default the height that its panels need."""
     font: str | None = None
-    """Font of the lettering; default: Helvetica Neue, Arial, Liberation Sans or DejaVu Sans, the first installed."""
+    """Font of the lettering; by default the first installed of Helvetica Neue, Arial, Liberation Sans and DejaVu
+    Sans.
+    """
     font_pt: Annotated[Finite, Ge(LEAST_PT), Le(24.0)] | None = None
-    """Size of the lettering; default: 9, and 8 with --width-mm. Nothing is smaller than 6."""
+    """Font size of the lettering; by default 9, or 8 with --width-mm. No lettering is smaller than 6."""
     no_titles: bool = False
-    """Leave titles out of the picture, but for a note that data are simulated; the file's description keeps them."""
+    """Omit titles from the picture, except a note that data are simulated; the file's description keeps them."""
     letters: Annotated[str | None, Field(pattern=r"^([A-Za-z]|\([A-Za-z]\))$"), or_refuse(LETTERS_LIMIT)] = None
     """Letter the panels, starting with: A, a, (a); or E for the panels of a figure assembled from several files."""
     panels: str = ""
-    """Draw only some panels, as in AC, the first being A; after Z comes AA, then with commas: A,AA."""
+    """Draw only some panels, such as AC; the first is A, AA comes after Z. Separate double letters by commas: A,AA."""
     limits: tuple[str, ...] = ()
     """Limits of an axis: x=400:900 for all panels, B.y=0:1 for one; repeatable."""
     dpi: int = Field(300, ge=72, le=1200)
@@ -45,7 +49,7 @@ class FigureOptions(Options):
 
     @property
     def size_pt(self) -> float:
-        """Size of the lettering."""
+        """Font size of the lettering."""
         return self.font_pt or (9.0 if self.width_mm is None else 8.0)
 
     def ends(self) -> list[Limits]:
@@ -65,10 +69,12 @@ class FigureOptions(Options):
         files = [file for file in (self.figure, *others) if file is not None]
         stated = [name for name, field in type(self).model_fields.items() if getattr(self, name) != field.default]
         if stated and not files:
-            raise SpecError(f"--{stated[0].replace('_', '-')}", limit="applies to a figure", remedy="add --figure FILE")
+            raise SpecError(
+                f"--{stated[0].replace('_', '-')}", limit="applies only to a figure", remedy="add --figure FILE"
+            )
         for file in files:
             if file.suffix.lower() not in KINDS:
-                raise OutputError(str(file), limit=f"a figure ends in {', '.join(KINDS)}", remedy="rename it")
+                raise OutputError(str(file), limit=f"a figure must end in {', '.join(KINDS)}", remedy="rename it")
         if files and "dpi" in stated and not any(file.suffix.lower() in PIXELS for file in files):
             limit = f"applies to {', '.join(PIXELS)}, and {files[0].name} has no pixels"
             raise SpecError("--dpi", value=self.dpi, limit=limit, remedy="leave it out")

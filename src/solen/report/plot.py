@@ -65,11 +65,11 @@ FIGURES = {
     "Tolerances": "explore.tolerance:tolerance_figure",
     "TunedPrint": "print.tune:tune_figure",
 }
-"""Functions that draw one result, in modules beside this one, by the name of the result's type."""
+"""Functions that draw one result, in the other modules of this package, by the name of the result's type."""
 
 
 def plot(result: Any, look: "FigureOptions | None" = None) -> "Figure":
-    """Figure of a result, in solen's style; a notebook shows it, ``savefig`` writes it.
+    """Draw the figure of a result in solen's style; a notebook shows it, ``savefig`` writes it.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def plot(result: Any, look: "FigureOptions | None" = None) -> "Figure":
 
 
 def figure_of(result: Any) -> "Figure":
-    """The figure as its module draws it, not yet finished for a page; raises as `plot` does."""
+    """Return the figure as its module draws it, before it is finished for a page; raises as `plot` does."""
     kinds = [kind.__name__ for kind in type(result).__mro__ if kind.__name__ in FIGURES]
     if not kinds:
         limit = f"no figure exists for a {type(result).__name__}"

@@ -9,8 +9,8 @@ recessed features, and (iv) the minimum reproducible Z step". Here each becomes 
 - (ii) the smallest nominal gap for which this and every larger gap is open; the same rule applies to holes.
 - (iii) the smallest nominal difference of diameter for which any two holes that differ by this much or more are printed
   in the right order, each pair by more than chance. Chance is the scatter of the printed diameters about a straight
-  line of the nominal ones, or the measurement uncertainty if that is larger, by Student's t with 5 % shared among the pairs
-  (Bonferroni). Two holes of the same nominal size belong to the scatter.
+  line of the nominal ones, or the measurement uncertainty if that is larger, by Student's t with 5 % shared among the
+  pairs (Bonferroni). Two holes of the same nominal size belong to the scatter.
 - (iv) the smallest nominal step for which every step of this and of every larger size is a significant rise, by a
   one-sided Welch's t-test with 5 % shared among the steps of that size.
 

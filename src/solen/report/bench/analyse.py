@@ -1,8 +1,8 @@
 """The response of sensors: voltage against angle, as in the paper's figure 4D.
 
-Each half-cycle that is used is a faint line, the mean a strong line in a band of one standard deviation. Right is
-blue and left orange in a sensor's own panel; in a shared panel each sensor has a colour, right is solid and left
-dashed.
+Each half-cycle that is used is a faint line; the mean is a strong line in a band of one standard deviation. In a
+sensor's own panel, right is blue and left is orange; in a shared panel each sensor has a colour, right is solid and
+left is dashed.
 """
 
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ _SHOWN = 60  # ways that are drawn one by one
 
 
 def study_figure(study: Study) -> Figure:
-    """A panel for each sensor, all to the same scale; with several sensors, also a panel of all."""
+    """Draw a panel for each sensor, all to the same scale; with several sensors, also a panel with all of them."""
     sensors = list(study.sensors.values())
     panels = len(sensors) + (len(sensors) > 1)
     across = 3 if panels in {5, 6} else min(panels, _ACROSS)
@@ -42,19 +42,19 @@ def study_figure(study: Study) -> Figure:
 
 
 def label_of(unit: str) -> str:
-    """Label of an axis of receivers' values."""
+    """Return the label of an axis of receiver values."""
     return "voltage (V)" if unit == "V" else f"signal ({unit})"
 
 
 def state_origin(figure: Figure, simulated: bool, *remarks: str) -> None:
-    """Title of a figure: whether its data are simulated, and remarks on their processing."""
+    """Return the title of a figure: whether its data are simulated, and remarks on their processing."""
     title = "; ".join(filter(None, ("simulated data" if simulated else "", *remarks)))
     if title:
         figure.suptitle(title, color=LOST)
 
 
 def title_of(response: SensorResponse) -> str:
-    """Name of a sensor, with its lens."""
+    """Return the name of a sensor, with its lens."""
     return response.label + {None: "", True: ", lens", False: ", no lens"}[response.lens]
 
 
@@ -74,7 +74,7 @@ def _draw_sensor(axes: Axes, response: SensorResponse) -> None:
 
 
 def _draw_all(axes: Axes, sensors: Sequence[SensorResponse], *, beside: bool) -> None:
-    """Means of all sensors with their bands, grey without a lens; the legend goes beside it if there is room."""
+    """Draw the means of all sensors with their bands, grey without a lens, and the legend next to them if it fits."""
     with_lens = [sensor for sensor in sensors if sensor.lens is not False]
     for sensor in sensors:
         plain = sensor.lens is False

@@ -1,6 +1,7 @@
 """The figure of a calibration: its curves, decoded against true angles, and the errors.
 
-One row for each calibration. Left is orange and right blue; lines are solid for rising angles, dashed for falling ones.
+There is one row for each calibration. Left is orange and right is blue; lines are solid for rising angles and dashed
+for falling ones.
 """
 
 from collections.abc import Sequence
@@ -19,7 +20,7 @@ _DRAWN = 3000
 
 
 def calibration_figure(result: SensorCalibrations) -> Figure:
-    """Three panels for each calibration."""
+    """Draw three panels for each calibration."""
     made = result.calibrations
     figure = Figure(figsize=(10.4, 3.1 * len(made) + 0.3))
     axes = figure.subplots(len(made), 3, squeeze=False)
@@ -42,7 +43,7 @@ def _draw_calibration(row: Sequence[Axes], file: CalibrationFile, check: Check |
     left_out = "a cycle" if file.leave_one_sensor_out is None else "a print"
     _draw_angles(angles, check, stimulus)
     angles.set(xlabel=stimulus.known_label, ylabel=f"decoded {stimulus.label}")
-    angles.set_title(f"{left_out} left out: rms {check.whole.rms_deg:.2g}{stimulus.sign}", loc="left")
+    angles.set_title(f"without {left_out}: rms {check.whole.rms_deg:.2g}{stimulus.sign}", loc="left")
     _draw_errors(errors, check, stimulus)
     errors.set(xlabel=stimulus.known_label, ylabel=f"error ({stimulus.sign.strip()})")
     shares = f"{100 * check.whole.within_68:.0f} and {100 * check.whole.within_95:.0f} %"
@@ -63,7 +64,7 @@ def _draw_curves(axes: Axes, calibration: Calibration, unit: str) -> None:
 
 
 def _places(check: Check) -> IndexArray:
-    """Readings to draw, in the order of their true angles."""
+    """Return the readings to draw, in the order of their true angles."""
     order = np.argsort(check.true_deg, kind="stable")
     return order[:: max(1, order.size // _DRAWN)]
 

@@ -19,7 +19,7 @@ _SHORT = {
 
 
 def diagnoses_figure(result: SensorDiagnoses) -> Figure:
-    """A column for each sensor: curves and model, residuals with their scatter, correlations."""
+    """Draw a column for each sensor: curves and model, residuals with their scatter, correlations."""
     found = [sensor.diagnosis for sensor in result.sensors.values()]
     figure = Figure(figsize=(3.6 * len(found) + 0.6, 8.4))
     axes = figure.subplots(3, len(found), squeeze=False, height_ratios=(3.0, 1.6, 3.0))

@@ -1,4 +1,4 @@
-"""Figures of recorded networks: signals over each motion, and decoded against true angles of states left out."""
+"""Figures of recorded networks: signals over each motion, and decoded against true angles of states not fitted."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,7 +14,7 @@ _DRAWN = 600
 
 
 def states_figure(result: NetworkStates) -> Figure:
-    """Signals at every stop, a panel for each motion and emitter; lines are means over the other motions."""
+    """Draw the signals at every stop, a panel for each motion and emitter; lines are means over the other motions."""
     rows, columns = len(result.motions), len(result.emitters)
     figure = Figure(figsize=(max(4.6, 3.1 * columns), 2.6 * rows + 0.4))
     panels = figure.subplots(rows, columns, squeeze=False, sharex="row", sharey="col")
@@ -32,7 +32,7 @@ def states_figure(result: NetworkStates) -> Figure:
 
 
 def _draw_stops(axes: Axes, result: NetworkStates, motion: int, lit: int) -> None:
-    """Each receiver's signals at the stops, and their mean over the other motions."""
+    """Draw each receiver's signals at the stops, and their mean over the other motions."""
     angle, (states, every, _) = result.angle_deg[:, motion], result.states.merged()
     own, span = states[:, motion], max(float(np.ptp(states[:, motion])), 1e-9)
     places = np.rint(own / span * 200.0)
@@ -49,7 +49,7 @@ def _draw_stops(axes: Axes, result: NetworkStates, motion: int, lit: int) -> Non
 
 
 def calibration_figure(result: NetworkCalibrations) -> Figure:
-    """Decoded over true angle, and the errors with their bands, of states left out: a row for each motion."""
+    """Draw decoded against true angles, and the errors with their bands, for states not fitted; a row per motion."""
     made = result.calibration
     figure = Figure(figsize=(8.4, 2.9 * len(made.motions) + 0.3))
     panels = figure.subplots(len(made.motions), 2, squeeze=False)
@@ -61,7 +61,7 @@ def calibration_figure(result: NetworkCalibrations) -> Figure:
         check = made.checks[place]
         _draw_angles(row[0], result.left_out, place)
         row[0].set(xlabel=f"{name}, true (deg)", ylabel="decoded (deg)")
-        row[0].set_title(f"{name}, states left out: rms {check.rms_deg:.2g}°", loc="left")
+        row[0].set_title(f"{name}, states not fitted: rms {check.rms_deg:.2g}°", loc="left")
         _draw_errors(row[1], result.left_out, place)
         row[1].set(xlabel=f"{name}, true (deg)", ylabel="error (deg)")
         shares = f"{100 * check.within_68:.0f} and {100 * check.within_95:.0f} %"

@@ -1,7 +1,7 @@
 """The summary of a design: what to expect, what matters, and what to do.
 
-The command prints these lines and the report begins with them. Every number is computed, and has as many digits as
-its uncertainty justifies.
+The command prints these lines and the report begins with them. Every value is computed, with as many digits as its
+uncertainty justifies.
 """
 
 import math
@@ -23,25 +23,27 @@ NAMES = {
     "receivers.gap_mm": "air gap before the receivers",
 }
 ADVICE = {
-    "emitter.offset_mm": "Centre the emitter under a microscope, then measure the null: {by} move it by {null}.",
-    "emitter.width_mm": "Measure the chip of the LED: {by} of its width change the contrast by {change}.",
-    "emitter.distance_mm": "Hold the emitter at its distance: {by} change the contrast by {change}.",
-    "material.index": "Measure the index of what is printed: {by} change the contrast by {change}.",
-    "material.absorption_per_mm": "Measure the loss of the print, on guides: {by} cost {light} of the light.",
-    "body.arm_width_mm": "Print the arms to width: {by} change the contrast by {change}.",
-    "receivers.gap_mm": "Hold the gap before the receivers: {by} change the contrast by {change}.",
+    "emitter.offset_mm": "Centre the emitter under a microscope, then measure the null: an offset "
+    "of {by} moves it by {null}.",
+    "emitter.width_mm": "Measure the chip of the LED: a change of its width by {by} changes the contrast by {change}.",
+    "emitter.distance_mm": "Hold the emitter at its distance: an error of {by} changes the contrast by {change}.",
+    "material.index": "Measure the index of the printed material: an error of {by} changes the contrast by {change}.",
+    "material.absorption_per_mm": "Measure the loss of the print on guides: an absorption of {by} "
+    "costs {light} of the light.",
+    "body.arm_width_mm": "Print the arms to width: an error of {by} changes the contrast by {change}.",
+    "receivers.gap_mm": "Hold the gap before the receivers: an error of {by} changes the contrast by {change}.",
     JOIN: "Determine how the turned lens joins the stem, or blacken the joins (a [[wall]] on them): {by} changes the "
     "contrast by {change}.",
-    HOLD: "State how the body is held: one that is soft, held by {by}, changes the contrast by {change}.",
+    HOLD: "State how the body is held: a soft body held by {by} changes the contrast by {change}.",
 }
 LENSES = {"cartesian-oval": "cylinder", "layered": "layered", "line-focus": "line focus"}
 WORTH = 0.005
-"""Change of the contrast, or a tenth of the change of light, that calls for action."""
+"""Change of the contrast, or a tenth of the change of light, above which advice is given."""
 MOST_ADVICE, MOST_DIGITS = 4, 4
 
 
 class Matter(NamedTuple):
-    """One number of the design that is off: its name, its deviation, and the effect on null, contrast and light."""
+    """One parameter of the design that is off: its name, its deviation, and the effect on null, contrast and light."""
 
     name: str
     by: str
@@ -51,7 +53,7 @@ class Matter(NamedTuple):
 
 
 def measured(value: float | None, u: float | None, *, sign: bool = True) -> str:
-    """A value and its uncertainty, rounded to one or two digits of the uncertainty, "about" if that is infinite."""
+    """Format a value with its uncertainty to one or two digits of the uncertainty; "about" if that is infinite."""
     if value is None or not math.isfinite(value):
         return "none"
     if u == math.inf:
@@ -66,7 +68,7 @@ def measured(value: float | None, u: float | None, *, sign: bool = True) -> str:
 
 
 def expected(study: DesignStudy) -> list[tuple[str, str]]:
-    """The expected response, by heading; compared with the sensor without lens, as in the paper, and as built."""
+    """Return the expected response by heading, with those without lens, as in the paper and as built."""
     case, summary = study.case, study.case.summary
     light = measured(100 * summary.received_share, 200 * summary.u_power, sign=False)
     rows = [
@@ -84,13 +86,13 @@ def expected(study: DesignStudy) -> list[tuple[str, str]]:
         rows.append((f"as built ({emitter_words(study)})", f"{_ends(built.response)}; {slope} per degree at the null"))
     if practice is not None and practice.paper is not None:
         saturated = practice.paper.saturation_deg()
-        beyond = "" if saturated is None else f"; {SATURATED:g} in size from {saturated:.2f}° on"
+        beyond = "" if saturated is None else f"; above {SATURATED:g} from {saturated:.2f}° on"
         rows.append(("as in the paper (point, plane)", f"{_ends(practice.paper)}{beyond}"))
     return rows
 
 
 def matters(practice: Practice | None) -> tuple[list[float], list[Matter]]:
-    """Angles, and the effect there of each number that is off by its tolerance, the largest first."""
+    """Return angles, and the effect there of each parameter that is off by its tolerance, the largest first."""
     if practice is None or not practice.effects:
         return [], []
     angles = sorted({float(angle) for effect in practice.effects for angle in effect.angle_deg})
@@ -99,7 +101,7 @@ def matters(practice: Practice | None) -> tuple[list[float], list[Matter]]:
 
 
 def advice(study: DesignStudy) -> list[str]:
-    """Advice, the most important first."""
+    """Return advice, the most important first."""
     sentences = []
     summary = study.case.summary
     if study.practice is not None:
@@ -108,13 +110,13 @@ def advice(study: DesignStudy) -> list[str]:
             if (effect.resolved and effect.largest >= WORTH) or (light and effect.key == "material.absorption_per_mm"):
                 sentences.append(_advised(effect))
     if summary.saturation_deg is not None:
-        text = f"Use it within {summary.saturation_deg:.2g}° of the null: beyond it, only the direction is clear"
-        sentences.insert(0, f"{text}; a larger chip widens that.")
+        text = f"Use it within {summary.saturation_deg:.2g}° of the null: beyond it, only the direction is known"
+        sentences.insert(0, f"{text}; a larger chip widens this range.")
     return list(dict.fromkeys(sentences))[:MOST_ADVICE]
 
 
 def lens_table(practice: Practice | None) -> list[tuple[str, ...]]:
-    """The design with each kind of lens: headings and rows; empty without a comparison."""
+    """Return a table of the design with each kind of lens, headings first; empty without a comparison."""
     choice = None if practice is None else practice.lenses
     if choice is None or len(choice.lenses) < 2:
         return []
@@ -124,12 +126,12 @@ def lens_table(practice: Practice | None) -> list[tuple[str, ...]]:
     angles = [f"contrast at {first.angle_deg[i]:+.3g}°" for i in places]
     off = f"at {first.off_deg:+.3g}°, {choice.y_off_mm:g} mm off in y"
     slope = f"mean slope per degree within ±{first.within_deg:.2g}°"
-    heads = ("lens", *angles, off, slope, "light", "off a line")
+    heads = ("lens", *angles, off, slope, "light", "nonlinearity")
     return [heads, *(_lens_row(lens, places, choice.own) for lens in choice.lenses)]
 
 
 def lens_words(practice: Practice | None) -> list[str]:
-    """When another lens is worthwhile, and when not; empty without a comparison."""
+    """State whether another lens is worthwhile; empty without a comparison."""
     choice = None if practice is None else practice.lenses
     if choice is None or choice.layers_pay is None:
         return []
@@ -140,19 +142,19 @@ def lens_words(practice: Practice | None) -> list[str]:
 
 
 def emitter_words(study: DesignStudy) -> str:
-    """The emitter of the sensor as built."""
+    """Describe the emitter of the sensor as built."""
     built = None if study.practice is None else study.practice.built
     if built is None:
         return "in the plane" if study.design.trace.dimension == "2d" else "in space"
     if built.emitter.kind == "file":
-        return "the design's file of rays, in space"
+        return "the design's ray file, in space"
     size = f"chip {built.emitter.width_mm:g} × {built.emitter.height_mm:g} mm"
-    pattern = "its pattern in a table" if built.pattern == "table" else built.pattern
+    pattern = "tabulated pattern" if built.pattern == "table" else built.pattern
     return f"{size}, {pattern} within ±{built.cone_deg / 2:g}°, in space"
 
 
 def _ends(response: Response) -> str:
-    """Contrast at both ends of the motion."""
+    """Return the contrast at both ends of the motion."""
     ends = sorted({0, len(response.angle_deg) - 1})
     values = [
         (measured(float(response.contrast[i]), float(response.u_contrast[i])), response.angle_deg[i]) for i in ends
@@ -171,17 +173,17 @@ def _slope(summary: Summary) -> str:
     if not summary.received_share > 0.0:
         return "no light reaches the receivers"
     if summary.null_deg is None or summary.slope_per_deg is None:
-        return "no null in this range to measure from"
+        return "there is no null in this range"
     null = "0° by symmetry" if summary.u_null_deg == 0.0 else f"{measured(summary.null_deg, summary.u_null_deg)}°"
     return f"{measured(summary.slope_per_deg, summary.u_slope_per_deg)} per degree at the null, {null}"
 
 
 def _range(summary: Summary) -> str:
     if summary.null_deg is None:
-        return "none without a null"
+        return "none, as there is no null"
     if summary.saturation_deg is None:
-        return f"all of {summary.from_deg:+g}° to {summary.to_deg:+g}°: the contrast stays below {SATURATED:g} in size"
-    return f"{summary.saturation_deg:.2f}° to each side of the null; beyond, the contrast exceeds {SATURATED:g} in size"
+        return f"all of {summary.from_deg:+g}° to {summary.to_deg:+g}°: the contrast stays within ±{SATURATED:g}"
+    return f"{summary.saturation_deg:.2f}° to each side of the null; beyond, the contrast exceeds ±{SATURATED:g}"
 
 
 def _lens_row(lens: LensFigures, places: list[int], own: str) -> tuple[str, ...]:
@@ -197,28 +199,28 @@ def _lens_row(lens: LensFigures, places: list[int], own: str) -> tuple[str, ...]
 
 
 def _pays(choice: LensChoice, layered: LensFigures, cylinder: LensFigures) -> list[str]:
-    """Whether the layered lens is worthwhile, and what it requires."""
+    """State whether the layered lens is worthwhile, and what it requires."""
     gain = measured(choice.gain, choice.u_gain, sign=False)
-    values = f"contrast {abs(layered.off_contrast):.2f} in place of {abs(cylinder.off_contrast):.2f}"
+    values = f"contrast {abs(layered.off_contrast):.2f} instead of {abs(cylinder.off_contrast):.2f}"
     there = f"signal {gain} times the cylinder's ({values})"
     there += f" at {layered.off_deg:+.3g}° with the emitter {choice.y_off_mm:g} mm off in y"
     name = "layered lens as given" if layered.given else "layered lens"
     if layered.given:
-        there += ", to the worse side; the cylinder is as designed"
+        there += ", to the less favourable side; the cylinder is as designed"
     if not choice.layers_pay:
         return [f"The {name} is not worthwhile here: {there}."]
     asked = f"It requires a known chip, centred within about {choice.y_off_mm:g} mm in y."
-    printed = " Nobody has printed one yet; solen print predict says what a printer leaves of it."
+    printed = " None has been printed yet; solen print predict computes how a printer would reproduce it."
     return [f"The {name} is worthwhile for small angles: {there}.", asked if layered.given else asked + printed]
 
 
 def _straight(layered: LensFigures, cylinder: LensFigures) -> str:
-    """Which response is more linear."""
+    """State which response is more linear."""
     straight, other = sorted((cylinder, layered), key=lambda lens: lens.nonlinearity)
-    by = f"{100 * straight.nonlinearity:.0f} % off a straight line against {100 * other.nonlinearity:.0f} %"
+    by = f"deviation from a straight line {100 * straight.nonlinearity:.0f} % against {100 * other.nonlinearity:.0f} %"
     if other.nonlinearity - straight.nonlinearity <= other.u_nonlinearity + straight.u_nonlinearity:
         return f"Neither response is more linear: {by}."
-    return f"For a more linear response take the {LENSES[straight.shape]} lens: {by}.".replace(
+    return f"For a more linear response use the {LENSES[straight.shape]} lens: {by}.".replace(
         "cylinder lens", "cylinder"
     )
 
@@ -248,7 +250,7 @@ def _name(effect: Effect) -> str:
 
 
 def _by(effect: Effect) -> str:
-    """Deviation of a number, in words."""
+    """Return the deviation of a parameter, in words."""
     if effect.tolerance is None:
         return "instead"
     unit, value = effect.key.rpartition(".")[2].rpartition("_")[2], effect.tolerance
@@ -265,10 +267,10 @@ def _advised(effect: Effect) -> str:
     null = "nothing" if effect.null_deg is None else f"{abs(effect.null_deg):.2g}°"
     by = f"a {effect.value} join" if effect.key == JOIN else _by(effect)
     by = HOLDS[str(effect.value)] if effect.key == HOLD else by
-    text = ADVICE.get(effect.key, f"{effect.key}: {{by}} change the contrast by {{change}}.")
+    text = ADVICE.get(effect.key, f"{effect.key}: a deviation of {{by}} changes the contrast by {{change}}.")
     return text.format(by=by, change=change, null=null, light=f"{abs(effect.received):.0%}")
 
 
 def _unsigned(value: float, small: float) -> float:
-    """The value, without the sign of a zero."""
+    """Return a value without the sign of a zero."""
     return 0.0 if abs(value) <= small else value

@@ -1,4 +1,4 @@
-"""Sentences that compare the printed lens with the designed one; every number is computed."""
+"""Sentences that compare the printed lens with the designed one; every value is computed."""
 
 import numpy as np
 
@@ -6,16 +6,16 @@ from solen.report.design.answer import measured
 from solen.sensor import AsPrinted, Comparison
 
 RESOLVED = 2.0
-"""A difference counts as resolved above this multiple of its uncertainty."""
+"""Multiple of its uncertainty above which a difference is resolved."""
 
 
 def printed_sentences(as_printed: AsPrinted) -> list[str]:
-    """Effects of printing on the lens and on the response, one sentence each."""
+    """Describe the effects of printing on the lens and on the response, one sentence each."""
     deviation, fit = as_printed.lens.fit.deviation, as_printed.lens.fit
     more = "more" if deviation.max_um > 0.0 else "less"
     lines = [
-        f"The lens {as_printed.label} lies {deviation.rms_um:.3g} µm (root mean square) from the designed one, at "
-        f"most {abs(deviation.max_um):.3g} µm ({more} material, at x = {deviation.max_x_mm:.2f} mm); its points are "
+        f"The lens {as_printed.label} deviates by {deviation.rms_um:.3g} µm (root mean square) from the designed one, "
+        f"at most {abs(deviation.max_um):.3g} µm ({more} material, at x = {deviation.max_x_mm:.2f} mm); its points are "
         f"known to {fit.u_rms_um:.2g} µm and were smoothed over {fit.smooth.resolution_mm:.2g} mm."
     ]
     return lines + [
@@ -36,4 +36,4 @@ def _compared(comparison: Comparison) -> str:
     if comparison.null_shift_deg is not None and comparison.u_null_shift_deg is not None:
         text += f" The null moves by {measured(comparison.null_shift_deg, comparison.u_null_shift_deg)}°."
     after, before = comparison.printed.received_share, comparison.designed.received_share
-    return f"{text} The receivers get {after:.2%} of the light, as designed {before:.2%}."
+    return f"{text} The receivers receive {after:.2%} of the light, {before:.2%} as designed."

@@ -29,24 +29,24 @@ from solen.trace.described import SceneTrace
 
 COLOURS = {"right": RIGHT, "left": LEFT}
 OTHERS = ("#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0072B2", "#D55E00", "#6A3D9A", "#8C6D31")
-"""Colours of receivers of other names, in turn."""
+"""Colours of receivers with other names, in turn."""
 METHODS = {
     "fan": ("fan", INK, "o"),
     "sobol": ("Sobol' samples", "#CC79A7", "s"),
     "adaptive": ("adaptive", "#009E73", "^"),
 }
-"""Name, colour and marker of each method of choosing rays."""
+"""Name, colour and marker of each ray sampling method."""
 SIMULATED = "simulated"
 """Note in the title of every figure of traced light."""
 SHOWN_RAYS = 100
-"""Most rays drawn in a picture; more would merge into a blot."""
+"""Largest number of rays drawn in a picture; more would merge."""
 
 
 def study_figure(study: DesignStudy) -> Figure:
-    """Received power against angle, with and without lens: integrated power as lines, counted rays as dots.
+    """Draw received power against angle, with and without lens: integrated power as lines, counted rays as dots.
 
-    With a measured lens, the designed one is drawn as well; beside the contrast, that of the sensor as
-    built and that of a point source in the plane, as in the paper.
+    With a measured lens, the designed one is drawn too. The contrast is drawn for the design, the sensor as built, and
+    a point source in the plane, as in the paper.
     """
     lens, flat, designed, practice = study.with_lens, study.no_lens, study.designed, study.practice
     figure, power_axes, contrast_axes = _response_axes()
@@ -70,7 +70,7 @@ def study_figure(study: DesignStudy) -> Figure:
 
 
 def sweep_figure(response: Response) -> Figure:
-    """Powers at both receivers against the angle, and their contrast, each with its uncertainty as a band."""
+    """Draw the powers of both receivers against the angle, and their contrast, each with its uncertainty as a band."""
     angle, half = response.angle_deg, np.nan_to_num(response.u_power)
     figure, power_axes, contrast_axes = _response_axes()
     for side in ("right", "left"):
@@ -86,7 +86,7 @@ def sweep_figure(response: Response) -> Figure:
 
 
 def matters_figure(practice: Practice) -> Figure:
-    """Change of the contrast at each computed angle, with each number off by its tolerance."""
+    """Draw the change of the contrast at each computed angle, for each parameter increased by its tolerance."""
     effects = practice.effects
     names = [f"{row.name}\n{row.by}" for row in matters(practice)[1]]
     figure = Figure(figsize=(8.2, 0.9 + 0.42 * len(effects)))
@@ -110,14 +110,14 @@ def matters_figure(practice: Practice) -> Figure:
     axes.invert_yaxis()
     axes.set_axisbelow(True)
     axes.grid(visible=False, axis="y")
-    axes.set(xlabel="change of the contrast, for a number increased by its tolerance")
+    axes.set(xlabel="change of the contrast, for a parameter increased by its tolerance")
     axes.set_title(SIMULATED)
     axes.legend()
     return figure
 
 
 def convergence_figure(convergence: Convergence) -> Figure:
-    """Error against number of rays for each method, with its stated uncertainty dashed; both axes logarithmic.
+    """Draw the error against the number of rays for each method, with its stated uncertainty dashed; log-log.
 
     Uncertainties of 0 cannot be drawn; the legend counts them.
     """
@@ -133,14 +133,14 @@ def convergence_figure(convergence: Convergence) -> Figure:
     if reference.u_power > 0.0:
         axes.axhline(reference.u_power, color=LOST, lw=1.2, ls=":", label="reference: stated u")
     name = METHODS[reference.method][0]
-    axes.set(xlabel="rays traced", ylabel="error and stated u (share of the emitted power)")
+    axes.set(xlabel="rays traced", ylabel="error and stated u (fraction of the emitted power)")
     axes.set_title(f"simulated, mode {convergence.mode}; errors against {name} with {reference.rays:,} rays")
     axes.legend()
     return figure
 
 
 def rays_figure(views: Sequence[tuple[str, Body, Scene, Trace]], zoom: float | None = None) -> Figure:
-    """Rays in the body, one panel per view; ``zoom`` shows only that many mm around the lens's edges.
+    """Draw rays in the body, one panel per view; ``zoom`` shows only that many mm around the lens's edges.
 
     A view is a title, a body, a scene and a trace that kept its paths.
     """
@@ -152,7 +152,7 @@ def rays_figure(views: Sequence[tuple[str, Body, Scene, Trace]], zoom: float | N
 
 
 def trace_figure(trace: DesignTrace) -> Figure:
-    """At most `SHOWN_RAYS` rays of a design at the angle and in the mode of a trace."""
+    """Draw at most `SHOWN_RAYS` rays of a design at the angle and in the mode of a trace."""
     shown = min(trace.sensor.design.emitter.rays, SHOWN_RAYS)
     return rays_figure([sensor_view(trace.sensor, trace.value, shown, trace.mode)])
 
@@ -160,10 +160,10 @@ def trace_figure(trace: DesignTrace) -> Figure:
 def sensor_view(
     sensor: Sensor, angle_deg: float, rays: int | None = None, mode: Mode = "count"
 ) -> tuple[str, Body, Scene, Trace]:
-    """View of a sensor at an angle for `rays_figure`; by default with counted rays, as in the paper.
+    """Return the view of a sensor at an angle for `rays_figure`; by default with counted rays, as in the paper.
 
-    The picture shows the plane: rays of an extruded sensor are drawn as traced in the plane, by the readable tracer,
-    since a picture's few rays are not worth the compiling of the fast one.
+    The picture shows the plane: rays of an extruded sensor are drawn as traced in the plane by the reference tracer,
+    because compiling the fast one does not pay for a few rays.
     """
     lens = "" if sensor.has_lens else "no lens, "
     unit = sensor.design.motion.unit
@@ -173,7 +173,7 @@ def sensor_view(
 
 
 def scene_figure(trace: SceneTrace) -> Figure:
-    """A scene file with some of its rays. Edges of half-planes do not widen the view.
+    """Draw a scene file with some of its rays. Edges of half-planes do not widen the view.
 
     Raises
     ------
@@ -207,7 +207,7 @@ def scene_figure(trace: SceneTrace) -> Figure:
 
 
 def _extent(scene: Scene, paths: Sequence[Path]) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Extent in x and z of the starts of rays, of monitors and of curves, without endless edges."""
+    """Return the extent in x and z of the starts of rays, of monitors and of curves, without endless edges."""
     found = [path.points_mm[:1] for path in paths if path.parent < 0]
     found += [np.array([monitor.start, monitor.end]) for monitor in scene.monitors]
     curves = [interface.curve.points(np.linspace(0.0, 1.0, 33)) for interface in scene.interfaces]
@@ -220,15 +220,15 @@ def _extent(scene: Scene, paths: Sequence[Path]) -> tuple[tuple[float, float], t
 
 
 def _positive(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The values, NaN where not positive."""
+    """Return the values, NaN where not positive."""
     return np.where(values > 0.0, values, np.nan)
 
 
 def _response_axes() -> tuple[Figure, Axes, Axes]:
-    """A figure with axes of the powers and of the contrast against the angle."""
+    """Return a figure with axes of the powers and of the contrast against the angle."""
     figure = Figure(figsize=(8.2, 3.5))
     power_axes, contrast_axes = figure.subplots(1, 2)
-    power_axes.set(xlabel="angle (deg)", ylabel="share of the emitted power")
+    power_axes.set(xlabel="angle (deg)", ylabel="fraction of the emitted power")
     _contrast_axes(contrast_axes)
     return figure, power_axes, contrast_axes
 
@@ -256,7 +256,7 @@ def _draw_response(power_axes: Axes, contrast_axes: Axes, case: Case, name: str,
 def draw_rays(
     axes: Axes, title: str, body: Body, scene: Scene, trace: Trace, *, zoom: float | None = None, names: bool = True
 ) -> None:
-    """Rays in a body, as `rays_figure` shows them; ``names`` labels LED, lens and receivers."""
+    """Draw rays in a body, as in `rays_figure`; ``names`` labels LED, lens and receivers."""
     outline = draw_body(axes, body)
     low, high = outline.min(axis=0), outline.max(axis=0)
     beyond, colours = 0.12 * float(high[1] - low[1]), colours_of(scene)
@@ -289,7 +289,7 @@ def draw_rays(
 
 
 def draw_body(axes: Axes, body: Body) -> NDArray[np.float64]:
-    """Outlines of a body, its holes white; returns the outer one."""
+    """Draw the outlines of a body, its holes white; return the outer one."""
     outline = body.outline(1e-3)
     axes.fill(*outline.T, facecolor="#eef3f7", edgecolor=INK, lw=0.8, zorder=1)
     for other in body.others:
@@ -299,7 +299,7 @@ def draw_body(axes: Axes, body: Body) -> NDArray[np.float64]:
 
 
 def _name(axes: Axes, words: str, at: tuple[float, float], offset: tuple[float, float], colour: str) -> None:
-    """A name beside a part, legible over rays."""
+    """Write a name next to a part, legible over rays."""
     outlined = [withStroke(linewidth=2.0, foreground="white")]
     axes.annotate(
         words, at, xytext=offset, textcoords="offset points", ha="center", color=colour, zorder=5, path_effects=outlined
@@ -307,7 +307,7 @@ def _name(axes: Axes, words: str, at: tuple[float, float], offset: tuple[float, 
 
 
 def colours_of(scene: Scene) -> dict[str, str]:
-    """Colours of the receivers."""
+    """Return the colours of the receivers."""
     others = [name for name in scene.receivers if name not in COLOURS]
     return COLOURS | {name: OTHERS[i % len(OTHERS)] for i, name in enumerate(others)}
 
@@ -315,7 +315,7 @@ def colours_of(scene: Scene) -> dict[str, str]:
 def _coloured(
     scene: Scene, trace: Trace, beyond_mm: float, colours: dict[str, str]
 ) -> dict[str, list[NDArray[np.float64]]]:
-    """Ray paths by colour; escaping rays come first and lowest, and are drawn a short way beyond the scene."""
+    """Return ray paths by colour; escaping rays come first and lowest, and extend slightly beyond the scene."""
     lines: dict[str, list[NDArray[np.float64]]] = {colour: [] for colour in (LOST, *reversed(colours.values()))}
     for path in trace.paths():
         receiver = scene.interfaces[path.interfaces[-1]].receiver if path.fate == "detected" else None

@@ -33,23 +33,23 @@ from solen.spec import Design, dumps
 
 FIGURES = {
     "lens-profile": "profile of the lens, x against z in mm",
-    "response": "power at each receiver, and the contrast, against what the motion drives",
+    "response": "power at each receiver, and the contrast, against the driven quantity",
     "readings": "readings over each motion",
     "shape": "the body at rest and deformed, with its strain",
-    "matters": "change of the contrast at each angle, by each number that is off by its tolerance",
+    "matters": "change of the contrast at each angle, for each parameter that is off by its tolerance",
     "as-printed": "deviation of the printed lens, and the contrast with it and with the designed one",
     "focus": "focus against the index of the material",
     "rays": "rays from the LED through lens and body to the receivers, in each of the positions",
     "rays-at-the-lens": "the same rays near LED and lens",
     "rays-without-lens": "rays through the body without its lens",
 }
-"""All figures that a report may have, with a text for those who do not see them; ``shape`` is of a soft body."""
+"""All figures that a report may have, with their alternative texts; ``shape`` is for a soft body."""
 
 NO_SOLID = SolidFiles({})
 
 
 def figures(study: DesignStudy) -> dict[str, str]:
-    """Figures of a study as SVG text, by name; the design determines which of `FIGURES` exist."""
+    """Return the figures of a study as SVG text, by name; the design determines which of `FIGURES` exist."""
     rays = min(study.design.emitter.rays, SHOWN_RAYS)
     case = study.case
     swept = case.power.angle_deg
@@ -77,7 +77,7 @@ def figures(study: DesignStudy) -> dict[str, str]:
 
 
 def html(study: DesignStudy, drawn: dict[str, str], solid: SolidFiles = NO_SOLID) -> str:
-    """HTML text of the report; ``drawn`` are its figures as `figures` returns them, ``solid`` is the part to print."""
+    """Return the HTML text of the report, given its figures (``drawn``) and the part to print (``solid``)."""
     in_plane = study.design.trace.dimension == "2d"
     case = study.case
     return page(
@@ -85,7 +85,7 @@ def html(study: DesignStudy, drawn: dict[str, str], solid: SolidFiles = NO_SOLID
         study.design,
         drawn,
         solid,
-        lead="simulated with the emitter as it is stated" if in_plane else emitter_words(study),
+        lead="simulated with the emitter as stated" if in_plane else emitter_words(study),
         warnings=warnings(study),
         expected=expected(study),
         study=study,
@@ -115,7 +115,7 @@ def page(
     expected: list[tuple[str, str]],
     **content: Any,
 ) -> str:
-    """HTML text of a report: what ``page.html`` shows of every design, and the content of its own template."""
+    """Return the HTML text of a report: the common content of ``page.html``, and that of its own template."""
     return rendered(
         template,
         name=design.name,
@@ -132,7 +132,7 @@ def page(
 
 
 def rendered(template: str, **content: Any) -> str:
-    """HTML text of a template of `solen.report`, in the style of all pages."""
+    """Return the HTML text of a template of `solen.report`, in the style of all pages."""
     loader = jinja2.FunctionLoader(lambda name: (files("solen.report") / name).read_text(encoding="utf-8"))
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, loader=loader)
     environment.filters["shown"] = shown
@@ -142,13 +142,13 @@ def rendered(template: str, **content: Any) -> str:
 
 
 def _alt(name: str, expected: list[tuple[str, str]]) -> str:
-    """Text in the place of a figure: what it shows, and of the response what it comes to."""
+    """Return the alternative text of a figure: its subject, and for the response its key figures."""
     words = FIGURES.get(name, name)
     return f"{words}; {expected[0][0]}: {expected[0][1]}" if name == "response" and expected else words
 
 
 def _parts(study: DesignStudy) -> dict[str, list[tuple[str, Any]]]:
-    """Rows of the tables of numbers, by their subject."""
+    """Return the rows of the tables of values, by subject."""
     focus = next((focus for focus in study.foci if focus.step == 0.0), None)
     parts = {"material": study.material, "lens": study.lens, "focus": focus, "body": study.body}
     hidden = ("step", "by_uncertainty")
@@ -161,7 +161,7 @@ def _parts(study: DesignStudy) -> dict[str, list[tuple[str, Any]]]:
 
 
 def shown(value: Any) -> str:
-    """A number to four digits; a missing one as a dash."""
+    """Format a number to four digits, or a missing one as a dash."""
     if value is None:
         return "–"
     if isinstance(value, bool):
@@ -182,7 +182,7 @@ def _cases(study: DesignStudy) -> list[tuple[str, Case]]:
 
 
 def inline(text: str, name: str, alt: str = "") -> Markup:
-    """SVG element without the file header, with ids distinct from those of other figures, and a text in its place."""
+    """Return an SVG element without file header, with ids unique on the page and an alternative text."""
     element = text[text.index("<svg") :].replace("<svg", f'<svg role="img" aria-label="{escape(alt or name)}"', 1)
     for before, after in ((' id="', '"'), ("url(#", ")"), ('href="#', '"')):
         element = re.sub(f'({re.escape(before)})([^")]+)(?={re.escape(after)})', rf"\g<1>{name}-\g<2>", element)

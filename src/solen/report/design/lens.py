@@ -18,18 +18,18 @@ PAPER_INDICES = (1.44, 1.49, 1.54)
 TOLERANCE_MM = 1e-4
 """Largest distance of a drawn profile from the exact one."""
 ACROSS, UP = 41, 41
-"""Points across and up at which a face in space is drawn."""
+"""Number of points across and up at which a face in space is drawn."""
 SHOWN_STEPS = 3.0
 """Multiple of its uncertainty by which the figure of the focus varies the index."""
 
 
 def lens_figure(check: LensCheck) -> Figure:
-    """The profile of a design's lens."""
+    """Draw the profile of a design's lens."""
     return profile_figure(check.lens)
 
 
 def profile_figure(lens: Lens) -> Figure:
-    """The lens's profile, with ovals for the paper's indices, or with the designed one of a measured lens."""
+    """Draw the lens's profile, with ovals for the paper's indices, or with the designed one of a measured lens."""
     if isinstance(lens, LensInSpace):
         return _figure_in_space(lens)
     if isinstance(lens, SplineLens):
@@ -50,7 +50,7 @@ def profile_figure(lens: Lens) -> Figure:
 
 
 def _figure_of_spline(lens: SplineLens) -> Figure:
-    """The face beside the oval, and by how much it deviates, with the knots."""
+    """Draw the face next to the oval, and its deviation, with the knots."""
     figure = Figure(figsize=(7.2, 2.9))
     axes, beyond = figure.subplots(1, 2)
     x = np.linspace(-lens.half_width_mm, lens.half_width_mm, 401)
@@ -69,7 +69,7 @@ def _figure_of_spline(lens: SplineLens) -> Figure:
 
 
 def _figure_in_space(lens: LensInSpace) -> Figure:
-    """The face of a lens that is not a cylinder, in three dimensions, and its profiles at some heights."""
+    """Draw the face of a lens that is not a cylinder, in three dimensions, and its profiles at some heights."""
     figure = Figure(figsize=(7.6, 3.2))
     grid = figure.add_gridspec(1, 3, width_ratios=(1.0, 0.06, 1.0))
     solid = figure.add_subplot(grid[0], projection="3d")
@@ -93,7 +93,7 @@ def _figure_in_space(lens: LensInSpace) -> Figure:
 
 
 def _heights(lens: LensInSpace) -> tuple[FloatArray, FloatArray]:
-    """Heights at which a face is drawn, and heights of the sections there: both sides of a border between slabs."""
+    """Return heights at which a face is drawn, and heights of the sections: both sides of a border between slabs."""
     if isinstance(lens, LayeredLens) and lens.layers < UP:
         return np.repeat(lens.edges_mm, 2)[1:-1], np.repeat(lens.middles_mm, 2)
     heights = np.linspace(-1.0, 1.0, UP) * lens.half_height_mm * (1.0 - 1e-9)
@@ -101,7 +101,7 @@ def _heights(lens: LensInSpace) -> tuple[FloatArray, FloatArray]:
 
 
 def focus_figure(sensor: Sensor) -> Figure:
-    """Focus of the lens against the index of the material, with the index's uncertainty as a band.
+    """Draw the focus of the lens against the index of the material, with the index's uncertainty as a band.
 
     Without an uncertainty, the band shows the step used instead.
     """
@@ -143,7 +143,7 @@ def _or_nan(value: float | None) -> float:
 
 
 def _same_lens(lens: OvalLens, index: float) -> OvalLens | None:
-    """The lens cut for another index; None if that oval is too narrow for it."""
+    """Return the lens cut for another index; None if that oval is too narrow for it."""
     try:
         return OvalLens(lens.distance_mm, lens.focus_mm, lens.half_width_mm, index)
     except DesignError:

@@ -29,7 +29,7 @@ FORCE_MM = 6.0
 
 
 def figures(study: LoadedStudy) -> dict[str, str]:
-    """Figures of a study as SVG text, by name."""
+    """Return the figures of a study as SVG text, by name."""
     ends = sorted({float(study.values[0]), float(study.values[-1])})
     rays = min(study.design.emitter.rays, SHOWN_RAYS)
     draws: dict[str, Callable[[], Figure]] = {
@@ -41,12 +41,12 @@ def figures(study: LoadedStudy) -> dict[str, str]:
 
 
 def deformation_figure(result: Deformation) -> Figure:
-    """Shape and strain of a body under load, and the light in it."""
+    """Draw shape and strain of a body under load, and the light in it."""
     return shape_figure(result.sensor, result.state, f"{result.drives} at {where(result)}")
 
 
 def shape_figure(sensor: Sensor, state: LoadedState, title: str) -> Figure:
-    """Strain on the deformed body over its outline at rest, with the forces that hold it; beside it its light."""
+    """Draw the strain on the deformed body over its outline at rest, with the reactions; next to it the light."""
     shown = min(sensor.design.emitter.rays, SHOWN_RAYS)
     figure = rays_figure([sensor_view(sensor, state.value, shown)] * 2)
     figure.set_size_inches(7.4, 6.8)
@@ -69,7 +69,7 @@ def shape_figure(sensor: Sensor, state: LoadedState, title: str) -> Figure:
 
 
 def response_figure(study: LoadedStudy) -> Figure:
-    """Receivers and contrast against what is driven, with the rigid answer; a force against its depth or angle."""
+    """Draw receivers and contrast against the driven quantity, with the rigid result, and a force if there is one."""
     key = study.design.motion.key
     driven = forces(study)
     figure = Figure(figsize=(8.2 if driven is None else 10.8, 3.5))
@@ -77,12 +77,12 @@ def response_figure(study: LoadedStudy) -> Figure:
     values = study.values
     for side in ("right", "left"):
         axes[0].plot(values, getattr(study, side), **receiver(side), lw=2.0, label=side)
-    axes[0].set(xlabel=LABELS[key], ylabel="share of the emitted power")
+    axes[0].set(xlabel=LABELS[key], ylabel="fraction of the emitted power")
     axes[0].set_ylim(0, None)
     axes[0].legend()
     axes[1].plot(values, study.contrast, color=INK, lw=2.0, label="soft")
     if study.rigid_contrast is not None:
-        axes[1].plot(values, study.rigid_contrast, "--", color=LOST, lw=1.4, label="rigid, turned by as much")
+        axes[1].plot(values, study.rigid_contrast, "--", color=LOST, lw=1.4, label="rigid, turned by the same angle")
     if study.planes is not None:
         other = study.planes.stress if study.design.mechanics.plane == "strain" else study.planes.strain
         name = "stress" if study.design.mechanics.plane == "strain" else "strain"
@@ -100,24 +100,24 @@ def response_figure(study: LoadedStudy) -> Figure:
 
 
 def ends_of(study: LoadedStudy) -> list[str]:
-    """First and last value of what is driven, with its unit."""
+    """Return first and last value of the driven quantity, with its unit."""
     return [f"{study.values[i]:g} {study.design.motion.unit}" for i in (0, -1)]
 
 
 def columns(study: LoadedStudy) -> dict[str, FloatArray]:
-    """What is driven and what follows (N,), by name; without what the motion does not have."""
+    """Return the driven quantity and the results (N,), by name; only those that the motion has."""
     known = {name: values for name in COLUMNS if (values := getattr(study, name)) is not None}
     return known | {f"{name}_V": study.voltage_V[:, i] for i, name in enumerate(study.receivers)}
 
 
 def csv_table(study: LoadedStudy) -> str:
-    """One row a value."""
+    """Return a CSV table with one row per value of the driven quantity."""
     table = columns(study)
     return csv_text(table, zip(*table.values(), strict=True))
 
 
 def forces(study: LoadedStudy) -> tuple[FloatArray, FloatArray, str, str] | None:
-    """Moment of a clamp against its angle, or force of a finger against its depth."""
+    """Return the moment of a clamp against its angle, or the force of a finger against its depth."""
     if study.angle_deg is not None and study.moment_Nmm is not None:
         return study.angle_deg, study.moment_Nmm, LABELS["angle_deg"], "moment of the clamp (N mm)"
     if study.depth_mm is not None and study.force_N is not None:
@@ -140,7 +140,7 @@ def _draw_strain(axes: Axes, state: LoadedState) -> TriMesh:
 
 
 def _draw_forces(axes: Axes, state: LoadedState) -> None:
-    """Arrows of what holds and loads exert on the body, each at the middle of the nodes or at its centre."""
+    """Draw the forces of holds and loads on the body as arrows, each at the middle of its nodes or at its centre."""
     sizes = [float(np.hypot(*one.force_N)) for one in state.deformed.reactions]
     largest = max(sizes, default=0.0)
     for reaction, size in zip(state.deformed.reactions, sizes, strict=True):

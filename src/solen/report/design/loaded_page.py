@@ -14,16 +14,16 @@ from solen.spec.soft import Press
 ENDS = (0, -1)
 REACTIONS = ("on the body", "force x (N)", "force z (N)", "moment (N mm)", "about x (mm)", "z (mm)")
 ALWAYS = [
-    ("Time", "None: the body springs back at once and follows every load without delay."),
-    ("Rest", "The body at rest is the drawn one, free of stress; no weight, no shrinkage."),
-    ("Index", "Strain leaves it as it is."),
-    ("Touching itself", "Where walls of the body would meet, the design is refused."),
+    ("Time", "No delay: the body springs back at once and follows every load immediately."),
+    ("Rest", "The body at rest is the drawn one, free of stress; weight and shrinkage are neglected."),
+    ("Index", "Strain does not change it."),
+    ("Touching itself", "A design whose walls would meet is rejected."),
 ]
 """Assumptions about every soft body."""
 
 
 def html(study: LoadedStudy, drawn: dict[str, str], solid: SolidFiles = NO_SOLID) -> str:
-    """HTML text of the report with the figures of `solen.report.design.loaded.figures`, and links to the solid."""
+    """Return the HTML text of the report with the figures of `solen.report.design.loaded`, and links to the solid."""
     table = columns(study)
     first, last = ends_of(study)
     return page(
@@ -44,12 +44,12 @@ def html(study: LoadedStudy, drawn: dict[str, str], solid: SolidFiles = NO_SOLID
 
 
 def expected(study: LoadedStudy) -> list[tuple[str, str]]:
-    """The response in words, by heading."""
+    """Return the response in words, by heading."""
     contrasts = [measured(float(study.contrast[i]), float(study.u_contrast[i])) for i in ENDS]
     rows = [("contrast", _at_ends(study, contrasts)), ("were it rigid", _rigid(study))]
     if study.planes is not None and study.planes.apart is not None:
         spread = f"plane strain and plane stress differ by up to {study.planes.apart:.3f} in the contrast"
-        rows.append(("model", f"{spread}; a real part lies between"))
+        rows.append(("model", f"{spread}; a real part is between the two"))
     if (driven := forces(study)) is not None:
         across, along, label_x, label_y = driven
         unit = label_x.partition("(")[2].rstrip(")")
@@ -60,21 +60,24 @@ def expected(study: LoadedStudy) -> list[tuple[str, str]]:
 
 
 def assumed(design: Design) -> list[tuple[str, str]]:
-    """Assumptions about the body of a design, by heading."""
+    """Return the assumptions about the body of a design, by heading."""
     material, plane, emitter_on = material_of(design), design.mechanics.plane, design.motion.emitter_on
-    along_y = "nothing moves along y" if plane == "strain" else "the body is free to move along y"
+    along_y = "there is no displacement along y" if plane == "strain" else "the body is free to move along y"
     model = f"{material.kind}, shear modulus {material.shear_modulus_MPa:.3g} MPa, Poisson's ratio {material.poisson:g}"
     held = dict.fromkeys(f"{hold.name} ({hold.face}, {hold.kind})" for hold in design.hold)
     rows = [
-        ("Plane", f"Plane {plane}: {along_y}, and walls stay upright. {design.body.thickness_mm:g} mm thick."),
-        ("Material", f"{model}, the same everywhere."),
+        (
+            "Plane",
+            f"Plane {plane}: {along_y}, and walls stay upright. The body is {design.body.thickness_mm:g} mm thick.",
+        ),
+        ("Material", f"{model}, uniform."),
         ("Holds", f"{', '.join(held)}, and nothing else."),
         ("Emitter", "Stands still." if emitter_on == GROUND else f"Goes with {emitter_on}."),
     ]
     if design.press:
         rows.append(("Fingers", f"Rigid, round and without friction: {', '.join(map(_finger, design.press))}."))
     if design.pull:
-        rows.append(("Pulls", "Keep their direction while the body turns away under them."))
+        rows.append(("Pulls", "Their direction is fixed in space while the body turns."))
     return rows + ALWAYS
 
 
@@ -85,22 +88,22 @@ def _at_ends(study: LoadedStudy, texts: list[str]) -> str:
 
 def _rigid(study: LoadedStudy) -> str:
     if study.rigid_contrast is None:
-        return f"there is no answer: {study.rigid_refused}"
+        return f"not available: {study.rigid_refused}"
     texts = [measured(round(float(study.rigid_contrast[i]), 3), None) for i in ENDS]
-    return f"{_at_ends(study, texts)}: the lens turned by as much, on a body that stays as it is"
+    return f"{_at_ends(study, texts)}: the lens turned by the same angle, on a body that does not deform"
 
 
 def _shape(study: LoadedStudy) -> str:
     bulge_mm = max(state.deformed.bulge_mm for state in study.states)
     strain = 100.0 * float(abs(study.strain_largest).max())
     return (
-        f"strains up to {strain:.2g} %, turns up to {float(abs(study.lens_turn_deg).max()):.2g}°; walls taken as "
+        f"strains up to {strain:.2g} %, rotations up to {float(abs(study.lens_turn_deg).max()):.2g}°; walls assumed "
         f"upright, to {bulge_mm:.1g} mm, and within about {float(study.off_mm.max()):.1g} mm of the elements"
     )
 
 
 def _finger(press: Press) -> str:
-    """A finger with what light meets where it touches."""
+    """Describe a finger and the medium that light meets at its contact."""
     skin = "dry" if press.index is None else f"of index {press.index:g}"
     back = "its back free" if press.backing is None else f"backed at {press.backing}"
     return f"{press.name} ({press.face}, radius {press.radius_mm:g} mm, {skin}, {back})"

@@ -25,22 +25,22 @@ from solen.spec.placed import state_of
 
 MOST_COLUMNS = 3
 DARK, BEYOND = 0.6, 1.05
-"""Share from which on a cell is dark, and the length of a bar without an end in that of the longest."""
+"""Fraction above which a cell is dark, and the relative length of a bar without an end."""
 PANEL_ROW_IN, LEAST_BODY_IN, MOST_BODY_IN, NAMES_IN = 2.5, 4.2, 5.0, 1.4
-"""Height of a row of panels, least height and most width of the body beside them, and room for names, in inches."""
+"""Height of a row of panels, least height and largest width of the body next to them, and room for names, in inches."""
 NAME_PT, ACROSS = 6.0, 0.35
-"""Distance of a name from its place, and part of a direction from which on it counts as to that side."""
+"""Distance of a name from its position, and component of a direction above which it counts as being to that side."""
 PANEL_IN, LEAST_IN = 3.4, 2.2
 """Width of a panel with rays, and its least height, in inches."""
 
 
 def rays_in_turn(trace: NetworkTrace) -> Figure:
-    """Rays of every emitter of a network, a panel each."""
+    """Draw the rays of every emitter of a network, a panel for each."""
     return rays_of(trace.sensors)
 
 
 def rays_of(sensors: Sequence[Sensor]) -> Figure:
-    """At most `SHOWN_RAYS` rays of every emitter, a panel each."""
+    """Draw at most `SHOWN_RAYS` rays of every emitter, a panel for each."""
     columns = min(len(sensors), MOST_COLUMNS)
     rows = math.ceil(len(sensors) / columns)
     low, high = _extent(sensors[0].body())
@@ -63,7 +63,7 @@ def rays_of(sensors: Sequence[Sensor]) -> Figure:
 
 
 def network_figure(study: NetworkStudy) -> Figure:
-    """The body, its parts by name, and what every receiver gets by motion and emitter; rays where nothing moves."""
+    """Draw the body, its parts by name, and every receiver's light by motion and emitter; rays if nothing moves."""
     if not study.sweeps:
         return rays_of(study.sensors)
     rows, columns = len(study.sweeps), len(study.at_rest.emitters)
@@ -82,7 +82,7 @@ def network_figure(study: NetworkStudy) -> Figure:
         for number, axes in enumerate(line):
             _draw_powers(axes, angle, response.power[:, number], response.u_power[:, number], colours)
             axes.set(xlabel=f"{name} (deg)", title=f"{response.emitters[number]} lit")
-        line[0].set_ylabel("share of its power")
+        line[0].set_ylabel("fraction of its power")
     handles, labels = panels[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=3)
     figure.suptitle(f"simulated: {study.design.name}")
@@ -90,7 +90,7 @@ def network_figure(study: NetworkStudy) -> Figure:
 
 
 def _draw_parts(axes: Axes, study: NetworkStudy, colours: dict[str, str]) -> None:
-    """The body as it stands with its lenses, emitters and receivers by name, and dotted at the ends of each motion."""
+    """Draw the body with its lenses, emitters and receivers by name, and dotted at the ends of each motion."""
     sensors, body = study.sensors, study.sensors[0].body()
     outline = draw_body(axes, body)
     middle = 0.5 * float(outline[:, 0].min() + outline[:, 0].max())
@@ -116,7 +116,7 @@ def _draw_parts(axes: Axes, study: NetworkStudy, colours: dict[str, str]) -> Non
 
 
 def _name_beside(axes: Axes, place: Point, away: Point, name: str, colour: str) -> None:
-    """Write a name beside a place, in a direction away from the body."""
+    """Write a name next to a position, in a direction away from the body."""
     x, z = away
     axes.annotate(
         name,
@@ -132,7 +132,7 @@ def _name_beside(axes: Axes, place: Point, away: Point, name: str, colour: str) 
 
 
 def readings_figure(study: NetworkStudy) -> Figure:
-    """Readings over each motion, a panel for each motion and reading, with their uncertainties."""
+    """Draw the readings over each motion, a panel for each motion and reading, with their uncertainties."""
     names, rows = study.at_rest.readings, len(study.sweeps)
     figure = Figure(figsize=(max(4.6, 2.9 * len(names)), 2.5 * rows))
     panels = figure.subplots(rows, len(names), squeeze=False, sharex="row", sharey="col")
@@ -148,9 +148,10 @@ def readings_figure(study: NetworkStudy) -> Figure:
 
 
 def slopes_figure(result: NetworkSensitivities) -> Figure:
-    """Change of every reading with every number, what that determines of the motions, and where more would help.
+    """Draw the derivatives of every reading, how well they determine the motions, and where more readings would help.
 
-    Colours: violet more, orange less; of motions alone per degree, in standard deviations of the readings' noise.
+    Violet is positive, orange is negative; for motions alone the values are per degree, in standard deviations of the
+    readings' noise.
     """
     found, tried = result.by_voltages, result.suggestions
     columns, many = len(result.keys), len(result.emitters) * len(result.receivers)
@@ -168,7 +169,7 @@ def slopes_figure(result: NetworkSensitivities) -> Figure:
 
 
 def _draw_changes(axes: Axes, result: NetworkSensitivities) -> None:
-    """Change of every reading: of motions alone per degree by its noise, else of the share with every step."""
+    """Draw the change of every reading: per degree in units of its noise for motions alone, else per step."""
     by_noise = result.change_by_noise if all(key.startswith("network.motion") for key in result.keys) else None
     found = result.slope * result.step[:, None, None] if by_noise is None else by_noise
     changes = found.reshape(len(result.keys), -1).T
@@ -181,7 +182,7 @@ def _draw_changes(axes: Axes, result: NetworkSensitivities) -> None:
     axes.set_xticks(range(len(labels)), labels, rotation=30, ha="right")
     axes.grid(visible=False)
     what = (
-        "change of the share of the emitted power"
+        "change of the fraction of the emitted power"
         if by_noise is None
         else "change per degree, in standard deviations of the reading's noise"
     )
@@ -189,7 +190,7 @@ def _draw_changes(axes: Axes, result: NetworkSensitivities) -> None:
 
 
 def _draw_combinations(axes: Axes, found: Determination) -> None:
-    """Shares of the motions in each combination, and how well it is determined."""
+    """Draw the fractions of the motions in each combination, and how well it is determined."""
     rows = np.array([list(one.shares.values()) for one in found.combinations])
     axes.imshow(rows, cmap="PuOr", vmin=-1.0, vmax=1.0, aspect="auto")
     for (row, column), share in np.ndenumerate(rows):
@@ -206,7 +207,7 @@ def _draw_combinations(axes: Axes, found: Determination) -> None:
 
 
 def _draw_suggestions(axes: Axes, now: Determination, tried: Sequence[Suggestion]) -> None:
-    """Worst standard deviation of a motion as the network is, and with each part that is suggested."""
+    """Draw the worst standard deviation of a motion for the network as it is, and with each suggested part."""
     rows = [("as it is", now), *((f"{one.part} at {one.place}", one.by_voltages) for one in tried)]
     most = max((found.worst_sd_deg for _, found in rows if math.isfinite(found.worst_sd_deg)), default=1.0)
     for place, (name, found) in enumerate(rows):
@@ -219,17 +220,17 @@ def _draw_suggestions(axes: Axes, now: Determination, tried: Sequence[Suggestion
     axes.set_yticks([])
     axes.set_ylim(len(rows) - 0.5, -1.0)
     axes.grid(visible=False)
-    axes.set(xlabel="standard deviation of the motion that is determined worst (deg)", xlim=(0.0, BEYOND * most))
+    axes.set(xlabel="largest standard deviation of a motion (deg)", xlim=(0.0, BEYOND * most))
 
 
 def _numbers(result: NetworkSensitivities) -> list[str]:
-    """Keys with their steps, short enough for an axis."""
+    """Return the keys with their steps, short enough for an axis."""
     short = (key.removeprefix("network.") for key in result.keys)
     return [f"{key} +{step:.3g}" for key, step in zip(short, result.step.tolist(), strict=True)]
 
 
 def figures(study: NetworkStudy) -> dict[str, str]:
-    """Figures of a study as SVG text, by name."""
+    """Return the figures of a study as SVG text, by name."""
     draws: dict[str, Callable[[], Figure]] = {"rays": partial(rays_of, study.sensors)}
     if study.sweeps:
         draws["response"] = partial(network_figure, study)
@@ -239,7 +240,7 @@ def figures(study: NetworkStudy) -> dict[str, str]:
 
 
 def csv_table(study: NetworkStudy) -> str:
-    """One row for each state, emitter and receiver; readings are those of the state, empty where one has no value."""
+    """Return a CSV row for each state, emitter and receiver; readings without a value are empty."""
     heads = [text for name in study.at_rest.readings for text in (name, f"u_{name}")]
     motions = (f"{name}_deg" for name in study.at_rest.motions)
     rows: list[list[str | float]] = []
@@ -269,7 +270,7 @@ def _receivers(sensor: Sensor) -> list[str]:
 
 
 def _extent(body: Body) -> tuple[FloatArray, FloatArray]:
-    """Least and greatest x and z of a body and its emitter, with some margin."""
+    """Return least and greatest x and z of a body and its emitter, with some margin."""
     points = np.vstack([body.outline(1e-2), [body.emitter.point]])
     low, high = points.min(axis=0), points.max(axis=0)
     room = 0.06 * float((high - low).max())

@@ -9,7 +9,7 @@ from solen.sensor.network import NetworkResponse, NetworkStudy
 
 
 def html(study: NetworkStudy, drawn: dict[str, str], solid: SolidFiles = NO_SOLID) -> str:
-    """HTML text of the report with the figures of `solen.report.design.network.figures`, and links to the solid."""
+    """Return the HTML text of the report with the figures of `solen.report.design.network`, and links to the solid."""
     rest = study.at_rest
     heads = ("emitter", *rest.receivers)
     rows = zip(rest.emitters, rest.power[0].tolist(), strict=True)
@@ -29,25 +29,27 @@ def html(study: NetworkStudy, drawn: dict[str, str], solid: SolidFiles = NO_SOLI
 
 
 def expected(study: NetworkStudy) -> list[tuple[str, str]]:
-    """The response in words, by heading: the received light, and the reading that shows each motion best."""
+    """Return the response in words, by heading: the received light, and the reading that changes most per motion."""
     rest = study.at_rest
     rows = []
     for number, name in enumerate(rest.emitters):
         most = int(np.argmax(rest.power[0, number]))
         power = f"{rest.power[0, number, most]:.4f} ± {rest.u_power[0, number, most]:.1g}"
         total = float(rest.power[0, number].sum())
-        rows.append((f"{name} lit", f"receivers get {total:.3f} of its power, {rest.receivers[most]} most: {power}"))
+        rows.append(
+            (f"{name} lit", f"the receivers receive {total:.3f} of its power, {rest.receivers[most]} the most: {power}")
+        )
     return [*rows, *((name, swing_of(response)) for name, response in study.sweeps.items())]
 
 
 def _with_u(response: NetworkResponse) -> list[list[float | None]]:
-    """Readings of a response's first state and their uncertainties, None where one has none."""
+    """Return the readings of a response's first state and their uncertainties, None for missing values."""
     sides = (response.reading[0], response.u_reading[0])
     return [[number if np.isfinite(number) else None for number in side.tolist()] for side in sides]
 
 
 def swing_of(response: NetworkResponse) -> str:
-    """Reading that changes most over a motion, with its change."""
+    """Return the reading that changes most over a motion, with its change."""
     spread = np.ptp(response.power, axis=0)
     emitter, receiver = (int(place) for place in np.unravel_index(int(np.argmax(spread)), spread.shape))
     low, high = (float(end) for end in np.quantile(response.power[:, emitter, receiver], (0.0, 1.0)))

@@ -1,7 +1,7 @@
-"""A page with sliders that needs no server: responses and rays that were computed beforehand, in one HTML file.
+"""A page with sliders that needs no server: responses and rays that were computed in advance, in one HTML file.
 
-The page is built from ``web/`` beforehand; this module inserts the numbers. Places are whole numbers of a step that
-reaches over the whole drawing.
+The page is built from ``web/`` in advance; this module inserts the values. Positions are integer multiples of a step
+that spans the whole drawing.
 """
 
 import base64
@@ -19,11 +19,11 @@ from solen.sensor import Picture
 PAGE = files("solen.report.design") / "player.html"
 DATA = "<!--data-->"
 LARGEST = 32_000
-"""Of 16 bits with a sign."""
+"""Largest signed 16-bit number."""
 
 
 def html(found: Sliders) -> str:
-    """The page of a grid of sliders."""
+    """Return the page of a grid of sliders."""
     pictures = [one for point in found.points if point is not None for one in point.pictures]
     reach = max(float(np.abs(part).max()) for one in pictures for part in (one.outline, one.rays[:, :4]) if part.size)
     whole: list[np.ndarray[Any, Any]] = []
@@ -56,7 +56,7 @@ def _point(point: Slid, step_mm: float, whole: list[np.ndarray[Any, Any]]) -> di
 
 
 def _picture(one: Picture, step_mm: float, whole: list[np.ndarray[Any, Any]]) -> dict[str, Any]:
-    """Header of a picture, whose numbers are added to the others: outline, emitter, rays with their ends."""
+    """Return the header of a picture (outline, emitter, rays with their ends); its values are added to the others."""
     rays = np.column_stack([np.round(one.rays[:, :4] / step_mm), one.rays[:, 5]])
     whole += [np.round(one.outline / step_mm).ravel(), np.round(one.emitter / step_mm).ravel(), rays.ravel()]
     return {"faces": one.faces, "ends": one.ends, "rays": len(rays)}

@@ -1,4 +1,4 @@
-"""The figure of a readout: voltage over the motion with the spread of parts, and the resolution of the angle."""
+"""The figure of a readout: voltage over the motion with the range of parts, and the resolution of the angle."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,7 +12,7 @@ from solen.sensor.readings import DesignReadings
 
 
 def readout_figure(readings: DesignReadings) -> Figure:
-    """Volts on the left, resolution on the right; marked as simulated."""
+    """Draw volts on the left and resolution on the right; marked as simulated."""
     figure = Figure(figsize=(8.2, 3.7))
     volts_axes, angle_axes = figure.subplots(1, 2)
     _volts(volts_axes, readings)
@@ -22,7 +22,7 @@ def readout_figure(readings: DesignReadings) -> Figure:
 
 
 def network_volts_figure(volts: NetworkVolts) -> Figure:
-    """Voltages over each motion, a panel for each emitter, and the resolution of that motion alone."""
+    """Draw voltages over each motion, a panel for each emitter, and the resolution of that motion alone."""
     rest, count = volts.at_rest, len(volts.by_motion)
     if not count:
         raise SpecError("network.motion", limit="has no motions to draw", remedy="add [[network.motion]]")

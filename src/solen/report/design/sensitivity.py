@@ -1,4 +1,4 @@
-"""The figure of sensitivities: how the contrast changes with each number of a design, a panel for each unit."""
+"""The figure of sensitivities: derivatives of the contrast with respect to each parameter, a panel for each unit."""
 
 from collections.abc import Sequence
 
@@ -12,20 +12,20 @@ from solen.sensor.response import Sensitivity
 from solen.sensor.traced import Sensitivities, where
 
 UNITS = {"_mm": "mm", "_deg": "deg", "_per_mm": "1/mm", "_MPa": "MPa"}
-"""Units by the ends of keys; another key has none."""
+"""Units by the suffix of keys; other keys have none."""
 
 
 def sensitivities_figure(sensitivities: Sensitivities) -> Figure:
-    """Bars of d contrast per unit of each number, with their uncertainty; numbers of one unit share a panel.
+    """Draw bars of d contrast per unit of each parameter, with uncertainty; parameters of one unit share a panel.
 
     Raises
     ------
     OutputError
-        If no number has a derivative.
+        If no parameter has a derivative.
     """
     rows = [row for row in sensitivities.sensitivities if np.isfinite(row.contrast.value)]
     if not rows:
-        raise OutputError("figure", limit="no number of the design has a derivative of the contrast here")
+        raise OutputError("figure", limit="no parameter of the design has a derivative of the contrast here")
     panels = {unit: [row for row in rows if unit_of(row.key) == unit] for unit in dict.fromkeys(map(_unit, rows))}
     figure = Figure(figsize=(6.4, 0.9 + 0.7 * len(panels) + 0.34 * len(rows)))
     grid = figure.add_gridspec(len(panels), 1, height_ratios=[len(part) + 1 for part in panels.values()])
@@ -36,7 +36,7 @@ def sensitivities_figure(sensitivities: Sensitivities) -> Figure:
 
 
 def unit_of(key: str) -> str:
-    """Unit of a key of the design, empty if it has none."""
+    """Return the unit of a key of the design, empty if it has none."""
     return next((unit for end, unit in sorted(UNITS.items(), key=lambda e: -len(e[0])) if key.endswith(end)), "")
 
 

@@ -1,4 +1,4 @@
-"""The table of a study, `results.csv`, and tables of columns alike."""
+"""The table of a study, `results.csv`, and similar tables of columns."""
 
 import csv
 import io
@@ -10,7 +10,7 @@ PLAIN = ("right", "left", "contrast")
 
 
 def csv_table(study: DesignStudy) -> str:
-    """One row per angle: right, left and contrast of every case in the order of the header; powers with u."""
+    """Return one row per angle: right, left and contrast of every case in the order of the header; powers with u."""
     columns = {"angle_deg": study.case.power.angle_deg}
     for name, case in study.cases.items():
         if case.count is not None:
@@ -20,7 +20,7 @@ def csv_table(study: DesignStudy) -> str:
 
 
 def csv_text(heads: Iterable[str], rows: Iterable[Iterable[str | float]]) -> str:
-    """A table as CSV: numbers with all their digits, those that are not known empty."""
+    """Return a table as CSV: numbers with all their digits, unknown ones empty."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(heads)

@@ -1,4 +1,4 @@
-"""Background of the summary in plain words: the lens, the light budget, the limits of the numbers.
+"""Background of the summary in plain words: the lens, the light budget, the limits of the results.
 
 Every sentence is computed from the study; none is printed when the study does not support it.
 """
@@ -14,46 +14,46 @@ from solen.sensor.network import NetworkStudy
 from solen.sensor.practice import CHIP_MM
 
 SHOWN_SHARE = 5e-4
-"""Smallest share of the light that is mentioned."""
+"""Smallest fraction of the light that is mentioned."""
 PARTS = {
     "right": "right receiver",
     "left": "left receiver",
-    "beside": "passes beside lens and body",
+    "beside": "passes by lens and body",
     "above_below": "passes above or below them",
     "reflected": "is reflected and never enters",
     "leaked": "leaves through top or bottom",
     "escaped": "leaves elsewhere",
     "absorbed": "is absorbed",
-    "truncated": "was followed no further",
+    "truncated": "was not traced further",
 }
-"""Parts of the budget in words."""
+"""Parts of the light budget in words."""
 
 
 def findings(study: DesignStudy) -> list[tuple[str, str]]:
-    """Headings and sentences, the most important first."""
+    """Return headings and sentences, the most important first."""
     rows = [
         ("As printed", " ".join(printed_sentences(study.as_printed)) if study.as_printed else ""),
         ("Light", _light(study)),
         ("Alignment", _alignment(study)),
         ("Focus", _focus_words(study)),
-        ("Not included in these numbers", _limits(study)),
+        ("Not included in these results", _limits(study)),
     ]
     return [(heading, text) for heading, text in rows if text]
 
 
 def warnings(study: DesignStudy | LoadedStudy | NetworkStudy) -> list[str]:
-    """The most important warnings, as sentences."""
+    """Return the most important warnings, as sentences."""
     return [f"{text[0].upper()}{text[1:].rstrip('.')}." for text in study.warnings]
 
 
 def budget_rows(study: DesignStudy) -> list[tuple[str, float]]:
-    """Shares of the light at rest, with their uncertainty; empty if unknown."""
+    """Return the fractions of the light at rest, with their uncertainty; empty if unknown."""
     budget = None if study.practice is None else study.practice.budget
     if budget is None:
         return []
     in_space = study.design.trace.dimension == "extruded"
     parts = [name for name in PARTS if in_space or name not in ("above_below", "leaked")]
-    return [*((PARTS[name], getattr(budget, name)) for name in parts), ("uncertainty of a share", budget.u)]
+    return [*((PARTS[name], getattr(budget, name)) for name in parts), ("uncertainty of a fraction", budget.u)]
 
 
 def _light(study: DesignStudy) -> str:
@@ -66,28 +66,28 @@ def _light(study: DesignStudy) -> str:
     if lens.acceptance_deg < half_cone_deg:
         text += (
             f" In the plane the face accepts ±{lens.acceptance_deg:.1f}° of the emitter's ±{half_cone_deg:g}°; "
-            "the rest passes beside it."
+            "the remainder passes by it."
         )
     if isinstance(lens, DesignedLens) and lens.acceptance_deg <= half_cone_deg:
         text += (
             f" At the lens's edge light arrives at {lens.edge_incidence_deg:.1f}° to the normal: "
-            "a rounded or rough edge costs light there first."
+            "a rounded or rough edge loses light there first."
         )
     return text.strip()
 
 
 def _budget_words(study: DesignStudy) -> str:
-    """Light budget at rest, in words; empty if unknown."""
+    """Return the light budget at rest, in words; empty if unknown."""
     rows = [(text, share) for text, share in budget_rows(study)[:-1] if share >= SHOWN_SHARE]
     if not rows:
         return ""
-    words = {PARTS["right"]: "reaches the right receiver", PARTS["left"]: "reaches the left one"}
+    words = {PARTS["right"]: "reaches the right receiver", PARTS["left"]: "reaches the left receiver"}
     parts = [f"{share:.1%} {words.get(text, text)}" for text, share in rows]
-    return f"Of the emitter's light, at rest: {_listed(parts)}."
+    return f"Of the emitter's light, at rest, {_listed(parts)}."
 
 
 def _alignment(study: DesignStudy) -> str:
-    """Effect of a decentre and of a chip on the focus."""
+    """Describe the effect of a decentre and of a chip on the focus."""
     lens, sentences = study.case.sensor.cut, []
     if isinstance(lens, OvalLens):
         own_mm = study.case.sensor.light.width_mm
@@ -98,12 +98,12 @@ def _alignment(study: DesignStudy) -> str:
             f"{width_mm:g} mm wide makes a spot about {width_mm * lens.magnification:.1f} mm wide."
         )
     if offset_mm := study.design.emitter.offset_mm:
-        sentences.append(f"The design's emitter is {offset_mm:g} mm off its place.")
+        sentences.append(f"The design's emitter is decentred by {offset_mm:g} mm.")
     return " ".join(sentences)
 
 
 def _focus_words(study: DesignStudy) -> str:
-    """Focus of the lens in its material, and in a material of another index."""
+    """Describe the focus of the lens in its material, and in a material of another index."""
     sensor = study.case.sensor
     lens, material = sensor.cut, sensor.material
     known = (
@@ -120,14 +120,14 @@ def _focuses(lens: OvalLens, material: Optical, off: float) -> str:
         paraxial, marginal = lens.paraxial_focus_mm(index), lens.marginal_focus_mm(index)
         return (
             f"The lens is cut for {lens.design_index:.6g} but the material has {index:.6g}: rays near the axis cross "
-            f"it {_focus(paraxial)}, edge rays {_focus(marginal)}, where {lens.focus_mm:g} mm was asked for."
+            f"it {_focus(paraxial)}, edge rays {_focus(marginal)}, while the design states {lens.focus_mm:g} mm."
         )
     parts = []
     for step, _ in index_steps(material, off):
         if step != 0.0:
             near, best = _focus(lens.paraxial_focus_mm(index + step)), _focus(lens.best_focus_mm(index + step))
             which = f"{abs(step):.2g} {'lower' if step < 0.0 else 'higher'}"
-            parts.append(f"{which}, rays near the axis would cross it {near}, and the smallest spot would lie {best}")
+            parts.append(f"{which}, rays near the axis would cross it {near}, and the smallest spot would be {best}")
     return f"If the print's index were {'; '.join(parts)}. The focus shifts strongly, the response only slightly."
 
 
@@ -137,11 +137,11 @@ def _limits(study: DesignStudy) -> str:
     loss = (
         f"the material absorbs {absorption:g}{f' ± {u:.1g}' if u else ''} per mm"
         if absorption > 0
-        else "no absorption was given, so none is included"
+        else "no absorption is stated, so none is included"
     )
     rough = study.case.sensor.scene().is_random
-    faces = "faces scatter only where the design says so" if rough else "perfectly smooth faces, no scatter"
-    rays = "Rays in space, in a body of the same outline at every height"
+    faces = "faces scatter only where the design states it" if rough else "perfectly smooth faces, no scatter"
+    rays = "Rays in space, in a body with the same outline at every height"
     if study.design.lens.in_space:
         rays = "Rays in space, sampled, through a lens that is not a cylinder, as designed (none has been printed yet)"
     if study.design.trace.dimension == "2d":

@@ -1,4 +1,4 @@
-"""Figures of searches: responses before and after with the course of the search, and the front of two goals."""
+"""Figures of searches: responses before and after, the progress of the search, and the Pareto front of two goals."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -15,7 +15,7 @@ from solen.report.canvas import INK, LEFT, RIGHT
 
 
 def optimum_figure(result: Optimum) -> Figure:
-    """Contrast over the angle before and after, best value by number of designs tried, and prints of both.
+    """Draw the contrast before and after, the best value by number of designs tried, and prints of both designs.
 
     For a network, every merit after, relative to its value before, replaces the contrast.
     """
@@ -35,7 +35,7 @@ def optimum_figure(result: Optimum) -> Figure:
 
 
 def _merits(axes: Axes, result: Optimum) -> None:
-    """Merits after as parts of those before, with their uncertainties, where those before exceed theirs."""
+    """Draw merits after as fractions of those before, with uncertainties, if those before exceed theirs."""
     before, after = result.before.merits, result.after.merits
     names = [name for name in shown(before) if abs(before[name]) > before[f"u_{name}"] and np.isfinite(after[name])]
     part = np.array([after[name] / before[name] for name in names])
@@ -47,11 +47,11 @@ def _merits(axes: Axes, result: Optimum) -> None:
     axes.axvline(1.0, color=LEFT, lw=1.0, ls="--")
     axes.set_yticks(range(len(names)), names)
     axes.invert_yaxis()
-    axes.set_xlabel("after, as a part of before")
+    axes.set_xlabel("after, as a fraction of before")
 
 
 def _contrasts(figure: Figure, grid: GridSpec, result: Optimum) -> None:
-    """Contrast over the angle before and after."""
+    """Draw the contrast over the angle before and after."""
     before, after = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[0, 1])
     nothing_off = "as designed" if result.printed_by is None else "as printed"
     cases = 2 if result.robust else 1
@@ -71,7 +71,7 @@ def _response(axes: Axes, angle_deg: FloatArray, contrast: FloatArray, colour: s
 
 
 def _shown(result: Optimum) -> list[str]:
-    """Merits of which prints are drawn: the first of the goal, and the null or the light."""
+    """Return merits of which prints are drawn: the first of the goal, and the null or the light."""
     names = shown(result.before.merits)
     of_goal = next((name for name in result.before.merits if name in result.goal), names[0])
     other = next(name for name in ("null_deg", "light", *names) if name in names and name != of_goal)
@@ -79,7 +79,7 @@ def _shown(result: Optimum) -> list[str]:
 
 
 def _prints(axes: Axes, result: Optimum, name: str) -> None:
-    """Histograms of a merit over the prints of both designs."""
+    """Draw histograms of a merit over the prints of both designs."""
     of = {"before": (result.prints_before, LEFT), "after": (result.prints_after, RIGHT)}
     values = {label: prints.merits[name] for label, (prints, _) in of.items() if prints is not None}
     finite = {label: column[np.isfinite(column)] for label, column in values.items()}
@@ -99,7 +99,7 @@ def _course(axes: Axes, result: Optimum) -> None:
         color=RIGHT,
         lw=1.6,
         drawstyle="steps-post",
-        label="as the search saw it",
+        label="as evaluated in the search",
     )
     before, u_before = result.before.goal, result.before.u_goal
     axes.axhline(before, color=LEFT, lw=1.0, ls="--", label="before, retraced")
@@ -119,7 +119,7 @@ def _course(axes: Axes, result: Optimum) -> None:
 
 
 def front_figure(result: Front) -> Figure:
-    """The front with its numbers, and the design before, all traced finely and with their uncertainties."""
+    """Draw the Pareto front with its numbers, and the design before, all traced finely and with their uncertainties."""
     figure = Figure(figsize=(7.0, 5.2))
     axes = figure.add_subplot()
     _designs(axes, result.designs, fmt="o-", color=RIGHT, ms=5, lw=1.2, label="front")
@@ -131,13 +131,13 @@ def front_figure(result: Front) -> Figure:
     words = [goal.partition(" ") for goal in result.goals]
     axes.set_xlabel(f"{words[0][2]} ({words[0][0]})")
     axes.set_ylabel(f"{words[1][2]} ({words[1][0]})")
-    worst = ", worst of the deviations" if result.robust else ""
+    worst = ", worst over the deviations" if result.robust else ""
     axes.set_title(f"simulated: {result.name}{worst}")
     axes.legend()
     return figure
 
 
 def _designs(axes: Axes, designs: Sequence[FrontDesign], **look: Any) -> None:
-    """Goals of the given designs with their uncertainties."""
+    """Return the goals of the given designs with their uncertainties."""
     goals, u = (np.array([getattr(one, name) for one in designs]).T for name in ("goals", "u_goals"))
     axes.errorbar(goals[0], goals[1], xerr=u[0], yerr=u[1], capsize=2, ecolor=INK, elinewidth=1.0, **look)

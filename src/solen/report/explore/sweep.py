@@ -1,4 +1,4 @@
-"""The figure of a sweep: merits over one number, as heat maps over two, or of samples against each number."""
+"""The figure of a sweep: merits over one parameter, as heat maps over two, or of samples against each parameter."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,11 +12,11 @@ from solen.report.canvas import INK, RIGHT, SOFT, series
 MAP = "viridis"
 MOST_CURVES = 7
 COLUMNS, FEW, EXACT = 3, 5, 12
-"""Columns of panels, most values that are all written along an axis, and digits of a merit that a map shows."""
+"""Columns of panels, number of values up to which all are written along an axis, and digits of a merit on a map."""
 
 
 def sweep_figure(sweep: Sweep) -> Figure:
-    """Merits against what varies: curves over one key, heat maps over the two first, dots where it is sampled."""
+    """Draw merits against the varied keys: curves over one key, heat maps over the first two, dots for samples."""
     draw = _curve if len(sweep.values) == 1 else _map if sweep.is_grid else _dots
     names = [name for name in shown(sweep.merits) if np.isfinite(sweep.merits[name]).any()]
     keys = [""] if len(sweep.values) == 1 or sweep.is_grid else list(sweep.values)
@@ -35,7 +35,7 @@ def sweep_figure(sweep: Sweep) -> Figure:
 
 
 def plain_numbers(figure: Figure) -> None:
-    """Write numbers along axes in full, not as differences from one."""
+    """Write numbers along axes in full, not as differences from an offset."""
     for axes in figure.axes:
         for axis in (axes.xaxis, axes.yaxis):
             if isinstance(formatter := axis.get_major_formatter(), ScalarFormatter):
@@ -43,14 +43,14 @@ def plain_numbers(figure: Figure) -> None:
 
 
 def _fixed(sweep: Sweep) -> str:
-    """What a map of more than two keys leaves at its first value."""
+    """Describe the further keys of a map, which are fixed at their first value."""
     others = list(sweep.axes.items())[2:] if sweep.is_grid else []
     failed = ", grey: no response" if sweep.failures and len(sweep.values) > 1 and sweep.is_grid else ""
     return "".join(f", {key} = {values[0]}" for key, values in others) + failed
 
 
 def _label(values: list[object], few: int = FEW) -> tuple[np.ndarray, list[str] | None]:
-    """Places along an axis, and their labels where the values are few or no numbers."""
+    """Return positions along an axis, and labels if the values are few or are not numbers."""
     if not all(isinstance(value, int | float) for value in values):
         return np.arange(len(values), dtype=float), [str(value) for value in values]
     return np.array(values, dtype=float), [f"{value:.4g}" for value in values] if len(values) <= few else None
@@ -68,7 +68,7 @@ def _curve(_: Figure, axes: Axes, sweep: Sweep, name: str, __: str) -> None:
 
 
 def _responses(axes: Axes, sweep: Sweep) -> None:
-    """Contrast of the given points of a sweep over one key."""
+    """Draw the contrast of the given points of a sweep over one key."""
     ((key, values),) = sweep.values.items()
     chosen = np.unique(np.linspace(0, sweep.points - 1, MOST_CURVES).round().astype(int))
     for number, place in enumerate(chosen):

@@ -1,4 +1,4 @@
-"""The figure of tolerances: one page with the yield, what costs it, and how every merit varies between prints."""
+"""The figure of tolerances: one page with the yield, its losses, and the variation of every merit between prints."""
 
 import math
 
@@ -16,7 +16,7 @@ COLUMNS, LEAST_BINS, MOST_UNKNOWN = 3, 8, 0.5
 
 
 def tolerance_figure(result: Tolerances) -> Figure:
-    """Yields; yield if each number were exact; causes of each merit's variance; histograms of the merits."""
+    """Draw yields; yield if each parameter were exact; causes of each merit's variance; histograms of the merits."""
     spreads = result.spreads
     rows = -(-len(spreads) // COLUMNS)
     adjusted = result.yields[0].adjusted_share if result.yields else None
@@ -47,13 +47,13 @@ def tolerance_figure(result: Tolerances) -> Figure:
 
 
 def _failed(result: Tolerances) -> str:
-    """How many prints have no response, which no histogram shows."""
+    """State how many prints have no response and are missing from histograms."""
     failed = int(np.isnan(result.merits["light"]).sum())
     return f" ({failed} without a response)" if failed else ""
 
 
 def _yields(axes: Axes, result: Tolerances) -> None:
-    """Bars of each requirement's yield, as printed, and below it calibrated and adjusted."""
+    """Draw bars of each requirement's yield, as printed, and below it calibrated and adjusted."""
     rows: list[tuple[str, float, float, str]] = []
     for one in result.yields:
         name = one.requirement or "all"
@@ -71,7 +71,7 @@ def _yields(axes: Axes, result: Tolerances) -> None:
 
 
 def _costs(axes: Axes, result: Tolerances) -> None:
-    """Yield if each number alone were exact."""
+    """Draw the yield if each parameter alone were exact."""
     rows = result.varied
     axes.barh(range(len(rows)), [100 * (row.share_if_exact or 0.0) for row in rows], color=SERIES[2], alpha=0.8)
     axes.axvline(100 * result.yields[-1].share, color=INK, lw=1.0)
@@ -82,14 +82,14 @@ def _costs(axes: Axes, result: Tolerances) -> None:
 
 
 def _deviations(axes: Axes, result: Tolerances) -> None:
-    """What varies, where there is no requirement."""
+    """Draw the varied parameters if there is no requirement."""
     axes.set_axis_off()
     rows = [f"{row.key}: {row.distribution} {row.deviation[0]:.3g}, {row.deviation[1]:.3g}" for row in result.varied]
     axes.text(0.0, 1.0, "\n".join(rows), va="top", transform=axes.transAxes)
 
 
 def _causes(figure: Figure, axes: Axes, result: Tolerances) -> None:
-    """Total Sobol' indices of each merit; grey where the surrogate does not hold."""
+    """Draw total Sobol' indices of each merit; grey where the surrogate is not valid."""
     keys = [row.key for row in result.varied]
     shares = np.array(
         [[spread.total[key] if spread.held_out < MOST_UNKNOWN else np.nan for spread in result.spreads] for key in keys]
@@ -102,7 +102,7 @@ def _causes(figure: Figure, axes: Axes, result: Tolerances) -> None:
     axes.grid(visible=False)
     if np.isnan(shares).any():
         axes.set_title("grey: constant, or causes not resolved by these prints")
-    figure.colorbar(drawn, ax=axes, label="share of the\nvariance in %")
+    figure.colorbar(drawn, ax=axes, label="fraction of the\nvariance in %")
 
 
 def _histogram(axes: Axes, result: Tolerances, spread: MeritSpread) -> None:

@@ -1,1 +1,1 @@
-"""The paper's figures from a run of solen, and the page that sets them beside what the paper states."""
+"""The paper's figures from a run of solen, and the page that compares them with the paper's values."""

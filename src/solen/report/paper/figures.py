@@ -1,6 +1,6 @@
-"""Figures of the paper: figures of results with the paper's numbers, letters, and a mark of what is simulated.
+"""Figures of the paper: figures of results with the paper's values, letters, and a mark on simulated data.
 
-The paper's numbers are violet diamonds, labelled as the paper's.
+The paper's values are violet diamonds, labelled as the paper's.
 """
 
 from collections.abc import Sequence
@@ -33,7 +33,7 @@ LETTER: dict[str, Any] = {
 
 
 def layer_figure(index: LayerIndex) -> Figure:
-    """T, absorbance and index of the simulated layer, with the paper's least T and its three indices."""
+    """Draw T, absorbance and index of the simulated layer, with the paper's least T and its three indices."""
     figure = index_figure(index)
     light, _, n = figure.axes
     low = 0.01 * stated("transmittance")
@@ -48,7 +48,7 @@ def layer_figure(index: LayerIndex) -> Figure:
 
 
 def working_curves(curve: MeasuredCurve) -> Figure:
-    """Working curves, and the depth that the paper states as a lower bound."""
+    """Draw working curves, and the depth that the paper states as a lower bound."""
     figure = cure_figure(curve)
     axes, energy, depth = figure.axes[0], stated("cure-energy"), stated("cure-depth")
     axes.plot([energy], [depth], "^", **PAPER, label=f"the paper: above {depth:g} µm at about {energy:g} mJ/cm²")
@@ -57,7 +57,7 @@ def working_curves(curve: MeasuredCurve) -> Figure:
 
 
 def coupon_figure(measured: CouponMeasurement, key: str, letter: str) -> Figure:
-    """A coupon as measured, with the paper's number: a line where it is a nominal size, else a note."""
+    """Draw a coupon as measured, with the paper's value: a line if it is a nominal size, else a note."""
     figure = fidelity_figure(measured)
     lettered(figure.axes[0], letter)
     axes, um = figure.axes[-1], stated(key)
@@ -75,12 +75,12 @@ def coupon_figure(measured: CouponMeasurement, key: str, letter: str) -> Figure:
 
 
 def robot_figure(traced: NetworkTrace) -> Figure:
-    """Counted rays of each emitter of a network: never split, so that the way of the light is seen."""
+    """Draw counted rays of each emitter of a network; they are never split, so the path of the light is visible."""
     return rays_of([sensor.set({"trace.mode": "count"}) for sensor in traced.sensors])
 
 
 def rays_of_states(sensor: Sensor, angles_deg: Sequence[float], letters: str, zoom_mm: float | None = None) -> Figure:
-    """Rays of a sensor at some angles in the plane, lettered; ``zoom_mm`` shows that much about the lens."""
+    """Draw rays of a sensor at some angles in the plane, lettered; ``zoom_mm`` limits the view about the lens."""
     figure = rays_figure([sensor_view(sensor, angle, SHOWN_RAYS) for angle in angles_deg], zoom_mm)
     for axes, letter in zip(figure.axes, letters, strict=True):
         lettered(axes, letter)
@@ -88,12 +88,12 @@ def rays_of_states(sensor: Sensor, angles_deg: Sequence[float], letters: str, zo
 
 
 def lettered(axes: Axes, letter: str) -> None:
-    """A letter at the upper left of a panel."""
+    """Draw a letter at the upper left of a panel."""
     axes.annotate(letter, (0.0, 1.0), xytext=(-8.0, 8.0), ha="right", **LETTER)
 
 
 def marked(figure: Figure, words: str) -> Figure:
-    """The figure with a line at its foot that says what is simulated, by which model and seed."""
+    """Add a line at the foot of the figure that states what is simulated, by which model and seed."""
     if words:
         place = figure.suptitle if figure.legends else figure.supxlabel  # a legend of the figure is at its foot
         place(words, x=0.01, ha="left", fontsize=7, color="#8a2f00")

@@ -1,4 +1,4 @@
-"""The page that sets the figures of a reproduction beside what the paper states: one self-contained file."""
+"""The page that compares the figures of a reproduction with the paper's values: one self-contained file."""
 
 import base64
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from solen.report.design.html import inline, rendered
 
 
 def page(sections: Sequence[ReproducedFigure], missing: Sequence[str], folder: Path) -> str:
-    """HTML text of the page; the pictures are read from a folder."""
+    """Return the HTML text of the page; the pictures are read from a folder."""
     verdicts = [row.verdict for section in sections for row in section.comparisons]
     return rendered(
         "reproduction.html",
@@ -29,14 +29,14 @@ def page(sections: Sequence[ReproducedFigure], missing: Sequence[str], folder: P
 
 
 def number(row: Comparison) -> str:
-    """Solen's number with its uncertainty and unit."""
+    """Format solen's value with its uncertainty and unit."""
     if row.solen_value is None:
         return "–"
     return f"{measured(row.solen_value, row.u_solen_value, sign=False)}{_unit(row)}"
 
 
 def paper_number(row: Comparison) -> str:
-    """The paper's number with its unit; a dash where it states none but that there is no error or no difference."""
+    """Format the paper's value with its unit; a dash if it states only that there is no error or no difference."""
     if not row.paper_value:
         return "–"
     u = f" ± {row.u_paper_value:.2g}" if row.u_paper_value else ""
@@ -48,7 +48,7 @@ def _unit(row: Comparison) -> str:
 
 
 def _picture(path: Path, one: Drawing) -> Markup:
-    """A picture within the page: SVG as it is, pixels as data."""
+    """Return a picture to embed in the page: SVG as it is, pixels as data."""
     if path.suffix == ".svg":
         return inline(path.read_text(encoding="utf-8"), path.stem, one.alt)
     data = base64.b64encode(path.read_bytes()).decode()

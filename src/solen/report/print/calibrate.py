@@ -11,7 +11,7 @@ from solen.report.canvas import INK, LOST, SERIES
 
 
 def calibration_figure(fit: PrinterCalibration) -> Figure:
-    """Measured and modelled minus nominal sizes, and the residuals, by kind."""
+    """Draw measured and modelled minus nominal sizes, and the residuals, by kind."""
     figure = Figure(figsize=(9.6, 3.9))
     sizes, rest = figure.subplots(1, 2)
     kinds = dict.fromkeys(feature.kind for feature in fit.features)

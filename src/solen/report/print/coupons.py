@@ -13,14 +13,16 @@ from solen.report.canvas import INK, LEFT, LOST, RIGHT, SOFT, SPACE
 COLOURS = {"mark": LEFT, "hole": "white"}
 WIDE_IN = 7.0
 INSIDE = 0.3
-"""Share of a coupon's depth above which a feature's number is written inside it."""
+"""Fraction of a coupon's depth above which a feature's number is written inside it."""
 LETTER, ABOVE = 0.02, 0.08
-"""Width of a letter, and room for a number above a feature, as shares of the plan's width in the narrowest figure."""
+"""Width of a letter, and room for a number above a feature, as fractions of the plan's width in the narrowest
+figure.
+"""
 TITLE_IN, LEAST_IN, MOST_IN = 0.5, 0.5, 2.6
 
 
 def plans_figure(coupon_set: CouponSet) -> Figure:
-    """A plan for each coupon, all as wide as the page, with the scale in mm below each."""
+    """Draw a plan for each coupon, all as wide as the page, with the scale in mm below each."""
     coupons = coupon_set.layouts
     if len(coupons) == 1 and len(coupons[0].stages) > 1:
         return _sequence(coupons[0])
@@ -33,7 +35,7 @@ def plans_figure(coupon_set: CouponSet) -> Figure:
 
 
 def _sequence(coupon: Coupon) -> Figure:
-    """A coupon printed in several runs, as side views: after each run, before the next, and separated.
+    """Draw a coupon printed in several runs, as side views: after each run, before the next, and separated.
 
     The last picture is the slab that the evaluation of the layer assumes.
 
@@ -59,7 +61,7 @@ def _sequence(coupon: Coupon) -> Figure:
 
 
 def _slab(axes: Axes) -> None:
-    """Rays through a slab of thickness h: reflected (R) and transmitted (T) sums over all passes."""
+    """Draw rays through a slab of thickness h: reflected (R) and transmitted (T) sums over all passes."""
     low, high, step, ends = 1.3, 2.3, 0.4, (0.6, 3.0)
     axes.add_patch(Rectangle((-1.2, low), 2.9, high - low, facecolor=RIGHT, alpha=0.25, lw=0))
     starts = [-0.5 + 2.0 * step * number for number in range(3)]
@@ -81,7 +83,7 @@ def _slab(axes: Axes) -> None:
 
 
 def _side_view(axes: Axes, parts: Sequence[tuple[str, str, str, float]], *, on_platform: bool) -> None:
-    """Side view of the print, upside down below the build platform, or of the separated parts with the beam."""
+    """Draw a side view of the print, upside down below the build platform, or of the separated parts with the beam."""
     top = 2.6
     if on_platform:
         axes.add_patch(Rectangle((-1.3, top), 2.6, 0.5, facecolor=INK))
@@ -133,7 +135,7 @@ def _label(axes: Axes, feature: Feature, text: str, *, inside: bool) -> None:
 
 
 def _labels(coupon: Coupon) -> list[tuple[Feature, str]]:
-    """Numbers beside the features: the quantity that varies."""
+    """Write the varied values next to the features."""
     if coupon.gaps:
         return [(coupon.feature(gap.between[0]), f"{gap.gap_mm:g}") for gap in coupon.gaps]
     shown = [
@@ -149,7 +151,7 @@ def _labels(coupon: Coupon) -> list[tuple[Feature, str]]:
 
 
 def _varied(feature: Feature) -> str:
-    """The number of a feature: its grey value if it has one, else its exposure or size."""
+    """Return the number of a feature: its grey value if it has one, else its exposure or size."""
     if feature.grey is not None:
         return f"{feature.grey:g}"
     return f"{feature.exposure_s:g} s" if feature.exposure_s else f"{feature.width_mm:g}"

@@ -30,9 +30,9 @@ BODY_COLOUR = "#8fb4d3"
 EDGE_DEG = 20.0
 """An edge is drawn between neighbouring pixels whose surfaces differ by more."""
 GRAZING = 1e-6
-"""Cosine below which a triangle counts as seen edge-on."""
+"""Cosine below which a triangle is treated as seen edge-on."""
 EDGE_STEP = 0.01
-"""An edge is also drawn where depths differ by more than this share of the picture."""
+"""Fraction of the picture's size by which depths must differ for an edge to be drawn."""
 
 
 def solid_figure(solid: ExportedSolid) -> Figure:
@@ -41,7 +41,7 @@ def solid_figure(solid: ExportedSolid) -> Figure:
 
 
 def export_figure(export: Export) -> Figure:
-    """Oblique views of the solid from both ends, and the plan of its outlines with pockets and slots."""
+    """Draw oblique views of the solid from both ends, and the plan of its outlines with pockets and slots."""
     part, mesh = export.part, export.mesh
     figure = Figure(figsize=(6.6, 5.6))
     grid = figure.add_gridspec(len(VIEWS), 2, width_ratios=(1.8, 1.0))
@@ -66,7 +66,7 @@ def _draw_solid(axes: Axes, mesh: Mesh, turn_deg: float) -> None:
 
 
 def _view(turn_deg: float) -> FloatArray:
-    """Directions to the right, upwards and towards the viewer as columns, in X, Y, Z of the part."""
+    """Return the directions to the right, upwards and towards the viewer as columns, in X, Y, Z of the part."""
     turn, rise = math.radians(turn_deg), math.radians(RISE_DEG)
     towards = np.array([math.sin(turn) * math.cos(rise), -math.cos(turn) * math.cos(rise), math.sin(rise)])
     across = np.array([math.cos(turn), math.sin(turn), 0.0])
@@ -74,7 +74,7 @@ def _view(turn_deg: float) -> FloatArray:
 
 
 def rendered(seen: FloatArray, triangles: NDArray[np.int64]) -> tuple[FloatArray, tuple[float, float, float, float]]:
-    """Picture (rows, columns, 4) of triangles seen along their third coordinate, and its extent in the other two."""
+    """Return the picture (rows, columns, 4) of triangles seen along their third coordinate, and its lateral extent."""
     margin = 0.03 * float(np.ptp(seen[:, :2], axis=0).max())
     low, high = seen[:, :2].min(axis=0) - margin, seen[:, :2].max(axis=0) + margin
     pixel = float((high - low).max()) / PIXELS
@@ -91,7 +91,7 @@ def rendered(seen: FloatArray, triangles: NDArray[np.int64]) -> tuple[FloatArray
 
 
 def _fill(depth: FloatArray, owner: NDArray[np.int64], corners: FloatArray, number: int) -> None:
-    """Fill the pixels of one triangle, (column, row, depth) at its corners, where nothing nearer lies."""
+    """Fill the pixels of one triangle, (column, row, depth) at its corners, where nothing nearer is."""
     columns, rows = (
         np.arange(max(0, math.ceil(corners[:, axis].min())), math.floor(corners[:, axis].max()) + 1) for axis in (0, 1)
     )
@@ -109,7 +109,7 @@ def _fill(depth: FloatArray, owner: NDArray[np.int64], corners: FloatArray, numb
 
 
 def _coloured(depth: FloatArray, normals: FloatArray, width: float) -> FloatArray:
-    """Shaded colours with edges; transparent where nothing is."""
+    """Return shaded colours with edges; transparent where there is no surface."""
     seen = np.isfinite(depth)
     lit = np.clip(normals @ (np.array(LIGHT) / np.linalg.norm(LIGHT)), 0.0, 1.0)
     colour = np.array(mpl.colors.to_rgb(BODY_COLOUR)) * (SHADE + (1.0 - SHADE) * lit)[..., None]
@@ -119,7 +119,7 @@ def _coloured(depth: FloatArray, normals: FloatArray, width: float) -> FloatArra
 
 
 def _edges(depth: FloatArray, normals: FloatArray, step: float) -> NDArray[np.bool_]:
-    """Pixels whose right or upper neighbour belongs to another surface, or lies at a different depth."""
+    """Return the pixels whose right or upper neighbour belongs to another surface, or is at a different depth."""
     edge = np.zeros(depth.shape, dtype=bool)
     for here, there in ((np.s_[:-1], np.s_[1:]), (np.s_[:, :-1], np.s_[:, 1:])):
         solid = np.minimum(depth[here], depth[there]) > -1e9
@@ -148,7 +148,7 @@ def _draw_plan(axes: Axes, part: Part) -> None:
 
 
 def _seats(part: Part) -> list[tuple[str, str, str]]:
-    """Colour, name and heights of a part's kinds of seats."""
+    """Return colour, name and heights of a part's kinds of seats."""
     seats: dict[str, tuple[str, str, str]] = {}
     for cut in part.cuts:
         kind = cut.name.partition("-")[0]

@@ -17,7 +17,7 @@ from solen.report.canvas import INK, LEFT, LOST, RIGHT, SERIES, SPACE
 WIDE_IN, PLOT_IN, HEAD_IN = 7.0, 2.6, 0.9
 MOST_PX = 1800
 MANY, WIDE = 6, 0.2
-"""Sizes over a wider range than this are drawn on a logarithmic axis."""
+"""Least number of sizes, and least relative range, that are drawn on a logarithmic axis."""
 TICKS_MM = (0.02, 0.03, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0, 2.0)
 NAMES = {
     "positive_diameter": "smallest pillar",
@@ -30,7 +30,7 @@ WHAT = {"pillar": "diameter of pillars", "hole": "diameter of holes", "gap": "ga
 
 
 def fidelity_figure(measurement: CouponMeasurement) -> Figure:
-    """The picture turned as the layout is drawn, circles and gaps over it, and deviations below."""
+    """Draw the picture in the layout's orientation, with circles and gaps over it, and deviations below."""
     kinds = _shown(measurement)
     picture, extent = _upright(measurement)
     high = min(max(WIDE_IN * (extent[3] - extent[2]) / (extent[1] - extent[0]), 1.0), 4.5) + HEAD_IN
@@ -56,14 +56,14 @@ def fidelity_figure(measurement: CouponMeasurement) -> Figure:
 
 
 def _shown(measurement: CouponMeasurement) -> list[str]:
-    """Kinds of features with varying sizes, which are drawn."""
+    """Return the kinds of features with varying sizes, which are drawn."""
     measured = {one.kind for one in measurement.measured if one.measured_mm is not None}
     kinds = [kind for kind in WHAT if kind in measured]
     return [kind for kind in kinds if kind != "pillar" or not measured & {"gap", "step"}]
 
 
 def _limits(measurement: CouponMeasurement) -> str:
-    """The limits as words."""
+    """Return the limits in words."""
     shown = []
     for limit in measurement.limits:
         name = NAMES[limit.kind]
@@ -76,7 +76,7 @@ def _limits(measurement: CouponMeasurement) -> str:
 
 
 def _upright(measurement: CouponMeasurement) -> tuple[FloatArray, tuple[float, float, float, float]]:
-    """Picture (rows upwards) sampled along the layout's axes, and its extent in mm of the layout."""
+    """Return the picture (rows upwards) sampled along the layout's axes, and its extent in mm of the layout."""
     from scipy import ndimage
 
     (width, depth, _), pose, grey = measurement.layout.size_mm, measurement.location.pose, measurement.picture.grey
@@ -90,7 +90,7 @@ def _upright(measurement: CouponMeasurement) -> tuple[FloatArray, tuple[float, f
 
 
 def _overlay(axes: Axes, measurement: CouponMeasurement) -> None:
-    """Circles around discs, crosses where nothing was printed, bars over gaps, and heights."""
+    """Draw circles around discs, crosses where nothing was printed, bars over gaps, and heights."""
     coupon, by_name = measurement.layout, {one.name: one for one in measurement.measured}
     for feature in (one for one in coupon.features if one.round and one.name in by_name):
         at, disc = (feature.x_mm, feature.y_mm), measurement.discs.get(feature.name)
@@ -125,7 +125,7 @@ def _note(axes: Axes, x: float, y: float, text: str) -> None:
 
 
 def _steps(axes: Axes, coupon: Coupon, features: Sequence[MeasuredSize]) -> None:
-    """Each step against the height it leads to; a dashed line for each nominal size."""
+    """Draw each step against the height it leads to; a dashed line for each nominal size."""
     upper = {step.name: coupon.feature(step.between[1]).height_mm for step in coupon.steps}
     sizes = sorted({round(feature.nominal_mm, 6) for feature in features}, reverse=True)
     for number, size in enumerate(sizes):
@@ -152,7 +152,7 @@ def _steps(axes: Axes, coupon: Coupon, features: Sequence[MeasuredSize]) -> None
 
 
 def _deviations(axes: Axes, kind: str, features: Sequence[MeasuredSize]) -> None:
-    """Measured minus nominal sizes, with two standard uncertainties; unresolved features are crosses at the bottom."""
+    """Draw measured minus nominal sizes, with two standard uncertainties; unresolved features are crosses below."""
     there = [feature for feature in features if feature.measured_mm is not None and feature.resolved]
     nominal = [one.nominal_mm for one in there]
     off = [1e3 * ((one.measured_mm or 0.0) - one.nominal_mm) for one in there]

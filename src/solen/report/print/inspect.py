@@ -14,7 +14,7 @@ from solen.metrology.inspection import FacesInspection, LensInspection
 from solen.report.canvas import INK, LINES, SERIES
 
 MOST_PX = 1400
-"""Longer side of the picture as it is drawn."""
+"""Longer side of the drawn picture, in pixels."""
 MARGIN = 0.18
 MAP = "coolwarm"
 RIVALS = (*SERIES[4:6], SERIES[3])
@@ -26,7 +26,7 @@ PICTURE, BELOW = 5.2, 2.4
 
 
 def inspect_figure(inspection: LensInspection) -> Figure:
-    """Picture with the measured edge (coloured by its deviation) and the design's front; deviations along x below."""
+    """Draw the picture with the measured edge (coloured by its deviation) and the design's front; deviations below."""
     image, fit = inspection.image, inspection.outline.chosen.registration
     most = max(float(np.abs(fit.deviation_um).max()), 1e-3)
     norm = TwoSlopeNorm(0.0, -most, most)
@@ -47,7 +47,7 @@ def inspect_figure(inspection: LensInspection) -> Figure:
 
 
 def faces_figure(faces: FacesInspection) -> Figure:
-    """Deviations along x of the first and of the last layer."""
+    """Draw the deviations along x of the first and of the last layer."""
     figure = Figure(figsize=(6.4, 2.0 * BELOW))
     named = (("last layer", faces.last_layer), ("first layer", faces.first_layer))
     for axes, (name, one) in zip(figure.subplots(2, 1, sharex=True), named, strict=True):
@@ -60,7 +60,7 @@ def faces_figure(faces: FacesInspection) -> Figure:
 
 
 def _picture(axes: Axes, inspection: LensInspection) -> None:
-    """The part of the picture around the lens, in grey, with the design's front and the rejected edge points."""
+    """Draw the part of the picture around the lens, in grey, with the design's front and the rejected edge points."""
     image, outline = inspection.image, inspection.outline
     front = outline.chosen.registration.pose.to_px(inspection.nominal.front_mm)
     x0, x1, y0, y1 = _window(front, image.shape)
@@ -88,27 +88,27 @@ def _picture(axes: Axes, inspection: LensInspection) -> None:
 
 
 def _rivals(inspection: LensInspection) -> list[ComparedDesign]:
-    """The compared designs, without the lens's own."""
+    """Return the compared designs, without the lens's own."""
     own = inspection.outline.chosen.registration.rms_um
     return [one for one in inspection.designs.values() if abs(one.registration.rms_um - own) >= 1e-6 * own]
 
 
 def _own_name(inspection: LensInspection) -> str:
-    """The design's name, and its label in the comparison: its index, if the others differ in index."""
+    """Return the design's name, and its label in the comparison: its index, if the others differ in index."""
     rivals = {one.name for one in _rivals(inspection)}
     own = [name for name in inspection.designs if name not in rivals]
     return ", ".join(dict.fromkeys((inspection.nominal.name, *own)))
 
 
 def _window(front: FloatArray, shape: tuple[int, int]) -> tuple[int, int, int, int]:
-    """Columns and rows around the front."""
+    """Return columns and rows around the front."""
     margin = MARGIN * float(np.ptp(front, axis=0).max())
     (x0, y0), (x1, y1) = np.floor(front.min(axis=0) - margin), np.ceil(front.max(axis=0) + margin)
     return max(int(x0), 0), min(int(x1), shape[1]), max(int(y0), 0), min(int(y1), shape[0])
 
 
 def _scale_bar(axes: Axes, um_per_px: float, window: tuple[int, int, int, int]) -> None:
-    """A scale bar of round length, about a quarter of the width."""
+    """Draw a scale bar of round length, about a quarter of the width."""
     x0, x1, _, y1 = window
     quarter = max(0.25 * (x1 - x0) * um_per_px, 1.0)
     length = max(size for size in LENGTHS_UM if size <= quarter)
@@ -120,7 +120,7 @@ def _scale_bar(axes: Axes, um_per_px: float, window: tuple[int, int, int, int]) 
 
 
 def _coloured(axes: Axes, inspection: LensInspection, norm: TwoSlopeNorm) -> LineCollection:
-    """The measured edge, coloured by its deviation."""
+    """Draw the measured edge, coloured by its deviation."""
     fit = inspection.outline.chosen.registration
     points = fit.pose.to_px(fit.points_mm)
     pieces, lengths = np.stack([points[:-1], points[1:]], axis=1), np.hypot(*np.diff(points, axis=0).T)
@@ -132,7 +132,7 @@ def _coloured(axes: Axes, inspection: LensInspection, norm: TwoSlopeNorm) -> Lin
 
 
 def _deviations(axes: Axes, inspection: LensInspection, norm: TwoSlopeNorm) -> None:
-    """Deviation along x with its 95 % band, and the deviations from the compared designs."""
+    """Draw the deviation along x with its 95 % band, and the deviations from the compared designs."""
     fit = inspection.outline.chosen.registration
     x, deviation = fit.points_mm[:, 0], fit.deviation_um
     for number, design in enumerate(_rivals(inspection)):

@@ -12,18 +12,18 @@ from solen.report.canvas import INK, LOST, RIGHT, series
 
 LIT = LinearSegmentedColormap.from_list("lit", ["#ffffff", RIGHT])
 SHOWN = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
-"""Layers to draw, as shares of their number."""
+"""Layers to draw, as fractions of their number."""
 COLUMNS = 3
 MOST_PIXELS = 900
-"""Pixels along a picture's longer side; finer pictures are downsampled to this."""
+"""Number of pixels along a picture's longer side above which it is downsampled."""
 EDGE_PIXELS = 28
-"""Pixels along each side of the close-up."""
+"""Number of pixels along each side of the close-up."""
 MOST_STEPS = 400
 """Number of heights at which the extent is drawn."""
 
 
 def layers_figure(layered: LayeredPrint) -> Figure:
-    """Some layers of one copy, a close-up of edge pixels, the plate, and the extent over the height."""
+    """Draw some layers of one copy, a close-up of edge pixels, the plate, and the extent over the height."""
     job, (rows, columns) = layered.job, layered.job.tile
     shown = sorted({round(share * (job.count - 1)) for share in SHOWN})
     wide = columns > rows
@@ -58,7 +58,7 @@ def _draw_layer(axes: Axes, job: Job, layer: int) -> None:
 
 
 def _draw_edge(axes: Axes, job: Job, layer: int) -> None:
-    """Close-up around the lowest grey pixel of a layer."""
+    """Draw a close-up around the lowest grey pixel of a layer."""
     picture, pitch = job.copy_of_layer(layer), np.array(job.printer.pitches_mm)
     rows, columns = picture.shape
     grey = np.argwhere((picture > 0) & (picture < FULL))
@@ -76,13 +76,13 @@ def _draw_edge(axes: Axes, job: Job, layer: int) -> None:
 
 
 def _from_origin(job: Job) -> tuple[float, float]:
-    """X and Y of the lower left corner of a copy's tile, from the part's own origin."""
+    """Return X and Y of the lower left corner of a copy's tile, from the part's own origin."""
     (left, low), (x, y) = job.tile_from_mm, job.solid.origin_mm
     return left - x, low - y
 
 
 def _window(at: int, most: int) -> int:
-    """First pixel of a range around a given one, kept inside the picture."""
+    """Return the first pixel of a range around a given one, kept inside the picture."""
     return max(0, min(at - EDGE_PIXELS // 2, most - EDGE_PIXELS))
 
 
@@ -99,7 +99,7 @@ def _draw_plate(axes: Axes, job: Job) -> None:
 
 
 def _draw_side(axes: Axes, job: Job) -> None:
-    """Extent along X and Y of one part over the height."""
+    """Draw the extent along X and Y of one part over the height."""
     numbers = np.unique(np.linspace(0, job.count - 1, min(job.count, MOST_STEPS)).round().astype(int))
     middles = (numbers + 0.5) * job.layer_mm
     sections = [job.solid.section(z)[1] for z in middles.tolist()]

@@ -9,13 +9,13 @@ from solen.report.canvas import INK, LOST, RIGHT, SOFT, SPACE
 from solen.sensor import AsPrinted, Comparison
 
 PLACES = 400
-"""Points across the lens at which its deviation is drawn."""
+"""Number of points across the lens at which its deviation is drawn."""
 MOST_DOTS = 400
-"""Most points of a profile to draw."""
+"""Largest number of points of a profile to draw."""
 
 
 def printed_figure(as_printed: AsPrinted) -> Figure:
-    """Deviation of the printed lens from the design, both responses, and their difference with its uncertainty."""
+    """Draw the printed lens's deviation from the design, both responses, and their difference with its uncertainty."""
     figure = Figure(figsize=(10.2, 3.8))
     shape_axes, contrast_axes, difference_axes = figure.subplots(1, 3)
     draw_deviation(shape_axes, as_printed.lens)
@@ -34,7 +34,7 @@ def printed_figure(as_printed: AsPrinted) -> Figure:
 
 
 def draw_deviation(axes: Axes, lens: MeasuredLens) -> None:
-    """Deviation of a profile from the designed lens along its normal, in µm: points, smoothed, with its uncertainty."""
+    """Draw the deviation of a profile along the lens's normal, in µm: points, smoothed, with its uncertainty."""
     fit, half_mm = lens.fit, lens.half_width_mm
     x = np.linspace(-half_mm, half_mm, PLACES)
     more = -1e3 * fit.deviation_mm(x) / np.hypot(1.0, lens.designed.slope(x))

@@ -12,7 +12,7 @@ BAND = 1.96
 
 
 def tune_figure(tuned: TunedPrint) -> Figure:
-    """Deviation of this print and of the next, rms of all prints, and the change of contrast from the design."""
+    """Draw the deviation of this print and of the next, rms of all prints, and the change of the contrast."""
     panels = 2 if tuned.response is None else 3
     figure = Figure(figsize=(3.5 * panels, 3.6))
     axes = figure.subplots(1, panels)
@@ -76,6 +76,6 @@ def _changes(axes: Axes, traced: Responses) -> None:
 
 
 def _change(one: TunedResponse, designed: TunedResponse) -> tuple[np.ndarray, np.ndarray]:
-    """Contrast minus the designed one, with its 95 % band."""
+    """Draw the contrast minus the designed one, with its 95 % band."""
     change = np.array(one.contrast) - np.array(designed.contrast)
     return change, BAND * np.hypot(one.u_contrast, designed.u_contrast)

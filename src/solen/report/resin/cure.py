@@ -18,7 +18,7 @@ _MARGIN = 1.15  # of the dose axis beyond what is shown
 
 
 def cure_figure(curve: MeasuredCurve) -> Figure:
-    """Discs and curve; if a part's layers are known, the dose inside it in a second panel."""
+    """Draw discs and curve; if a part's layers are known, the dose inside it in a second panel."""
     figure = Figure(figsize=(5.4 if curve.stack is None else 9.6, 3.9))
     ratios = (1,) if curve.stack is None else (5, 4)
     panels = figure.subplots(1, len(ratios), width_ratios=ratios, squeeze=False)[0]
@@ -40,7 +40,7 @@ def cure_figure(curve: MeasuredCurve) -> Figure:
 
 
 def _side_by_side(axes: Axes, curve: MeasuredCurve) -> None:
-    """Line, 95 % band and discs of each table, discs of equal dose as mean ± SD."""
+    """Draw line, 95 % band and discs of each table, discs of equal dose as mean ± SD."""
     curves: tuple[MeasuredCurve | CurveBeside, ...] = (curve, *curve.beside)
     for number, one in enumerate(curves):
         look = series(number)
@@ -60,7 +60,7 @@ def _side_by_side(axes: Axes, curve: MeasuredCurve) -> None:
 
 
 def _named(curve: MeasuredCurve | CurveBeside) -> str:
-    """A table's name with Dp and Ec of its curve."""
+    """Return a table's name with Dp and Ec of its curve."""
     return f"{Path(curve.sources[0].file).stem}: Dp {curve.Dp_um:.3g} µm, Ec {curve.Ec_mJ_per_cm2:.3g} mJ/cm²"
 
 
@@ -96,14 +96,14 @@ def _curve(axes: Axes, curve: MeasuredCurve) -> None:
 
 
 def _plain_ticks(axis: Axis) -> None:
-    """Numbers at 1, 2 and 5 of each decade."""
+    """Write numbers at 1, 2 and 5 of each decade."""
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_formatter(NullFormatter())
 
 
 def _layer(axes: Axes, curve: MeasuredCurve) -> None:
-    """Thickness of a layer, and the depth its exposure cures."""
+    """Draw the thickness of a layer, and the depth its exposure cures."""
     if curve.layer is not None:
         um = curve.layer.layer_um
         axes.axhline(um, color=SPACE, lw=1.2, ls=":", label=f"layer of {um:g} µm")
@@ -114,7 +114,7 @@ def _layer(axes: Axes, curve: MeasuredCurve) -> None:
 
 
 def _inside(axes: Axes, stack: StackDose) -> None:
-    """Dose against height above the first layer, with that of a single layer."""
+    """Draw the dose against height above the first layer, with that of a single layer."""
     count, h = len(stack.exposures_mJ_per_cm2), stack.layer_um
     edges = np.repeat(np.arange(count + 1) * h / 1e3, 2)[1:-1]
     high = np.repeat(stack.window_side_mJ_per_cm2, 2)
@@ -125,6 +125,6 @@ def _inside(axes: Axes, stack: StackDose) -> None:
     axes.axvline(stack.single_layer_mean_mJ_per_cm2, color=LEFT, lw=1.4, label="single layer")
     axes.axvline(float(stack.exposures_mJ_per_cm2[-1]), color=LOST, lw=1.2, ls="--", label="at the window")
     axes.set(xlabel="dose (mJ/cm²)", ylabel="height in the part (mm)", xlim=(0.0, None))
-    times = f"{stack.interior_over_single_layer:.2g} times one layer's"
+    times = f"{stack.interior_over_single_layer:.2g} times that of one layer"
     axes.set_title(f"inside: {stack.interior_mean_mJ_per_cm2:.3g} mJ/cm², {times}")
     axes.legend()

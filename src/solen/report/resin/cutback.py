@@ -14,7 +14,7 @@ _BAND = 0.15
 
 
 def cutback_figure(loss: GuideLoss) -> Figure:
-    """Guides as dots, a colour for each orientation; levels are relative to the launched power if known."""
+    """Draw guides as dots, a colour for each orientation; levels are relative to the launched power if known."""
     zero = 0.0 if loss.launched_dB is None else loss.launched_dB
     source = loss.sources[0]
     figure = Figure(figsize=(5.4, 3.8))
@@ -40,7 +40,7 @@ def cutback_figure(loss: GuideLoss) -> Figure:
 
 
 def _label(way: str, line: Line | None, loss: GuideLoss) -> str:
-    """Orientation, and the loss of the drawn line."""
+    """Return orientation, and the loss of the drawn line."""
     if line is None:
         return way
     low, high = line.interval95_loss_dB_per_cm
@@ -59,7 +59,7 @@ def _dots(axes: Axes, pieces: list[Piece], label: str, look: Mapping[str, Any], 
 
 
 def _line(axes: Axes, line: Line, loss: GuideLoss, colour: str, zero: float) -> None:
-    """The line with its band, dashed from length zero to the shortest guide."""
+    """Draw the line with its band, dashed from length zero to the shortest guide."""
     shortest = min(piece.length_mm for piece in loss.points)
     longest = max(piece.length_mm for piece in loss.points)
     mm = np.linspace(0.0, longest, 121)

@@ -13,7 +13,7 @@ _FEW_POINTS = 20
 
 
 def exposures_figure(trends: ExposureTrends) -> Figure:
-    """Spectra by exposure, repeats as mean ± SD; values at some wavelengths against exposure, with their line."""
+    """Draw spectra by exposure, repeats as mean ± SD; values at some wavelengths against exposure, with their line."""
     figure = Figure(figsize=(9.0, 3.6))
     left, right = figure.subplots(1, 2)
     _spectra(left, trends.layers)

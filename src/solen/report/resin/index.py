@@ -15,7 +15,7 @@ TITLES = {
     "as-published": "as published: R = 1 − T − A with A = −log10 T",
     "lossless": "from T alone, k = 0 assumed",
     "joint": "with that of its bare substrate, both measured",
-    "fringes": "by levels and fringes of its spectra",
+    "fringes": "from levels and fringes of its spectra",
 }
 """Titles of the modes."""
 
@@ -23,7 +23,7 @@ _NEAR = 0.2  # how far from n a band is still drawn
 
 
 def index_figure(index: LayerIndex) -> Figure:
-    """Three panels of an index result: T and R, absorbance and absorptance, n with its uncertainty and its masks."""
+    """Draw T and R, absorbance and absorptance, n with its uncertainty and its masks in three panels."""
     figure = Figure(figsize=(9.6, 3.4))
     light, loss, n = figure.subplots(1, 3)
     nm = index.wavelength_nm
@@ -39,12 +39,12 @@ def index_figure(index: LayerIndex) -> Figure:
 
 
 def _style(nm: FloatArray, place: int = 0) -> str:
-    """A line, or dots if there are few points; a second place gives another style."""
+    """Return the style of a line, or of dots if there are few points; a second position selects another style."""
     return ("o", "s")[place] if nm.size < 12 else ("-", "--")[place]
 
 
 def _widened(low: float, high: float) -> tuple[float, float]:
-    """Leave room for the legend above, and draw calculated curves beside the measured ones."""
+    """Leave room for the legend above, and draw calculated curves next to the measured ones."""
     return low - 0.05 * (high - low), high + 0.55 * (high - low)
 
 
@@ -94,7 +94,7 @@ def _draw_index(axes: Axes, nm: FloatArray, index: LayerIndex) -> None:
 
 
 def _draw_literature(axes: Axes, nm: FloatArray, index: LayerIndex) -> None:
-    """Band of published indices, if near enough for the same axes."""
+    """Draw the band of published indices, if near enough for the same axes."""
     known, (least, most) = index.literature, axes.get_ylim()
     if known is None:
         return
@@ -114,7 +114,7 @@ def _draw_fit(axes: Axes, fit: Fit | None) -> None:
 
 
 def _draw_masks(axes: Axes, nm: FloatArray, n: FloatArray) -> None:
-    """Marks at the lower edge of the panel where n is masked."""
+    """Draw marks at the lower edge of the panel where n is masked."""
     masked = ~np.isfinite(n)
     if masked.any():
         edge = axes.get_xaxis_transform()

@@ -18,7 +18,7 @@ POINTS = 301
 
 
 def facts_figure(facts: ResinFacts) -> Figure:
-    """Index of a resin against wavelength, with the requested wavelengths.
+    """Draw the index of a resin against wavelength, with the requested wavelengths.
 
     Raises
     ------
@@ -31,7 +31,7 @@ def facts_figure(facts: ResinFacts) -> Figure:
 
 
 def index_figure(resin: Resin, at_nm: Sequence[float] = ()) -> Figure:
-    """Index against wavelength, its standard uncertainty as a band; dashed where it was not measured.
+    """Draw index against wavelength, its standard uncertainty as a band; dashed where it was not measured.
 
     Raises
     ------

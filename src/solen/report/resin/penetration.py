@@ -14,7 +14,7 @@ _HIGHEST_UM = 2000.0
 
 
 def penetration_figure(penetration: Penetration) -> Figure:
-    """Absorbance against wavelength; for a known lamp, its light against depth in a second panel."""
+    """Draw absorbance against wavelength; for a known lamp, its light against depth in a second panel."""
     decay, absorbance = penetration.attenuation, penetration.absorbance
     figure = Figure(figsize=(4.8 if decay is None else 9.0, 3.6))
     panels = figure.subplots(1, 1 if decay is None else 2, squeeze=False)[0]
@@ -41,7 +41,7 @@ def _lamp(axes: Axes, decay: Attenuation, highest: float) -> None:
 
 
 def _depth(axes: Axes, decay: Attenuation) -> None:
-    """Share of the light against depth, with the exponential of equal initial slope."""
+    """Draw the fraction of the light against depth, with the exponential of equal initial slope."""
     surface = decay.local_um()
     um = np.linspace(0.0, min(_DEPTHS * surface, _HIGHEST_UM), 201)
     axes.plot(um, decay.share(um), color=RIGHT, lw=1.6, label="lamp's light")
@@ -52,7 +52,7 @@ def _depth(axes: Axes, decay: Attenuation) -> None:
     beside.set_ylabel("local Dp (µm), dotted")
     beside.grid(visible=False)
     beside.set_ylim(0.0, None)
-    axes.set(yscale="log", xlabel="depth (µm)", ylabel="share of the light")
+    axes.set(yscale="log", xlabel="depth (µm)", ylabel="fraction of the light")
     axes.yaxis.set_major_formatter(mpl.ticker.FuncFormatter(lambda value, _: f"{value:g}"))
     axes.yaxis.set_minor_formatter(mpl.ticker.NullFormatter())
     axes.legend()

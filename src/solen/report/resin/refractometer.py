@@ -8,7 +8,7 @@ from solen.report.canvas import LEFT, RIGHT, SOFT
 
 
 def refractometer_figure(index: RefractometerIndex) -> Figure:
-    """Index against wavelength with its 95 % band, over the band of the literature."""
+    """Draw index against wavelength with its 95 % band, over the band of the literature."""
     nm, interval = index.wavelength_nm, index.interval95_n
     polymers = index.options.polymers if index.options else RESINS
     literature = band(nm, polymers, package=False)
@@ -23,5 +23,5 @@ def refractometer_figure(index: RefractometerIndex) -> Figure:
     axes.errorbar(index.measured_nm, index.measured_n, spread, fmt="o", color=LEFT, ms=4, capsize=3, label="measured")
     axes.set(xlabel="wavelength (nm)", ylabel="refractive index n", xlim=(nm[0], nm[-1]))
     axes.legend()
-    axes.set_title(f"n at 589.3 nm = {index.n_D:.4f} ± {index.u_n_D:.1g}, the rest by dispersion")
+    axes.set_title(f"n at 589.3 nm = {index.n_D:.4f} ± {index.u_n_D:.1g}, others from dispersion")
     return figure

@@ -15,11 +15,11 @@ from solen.report.canvas import draw_repeats
 
 _NUMBER = re.compile(r"[\s_#-]*\d+$")
 _NAMED = 14
-"""Most traces that a legend names; of more, it names the first and the last."""
+"""Largest number of traces that a legend names; of more, it names the first and the last."""
 
 
 def spectra_figure(listing: Listing) -> Figure:
-    """Spectra over wavelength, different kinds (transmittance, absorbance) side by side."""
+    """Draw spectra over wavelength, different kinds (transmittance, absorbance) side by side."""
     kinds: dict[tuple[str, str], dict[str, list[Spectrum]]] = {}
     for label, spectrum in zip(_labels(listing), listing.spectra, strict=True):
         kind = kinds.setdefault((spectrum.channel.quantity, spectrum.channel.unit), {})
@@ -36,7 +36,7 @@ def spectra_figure(listing: Listing) -> Figure:
 
 
 def _labels(listing: Listing) -> list[str]:
-    """Names of the traces, with their files if there are several, without repeat numbers."""
+    """Return names of the traces, with their files if there are several, without repeat numbers."""
     several = len(listing.sources) > 1
     names = [_NUMBER.sub("", trace.name) if listing.repeats else trace.name for trace in listing.traces]
     alone = len(set(names)) == 1  # one name in all files says nothing
@@ -47,7 +47,7 @@ def _labels(listing: Listing) -> list[str]:
 
 
 def _draw(axes: Axes, traces: Mapping[str, Sequence[Spectrum]]) -> None:
-    """Draw traces of one kind by name. Many traces get shades of one colour in their order, so that a drift shows."""
+    """Draw traces of one kind by name; many traces are shades of one colour in order, to show a drift."""
     many = len(traces) > _NAMED
     shades = mpl.colormaps["viridis"]
     for number, (name, alike) in enumerate(traces.items()):
