@@ -155,7 +155,7 @@ def test_what_a_stop_leaves_can_be_closed(bench: Path, monkeypatch: pytest.Monke
     monkeypatch.setattr(recording, "READ_SIMULATED_S", 0.1)
     with pytest.raises(KeyboardInterrupt, match=r"emitters off, stage stopped; .*protocol\.journal: .*--resume"):
         recorded(bench, watch=stopping(2, KeyboardInterrupt()))
-    with pytest.raises(BenchError, match=r"protocol\.journal; exists already.*; solen bench recover"):
+    with pytest.raises(BenchError, match=r"protocol\.journal; exists already.*; use solen bench recover"):
         recorded(bench)
     periods = len(read_journal(bench / "out" / "protocol.journal").streams["board"])
     found = recover(bench / "out" / "protocol.journal")

@@ -328,7 +328,7 @@ def test_the_designs_of_a_front_are_files_and_none_is_worse_in_both(tmp_path: Pa
     assert sorted(len(np.atleast_1d(bar.lines[0].get_xdata())) for bar in bars) == sorted([1, len(found.designs)])
     printed = list(lines(found))
     assert not any("worst" in line for line in printed)
-    assert any("worst of the deviations" in line for line in lines(replace(found, robust=True)))
+    assert any("worst over the deviations" in line for line in lines(replace(found, robust=True)))
     assert found.evaluations <= found.most_evaluations == 30
     assert any("2 of 32" in line for line in lines(replace(found, evaluations=30, most_evaluations=32)))
     assert any("emitter.offset_mm" in text and "design" in text for text in found.warnings), found.warnings

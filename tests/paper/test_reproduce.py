@@ -65,7 +65,7 @@ def test_what_was_not_asked_for_is_no_failure(folder: Path, tmp_path: Path, caps
     assert run_command(["project", "reproduce", "--out", str(tmp_path), "--figure", "S2"]) == 0
     first, *rest = capsys.readouterr().out.splitlines()
     assert first == "1 figure of the paper: 0 made now, 1 kept"
-    assert [line for line in rest if line.startswith("not asked for")]
+    assert [line for line in rest if line.startswith("not requested")]
     assert not [line for line in rest if line.startswith("not made")]
 
 

@@ -441,7 +441,10 @@ def test_commands_print_json_and_lines_and_leave_files(
 
 def test_the_command_says_what_one_layer_cannot_show(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     run_command(["resin", *commands(tmp_path)[0]])
-    assert "one layer of 25 µm cannot show this: 0.1 % in its transmittance is 1.7 dB/cm" in capsys.readouterr().out
+    assert (
+        "one layer of 25 µm cannot show this: an error of 0.1 % in its transmittance is 1.7 dB/cm"
+        in capsys.readouterr().out
+    )
 
 
 def test_a_bad_file_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

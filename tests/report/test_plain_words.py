@@ -111,7 +111,7 @@ def test_slope_null_and_range_are_those_of_the_results(studied: Studies, name: s
     assert words["slope"].endswith("0° by symmetry")
     reach = found["saturation_deg"]
     if reach is None:
-        assert "stays below 0.95" in words["range"]
+        assert "stays within ±0.95" in words["range"]
     else:
         agree(numbers(words["range"])[:1], [reach])
         assert f"within {reach:.2g}°" in advice(study)[0]
@@ -148,7 +148,7 @@ def test_the_alignment_is_reported_by_the_magnification(studied: Studies, name: 
 
 
 def test_a_decentre_of_the_design_is_reported(studied: Studies) -> None:
-    assert "0.02 mm off its place" in said(studied("chip"))["Alignment"]
+    assert "decentred by 0.02 mm" in said(studied("chip"))["Alignment"]
     assert "by symmetry" not in said(studied("chip"))["slope"]
     assert "±" in said(studied("chip"))["slope"].rpartition("null")[2]
 
@@ -305,16 +305,24 @@ def test_the_table_of_lenses_holds_what_was_found() -> None:
         (
             choice(0.44, 0.42),
             "is worthwhile for small angles: signal 1.50 ± 0.04 times the cylinder's",
-            "take the cylinder: 7 %",
+            "use the cylinder: deviation from a straight line 7 %",
         ),
-        (choice(0.44, 0.42), "(contrast 0.42 in place of 0.28)", "take the cylinder: 7 %"),
+        (choice(0.44, 0.42), "(contrast 0.42 instead of 0.28)", "use the cylinder: deviation from a straight line 7 %"),
         (
             choice(0.44, 0.29),
             "is not worthwhile here: signal 1.036 ± 0.029 times the cylinder's",
-            "take the cylinder: 7 %",
+            "use the cylinder: deviation from a straight line 7 %",
         ),
-        (choice(0.44, 0.44, light=0.3), "is not worthwhile here: signal 0.982", "take the cylinder: 7 %"),
-        (choice(0.44, 0.42, nonlinearity=0.03), "is worthwhile", "take the layered lens: 3 %"),
+        (
+            choice(0.44, 0.44, light=0.3),
+            "is not worthwhile here: signal 0.982",
+            "use the cylinder: deviation from a straight line 7 %",
+        ),
+        (
+            choice(0.44, 0.42, nonlinearity=0.03),
+            "is worthwhile",
+            "use the layered lens: deviation from a straight line 3 %",
+        ),
         (choice(0.44, 0.42, nonlinearity=0.075), "is worthwhile", "Neither"),
     ],
 )
@@ -323,7 +331,7 @@ def test_when_layers_pay_is_reported_plainly(practice: Practice, pays: str, stra
     assert pays in one
     assert straight in other
     assert len(asked) == ("is not" not in one)
-    assert all("centred within about 0.1 mm in y. Nobody has printed one yet" in text for text in asked)
+    assert all("centred within about 0.1 mm in y. None has been printed yet" in text for text in asked)
 
 
 def test_profiles_that_are_given_are_named() -> None:
@@ -335,5 +343,5 @@ def test_profiles_that_are_given_are_named() -> None:
     assert [row[0] for row in lens_table(printed)[1:]] == ["cylinder", "layered as given (this design)"]
     gain, asked, _ = lens_words(printed)
     assert gain.startswith("The layered lens as given is worthwhile")
-    assert gain.endswith("to the worse side; the cylinder is as designed.")
+    assert gain.endswith("to the less favourable side; the cylinder is as designed.")
     assert "Nobody" not in asked

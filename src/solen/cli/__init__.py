@@ -1,7 +1,7 @@
-"""The command line. Its commands are functions of `solen.pipeline`; `solen.cli.commands` is the table of them.
+"""The command line. Its commands are functions of `solen.pipeline`, listed in the table `solen.cli.commands`.
 
 With ``--json`` a command prints one JSON object on stdout and everything else on stderr. Bad input ends with one line
-on stderr and exit code 2; Ctrl-C with one line and 130.
+on stderr and exit code 2; Ctrl-C ends with one line and exit code 130.
 """
 
 import difflib
@@ -25,16 +25,17 @@ from solen.results import Outcome
 
 BAD_INPUT, INTERRUPTED = 2, 130
 ALIKE = 0.75
-"""Likeness from which on a known option is suggested for an unknown one."""
+"""Similarity above which a known option is suggested for an unknown one."""
 LEAST_BEGINNING = 3
-"""Letters of an option with which a longer, unknown one may begin."""
+"""Least number of letters of an option with which a longer, unknown one must begin for it to be suggested."""
 RARELY = 20_000, 50, 50
-"""When Python looks for objects that refer to each other in circles: seldom. Its usual limit of 700 new objects is
-reached all the time while modules load, and a tenth of a run went into it; what waits here is a few megabytes."""
+"""Thresholds of Python's cyclic garbage collector. Its default of 700 new objects is exceeded all the time while
+modules load, which took a tenth of a run; the higher thresholds cost a few megabytes.
+"""
 
 
 def main() -> None:
-    """Entry point: run a command; report errors that a user can correct in one line."""
+    """Run a command as the entry point; report errors that a user can correct in one line."""
     gc.set_threshold(*RARELY)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
@@ -72,7 +73,7 @@ def run_command(arguments: Sequence[str]) -> int:
 
 
 def _answer(arguments: Sequence[str]) -> Any:
-    """Run a command and return its result; show a progress bar where the command reports progress."""
+    """Run a command and return its result; show a progress bar if the command reports progress."""
     command, bound, unset = app.parse_args(arguments, exit_on_error=False, print_error=False)
     if "progress" not in unset:
         return command(*bound.args, **bound.kwargs)
@@ -81,7 +82,7 @@ def _answer(arguments: Sequence[str]) -> Any:
 
 
 def _one_line(bad: cyclopts.CycloptsError, arguments: Sequence[str]) -> str:
-    """Error of a command line in one line; a value outside an option's limits is named by its option."""
+    """Return an error of a command line in one line; a value outside an option's limits is named by its option."""
     if isinstance(bad, cyclopts.MissingArgumentError):
         for option, value in pairwise(arguments):
             if option == bad.keyword and re.match(r"-[\d.]", value):  # read as an option, since it is not a number
@@ -90,7 +91,7 @@ def _one_line(bad: cyclopts.CycloptsError, arguments: Sequence[str]) -> str:
         return _unknown_option(bad)
     if isinstance(bad, cyclopts.UnusedCliTokensError):
         further = bad.unused_tokens or []
-        limit = "is an argument too many" if len(further) == 1 else "are arguments too many"
+        limit = "is a surplus argument" if len(further) == 1 else "are surplus arguments"
         return f"{' '.join(further)}; {limit}; see the command's --help"
     if isinstance(bad.__cause__, ValueError) and hasattr(bad.__cause__, "errors"):
         from solen.spec.strict import option_refusal
@@ -100,7 +101,7 @@ def _one_line(bad: cyclopts.CycloptsError, arguments: Sequence[str]) -> str:
 
 
 def _unknown_option(bad: cyclopts.UnknownOptionError) -> str:
-    """Line on an option that a command lacks, with the one that was probably meant: of the same beginning, or alike."""
+    """Return a line on an unknown option, with a similar one or one with the same beginning as a suggestion."""
     option = (bad.token.keyword or bad.token.value).split("=", 1)[0]
     known = [name for one in bad.argument_collection for name in one.names if name.startswith("--")]
     names: dict[str, str] = {}  # each option by its first words and by itself: angle and angle-deg are --angle-deg

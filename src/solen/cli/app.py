@@ -1,11 +1,10 @@
 """Code that the commands share: the application, and the printing of results.
 
-A command returns an `Outcome`: a typed result and the written files. `show_outcome` prints it: as one JSON
-object with ``--json``; else the lines that `lines` makes of the result's type, then its warnings, then the files. A
+A command returns an `Outcome`: a typed result and the written files. `show_outcome` prints it: as one JSON object with
+``--json``; otherwise as the lines that `lines` makes of the result's type, followed by its warnings and the files. A
 command module registers the lines of its result::
 
-    @lines.register
-    def _(loss: GuideLoss) -> Iterator[str]:
+    @lines.register def _(loss: GuideLoss) -> Iterator[str]:
         yield f"loss {loss.loss_dB_per_cm:.3g} dB/cm"
 """
 
@@ -26,12 +25,12 @@ from solen.cli.waiting import NOW
 from solen.ranks import ranked
 from solen.results import Outcome
 
-EVERYWHERE = "Every command also takes --json (one JSON object on stdout) and --quiet (nothing but warnings)."
+EVERYWHERE = "Every command also accepts --json (one JSON object on stdout) and --quiet (only warnings)."
 
 
 @dataclass
 class Shown:
-    """How the running command shows its answer."""
+    """How the running command prints its result."""
 
     as_json: bool = False
     quiet: bool = False
@@ -41,19 +40,19 @@ SHOWN = Shown()
 
 
 def option_name(field: str) -> str:
-    """Name of an option by its field, units unchanged: ``irradiance_mW_per_cm2`` is ``--irradiance-mW-per-cm2``."""
+    """Return the option of a field, units unchanged: ``irradiance_mW_per_cm2`` is ``--irradiance-mW-per-cm2``."""
     return field.strip("_").replace("_", "-")
 
 
 def shown_default(value: Any) -> str | None:
-    """Default of an option as help shows it: as a user would type it; None for a flag, an empty list or no value."""
+    """Return the default of an option in the form a user would type; None for a flag, an empty list or no value."""
     if isinstance(value, bool) or value in {None, "", ()}:
         return None
     return " ".join(map(str, value)) if isinstance(value, tuple) else str(value)
 
 
 def _application() -> App:
-    """Application with all commands registered but not yet imported."""
+    """Return the application with all commands registered but not yet imported."""
     made = App(
         name="solen",
         default_parameter=Parameter(name_transform=option_name, negative=(), show_default=shown_default),
@@ -78,7 +77,7 @@ app = _application()
 
 @functools.singledispatch
 def lines(result: Any) -> Iterable[str]:
-    """Lines that a terminal shows for a result; registered by the module of its command."""
+    """Yield the lines that a terminal shows for a result; registered by the module of its command."""
     raise TypeError(f"no lines for {type(result).__name__}")
 
 
@@ -97,32 +96,32 @@ def show_outcome(outcome: Outcome[Any]) -> None:
 
 
 def listing(values: dict[str, Any]) -> list[str]:
-    """One line per plain value, with its key; tables and lists are omitted."""
+    """Yield one line per scalar value, with its key; tables and lists are omitted."""
     shown = {key: value for key, value in values.items() if not isinstance(value, list | dict)}
     width = max(len(key) for key in shown)
     return [f"  {key:{width}}  {text(value)}" for key, value in shown.items()]
 
 
 def text(value: Any) -> str:
-    """A value as text; numbers to six digits."""
+    """Format a value as text, numbers to six digits."""
     if value is None:
         return "none"
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def simulated(result: Any) -> str:
-    """Words before the name of a result that does not rest on measurements alone."""
+    """Return the words before the name of a result that does not rest on measurements alone."""
     return "simulated: " if result.simulated else ""
 
 
 def short(value: float | None) -> str:
-    """An error or uncertainty to two digits; none that is not finite is known."""
+    """Format an error or uncertainty to two digits; one that is not finite is unknown."""
     return f"{value:.1e}" if value is not None and math.isfinite(value) else "unknown"
 
 
 @contextmanager
 def progress_bar(what: str) -> Iterator[Callable[[float], None]]:
-    """A progress bar on stderr, if that is a terminal and ``--quiet`` is not set; else lines say how far it is."""
+    """Show a progress bar on stderr if it is a terminal and ``--quiet`` is not set; otherwise lines report progress."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 

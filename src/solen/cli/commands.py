@@ -1,7 +1,8 @@
 """Table of all commands: by group, the name, the location of its function, and one line of help.
 
-A command is loaded when it runs or shows its own help, so `solen --help` loads nothing heavy. To add one, write its
-function in `solen.pipeline`, a module in the folder of its group that imports it and prints its result, and a row here.
+A command is loaded when it runs or shows its own help, so `solen --help` loads no heavy modules. To add a command,
+write its function in `solen.pipeline`, a module in the folder of its group that imports it and prints its result, and a
+row here.
 """
 
 DESIGN, RESIN, PRINT, BENCH, EXPLORE, PROJECT = "", "resin", "print", "bench", "explore", "project"
@@ -10,7 +11,7 @@ GROUPS = {
     RESIN: "Characterise a resin: index, loss, cure and stiffness from what instruments export.",
     PRINT: "Print and inspect: layers, coupons, the predicted and the measured lens.",
     BENCH: "Record, analyse and calibrate sensors on a real or a simulated bench.",
-    EXPLORE: "Explore designs: sweeps over their numbers, tolerances, inverse design.",
+    EXPLORE: "Explore designs: sweeps over their parameters, tolerances, inverse design.",
     PROJECT: "Whole projects: sample data to begin with, archives to share, the paper's figures.",
 }
 
@@ -26,13 +27,13 @@ COMMANDS: dict[str, tuple[tuple[str, str, str], ...]] = {
         ("trace", "design.trace:trace", "Trace a design at one angle, or a scene (.json, also of ray-optics)."),
         ("deform", "design.deform:deform", "Show a soft body under load: shape, strain, forces, moments."),
         ("lens", "design.check:lens", "Show the lens of a design: shape, acceptance, magnification, focus."),
-        ("sensitivity", "design.sensitivity:sensitivity", "Rank the numbers of a design by their effect."),
-        ("convergence", "design.sensitivity:convergence", "Show how the error falls with the number of rays."),
+        ("sensitivity", "design.sensitivity:sensitivity", "Rank the parameters of a design by their effect."),
+        ("convergence", "design.sensitivity:convergence", "Show how the error decreases with the number of rays."),
         ("readout", "design.readout:readout", "Show receiver voltages over the motion, noise, and load advice."),
         ("studio", "design.studio:studio", "Show a design in the browser: drag its parts, see rays and response."),
         ("export", "design.export:export", "Write the solid and drawings of a sensor: STL, 3MF, STEP, DXF, SVG."),
         ("schema", "design.schema:schema", "Print the JSON Schema of the design file, or of the result of a command."),
-        ("doctor", "design.doctor:doctor", "Check the installation; prints what a bug report needs."),
+        ("doctor", "design.doctor:doctor", "Check the installation; print the information that a bug report needs."),
         ("completion", "design.doctor:completion", "Install completion of commands and options in the shell."),
     ),
     RESIN: (
@@ -46,7 +47,7 @@ COMMANDS: dict[str, tuple[tuple[str, str, str], ...]] = {
         ("stiffness", "resin.stiffness:stiffness", "Fit modulus and hyperelastic models to mechanical tests."),
         ("build", "resin.library:build", "Write a resin file from the results of other commands."),
         ("mix", "resin.library:mix", "Compute what to weigh in for a mixture."),
-        ("list", "resin.library:list_", "List the resins that solen ships."),
+        ("list", "resin.library:list_", "List the resins shipped with solen."),
         ("show", "resin.library:show", "Show a resin and its index at given wavelengths."),
     ),
     PRINT: (
@@ -79,14 +80,18 @@ COMMANDS: dict[str, tuple[tuple[str, str, str], ...]] = {
         ("table", "bench.decode:table", "Write a calibration as code for a microcontroller."),
     ),
     EXPLORE: (
-        ("sweep", "explore.sweep:sweep", "Trace a design over values of its numbers: merits and responses."),
-        ("tolerance", "explore.tolerance:tolerance", "Trace prints whose numbers vary: yield and what costs most."),
+        ("sweep", "explore.sweep:sweep", "Trace a design over values of its parameters: merits and responses."),
+        (
+            "tolerance",
+            "explore.tolerance:tolerance",
+            "Trace prints whose parameters vary: yield and its largest losses.",
+        ),
         ("optimise", "explore.optimise:optimise", "Search for the design parameters that optimise a merit."),
     ),
     PROJECT: (
         ("examples", "project.examples:examples", "Copy sample data for every command, all simulated, into a folder."),
         ("pack", "project.archive:pack", "Pack a sensor's files into one described and checked archive."),
-        ("unpack", "project.archive:unpack", "Check and unpack an archive of a sensor that came from elsewhere."),
-        ("reproduce", "project.reproduce:reproduce", "Make the paper's figures, and compare its numbers with solen's."),
+        ("unpack", "project.archive:unpack", "Check and unpack an archive of a sensor from elsewhere."),
+        ("reproduce", "project.reproduce:reproduce", "Make the paper's figures, and compare its values with solen's."),
     ),
 }

@@ -1,6 +1,6 @@
-"""What a command says on stderr while it works, terminal or not, so that no wait over two seconds is silent.
+"""Progress messages of a command on stderr, terminal or not, so that no wait over two seconds is silent.
 
-A thread looks at the time and at what numba compiles. On a terminal a progress bar says the rest.
+A thread watches the time and the functions that numba compiles. On a terminal, a progress bar shows the rest.
 """
 
 import sys
@@ -11,29 +11,33 @@ from contextlib import contextmanager
 from typing import Any
 
 LOOK_S, FIRST_S, AGAIN_S, LATER = 0.2, 1.5, 10.0, 0.2
-"""How often the thread looks, when the first line is due and each further one: at least a fifth of the time later."""
+"""Interval between checks, time of the first line and interval to further ones, at least a fifth of the elapsed
+time.
+"""
 COMPILING_S = 2.0
-"""When a line is due again while the tracer is compiled."""
-COMPILING = "compiling the tracer for this computer, once; it takes a minute or less, and later runs begin at once"
+"""Interval between lines while the tracer is compiled."""
+COMPILING = "compiling the tracer for this computer, once; it takes a minute or less, and later runs start at once"
 TALK = {"studio", "watch", "jog", "completion"}
-"""Commands that wait for a person or for readings, and answer as they come."""
+"""Commands that wait for the user or for readings, and print as they go."""
 LIVE = ("-", ".journal")
-"""Ends of the sources from which `solen bench decode` answers as readings come; a recording is decoded whole."""
+"""Sources, or their suffixes, for which `solen bench decode` prints as readings arrive; a recording is decoded at
+once.
+"""
 
 
 class Waiting:
-    """What has been done and said since a command began.
+    """Progress and messages since a command began.
 
     Attributes
     ----------
     done
-        Share that the command reports, up to 1; None if it reports none.
+        Fraction that the command reports, up to 1; None if it reports none.
     describe
-        Changes the words of a bar on the terminal; None without one.
+        Function that changes the text of a progress bar on the terminal; None without one.
     compiled
-        Functions of the tracer that were compiled, or are being.
+        Number of functions of the tracer that were compiled, or are being compiled.
     function
-        The one that is compiled now; empty while none is.
+        The function that is being compiled; empty if there is none.
     """
 
     def __init__(self) -> None:
@@ -43,7 +47,7 @@ class Waiting:
         self._said_compiling, self._said, self._due_s = False, 0, FIRST_S
 
     def words(self, elapsed_s: float) -> str | None:
-        """What is to be said after so long a time, if anything."""
+        """Return the message that is due after the elapsed time, if any."""
         if self.compiled and not self._said_compiling:
             self._said_compiling, self._due_s = True, elapsed_s + COMPILING_S
             return f"{COMPILING}: {self._functions()}"
@@ -59,19 +63,19 @@ class Waiting:
         return f"working, {', '.join(parts)}"
 
     def _functions(self) -> str:
-        """How far the compiling is, and what is compiled."""
+        """Return the number of compiled functions, and the one being compiled."""
         self._said = self.compiled
         many = f"{self.compiled} functions"
         return f"{many}, now {self.function}" if self.function else many
 
 
 NOW = Waiting()
-"""Of the command that runs."""
+"""Progress of the running command."""
 
 
 @contextmanager
 def spoken(command: str) -> Iterator[None]:
-    """Say on stderr what takes long, from a thread that ends with the command."""
+    """Report long waits on stderr, from a thread that ends with the command."""
     stop, begun = threading.Event(), time.monotonic()
 
     def look() -> None:
@@ -95,14 +99,14 @@ def spoken(command: str) -> Iterator[None]:
 
 
 def is_silent(arguments: list[str]) -> bool:
-    """Whether a command line is one that nothing is said of: quiet, or one that talks itself."""
+    """Return whether no progress is reported for a command line: it is quiet, or prints as it goes."""
     shows = "run" in arguments[1:2] and arguments[0] == "bench" and sys.stderr.isatty()  # has a line of its own
     live = "decode" in arguments[1:2] and any(word.endswith(LIVE) for word in arguments)
     return not arguments or "--quiet" in arguments or shows or live or bool(TALK & set(arguments[:2]))
 
 
 def _listen() -> bool:
-    """Count what numba compiles from now on; False while numba is not loaded."""
+    """Count the functions that numba compiles from now on; return False while numba is not loaded."""
     events: Any = sys.modules.get("numba.core.event")
     if events is None or not hasattr(events, "register"):
         return False

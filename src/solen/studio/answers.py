@@ -24,68 +24,74 @@ from solen.studio.frames import encoded
 from solen.studio.search import Sought
 
 ROW = ("key", "tolerance", "largest", "u_largest", "at_deg")
-"""What a page shows of a number that matters."""
+"""Fields of a parameter that a page shows in the list of what matters."""
 BESIDE_RAYS = 2**14
-"""Rays at an angle for curves that are shown beside the design's own."""
+"""Number of rays at an angle for curves that are compared with the design's own."""
 
 
 class View(Strict):
-    """How a page looks at the design."""
+    """Settings of the page's view of the design."""
 
-    angle_deg: Number = Field(0.0, description="Angle, or whatever else the motion drives.")
+    angle_deg: Number = Field(0.0, description="Angle, or value of whatever else the motion drives.")
     rays: int = Field(RAYS, ge=1, le=MOST_RAYS, description="Rays drawn.")
-    split: bool = Field(False, description="Both branches at each face, rather than whole rays.")
-    light: Literal["design", "plane", "space"] = Field("design", description="Where the response is traced.")
-    tolerances: bool = Field(False, description="With what each tolerance changes, at rest.")
-    lens: Literal["own", "designed", "flat"] = Field(
-        "own", description="The design's lens, of a measured one that which it was designed as, or a flat face."
+    split: bool = Field(False, description="Whether both branches are followed at each face, rather than whole rays.")
+    light: Literal["design", "plane", "space"] = Field(
+        "design", description="Whether the response is traced in the plane or in space."
     )
-    lit: str | None = Field(None, max_length=200, description="Emitter of a network that lights; default: network.lit.")
+    tolerances: bool = Field(
+        False, description="Whether the effect of each tolerance is computed when the page is idle."
+    )
+    lens: Literal["own", "designed", "flat"] = Field(
+        "own", description="The design's lens, the designed lens for a measured one, or a flat face."
+    )
+    lit: str | None = Field(None, max_length=200, description="Emitter of a network that is lit; default: network.lit.")
 
 
 class Asked(Strict):
     """A request of a page: a change of the view or of the design, or an order."""
 
-    id: int = Field(0, ge=0, lt=2**53, description="Number of the request, which the answer bears.")
-    view: View | None = Field(None, description="How the page looks at the design from now on.")
+    id: int = Field(0, ge=0, lt=2**53, description="Number of the request, which the answer repeats.")
+    view: View | None = Field(None, description="New view of the design.")
     values: dict[str, Any] = Field(default_factory=dict, max_length=64, description="Values by dotted key.")
     handle: str | None = Field(None, max_length=200, description="Handle that is dragged.")
     to: tuple[Number, Number] | None = Field(None, description="Where to.")
-    gesture: str = Field("", max_length=60, description="Changes of one gesture are undone together.")
+    gesture: str = Field("", max_length=60, description="Gesture; changes of one gesture are undone together.")
     do: Literal["undo", "redo", "save", "reload", "suggest", "restore", "leave", "pin"] | None = Field(
         None, description="An order."
     )
-    search: Sought | None = Field(None, description="A search to be begun in the background.")
-    take: int | None = Field(None, ge=1, description="Design of the search's front to be made the open one.")
+    search: Sought | None = Field(None, description="A search to start in the background.")
+    take: int | None = Field(
+        None, ge=1, description="Design on the front of the search that is to become the open one."
+    )
 
 
 def hello(document: Document) -> bytes:
-    """First frame of a page."""
+    """Return the first frame of a page."""
     motion = document.state.design.motion
     head = {"kind": "hello", "file": document.path.name, "is_new": document.is_new, "schema": json_schema()}
     return encoded(head | {"unit": motion.unit})
 
 
 def suggested(state: State) -> bytes:
-    """Frame of the request for a search for a straighter response, as a page sends it."""
+    """Return the frame that suggests a search for a more linear response, in the form in which a page requests it."""
     options = straighter(state.design)
     sought = Sought(**{name: getattr(options, name) for name in ("minimise", "maximise", "free", "subject_to")})
     return encoded({"kind": "suggested", "sought": sought.model_dump()})
 
 
 def in_space(sensor: Sensor) -> bool:
-    """Whether rays are traced in space."""
+    """Return whether rays are traced in space."""
     return sensor.design.trace.dimension == "extruded"
 
 
 def alight(state: State, view: View) -> Sensor:
-    """The design's sensor, of a network with the emitter alight that a page chose, while there is one."""
+    """Return the design's sensor; for a network, with the emitter lit that a page chose, if it still exists."""
     names = [one.name for one in state.design.network.emitters]
     return state.sensor if view.lit not in names else Sensor.of(lit(state.design, view.lit))
 
 
 def shown(state: State, view: View) -> Sensor:
-    """Sensor whose response a page shows."""
+    """Return the sensor whose response a page shows."""
     sensor = alight(state, view)
     if view.lens == "designed" and sensor.is_measured:
         sensor = sensor.as_designed
@@ -97,7 +103,7 @@ def shown(state: State, view: View) -> Sensor:
 
 
 def within(state: State, angle_deg: float) -> float:
-    """The nearest angle within the motion, or whatever else that drives; 0 of a network, whose motions have names."""
+    """Return the nearest value within the range of the motion; 0 for a network, whose motions have names."""
     if state.sensor.is_network:
         return 0.0
     values = state.design.motion.values()
@@ -105,7 +111,7 @@ def within(state: State, angle_deg: float) -> float:
 
 
 def drawn(document: Document, state: State, view: View, asked: int, *, whole: bool, curve: bool) -> bytes:
-    """Frame of the picture, with a rough response where ``curve``, and all values where ``whole``."""
+    """Return the frame of the picture, with a rough response if ``curve``, and with all values if ``whole``."""
     sensor = shown(state, view)
     values = state.design.motion.values()
     image = picture(sensor, within(state, view.angle_deg), view.rays, split=view.split)
@@ -131,7 +137,7 @@ def drawn(document: Document, state: State, view: View, asked: int, *, whole: bo
 
 
 def _beside(state: State, view: View) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The picture of a design that is shown beside the open one; nothing where it cannot be built."""
+    """Return the picture of the design that is compared with the open one; empty if it cannot be built."""
     try:
         image = picture(shown(state, view), within(state, view.angle_deg), view.rays, split=view.split)
     except SolenError:
@@ -142,7 +148,7 @@ def _beside(state: State, view: View) -> tuple[dict[str, Any], dict[str, Any]]:
 
 
 def _rough(sensor: Sensor) -> tuple[dict[str, Any], dict[str, Any]]:
-    """A rough response, or why there is none yet."""
+    """Return a rough response, or the reason why there is none yet."""
     try:
         rough = coarse(sensor)
     except SolenError as bad:
@@ -179,7 +185,7 @@ def _whole(document: Document, state: State) -> dict[str, Any]:
 
 
 def effective(sensor: Sensor) -> dict[str, Any]:
-    """What holds where the design leaves a number to a part, a spectrum or a resin, by dotted key."""
+    """Return values that a part, a spectrum or a resin supplies for the design, by dotted key."""
     design = sensor.design
     found = {
         f"emitter.{key}": getattr(sensor.light, key)
@@ -196,7 +202,7 @@ def effective(sensor: Sensor) -> dict[str, Any]:
 def better(
     state: State, version: int, view: View, stop: Callable[[], bool], beside: State | None = None
 ) -> Iterator[bytes]:
-    """Frames of the response as it becomes better, and of what it is compared with; ends early where ``stop``."""
+    """Yield frames of the response as it is refined, and of the curves it is compared with; end early if ``stop``."""
     sensor = shown(state, view)
     if sensor.is_network:
         yield encoded({"kind": "powers", "in_space": in_space(sensor), **plain(network_response(sensor.design, [{}]))})
@@ -213,7 +219,7 @@ def better(
 
 
 def tolerated(state: State, view: View, stop: Callable[[], bool]) -> Iterator[bytes]:
-    """Frames of what matters, the largest first, and of all tolerances together; each has one number more."""
+    """Yield frames of the parameters that matter, largest first, and of all tolerances together, one more each time."""
     found: list[Matter] = []
     for one in matters(shown(state, view), stop):
         found = sorted([*found, one], key=lambda each: each.largest, reverse=True)
@@ -222,7 +228,7 @@ def tolerated(state: State, view: View, stop: Callable[[], bool]) -> Iterator[by
 
 
 def _compared(sensor: Sensor, own: Curve, stop: Callable[[], bool], pinned: Sensor | None) -> Iterator[bytes]:
-    """Frames of the curves beside the design's own, and what they say of the plane."""
+    """Yield frames of the comparison curves, and the difference between plane and space that they show."""
     flat = sensor.design.trace.dimension == "2d"
     others: dict[str, Callable[[], Sensor]] = {
         "space" if flat else "plane": partial(as_built if flat else in_plane, sensor)
@@ -250,7 +256,7 @@ def _frame(name: str, curve: Curve) -> bytes:
 
 
 def _curve(name: str, curve: Curve) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Header and columns of a response."""
+    """Return header and columns of a response."""
     found = curve.response
     head = {
         "name": name,

@@ -17,7 +17,7 @@ from solen.studio.jobs import Tell
 from solen.studio.signature import Parameter, is_fixed, option_name, parameters_of
 
 Shown = Callable[[str, Any], Sequence[str]]
-"""Lines that a command prints of its result, by the command's name."""
+"""Function that returns the lines a command prints for a result, given the command's name."""
 
 
 @dataclass(frozen=True)
@@ -31,9 +31,9 @@ class Call:
     function
         Its function.
     values
-        The values that are stated, by parameter, in the order of the function.
+        The stated values, by parameter, in the order of the function.
     live
-        Parameters that take what is seen while it runs, with what makes one of a `Tell`, as ``module:name``.
+        Parameters that accept an observer of the run, with the class that makes one from a `Tell`, as ``module:name``.
     """
 
     name: str
@@ -47,7 +47,7 @@ class Call:
         return parameters_of(self.function)
 
     def run(self, tell: Tell) -> Outcome[Any]:
-        """Call it; report its progress and what is seen meanwhile."""
+        """Call the function; report its progress and live values."""
         given = dict(self.values)
         for name, where in self.live.items():
             module, _, factory = where.partition(":")
@@ -72,7 +72,7 @@ class Call:
 
     @property
     def shell(self) -> str:
-        """The same from the command line."""
+        """The same call as a command line."""
         words = ["solen", *self.name.split()]
         for name, value in self.values.items():
             parameter = self.parameters[name]
@@ -88,7 +88,7 @@ class Call:
 
     @property
     def python(self) -> str:
-        """The same in Python."""
+        """The same call as a Python script."""
         imports = {f"from {self.function.__module__} import {self.function.__name__}"}
         first, keywords = self._split({name: value for name, value in self.values.items() if stated_in_python(value)})
         for value in keywords.values():
@@ -104,9 +104,10 @@ class Call:
 def perform(
     tell: Tell, call: Call, shown: Shown | None, about: Mapping[str, Any] | None = None, kept: Path | None = None
 ) -> Mapping[str, Any]:
-    """Run a command as the work of a job: what it prints, its result as ``--json`` states it, and its files.
+    """Run a command as the work of a job; return its printed lines, its result as ``--json`` states it, and its files.
 
-    The job, which ``about`` describes, is written to ``kept``, from where `solen.studio.desk` shows it again later.
+    The job, which ``about`` describes, is also written to ``kept``, from where `solen.studio.desk` shows it again
+    later.
     """
     outcome = call.run(tell)
     lines = list(shown(call.name, outcome.result)) if shown is not None else []
@@ -118,7 +119,7 @@ def perform(
 
 
 def option_words(option: str, negative: str, value: Any, *, fixed: bool = False) -> list[str]:
-    """Words of a command line for an option; one of a ``fixed`` number of values is stated once."""
+    """Return the words of a command line for an option; a ``fixed`` number of values is written once."""
     if isinstance(value, bool):
         return [option if value else negative.replace("_", "-")]
     if fixed and isinstance(value, tuple):
@@ -130,12 +131,12 @@ def option_words(option: str, negative: str, value: Any, *, fixed: bool = False)
 
 
 def stated(options: Options) -> dict[str, Any]:
-    """Values of options that are stated."""
+    """Return the values of options that are stated."""
     return {key: getattr(options, key) for key in type(options).model_fields if key in options.model_fields_set}
 
 
 def stated_in_python(value: Any) -> bool:
-    """Whether a script states a value: not for options that are all left as they are."""
+    """Return whether a script states a value: not for options that all have their defaults."""
     return not isinstance(value, Options) or bool(stated(value))
 
 

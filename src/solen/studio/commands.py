@@ -7,11 +7,11 @@ from typing import Any
 
 import tomli_w
 
-SAVE_FIRST = "Save the design first: a command line cannot return a number to its default."
+SAVE_FIRST = "Save the design first: a command line cannot reset a value to its default."
 
 
 def same_as(file: Path, changes: Mapping[str, Any]) -> dict[str, str]:
-    """A command line and a script that give the response of a file with values changed, by ``shell`` and ``python``."""
+    """Return a command line (``shell``) and a script (``python``) for the response of a file with values changed."""
     if None in changes.values():
         return {"shell": SAVE_FIRST, "python": SAVE_FIRST}
     shell = shlex.join(["solen", "run", str(file), "--out", f"{file.stem}-run", *assigned(changes)])
@@ -21,12 +21,12 @@ def same_as(file: Path, changes: Mapping[str, Any]) -> dict[str, str]:
 
 
 def assigned(changes: Mapping[str, Any]) -> list[str]:
-    """Options of a command that change values."""
+    """Return the options of a command that change values."""
     return [part for key, value in changes.items() for part in ("--set", f"{key}={_toml(value)}")]
 
 
 def _toml(value: Any) -> str:
-    """A value as a design file states it, in one line."""
+    """Return a value in one line, as a design file states it."""
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(_toml, value))}]"
     return tomli_w.dumps({"value": value}).removeprefix("value = ").strip()

@@ -1,4 +1,4 @@
-"""What the tabs beside the design work on: dropped files, offered commands, and jobs of one document."""
+"""Work of the tabs next to the design: dropped files, offered commands, and jobs of one document."""
 
 import zipfile
 from collections.abc import Mapping
@@ -19,9 +19,9 @@ from solen.studio.storage import JOB, Storage, safe_name
 
 
 class Order(Strict):
-    """What a page asks of a tab."""
+    """Request of a page to run a command of a tab."""
 
-    command: str = Field(max_length=60, description="Name of an offered command, as resin cure.")
+    command: str = Field(max_length=60, description="Name of an offered command, such as resin cure.")
     asked: dict[str, Any] = Field(default_factory=dict, max_length=200, description="Values of its form.")
 
 
@@ -40,13 +40,13 @@ class Desk:
             self.document.jobs.ended(job["name"], job["about"], job["news"])
 
     def forms(self, name: str) -> dict[str, Any]:
-        """What a tab offers, and the files that are there; a process gets ready for it."""
+        """Return the forms that a tab offers and the available files; a process is prepared for its commands."""
         offers = tabs.offers_of(name)
         self.document.jobs.warm(["solen.report.canvas", *dict.fromkeys(one.module for one in offers)])
         return {"tab": name, "offers": [one.form() for one in offers], "files": self.storage.names()}
 
     def suits(self, tab: str, name: str) -> dict[str, Any]:
-        """Which commands of a tab take a file, or why none does."""
+        """Return which commands of a tab accept a file, or why none does."""
         try:
             return {"name": name, "suits": tabs.suitable(tab, self.storage.path(name)), "why": ""}
         except SolenError as bad:
@@ -58,7 +58,7 @@ class Desk:
         Raises
         ------
         SolenError
-            If a value is refused, a file is not there, or the design must be saved first.
+            If a value is rejected, a file does not exist, or the design must be saved first.
         """
         offer = tabs.offer(order.command)
         folder = self.storage.new_folder(offer.short)
@@ -72,24 +72,26 @@ class Desk:
             raise
 
     def _changes(self) -> list[str]:
-        """What is changed in the design's file, as ``--set`` takes it; `SpecError` where only saving could state it."""
+        """Return the changes to the design's file, as ``--set`` accepts them; `SpecError` if it must be saved first."""
         document = self.document
         changes: Mapping[str, Any] = {} if document.is_saved else document.state.changes
         if document.saved is None or None in changes.values():
             raise SpecError(
-                str(document.path), limit="holds another design than the page", remedy="save the design first"
+                str(document.path),
+                limit="does not contain the design shown on the page",
+                remedy="save the design first",
             )
         return assigned(changes)[1::2]
 
     def file_of(self, number: int, name: str) -> Path:
-        """A file that a job wrote, by its name in the result; `SpecError` where there is none."""
+        """Return the path of a file that a job wrote, by its name in the result; `SpecError` if there is none."""
         files: Mapping[str, str] = self.document.jobs.of(number).news.get("files", {})
         if name not in files:
             raise SpecError("file", limit="was not written by this job")
         return Path(files[name])
 
     def inside(self, number: int, name: str, part: str) -> bytes:
-        """Content of a part of an archive that a job wrote, as a layer's picture; `SpecError` where there is none."""
+        """Return the content of a member of an archive that a job wrote; `SpecError` if there is none."""
         path = self.file_of(number, name)
         if path.suffix != ".zip":
             raise SpecError(name, limit="is no archive")

@@ -1,8 +1,8 @@
-"""The design that is worked on: changed, undone, saved into the file it came from, comments kept.
+"""The edited design: changed, undone, and saved into its file with its comments.
 
-Unsaved changes go into a file beside the design, made by this document; an older one is offered, never replaced.
-Several pages may work on one document. What is saved is the opened text with the changed values; where the file was
-changed by another program meanwhile, nothing is written.
+Unsaved changes go into a file next to the design, made by this document; an older one is offered, never replaced.
+Several pages may edit one document. The saved text is the opened one with the changed values; if another program has
+changed the file meanwhile, nothing is written.
 """
 
 import tomllib
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from solen.studio.search import Search
 
 MOST_STATES = 500
-"""States that can be undone."""
+"""Largest number of states that can be undone."""
 EXAMPLE = "solen-860"
 
 
@@ -48,12 +48,12 @@ class Document:
     Parameters
     ----------
     path
-        The file; where it does not exist yet, an example is opened and saved there.
+        The file; if it does not exist yet, an example is opened and saved there.
 
     Raises
     ------
     SpecError, DesignError, DataError
-        If the file is no valid design.
+        If the file is not a valid design.
     """
 
     def __init__(self, path: Path) -> None:
@@ -79,23 +79,23 @@ class Document:
 
     @property
     def state(self) -> State:
-        """The present state."""
+        """The current state."""
         return self.states[self.place]
 
     @property
     def is_saved(self) -> bool:
-        """Whether the file contains the present state."""
+        """Whether the file contains the current state."""
         return self.saved is not None and self.state.changes == self.saved.changes
 
     def change(self, values: Mapping[str, Any], gesture: str = "", at: float = 0.0) -> State:
         """Set values by dotted keys; changes of one gesture are undone together.
 
-        ``at`` is the angle, or whatever else the motion drives, at which the body must be possible.
+        ``at`` is the angle, or value of whatever else the motion drives, at which the body must be possible.
 
         Raises
         ------
         SolenError
-            If the design would be invalid, or its lens or body cannot be made; it stays as it is then.
+            If the design would be invalid, or its lens or body cannot be made; it is then left unchanged.
         """
         with self.lock:
             before = self.state
@@ -106,7 +106,7 @@ class Document:
             return self._push(State(sensor, {**before.changes, **values}), gesture)
 
     def become(self, base: State, values: Mapping[str, Any]) -> State:
-        """Open an earlier state of this file with values set; what was open is a step back."""
+        """Open an earlier state of this file with values set; the current state can be restored by undo."""
         with self.lock:
             sensor = Sensor.of(with_values(base.design, values))
             return self._push(State(sensor, {**base.changes, **values}))
@@ -128,7 +128,7 @@ class Document:
             return self.state
 
     def save(self) -> Path:
-        """Write the file with the present values, atomically.
+        """Write the file with the current values, atomically.
 
         Raises
         ------
@@ -146,13 +146,13 @@ class Document:
             return self.path
 
     def pin(self) -> None:
-        """Show the present state beside what it becomes, or no longer."""
+        """Keep the current state for comparison with later ones, or stop comparing."""
         with self.lock:
             self.beside = self.state if self.beside is None else None
             self.version += 1
 
     def put_beside(self, path: Path) -> None:
-        """Show another design beside this one; raises as `Document` does."""
+        """Compare this design with another one; raises as `Document` does."""
         design = loads(read_text(path, SpecError), what=str(path), folder=path.absolute().parent)
         self.beside = State(Sensor.of(design), {})
 
@@ -163,9 +163,9 @@ class Document:
             return self.state
 
     def keep_unsaved(self) -> None:
-        """Write what is not saved into a file beside, which is ``kept``; once it is saved, that is removed.
+        """Write unsaved changes into a file next to the design (``kept``); remove that file once the design is saved.
 
-        A file that another program made or changed is left as it is, and another one is made.
+        A file that another program made or changed is left untouched, and another one is made.
         """
         with self.lock:
             own = self.kept is not None and self.kept.exists()
@@ -180,39 +180,39 @@ class Document:
                 self.kept = None
 
     def restore(self) -> State:
-        """Take over what an earlier time left unsaved, as one step; its file is from now on the one that is kept.
+        """Apply changes left unsaved by an earlier session, as one step; their file is the one updated from now on.
 
         Raises
         ------
         SolenError
-            If there is none, or it does not belong to the open file.
+            If there are none, or they do not belong to the open file.
         """
         with self.lock:
             if self.offered is None:
-                raise SpecError("restore", limit="nothing unsaved was left behind")
+                raise SpecError("restore", limit="there are no unsaved changes from an earlier session")
             text = read_text(self.offered, SpecError)
             values = _differences(tomllib.loads(self.text), tomllib.loads(text))
             left = loads(text, what=str(self.offered), folder=self.path.absolute().parent)
             if with_values(self.opened.design, values) != left:
-                limit = f"cannot be taken over into {self.path.name}"
-                raise SpecError(str(self.offered), limit=limit, remedy="open it by itself")
+                limit = f"cannot be applied to {self.path.name}"
+                raise SpecError(str(self.offered), limit=limit, remedy="open it separately")
             state = self.become(self.opened, values)
             self.kept, self.kept_text, self.offered = self.offered, text, None
             return state
 
     def leave(self) -> None:
-        """Stop offering the changes left unsaved; their file stays."""
+        """Stop offering the changes left unsaved; their file is kept."""
         with self.lock:
             self.offered = None
             self.version += 1
 
     def _beside(self) -> Iterator[Path]:
-        """Names for files of unsaved changes, in turn."""
+        """Yield names for files of unsaved changes, in turn."""
         for number in count(1):
             yield self.path.with_name(f"{self.path.stem}-unsaved{'' if number == 1 else f'-{number}'}.toml")
 
     def _left_behind(self) -> Path | None:
-        """The newest file of what was not saved at an earlier time, where it is another design."""
+        """Return the newest file of changes left unsaved by an earlier session, if it differs from the design."""
         for path in sorted(takewhile(Path.exists, self._beside()), key=lambda one: one.stat().st_mtime, reverse=True):
             try:
                 left = loads(read_text(path, SpecError), what=str(path), folder=self.path.absolute().parent)
@@ -230,7 +230,7 @@ class Document:
 
 
 def _differences(before: Mapping[str, Any], after: Mapping[str, Any], table: str = "") -> dict[str, Any]:
-    """Values by dotted key that change one document into the other; None removes one."""
+    """Return the values by dotted key that change one document into the other; None removes a value."""
     found: dict[str, Any] = {}
     for name in dict.fromkeys([*before, *after]):
         old, new = before.get(name), after.get(name)

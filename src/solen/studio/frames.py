@@ -1,7 +1,7 @@
 """Frames that the studio sends: a header as JSON, and arrays as float32.
 
 Byte 0 is the `VERSION`, bytes 4 to 7 are the header's length in bytes, little-endian and a multiple of 4; the header
-follows, padded with blanks, and then the arrays, one after the other. ``arrays`` of the header lists name, rows and
+follows, padded with blanks, and then the arrays, one after the other. ``arrays`` in the header lists name, rows and
 columns of each.
 """
 
@@ -20,7 +20,7 @@ _HEAD = struct.Struct("<BxxxI")
 
 
 def encoded(header: Mapping[str, Any], arrays: Mapping[str, NDArray[np.floating[Any]]] | None = None) -> bytes:
-    """A frame of a header and arrays (N,) or (N, columns)."""
+    """Encode a header and arrays (N,) or (N, columns) as a frame."""
     given = {name: np.atleast_2d(np.asarray(array, dtype="<f4").T).T for name, array in (arrays or {}).items()}
     shapes = [[name, *array.shape] for name, array in given.items()]
     text = json.dumps(plain({**header, "arrays": shapes}), allow_nan=False).encode("utf-8")
@@ -29,7 +29,7 @@ def encoded(header: Mapping[str, Any], arrays: Mapping[str, NDArray[np.floating[
 
 
 def decoded(frame: bytes) -> tuple[dict[str, Any], dict[str, NDArray[np.float32]]]:
-    """Header and arrays (N, columns) of a frame; ValueError for another version."""
+    """Decode header and arrays (N, columns) of a frame; ValueError for another version."""
     version, size = _HEAD.unpack_from(frame)
     if version != VERSION:
         raise ValueError(f"a frame of version {version}; this is version {VERSION}")

@@ -1,8 +1,8 @@
-"""Who may talk to the studio: the page that it opened itself, and nothing else.
+"""Access control: only the page that the studio opened may send requests to it.
 
-Any page of any site can send requests to a port of this computer. So each address carries a random token; the Host must
-be the one that was opened, which defeats names that were pointed here; and an Origin, which browsers add, must be the
-studio's own. The page itself may load only the studio's own files.
+Any page of any site can send requests to a port of this computer. Therefore each address contains a random token; the
+Host must be the one that was opened, which defeats names that resolve to this address; and an Origin, which browsers
+add, must be the studio's own. The page itself may load only the studio's own files.
 """
 
 import secrets
@@ -16,7 +16,7 @@ Send = Callable[[Message], Awaitable[None]]
 App = Callable[[Scope, Receive, Send], Awaitable[None]]
 
 READS, CHANGES = {"GET", "HEAD"}, {"PUT", "POST", "DELETE"}
-"""Methods; browsers state an Origin with those that change something, and so must all others."""
+"""HTTP methods; browsers send an Origin with those that change something, and all other clients must send it too."""
 LOCAL = "127.0.0.1"
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; "
@@ -25,13 +25,13 @@ POLICY = (
 
 
 class Guard:
-    """Passes on requests of the studio's own page, and refuses all others."""
+    """Pass on requests of the studio's own page, and reject all others."""
 
     def __init__(self, app: App, token: str, address: str, port: int) -> None:
         self.app, self.token, self.host = app, token, f"{address}:{port}"
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """An ASGI application."""
+        """Handle a request as an ASGI application."""
         if scope["type"] == "lifespan":
             await self.app(scope, receive, send)
             return
@@ -46,7 +46,7 @@ class Guard:
             await send({"type": "http.response.body", "body": b"refused\n"})
 
     def _status(self, scope: Scope) -> int:
-        """HTTP status of a request: 200 where it is passed on."""
+        """Return the HTTP status of a request: 200 if it is passed on."""
         headers = scope["headers"]
         hosts, origins = ([value for key, value in headers if key == name] for name in (b"host", b"origin"))
         own = f"http://{self.host}".encode()

@@ -1,8 +1,8 @@
-"""Work in the background: a function in a process of its own, whose progress and answer every page of a document sees.
+"""Work in the background: a function in a separate process, whose progress and result every page of a document shows.
 
-A process that ended its work waits for the next, as importing what a command needs takes a second or two; one that is
-cancelled is killed, which no thread could be within a trace. It ends by itself when nobody listens any more. What a job
-has written stays, whatever becomes of page and server.
+A process that has finished its work waits for the next job, because importing the modules of a command takes a second
+or two. A cancelled process is killed, because a thread could not be stopped within a trace. A process ends by itself
+when its parent is gone. Files that a job has written are kept, whatever happens to page and server.
 """
 
 import importlib
@@ -19,24 +19,24 @@ from typing import Any, Literal, Protocol
 from solen.errors import SolenError, SpecError
 
 MOST_RUNNING, MOST_KEPT = 3, 60
-"""Jobs at a time, and ended ones of which the answer is still shown."""
-ENDED = "ended unexpectedly: see the terminal; what was written is kept"
+"""Largest number of jobs at a time, and of finished jobs whose results are still shown."""
+ENDED = "ended unexpectedly: see the terminal; files already written are kept"
 State = Literal["running", "done", "cancelled", "failed"]
 
 
 class Tell(Protocol):
-    """How work sends what is new of it: ``share`` is the completed share, all else is the work's own."""
+    """Function that reports progress: ``share`` is the completed fraction, other keys are the work's own."""
 
     def __call__(self, **news: Any) -> None:
-        """Send it."""
+        """Send a report."""
 
 
 Work = Callable[..., Mapping[str, Any]]
-"""A function of a module that takes a `Tell` and what was given, and returns what its job shows in the end."""
+"""Function of a module that accepts a `Tell` and the given arguments, and returns the final content of its job."""
 
 
 class Process:
-    """A process that works for one job after another."""
+    """A process that runs one job after another."""
 
     def __init__(self) -> None:
         context = multiprocessing.get_context("spawn")
@@ -46,13 +46,13 @@ class Process:
         theirs.close()
 
     def end(self) -> None:
-        """Kill it."""
+        """Kill the process."""
         self.process.terminate()
         self.process.join()
 
 
 def _alone(pipe: Connection) -> None:
-    """Work in a process of its own, until nobody listens."""
+    """Run jobs in this process until its parent is gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the studio, which ends this
     with suppress(EOFError, OSError):
         while True:
@@ -64,7 +64,7 @@ def _alone(pipe: Connection) -> None:
 
 
 def worked(pipe: Connection, work: Work, given: Sequence[Any]) -> dict[str, Any]:
-    """What is new at the end of work; what it tells meanwhile is sent."""
+    """Run the work; send its reports, and return its final report."""
 
     def tell(**news: Any) -> None:
         try:
@@ -87,11 +87,11 @@ class Job:
     Attributes
     ----------
     number, name
-        Number among the document's jobs, and what it does, as ``resin cure``.
+        Number among the document's jobs, and the command, such as ``resin cure``.
     news
-        What it has reported: ``state``, ``share`` of the work that is done, and the work's own.
+        Reports so far: ``state``, ``share`` of the work that is done, and the work's own keys.
     version
-        Higher with each change.
+        Incremented with each change.
     """
 
     def __init__(self, number: int, name: str, about: Mapping[str, Any], jobs: "Jobs") -> None:
@@ -102,17 +102,17 @@ class Job:
 
     @property
     def state(self) -> State:
-        """Whether it runs, and else how it ended."""
+        """Whether the job runs, or how it ended."""
         found: State = self.news["state"]
         return found
 
     @property
     def result(self) -> Any:
-        """Its result as plain data; None while there is none."""
+        """Its result as plain data; None if there is none yet."""
         return self.news.get("result")
 
     def head(self) -> dict[str, Any]:
-        """The job as a page shows it, without its result."""
+        """Return the job as a page shows it, without its result."""
         with self.lock:
             shown = {key: value for key, value in self.news.items() if key != "result"}
             return {"kind": "job", "number": self.number, "name": self.name, **self.about, **shown}
@@ -124,7 +124,7 @@ class Job:
         Thread(target=self._listen, args=(self.process,), daemon=True).start()
 
     def cancel(self) -> None:
-        """End the work; what it has reported and written stays."""
+        """Stop the work; its reports and files are kept."""
         self._becomes({"state": "cancelled"})
         process, self.process = self.process, None
         if process is not None:
@@ -137,7 +137,7 @@ class Job:
                 self.version += 1
 
     def _listen(self, process: Process) -> None:
-        """Take what the process sends until the work ends."""
+        """Receive the reports of the process until the work ends."""
         with suppress(EOFError, OSError):
             while self.state == "running":
                 self._becomes(process.pipe.recv())
@@ -148,7 +148,7 @@ class Job:
 
 
 class Jobs:
-    """All work of a document, the newest last."""
+    """All jobs of a document, the newest last."""
 
     def __init__(self) -> None:
         self.lock = Lock()
@@ -156,21 +156,21 @@ class Jobs:
         self.idle: list[Process] = []
 
     def begin(self, name: str, work: Work, given: Sequence[Any], about: Mapping[str, Any]) -> Job:
-        """Begin work.
+        """Start a job.
 
         Parameters
         ----------
         name
-            What it does, in the words of a command.
+            The command.
         given
             Arguments of the work after its `Tell`; they are pickled.
         about
-            What a page shows of it from the start.
+            Content that a page shows from the start.
 
         Raises
         ------
         SpecError
-            If too much is running.
+            If too many jobs are running.
         """
         with self.lock:
             running = [one for one in self.all if one.state == "running"]
@@ -184,27 +184,27 @@ class Jobs:
         return job
 
     def ended(self, name: str, about: Mapping[str, Any], news: Mapping[str, Any]) -> None:
-        """Add work that was done at an earlier time."""
+        """Add a job that ended in an earlier session."""
         job = Job(self.all[-1].number + 1 if self.all else 1, name, about, self)
         job.news |= {**news, "state": "done", "share": 1.0}
         self.all = [*self.all, job][-MOST_KEPT:]
 
     def of(self, number: int) -> Job:
-        """A job by its number; `SpecError` where there is none."""
+        """Return a job by its number; `SpecError` if there is none."""
         for job in self.all:
             if job.number == number:
                 return job
         raise SpecError("job", value=number, limit="is unknown", remedy="begin it again")
 
     def warm(self, modules: Sequence[str]) -> None:
-        """Have a process ready that has imported modules."""
+        """Prepare a process that has imported the given modules."""
         process = self.process()
         for module in modules:
             process.pipe.send((module, ()))
         self.wait(process)
 
     def process(self) -> Process:
-        """A process that waits for work."""
+        """Return a process that waits for work."""
         with self.lock:
             while self.idle:
                 process = self.idle.pop()
@@ -213,7 +213,7 @@ class Jobs:
         return Process()
 
     def wait(self, process: Process) -> None:
-        """Let a process wait for the next job, unless one does."""
+        """Keep a process for the next job, unless another one is waiting."""
         with self.lock:
             if not self.idle and process.process.is_alive():
                 self.idle.append(process)
@@ -221,7 +221,7 @@ class Jobs:
         process.end()
 
     def end(self) -> None:
-        """End all work, as the server ends."""
+        """Stop all jobs when the server stops."""
         for job in self.all:
             if job.state == "running":
                 job.cancel()

@@ -1,11 +1,11 @@
-"""Commands that tabs offer: from the signature of a command's function a form, a call, a command line and a script.
+"""Commands that tabs offer: a form, a call, a command line and a script from the signature of a command's function.
 
-The idea: `solen resin cure` is `solen.pipeline.resin.cure.cure`, whose parameters and `Options` state names, units,
-limits and help once. An `Offer` names that function and says which of its parameters are files that a page drops, which
-are written, and which is the open design; all else is read from the signature. So a page can ask for what the command
-takes, no more and no less, and "the same elsewhere" is the call itself, written out.
+`solen resin cure` is `solen.pipeline.resin.cure.cure`, whose parameters and `Options` state names, units, limits and
+help once. An `Offer` names that function and states which of its parameters are files that a page drops, which are
+files to write, and which is the open design; everything else is read from the signature. A page can therefore request
+exactly the parameters of the command, and "the same elsewhere" is the call itself, written out.
 
-The interface: `Offer.form` for the page, `Offer.call` of what a page asks, which `solen.studio.calls` runs and writes
+The interface: `Offer.form` for the page, and `Offer.call` for a request, which `solen.studio.calls` runs and writes
 out.
 """
 
@@ -39,26 +39,26 @@ class Offer:
     Attributes
     ----------
     name
-        The command without ``solen``, as ``resin cure``.
+        The command without ``solen``, such as ``resin cure``.
     where
         Its function, ``module:name``.
     label
-        What it is for, in few words.
+        Its purpose, in few words.
     files, results
-        Parameters that take files dropped on the page, and files that other commands wrote, with their labels.
+        Parameters for files dropped on the page, and for files that other commands wrote, with their labels.
     written
-        Parameters that take a file to be written, with its name; an empty name is the folder itself.
+        Parameters for a file to write, with its name; an empty name is the folder itself.
     beside
-        Parameters that take a file to be written beside the design, with its name, of values and that of the
-        design, as ``{name}.toml`` or ``{design}-tuning.json``.
+        Parameters for a file to write next to the design, with its name, which may contain values and the name of the
+        design, such as ``{name}.toml`` or ``{design}-tuning.json``.
     design
-        Parameter that takes the open design; empty if there is none.
+        Parameter for the open design; empty if there is none.
     first
-        Options that are asked first; all others are behind a further click.
+        Options that are shown first; all others require a further click.
     live
-        Parameters that take what is seen while it runs, with what makes one of a `Tell`, as ``module:name``.
+        Parameters that accept an observer of the run, with the class that makes one from a `Tell`, as ``module:name``.
     hidden
-        Parameters that a page has no use for.
+        Parameters that a page does not need.
     """
 
     name: str
@@ -75,7 +75,7 @@ class Offer:
 
     @property
     def taken(self) -> dict[str, str]:
-        """Labels of all parameters that take files."""
+        """Labels of all file parameters."""
         return {**self.files, **self.results}
 
     @property
@@ -107,13 +107,13 @@ class Offer:
 
     @cached_property
     def plain(self) -> dict[str, Parameter]:
-        """Parameters that a page states one by one."""
+        """Parameters that a page states individually."""
         made = {*INJECTED, *self.written, *self.beside, *self.live, *self.hidden, self.design}
         known = {*made, *self.groups, *self.taken}
         return {name: one for name, one in self.parameters.items() if name not in known and not one.is_path}
 
     def form(self) -> dict[str, Any]:
-        """What a page asks for, as JSON Schema; paths among it are names of dropped files."""
+        """Return the form of the command as JSON Schema; paths in it are names of dropped files."""
         words_of = described(self.function)
         fields: dict[str, Any] = {}
         for name, one in self.plain.items():
@@ -151,18 +151,18 @@ class Offer:
         design: Path,
         changes: Sequence[str] = (),
     ) -> Call:
-        """The call of the function for what a page asks.
+        """Return the call of the function for a request of a page.
 
         Parameters
         ----------
         asked
-            Values by the names of `form`; of a file the name, or a list of names, of what was dropped.
+            Values by the names of `form`; for a file, its name or a list of names of dropped files.
         path
-            Path of a dropped file by its name.
+            Function that returns the path of a dropped file by its name.
         folder
-            Where files are written, but those beside the design.
+            Folder in which files are written, except those next to the design.
         design, changes
-            The open design, and what is changed in it, as ``--set`` takes it.
+            The open design, and its changes, as ``--set`` accepts them.
 
         Raises
         ------
@@ -204,7 +204,7 @@ class Offer:
         return Call(self.name, self.function, given, self.live)
 
     def _name_beside(self, name: str, asked: Mapping[str, Any]) -> str:
-        """Name of a file beside the design; `SpecError` without the value that it is made of."""
+        """Return the name of a file next to the design; `SpecError` without the value that it is made from."""
         try:
             return safe_name(self.beside[name].format(**asked))
         except KeyError as bad:
@@ -212,7 +212,7 @@ class Offer:
 
 
 def _flat(schema: Mapping[str, Any]) -> dict[str, Any]:
-    """A schema in which a value that may be missing is one of its type."""
+    """Return a schema in which an optional value has only its own type, without null."""
     kinds = [one for one in schema.get("anyOf", ()) if one.get("type") != "null"]
     flat = {key: value for key, value in schema.items() if key not in {"anyOf", "title"}}
     return flat | (kinds[0] if len(kinds) == 1 else {})

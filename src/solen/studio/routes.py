@@ -1,4 +1,4 @@
-"""Addresses of the tabs: forms, files and jobs, each of which answers as JSON, or with the line of a refusal."""
+"""Addresses of the tabs: forms, files and jobs, each answered as JSON, or with one line if it is rejected."""
 
 import asyncio
 import functools
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from fastapi import FastAPI, Response
 
 LARGEST_ORDER = 2**16
-"""Bytes of what a page asks of a tab."""
+"""Largest size in bytes of a request to a tab."""
 
 
 def add(app: "FastAPI", desk: Desk) -> None:
@@ -68,7 +68,7 @@ def add(app: "FastAPI", desk: Desk) -> None:
 
 
 def _refusing(end: Callable[..., Awaitable[Any]]) -> Callable[..., Awaitable["Response"]]:
-    """The end of an address, with its answer as JSON, and what it refuses in one line."""
+    """Wrap the handler of an address: its answer as JSON, and errors as one line."""
     from fastapi import Response
 
     @functools.wraps(end)
@@ -85,7 +85,7 @@ def _refusing(end: Callable[..., Awaitable[Any]]) -> Callable[..., Awaitable["Re
 
 
 async def _whole(parts: AsyncIterator[bytes]) -> bytes:
-    """A message; `SpecError` for one that is too long."""
+    """Return a whole message; `SpecError` if it is too long."""
     message = b""
     async for some in parts:
         message += some

@@ -1,7 +1,7 @@
-"""A search for better designs in the background: the job of `solen explore optimise` of the open design.
+"""A search for better designs in the background: the job of `solen explore optimise` for the open design.
 
-Every traced response is kept in a folder beside the design file, so that a search which was cancelled, or whose studio
-was ended or killed, goes on there.
+Every traced response is stored in a folder next to the design file, so a search continues there after it was cancelled
+or the studio was closed.
 """
 
 import shlex
@@ -22,24 +22,28 @@ from solen.studio.document import Document, State
 from solen.studio.jobs import Tell
 
 TRIED = 140
-"""Designs tried, unless a page asks for another number."""
+"""Number of designs tried, unless a page requests another number."""
 
 
 class Sought(Strict):
-    """What a page asks of a search: options of `solen explore optimise` without files."""
+    """Request of a page for a search: options of `solen explore optimise` without files."""
 
-    minimise: tuple[str, ...] = Field((), max_length=2, description="Values of merits to be made small.")
-    maximise: tuple[str, ...] = Field((), max_length=2, description="Values of merits to be made large.")
-    free: tuple[str, ...] = Field((), max_length=64, description="Numbers that may change, KEY=LOW:HIGH.")
+    minimise: tuple[str, ...] = Field((), max_length=2, description="Merits to minimise.")
+    maximise: tuple[str, ...] = Field((), max_length=2, description="Merits to maximise.")
+    free: tuple[str, ...] = Field((), max_length=64, description="Parameters that may change, KEY=LOW:HIGH.")
     subject_to: tuple[str, ...] = Field((), max_length=16, description="Conditions on merits that must hold.")
-    robust: tuple[str, ...] = Field((), max_length=16, description="How far off numbers may be, KEY=DEVIATION.")
-    as_printed: bool = Field(False, description="Whether each design is traced with the lens that process prints.")
-    process: str | None = Field(None, max_length=4096, description="File of a printer's process, from the design.")
-    front: int = Field(7, ge=3, le=50, description="Designs of the front, where two values are sought.")
+    robust: tuple[str, ...] = Field(
+        (), max_length=16, description="Deviations of parameters to allow for, KEY=DEVIATION."
+    )
+    as_printed: bool = Field(False, description="Whether each design is traced with the lens that the process prints.")
+    process: str | None = Field(
+        None, max_length=4096, description="File of a printer's process, relative to the design."
+    )
+    front: int = Field(7, ge=3, le=50, description="Number of designs on the front for a search with two merits.")
     evaluations: int = Field(TRIED, ge=20, le=100_000, description="Designs tried.")
 
     def options(self, folder: Path) -> OptimiseOptions:
-        """The same as options of the search; paths are relative to a folder."""
+        """Return the request as options of the search; paths are relative to a folder."""
         is_front = len(self.minimise) + len(self.maximise) > 1
         stated = self.model_dump(exclude={"process"} | (set() if is_front else {"front"}), exclude_defaults=True)
         stated |= {"evaluations": self.evaluations} | ({"front": self.front} if is_front else {})
@@ -52,11 +56,11 @@ class Search:
     Attributes
     ----------
     base, text
-        What it began with, and the opened text of which that is a change.
+        The state at the start, and the opened text that it is a change of.
     folder
-        Where responses are kept as they are traced.
+        Folder in which responses are stored as they are traced.
     job
-        Its work: ``rows`` of its news are the designs of the front so far, and in the end that front, traced again.
+        Its job: ``rows`` of its news are the designs on the front so far, and at the end that front, traced again.
     """
 
     def __init__(self, document: Document, sought: Sought) -> None:
@@ -68,7 +72,7 @@ class Search:
         self.job = document.jobs.begin("explore optimise", work, given, {"rows": [], **about})
 
     def chosen(self, number: int) -> dict[str, Any]:
-        """Values of the free numbers of a design of the front, by dotted key."""
+        """Return the values of the free parameters of a design on the front, by dotted key."""
         for row in self.job.head()["rows"]:
             if row["number"] == number:
                 values: dict[str, Any] = row["values"]
@@ -77,7 +81,7 @@ class Search:
 
 
 def work(tell: Tell, design: Design, options: OptimiseOptions, folder: Path) -> Mapping[str, Any]:
-    """Search, and tell each change."""
+    """Search, and report each change."""
     keys = sorted({text.partition("=")[0].partition("[")[0] for text in options.free})
 
     def grown(front: Sequence[Grown]) -> None:
@@ -97,13 +101,13 @@ def _so_far(one: Grown) -> dict[str, Any]:
 
 
 def _again(one: Any) -> dict[str, Any]:
-    """Goals of a design that was traced again."""
+    """Return the goals of a design that was traced again."""
     many = isinstance(one, FrontDesign)
     return {"goals": one.goals if many else [one.goal], "u_goals": one.u_goals if many else [one.u_goal]}
 
 
 def _ends(found: Front | Optimum) -> Iterator[tuple[int, Design, dict[str, Any]]]:
-    """Number, design and goals of each design of a result."""
+    """Yield number, design and goals of each design of a result."""
     if isinstance(found, Optimum):
         yield 1, found.design, _again(found.after)
         return
@@ -112,7 +116,7 @@ def _ends(found: Front | Optimum) -> Iterator[tuple[int, Design, dict[str, Any]]
 
 
 def _same(document: Document, sought: Sought, folder: Path) -> str:
-    """The same search from the command line."""
+    """Return the same search as a command line."""
     changes = {} if document.is_saved else document.state.changes
     if None in changes.values():
         return SAVE_FIRST
@@ -130,12 +134,12 @@ def _same(document: Document, sought: Sought, folder: Path) -> str:
 
 
 def begin(document: Document, sought: Sought) -> None:
-    """Begin a search of the open design.
+    """Start a search of the open design.
 
     Raises
     ------
     SolenError
-        If one is running, or what is asked is malformed.
+        If a search is running, or the request is malformed.
     """
     with document.lock:
         if document.search is not None and document.search.job.state == "running":
@@ -145,9 +149,9 @@ def begin(document: Document, sought: Sought) -> None:
 
 
 def adopted(document: Document, number: int) -> State:
-    """Make a design of the front the open one; `SpecError` where there is none, or the file was opened anew since."""
+    """Open a design of the front; `SpecError` if there is none, or the file was opened again since."""
     search = document.search
     if search is None or search.text is not document.text:
-        limit = "is not on a front of the file that is open"
+        limit = "is not on a front of the open file"
         raise SpecError("design", value=number, limit=limit, remedy="search again")
     return document.become(search.base, search.chosen(number))

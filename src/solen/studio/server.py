@@ -30,9 +30,9 @@ TYPES = {
     ".svg": "image/svg+xml",
     ".txt": "text/plain; charset=utf-8",
 }
-"""Media types of the page's files, by their endings; no other file is served."""
+"""Media types of the page's files, by suffix; no other file is served."""
 LARGEST_MESSAGE = 2**16
-"""Bytes of a message of a page; a longer one ends its connection."""
+"""Largest size in bytes of a message of a page; a longer one closes its connection."""
 MOST_PAGES, MOST_CONNECTIONS = 8, 64
 KEPT_S = 2.0
 """Time between checks for unsaved changes."""
@@ -40,7 +40,7 @@ TRY_AGAIN = 1013
 
 
 def application(desk: Desk, token: str, address: str, port: int) -> Guard:
-    """ASGI application of a desk at an address."""
+    """Return the ASGI application of a desk at an address."""
     from fastapi import FastAPI, HTTPException, Response, WebSocket
 
     document = desk.document
@@ -78,7 +78,7 @@ def application(desk: Desk, token: str, address: str, port: int) -> Guard:
 
 
 async def _serve(page: "WebSocket", document: Document, sessions: set[Session]) -> None:
-    """Serve a page until it is left; what fails in its session ends it, so that the page says so."""
+    """Serve a page until it is left; an error in its session closes the connection, and the page reports it."""
     from fastapi import WebSocketDisconnect
 
     session = Session(document, page.send_bytes, sessions)
@@ -103,7 +103,7 @@ async def _serve(page: "WebSocket", document: Document, sessions: set[Session]) 
 
 
 async def _keep(document: Document) -> None:
-    """Write unsaved changes beside the file, soon after each change."""
+    """Write unsaved changes next to the file, soon after each change."""
     kept = -1
     while True:
         if document.version != kept:
@@ -112,7 +112,7 @@ async def _keep(document: Document) -> None:
                 await asyncio.to_thread(document.keep_unsaved)
                 document.why_not_kept = ""
             except SolenError as bad:
-                document.why_not_kept = f"what is not saved cannot be kept beside the file: {bad}"
+                document.why_not_kept = f"unsaved changes cannot be written next to the file: {bad}"
         await asyncio.sleep(KEPT_S)
 
 
@@ -129,25 +129,25 @@ def serve(
     opened: Callable[[str], object],
     shown: Shown | None = None,
 ) -> None:
-    """Serve a document until Ctrl-C, and write unsaved changes beside its file.
+    """Serve a document until Ctrl-C, and write unsaved changes next to its file.
 
     Parameters
     ----------
     document
         The design.
     address, port
-        Address of this computer to listen at; port 0 takes a free one.
+        Address of this computer to listen at; port 0 selects a free one.
     opened
         Called with the page's address once connections are accepted.
     shown
-        Lines that a command prints of its result, by the command's name; a function of a module.
+        Function of a module that returns the lines a command prints for its result, given the command's name.
 
     Raises
     ------
     OutputError
         If the packages of the extra ``studio`` are not installed.
     SpecError
-        If nothing can listen at the address.
+        If the address cannot be listened at.
     """
     server, listening, page = server_at(document, address, port, shown)
     opened(page)
@@ -158,7 +158,7 @@ def serve(
 def server_at(
     document: Document, address: str = LOCAL, port: int = 0, shown: Shown | None = None
 ) -> "tuple[uvicorn.Server, socket.socket, str]":
-    """Server of a document, the socket that it listens at, and the page's address; see `serve`."""
+    """Return the server of a document, its listening socket, and the page's address; see `serve`."""
     need("fastapi", "uvicorn", "websockets", "tomlkit", what="solen studio")
     import uvicorn
 
@@ -191,6 +191,6 @@ def _listening(address: str, port: int) -> socket.socket:
     except (OSError, OverflowError) as bad:
         listening.close()
         reason = getattr(bad, "strerror", None) or bad
-        limit, remedy = f"cannot be listened at: {reason}", "name an IPv4 address of this computer"
+        limit, remedy = f"is not an address to listen at: {reason}", "name an IPv4 address of this computer"
         raise SpecError("--listen", value=f"{address}:{port}", limit=limit, remedy=remedy) from None
     return listening

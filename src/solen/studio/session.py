@@ -1,4 +1,4 @@
-"""One page's session: the newest request is answered, older ones of a drag are dropped, and at rest results improve."""
+"""One page's session: the newest request is answered, older ones of a drag are dropped, idle time refines results."""
 
 import asyncio
 import contextlib
@@ -15,16 +15,16 @@ from solen.studio.frames import encoded
 from solen.studio.search import adopted, begin
 
 MOST_WAITING = 16
-"""Requests of different kinds that may wait; those of one drag count as one."""
+"""Largest number of different requests that may wait; those of one drag count as one."""
 WATCHED_S = 0.2
-"""Time between looks at the work in the background."""
+"""Time between checks of the work in the background."""
 REST_S = 0.08
-"""Time without a request after which results improve: a drag needs the processor itself."""
+"""Time without a request after which results are refined; a drag needs the processor itself."""
 Sender = Callable[[bytes], Awaitable[None]]
 
 
 def request_of(message: str | bytes) -> dict[str, Any]:
-    """The JSON object in a message; `SpecError` where it is none."""
+    """Return the JSON object in a message; `SpecError` if there is none."""
     try:
         data = json.loads(message)
     except (ValueError, RecursionError):
@@ -35,7 +35,7 @@ def request_of(message: str | bytes) -> dict[str, Any]:
 
 
 def merged(waiting: list[Asked], new: Asked) -> list[Asked]:
-    """Requests that wait, with a new one, which replaces the last where both belong to one drag."""
+    """Return the waiting requests with a new one, which replaces the last if both belong to one drag."""
     last = waiting[-1] if waiting else None
     if last is None or _is_order(last) or _is_order(new) or last.gesture != new.gesture or last.handle != new.handle:
         return [*waiting, new]
@@ -49,7 +49,7 @@ def _is_order(asked: Asked) -> bool:
 
 @dataclass(eq=False)
 class Session:
-    """A page that is connected; ``others`` are all sessions of the document."""
+    """A connected page; ``others`` are all sessions of the document."""
 
     document: Document
     send: Sender
@@ -64,7 +64,7 @@ class Session:
     known: dict[int, int] = field(default_factory=dict)
 
     async def take(self, message: str) -> None:
-        """Take a message of the page; a malformed one is refused, and the session goes on."""
+        """Accept a message of the page; a malformed one is rejected, and the session continues."""
         try:
             waiting = merged(self.waiting, Asked(**request_of(message)))
             if len(waiting) > MOST_WAITING:
@@ -76,7 +76,7 @@ class Session:
         self.awake.set()
 
     async def work(self) -> None:
-        """Answer until cancelled."""
+        """Answer requests until cancelled."""
         await self.send(hello(self.document))
         self.waiting.append(Asked())
         while True:
@@ -88,7 +88,7 @@ class Session:
             await self._next()
 
     async def watch(self) -> None:
-        """Send what becomes of the work in the background, until cancelled."""
+        """Send changes of the work in the background, until cancelled."""
         while True:
             for job in self.document.jobs.all:
                 if self.known.get(job.number) != (version := job.version):
@@ -97,7 +97,7 @@ class Session:
             await asyncio.sleep(WATCHED_S)
 
     async def _at_rest(self) -> bool:
-        """Whether nothing new is asked for a moment."""
+        """Return whether no request has arrived for a moment."""
         with contextlib.suppress(TimeoutError):
             await asyncio.wait_for(self.awake.wait(), REST_S)
         return not self.awake.is_set()
@@ -118,7 +118,7 @@ class Session:
                 other.awake.set()
 
     def _frames(self, asked: Asked) -> list[bytes]:
-        """Do what is asked, and draw."""
+        """Carry out the requests, and draw."""
         document, view = self.document, asked.view or self.view
         notes = [encoded({"kind": "saved", "file": str(document.path)})] if self._ordered(asked) else []
         if asked.do == "suggest":
@@ -135,13 +135,13 @@ class Session:
         return [frame, *notes]
 
     def _key(self, view: View) -> tuple[int, View]:
-        """What the response depends on."""
+        """Return the inputs that the response depends on."""
         return self.document.version, view.model_copy(
             update={"angle_deg": 0.0, "rays": 1, "split": False, "tolerances": False}
         )
 
     def _ordered(self, asked: Asked) -> bool:
-        """Carry an order out; whether the file was saved."""
+        """Carry out an order; return whether the file was saved."""
         document = self.document
         if asked.do in {"undo", "redo"}:
             document.step(-1 if asked.do == "undo" else 1)
@@ -156,7 +156,7 @@ class Session:
         return asked.do == "save"
 
     async def _improve(self) -> None:
-        """Send better responses, and what matters, until something new is asked."""
+        """Send refined responses, and what matters, until a new request arrives."""
         key = self._key(self.view)
         state, view, stop = self.document.state, self.view, self.awake.is_set
         if key != self.finished and await self._sent(better(state, key[0], view, stop, self.document.beside)):
@@ -165,7 +165,7 @@ class Session:
             self.tolerated = key
 
     async def _sent(self, steps: Iterator[bytes]) -> bool:
-        """Send frames as they are made; whether all were sent before something new was asked."""
+        """Send frames as they are made; return whether all were sent before a new request arrived."""
         while not self.awake.is_set():
             try:
                 frame = await self._unless_awake(asyncio.to_thread(next, steps, None))
@@ -178,7 +178,7 @@ class Session:
         return False
 
     async def _unless_awake(self, step: Coroutine[Any, Any, bytes | None]) -> bytes | None:
-        """Result of a step; None as soon as something new is asked, and the step ends alone."""
+        """Return the result of a step; None as soon as a new request arrives, while the step ends on its own."""
         working, waiting = asyncio.ensure_future(step), asyncio.ensure_future(self.awake.wait())
         await asyncio.wait({working, waiting}, return_when=asyncio.FIRST_COMPLETED)
         waiting.cancel()

@@ -1,4 +1,4 @@
-"""Parameters of a command's function: what each takes, and how a command line writes it."""
+"""Parameters of a command's function: their types, and how a command line writes them."""
 
 import inspect
 import typing
@@ -23,7 +23,7 @@ class Parameter:
 
     @property
     def kind(self) -> Any:
-        """How it is passed."""
+        """Kind of argument."""
         return self.signature.kind
 
     @property
@@ -43,19 +43,19 @@ class Parameter:
 
     @property
     def is_many(self) -> bool:
-        """Whether it takes several values."""
+        """Whether it accepts several values."""
         return self.kind is inspect.Parameter.VAR_POSITIONAL or any(
             typing.get_origin(one) in {list, tuple} for one in _inside(self.hint)
         )
 
     @property
     def is_path(self) -> bool:
-        """Whether it is a path, or several."""
+        """Whether it is a path, or several paths."""
         return any(one is Path for one in _inside(self.hint))
 
     @property
     def options(self) -> type[Options] | None:
-        """Its class, if it is one of options."""
+        """Its class of options, if it is a group of options."""
         for one in _inside(self.hint):
             if isinstance(one, type) and issubclass(one, Options):
                 return one
@@ -63,7 +63,7 @@ class Parameter:
 
     @property
     def option(self) -> tuple[str, str]:
-        """What a command line writes for it, and for the negative of a flag."""
+        """Return the option on a command line, and the negative form of a flag."""
         own, negative = option_name(self.name), f"--no-{self.name}"
         for note in getattr(self.hint, "__metadata__", ()):
             named = [one for one in getattr(note, "name", None) or () if one.startswith("--")]
@@ -72,7 +72,7 @@ class Parameter:
         return own, negative
 
     def converted(self, value: Any) -> Any:
-        """A value of a page as the function takes it; `SpecError` where it is none."""
+        """Convert a value of a page for the function; `SpecError` if it is not valid."""
         try:
             return TypeAdapter(self.hint).validate_python(value)
         except ValidationError as bad:
@@ -81,23 +81,23 @@ class Parameter:
 
 
 def parameters_of(function: Callable[..., Any]) -> dict[str, Parameter]:
-    """Parameters of a function by name."""
+    """Return the parameters of a function by name."""
     hints = typing.get_type_hints(function, include_extras=True)
     return {name: Parameter(name, hints[name], one) for name, one in inspect.signature(function).parameters.items()}
 
 
 def option_name(field: str) -> str:
-    """Name of an option by its field, as the command line has it."""
+    """Return the name of an option on the command line, from its field."""
     return f"--{field.strip('_').replace('_', '-')}"
 
 
 def is_fixed(hint: Any) -> bool:
-    """Whether a type is a tuple of a fixed number of values."""
+    """Return whether a type is a tuple of a fixed number of values."""
     return any(typing.get_origin(one) is tuple and ... not in typing.get_args(one) for one in _inside(hint))
 
 
 def _inside(hint: Any) -> Iterator[Any]:
-    """A type and all types in it."""
+    """Yield a type and all types in it."""
     yield hint
     if origin := typing.get_origin(hint):
         yield origin
@@ -106,7 +106,7 @@ def _inside(hint: Any) -> Iterator[Any]:
 
 
 def described(function: Callable[..., Any]) -> dict[str, str]:
-    """Descriptions of parameters by the function's docstring."""
+    """Return the descriptions of parameters from the function's docstring."""
     words: dict[str, str] = {}
     names: list[str] = []
     text = (inspect.getdoc(function) or "").partition("Parameters\n----------\n")[2].partition("\n\n")[0]

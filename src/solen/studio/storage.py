@@ -1,7 +1,7 @@
-"""Files of the studio beside the design: what was dropped on a page, and what its jobs wrote.
+"""Files of the studio next to the design: dropped on a page, or written by its jobs.
 
-A name that a page sends becomes at most a name within one folder, never a path; files are found again by comparing
-names, not by opening what was asked for.
+A name that a page sends becomes at most a name within one folder, never a path; files are located by comparing names,
+not by opening the requested name.
 """
 
 import json
@@ -16,15 +16,15 @@ from solen.errors import OutputError, SpecError
 from solen.files import DEVICES, output_folder
 
 LARGEST_FILE = 2**28
-"""Bytes of a dropped file."""
+"""Largest size in bytes of a dropped file."""
 WRITTEN = {".json", ".toml", ".nc", ".journal"}
-"""Endings of files of jobs that other jobs take."""
+"""Suffixes of files written by jobs that other jobs accept."""
 _OTHER = re.compile(r"[^\w .,()+%°µ-]+")
 _LONGEST = 80
 
 
 def safe_name(name: str) -> str:
-    """A file name on every system that resembles a name; nothing in it leads elsewhere."""
+    """Return a file name similar to the given one that is valid on every system and contains no path."""
     cleaned = _OTHER.sub("_", name.replace("\\", "/").rpartition("/")[2]).strip(" .")
     stem, dot, ending = cleaned.rpartition(".")
     stem, ending = (stem, f".{ending[:12]}") if dot and stem else (cleaned, "")
@@ -33,17 +33,17 @@ def safe_name(name: str) -> str:
 
 
 JOB = ".job.json"
-"""What a job did, in its folder."""
+"""File in a job's folder that describes the job."""
 
 
 class Storage:
-    """A folder for the files of a document; it is made with the first of them."""
+    """A folder for the files of a document, made with the first of them."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
 
     async def keep(self, name: str, parts: AsyncIterator[bytes]) -> str:
-        """Write a file as it arrives; the name under which it is kept, that of an earlier one with the same content.
+        """Write a file as it arrives; return its name, which is that of an earlier file with the same content.
 
         Raises
         ------
@@ -66,7 +66,7 @@ class Storage:
                 part.unlink(missing_ok=True)
 
     def _kept(self, part: Path, name: str) -> str:
-        """Rename a file to the first name that is free, or whose file is the same."""
+        """Rename a file to the first name that is free, or whose file has the same content."""
         stem, ending = Path(name).stem, Path(name).suffix
         number = 1
         while (path := self.folder / name).exists():
@@ -78,19 +78,21 @@ class Storage:
         return name
 
     def names(self) -> list[str]:
-        """Names of dropped files, and of results as ``cure-1/cure.json``, in the order of the alphabet."""
+        """Return names of dropped files, and of results as ``cure-1/cure.json``, in alphabetical order."""
         dropped = [one for one in self.folder.glob("[!.]*") if one.is_file()]
         written = [one for one in self.folder.glob("*/[!.]*") if one.suffix in WRITTEN]
         return sorted(one.relative_to(self.folder).as_posix() for one in (*dropped, *written))
 
     def path(self, name: str) -> Path:
-        """Path of a file that is kept; `SpecError` for any other name."""
+        """Return the path of a file in the storage; `SpecError` for any other name."""
         if name not in self.names():
-            raise SpecError("file", value=safe_name(name), limit="is not kept here", remedy="drop it again")
+            raise SpecError(
+                "file", value=safe_name(name), limit="is not one of the studio's files", remedy="drop it again"
+            )
         return self.folder / name
 
     def jobs(self) -> Iterator[dict[str, Any]]:
-        """What earlier jobs did, the oldest first; of files that were moved or changed nothing."""
+        """Return the records of earlier jobs, the oldest first; those whose files were moved or deleted are omitted."""
         home = self.folder.parent.resolve()
         for path in sorted(self.folder.glob(f"*/{JOB}"), key=lambda one: one.stat().st_mtime):
             try:
@@ -109,7 +111,7 @@ class Storage:
             folder.rmdir()
 
     def new_folder(self, name: str) -> Path:
-        """An empty folder for what a job writes: ``cure-1``, ``cure-2``."""
+        """Make an empty folder for the files of a job: ``cure-1``, ``cure-2``."""
         number = 1
         while (folder := self.folder / f"{name}-{number}").exists():
             number += 1

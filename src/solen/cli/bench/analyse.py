@@ -1,4 +1,4 @@
-"""The command of recordings: `solen bench analyse`."""
+"""The command `solen bench analyse`, which analyses recordings."""
 
 import math
 from collections.abc import Iterator
@@ -52,14 +52,16 @@ def _sensor(sensor: SensorResponse, *, simulated: bool) -> Iterator[str]:
     for name, receiver in sensor.receivers.items():
         yield from _receiver(name, receiver, sensor.timing.receivers[name], sensor.unit, sign)
     if sensor.cell is not None and (share := sensor.cell.u_slope) is not None:
-        yield f"  load cell: as stated, {100.0 * share:.2g} % of each sensitivity, which its uncertainty holds"
+        yield (
+            f"  load cell: stated uncertainty, {100.0 * share:.2g} % of each sensitivity, included in its uncertainty"
+        )
     yield _timing(sensor.timing, sensor.stimulus)
     if sensor.ageing is not None:
         yield from _ageing(sensor.ageing, sensor.unit, sign)
     pair = sensor.left_minus_right
     if pair is not None and math.isfinite(pair.balance_deg):
         what = "voltage" if sensor.unit == "V" else "value"
-        yield f"  left and right show one {what} at {_pm(pair.balance_deg, pair.u_balance_deg, sign)}"
+        yield f"  left and right show the same {what} at {_pm(pair.balance_deg, pair.u_balance_deg, sign)}"
 
 
 def _ageing(ageing: Ageing, unit: str, sign: str) -> Iterator[str]:
@@ -104,7 +106,7 @@ def _receiver(name: str, response: ReceiverResponse, timing: ReceiverTiming, uni
 
 
 def _apart(timing: ReceiverTiming) -> str:
-    """Contribution of timing to the hysteresis, or the hysteresis left once a lag is removed."""
+    """Return the contribution of timing to the hysteresis, or the hysteresis that remains when a lag is removed."""
     if math.isfinite(timing.u_hysteresis_V):
         return f"(without lag {_percent(timing.hysteresis_percent)})"
     return f"(timing up to {_percent(timing.timing_percent)})"

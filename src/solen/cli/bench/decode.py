@@ -40,8 +40,8 @@ def calibrate(
     Parameters
     ----------
     recordings
-        Recordings with known angles, as for solen bench analyse. Each sensor's calibration is written beside them;
-        a network is calibrated for all its motions at once.
+        Recordings with known angles, as for solen bench analyse. Each sensor's calibration is written next to them; a
+        network is calibrated for all its motions at once.
     """
     if schema:
         import json
@@ -82,7 +82,7 @@ def _(result: NetworkDecoding) -> Iterator[str]:
     yield ", ".join([f"{result.readings} readings", *reached, *(f"{count} {name}" for count, name in flags if count)])
     for one in result.against:
         yield (
-            f"{one.motion} against the recording's own angle at stops: rms {one.rms_deg:.2g}°, mean "
+            f"{one.motion} compared with the recording's own angle at stops: rms {one.rms_deg:.2g}°, mean "
             f"{one.bias_deg:+.1g}°, {100 * one.within_68:.0f} and {100 * one.within_95:.0f} % within the 68 and "
             "95 % bands"
         )
@@ -101,12 +101,12 @@ def decode(
     send: _Send = None,
     force: Force = False,
 ) -> Outcome[Decoding | NetworkDecoding] | None:
-    """Convert voltages to angles by a calibration: from a recording, from lines as they arrive, or during a run.
+    """Convert voltages to angles with a calibration: from a recording, from lines as they arrive, or during a run.
 
     Parameters
     ----------
     calibration
-        File of solen bench calibrate.
+        File from solen bench calibrate.
     source
         A recording, - for lines of CSV on standard input, or the .journal of a run.
     """
@@ -153,11 +153,11 @@ def _(result: Decoding) -> Iterator[str]:
         left_out = result.readings - against.readings
         if left_out:
             yield (
-                f"{left_out} of {result.readings} readings ({100 * left_out / result.readings:.3g} %) have an own "
-                f"{stimulus.name} beyond the calibrated range, or none, and are not in the next line"
+                f"{left_out} of {result.readings} readings ({100 * left_out / result.readings:.3g} %) have a recorded "
+                f"{stimulus.name} beyond the calibrated range, or none, and are omitted from the next line"
             )
         yield (
-            f"against the recording's own {stimulus.name}: rms {against.rms_deg:.2g}{sign}, mean "
+            f"compared with the recording's own {stimulus.name}: rms {against.rms_deg:.2g}{sign}, mean "
             f"{against.bias_deg:+.1g}{sign}, "
             f"{100 * against.within_95:.0f} % within the 95 % bands"
         )

@@ -1,4 +1,4 @@
-"""The command of diagnoses: `solen bench diagnose`."""
+"""The command `solen bench diagnose`."""
 
 from collections.abc import Iterator
 

@@ -1,4 +1,4 @@
-"""The command of boards: `solen bench firmware`."""
+"""The command `solen bench firmware`, which writes firmware for boards."""
 
 from collections.abc import Iterator
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 KEPT = 60
-"""Length of a live plot's history, in readings."""
+"""Number of readings in the history of a live plot."""
 
 
 def jog(*, rig: Path, options: Annotated[JogOptions, FLAT] = JogOptions()) -> Outcome[Jogged]:
@@ -82,12 +82,12 @@ def _place(deg: float | None, mm: float | None) -> str:
 
 @lines.register
 def _(watched: Watched) -> Iterator[str]:
-    yield f"{watched.looks} looks in {watched.duration_s:.1f} s{', simulated' if watched.simulated else ''}"
+    yield f"{watched.looks} readings in {watched.duration_s:.1f} s{', simulated' if watched.simulated else ''}"
 
 
 @contextmanager
 def _shown() -> Iterator[Callable[[Seen], None]]:
-    """A live plot if stdout is a terminal; otherwise lines on stdout, or nothing with ``--quiet``."""
+    """Show a live plot if stdout is a terminal; otherwise lines on stdout, or nothing with ``--quiet``."""
     if SHOWN.quiet or SHOWN.as_json:
         yield lambda _: None
         return
@@ -102,7 +102,7 @@ def _shown() -> Iterator[Callable[[Seen], None]]:
 
 
 class _Rows:
-    """CSV lines after a header."""
+    """CSV lines, preceded by a header."""
 
     def __init__(self) -> None:
         self._begun = False
@@ -130,7 +130,7 @@ def _plot(seen: Seen, history: dict[str, "deque[float]"]) -> "Table":
 
 
 def sparkline(values: "deque[float]") -> str:
-    """Values as block characters, scaled from the lowest to the highest."""
+    """Return values as block characters, scaled from the lowest to the highest."""
     low, high = min(values), max(values)
     steps = (0.0 if high == low else (value - low) / (high - low) for value in values)
     return "".join(map(block, steps))

@@ -64,7 +64,7 @@ def _(recording_list: RecordingList) -> Iterator[str]:
         size = f"{entry.duration_s:.0f} s, {len(entry.sensors)} sensors"
         yield f"{entry.date}  {entry.file:24} {entry.protocol}, {size}, {entry.outcome}{flags}"
     yield from (
-        f"not closed: {name}; solen bench recover, or solen bench run --resume" for name in recording_list.journals
+        f"not closed: {name}; use solen bench recover, or solen bench run --resume" for name in recording_list.journals
     )
     if not (recording_list.recordings or recording_list.journals or recording_list.strangers):
         yield f"no recordings in {recording_list.folder}"
@@ -72,7 +72,7 @@ def _(recording_list: RecordingList) -> Iterator[str]:
 
 @contextmanager
 def _live() -> Iterator[tuple[Callable[[Tick], None] | None, Callable[[str], None], Callable[[str], bool] | None]]:
-    """A status line on stderr, if that is a terminal, and a function that asks the operator for confirmation."""
+    """Show a status line on stderr if it is a terminal; return a function that asks the operator for confirmation."""
     asked = confirmation()
     if SHOWN.quiet or not sys.stderr.isatty():
         yield None, lambda _: None, asked
@@ -101,24 +101,24 @@ def _live() -> Iterator[tuple[Callable[[Tick], None] | None, Callable[[str], Non
 
 
 def confirmation() -> Callable[[str], bool] | None:
-    """Function that asks the operator at the terminal; None without a terminal."""
+    """Return a function that asks the operator at the terminal; None without a terminal."""
     return _asked if sys.stdin.isatty() and sys.stderr.isatty() else None
 
 
 def _asked(question: str) -> bool:
-    """Whether the operator answers yes; any other answer is no."""
+    """Return whether the operator answers yes; any other answer is no."""
     sys.stderr.write(f"{question} [y/N] ")
     sys.stderr.flush()
     return sys.stdin.readline().strip().casefold() in {"y", "yes"}
 
 
 def block(share: float) -> str:
-    """A block character as high as a share, from 0 to 1."""
+    """Return a block character whose height is a fraction from 0 to 1."""
     return BLOCKS[min(7, int(8 * max(0.0, share)))]
 
 
 def _line(tick: Tick) -> str:
-    """Status line: progress of the run, and the brightness at each input while its emitters are on."""
+    """Return the status line: progress of the run, and the brightness at each input while its emitters are on."""
     levels = " ".join(f"{number}:{block(level)}" for number, level in enumerate(tick.levels, 1))
     at = " ".join(f"{position:+7.3f}" for position in tick.position.values())
     return f"cycle {tick.cycle}/{tick.cycles}  {tick.t_s:7.1f} s  at {at}  {levels}"

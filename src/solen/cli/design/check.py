@@ -62,14 +62,14 @@ def _(result: LensCheck) -> Iterator[str]:
 
 
 def _stated(values: dict[str, object]) -> dict[str, object]:
-    """Values that are not None."""
+    """Return the values that are not None."""
     return {
         name: value for name, value in values.items() if value is not None and name not in ("step", "by_uncertainty")
     }
 
 
 def _foci(foci: tuple[Focus, ...]) -> Iterator[str]:
-    """Foci for an index one standard uncertainty below and above the nominal one."""
+    """Return the foci for an index one standard uncertainty below and above the nominal one."""
     for focus in foci:
         if focus.by_uncertainty:
             yield (

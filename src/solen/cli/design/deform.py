@@ -10,7 +10,7 @@ from solen.sensor.traced import where
 
 MOST_ROWS = 12
 ROUND_OFF = 1e-9
-"""Share of the largest number of its kind, or mm, below which a number is rounding."""
+"""Fraction of the largest number of its kind, or mm, below which a number is a rounding error."""
 
 
 @lines.register
@@ -20,7 +20,7 @@ def _(result: Deformation) -> Iterator[str]:
     moments = max(abs(reaction.moment_Nmm) for reaction in result.reactions)
     yield f"{result.name}, {result.drives} at {where(result)}"
     yield f"  emitter and lens turn by {result.turn_deg:+.4g} deg, move by {x:+.4g}, {z:+.4g} mm (x, z)"
-    yield f"  largest strain {result.strain_largest:.3g}; walls taken as upright, to {result.bulge_mm:.2g} mm"
+    yield f"  largest strain {result.strain_largest:.3g}; walls assumed upright, to {result.bulge_mm:.2g} mm"
     for reaction in result.reactions:
         fx, fz = (_rounded(force, newtons) for force in reaction.force_N)
         x, z = (_rounded(at) for at in reaction.about_mm)
@@ -28,11 +28,11 @@ def _(result: Deformation) -> Iterator[str]:
         yield f"  {reaction.name:12} {math.hypot(fx, fz):.3g} N (x {fx:+.3g}, z {fz:+.3g}), {about}"
     for touch in result.contacts:
         pushed = f"{touch.force_N:.3g} N along its push, up to {touch.pressure_MPa:.3g} MPa"
-        yield f"  {touch.name}, {touch.depth_mm:.3g} mm beyond its first touch, presses {touch.face} with {pushed}"
+        yield f"  {touch.name}, {touch.depth_mm:.3g} mm beyond first contact, presses {touch.face} with {pushed}"
 
 
 def _rounded(value: float, size: float = 1.0) -> float:
-    """A number, or 0 where it is rounding error alone."""
+    """Return a number, or 0 if it is only a rounding error."""
     return value if abs(value) > ROUND_OFF * size else 0.0
 
 
@@ -58,6 +58,6 @@ def _(study: LoadedStudy) -> Iterator[str]:
         yield "  " + "".join(f"{cell:>10}" for cell in cells)
     yield "  volts: brighter is lower"
     if study.rigid_refused is not None:
-        yield f"no rigid answer: {study.rigid_refused}"
+        yield f"no rigid result: {study.rigid_refused}"
     if study.planes is not None:
         yield f"plane strain and plane stress differ by up to {study.planes.apart:.3f} in the contrast"

@@ -19,9 +19,9 @@ class Completion(Result):
     Attributes
     ----------
     shell
-        The shell it is for.
+        Name of the shell.
     load
-        The line that activates it in a running shell.
+        The line that activates completion in a running shell.
     """
 
     shell: str
@@ -29,7 +29,7 @@ class Completion(Result):
 
 
 def doctor() -> Outcome[Installation]:
-    """Check the installation: versions, threads, optional packages, compiled tracer; paste it into bug reports."""
+    """Check the installation: versions, threads, optional packages, compiled tracer, for bug reports."""
     return Outcome(examine())
 
 
@@ -52,7 +52,7 @@ def _(installation: Installation) -> Iterator[str]:
 
 
 def _state(packages: tuple[Optional, ...]) -> str:
-    """Versions of the packages of one extra, and the command that installs it unless all are there."""
+    """Return the versions of the packages of one extra, and the command that installs it unless all are there."""
     state = ", ".join(f"{package.name} {package.version or 'missing'}" for package in packages)
     return state if all(package.version for package in packages) else f"{state}; {packages[0].install}"
 
@@ -87,6 +87,6 @@ def _running_shell() -> Shell:
     except ShellDetectionError:
         shell = "unknown"
     if shell not in RELOAD:
-        limit = f"completion is for {', '.join(RELOAD)}"
+        limit = f"completion is available for {', '.join(RELOAD)}"
         raise SpecError("shell", value=shell, limit=limit, remedy="name yours: solen completion bash")
     return shell  # type: ignore[return-value]  # a key of RELOAD is one

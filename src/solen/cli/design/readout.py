@@ -12,7 +12,7 @@ from solen.sensor.readings import DesignReadings
 
 MOST_ROWS = 8
 ANY_LOAD_OHM = 1e8
-"""Beyond it a load counts as unlimited."""
+"""Load above which it is treated as unlimited."""
 
 
 @lines.register
@@ -67,11 +67,11 @@ def _load(advice: Advice) -> Iterator[str]:
     yield f"load: adjust it until the brightest angle of the motion reads {advice.target_V:.2f} V"
     yield from map(_setting, advice.settings)
     if advice.emitter_current_mA is not None and any(setting.turn is None for setting in advice.settings):
-        yield f"  {advice.emitter_current_mA:.2g} mA in the emitter bring all loads within the trimmer's range"
+        yield f"  {advice.emitter_current_mA:.2g} mA in the emitter would bring all loads within the trimmer's range"
 
 
 def _table(readings: DesignReadings) -> Iterator[str]:
-    """Rows of the table, at about nine angles."""
+    """Yield the rows of the table, at about nine angles."""
     names = "".join(f"  {name + ' V':>9}" for name in readings.circuit.names)
     yield f"  {'deg':>7}{names}  {'mV noise':>9}  {'deg':>9}"
     for row in range(0, len(readings.angle_deg), max(1, (len(readings.angle_deg) - 1) // MOST_ROWS)):
@@ -82,7 +82,7 @@ def _table(readings: DesignReadings) -> Iterator[str]:
 
 def _setting(setting: Setting) -> str:
     load = "any load" if setting.largest_ohm > ANY_LOAD_OHM else f"{setting.largest_ohm:.0f} ohm"
-    turn = "out of the trimmer's range" if setting.turn is None else f"{100 * setting.turn:.0f} % of the trimmer"
+    turn = "outside the trimmer's range" if setting.turn is None else f"{100 * setting.turn:.0f} % of the trimmer"
     now = "saturates now" if setting.saturates else f"uses {100 * setting.used:.0f} % of the supply now"
     return f"  {setting.case:9} parts: {load}, {turn}; {now}"
 

@@ -41,13 +41,13 @@ def _(study: DesignStudy) -> Iterator[str]:
 def _(study: NetworkStudy) -> Iterator[str]:
     from solen.report.design.network_page import swing_of
 
-    yield f"{study.name}: {study.check.kind}, its emitters in turn, as it stands"
+    yield f"{study.name}: {study.check.kind}, its emitters in turn, at rest"
     yield from matrix(study.at_rest, 0)
     yield from (f"  {name}: {swing_of(response)}" for name, response in study.sweeps.items())
 
 
 def _matters(angles: list[float], rows: Sequence["Matter"]) -> Iterator[str]:
-    """Effect of each number's tolerance on the response."""
+    """Return the effect of each parameter's tolerance on the response."""
     if not rows:
         return
     heads = ("what matters", "off by", *(f"contrast at {angle:+.3g}°" for angle in angles), "null", "light")
@@ -55,7 +55,7 @@ def _matters(angles: list[float], rows: Sequence["Matter"]) -> Iterator[str]:
 
 
 def _columns(table: Sequence[tuple[str, ...]]) -> Iterator[str]:
-    """A table under its headings."""
+    """Format a table under its headings."""
     widths = [max(map(len, column)) for column in zip(*table, strict=True)]
     for n, row in enumerate(table):
         cells = [f"{text:{width}}" for text, width in zip(row, widths, strict=True)]
@@ -63,7 +63,7 @@ def _columns(table: Sequence[tuple[str, ...]]) -> Iterator[str]:
 
 
 def _as_printed(as_printed: AsPrinted) -> Iterator[str]:
-    """Effect of the printed lens on the response."""
+    """Describe the effect of the printed lens on the response."""
     for comparison in (as_printed.emitter, as_printed.chip):
         if comparison is None or (largest := comparison.largest) is None:
             continue

@@ -25,13 +25,13 @@ def schema(*command: str) -> None:
     Parameters
     ----------
     command
-        The command whose result to describe: bench analyse. Default: the design file.
+        The command whose result to describe, such as bench analyse. Default: the design file.
     """
     print(json.dumps(result_schema(command) if command else json_schema(), indent=1))
 
 
 def result_schema(command: tuple[str, ...]) -> dict[str, Any]:
-    """JSON Schema of a command's ``--json`` output; `SpecError` if there is no such command, or it has no result."""
+    """Return the schema of a command's ``--json`` output; `SpecError` if there is no such command or schema."""
     name = " ".join(command)
     result = result_type(_place(name))
     if result is None:
@@ -43,7 +43,7 @@ def result_schema(command: tuple[str, ...]) -> dict[str, Any]:
 
 
 def result_type(place: str) -> Any:
-    """Result type of the command at ``module:function``; None if it has no typed result."""
+    """Return the result type of the command at ``module:function``; None if it has no typed result."""
     module, _, function = place.partition(":")
     returned = typing.get_type_hints(getattr(import_module(f"solen.cli.{module}"), function)).get("return")
     either = (returned, *typing.get_args(returned))  # a command that may print something else returns None then
@@ -52,7 +52,7 @@ def result_type(place: str) -> Any:
 
 
 def commands() -> dict[str, str]:
-    """All commands as typed (``bench analyse``), with the module and function of each."""
+    """Return all commands as typed (``bench analyse``), with the module and function of each."""
     return {f"{group} {name}".strip(): place for group, rows in COMMANDS.items() for name, place, _ in rows}
 
 

@@ -27,7 +27,7 @@ def _(result: DesignConvergence) -> Iterator[str]:
 def _(sensitivities: Sensitivities) -> Iterator[str]:
     width = max((len(row.key) for row in sensitivities.sensitivities), default=0)
     at = f"{sensitivities.name} at {where(sensitivities)}"
-    yield f"{at}: change per unit of each number, and by its tolerance"
+    yield f"{at}: change per unit of each parameter, and for its tolerance"
     heads = f"{'d right':>12}  {'d left':>12}  {'d contrast':>12}  {'u of that':>9}  {'off by':>9}  {'contrast':>9}"
     yield f"  {'':{width}}  {'value':>9}  {heads}"
     for row in sensitivities.sensitivities:
@@ -44,7 +44,7 @@ def _(sensitivities: Sensitivities) -> Iterator[str]:
 
 @lines.register
 def _(result: NetworkSensitivities) -> Iterator[str]:
-    yield f"{result.name}: change of each power per unit of each number, emitters in turn"
+    yield f"{result.name}: change of each power per unit of each parameter, emitters in turn"
     width = max(len(name) for name in (*result.receivers, "receiver"))
     for number, key in enumerate(result.keys):
         yield f"  {key} = {result.value[number]:.6g}, by differences of ±{result.step[number]:.3g}"
@@ -76,9 +76,9 @@ def _determines(found: Determination) -> Iterator[str]:
 
 def _suggested(suggestions: Sequence[Suggestion], now: Determination | None) -> Iterator[str]:
     if not suggestions:
-        yield "  no place was found where another receiver or emitter would determine the motions better"
+        yield "  no position was found for a receiver or emitter that would determine the motions better"
         return
-    yield "  with another part, the worst motion is determined"
+    yield "  with another part, the least certain motion is determined"
     if now is not None:
         yield f"    {_worst(now)}: as it is"
     yield from (f"    {_worst(one.by_voltages)}: {one.part} at {one.place}" for one in suggestions)

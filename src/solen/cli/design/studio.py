@@ -1,4 +1,4 @@
-"""`solen studio`: the design in a browser, as it is changed, or as a page for a mail."""
+"""`solen studio`: an editable design in a browser, or a stand-alone page to send by mail."""
 
 import importlib
 import json
@@ -39,14 +39,14 @@ def studio(
     Parameters
     ----------
     file
-        The design file; if there is none yet, an example that is saved there.
+        The design file; if it does not exist yet, an example that is saved there.
     listen
-        IPv4 address to listen at. With any other than 127.0.0.1, everybody who reaches it and knows the page's address
+        IPv4 address to listen at. At any other than 127.0.0.1, everybody who reaches it and knows the page's address
         can read and change the design.
     no_browser
         Only print the page's address.
     beside
-        Another design file that is shown beside this one, with its response.
+        Another design file to compare with this one, with its response.
     export
         Write a page with sliders to this .html file, which needs no server, and end.
     """
@@ -57,7 +57,9 @@ def studio(
             raise SpecError(", ".join(stated), limit=limit, remedy="leave it out")
         return write_page(file, export, options, set_, progress)
     if options != SlidersOptions():
-        raise SpecError("--over, --drawn-rays", limit="are for a page of its own", remedy="add --export page.html")
+        raise SpecError(
+            "--over, --drawn-rays", limit="apply only to a stand-alone page", remedy="add --export page.html"
+        )
     _serve(file, dict(parse_assignment(text) for text in set_ or ()), listen, beside, no_browser=no_browser)
     return None
 
@@ -88,7 +90,7 @@ def _serve(file: Path, changes: dict[str, Any], listen: str, beside: Path | None
 
 
 def printed(command: str, result: Any) -> list[str]:
-    """Lines that a command, as ``resin cure``, prints of its result."""
+    """Return the lines that a command, such as ``resin cure``, prints for its result."""
     group, _, own = command.rpartition(" ")
     where = {name: place for name, place, _ in COMMANDS[group]}[own]
     importlib.import_module(f"solen.cli.{where.partition(':')[0]}")
@@ -102,4 +104,4 @@ def _(found: Sliders) -> Iterator[str]:
     for key, values in zip(found.keys, found.values, strict=True):
         yield f"  {key}: {', '.join(f'{value:g}' for value in values)}"
     if missing := sum(point is None for point in found.points):
-        yield f"  {missing} of {len(found.points)} cannot be built, and are left out"
+        yield f"  {missing} of {len(found.points)} cannot be built and are omitted"

@@ -50,21 +50,21 @@ def trace(
     file
         The design file, or a scene's JSON.
     angle_deg
-        Angle in degrees, counter-clockwise: negative turns to the right; default: 0. For designs only.
-        Above -90, below 90.
+        Angle in degrees, counter-clockwise: negative turns to the right; default: 0. For designs only. Above -90, below
+        90.
     at
         For a soft body: value of what its motion drives, in its unit; default: the last of the motion.
     emitter
-        For a network: the emitter that lights; default: all in turn, as powers by emitter and receiver.
+        For a network: the emitter to light; default: all in turn, with the powers by emitter and receiver.
     no_lens
-        Leave the lens out: a flat face at the stem's base.
+        Omit the lens: a flat face at the stem's base.
     paths
         With --json or --netcdf: add the paths of all rays.
     """
     from solen.pipeline.design import trace as pipeline
 
     if paths and not (SHOWN.as_json or netcdf):
-        raise SpecError("--paths", limit="is written as JSON or netCDF", remedy="add --json or --netcdf")
+        raise SpecError("--paths", limit="can only be written as JSON or netCDF", remedy="add --json or --netcdf")
     rays = options.rays
     if options.sampling == "adaptive" and rays is not None:
         raise SpecError(
@@ -105,7 +105,7 @@ def _(result: NetworkTrace) -> Iterator[str]:
 
 
 def matrix(response: NetworkResponse, state: int) -> Iterator[str]:
-    """Powers of one state, a line for each emitter and a column for each receiver."""
+    """Yield the powers of one state, a line for each emitter and a column for each receiver."""
     wide = max(10, *(len(name) + 2 for name in response.receivers))
     yield f"  {'':12}" + "".join(f"{name:>{wide}}" for name in response.receivers)
     for emitter, powers in zip(response.emitters, response.power[state], strict=True):
@@ -116,7 +116,7 @@ def matrix(response: NetworkResponse, state: int) -> Iterator[str]:
 
 
 def signed(value: float, u: float) -> str:
-    """A signed value with its uncertainty, where there is one."""
+    """Format a signed value with its uncertainty, if there is one."""
     return "none" if math.isnan(value) else f"{value:+.6g} ± {short(u)}"
 
 
@@ -138,12 +138,12 @@ def _how(result: Trace) -> str:
 
 
 def _power(power: float, u: float | None, digits: str = ".6f") -> str:
-    """A power with its uncertainty, where the rays determine one."""
+    """Format a power with its uncertainty, if the rays determine one."""
     return f"{power:{digits}} ± {short(u)}"
 
 
 def _whole(result: Trace, in_space: bool) -> Iterator[str]:
-    """Ledger of a trace, with remarks on all of its powers."""
+    """Yield the ledger of a trace, with remarks on all of its powers."""
     for field in fields(result.ledger):
         yield f"  {field.name:9} {_power(getattr(result.ledger, field.name), getattr(result.u_ledger, field.name))}"
     if in_space:

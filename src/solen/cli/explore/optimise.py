@@ -16,8 +16,8 @@ def _(result: Optimum) -> Iterator[str]:
     yield f"simulated: {result.name}, {result.goal}: {result.evaluations} designs, {result.traced} responses traced"
     before, after = (measured(one.goal, one.u_goal, sign=False) for one in (result.before, result.after))
     yield from _printed(result)
-    what = "worst of the deviations" if result.robust else "value"
-    yield f"{what}: {before} before, {after} after (the search saw {result.claimed:.4g})"
+    what = "worst over the deviations" if result.robust else "value"
+    yield f"{what}: {before} before, {after} after ({result.claimed:.4g} in the search)"
     width = max(len(one.key) for one in result.free)
     for one in result.free:
         yield f"  {one.key:{width}}  {one.before:.6g} -> {one.after:.6g}  (free from {one.low:g} to {one.high:g})"
@@ -42,8 +42,10 @@ def _(result: Optimum) -> Iterator[str]:
 
 
 def _prints(before: Tolerances, after: Tolerances) -> Iterator[str]:
-    """Prints of both designs, side by side."""
-    yield f"{before.prints} prints of each, by the same deviations (solen explore tolerance says what each costs):"
+    """Yield the prints of both designs, side by side."""
+    yield (
+        f"{before.prints} prints of each, with the same deviations (solen explore tolerance shows the effect of each):"
+    )
     yield from varied(before, costs=False)
     yield f"{'mean, SD of prints':18}  {'before':>22}  {'after':>22}"
     others = {one.merit: one for one in after.spreads}
@@ -62,7 +64,7 @@ def _(result: Front) -> Iterator[str]:
         f"responses traced, {len(result.designs)} on the front"
     )
     yield from _printed(result)
-    what = "worst of the deviations:" if result.robust else "values:"
+    what = "worst over the deviations:" if result.robust else "values:"
     yield f"{what:24}  {'   '.join(f'{goal:>28}' for goal in result.goals)}"
     yield f"{'before':>24}  {_goals(result.before)}"
     for one in result.designs:

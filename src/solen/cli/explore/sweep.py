@@ -1,4 +1,4 @@
-"""The command that sweeps numbers of a design."""
+"""The command that sweeps parameters of a design."""
 
 from collections.abc import Iterator
 

@@ -1,4 +1,4 @@
-"""The command that traces prints of a design whose numbers vary."""
+"""The command that traces prints of a design whose parameters vary."""
 
 from collections.abc import Iterator
 
@@ -10,7 +10,7 @@ from solen.pipeline.explore.tolerance import tolerance as tolerance
 from solen.report.design.answer import measured
 
 SHOWN, MOST_UNKNOWN = 3, 0.5
-"""Numbers named for each merit, and share of its variance above which what is not modelled hides its causes."""
+"""Parameters named for each merit, and the unexplained fraction of its variance above which its causes are hidden."""
 
 
 @lines.register
@@ -35,7 +35,7 @@ def _(result: Tolerances) -> Iterator[str]:
 
 
 def varied(result: Tolerances, *, costs: bool) -> Iterator[str]:
-    """Lines of what varies, the costliest first, with what each costs."""
+    """Yield lines of the varied parameters, the costliest first, with the cost of each."""
     width = max(len(one.key) for one in result.varied)
     for row in result.varied:
         value = "together" if row.value is None else f"{row.value:.6g}"
@@ -56,9 +56,9 @@ def _yield(one: Yield) -> str:
 
 
 def _sources(result: Tolerances) -> str:
-    """What is varied without being stated."""
+    """Return a remark on varied parameters that are not stated."""
     assumed = sum(row.source != STATED for row in result.varied)
-    return f" ({assumed} not stated: see what each is taken from)" if assumed else " (nothing else varies)"
+    return f" ({assumed} not stated: see the source of each)" if assumed else " (nothing else varies)"
 
 
 def _source(row: VariedNumber) -> str:
@@ -76,7 +76,7 @@ def _cost(row: VariedNumber) -> str:
     if row.share_if_exact is None:
         return ""
     if row.factor_alone is None:
-        alone = "no tightening of it alone gives 95 %"
+        alone = "tightening it alone does not give 95 %"
     else:
         alone = f"95 % needs it {row.factor_alone:.2g} times as large" if row.factor_alone < 1.0 else "95 % as it is"
     return f"; yield {100 * row.share_if_exact:.0f} % if exact; {alone}"

@@ -29,14 +29,14 @@ def _(measured: CouponMeasurement) -> Iterator[str]:
 
 
 def _seen(measured: CouponMeasurement) -> str:
-    """Face from which the coupon is seen, if its marks show it."""
+    """Return the face from which the coupon is seen, if its marks show it."""
     if not measured.location.oriented:
         return ""
     return ", seen mirrored: from below, or the picture is flipped" if measured.location.pose.mirrored else ""
 
 
 def _minimum(limit: Limit) -> str:
-    """A limit with the supporting measurements."""
+    """Return a limit with the supporting measurements."""
     if limit.nominal_mm is None:
         return f"{MINIMA[limit.kind]}: none; not resolved even at {limit.next_mm:g} mm"
     line = f"{MINIMA[limit.kind]}: {'at most ' if limit.bound else ''}{limit.nominal_mm:g} mm"

@@ -42,7 +42,10 @@ def _(faces: FacesInspection) -> Iterator[str]:
 
 
 def _size(size: PrintFit) -> Iterator[str]:
-    yield f"even overgrowth {size.overgrowth_um:+.3g} ± {size.u_overgrowth_um:.2g} µm, form {size.form_um:.2g} µm (rms)"
+    yield (
+        f"uniform overgrowth {size.overgrowth_um:+.3g} ± {size.u_overgrowth_um:.2g} µm, form "
+        f"{size.form_um:.2g} µm (rms)"
+    )
     yield (
         f"{100.0 * (size.size_factor - 1.0):+.2f} ± {100.0 * size.u_size_factor:.2g} % of size: shrinkage "
         f"{size.shrinkage_percent:.2f} ± {size.u_shrinkage_percent:.2g} %, scale off by "

@@ -1,4 +1,4 @@
-"""The commands of layers: cut a part for a printer, list the printers."""
+"""The commands for layers: slice a part for a printer, list the printers."""
 
 from collections.abc import Iterator
 
@@ -11,7 +11,7 @@ from solen.results import Outcome
 
 
 def printers(name: str | None = None, /) -> Outcome[PrinterList | PrinterSummary]:
-    """List the supported printers, or show one with the sources of its numbers.
+    """List the supported printers, or show one with the sources of its values.
 
     Parameters
     ----------

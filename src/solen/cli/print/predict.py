@@ -13,12 +13,12 @@ from solen.sensor.print_loss import EmitterLoss, PrintLoss
 def _(prediction: PrintedDesign) -> Iterator[str]:
     off, (x, z) = prediction.deviation, prediction.deviation.largest_at_mm
     first = next(iter(prediction.contributions_um), None)
-    most = "" if first is None else f", most of it {first} ({prediction.contributions_um[first]:.2g} µm)"
+    most = "" if first is None else f", mostly from {first} ({prediction.contributions_um[first]:.2g} µm)"
     yield f"simulated: {prediction.name}, printed {prediction.orientation} ({prediction.process})"
     yield f"profile: {prediction.profile_at}"
     yield (
-        f"off the designed lens by {off.rms_um:.3g} µm rms, mean {off.mean_um:+.3g}, largest {off.largest_um:+.3g} at "
-        f"x = {x:.3g}, z = {z:.3g} mm (positive: more material)"
+        f"deviation from the designed lens {off.rms_um:.3g} µm rms, mean {off.mean_um:+.3g}, largest "
+        f"{off.largest_um:+.3g} at x = {x:.3g}, z = {z:.3g} mm (positive: more material)"
     )
     yield f"uncertainty ± {prediction.u_rms_um:.2g} µm{most}"
     yield f"shape alone, moved by {prediction.shape.shift_z_um:+.3g} µm along z: {prediction.shape.rms_um:.3g} µm rms"
@@ -48,7 +48,7 @@ def _(prediction: PrintedDesign) -> Iterator[str]:
 @lines.register
 def _(prediction: PrintedLayers) -> Iterator[str]:
     yield f"simulated: {prediction.name}, {prediction.shape}, {prediction.layers} layers ({prediction.process})"
-    yield f"off the designed face by {prediction.rms_um:.3g} µm rms (positive: more material)"
+    yield f"deviation from the designed face {prediction.rms_um:.3g} µm rms (positive: more material)"
     yield from map(_layer, prediction.deviations)
     if prediction.compensated_rms_um is not None and prediction.drawn_range_um is not None:
         low, high = prediction.drawn_range_um
@@ -101,8 +101,8 @@ def _compensation(prediction: PrintedDesign) -> Iterator[str]:
     low, high = made.drawn_range_um
     yield (
         f"compensated: {prediction.deviation.rms_um:.3g} µm rms before, {made.printed.rms_um:.2g} after "
-        f"{len(made.rounds_um)} rounds (largest {made.printed.largest_um:+.2g}); the lens is drawn "
-        f"{low:+.3g} to {high:+.3g} µm off, walls {made.wall_um:+.3g} µm, all {made.scale:.5g} times"
+        f"{len(made.rounds_um)} rounds (largest {made.printed.largest_um:+.2g}); the drawing moves the lens by "
+        f"{low:+.3g} to {high:+.3g} µm and the walls by {made.wall_um:+.3g} µm, and scales all by {made.scale:.5g}"
     )
     if prediction.compensated_response is not None:
         loss = prediction.compensated_response.real

@@ -12,7 +12,7 @@ from solen.pipeline.print.tune import tune as tune
 def _(tuned: TunedPrint) -> Iterator[str]:
     common, (low, high) = tuned.common, tuned.drawn_range_um
     yield f"{simulated(tuned)}print {tuned.number} of {tuned.design}, drawn by {tuned.drawn_by} ({tuned.process})"
-    yield f"off the design by {tuned.rms_um:.3g} ± {tuned.u_rms_um:.2g} µm rms"
+    yield f"deviation from the design {tuned.rms_um:.3g} ± {tuned.u_rms_um:.2g} µm rms"
     yield (
         f"common to all prints, from {common.prints} of them: overgrowth {common.overgrowth_um:+.3g} ± "
         f"{common.u_overgrowth_um:.2g} µm, size {common.size_percent:+.2g} ± {common.u_size_percent:.2g} %, form "
@@ -20,8 +20,8 @@ def _(tuned: TunedPrint) -> Iterator[str]:
     )
     what = "kept: the previous drawing" if tuned.kept else f"corrected: {', '.join(tuned.corrected)}"
     yield (
-        f"{what}; the lens is drawn {low:+.3g} to {high:+.3g} µm off, walls "
-        f"{tuned.wall_um:+.3g} µm, all {tuned.scale:.5g} times"
+        f"{what}; the drawing moves the lens by {low:+.3g} to {high:+.3g} µm and the walls by "
+        f"{tuned.wall_um:+.3g} µm, and scales all by {tuned.scale:.5g}"
     )
     yield f"the same drawing printed again: {_residual(tuned.unchanged)}"
     yield f"the next print, of the {'kept' if tuned.kept else 'corrected'} drawing: {_residual(tuned.predicted)}"

@@ -8,7 +8,7 @@ from solen.pipeline.project.archive import pack as pack
 from solen.pipeline.project.archive import unpack as unpack
 
 MOST_COLUMNS = 10
-"""Columns of a recording that are listed; the description has all."""
+"""Number of columns of a recording that are listed; the description has all."""
 
 
 @lines.register
@@ -19,7 +19,7 @@ def _(archive: Archive) -> Iterator[str]:
 @lines.register
 def _(archive: Opened) -> Iterator[str]:
     yield from _about(archive, archive.items)
-    yield "every size and checksum is as packed"
+    yield "all sizes and checksums are unchanged"
 
 
 def _about(archive: Archive | Opened, items: Sequence[Item]) -> Iterator[str]:

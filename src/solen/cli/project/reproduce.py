@@ -19,4 +19,4 @@ def _(result: Reproduction) -> Iterator[str]:
         yield from (f"  {row.verdict:17}  {row.paper}; {row.quantity}: {number(row)}" for row in one.comparisons)
     yield f"{result.agrees} agree, {result.differs} differ, {result.cannot_be_checked} cannot be checked"
     if result.not_made:
-        yield f"not asked for, and not made before: {', '.join(result.not_made)}"
+        yield f"not requested and not made before: {', '.join(result.not_made)}"

@@ -1,4 +1,4 @@
-"""The command of the working curve."""
+"""The command for the working curve."""
 
 from collections.abc import Iterator
 
@@ -31,7 +31,7 @@ def _(curve: MeasuredCurve) -> Iterator[str]:
             f"dose inside the part: {stack.interior_mean_mJ_per_cm2:.3g} ± {curve.u_interior_mean_mJ_per_cm2:.2g} "
             f"mJ/cm² ({low:.3g} to {high:.3g} within a layer), {stack.interior_over_single_layer:.2g} times the "
             f"{stack.single_layer_mean_mJ_per_cm2:.3g} mJ/cm² of a single layer, on which the index is measured; "
-            f"the last {stack.layers_to_99_percent} layers get less than those inside"
+            f"the last {stack.layers_to_99_percent} layers receive less than those inside"
         )
 
 
@@ -40,13 +40,14 @@ def _in_lamp(lamp: InLamp, exposure: InLampExposure | None) -> Iterator[str]:
     yield (
         f"with the spectrum of {lamp.lamp}: Dp {lamp.Dp_um:.4g} ± {lamp.u_Dp_um:.2g} µm at the surface, Ec "
         f"{lamp.Ec_mJ_per_cm2:.3g} ± {lamp.u_Ec_mJ_per_cm2:.1g} mJ/cm²; the discs {prefers[lamp.preferred]} "
-        f"({lamp.rms_um:.2g} µm rms, by Jacobs' {lamp.jacobs_rms_um:.2g})"
+        f"({lamp.rms_um:.2g} µm rms, with Jacobs' law {lamp.jacobs_rms_um:.2g})"
     )
     if exposure is not None:
         yield (
-            f"by it the exposure cures {exposure.cure_depth_um:.3g} µm and sets "
+            f"with it the exposure cures {exposure.cure_depth_um:.3g} µm, and prints through by "
             f"{exposure.print_through_many_layers_um:.3g} µm below many layers; the dose inside is "
-            f"{exposure.interior_mean_mJ_per_cm2:.3g} mJ/cm², {exposure.interior_over_jacobs:.3g} times Jacobs' law's"
+            f"{exposure.interior_mean_mJ_per_cm2:.3g} mJ/cm², {exposure.interior_over_jacobs:.3g} times "
+            "that of Jacobs' law"
         )
 
 
@@ -66,7 +67,7 @@ def _exposure(exposure: LayerExposure) -> Iterator[str]:
     yield (
         f"{exposure.exposure_s:g} s ({exposure.dose_mJ_per_cm2:.3g} mJ/cm²) cure {exposure.cure_depth_um:.3g} µm "
         f"({_ends(exposure.interval95_cure_depth_um)}), {exposure.cure_depth_layers:.2g} layers; below the "
-        f"layer {exposure.dose_below_mJ_per_cm2:.3g} mJ/cm² are left, {exposure.dose_below_over_Ec:.2g} Ec"
+        f"layer {exposure.dose_below_mJ_per_cm2:.3g} mJ/cm² remain, {exposure.dose_below_over_Ec:.2g} Ec"
     )
     yield (
         f"print-through into a gap: {exposure.print_through_um:.3g} µm below one layer, "

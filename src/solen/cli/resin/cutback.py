@@ -27,6 +27,6 @@ def _(loss: GuideLoss) -> Iterator[str]:
         low, high = line.interval95_loss_dB_per_cm
         yield f"  {line.orientation}: {line.loss_dB_per_cm:.3g} dB/cm ({low:.3g} to {high:.3g})"
     yield (
-        f"one layer of {LAYER_UM:g} µm cannot show this: {100.0 * U_T:g} % in its transmittance "
+        f"one layer of {LAYER_UM:g} µm cannot show this: an error of {100.0 * U_T:g} % in its transmittance "
         f"is {loss.layer_limit_dB_per_cm:.1f} dB/cm"
     )

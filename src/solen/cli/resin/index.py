@@ -9,7 +9,7 @@ from solen.pipeline.resin.index import index as index
 from solen.results import plain
 
 MOST_ROWS = 12
-"""Largest number of wavelengths to print; JSON and files hold all."""
+"""Largest number of wavelengths to print; JSON and files contain all."""
 
 
 @lines.register
@@ -41,7 +41,7 @@ def _(index: LayerIndex) -> Iterator[str]:
 
 
 def evaluated_lines(at: Iterable[Evaluated], led: Evaluated | None = None, what: str = "at") -> Iterator[str]:
-    """A line for n at each wavelength, and for n averaged over an emitter's spectrum."""
+    """Yield a line for n at each wavelength, and for n averaged over an emitter's spectrum."""
     for name, value in [*((what, each) for each in at), *([(led.source, led)] if led else [])]:
         if value.n is None:
             yield f"{name}: no n, {value.reason}"

@@ -21,7 +21,7 @@ def list_() -> Outcome[ResinList]:
 
 
 def mix(*components: str, options: Annotated[MixOptions, FLAT] = MixOptions()) -> Outcome[Mixtures]:
-    """Compute the masses to weigh for a mixture, for both meanings of its percentages.
+    """Compute the masses to weigh for a mixture, for both interpretations of its percentages.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def _(facts: ResinFacts) -> Iterator[str]:
 
 
 def _shown(table: BaseModel) -> dict[str, Any]:
-    """Entries of a table for a listing, with pairs of numbers as text."""
+    """Return the entries of a table for a listing, with pairs of numbers as text."""
     values = {key: value for key, value in table.model_dump(mode="json").items() if value is not None and value != ""}
     return {key: f"{text(value[0])} to {text(value[1])}" if _is_pair(value) else value for key, value in values.items()}
 

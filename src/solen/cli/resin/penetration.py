@@ -1,4 +1,4 @@
-"""The command of the penetration depth, from an absorbance spectrum."""
+"""The command for the penetration depth, from an absorbance spectrum."""
 
 import math
 from collections.abc import Iterator

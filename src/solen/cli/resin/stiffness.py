@@ -1,4 +1,4 @@
-"""The command of mechanical tests: `solen resin stiffness`."""
+"""The command for mechanical tests: `solen resin stiffness`."""
 
 from collections.abc import Iterator
 
@@ -33,7 +33,7 @@ def _of_material(material: MaterialStiffness) -> Iterator[str]:
 
 
 def _ends(specimen: Evaluated) -> str:
-    """Strength and strain at break of a specimen."""
+    """Return strength and strain at break of a specimen."""
     ends = specimen.extremes
     strength = f"largest stress {text(ends.strength_MPa)} MPa at {text(100 * ends.strain_at_strength)} %"
     return strength if ends.strain_at_break is None else f"{strength}, break at {text(100 * ends.strain_at_break)} %"
@@ -43,7 +43,7 @@ def _of_cycles(specimen: Evaluated) -> Iterator[str]:
     for cycle in specimen.cycles:
         if cycle.loss_fraction is not None:
             left = cycle.residual_strain
-            rest = "" if left is None else f", {text(100 * left)} % strain left"
+            rest = "" if left is None else f", {text(100 * left)} % residual strain"
             yield f"    cycle {cycle.number}: {100 * cycle.loss_fraction:.3g} % of the energy lost{rest}"
     if (lost := specimen.softening) is not None:
         yield f"    last of {lost.cycles} cycles: peak stress {100 * lost.peak_stress:.3g} % below the first"

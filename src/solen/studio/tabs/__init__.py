@@ -1,6 +1,7 @@
-"""Tabs of the page beside the design: a module each, which lists the commands that it offers.
+"""Tabs of the page next to the design: one module each, which lists the commands that it offers.
 
-A module states ``OFFERS``, and `suits`, the names of those that take a dropped file, the likeliest first.
+A module states ``OFFERS``, and a function `suits` that returns the names of those that accept a dropped file, the most
+probable first.
 """
 
 import importlib
@@ -15,28 +16,28 @@ TABS = ("resin", "print", "microscope", "bench")
 
 
 def tab(name: str) -> ModuleType:
-    """Module of a tab; `SpecError` for any other name."""
+    """Return the module of a tab; `SpecError` for any other name."""
     if name not in TABS:
-        raise SpecError("tab", value=name, limit=f"is none of {', '.join(TABS)}")
+        raise SpecError("tab", value=name, limit=f"must be one of {', '.join(TABS)}")
     return importlib.import_module(f"{__name__}.{name}")
 
 
 def offers_of(name: str) -> tuple[Offer, ...]:
-    """Commands that a tab offers."""
+    """Return the commands that a tab offers."""
     found: tuple[Offer, ...] = tab(name).OFFERS
     return found
 
 
 def offer(name: str) -> Offer:
-    """An offered command by its name; `SpecError` where there is none."""
+    """Return an offered command by its name; `SpecError` if there is none."""
     for each in TABS:
         for one in offers_of(each):
             if one.name == name:
                 return one
-    raise SpecError("command", value=name, limit="is offered by no tab")
+    raise SpecError("command", value=name, limit="is not offered by any tab")
 
 
 def suitable(name: str, path: Path) -> tuple[str, ...]:
-    """Names of a tab's commands that take a file, the likeliest first."""
+    """Return the names of a tab's commands that accept a file, the most probable first."""
     found: tuple[str, ...] = tab(name).suits(path)
     return found

@@ -1,4 +1,4 @@
-"""The tab of the bench: a rig, real or simulated, is run; recordings become responses, diagnoses and angles."""
+"""The tab of the bench: runs a rig, real or simulated; turns recordings into responses, diagnoses and angles."""
 
 from pathlib import Path
 
@@ -32,7 +32,7 @@ OFFERS = (
     Offer(
         "bench decode",
         "solen.pipeline.bench.decode:decode",
-        "Angles, live or of a recording",
+        "Angles, live or from a recording",
         files={"source": "Recording, or journal of a run"},
         results={"calibration": "Calibration"},
         written={"out": "angles.csv"},
@@ -60,7 +60,7 @@ OFFERS = (
 
 
 def suits(path: Path) -> tuple[str, ...]:
-    """Commands of the bench that take a file: protocols and rigs are TOML, a run that is not closed has a journal."""
+    """Return the commands that accept a file: TOML is a protocol or a rig, a journal is an unfinished run."""
     if path.suffix == ".toml":
         return ("bench run",)
     return ("bench decode",) if path.suffix == ".journal" else ("bench analyse", "bench diagnose", "bench calibrate")

@@ -1,4 +1,4 @@
-"""The tab of the microscope: a picture of a printed lens becomes its edge, its deviations and a measured lens."""
+"""The tab of the microscope: measures the edge and deviations of a printed lens in a picture, and its profile."""
 
 from pathlib import Path
 
@@ -27,5 +27,5 @@ OFFERS = (
 
 
 def suits(path: Path) -> tuple[str, ...]:  # noqa: ARG001  any file may be a picture, which the command tells
-    """Commands of the microscope that take a picture."""
+    """Return the commands of the microscope that accept a picture."""
     return ("print inspect", "print scale")

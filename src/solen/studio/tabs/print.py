@@ -1,4 +1,4 @@
-"""The tab of the print: the part, its layers, what a print makes of it, and the next drawing after a picture of one."""
+"""The tab of the print: the part, its layers, the predicted print, and the next drawing after a picture of a print."""
 
 from pathlib import Path
 
@@ -46,10 +46,10 @@ OFFERS = (
 
 
 def suits(path: Path) -> tuple[str, ...]:
-    """Commands of the print that take a file."""
+    """Return the commands of the print that accept a file."""
     if path.suffix.lower() in PICTURES:
         return ("print tune",)
     if path.suffix.lower() in {".toml", ".json"}:
         return ("print predict", "print layers")
-    limit, remedy = "is not a picture, process or working curve", f"a picture ends in {', '.join(PICTURES)}"
+    limit, remedy = "is not a picture, process or working curve", f"a picture must end in {', '.join(PICTURES)}"
     raise DataError(path.name, limit=limit, remedy=remedy)

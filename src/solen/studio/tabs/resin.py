@@ -1,4 +1,4 @@
-"""The tab of the resin: spectra, discs and guides become numbers of a resin, and a resin file."""
+"""The tab of the resin: turns spectra, discs and guides into properties of a resin, and a resin file."""
 
 from pathlib import Path
 
@@ -53,7 +53,7 @@ OFFERS = (
         "resin exposures",
         "solen.pipeline.resin.exposures:exposures",
         "Layers by exposure",
-        files={"files": "Spectra of layers of several exposures"},
+        files={"files": "Spectra of layers with different exposures"},
         written={"out": "exposures.json"},
         first=("wavelength_nm", "thickness_um"),
     ),
@@ -85,5 +85,5 @@ OFFERS = (
 
 
 def suits(path: Path) -> tuple[str, ...]:
-    """Evaluations of the resin that take a file."""
+    """Return the evaluations of the resin that accept a file."""
     return tuple(f"resin {name}" for name in evaluations(read(path)))
