@@ -274,7 +274,7 @@ SAMPLINGS = [
         (["trace", "sensor.toml", "--rays", "1.5"], "--rays"),
         (["trace", "sensor.toml", "--rays", ""], "--rays"),
         (["trace", "sensor.toml", "--rays"], "--rays"),
-        (["trace", "sensor.toml", "--paths"], "--paths; is written as JSON or netCDF; add --json"),
+        (["trace", "sensor.toml", "--paths"], "--paths; can only be written as JSON or netCDF; add --json"),
         (["trace", "sensor.toml", "--rays", "2000000000"], "at most 1000000000"),
         (["trace", "sensor.toml", "--paths", "--json", "--rays", "100001"], "at most 100000"),
         (["trace", "sensor.toml", "--figure", "rays.jpg"], ".svg, .pdf"),
@@ -463,5 +463,5 @@ def test_what_is_no_file_is_never_replaced(tmp_path: Path, capsys: pytest.Captur
 def test_further_arguments_are_named(capsys: pytest.CaptureFixture[str]) -> None:
     assert run_command(["print", "inspect", "a.tif", "b.tif", "--design", "sensor.toml"]) == 2
     error = capsys.readouterr().err
-    assert error.startswith("solen: b.tif; is an argument too many")
+    assert error.startswith("solen: b.tif; is a surplus argument")
     assert "--help" in error
